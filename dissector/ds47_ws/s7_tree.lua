@@ -6,11 +6,18 @@
 -- or the last acknowledgement), "segment" and "acknowledge".
 
 local report = require("ds47.report.s7")
+local s7 = require("ds47.spec.s7")
 local words = require("ds47.report.formatting")
 
 local upper = string.upper
 
 local M = {}
+
+-- Adds a code with its meaning behind it.
+local function add_code(put, root, name, code, meaning)
+  local item = put.derive(root, name, code)
+  if item then item:append_text(" (" .. meaning .. ")") end
+end
 
 local NAMED = 4 -- addresses of a job that its label names
 
@@ -61,7 +68,9 @@ local function add_items(put, root, view, main, lang)
   for number, each in ipairs(item.items) do
     local shown = put.derive(root, "s7.item", parts[number]) or root
     add_place(put, shown, each)
-    if view.complete or view.role == "read_response" then put.derive(shown, "s7.code", each.code) end
+    if each.code and (view.complete or view.role == "read_response") then
+      add_code(put, shown, "s7.code", each.code, s7.code_text("return_code", each.code, lang))
+    end
     if values and each.value then
       put.point(shown, "s7.value", values:range(starts[number], #each.value))
     end
@@ -115,7 +124,7 @@ function M.add(put, root, view, main, duration, lang)
   put.derive(root, "s7.connection", item.connection)
   put.derive(root, "s7.reference", item.request_reference)
   if item.error and (view.complete or view.role == "read_response") then
-    put.derive(root, "s7.error", item.error)
+    add_code(put, root, "s7.error", item.error, s7.error_meaning(item.error, lang))
   end
   add_items(put, root, view, main, lang)
   add_segments(put, root, item, main)

@@ -919,7 +919,7 @@ Requests without a response (unanswered, superseded)
 
 Findings by rule, each with its first frame
   Rule   Severity  Count  Frame  Name
-  -------------------------------------------------
-  DS410  error         2     11  drive-error
-  DS415  note          1      9  reference-constant
+  ----------------------------------------------------------------
+  DS410  error         2     11  Negative response for a parameter
+  DS415  note          1      9  Same request reference again
 """

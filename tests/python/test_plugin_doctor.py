@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from fake_tshark import FIELDS, FakeTshark, real_tshark, stand_in
+from fake_tshark import ABOUT, FIELDS, FakeTshark, real_tshark, stand_in
 
 from ds47.cli import main
 from ds47.wireshark import doctor, install, locate
@@ -88,6 +88,13 @@ def test_exit_status_and_text_when_something_is_wrong(shark, capsys) -> None:
 def test_too_old(shark, version, told) -> None:
     shark.version = version
     assert wrong(shark) == told
+
+
+def test_what_an_init_lua_prints_is_no_version(shark) -> None:
+    about = "Loaded: Wireshark 2.0 helpers\n" + ABOUT.format(version="4.6.9", lua="+Lua 5.4.9")
+    assert locate.parse_version(about) == (4, 6, 9)
+    assert locate.parse_version("Wireshark 4.6.9.\n") == (4, 6, 9)
+    assert locate.parse_version("TShark 1.12.1 (Git Rev Unknown)\n") is None
 
 
 def test_without_lua(shark) -> None:

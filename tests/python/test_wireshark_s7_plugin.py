@@ -23,6 +23,7 @@ from ds47.report import s7 as words
 from ds47.report import text as text_report
 from ds47.s7.choices import Choices
 from ds47.spec import codes
+from ds47.spec import s7 as spec_s7
 
 __all__ = ["tshark"]  # the fixture
 ROOT = Path(__file__).resolve().parents[2]
@@ -273,3 +274,14 @@ def test_the_report_is_that_of_the_analyzer(name: str, tshark: Tshark, tmp_path:
         options = Options(rules=spec.rules())
         text_report.write(Report([result]), stream, options)
     assert report.read_text("utf-8") == (tmp_path / "own.txt").read_text("utf-8")
+
+
+def test_codes_have_their_meaning_beside_them(tshark: Tshark) -> None:
+    path = ROOT / "captures" / "s7-stacks" / "errors_cpp_pure.pcapng"
+    tree = tshark("-2", "-r", path, "-V")
+    for code in (0x05, 0x0A, 0xFF):
+        meaning = spec_s7.code_text("return_code", code)
+        assert f"[Return code: 0x{code:02x} ({meaning})]" in tree
+    for word in (0x0000, 0x8404):
+        meaning = spec_s7.error_text(word).removesuffix(f" ({word:04X})")
+        assert f"[Error class and code: 0x{word:04x} ({meaning})]" in tree

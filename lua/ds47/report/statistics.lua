@@ -439,7 +439,7 @@ local function rule_section(add, texts, rows, rules)
     local rule = rules[row.rule]
     return {
       row.rule, words.say(texts.lang, "severity_" .. row.severity), integer(row.count), number(row.frame),
-      rule and rule.name or "",
+      rule and (texts.lang == "zh" and rule.title_zh or rule.title) or "",
     }
   end)
 end

@@ -25,10 +25,14 @@ function M.code_text(name, code, lang)
 end
 
 --- What an error word means: the whole of it, else its class.
-function M.error_text(error, lang)
+function M.error_meaning(error, lang)
   local whole = tables.s7.error[error]
-  local text = whole and words(whole, lang) or M.code_text("error_class", floor(error / 0x100), lang)
-  return fill(words(tables.s7.words.error, lang), {text = text, code = error})
+  return whole and words(whole, lang) or M.code_text("error_class", floor(error / 0x100), lang)
+end
+
+--- The same with the word.
+function M.error_text(error, lang)
+  return fill(words(tables.s7.words.error, lang), {text = M.error_meaning(error, lang), code = error})
 end
 
 --- Bytes of user data that a PDU of this length holds.

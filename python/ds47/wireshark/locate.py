@@ -161,8 +161,12 @@ def run(program: Path, *arguments: str | Path) -> Run:
 
 
 def parse_version(text: str) -> tuple[int, int, int] | None:
-    """The version in what `-v` prints; None where there is none."""
-    match = re.search(r"\bWireshark\)? v?(\d+)\.(\d+)(?:\.(\d+))?", text)
+    """The version in what `-v` prints; None where there is none.
+
+    It begins a line, but not always the first: an init.lua may print before it.
+    """
+    line = r"^(?:TShark \()?Wireshark\)? v?(\d+)\.(\d+)(?:\.(\d+))?"
+    match = re.search(line, text, re.MULTILINE)
     if match is None:
         return None
     return int(match[1]), int(match[2]), int(match[3] or 0)
