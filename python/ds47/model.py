@@ -97,6 +97,16 @@ def error_words(item: ParameterError, lang: str) -> str:
     return known or pkw_meaning(item.ak, True, lang)
 
 
+class Described(NamedTuple):
+    """What the drive has said of a parameter (attribute 0x20), as far as it is shown.
+
+    `name` is None where it gave none; `frames` are those of the responses that say the name and the unit.
+    """
+
+    name: str | None
+    frames: tuple[int, ...]
+
+
 @dataclass(slots=True, init=False, repr=False, eq=False)
 class Parameter(_Plain):
     """One parameter of a transaction; `pnu` and its address are None where no request names them."""
@@ -113,6 +123,7 @@ class Parameter(_Plain):
     values: list[Value]
     scaled: list[Value] | None
     error: ParameterError | None
+    described: Described | None
 
     def __init__(
         self,
@@ -127,6 +138,7 @@ class Parameter(_Plain):
         values: list[Value] | None = None,
         scaled: list[Value] | None = None,
         error: ParameterError | None = None,
+        described: Described | None = None,
     ) -> None:
         self.pnu = pnu
         self.subindex = subindex
@@ -139,6 +151,7 @@ class Parameter(_Plain):
         self.values = [] if values is None else values
         self.scaled = scaled
         self.error = error
+        self.described = described
 
     @property
     def known(self) -> Pnu | None:
@@ -147,8 +160,15 @@ class Parameter(_Plain):
 
     @property
     def name(self) -> str | None:
-        """The name of a listed parameter, in English; None of any other."""
+        """As the drive calls it; else the name of a listed parameter, in English; None of any other."""
+        if self.described is not None and self.described.name is not None:
+            return self.described.name
         return None if self.known is None else self.known.name_en
+
+    @property
+    def described_in(self) -> list[int] | None:
+        """Frames of the descriptions that say its name or unit; None where none does."""
+        return None if self.described is None else list(self.described.frames)
 
 
 class Read(NamedTuple):

@@ -145,6 +145,7 @@ M.limits = {
   waiting_ars = 16,
   proven_ars = 65536,
   written_values = 262144,
+  described_parameters = 32768,
   longest_messages = 8192,
   bus_remarks = 1024,
   s7_connections = 1024,
@@ -1610,7 +1611,7 @@ M.descriptions.elements = {
   {number = 11, name = "reference", offset = 42, size = 2},
   {number = 12, name = "normalisation", offset = 44, size = 2},
 }
-M.descriptions.bits = {read_only = 9, text_array = 10, changed = 12, reset_only = 13, array = 14}
+M.descriptions.bits = {irrelevant = 8, read_only = 9, text_array = 10, changed = 12, reset_only = 13, array = 14}
 M.descriptions.normalisation = {valid = 15, bits = 32}
 M.descriptions.quantities = {
   [4] = {unit = "s", prefix = true},

@@ -15,6 +15,7 @@ from ds47.acyclic.pairing import Job
 from ds47.acyclic.readback import ReadBack
 from ds47.findings.remark import Remark
 from ds47.profidrive import Address, Block, Flaw, Request, Response
+from ds47.profidrive.drive_objects import DriveObjects
 from ds47.profidrive.family import NOT_SUPPORTED, family_fits
 from ds47.profidrive.model import VALUE
 from ds47.profinet.records import Half
@@ -76,6 +77,11 @@ class Judge:
         """r0974[0] of a device,"""
         self._most: OrderedDict[str, int] = OrderedDict()
         """and r0974[1]: parameters of one request."""
+
+    @property
+    def objects(self) -> DriveObjects:
+        """What the capture shows of drive objects; it grows with what is answered."""
+        return self._written.objects
 
     def asked(self, job: Job) -> None:
         """A Write request asks for something. Call in the order of the capture."""

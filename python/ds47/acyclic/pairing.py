@@ -8,12 +8,13 @@ is judged: `ds47.acyclic.judge` does that when `answered` and `closed` are calle
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from typing import Final, NamedTuple, TypeVar
 
 from ds47.profidrive import Request, Response
+from ds47.profidrive.dictionary import Meaning
 from ds47.profidrive.family import kind_fits
 from ds47.profinet.records import Half, Record
 from ds47.spec.semantics import Limits, phases
@@ -85,6 +86,8 @@ class Job:
     """Whether a record that went to an older request may be the response to this one (P72)."""
     certain: bool
     """False for an orphan whose request a limit may have pushed out."""
+    meanings: Sequence[Meaning | None]
+    """What the drive has said of its parameters, by their number; empty where it has said nothing of them."""
 
     def __init__(
         self,
@@ -134,6 +137,7 @@ class Job:
         self.passed = False
         self.contested = False
         self.certain = True
+        self.meanings = ()
 
     @property
     def device(self) -> str:

@@ -75,7 +75,7 @@ class ReadBack:
     def __init__(self, most: int, waits: Callable[[str], bool]) -> None:
         self._most = most
         self._waits = waits
-        self._objects = DriveObjects()
+        self.objects = DriveObjects()
         self._written: OrderedDict[Element, list[Written]] = OrderedDict()
         self._open: dict[Job, list[tuple[Element, Written]]] = {}
         """Changes without a response, by parameter number."""
@@ -143,7 +143,7 @@ class ReadBack:
         if job.response is not None and not stray:
             for block in job.response.blocks:
                 if block.error is not None:
-                    self._objects.refused(access_of(job), block.error.code)
+                    self.objects.refused(access_of(job), block.error.code)
         for key, written in self._open.pop(job, ()):
             written.until = frame
             if refused is None or written.number in refused:
@@ -174,9 +174,9 @@ class ReadBack:
         reached = access_of(job)
         for address, block in zip(request.addresses, response.blocks, strict=False):
             if block.error is not None:
-                self._objects.refused(reached, block.error.code)
+                self.objects.refused(reached, block.error.code)
             elif address.pnu == DO_IDENTIFICATION and address.attribute == VALUE:
-                self._objects.identified(reached, address.subindex, block.values)
+                self.objects.identified(reached, address.subindex, block.values)
             if address.pnu in self.pnus:
                 yield from self._compared(reached, asked.frame, address, block)
 
@@ -203,7 +203,7 @@ class ReadBack:
 
     def _last(self, key: Element, reached: Access, asked: int) -> Written | None:
         """What was written last before frame `asked`, as far as that is sure; None where it is not."""
-        objects, pnu = self._objects, key[1]
+        objects, pnu = self.objects, key[1]
         near = [
             each
             for each in self._written.get(key, ())

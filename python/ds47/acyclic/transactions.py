@@ -6,19 +6,16 @@ States and parameters follow docs/pairing.md; findings are the business of `judg
 from __future__ import annotations
 
 from itertools import zip_longest
-from typing import Final
 
 from ds47.acyclic.judge import is_mismatch
 from ds47.acyclic.pairing import Job
 from ds47.model import Frames, Parameter, ParameterError, Read, Transaction
 from ds47.profidrive import Address, Block
+from ds47.profidrive.dictionary import explain, listed
 from ds47.profidrive.family import NOT_SUPPORTED
 from ds47.profinet.records import NIL_UUID, NO_API, Half
-from ds47.spec import parameters, request_ids, response_ids
+from ds47.spec import request_ids, response_ids
 from ds47.spec.units import uuid_text
-
-SIEMENS: Final = 0x002A
-"""PROFINET vendor id of the drives whose own parameters parameters.toml names."""
 
 
 def build(job: Job) -> Transaction:
@@ -36,6 +33,9 @@ def build(job: Job) -> Transaction:
     took = read.time_ns - write.time_ns if answer and read and write else None
     stray = is_mismatch(job)
     parameters_ = _parameters(job, stray)
+    for item, meaning in zip(parameters_, job.meanings, strict=False):
+        if meaning is not None and item.pnu is not None:
+            explain(item, meaning)
     return Transaction(
         operation(job),
         _state(job, parameters_, stray),
@@ -147,15 +147,13 @@ def _parameters(job: Job, stray: bool) -> list[Parameter]:
 def _parameter(
     job: Job, address: Address | None, value: Block | None, answer: Block | None
 ) -> Parameter:
-    pnu = subindex = attribute = elements = unit = None
-    listed = False
+    pnu = subindex = attribute = elements = known = None
     if address is not None:
         pnu, subindex, elements = address.pnu, address.subindex, address.element_count
         attribute = address.attribute_name
-        known = parameters().get(pnu)
-        if known is not None and (known.family == "profile" or job.peer.vendor_id == SIEMENS):
-            listed, unit = True, known.unit
-    result = Parameter(pnu, subindex, attribute, elements, listed, unit)
+        known = listed(pnu, job.peer.vendor_id)
+    unit = None if known is None else known.unit
+    result = Parameter(pnu, subindex, attribute, elements, known is not None, unit)
     if value is not None and value.error is None:
         result.format = value.format_name
         result.value_count = value.value_count

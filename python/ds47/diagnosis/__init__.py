@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from ds47.acyclic.judge import PNU_ACCESS_IDENTIFICATION, is_mismatch
 from ds47.acyclic.pairing import Job, Peer
-from ds47.acyclic.transactions import SIEMENS
 from ds47.diagnosis import length, order, refusal
 from ds47.diagnosis.capture import WholeCapture
 from ds47.diagnosis.targets import Reach, reach_of
 from ds47.findings.remark import Corrected, Remark
+from ds47.model import SIEMENS
 from ds47.profidrive import Options, Request, decode_request
 from ds47.profidrive.drive_objects import LOCAL, put
 from ds47.profidrive.model import VALUE, Block

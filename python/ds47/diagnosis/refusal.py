@@ -10,8 +10,8 @@ from typing import Any, Final, NamedTuple
 
 from ds47.acyclic.judge import is_mismatch
 from ds47.acyclic.pairing import Job
-from ds47.acyclic.transactions import SIEMENS
 from ds47.findings.remark import Remark
+from ds47.model import SIEMENS
 from ds47.profidrive import Address, Request, Response, decode_request
 from ds47.profidrive.family import NOT_SUPPORTED
 from ds47.profidrive.model import Block

@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from ds47 import spec
-from ds47.acyclic.transactions import SIEMENS
 from ds47.diagnosis.suggest import as_format, with_blocks
+from ds47.model import SIEMENS
 from ds47.profidrive import Block, Options, Request, Value, decode_request
 from ds47.profidrive.formats import codec
 from ds47.profidrive.notation import format_request_line

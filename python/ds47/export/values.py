@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ds47 import spec
-from ds47.acyclic.transactions import SIEMENS
+from ds47.model import SIEMENS
 from ds47.profidrive import Block, Options, Request, Response, decode_request, decode_response
 from ds47.profidrive.model import ERROR, VALUE, Address
 from ds47.spec.layouts import MESSAGE_SIZE

@@ -53,6 +53,8 @@ _COUNTED = ("request_reference", "connection", "r_id", "error", "segments")
 _COUNTS = ("frames", "complete", "rpc", "records", "connections")
 _RULES_OF_S7 = "DS9"
 _ADDRESS = ("attribute", "pnu", "subindex", "element_count")
+_DESCRIBED = ("name", "unit")
+"""What a description may have said; a result of a version that learned nothing has it otherwise."""
 
 Json = dict[str, Any]
 
@@ -249,8 +251,9 @@ class Comparison:
         pnu, first = new.get("pnu"), new.get("subindex") or 0
         about = about | {"pnu": pnu}
         name = "value" if pnu is None else f"p{pnu}"
+        learned = ("described_in" in old) != ("described_in" in new)  # by one of two versions
         for key in (*_ADDRESS, "name", "unit", "format", "value_count"):
-            if _fact(key, old) != _fact(key, new):
+            if not (learned and key in _DESCRIBED) and _fact(key, old) != _fact(key, new):
                 was, now = _show(old.get(key)), _show(new.get(key))
                 text = self._say("change_field_of", where, field=key, name=name, was=was, now=now)
                 yield Change("field", text, path=("parameters", number, key), was=old.get(key),
@@ -261,7 +264,7 @@ class Comparison:
                              was=_outcome(old, vendor_id), now=_outcome(new, vendor_id))  # fmt: skip
             yield Change("error", text, path=("parameters", number, "error"), was=old.get("error"),
                          is_now=new.get("error"), subindex=new.get("subindex"), **about)  # fmt: skip
-        for key in ("values", "scaled"):
+        for key in ("values",) if learned else ("values", "scaled"):
             yield from self._values(where, name, (number, key), old, new, about)
 
     def _values(

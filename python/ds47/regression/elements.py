@@ -166,7 +166,10 @@ def _note(found: Shown, place: Place, item: Json, position: int, each: Json) -> 
     for step in range(count):
         key = Element(place, each["pnu"], first + step)
         history = found.elements.setdefault(key, History())
-        history.name, history.unit = each["name"] or history.name, each["unit"] or history.unit
+        unit = (
+            None if each.get("scaled") else each["unit"]
+        )  # the values shown are those that were sent
+        history.name, history.unit = each["name"] or history.name, unit or history.unit
         if operation not in OPERATIONS:
             continue  # asked for, but neither read nor changed
         outcomes = history.read if operation == "read" else history.change

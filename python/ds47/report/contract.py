@@ -17,7 +17,7 @@ from ds47.report import descriptions
 from ds47.report.bilingual import LANGUAGES
 from ds47.report.filters import display_filter
 from ds47.report.sentences import error_words, message, name, sentence
-from ds47.spec import cyclic, profibus, s7
+from ds47.spec import cyclic, parameters, profibus, s7
 from ds47.spec.units import duration, nanoseconds, timestamp
 
 Tell = Callable[[Any, str], Any]
@@ -61,11 +61,16 @@ class Key(NamedTuple):
 class Shape:
     """An object of the contract: its name, its keys, the class of the model that it is loaded into.
 
-    Without a class it is a part of the object around it: its keys are loaded into that.
+    `make` may be a function that makes one. Without it this is a part of the object around it: its keys are
+    loaded into that.
     """
 
     def __init__(
-        self, title: str, keys: tuple[Key, ...], make: type[Any] | None = None, about: str = ""
+        self,
+        title: str,
+        keys: tuple[Key, ...],
+        make: Callable[..., Any] | None = None,
+        about: str = "",
     ) -> None:
         self.title = title
         self.keys = keys
@@ -214,8 +219,16 @@ def _maybe_error(item: dict[str, Any] | None, vendor_id: int | None) -> model.Pa
     return None if item is None else error(item, vendor_id)
 
 
-def _is_told(text: str | None, _vendor_id: int | None) -> bool:
-    return text is not None
+def _parameter(**arguments: Any) -> model.Parameter:
+    """A parameter, of which the frames of descriptions say that its name may be the one of the drive."""
+    name_, frames = arguments.pop("name"), arguments.pop("described_in", None)
+    known = parameters().get(arguments["pnu"])
+    own = known is not None and name_ in (known.name_en, known.name_zh)
+    given = None if own or not frames else name_
+    described = None if frames is None else model.Described(given, tuple(frames))
+    return model.Parameter(
+        **arguments, listed=name_ is not None and given is None, described=described
+    )
 
 
 # The objects
@@ -282,8 +295,8 @@ PARAMETER = Shape("parameter", (
     Key("attribute", {"anyOf": [{"type": "null"}, ref("attribute")]},
         column="Which part of the parameter: value, description, text, or a number."),
     Key("element_count", BYTE, column="Number of elements asked for."),
-    Key("name", MAYBE_TEXT, tell=name, into="listed", take=_is_told, column="Name of a well-known parameter."),
-    Key("unit", MAYBE_TEXT, column="Unit of a well-known parameter."),
+    Key("name", MAYBE_TEXT, tell=name, column="Name of the parameter, as the drive calls it or the list."),
+    Key("unit", MAYBE_TEXT, column="Unit of the values, of the scaled ones where there are any."),
     Key("format", MAYBE_TEXT,
         column="Format of the values, 0x7F for one that has no name; null for an error."),
     Key("value_count", BYTE, column="Number of values, as the message says."),
@@ -295,7 +308,9 @@ PARAMETER = Shape("parameter", (
         tell=_described, into="", rare=True),
     Key("texts", many(TEXT), "Only of texts (attribute 0x30): the entries.",
         tell=lambda item, _: descriptions.entries(item), into="", rare=True),
-), model.Parameter)  # fmt: skip
+    Key("described_in", many(NUMBER, 1),
+        "Frames of the descriptions of the drive (attribute 0x20) that say its name or unit.", rare=True),
+), _parameter)  # fmt: skip
 
 _BYTES = Shape("", (
     Key("request", ref("hex"), take=_hex), Key("response", ref("hex"), take=_hex),

@@ -71,10 +71,18 @@ def error(item: ParameterError, lang: str = "en") -> str:
     return told.text(lang)
 
 
+def name(item: Parameter, lang: str = "en") -> str | None:
+    """`Maximum speed`; as the drive calls it in quotes, `"Max_frequency"`; None where it has no name."""
+    found = parameter_name(item, lang)
+    if found is None or item.described is None or item.described.name is None:
+        return found
+    return quoted(found)
+
+
 def parameter(item: Parameter, written: bool, lang: str = "en") -> str:
     """A parameter with what is known of it: `p50303[0] = 10.0`, with `:=` if it was written."""
-    name = parameter_name(item, lang)
-    about = f" ({name})" if name else ""
+    called = name(item, lang)
+    about = f" ({called})" if called else ""
     told = _told(item, lang)
     given = f" {':=' if written else '='} {told}" if told else ""
     failed = f" {error(item.error, lang)}" if item.error else ""

@@ -137,7 +137,7 @@ def _hex(data: bytes | None) -> str:
 
 
 def _parameter_text(item: Parameter, lang: str) -> str:
-    if item.attribute not in _PLAIN:
+    if item.attribute not in _PLAIN or item.described is not None:
         return text(contract.PARAMETER.plain(item, lang))
     error = item.error
     failed = _NULL
@@ -149,7 +149,7 @@ def _parameter_text(item: Parameter, lang: str) -> str:
 
 
 _PLAIN: Final = ("value", None)
-"""Attributes of most parameters: those that describe nothing, and have no keys of their own."""
+"""Attributes of most parameters: they describe nothing, and have rare keys only where they are described."""
 
 
 def parameter_head(item: Parameter, lang: str) -> str:

@@ -108,7 +108,9 @@ def error_words(item: ParameterError, lang: str = "en") -> str:
 
 
 def name(item: Parameter, lang: str = "en") -> str | None:
-    """The name of a listed parameter; None of any other."""
+    """As the drive calls it; else the name of a listed parameter; None of any other."""
+    if item.described is not None and item.described.name is not None:
+        return item.described.name
     known = item.known
     if known is None:
         return None

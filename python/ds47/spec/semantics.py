@@ -56,6 +56,7 @@ class Limits(Row):
     waiting_ars: int
     proven_ars: int
     written_values: int
+    described_parameters: int
     longest_messages: int
     bus_remarks: int
     s7_connections: int

@@ -5,9 +5,9 @@ from __future__ import annotations
 from ds47 import spec
 from ds47.model import Diagnosis, Finding, Parameter, ParameterError
 from ds47.report.formatting import escape
+from ds47.report.formatting import name as parameter_name
 from ds47.report.html.texts import LANGUAGES, Both
 from ds47.report.sentences import at_offset, error_words, sentence
-from ds47.report.sentences import name as parameter_name
 from ds47.spec.statuses import status_text
 
 
@@ -51,5 +51,5 @@ def status(word: int) -> Both:
 
 
 def name(item: Parameter) -> Both:
-    """The name of a well-known parameter; empty for any other."""
+    """The name of a parameter, in quotes as the drive calls it; empty where it has none."""
     return Both(*(parameter_name(item, lang) or "" for lang in LANGUAGES))

@@ -14,6 +14,7 @@ from ds47.model import (
     S7,
     STATES,
     CaptureResult,
+    Described,
     Item,
     Parameter,
     ParameterError,
@@ -157,10 +158,13 @@ def _failed(error: ParameterError) -> list[Any]:
 
 def _address(
     pnu: int | None, subindex: int | None, attribute: str | None, count: int | None,
-    listed: bool, unit: str | None, format_name: str | None,
+    listed: bool, unit: str | None, format_name: str | None, described: Described | None,
 ) -> list[Any]:  # fmt: skip
-    item = Parameter(pnu, subindex, attribute, count, listed, unit, format_name)
-    return [address(item), pnu, subindex, attribute, count, *messages.name(item), unit, format_name]
+    item = Parameter(
+        pnu, subindex, attribute, count, listed, unit, format_name, described=described
+    )
+    row = [address(item), pnu, subindex, attribute, count, *messages.name(item), unit, format_name]
+    return row if described is None else [*row, list(described.frames)]
 
 
 def _row(item: Transaction, base: int, tables: _Tables, witness: plc.Witness) -> list[Any]:
@@ -213,6 +217,7 @@ def _parameter(item: Parameter, tables: _Tables) -> list[Any]:
     """Address, values, how many there are; then, where there are any, scaled values and error."""
     known = (
         item.pnu, item.subindex, item.attribute, item.element_count, item.listed, item.unit, item.format,
+        item.described,
     )  # fmt: skip
     described = descriptions.parts(item)
     row: list[Any] = [

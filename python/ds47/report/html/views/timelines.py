@@ -549,7 +549,8 @@ def _short(job: Transaction, before: Value | None = None) -> str:
         return f"{number}: {first.error.number or '?'}"
     if not first.values:
         return number
-    value = f"{_plain(first.values[0])} {first.unit or ''}".rstrip()
+    unit = "" if first.scaled else first.unit or ""  # that of the scaled value
+    value = f"{_plain(first.values[0])} {unit}".rstrip()
     if job.operation != "change":
         return f"{number} = {value}"
     return f"{number} := {value}" if before is None else f"{number} {_plain(before)} -> {value}"

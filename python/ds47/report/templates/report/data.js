@@ -95,10 +95,10 @@ class Capture {
   }
 
   parameter([place, values, count, scaled, error]) {
-    const [text, pnu, subindex, attribute, elements, en, zh, unit, format] = this.addresses[place];
+    const [text, pnu, subindex, attribute, elements, en, zh, unit, format, described] = this.addresses[place];
     return {
       text, pnu, subindex, attribute, elements, names: [en, zh], unit, format, values, count,
-      scaled: scaled || null, error: error === undefined ? null : this.errors[error],
+      scaled: scaled || null, error: error === undefined ? null : this.errors[error], described: described || null,
     };
   }
 

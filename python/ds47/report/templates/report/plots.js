@@ -218,19 +218,23 @@ class Plots {
         const unsure = change && !["ok", "partial"].includes(state);
         item.values.forEach((value, number) => {
           const y = item.scaled ? Number.parseFloat(item.scaled[number]) : Number(value);
+          const raw = item.scaled && item.described ? Number(value) : null; // as it stands where nothing was described yet
           if (!Number.isFinite(y) || value === "") return;
           const subindex = item.subindex + number;
           const global = capture.global_pnus.includes(item.pnu); // the device has it once, whichever drive object is asked
           const key = `${global ? `device ${capture.get(row, "device")}` : capture.get(row, "object")}/${item.pnu}/${subindex}`;
           if (!found.has(key)) {
-            found.set(key, { key, pnu: item.pnu, subindex, names: item.names, unit: item.unit, drive: global ? capture.drive(row) : capture.target(row), points: [], kinds: new Set() });
+            found.set(key, { key, pnu: item.pnu, subindex, names: item.names, units: new Set(), drive: global ? capture.drive(row) : capture.target(row), points: [], kinds: new Set() });
           }
           const kind = refused ? "refused" : unsure ? "sent" : change ? "written" : "read";
-          found.get(key).points.push({ x: (capture.get(row, "start") + (capture.get(row, "duration") || 0)) / 1e6, y, id: capture.get(row, "id"), kind });
+          found.get(key).points.push({ x: (capture.get(row, "start") + (capture.get(row, "duration") || 0)) / 1e6, y, raw, id: capture.get(row, "id"), kind });
           found.get(key).kinds.add(kind);
+          if (item.unit) found.get(key).units.add(item.unit);
+          if (item.names[0]) found.get(key).names = item.names;
         });
       }
     }
+    for (const each of found.values()) measure(each);
     this.found = [...found.values()].sort((a, b) => b.kinds.size - a.kinds.size || varies(b) - varies(a) || b.points.length - a.points.length);
     return this.found;
   }
@@ -274,6 +278,13 @@ class Plots {
     canvas.replaceChildren();
     this.show(figure, canvas);
   }
+}
+
+/** One axis has one unit: where a description scales some of the values only, all of them stand as they were sent. */
+function measure(series) {
+  const mixed = series.points.some(({ raw }) => raw !== null) && series.points.some(({ raw }) => raw === null);
+  if (mixed) for (const point of series.points) point.y = point.raw ?? point.y;
+  series.unit = mixed || series.units.size !== 1 ? null : [...series.units][0];
 }
 
 function varies({ points }) {

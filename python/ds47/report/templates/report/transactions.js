@@ -112,9 +112,18 @@ function detail(capture, row) {
       messages.length ? el("ul", { class: "found" }, messages) : null,
       el("p", { class: "plc" }, either(capture.plc[capture.get(row, "plc")])),
       el("dl", { class: "facts" }, facts.flatMap(([words, text]) => [el("dt", {}, say(words)), el("dd", {}, text)]),
+        describedFacts(capture.parameters(row)),
         el("dt", {}, say("filter")), el("dd", {}, el("code", { class: "copyable" }, filter), " ", el("button", { type: "button", class: "copy", "data-copy": true }, say("copy")))),
       el("h3", {}, say("conversation")), sequence(capture, row)),
     el("div", {}, el("h3", {}, say("frames_title")), frameCards(capture, row)));
+}
+
+/** Which parameters are named or measured as the drive itself described them, and where. */
+function describedFacts(items) {
+  const found = items.filter((item) => item.described);
+  if (!found.length) return [];
+  const texts = found.slice(0, 8).map((item) => `${item.text}: ${item.described.map((n) => say("frame", { n })).join(", ")}`);
+  return [el("dt", {}, say("described")), el("dd", {}, texts.join("; ") + (found.length > 8 ? "; …" : ""))];
 }
 
 /** The number of a frame, as a link to the job that has it. */

@@ -1,0 +1,67 @@
+"""Which responses teach the dictionary, and when it is asked about the parameters of a job.
+
+A description counts from its response on: a transaction is told with what was said up to its own response, or
+up to its end where it has none. So a line of ndjson, which nobody can take back, has the same names as a report.
+What elements of a description are worth, and for whom they hold, is in `ds47.profidrive.dictionary`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from ds47.acyclic.judge import is_mismatch
+from ds47.acyclic.pairing import Job
+from ds47.acyclic.readback import access_of
+from ds47.profidrive import Address, Block
+from ds47.profidrive.dictionary import Dictionary
+from ds47.profidrive.model import DESCRIPTION, VALUE
+
+_READ: Final = (0x01, 0x81)
+"""Response ids of a read, all of it or a part."""
+_BROKEN: Final = frozenset(("DS309", "DS313", "DS315"))
+"""Flaws of a response that is not decoded to its end: unknown format, bytes left over, bytes missing."""
+
+
+def answered(dictionary: Dictionary, job: Job) -> None:
+    """A job has its response: what it describes is learned, and what its parameters are is asked."""
+    half = job.read_response
+    for address, block in _described(job):
+        assert half is not None
+        dictionary.learn(
+            access_of(job), address.pnu, address.subindex, block.format_name, block.values, half.frame
+        )  # fmt: skip
+    ask(dictionary, job)
+
+
+def closed(dictionary: Dictionary, job: Job) -> None:
+    """A job is over: without a response it is asked only now what its parameters are."""
+    if job.response is None:
+        ask(dictionary, job)
+
+
+def ask(dictionary: Dictionary, job: Job) -> None:
+    """What the drive has said up to now of the parameters whose values a job is about."""
+    if dictionary.is_empty or job.message is None:
+        return
+    access, vendor_id = access_of(job), job.peer.vendor_id
+    found = [
+        dictionary.meaning(access, each.pnu, vendor_id) if each.attribute == VALUE else None
+        for each in job.message.addresses
+    ]
+    job.meanings = [None if each is None or not each.is_said else each for each in found]
+
+
+def _described(job: Job) -> Iterator[tuple[Address, Block]]:
+    """The descriptions in a response, as far as it is the one to its request and whole."""
+    request, response, half = job.message, job.response, job.read_response
+    if request is None or response is None or half is None or request.operation != "read":
+        return
+    if not any(each.attribute == DESCRIPTION for each in request.addresses):
+        return
+    broken = half.missing or half.status or any(flaw.rule in _BROKEN for flaw in response.flaws)
+    if broken or is_mismatch(job) or response.response_id not in _READ:
+        return
+    for address, block in zip(request.addresses, response.blocks, strict=False):
+        if address.attribute == DESCRIPTION and address.element_count <= 1 and block.error is None:
+            yield address, block

@@ -1,0 +1,277 @@
+"""What a parameter is called, in what it is measured, and of which type it is: one door to all that says so.
+
+Sources, of each thing the first that says it: what the drive itself has said in this capture (descriptions,
+attribute 0x20; docs/protocol.md C), then the list in spec/parameters.toml, where it speaks of the maker of the
+device. A description holds for the drive object that was asked, as far as `drive_objects` proves that another
+request reaches the same one. Which responses are believed is decided in `ds47.acyclic.learning`; no words here.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from typing import Any, Final, NamedTuple
+
+from ds47 import spec
+from ds47.model import SIEMENS, Described, Parameter, Value
+from ds47.profidrive.description import Description, describe
+from ds47.profidrive.drive_objects import Access, DriveObjects
+from ds47.spec import descriptions
+
+_WHOLE: Final = 0
+"""The subindex of a whole description."""
+_WAYS: Final = 16
+"""Ways in which a parameter was described; of more of them the one that was described longest ago is forgotten."""
+_NO_TYPES: Final = (0x00, 0x40, 0x44)
+"""Codes that are the type of no parameter: Reserved, and of a value block Zero and Error."""
+_INTEGERS: Final = range(0x02, 0x08)
+"""Codes of the integers that are scaled: those that a double holds exactly."""
+_UNSIGNED: Final = {"Unsigned8": "Byte", "Unsigned16": "Word", "Unsigned32": "DoubleWord"}
+"""Types whose values are the same in a format that says no more than their size."""
+_FLOATS: Final = (0x08, 0x0F)
+_POWERS: Final = 22
+"""The largest power of ten that a double holds exactly."""
+
+
+class Said(NamedTuple):
+    """What a description says in one of its elements, and the frame of the response."""
+
+    value: Any
+    frame: int
+
+
+class Measure(NamedTuple):
+    """What an integer is multiplied with, as a power of ten, and the unit that it has then."""
+
+    power: int
+    unit: str
+    frames: tuple[int, ...]
+    """Of the descriptions that say so."""
+
+
+class Meaning(NamedTuple):
+    """What is known of a parameter; None what no source says.
+
+    Attributes:
+        listed: its row in spec/parameters.toml, where that speaks of this device.
+        name: as the drive calls it.
+        type: name of its data type, as the drive says.
+        measure: how the drive says that a value of this type is measured.
+        low, high: its limits in that type, as the drive says.
+    """
+
+    listed: spec.Pnu | None
+    name: Said | None = None
+    type: Said | None = None
+    measure: Measure | None = None
+    low: Said | None = None
+    high: Said | None = None
+
+    @property
+    def is_said(self) -> bool:
+        """Whether the drive has said anything of it."""
+        return any(each is not None for each in self[1:])
+
+    def fits(self, format_name: str | None) -> bool:
+        """Whether a value in this format is one of the type that the drive says."""
+        if self.type is None:
+            return False
+        own = self.type.value
+        return format_name in (None, own) or _UNSIGNED.get(own) == format_name
+
+
+def listed(pnu: int | None, vendor_id: int | None) -> spec.Pnu | None:
+    """The row of a parameter in spec/parameters.toml, where it speaks of a device of this vendor."""
+    known = None if pnu is None else spec.parameters().get(pnu)
+    if known is None or (known.family != "profile" and vendor_id != SIEMENS):
+        return None
+    return known
+
+
+class Dictionary:
+    """What the descriptions of a capture have said up to now, before what is listed.
+
+    Args:
+        objects: what the capture shows of drive objects; whoever has it keeps it up to date.
+        most: how many descriptions are remembered; of more the one that came longest ago is forgotten.
+    """
+
+    def __init__(self, objects: DriveObjects, most: int) -> None:
+        self._objects = objects
+        self._most = most
+        self._said: OrderedDict[tuple[Access, int], dict[str, Said]] = OrderedDict()
+        self._ways: dict[tuple[str, int], list[Access]] = {}
+        """Device and PNU -> ways in which it was described, the newest last."""
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no description was learned."""
+        return not self._said
+
+    def learn(
+        self,
+        access: Access,
+        pnu: int,
+        subindex: int,
+        format_name: str | None,
+        values: Sequence[Value],
+        frame: int,
+    ) -> None:
+        """A description was read, whole or one element of it; one that is not sensible is not believed.
+
+        What was said before counts no more as far as it is said anew: none of it, where the description is whole.
+
+        Args:
+            access: how it was asked for.
+            pnu: of the parameter.
+            subindex: 0 for all elements, else the number of one.
+            format_name: of the values.
+            values: as the decoder shows them.
+            frame: of the response.
+        """
+        found = describe(subindex, format_name, values)
+        if found is None or not _is_sensible(found):
+            return
+        key = access, pnu
+        said = {"whole": Said(True, frame)} if subindex == _WHOLE else self._said.get(key, {})
+        said.update({name: Said(value, frame) for name, value in _parts(found)})
+        if not said:
+            return
+        self._said[key] = said
+        self._said.move_to_end(key)
+        self._note_way(access, pnu)
+        if len(self._said) > self._most:
+            self._forget(*next(iter(self._said)))
+
+    def _note_way(self, access: Access, pnu: int) -> None:
+        ways = self._ways.setdefault((access.device, pnu), [])
+        if access in ways:
+            ways.remove(access)
+        elif len(ways) == _WAYS:
+            self._forget(ways[0], pnu)
+        self._ways.setdefault((access.device, pnu), ways).append(access)
+
+    def _forget(self, access: Access, pnu: int) -> None:
+        del self._said[access, pnu]
+        ways = self._ways[access.device, pnu]
+        ways.remove(access)
+        if not ways:
+            del self._ways[access.device, pnu]
+
+    def meaning(
+        self, access: Access, pnu: int, vendor_id: int | None, until: int | None = None
+    ) -> Meaning:
+        """What is known of a parameter.
+
+        Args:
+            access: how it is asked for.
+            pnu: its number.
+            vendor_id: PROFINET vendor id of the device; None where it is not known.
+            until: the last frame whose description counts; None: all that came up to now.
+        """
+        known = listed(pnu, vendor_id)
+        said: dict[str, Said] = {}
+        for way in self._ways.get((access.device, pnu), ()):
+            if self._objects.same(access, way, pnu):
+                _add_newer(said, self._said[way, pnu], until)
+        whole = said.pop("whole", None)
+        if whole is not None:
+            said = {name: each for name, each in said.items() if each.frame >= whole.frame}
+        if not said:
+            return Meaning(known)
+        kind = said.get("type")
+        return Meaning(
+            known, said.get("name"), kind, kind and _measure(kind, said), said.get("low"), said.get("high")
+        )  # fmt: skip
+
+
+def _add_newer(said: dict[str, Said], more: dict[str, Said], until: int | None) -> None:
+    """Adds what another way was answered with, as far as it is newer; nothing of later frames than `until`."""
+    for name, each in more.items():
+        before = said.get(name)
+        if (until is None or each.frame <= until) and (
+            before is None or before.frame <= each.frame
+        ):
+            said[name] = each
+
+
+def _is_sensible(found: Description) -> bool:
+    """Whether a drive may mean what it says: a type that there is, a name of characters that can be read."""
+    if found.type is not None:
+        row = spec.format_named(found.type)
+        if row is None or row.code in _NO_TYPES:
+            return False
+    return found.name is None or all(" " <= char <= "~" or char > "\xa0" for char in found.name)
+
+
+def _parts(found: Description) -> list[tuple[str, Any]]:
+    """What is remembered of a description. An empty name is none."""
+    variable = None if found.quantity is None else (found.quantity, found.conversion)
+    relevant = None
+    if found.identifier is not None:
+        relevant = not found.identifier >> descriptions.bits()["irrelevant"] & 1
+    parts = (
+        ("type", found.type), ("relevant", relevant), ("name", found.name or None),
+        ("variable", variable), ("factor", found.factor), ("low", found.low), ("high", found.high),
+    )  # fmt: skip
+    return [(name, value) for name, value in parts if value is not None]
+
+
+def _measure(kind: Said, said: dict[str, Said]) -> Measure | None:
+    """How values are measured, where all elements that are about it agree."""
+    variable, factor = said.get("variable"), said.get("factor")
+    plain = _code(kind.value) in (*_INTEGERS, *_FLOATS)
+    if variable is None or not plain or not said["relevant"].value:
+        return None
+    quantity, power = variable.value
+    unit, known = descriptions.unit(quantity, power), descriptions.quantities().get(quantity)
+    # Sources differ about the direction of the factor, so it may only repeat what the conversion index says.
+    if unit is None or known is None or (factor is not None and not _agrees(factor.value, power)):
+        return None
+    frames = {each.frame for each in (kind, variable, factor) if each is not None}
+    if not unit.startswith("10^"):
+        return Measure(0, unit, tuple(sorted(frames)))
+    if _code(kind.value) not in _INTEGERS or abs(power) > _POWERS:
+        return None
+    return Measure(power, known.unit, tuple(sorted(frames)))
+
+
+def _code(type_name: str) -> int | None:
+    row = spec.format_named(type_name)
+    return None if row is None else row.code
+
+
+def _agrees(factor: Value, power: int) -> bool:
+    """Whether a factor says nothing else than a conversion index."""
+    if not isinstance(factor, float) or factor <= 0:
+        return False
+    return factor in (1.0, float(f"1e{power}"), float(f"1e{-power}"))
+
+
+def scaled(values: Sequence[Value], power: int) -> list[Value] | None:
+    """Integers times a power of ten; None where one of them is none."""
+    found: list[Value] = []
+    times = 10 ** abs(power)
+    for value in values:
+        if not isinstance(value, int):
+            return None
+        found.append(value * float(times) if power > 0 else value / times)
+    return found if found and power else None
+
+
+def explain(item: Parameter, meaning: Meaning) -> None:
+    """Puts into a parameter what the drive has said of it: its name; unit and physical values, where they fit."""
+    frames = set() if meaning.name is None else {meaning.name.frame}
+    fits, measure = meaning.fits(item.format), meaning.measure
+    if fits and measure is not None and item.scaled is None:
+        item.unit, frames = measure.unit, frames.union(measure.frames)
+        item.scaled = scaled(item.values, measure.power)
+    elif meaning.type is not None and not _is_listed_as(meaning.listed, meaning.type.value):
+        item.unit = None  # that of the list belongs to another parameter
+    if frames:
+        name = None if meaning.name is None else meaning.name.value
+        item.described = Described(name, tuple(sorted(frames)))
+
+
+def _is_listed_as(row: spec.Pnu | None, type_name: str) -> bool:
+    return row is not None and row.type.removesuffix("[]") == type_name
