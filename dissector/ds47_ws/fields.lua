@@ -33,6 +33,7 @@ local FIELDS = {
   { "element_count", "Number of elements", "uint8", "DEC" },
   { "name", "Name", "string" },
   { "unit", "Unit", "string" },
+  { "described_in", "Described in frame", "framenum" },
   { "format", "Format", "uint8", "HEX", "formats" },
   { "value_count", "Number of values", "uint8", "DEC" },
   -- in a response: what its request wrote

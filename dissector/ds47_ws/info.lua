@@ -76,7 +76,7 @@ end
 
 -- The same with the name of a known parameter: `p1082[0] (Maximum speed)`.
 local function named_address(item)
-  local name = error_texts.name(item, language)
+  local name = words.name(item, language)
   return name and address(item) .. " (" .. name .. ")" or address(item)
 end
 
@@ -119,7 +119,7 @@ end
 -- The same of a request, remembered where equal ones share it (parameter.remembering).
 local function list_asked(view)
   local shared, vendor_id = view.message.shared, view.item.vendor_id or false
-  if shared == nil then
+  if shared == nil or view.item.meanings then -- which are those of one transaction
     return parameters_of(view)
   elseif shared.listed_for ~= vendor_id or shared.listed_in ~= language then -- names and units are of both
     shared.listed, shared.listed_for, shared.listed_in = parameters_of(view), vendor_id, language

@@ -101,6 +101,11 @@ local function add_value(put, parent, item, told, record)
   else
     one(shown, "value.unsigned", UInt64.new(value))
   end
+  local scaled = item.scaled and item.scaled[1] -- by the description of the parameter
+  if scaled then
+    local physical = put.derive(shown, "scaled", words.value(scaled, item.format, true)) or shown
+    put.derive(physical, "scaled.number", scaled)
+  end
 end
 
 local function add_error(put, parent, failed, record, lang)
@@ -125,6 +130,9 @@ local function add_parameter(put, root, view, told, record, lang)
   put.derive(shown, "attribute", ATTRIBUTES[item.attribute])
   put.derive(shown, "name", sentences.name(item, lang))
   put.derive(shown, "unit", item.unit)
+  for _, frame in ipairs(item.described and item.described.frames or {}) do
+    put.derive(shown, "described_in", frame)
+  end
   local written = change and answer -- what stands in the request
   put.derive(shown, written and "written.format" or "format", types.format_code(item.format))
   put.derive(shown, written and "written.value_count" or "value_count", item.value_count)

@@ -658,7 +658,7 @@ function PARTS.parameters(view)
   if view.role ~= "write_request" or not item.frames.read_response then
     return item.parameters
   end
-  local job = { message = view.message, peer = { vendor_id = item.vendor_id } }
+  local job = { message = view.message, peer = { vendor_id = item.vendor_id }, meanings = item.meanings }
   return transactions.parameters(job)
 end
 

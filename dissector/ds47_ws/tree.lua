@@ -253,6 +253,9 @@ local function add_address(parent, item, address, asked, record)
   put(parent, "subindex", item.subindex, record, at + 4, 2)
   derive(parent, "name", sentences.name(item, language))
   derive(parent, "unit", item.unit)
+  for _, frame in ipairs(item.described and item.described.frames or {}) do
+    derive(parent, "described_in", frame)
+  end
 end
 
 -- Format and number of values of a block, as they stand in the frame.
@@ -376,10 +379,10 @@ local HEADERS = {
 
 -- All that stands below the header of a message.
 local OF_PARAMETERS = {
-  "pnu", "value", "parameter", "subindex", "attribute", "element_count", "name", "unit", "format",
-  "value_count", "written.format", "written.value_count", "value.number", "value.signed", "value.unsigned",
-  "value.float", "value.double", "value.string", "value.bytes", "value.time", "value.hex", "scaled",
-  "scaled.number", "error.code", "error.text", "error.info", "raw",
+  "pnu", "value", "parameter", "subindex", "attribute", "element_count", "name", "unit", "described_in",
+  "format", "value_count", "written.format", "written.value_count", "value.number", "value.signed",
+  "value.unsigned", "value.float", "value.double", "value.string", "value.bytes", "value.time", "value.hex",
+  "scaled", "scaled.number", "error.code", "error.text", "error.info", "raw",
 }
 for _, row in ipairs(require("ds47_ws.description_fields")) do
   OF_PARAMETERS[#OF_PARAMETERS + 1] = row[1]

@@ -17,10 +17,12 @@ local calls = require("ds47.profinet.calls")
 local channels = require("ds47.cyclic.channels")
 local conclusions = require("ds47.cyclic.conclusions")
 local copy = later("ds47.acyclic.copy")
+local dictionary = require("ds47.profidrive.dictionary")
 local diagnosis = require("ds47.diagnosis.transaction")
 local findings = require("ds47.findings.collection")
 local gate = require("ds47.acyclic.index47")
 local ip = require("ds47.profinet.ip")
+local learning = require("ds47.acyclic.learning")
 local named = require("ds47.cyclic.named")
 local ms1calls = require("ds47.acyclic.ms1_calls")
 local naming = require("ds47.profinet.stations")
@@ -52,7 +54,7 @@ Analysis.__index = Analysis
 
 -- Fields whose values never change once they are made: a copy of the open state refers to the same ones.
 local UNCHANGING = {
-  message = true, peer = true, request = true, response = true,
+  message = true, peer = true, request = true, response = true, meanings = true,
   read_request = true, read_response = true, write_response = true,
   split = true, -- of S7: what is newest counts in older results, too
   superseding = true, rival = true, -- jobs that are looked at, with what is certain of them
@@ -97,6 +99,7 @@ function M.new(options)
   self.pairing = pairing.new(limits, self)
   self.gate = gate.Gate.new(options.indices, limits.waiting_calls, options.forbid_47)
   self.judge = rules.new(limits, slow_ns, function(device) return self.gate:waits(device) end)
+  self.dictionary = dictionary.new(self.judge.written.objects, limits.described_parameters)
   self.events = recordevents.RecordEvents.new(self.gate, self.pairing, self.codec, self)
   self.records = recordcalls.RecordCalls.new(self.events, self.gate, self.pairing, self, self.naming)
   self.calls = calls.CallTracker.new(limits, self)
@@ -325,6 +328,7 @@ function Analysis:cyclic_touched()
       end
     end
     local item = pkw.build(each.relation, job, layout)
+    self.dictionary:explain(item)
     found[number] = {item = item, role = each.role, findings = certain}
   end
   return found
@@ -409,6 +413,7 @@ function Analysis:_open_state()
     [self.options] = self.options,
     [self.reassembly] = self.reassembly,
     [self.naming] = self.naming,
+    [self.dictionary] = self.dictionary, -- no response comes any more that teaches it something
   }
   self.findings:copied(known)
   self.judge:copied(known)
@@ -501,6 +506,7 @@ end
 --- A Write asks for something.
 function Analysis:asked(job)
   self.judge:asked(job)
+  learning.ask(self.dictionary, job) -- what is known when only the request is there
 end
 
 --- A Write was refused.
@@ -521,12 +527,14 @@ function Analysis:answered(job)
   end
   local remarks = self.judge:answered(job)
   self.answers[job] = remarks
+  learning.answered(self.dictionary, job)
   self.findings:foresee(remarks)
 end
 
 --- Nothing more can come for a job.
 function Analysis:closed(job)
   local remarks = self.answers[job]
+  learning.closed(self.dictionary, job)
   if remarks then
     self.answers[job] = nil
   else
@@ -579,7 +587,9 @@ end
 function Analysis:exchanged(relation, job)
   local layout = self:pkw_layout(relation.device)
   job.order = job.order or self.pairing:number()
-  self.finished_jobs:add_made(pkw.build(relation, job, layout))
+  local item = pkw.build(relation, job, layout)
+  self.dictionary:explain(item)
+  self.finished_jobs:add_made(item)
   for _, remark in ipairs(self.conclusions:exchanged(relation, job, layout)) do
     remark.order = job.order
     self.findings:add(remark)

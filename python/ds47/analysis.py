@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
+from ds47.acyclic import learning
 from ds47.acyclic.index47 import Index47
 from ds47.acyclic.judge import Judge
 from ds47.acyclic.ms1_calls import Ms1Calls, StartUps
@@ -42,6 +43,7 @@ from ds47.profibus.bus import LINK_TYPES, Bus, Listener
 from ds47.profibus.judge import Judge as BusJudge
 from ds47.profibus.stations import Stations
 from ds47.profidrive import Options, decode_response
+from ds47.profidrive.dictionary import Dictionary, explain_transaction
 from ds47.profinet.calls import CallTracker
 from ds47.profinet.records import Half, Record
 from ds47.profinet.stations import Stations as Names
@@ -206,6 +208,7 @@ class Analysis:
             options.indices, bounds.waiting_calls, bounds.waiting_ars, bounds.proven_ars
         )
         self._judge = Judge(bounds, slow_ns, index47.waits)
+        self._dictionary = Dictionary(self._judge.objects, bounds.described_parameters)
         self._diagnoses = Diagnoses(options.codec)
         self._pairing = Pairing(
             bounds, self._answered, self._closed, self._nothing_to_read, self._refused,
@@ -348,12 +351,14 @@ class Analysis:
     def _answered(self, job: Job) -> None:
         self._decode(job)
         self._answers[job] = self._judge.answered(job)
+        learning.answered(self._dictionary, job)
         if self._early is not None:
             self._settled(job, self._answers[job], self._early)
 
     def _refused(self, job: Job) -> None:
         self._judge.refused(job)
         if self._early is not None:
+            learning.ask(self._dictionary, job)
             self._settled(job, self._judge.closed(job), self._early)
 
     def _settled(self, job: Job, remarks: list[Remark], early: Early) -> None:
@@ -364,6 +369,7 @@ class Analysis:
 
     def _closed(self, job: Job) -> None:
         remarks = self._answers.pop(job, None)
+        learning.closed(self._dictionary, job)
         if remarks is None:
             remarks = self._judge.unanswered(job, dropped=self._findings.frames_dropped)
             if job.limit and job.write_request is not None:
@@ -395,6 +401,7 @@ class Analysis:
     def _exchanged(self, relation: Relation, job: PkwJob) -> None:
         """A transaction of PKW is over."""
         transaction = build_pkw(relation, job, self._layout(relation.device))
+        explain_transaction(self._dictionary, transaction, relation.vendor_id)
         order, remarks = self._pairing.number(), self._conclusions.exchanged(relation, job)
         remarks += self._conclusions.transaction(transaction)
         if PKW in self._options.channels:

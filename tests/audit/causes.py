@@ -487,7 +487,7 @@ def _wrong_type(case: Case) -> Iterator[str]:
 
 
 def _better(case: Case, deal: Deal) -> Iterator[str]:
-    """How the better format is known: read so in a frame, by the list of parameters, or by its bits."""
+    """How the better format is known: read or described so in a frame, by the list of parameters, or by its bits."""
     told, better, pnu = case.args.get("case"), case.args.get("better_code"), case.args.get("pnu")
     seen = formats(case.memory, case.reading, deal, pnu)
     # By the list, or by the bits: what the drive reads later nobody knows in the frame on which this stands,
@@ -502,6 +502,11 @@ def _better(case: Case, deal: Deal) -> Iterator[str]:
         there = [each for each in case.reading.deals if each.read == case.args.get("seen")]
         if not any(better in formats(case.memory, case.reading, deal, pnu, each) for each in there):
             yield f"seen {case.args.get('seen')!r}: p{pnu} is not read in this format there"
+        return
+    if told == "format_described":
+        there = [each for each in case.reading.deals if each.read == case.args.get("seen")]
+        if not any(better in described(case.memory, deal, pnu, each) for each in there):
+            yield f"seen {case.args.get('seen')!r}: p{pnu} is not described as this there"
         return
     yield from case.wrong("seen", None)
     listed = _listed().get(pnu)
@@ -595,6 +600,21 @@ def formats(
         and each.device == deal.device
         for address, block in each.pairs()
         if address.pnu == pnu and address.attribute == message.VALUE and not block.failed
+    }  # fmt: skip
+
+
+def described(
+    memory: Memory, deal: Deal, pnu: object, there: Deal, target: Target | None = None
+) -> set[int]:
+    """The types that a transaction describes a parameter as: all of a description, or its first element."""
+    if there.operation != "read" or there.device != deal.device or not there.fits:
+        return set()
+    if memory.same(memory.target(there), target or memory.target(deal)) != SURE:
+        return set()
+    return {
+        block.raw[1] for address, block in there.pairs()
+        if address.pnu == pnu and address.attribute == message.DESCRIPTION and not block.failed
+        and (address.subindex, len(block.raw)) in ((0, 46), (1, 2))
     }  # fmt: skip
 
 

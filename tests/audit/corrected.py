@@ -18,7 +18,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from tests.audit import message
-from tests.audit.causes import formats
+from tests.audit.causes import described, formats
 from tests.audit.drive import Drive
 from tests.audit.memory import LOCAL, NEVER, NO_SUCH_AXIS, Memory, Target
 from tests.audit.reading import Complaint, Deal, Reading
@@ -148,7 +148,7 @@ def _other_object(new: message.Message, deal: Deal, reading: Reading) -> Iterato
 
 
 def _unproven(new: message.Message, deal: Deal, reading: Reading, memory: Memory) -> Iterator[str]:
-    """A change whose format the capture does not prove, by a read of the parameter or a change that was taken."""
+    """A change whose format the capture does not prove: by a read of the parameter, its description, a change taken."""
     for address, block in zip(new.addresses, new.blocks, strict=False):
         # what was meant may name another drive object than the bytes that were sent
         seen = formats(memory, reading, deal, address.pnu, target=_target(deal, new))
@@ -158,7 +158,13 @@ def _unproven(new: message.Message, deal: Deal, reading: Reading, memory: Memory
             for number, other in enumerate(each.asked.addresses)
             if other.pnu == address.pnu and each.asked.changes and _took(each, number)
         }  # fmt: skip
-        if block.format not in seen | taken:
+        said = set[int]().union(
+            *(
+                described(memory, deal, address.pnu, each, _target(deal, new))
+                for each in reading.deals
+            )
+        )
+        if block.format not in seen | taken | said:
             yield f"nothing proves format 0x{block.format:02X} of p{address.pnu}"
 
 

@@ -183,6 +183,7 @@ CLAUSES: dict[str, dict[str, str]] = {
               "room_stated": r"; PNU 974\[0\] of the device is (?P<limit>\d+) bytes$",
               "room_seen": r"; the capture shows a response of the device with (?P<limit>\d+) bytes$"},
     "DS714": {"format_read": rf"; p\d+ is read as {_BETTER} in frame (?P<seen>\d+), ",
+              "format_described": rf"; the drive describes p\d+ as {_BETTER} in frame (?P<seen>\d+), ",
               "format_listed": rf"; by the list of parameters it is {_BETTER}, ",
               "format_bits": rf"; as {_BETTER} it would make sense, ",
               "bits_same": "the same bits are (?P<meant>.*) there$", "number_same": "the same number is (?P<meant>.*) there$",

@@ -75,6 +75,7 @@ local function parameter(item)
   end
   result.description = described.of(item)
   result.texts = described.texts(item)
+  result.described_in = item.described and item.described.frames
   return result
 end
 

@@ -500,7 +500,7 @@ def slot_refuses_twice(client: Client) -> None:
         (no_array_to_change, (), {"DS717": "p2900[3]"}),
         (response_after_a_refused_write, (), {}),
         (long_after_another_integer, (), {}),
-        (description_is_no_format, (), {"DS714": "by the list of parameters it is Float32 (0x08)"}),
+        (description_is_no_format, (), {"DS714": "describes p2900 as Float32 (0x08) in frame 4"}),
         (cut_change, (8,), {"DS711": "after 8 bytes: number of parameters 1 needs 14"}),
         (cut_change, (10,), {"DS711": "after 10 bytes: number of parameters 1 needs 14"}),
         (cut_change, (15,), {"DS711": "after 15 bytes: number of parameters 1 needs 16"}),

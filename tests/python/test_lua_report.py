@@ -96,6 +96,9 @@ def as_lua(result: CaptureResult) -> dict[str, Any]:
         for key in ("polls", "rereads"):
             pairs = each["frames"][key]
             each["frames"][key] = [{"request": one, "response": two} for one, two in pairs]
+        for part in each["parameters"]:
+            said = part["described"]
+            part["described"] = said and {"name": said[0], "frames": list(said[1])}
     for each, told in zip(item["relations"], result.relations, strict=True):
         each["output"] = told.output._asdict()
         each["input"] = told.input._asdict() | {"cycle_ns": round((told.cycle_ms or 0) * 1e6)}

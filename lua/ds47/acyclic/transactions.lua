@@ -3,6 +3,7 @@
 -- States and parameters follow docs/pairing.md; findings are made in judge.lua. Keys of a transaction
 -- are those of python/ds47/model.py, and `order`, by which its job is known while the capture goes on.
 
+local dictionary = require("ds47.profidrive.dictionary")
 local family = require("ds47.profidrive.family")
 local parameter = require("ds47.profidrive.parameter")
 local records = require("ds47.profinet.records")
@@ -15,7 +16,7 @@ local is_mismatch, NOT_SUPPORTED = rules.is_mismatch, family.NOT_SUPPORTED
 local M = {}
 
 --- PROFINET vendor id of the drives whose own parameters parameters.toml names.
-M.SIEMENS = 0x002A
+M.SIEMENS = dictionary.SIEMENS
 
 local SIEMENS = M.SIEMENS
 local NIL_UUID = ("\0"):rep(16)
@@ -121,10 +122,7 @@ local function class_of(address, siemens)
   if class and class.siemens == siemens then
     return class
   end
-  local known = tables.parameters[address.pnu]
-  if known and known.family ~= "profile" and not siemens then
-    known = nil
-  end
+  local known = dictionary.listed(address.pnu, siemens and SIEMENS or nil)
   class = {
     pnu = address.pnu, subindex = address.subindex, attribute = address.attribute_name,
     element_count = address.element_count, listed = known ~= nil, unit = known and known.unit or nil,
@@ -135,9 +133,18 @@ local function class_of(address, siemens)
   return class
 end
 
--- One parameter: `value` is the block with the values, `answer` the one that may hold an error; either may
--- be nil.
-local function shown(job, address, value, answer)
+-- Puts into a parameter what the drive has said of it; its class is one of its own, as its unit may be none.
+local function explain(result, meaning)
+  local told, class, own = dictionary.explained(result, meaning), getmetatable(result), {}
+  for key, value in pairs(class) do own[key] = value end
+  own.unit, own.described, own.class, own.__index = told.unit, told.described, own, own
+  result.scaled = told.scaled
+  return setmetatable(result, own)
+end
+
+-- One parameter: `value` is the block with the values, `answer` the one that may hold an error, `meaning`
+-- what the drive has said of it; each may be nil.
+local function shown(job, address, value, answer, meaning)
   local result
   if value and value.error == nil then
     result = {
@@ -150,11 +157,12 @@ local function shown(job, address, value, answer)
   if answer and answer.error ~= nil then
     result.error = {code = answer.error.code, info = answer.error.info, vendor_id = job.peer.vendor_id}
   end
-  return setmetatable(result, address and class_of(address, job.peer.vendor_id == SIEMENS) or NAMELESS)
+  setmetatable(result, address and class_of(address, job.peer.vendor_id == SIEMENS) or NAMELESS)
+  return meaning and address and explain(result, meaning) or result
 end
 
 --- The parameters of a job as a report shows them (docs/pairing.md P37, P43): an array of {pnu, subindex,
--- attribute, element_count, listed, unit, format, value_count, values, scaled, error}.
+-- attribute, element_count, listed, unit, format, value_count, values, scaled, error, described}.
 function M.parameters(job)
   local request = job.message
   local blocks = job.response and job.response.blocks or NONE
@@ -171,9 +179,9 @@ function M.parameters(job)
     return result
   end
   local answers = stray and NONE or blocks
-  local values = change and request.blocks or answers
+  local values, meanings = change and request.blocks or answers, job.meanings or NONE
   for number, address in ipairs(request.addresses) do
-    result[number] = shown(job, address, values[number], answers[number])
+    result[number] = shown(job, address, values[number], answers[number], meanings[number])
   end
   return result
 end
@@ -268,6 +276,11 @@ for _, key in ipairs({"request_reference", "axis"}) do
     local head = job.message or job.response
     return head and head[key]
   end
+end
+
+-- Of its parameters what the drive has said: for those that one of its frames shows.
+function KEYS.meanings(_, job)
+  return job.meanings
 end
 
 function KEYS.ar(_, job)

@@ -7,6 +7,7 @@
 -- alone.
 
 local code_of = require("ds47.profidrive.formats").code_of
+local dictionary = require("ds47.profidrive.dictionary")
 local later = require("ds47.support.later").module
 local length = later("ds47.diagnosis.length")
 local memory = require("ds47.diagnosis.memory")
@@ -42,11 +43,18 @@ local NO_END = 2 ^ 17 -- behind every subindex
 
 -- The format of a parameter by the list of parameters; nil where the list says nothing of this device.
 local function listed(pnu, siemens)
-  local row = tables.parameters[pnu]
-  if not row or row.family ~= "profile" and not siemens then
-    return nil
+  local row = dictionary.listed(pnu, siemens and SIEMENS or nil)
+  return row and code_of((row.type:gsub("%[%]$", "")))
+end
+
+-- As which type the drive has described a parameter of a request, and where: {format, frame}.
+local function described(job, pnu)
+  for number, meaning in pairs(job.meanings or NONE) do
+    if job.message.addresses[number].pnu == pnu and meaning.type then
+      return {format = code_of(meaning.type.value), frame = meaning.type.frame}
+    end
   end
-  return code_of((row.type:gsub("%[%]$", "")))
+  return nil
 end
 
 -- The way of a request to its drive object, as one text: device, slot, subslot, and the axis byte where it
@@ -234,12 +242,13 @@ function Diagnoses:_retyped(remarks, job, found, refused)
   local sure, whole = self:_sure(job, found, request)
   for _, each in ipairs(found.each) do
     local args = each.args
-    local seen = self.formats:get(from, args.pnu)
-    if seen or self:_agrees(job, args.pnu, args.code) then
+    local seen, said = self.formats:get(from, args.pnu), described(job, args.pnu)
+    if seen or said or self:_agrees(job, args.pnu, args.code) then
       told[each.number] = true
       args.better_code, args.bits, args.code = args.code, each.bits, errors[each.number]
-      args.seen = seen and seen.frame
-      args.case = seen and "format_read" or self:_listed(job, args.pnu) and "format_listed" or "format_bits"
+      args.seen = seen and seen.frame or said and said.frame
+      args.case = seen and "format_read" or said and "format_described"
+        or self:_listed(job, args.pnu) and "format_listed" or "format_bits"
       rules.put(remarks, found.rule, frame, args)
       if sure[each.number] then
         remarks[#remarks].corrected = whole and found.request or suggest.only(request, {each.number})
@@ -254,13 +263,14 @@ function Diagnoses:_retyped(remarks, job, found, refused)
   return others
 end
 
--- Whether the parameter was read in this format, in the way in which the request goes.
+-- Whether the parameter was read in this format, in the way in which the request goes, or is described so.
 function Diagnoses:_is_proven(job, request, number)
   local address, block = request.addresses[number], request.blocks[number]
   if not block then -- the request ends before this value
     return false
   end
   local seen = self.formats:get(way(job.peer.device, job.record, request.axis), address.pnu)
+    or request.axis == job.message.axis and described(job, address.pnu) or nil
   return seen ~= nil and seen.format == block.format
 end
 
@@ -464,12 +474,13 @@ function Diagnoses:_listed(job, pnu)
 end
 
 function Diagnoses:_format(job, pnu)
-  local seen = self.formats:get(way_of(job), pnu)
-  return seen and seen.format or self:_listed(job, pnu)
+  local shown = self.formats:get(way_of(job), pnu) or described(job, pnu)
+  return shown and shown.format or self:_listed(job, pnu)
 end
 
 function Diagnoses:_size(job, pnu)
-  local row = tables.formats[self:_format(job, pnu)]
+  local seen = self.formats:get(way_of(job), pnu)
+  local row = tables.formats[seen and seen.format or self:_listed(job, pnu)]
   return row and row.size
 end
 

@@ -161,7 +161,7 @@ local function is_float(format_name, scaled)
       local with_status = row.kind == "with_status" and row.pack == "f"
       floats[row.name] = {
         values = row.kind == "float",
-        scaled = row.divide ~= nil or row.kind == "duration" or with_status,
+        scaled = row.kind == "number" or row.kind == "duration" or with_status, -- plain ones by a description
       }
     end
   end

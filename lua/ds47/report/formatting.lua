@@ -236,10 +236,19 @@ function M.with_unit(item, lang)
   return M.values(item.values, item.format, false, lang) .. unit
 end
 
+--- `Maximum speed`; as the drive calls it in quotes, `"Max_frequency"`; nil where it has no name.
+function M.name(item, lang)
+  local name = sentences.name(item, lang)
+  if name and item.described and item.described.name then
+    return M.value(name, "VisibleString")
+  end
+  return name
+end
+
 --- A parameter with what is known of it: `p50303[0] = 10.0`, with `:=` if it was written.
 -- `lang` as in `values`.
 function M.parameter(item, written, lang)
-  local text, name = M.address(item), sentences.name(item, lang)
+  local text, name = M.address(item), M.name(item, lang)
   if name then
     text = text .. " (" .. name .. ")"
   end

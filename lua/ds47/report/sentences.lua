@@ -185,8 +185,9 @@ function M.error_number(item)
   return item.ak and integer(item.code) or spec.error_hex(item.code)
 end
 
---- The name of a listed parameter; nil of any other.
+--- As the drive calls it; else the name of a listed parameter; nil of any other.
 function M.name(item, lang)
+  if item.described and item.described.name then return item.described.name end
   local known = item.listed and tables.parameters[item.pnu]
   return known and (lang == "zh" and known.name_zh or known.name_en) or nil
 end

@@ -1251,6 +1251,7 @@ M.diagnosis_words = {
   unasked_without_ar = {en = "it was read without an AR (ReadImplicit) and which request it belongs to is not known, nor are the parameter numbers", zh = "应答不经 AR 读取（ReadImplicit），属于哪个请求以及参数号均未知"},
   unasked_again = {en = "it was read once more without an AR (ReadImplicit), when its transaction was over already", zh = "应答不经 AR 再次被读取（ReadImplicit），其事务此前已经结束"},
   format_read = {en = "p{pnu} is read as {better} ({better_code}) in frame {seen}", zh = "p{pnu} 在第 {seen} 帧以 {better}（{better_code}）读取"},
+  format_described = {en = "the drive describes p{pnu} as {better} ({better_code}) in frame {seen}", zh = "驱动器在第 {seen} 帧将 p{pnu} 描述为 {better}（{better_code}）"},
   format_listed = {en = "by the list of parameters it is {better} ({better_code})", zh = "按参数表其格式为 {better}（{better_code}）"},
   format_bits = {en = "as {better} ({better_code}) it would make sense", zh = "若为 {better}（{better_code}）则有意义"},
   bits_same = {en = "the same bits are {meant} there", zh = "同样的位在该格式下为 {meant}"},

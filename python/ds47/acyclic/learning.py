@@ -7,13 +7,12 @@ What elements of a description are worth, and for whom they hold, is in `ds47.pr
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Final
 
 from ds47.acyclic.judge import is_mismatch
 from ds47.acyclic.pairing import Job
 from ds47.acyclic.readback import access_of
-from ds47.profidrive import Address, Block
+from ds47.profidrive import Request
 from ds47.profidrive.dictionary import Dictionary
 from ds47.profidrive.model import DESCRIPTION, VALUE
 
@@ -25,12 +24,8 @@ _BROKEN: Final = frozenset(("DS309", "DS313", "DS315"))
 
 def answered(dictionary: Dictionary, job: Job) -> None:
     """A job has its response: what it describes is learned, and what its parameters are is asked."""
-    half = job.read_response
-    for address, block in _described(job):
-        assert half is not None
-        dictionary.learn(
-            access_of(job), address.pnu, address.subindex, block.format_name, block.values, half.frame
-        )  # fmt: skip
+    if job.message is not None and _asks_for_one(job.message):
+        _learn(dictionary, job, job.message)
     ask(dictionary, job)
 
 
@@ -52,16 +47,24 @@ def ask(dictionary: Dictionary, job: Job) -> None:
     job.meanings = [None if each is None or not each.is_said else each for each in found]
 
 
-def _described(job: Job) -> Iterator[tuple[Address, Block]]:
+def _asks_for_one(request: Request) -> bool:
+    for each in request.addresses:
+        if each.attribute == DESCRIPTION:
+            return request.operation == "read"
+    return False
+
+
+def _learn(dictionary: Dictionary, job: Job, request: Request) -> None:
     """The descriptions in a response, as far as it is the one to its request and whole."""
-    request, response, half = job.message, job.response, job.read_response
-    if request is None or response is None or half is None or request.operation != "read":
-        return
-    if not any(each.attribute == DESCRIPTION for each in request.addresses):
+    response, half = job.response, job.read_response
+    if response is None or half is None or response.response_id not in _READ:
         return
     broken = half.missing or half.status or any(flaw.rule in _BROKEN for flaw in response.flaws)
-    if broken or is_mismatch(job) or response.response_id not in _READ:
+    if broken or is_mismatch(job):
         return
+    access = access_of(job)
     for address, block in zip(request.addresses, response.blocks, strict=False):
         if address.attribute == DESCRIPTION and address.element_count <= 1 and block.error is None:
-            yield address, block
+            dictionary.learn(
+                access, address.pnu, address.subindex, block.format_name, block.values, half.frame
+            )

@@ -22,6 +22,7 @@ from ds47.diagnosis.targets import Reach, reach_of
 from ds47.findings.remark import Corrected, Remark
 from ds47.model import SIEMENS
 from ds47.profidrive import Options, Request, decode_request
+from ds47.profidrive.dictionary import listed
 from ds47.profidrive.drive_objects import LOCAL, put
 from ds47.profidrive.model import VALUE, Block
 from ds47.profinet.records import Record
@@ -188,9 +189,10 @@ class Diagnoses:
         for each in meant:
             args = {**each.args, "better_code": each.args["code"], "bits": each.bits}
             args["code"] = errors.get(each.number)
-            seen = self._seen(job, args["pnu"])
-            args["seen"] = None if seen is None else seen.frame
-            args["case"] = _format_case(seen, self._listed(job, args["pnu"]))
+            seen, said = self._seen(job, args["pnu"]), _described(job, args["pnu"])
+            shown = seen or said
+            args["seen"] = None if shown is None else shown.frame
+            args["case"] = _format_case(seen, said, self._listed(job, args["pnu"]))
             corrected = None
             if sure[each.number]:
                 corrected = found.request if whole else suggest.only(request, [each.number])
@@ -200,14 +202,16 @@ class Diagnoses:
         """Whether nothing that was read speaks against the format that a value is meant to have."""
         pnu, code = each.args["pnu"], each.args["code"]
         read = self._anywhere.get((job.peer.device, pnu), code)
-        return bool(read == code) or self._seen(job, pnu) is not None
+        return bool(read == code) or (self._seen(job, pnu) or _described(job, pnu)) is not None
 
     def _is_proven(self, job: Job, request: Request, number: int) -> bool:
-        """Whether the parameter was read in this format, in the way in which the request goes."""
+        """Whether the parameter was read in this format in the way of the request, or is described so."""
         if number >= len(request.blocks):
             return False  # the request ends before this value
         address, block = request.addresses[number], request.blocks[number]
         seen = self._formats.get((job.peer.device, reach_of(job.record, request.axis), address.pnu))
+        if seen is None and job.message is not None and request.axis == job.message.axis:
+            seen = _described(job, address.pnu)
         return seen is not None and seen.format == block.format
 
     def _simple(self, job: Job, number: int) -> bytes | None:
@@ -337,26 +341,39 @@ class Diagnoses:
         return code if self._anywhere.get((job.peer.device, pnu), code) == code else None
 
     def _format(self, job: Job, pnu: int) -> int | None:
-        seen = self._seen(job, pnu)
-        return self._listed(job, pnu) if seen is None else seen.format
+        shown = self._seen(job, pnu) or _described(job, pnu)
+        return self._listed(job, pnu) if shown is None else shown.format
 
     def _size(self, job: Job, pnu: int) -> int | None:
-        code = self._format(job, pnu)
+        seen = self._seen(job, pnu)
+        code = self._listed(job, pnu) if seen is None else seen.format
         row = formats().get(code) if code is not None else None
         return row.size if row else None
 
 
 class Seen(NamedTuple):
-    """In which format a parameter was read, and first where."""
+    """In which format a parameter was read, and first where; or as which type it is described."""
 
     format: int
     frame: int
 
 
-def _format_case(seen: Seen | None, listed: int | None) -> str:
+def _described(job: Job, pnu: int) -> Seen | None:
+    """As which type the drive has described a parameter of a request, and where."""
+    addresses = () if job.message is None else job.message.addresses
+    for address, meaning in zip(addresses, job.meanings, strict=False):
+        if address.pnu == pnu and meaning is not None and meaning.type is not None:
+            code = _codes().get(meaning.type.value)
+            return None if code is None else Seen(code, meaning.type.frame)
+    return None
+
+
+def _format_case(seen: Seen | None, described: Seen | None, listed: int | None) -> str:
     """Where the format of a parameter is known from: a key of diagnoses.toml."""
     if seen is not None:
         return "format_read"
+    if described is not None:
+        return "format_described"
     return "format_listed" if listed is not None else "format_bits"
 
 
@@ -388,10 +405,8 @@ def is_unlikely(block: Block) -> bool:
 
 def _listed(pnu: int, siemens: bool) -> int | None:
     """The format of a parameter by parameters.toml, where it speaks of this device."""
-    row = parameters().get(pnu)
-    if row is None or (row.family != "profile" and not siemens):
-        return None
-    return _codes().get(row.type.removesuffix("[]"))
+    row = listed(pnu, SIEMENS if siemens else None)
+    return None if row is None else _codes().get(row.type.removesuffix("[]"))
 
 
 @cache

@@ -104,8 +104,19 @@ def choose(
             chosen.frames.update(transaction.frames.all())
             chosen.frames.update(frame for pair in transaction.segments for frame in pair if frame)
             chosen.frames.update(each.frame for each in own)
+    if not selection.by_frame:
+        _add_descriptions(result, chosen)
     _lonely(chosen, findings.get(None, []), selection, names)
     return chosen
+
+
+def _add_descriptions(result: CaptureResult, chosen: Chosen) -> None:
+    """What the drive had said of the chosen parameters comes along: the copy names and measures them, too."""
+    parameters = [item for each in chosen.transactions for item in each.parameters]
+    said = {frame for item in parameters for frame in item.described_in or ()}
+    for each in result.transactions:
+        if each.frames.read_response in said:
+            chosen.frames.update(each.frames.all())
 
 
 def _find_devices(result: CaptureResult, selection: Selection, chosen: Chosen) -> None:

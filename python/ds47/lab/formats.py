@@ -132,3 +132,41 @@ def description(client: Client) -> None:
         start=1,
     ):
         client.exchange(message.read(reference, 1, place), message.answer(reference, 1, 1, block))
+
+
+@BOOK.scene(
+    "drive object 2 describes two parameters: from then on its values have a name, a unit and a physical value, "
+    "and a change in another type is known to be one; drive object 3 has described nothing",
+    *[OK_READ] * 5,
+    ("change", "error"),
+    OK_CHANGE,
+    rules="DS410 DS714 DS721",
+)
+def described(client: Client) -> None:
+    """Names, units and types that a drive has told."""
+    up, down = message.address(1120), message.address(1121)
+    for reference, axis, where, block in (
+        (1, 2, up, message.word(1000)),
+        (2, 2, _about(1120), _time("Ramp-up time")),
+        (3, 2, up, message.word(1000)),
+        (4, 3, up, message.word(500)),
+        (5, 2, _about(1121), _time("Ramp-down time")),
+    ):
+        client.exchange(
+            message.read(reference, axis, where), message.answer(reference, 1, axis, block)
+        )
+    refused = message.answer(6, 0x82, 2, message.error(0x05))
+    client.exchange(message.change(6, 2, (down, message.real(1500))), refused)
+    client.exchange(message.change(7, 2, (down, message.word(1500))), message.changed(7, 2))
+
+
+def _about(pnu: int) -> bytes:
+    """The address of a whole description."""
+    return message.address(pnu, 0, 1, message.DESCRIPTION)
+
+
+def _time(name: str) -> bytes:
+    """The description of a time in steps of 10 ms: Unsigned16, 0 to 65000."""
+    head = bytes.fromhex("0006 0000 3f800000 04 fe 00000000")
+    limits = bytes.fromhex("00000000 0000fde8 0000 0000 0000 0000")
+    return message.raw_block(0x0A, 46, head + name.encode().ljust(16) + limits)

@@ -13,9 +13,9 @@ from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
 from ds47 import spec
-from ds47.model import SIEMENS, Described, Parameter, Value
+from ds47.model import SIEMENS, Described, Parameter, Transaction, Value
 from ds47.profidrive.description import Description, describe
-from ds47.profidrive.drive_objects import Access, DriveObjects
+from ds47.profidrive.drive_objects import Access, DriveObjects, access_of
 from ds47.spec import descriptions
 
 _WHOLE: Final = 0
@@ -185,6 +185,16 @@ class Dictionary:
         )  # fmt: skip
 
 
+def explain_transaction(dictionary: Dictionary, item: Transaction, vendor_id: int | None) -> None:
+    """What the drive has said, up to its response, of the parameters that a transaction of PKW is about."""
+    if dictionary.is_empty:
+        return
+    access, last = access_of(item), item.frames.read_response
+    for each in item.parameters:
+        if each.pnu is not None and each.attribute == "value":
+            explain(each, dictionary.meaning(access, each.pnu, vendor_id, last))
+
+
 def _add_newer(said: dict[str, Said], more: dict[str, Said], until: int | None) -> None:
     """Adds what another way was answered with, as far as it is newer; nothing of later frames than `until`."""
     for name, each in more.items():
@@ -263,6 +273,8 @@ def explain(item: Parameter, meaning: Meaning) -> None:
     """Puts into a parameter what the drive has said of it: its name; unit and physical values, where they fit."""
     frames = set() if meaning.name is None else {meaning.name.frame}
     fits, measure = meaning.fits(item.format), meaning.measure
+    if item.format is None and item.values:
+        fits = False  # a number of elements, as PKW tells it
     if fits and measure is not None and item.scaled is None:
         item.unit, frames = measure.unit, frames.union(measure.frames)
         item.scaled = scaled(item.values, measure.power)

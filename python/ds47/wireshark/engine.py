@@ -346,6 +346,10 @@ class _Original:
             setattr(frames, name, self._number(getattr(frames, name)))
         frames.polls = [Read(self._number(a), self._number(b)) for a, b in frames.polls]
         frames.rereads = [Read(self._number(a), self._number(b)) for a, b in frames.rereads]
+        for each in transaction.parameters:
+            if each.described is not None:
+                told = tuple(self._numbers[frame - 1] for frame in each.described.frames)
+                each.described = each.described._replace(frames=told)
         transaction.segments = [
             Read(self._number(a), self._number(b)) for a, b in transaction.segments
         ]

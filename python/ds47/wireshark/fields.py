@@ -273,6 +273,7 @@ def _parameter(item: Element, place: str | None) -> dict[str, Any]:
         if name == spec.formats()[ERROR].name:
             name = count = None
     values = [each for each in item.iterfind("field") if _name(each) == "value"]
+    frames = [int(_show(each)) for each in item.iterfind("field") if _name(each) == "described_in"]
     return {
         "pnu": _number(seen.get("pnu")),
         "subindex": _number(seen.get("subindex")),
@@ -286,6 +287,7 @@ def _parameter(item: Element, place: str | None) -> dict[str, Any]:
         "scaled": _scaled(values, name),
         "error": _error(seen),
         **described.read(item, name),
+        **({"described_in": frames} if frames else {}),
     }
 
 
@@ -317,14 +319,17 @@ def _value(item: Element, name: str | None) -> int | float | str:
 def _scaled(values: list[Element], name: str | None) -> list[int | float | str] | None:
     row = _formats().get(name or "")
     found = codec(row.code) if row else None
-    if row is None or found is None or found.scale is None:
+    if row is None or found is None:
         return None
-    return [
-        _physical(_show(child), row)
+    texts = [
+        _show(child)
         for item in values
         for child in item.iterfind("field")
         if _name(child) == "scaled"
     ]
+    if found.scale is None:  # by the description of the parameter
+        return [_float(text) for text in texts] or None
+    return [_physical(text, row) for text in texts]
 
 
 def _physical(text: str, row: spec.Format) -> int | float | str:

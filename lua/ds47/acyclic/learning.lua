@@ -1,0 +1,79 @@
+-- Which responses teach the dictionary, and when it is asked about the parameters of a job (Python:
+-- ds47.acyclic.learning, where it is explained). A description counts from its response on.
+
+local drive_objects = require("ds47.profidrive.drive_objects")
+local rules = require("ds47.acyclic.judge")
+local tables = require("ds47.spec.tables")
+
+local M = {}
+
+local VALUE, DESCRIPTION = tables.layouts.ADDRESS_VALUE, tables.layouts.ADDRESS_DESCRIPTION
+local READ = { [0x01] = true, [0x81] = true } -- response ids of a read, all of it or a part
+-- Flaws of a response that is not decoded to its end: unknown format, bytes left over, bytes missing.
+local BROKEN = { DS309 = true, DS313 = true, DS315 = true }
+
+-- Whether a request asks for a description.
+local function asks_for_one(request)
+  local addresses = request.addresses
+  for number = 1, #addresses do
+    if addresses[number].attribute == DESCRIPTION then
+      return request.operation == "read"
+    end
+  end
+  return false
+end
+
+-- Whether the descriptions in a response count: it is the one to its request, and whole.
+local function is_believed(job)
+  local request, response, half = job.message, job.response, job.read_response
+  if request == nil or not asks_for_one(request) or response == nil or half == nil then
+    return false
+  end
+  for _, flaw in ipairs(response.flaws) do
+    if BROKEN[flaw.rule] then
+      return false
+    end
+  end
+  local whole = (half.missing or 0) == 0 and (half.status or 0) == 0
+  return whole and READ[response.response_id] == true and not rules.is_mismatch(job)
+end
+
+--- What the drive has said up to now of the parameters whose values a job is about: `job.meanings`, by their
+-- number; nil where it has said nothing of any.
+function M.ask(dictionary, job)
+  if dictionary.is_empty or job.message == nil then
+    return
+  end
+  local access, vendor_id, found = drive_objects.access(job), job.peer.vendor_id, {}
+  for number, address in ipairs(job.message.addresses) do
+    if address.attribute == VALUE then
+      local meaning, is_said = dictionary:meaning(access, address.pnu, vendor_id)
+      found[number] = is_said and meaning or nil
+    end
+  end
+  job.meanings = next(found) and found or nil
+end
+
+--- A job has its response: what it describes is learned, and what its parameters are is asked.
+function M.answered(dictionary, job)
+  if is_believed(job) then
+    local access = drive_objects.access(job)
+    for number, address in ipairs(job.message.addresses) do
+      local block = job.response.blocks[number]
+      if block and address.attribute == DESCRIPTION and address.element_count <= 1 and not block.error then
+        dictionary:learn(access, address.pnu, address.subindex, block.format_name, block.values,
+          job.read_response.frame)
+      end
+    end
+  end
+  M.ask(dictionary, job)
+end
+
+--- A job is over: without a response it is asked only now what its parameters are.
+function M.closed(dictionary, job)
+  if job.response == nil then
+    M.ask(dictionary, job)
+  end
+end
+
+return M
