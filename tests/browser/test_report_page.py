@@ -285,6 +285,31 @@ def test_an_opened_job_tells_what_the_plc_saw(browser, tour):
     assert browser.one("tr.detail .plc").text.startswith("PLC：WRREC DONE")
 
 
+def test_a_parameter_that_the_drive_described(browser, write, captures):
+    browser.open(write("described", analyze(captures / "format-described.pcapng")), "#job-1-3")
+    browser.wait("return !!document.querySelector('tr.detail')")
+    facts = browser.one("tr.detail .facts").text
+    assert "described by the drive in\np1120[0]: frame 8" in facts
+    assert '= 1000 (10.0) s "Ramp-up time"' in browser.one("tr#job-1-3").text.replace("\n", " ")
+    browser.click("button[data-lang=zh]")
+    assert "第 8 帧" in browser.one("tr.detail .facts").text
+    rows = browser.texts(f"{PARAMETERS} tr.row")
+    assert any("1500 (15.0) s #7" in row for row in rows)
+    # what was read before its description has no unit, and one axis has one
+    browser.click("button[data-lang=en]")
+    assert browser.plots() == 4
+    browser.run(
+        "const select = document.querySelector('[data-picker]');"
+        "select.value = [...select.options].find((each) => each.text.includes('p1120[0] \"Ramp')).value;"
+        "select.dispatchEvent(new Event('change'))"
+    )
+    label = browser.run(
+        "return [...document.querySelectorAll('.plot .canvas')].at(-1).getAttribute('aria-label')"
+    )
+    assert "p1120[0]: 2 points: 2 read" in label
+    assert label.endswith("from 1000 to 1000.")
+
+
 def test_parameters_with_their_last_value(browser, tour):
     browser.open(tour)
     rows = browser.texts(f"{PARAMETERS} tr.row")

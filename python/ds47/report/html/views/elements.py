@@ -25,8 +25,8 @@ WIDEST = 256
 class Element:
     """The life of one element in a capture."""
 
-    first: Parameter
-    """The access that showed it first: its name and unit."""
+    named: Parameter
+    """The access that names it: the first, or the newest that a description of the drive names."""
     reads: int = 0
     """How often it was read."""
     accepted: int = 0
@@ -84,6 +84,8 @@ def _note(
                 left_out.add(key)
                 continue
             element = found[key] = Element(each)
+        elif each.described is not None:
+            element.named = each
         _count(element, item, each, number)
 
 
@@ -117,7 +119,7 @@ def _row(key: Key, name: str, element: Element) -> list[Any]:
     last, failed = element.last, element.failed
     return [
         about.device, name, pnu, subindex,
-        *messages.name(element.first), element.first.unit,
+        *messages.name(element.named), last[1].unit if last else element.named.unit,
         element.reads, element.accepted, element.negative, element.sent, element.refused,
         last and _text(last[1], last[2]), int(bool(last and last[0].operation == "change")), last and last[0].id,
         failed and _error(*failed), failed and failed[0].id,
