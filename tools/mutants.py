@@ -85,6 +85,8 @@ LUA_S7 = ("test_lua_s7_near:5.4", "test_s7_limits:5.4", S7_BY_CHANCE, "test_lua_
 TESTS: dict[str, tuple[str, ...]] = {
     "python/ds47/acyclic/judge.py": RULES,
     "python/ds47/acyclic/readback.py": RULES,
+    "python/ds47/profidrive/dictionary.py": ("test_dictionary", "test_learning"),
+    "python/ds47/acyclic/learning.py": ("test_learning",),
     "python/ds47/profidrive/drive_objects.py": ("test_drive_objects", *RULES),
     "python/ds47/findings/collection.py": RULES,
     "python/ds47/acyclic/transactions.py": ("test_transactions", *RULES),
@@ -140,6 +142,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "lua/ds47/s7/moments.lua": LUA_S7,
     "lua/ds47/acyclic/judge.lua": ("test_lua_judge", *LUA),
     "lua/ds47/acyclic/readback.lua": ("test_lua_judge", *LUA),
+    "lua/ds47/profidrive/dictionary.lua": ("test_lua_dictionary:5.4",),
     "lua/ds47/profidrive/drive_objects.lua": ("test_lua_judge", *LUA),
     "lua/ds47/report/statistics.lua": ("test_lua_report", "test_wireshark_statistics"),
     "lua/ds47/report/todo.lua": ("test_lua_report",),
