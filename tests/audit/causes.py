@@ -18,7 +18,7 @@ from pathlib import Path
 
 from tests.audit import message, wire, words
 from tests.audit.claims import Auditor, Case, means, vendor
-from tests.audit.memory import LOCAL, MAYBE, NO_SUCH_AXIS, SURE, Memory, Target
+from tests.audit.memory import LOCAL, MAYBE, NO_SUCH_AXIS, OF_THE_DEVICE, SURE, Memory, Target
 from tests.audit.reading import NOT_READY, Complaint, Deal, Finding, Reading, shown
 
 AUDITORS: dict[str, Auditor] = {}
@@ -609,7 +609,8 @@ def described(
     """The types that a transaction describes a parameter as: all of a description, or its first element."""
     if there.operation != "read" or there.device != deal.device or not there.fits:
         return set()
-    if memory.same(memory.target(there), target or memory.target(deal)) != SURE:
+    sure = memory.same(memory.target(there), target or memory.target(deal)) == SURE
+    if not sure and pnu not in OF_THE_DEVICE:
         return set()
     return {
         block.raw[1] for address, block in there.pairs()

@@ -142,7 +142,9 @@ class Requests:
         elements = random.choice((1, 1, 1, 0, 2)) if known and known.array else 1
         if random.random() < 0.03:
             subindex, elements = random.choice(((1, 1), (0, 2), (65535, 3), (0, 235)))
-        attribute = 0x10 if change else random.choice((0x10,) * 12 + (0x20, 0x30, 0x40))
+        attribute = 0x10 if change else random.choice((0x10,) * 12 + (0x20, 0x20, 0x30, 0x40))
+        if attribute == 0x20 and random.random() < 0.7:
+            subindex = 0
         code = known.format if known else 0x06
         if random.random() < 0.12:
             code = random.choice((0x03, 0x06, 0x08, 0x42, 0x43, 0x41))

@@ -99,8 +99,8 @@ class Drive:
             return _error(0x00, 0)
         if address.attribute == 0x30:
             return _error(0x0F, 0)
-        if address.attribute == 0x20:
-            return _error(0x09, 0)
+        if address.attribute == message.DESCRIPTION:
+            return _described(address, known.format)
         if address.attribute != message.VALUE:
             return _error(0x16, 0)
         wrong = _wrong_place(known, address)
@@ -138,6 +138,21 @@ def _wrong_place(known: Parameter, address: message.Address) -> int | None:
     if address.subindex + max(1, address.elements) > len(known.values):
         return 0x03
     return None
+
+
+def _described(address: message.Address, code: int) -> bytes:
+    """All of a description, or its name: every third parameter has none. Times in steps of 10 ms, if they are whole."""
+    if not address.pnu % 3:
+        return _error(0x09, 0)
+    name = f"Parameter {address.pnu}".encode().ljust(16)
+    head = struct.pack(
+        ">HHfBb4x", code, 0, 1.0, 4 if address.pnu % 2 else 0, -2 if address.pnu % 2 else 0
+    )
+    parts = {0: (0x0A, head + name + bytes(16)), 1: (0x42, head[:2]), 6: (0x09, name)}
+    if address.subindex not in parts:
+        return _error(0x03, address.subindex)
+    kind, raw = parts[address.subindex]
+    return bytes((kind, len(raw) // message.SIZES[kind])) + raw
 
 
 def _error(code: int, info: int) -> bytes:

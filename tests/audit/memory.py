@@ -18,6 +18,8 @@ from tests.audit.reading import Deal, Reading
 LOCAL = 0xB02E
 DO_ID = (975, 7)
 NO_SUCH_AXIS = 0x19
+OF_THE_DEVICE = (964, 974, 976, 977, 978, *range(61000, 61005))
+"""Parameters that a device has once, whichever drive object is asked."""
 RECOMPUTE = frozenset((10, 15, 340, 809, 819, 970, 976, 3900))
 """Parameters whose change changes others."""
 SURE, MAYBE, NEVER = "sure", "maybe", "never"

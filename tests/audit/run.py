@@ -12,6 +12,7 @@ from tests.audit import (
     claims,
     corrected,
     deals,
+    described,
     html,
     page,
     pkw,
@@ -55,6 +56,7 @@ def complaints(item: Reading, drives: dict[str, Drive] | None = None) -> Iterato
     """The same, of what was read already."""
     memory = Memory(item)
     yield from deals.check(item)
+    yield from described.check(item, memory)
     yield from pkw.check(item)
     yield from pzd.check(item)
     for finding in item.findings:
