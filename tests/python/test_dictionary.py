@@ -121,6 +121,7 @@ def test_the_list_speaks_of_its_maker_alone() -> None:
         (whole(code=0x44), "an error as type"),
         (whole(b"Max\x07frequency"), "a control character"),
         (whole(b"Max\x9bfrequency"), "a control character of the upper half"),
+        (whole(b"Max\xa0frequency"), "a blank that is none"),
         ([bytes(46).hex()], "nothing but zero"),
         ([("ff" * 46)], "nothing but ones"),
         ([whole()[0][:-2]], "a byte too few"),  # type: ignore[index]

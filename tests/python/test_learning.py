@@ -137,6 +137,7 @@ BROKEN = {
     "another drive object": message.answer(1, 1, 3, description()),
     "a negative response": message.answer(1, 0x81, 2, message.error(9)),
     "of a change": message.answer(1, 2, 2, description()),
+    "not supported": message.answer(1, 0x80, 2, description()),
     "cut": message.answer(1, 1, 2, description())[:-1],
     "left over": message.answer(1, 1, 2, description()) + b"\1\1",
     "a control character": message.answer(1, 1, 2, description(b"Ramp\x1b[31m")),
@@ -152,6 +153,25 @@ def test_a_broken_one_teaches_nothing(
 ) -> None:
     client = Client(stage)
     client.exchange(message.read(1, 2, ABOUT), response)
+    read(client)
+    assert told() == ["p1120[0] = 1000"]
+
+
+def test_octets_that_are_a_value_describe_nothing(
+    stage: Stage, told: Callable[[], list[str]]
+) -> None:
+    client = Client(stage)
+    other = message.address(1121, 0, 1, message.DESCRIPTION)
+    request = message.read(1, 2, RAMP, other)
+    client.exchange(request, message.answer(1, 1, 2, description(b"Octets"), description(b"Other")))
+    read(client)
+    assert told()[-1] == "p1120[0] = 1000"
+
+
+def test_several_elements_at_once_are_none(stage: Stage, told: Callable[[], list[str]]) -> None:
+    client = Client(stage)
+    several = message.address(1120, 0, 2, message.DESCRIPTION)
+    client.exchange(message.read(1, 2, several), message.answer(1, 1, 2, description()))
     read(client)
     assert told() == ["p1120[0] = 1000"]
 

@@ -168,8 +168,7 @@ end
 
 -- Whether a factor says nothing else than a conversion index. Sources differ about its direction.
 local function agrees(factor, power)
-  return type(factor) == "number" and factor > 0
-    and (factor == 1 or factor == tonumber("1e" .. power) or factor == tonumber("1e" .. -power))
+  return factor == 1 or factor == tonumber("1e" .. power) or factor == tonumber("1e" .. -power)
 end
 
 -- Frames in their order, each once.

@@ -253,8 +253,6 @@ def _code(type_name: str) -> int | None:
 
 def _agrees(factor: Value, power: int) -> bool:
     """Whether a factor says nothing else than a conversion index."""
-    if not isinstance(factor, float) or factor <= 0:
-        return False
     return factor in (1.0, float(f"1e{power}"), float(f"1e{-power}"))
 
 
