@@ -57,7 +57,8 @@ The eight bytes of a PKW request, for the cyclic channel:
     "hex",
     "words",
     "scl",
-    about="Hex bytes, 16# words as a watch table shows them, or SCL assignments.",
+    "scl-fb",
+    about="Hex bytes, 16# words as a watch table shows them, SCL assignments, or a function block in SCL.",
 )
 @click.option(
     "--eeprom", is_flag=True, help="A change by PKW that outlives the supply (AK 11 to 14)."
@@ -74,6 +75,10 @@ def command(
 
     line = _unquoted(" ".join(words)) if words else sys.stdin.read()
     if is_pkw(line):
+        if format_name == "scl-fb":
+            raise click.UsageError(
+                "a function block is made of a read or a change by DS47, not of PKW"
+            )
         stdout().write(written(_pkw(line, pkw_layout, eeprom, lang), format_name) + "\n")
         return
     if eeprom:
@@ -83,10 +88,23 @@ def command(
     except ValueError as problem:
         raise click.UsageError(str(problem)) from problem
     data = encode_request(request)
-    stdout().write(written(data, format_name) + "\n")
+    if format_name == "scl-fb":
+        stdout().write(_function_block(request, lang))
+    else:
+        stdout().write(written(data, format_name) + "\n")
     for remark in _remarks(request):
         warn(remark.text(lang))
     _warn_of_flaws(data, lang)
+
+
+def _function_block(request: Request, lang: str) -> str:
+    from ds47.profidrive.notation import format_request_line
+    from ds47.report.scl import function_block
+
+    try:
+        return function_block(request, format_request_line(request), lang)
+    except ValueError as problem:
+        raise click.UsageError(str(problem)) from problem
 
 
 def _unquoted(line: str) -> str:

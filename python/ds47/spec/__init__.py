@@ -120,6 +120,18 @@ class Pnu(Row):
     family: str
 
 
+class InstructionParameter(Row):
+    """A parameter of an instruction of S7-1200 and S7-1500 (instructions.toml).
+
+    `declaration` is Input, Output or InOut; `sources` are keys of the table of sources there.
+    """
+
+    name: str
+    declaration: str
+    type: str
+    sources: tuple[str, ...]
+
+
 def _whole_place(place: Mapping[str, Any]) -> dict[str, Any]:
     return {key: place.get(key) for key in ("slot", "subslot", "index")}
 
@@ -369,6 +381,25 @@ def parameters() -> Mapping[int, Pnu]:
                 family=row.get("family", "profile"),
             )
     return MappingProxyType(table)
+
+
+@cache
+def instructions() -> Mapping[str, tuple[InstructionParameter, ...]]:
+    """The parameters of the instructions that a function block calls, by the name of the instruction."""
+    return MappingProxyType(
+        {
+            row["name"]: tuple(
+                InstructionParameter(**each | {"sources": tuple(each["sources"])})
+                for each in row["parameter"]
+            )
+            for row in _load("instructions.toml")["instruction"]
+        }
+    )
+
+
+def instruction_sources() -> Mapping[str, str]:
+    """Where the parameters of the instructions were read: document and place, by their keys."""
+    return cast("Mapping[str, str]", _load("instructions.toml")["sources"])
 
 
 @cache
