@@ -83,9 +83,9 @@ DP_CODE = ("id", "en", "zh", "exchange", "wants", "silent", "probe")
 DP_FLAG = ("id", "byte", "bit", "en", "zh")
 EXPLAIN_WORDS = (
     "parts", "plc", "causes", "look", "filter", "plugin_filter", "or", "nothing", "more", "status",
-    "bytes_reversed", "error", "vendor_error", "unconfirmed", "documented", "usual", "unknown_status",
-    "unknown_part", "info_none", "info_subindex", "info_unknown", "list_separator", "part_separator",
-    "separator", "bracket", "advice", "plc_itself", "second",
+    "bytes_reversed", "bytes_shifted", "error", "vendor_error", "unconfirmed", "documented", "usual",
+    "unknown_status", "unknown_part", "info_none", "info_subindex", "info_unknown", "list_separator",
+    "part_separator", "separator", "bracket", "advice", "plc_itself", "second",
 )  # fmt: skip
 """Words of explain.toml that an explanation of a status or of an error number needs."""
 EXPLAINED = {"status": "statuses", "local": "of_plc", "error": "errors"}

@@ -508,8 +508,39 @@ def test_encode_says_what_it_understood(capsys):
     status, out, err = run(capsys, "encode", "change axis 2 p1120[0..1]=Float32:10,5", "-f", "scl")
     assert (status, err) == (0, "ds47: p1120[0..1] := 10.0, 5.0\n")
     assert "#length := 20;" in out
-    _, _, err = run(capsys, "encode", "change p1=Float32:0.1 p2[3]=UINT:1,16#10")
+    _, _, err = run(capsys, "encode", "change axis 1 p1=Float32:0.1 p2[3]=UINT:1,16#10")
     assert err == "ds47: p2[3..4] := 1, 16\n"
+
+
+def test_encode_takes_the_type_of_a_parameter_that_it_knows(capsys):
+    status, out, err = run(capsys, "encode", "write p2900 = 10.0")
+    assert (status, out) == (0, "01 02 01 01 10 01 0b 54 00 00 08 01 41 20 00 00\n")
+    assert err == (
+        "ds47: p2900 is sent as Float32: Fixed value 1, as on SINAMICS\n"
+        "ds47: DO 1, as the line names none; axis N in the line names another\n"
+    )
+    _, out, err = run(capsys, "encode", "change axis 2 P0922=1 p2900=REAL:2.0", "--lang", "zh")
+    assert out.startswith("01 02 02 02 10 01 03 9a ")
+    assert err == "ds47: p922 按 Unsigned16 发送：报文选择（PROFIdrive 行规）\n"
+    _, _, err = run(capsys, "encode", "-f", "scl-fb", "change axis 2 p2900=10.0")
+    assert "p2900 is sent as Float32" in err
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("change axis 2 p2900=10,5", "write p2900=Float32:10.5 for one"),
+        ("change axis 2 p1120=10.5", "p1120: the format of the value is missing"),
+        ("change axis 2 p922=-1", "p922: -1 does not fit Unsigned16 (0 to 65535)"),
+        ("change axis 2 p2900=REAL", "the value behind the format is missing"),
+        ("change axis 2 p2900.description=10.0", "the format of the value is missing"),
+        ("change axis 2 p951=1", "the format of the value is missing"),
+    ],
+)
+def test_encode_takes_no_type_where_it_is_not_sure(line, says, capsys):
+    status, out, err = run(capsys, "encode", line)
+    assert (status, out) == (2, "")
+    assert says in err
 
 
 def test_encode_refuses_a_decimal_comma(capsys):
@@ -529,7 +560,7 @@ def test_encode_says_that_a_read_of_an_array_asks_for_nothing(capsys):
         " p945[0] asks for one, p945[0..7] for eight\n"
     )
     assert "p945 是数组" in run(capsys, "encode", "--lang", "zh", "read p945")[2]
-    assert run(capsys, "encode", "change p945=Unsigned16:0")[2] == ""
+    assert run(capsys, "encode", "change axis 1 p945=Unsigned16:0")[2] == ""
 
 
 def test_the_help_of_encode_has_an_example_a_line(capsys):

@@ -641,3 +641,130 @@ def test_what_a_system_function_does_not_return() -> None:
 def test_lengths_of_ppo_are_told_where_the_length_is_wrong() -> None:
     (meaning,) = explain("SFC14 80B1")
     assert "8 bytes for PKW" in meaning.causes[0].text
+
+
+# ----------------------------------------------------------------- parameters, faults, shifted bytes
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["p945", "P0945", "r0945[0]", "R945", "PNU 945", "pnu945", "p 945", "parameter 945", "PNU: 0945", "参数 945",
+     "参数p945"],
+)  # fmt: skip
+def test_a_parameter_in_every_spelling(text: str) -> None:
+    (meaning,) = explain(text)
+    assert (meaning.kind, meaning.code, meaning.known) == ("parameter", "p945", True)
+    assert (
+        meaning.title == "p945 = 16#03B1: parameter: Fault code, Unsigned16[] (PROFIdrive profile)"
+    )
+    assert meaning.plugin_filter == "ds47.pnu == 945"
+    assert explain(meaning.name) == [meaning]
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_every_parameter_of_the_table(lang: str) -> None:
+    for number, row in spec.parameters().items():
+        (meaning,) = explain(f"parameter {number}", lang)
+        assert (row.name_zh if lang == "zh" else row.name_en) in meaning.title
+        assert (row.type in meaning.title) is (row.type != "unknown")
+        assert not row.unit or row.unit in meaning.title
+        assert f"16#{number:04X}" in meaning.plc[0].note
+        assert bool(CHINESE.search(meaning.title + meaning.look + meaning.plc[0].note)) == (
+            lang == "zh"
+        )
+
+
+def test_a_parameter_that_no_table_has_is_not_made_up() -> None:
+    (meaning,) = explain("P1120[0]")
+    assert not meaning.known
+    assert meaning.title == "p1120 = 16#0460: parameter: not one that the tables know"
+    assert 'ds47 encode "read axis 1 p1120.description[0]"' in str(meaning.advice)
+    assert meaning.filter == "pn_io.profidrive.parameter.number == 1120"
+
+
+def test_a_name_of_a_format_that_is_a_parameter_too_has_both() -> None:
+    meanings = explain("R2")
+    assert [each.kind for each in meanings] == ["format", "parameter"]
+    assert meanings[0] == explain("format R2")[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "kind", "number"),
+    [
+        ("F7900", "F07900", "fault", 7900),
+        ("F07900", "F07900", "fault", 7900),
+        ("f30002", "F30002", "fault", 30002),
+        ("F0022", "F0022", "fault", 22),
+        ("fault 7900", "F07900", "fault", 7900),
+        ("fault code F07900", "F07900", "fault", 7900),
+        ("故障 7900", "F07900", "fault", 7900),
+        ("A07991", "A07991", "alarm", 7991),
+        ("A0922", "A0922", "alarm", 922),
+        ("alarm 7991", "A07991", "alarm", 7991),
+    ],
+)
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_a_fault_is_no_status(lang: str, text: str, code: str, kind: str, number: int) -> None:
+    (meaning,) = explain(text, lang)
+    assert (meaning.kind, meaning.code, meaning.known) == (kind, code, True)
+    assert f"{number} = 16#{number:04X}" in meaning.title
+    assert code in str(meaning.advice)
+    assert not meaning.causes, "no text of a fault is known, and none is made up"
+    assert (
+        meaning.filter == f"pn_io.profidrive.parameter.number == {945 if kind == 'fault' else 2122}"
+    )
+    assert bool(CHINESE.search(meaning.title + meaning.look)) == (lang == "zh")
+    assert explain(meaning.name, lang) == [meaning]
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["F99999", "p65536", "p945[", "p945[0..1]", "fault A07991", "alarm F07900", "parameter x"],
+)
+def test_what_is_no_number_of_a_drive(text: str) -> None:
+    try:
+        kinds = {each.kind for each in explain(text)}
+    except UnknownFormError:
+        return
+    assert kinds.isdisjoint({"parameter", "fault", "alarm"})
+
+
+@pytest.mark.parametrize("text", ["F001", "F0", "A1", "status F7900", "16#F7900", "F7900h"])
+def test_hexadecimal_that_looks_like_a_fault_stays_what_it_was(text: str) -> None:
+    assert {each.kind for each in explain(text)}.isdisjoint({"fault", "alarm"})
+
+
+@pytest.mark.parametrize(
+    ("text", "code"), [("80DE80B5", "DE80B500"), ("00DF80B7", "DF80B700"), ("80C080C3", "C080C300")]
+)
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_a_status_with_a_byte_in_front(lang: str, text: str, code: str) -> None:
+    (meaning,) = explain(text, lang)
+    (inner,) = explain(code, lang)
+    assert meaning.known
+    assert meaning.title.startswith(text)
+    assert code in meaning.title
+    assert (meaning.causes, meaning.filter, meaning.plc) == (inner.causes, inner.filter, inner.plc)
+
+
+def test_a_status_without_its_first_byte() -> None:
+    meanings = explain("80B50000")
+    assert [each.code for each in meanings if each.known] == ["DE80B500", "DF80B500"]
+    assert not meanings[-1].known
+
+
+@pytest.mark.parametrize("text", ["12345678", "80DE0000", "80000000", "DEADBEEF", "B580DE00"])
+def test_bytes_that_are_no_status_however_they_are_turned(text: str) -> None:
+    assert [each.known for each in explain(text)] == [False]
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+@pytest.mark.parametrize("code", ["error 0x09", "error 0x0F", "error 0x16"])
+def test_drives_without_descriptions_and_texts_are_named(code: str, lang: str) -> None:
+    (meaning,) = explain(code, lang, find_vendor("SINAMICS"))
+    told = [
+        each
+        for each in meaning.causes
+        if "SINAMICS DCM" in each.text and "MICROMASTER 4" in each.text
+    ]
+    assert [each.basis for each in told] == ["documented"]

@@ -54,6 +54,7 @@ def statuses() -> Iterator[int]:
     for _ in range(500):
         yield dice.randrange(1 << 32)
     yield from (0, 0xDE80B500, 0x00B580DE, 0xDF80B200, 0xFFFFFFFF)
+    yield from (0x80DE80B5, 0x00DF80B0, 0x12C080C3, 0x00007002, 0x01408200, 0xDEDE80B5)
     for row in (*explanations._table()["status"], *explanations._table()["local"]):
         for service in row.get("services", [row.get("function")]):
             middle = row.get("decode", 0) << 16 | row.get("code1", 0) << 8 | row.get("code2", 0)

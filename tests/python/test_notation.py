@@ -34,6 +34,7 @@ LINES = [
     ("change p1=LREAL:nan", "01020101100100010000" + "0f017ff8000000000000"),
     ("change p1=Unsigned16:", "01020101100000010000" + "0600"),
 ]
+SPELLINGS = ["p0945", "P945", "r0945", "R945", "PNU 945", "pnu945", "p 945", "p00945"]
 REPORTED = [  # as reports and the overview write addresses, names and lists
     ("read DO 2 p945[0..3] (Fault code)", "read axis 2 p945[0]*4"),
     ("read p944[0].text, p945[1..2], r2", "read p944[0].text p945[1]*2 r2"),
@@ -51,6 +52,13 @@ def test_line_both_ways(line: str, data: str) -> None:
     assert encode_request(request).hex() == data
     again = format_request_line(decode_request(bytes.fromhex(data)))
     assert encode_request(parse_request_line(again)).hex() == data
+
+
+@pytest.mark.parametrize("spelled", SPELLINGS)
+def test_a_parameter_in_every_spelling(spelled: str) -> None:
+    assert parse_request_line(f"read {spelled}[0] p1") == parse_request_line("read 945[0] p1")
+    written = parse_request_line(f"change {spelled}[2]=Unsigned16:1, {spelled} := Unsigned16:2")
+    assert written == parse_request_line("change p945[2]=Unsigned16:1 p945=Unsigned16:2")
 
 
 @pytest.mark.parametrize(("line", "plain"), REPORTED)

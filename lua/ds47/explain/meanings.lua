@@ -157,6 +157,14 @@ local function known_status(entry, status, lang, title)
   })
 end
 
+-- The status whose first three bytes these are behind a byte in front; nil where it has no meaning.
+local function read_too_early(status)
+  local late = status % 16777216 * 256
+  local code = four(late)
+  local begins = tables.status.error_code[code] or code ~= 0 and OF_PLC[code]
+  return begins and entry_of(late) and late or nil
+end
+
 --- What a status of four bytes means.
 -- @param status 32 bits, ErrorCode in the highest byte
 -- @param lang "en" or "zh"; anything else gives English
@@ -173,6 +181,13 @@ function M.status(status, lang)
   if entry then
     return known_status(entry, turned, lang, fill(words.bytes_reversed, {
       given = code, code = statuses.status_hex(turned), text = headline(entry, turned, lang),
+    }))
+  end
+  local late = read_too_early(status)
+  if late then
+    entry = entry_of(late)
+    return known_status(entry, late, lang, fill(words.bytes_shifted, {
+      given = code, code = statuses.status_hex(late), text = headline(entry, late, lang),
     }))
   end
   local text = format("%s (%s)", words.unknown_status, statuses.status_text(status, lang))

@@ -23,6 +23,7 @@ from ds47.cli.common import (
 
 if TYPE_CHECKING:
     from ds47.profidrive import Request
+    from ds47.profidrive.notation import RequestLine
     from ds47.report.bilingual import Both
 
 
@@ -40,8 +41,8 @@ A read without an index asks for 0 elements, which is right for a parameter that
 for one element, [0..7] and [0]*8 for eight. A change has as many elements as values.
 
 A value has its format in front: Float32, Integer16, Unsigned32, Word, VisibleString and so on, or what
-a PLC calls it: REAL, INT, UDINT, WORD. Whole numbers may be 16#0A, 2#1010 or 0x0A. The decimal sign is
-a point: a comma separates values.
+a PLC calls it: REAL, INT, UDINT, WORD. It may be left out where ds47 knows the parameter: p2900=10.0.
+Whole numbers may be 16#0A, 2#1010 or 0x0A. The decimal sign is a point: a comma separates values.
 
 The eight bytes of a PKW request, for the cyclic channel:
 
@@ -71,7 +72,7 @@ def command(
     """Prints the bytes of a request; HELP says how it is written."""
     from ds47.cyclic.notation import is_pkw
     from ds47.profidrive import encode_request
-    from ds47.profidrive.notation import parse_request_line
+    from ds47.profidrive.notation import read_request_line
 
     line = _unquoted(" ".join(words)) if words else sys.stdin.read()
     if is_pkw(line):
@@ -84,15 +85,16 @@ def command(
     if eeprom:
         raise click.UsageError("--eeprom is for a change by PKW: pkw change p1082=Float32:40.0")
     try:
-        request = parse_request_line(line.strip())
+        asked = read_request_line(line.strip())
     except ValueError as problem:
         raise click.UsageError(str(problem)) from problem
+    request = asked.request
     data = encode_request(request)
     if format_name == "scl-fb":
         stdout().write(_function_block(request, lang))
     else:
         stdout().write(written(data, format_name) + "\n")
-    for remark in _remarks(request):
+    for remark in (*_assumed(asked), *_remarks(request)):
         warn(remark.text(lang))
     _warn_of_flaws(data, lang)
 
@@ -135,6 +137,27 @@ def written(data: bytes, way: str) -> str:
     if way == "hex":
         return data.hex(" ")
     return scl(data) if way == "scl" else " ".join(plc_words(data))
+
+
+def _assumed(asked: RequestLine) -> Iterator[Both]:
+    """What the line leaves out and a change depends on: formats that the tables know, and the drive object."""
+    from ds47 import spec
+    from ds47.report.bilingual import Both, say
+    from ds47.spec import explanations
+
+    request = asked.request
+    for place in asked.taken:
+        known = spec.parameters()[request.addresses[place].pnu]
+        key = f"family_{known.family}"
+        yield say(
+            "encode_known_type",
+            name=f"p{known.number}",
+            format=request.blocks[place].format_name,
+            parameter=Both(known.name_en, known.name_zh),
+            family=Both(explanations.words("en")[key], explanations.words("zh")[key]),
+        )
+    if request.blocks and not asked.axis_given:
+        yield say("encode_no_axis", axis=str(request.axis))
 
 
 def _remarks(request: Request) -> Iterator[Both]:

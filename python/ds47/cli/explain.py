@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 @lang_option
 @click.option("-f", "--format", "format_name", type=click.Choice(["text", "json"]), default="text")
 def command(code: Sequence[str], vendor: str | None, lang: str, format_name: str) -> None:
-    """Explain a status or code: DE80B500, 16#80B5, 00700200, 0x6B, 107, 16#44, 82, DS410, REAL.
+    """Explain a status or code: DE80B500, 16#80B5, 00700200, 0x6B, 107, 82, DS410, REAL, p2900, F07900.
 
-    Where a number means several things a word in front picks one: error 82, response 82, format 8.
+    Where a number means several things a word in front picks one: error 82, response 82, format 8, fault 7900.
     A format may be given by its name, or by that of the type in a PLC: Float32, REAL.
     """
     text = " ".join(code)

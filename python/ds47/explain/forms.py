@@ -11,6 +11,9 @@ from ds47 import spec
 from ds47.spec import explanations
 
 BYTE, WORD, STATUS, RULE, FORMAT = "byte", "word", "status", "rule", "format"
+PARAMETER, FAULT, ALARM = "parameter", "fault", "alarm"
+MESSAGES = {"F": FAULT, "A": ALARM}
+"""The letters in front of the numbers of faults and alarms."""
 CYCLIC = ("stw1", "zsw1")
 """Kinds whose codes are the control word and the status word of cyclic frames."""
 
@@ -21,6 +24,9 @@ _PAIRS = re.compile(r"[0-9A-F]{2}(?:[ :,\-][0-9A-F]{2})+")
 _HEX = re.compile(r"[0-9A-F]+")
 _RULE = re.compile(r"DS([0-9]{3})")
 _STATUS_DIGITS = 8
+_PARAMETER = re.compile(r"(?:P|R|PNU) ?([0-9]{1,5})(?:\[[0-9]{1,5}\])?")
+_MESSAGE = re.compile(r"([FA])([0-9]{4,5})")
+_WHOLE = re.compile(r"([0-9]{1,5})(\[[0-9]{1,5}\])?")
 
 
 class UnknownFormError(ValueError):
@@ -29,8 +35,9 @@ class UnknownFormError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """One number that a text may stand for: a byte, a word, a status, the number of a rule or of a named format.
+    """One number that a text may stand for.
 
+    `size`: a byte, a word, a status, or of what it is the number: rule, format, parameter, fault, alarm.
     `decimal`: it was read as a decimal number.
     """
 
@@ -62,6 +69,9 @@ def read(text: str) -> Code:
         if not words:
             raise UnknownFormError(text)
         return Code(code, kind, words)
+    if own := tuple(_drive_numbers(kind, code)):
+        named = spec.format_named(digits) if kind is None else None
+        return Code(code, kind, ((Reading(FORMAT, named.code),) if named else ()) + own)
     if rule := _RULE.fullmatch(code):
         return Code(code, kind or "rule", (Reading(RULE, int(rule[1])),))
     if code == "DS47":
@@ -77,6 +87,23 @@ def read(text: str) -> Code:
             raise UnknownFormError(text)
         return Code(rule_id, kind or "rule", (Reading(RULE, int(rule_id[2:])),))
     return Code(code, kind, readings)
+
+
+def _drive_numbers(kind: str | None, code: str) -> Iterator[Reading]:
+    """Numbers that a drive gives its parameters, faults and alarms, as they are written: `R0945[0]`, `F07900`."""
+    parameter = _PARAMETER.fullmatch(code) if kind in (None, PARAMETER) else None
+    message = _MESSAGE.fullmatch(code)
+    plain = _WHOLE.fullmatch(code) if kind in (PARAMETER, FAULT, ALARM) else None
+    if parameter:
+        size, digits = PARAMETER, parameter[1]
+    elif message and kind in (None, MESSAGES[message[1]]):
+        size, digits = MESSAGES[message[1]], message[2]
+    elif plain and (kind == PARAMETER or not plain[2]):
+        size, digits = str(kind), plain[1]
+    else:
+        return
+    if int(digits) <= 0xFFFF:
+        yield Reading(size, int(digits), True)
 
 
 def _split_kind(text: str) -> tuple[str | None, str]:

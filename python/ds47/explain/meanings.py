@@ -6,14 +6,19 @@ import re
 import unicodedata
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from ds47 import spec
 from ds47.cyclic.pzd import missing, signed, state
 from ds47.explain.forms import (
+    ALARM,
     BYTE,
     CYCLIC,
+    FAULT,
     FORMAT,
+    MESSAGES,
+    PARAMETER,
     RULE,
     STATUS,
     WORD,
@@ -136,13 +141,14 @@ def _meanings(
     elif kind in RETURNED:
         if reading.size in (BYTE, WORD):
             yield _number(str(kind), value, lang)
-    elif reading.size == RULE:
-        yield _rule(value, lang)
+    elif reading.size in _OF_ONE_MEANING:
+        yield _OF_ONE_MEANING[reading.size](value, lang)
     elif reading.size == FORMAT:
         yield _number(FORMAT, value, lang)
     elif reading.size == STATUS:
         if kind in (None, "status"):
             yield _status(value, lang)
+            yield from _without_first_byte(value, lang)
     elif reading.size == WORD:
         errors = list(_wide_errors(value, kind, lang, vendor))
         yield from errors
@@ -169,6 +175,14 @@ def _status(status: int, lang: str, word: int | None = None) -> Meaning:
             given=status_hex(status), code=status_hex(turned), text=headline
         )
         return replace(inner, title=title)
+    late = None if entry is not None else _read_too_early(status)
+    if late is not None:
+        inner = _status(late, lang)
+        headline = inner.title.split(words["separator"], 1)[1]
+        title = words["bytes_shifted"].format(
+            given=status_hex(status), code=status_hex(late), text=headline
+        )
+        return replace(inner, title=title)
     code = status_hex(status)
     if entry is None:
         text = f"{words['unknown_status']} ({status_text(status, lang)})"
@@ -186,6 +200,24 @@ def _status(status: int, lang: str, word: int | None = None) -> Meaning:
         parts=_status_parts(status, lang), view=view, shown=code,
         filter_name=filter_name, values=_status_values(status),
     )  # fmt: skip
+
+
+def _read_too_early(status: int) -> int | None:
+    """The status whose first three bytes these are behind a byte in front; None where it has no meaning."""
+    late = status << 8 & 0xFFFFFFFF
+    first = late >> 24
+    begins = first in spec.status("en").code or (first and first in _PLC_FUNCTIONS)
+    return late if begins and _entry_of_status(late) is not None else None
+
+
+def _without_first_byte(status: int, lang: str) -> Iterator[Meaning]:
+    """What begins with the second byte of a status (80B50000), and is none itself."""
+    known = _entry_of_status(status) or _entry_of_status(
+        int.from_bytes(status.to_bytes(4, "little"), "big")
+    )
+    named = status >> 24 == 0x80 and (status >> 16 & 0xFF) in spec.status("en").access
+    if known is None and named and status & 0xFFFF == 0:
+        yield from (each for each in _word(status >> 16, "status", lang) if each.known)
 
 
 def _entry_of_status(status: int) -> Entry | None:
@@ -490,6 +522,60 @@ def _cyclic_word(name: str, value: int, lang: str) -> Meaning:
     )  # fmt: skip
 
 
+# Numbers of a drive
+
+
+def _parameter(number: int, lang: str) -> Meaning:
+    """A parameter by its number: name, type, unit, and on which drives it has them."""
+    words, known = explanations.words(lang), spec.parameters().get(number)
+    code, entry = f"p{number}", explanations.of_number(PARAMETER, number)
+    assert entry is not None
+    values = {"code": code, "hex": f"{number:04X}", "value": str(number)}
+    if known is None:
+        plain = words["plain_parameter"].format_map(values)
+        title = f"{plain}{words['separator']}{words['unknown_parameter']}"
+    else:
+        name = known.name_zh if lang == "zh" else known.name_en
+        about = [
+            name,
+            *([known.type] if known.type != "unknown" else []),
+            *filter(None, [known.unit]),
+        ]
+        family = words["bracket"].format(text=words[f"family_{known.family}"])
+        text = words["list_separator"].join(about) + family
+        title = words["parameter"].format_map(values | {"text": text})
+    meaning = _meaning(
+        PARAMETER, code, f"{explanations.kind_word(PARAMETER)} {number}", title, known is not None, entry, lang,
+        rank=PARAMETER, filter_name=entry.filter, values=values,
+        advice=None if known else words["parameter_advice"].format_map(values),
+    )  # fmt: skip
+    return replace(meaning, plc=_filled(meaning.plc, values))
+
+
+def _filled(blocks: tuple[Block, ...], values: Mapping[str, str]) -> tuple[Block, ...]:
+    return tuple(replace(each, note=each.note.format_map(values)) for each in blocks)
+
+
+_FIVE_DIGITS = 1000
+"""From this number on faults and alarms are those of SINAMICS, which has five digits; MICROMASTER 4 has four."""
+
+
+def _message(kind: str, number: int, lang: str) -> Meaning:
+    """A fault or an alarm by its number; what it means is in no table here."""
+    words, entry = explanations.words(lang), explanations.of_number(kind, number)
+    assert entry is not None
+    letter = next(letter for letter, each in MESSAGES.items() if each == kind)
+    code = f"{letter}{number:0{4 if number < _FIVE_DIGITS else 5}d}"
+    title = words["fault"].format(
+        code=code, decimal=number, hex=f"{number:04X}", text=entry.headline(lang)
+    )
+    return _meaning(
+        kind, code, f"{explanations.kind_word(kind)} {number}", title, True, entry, lang, rank=FAULT,
+        filter_name=entry.filter, values={"value": "945" if kind == FAULT else "2122"},
+        advice=words["fault_advice"].format(code=code),
+    )  # fmt: skip
+
+
 # Rules
 
 
@@ -519,6 +605,13 @@ def _rule(number: int, lang: str) -> Meaning:
         advice=rule.advice_zh if chinese else rule.advice,
         filter_name=entry.filter, values={"name": code},
     )  # fmt: skip
+
+
+_OF_ONE_MEANING: Mapping[str, Callable[[int, str], Meaning]] = {
+    PARAMETER: _parameter, RULE: _rule,
+    FAULT: partial(_message, FAULT), ALARM: partial(_message, ALARM),
+}  # fmt: skip
+"""What is said about a number that can only be one thing."""
 
 
 # Putting an answer together

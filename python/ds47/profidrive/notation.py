@@ -1,7 +1,7 @@
 """Messages as people write them: hexadecimal text, and one readable line per request.
 
     read ref 3 axis 2 p50303[0]              one element of an array; [0] counts as one
-    read p2900 r2902[2]*4 p945[0..3]         without an index: 0 elements; *4 and [0..3]: four elements
+    read p2900 R2902[2]*4 pnu 945[0..3]      without an index: 0 elements; *4 and [0..3]: four elements
     read p1082.description[6]                attributes: .description .text .0x80
     change ref 2 axis 2 p50304=Float32:100.0
     change p922=Unsigned16:1,2 p1=VisibleString:"a b"
@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import dataclass
 
 from ds47 import spec
 from ds47.profidrive import literals
@@ -27,14 +28,15 @@ from ds47.profidrive.model import VALUE, Address, Block, Request
 _PREFIX = re.compile(r"^(?:(DW|D|W|B)?#?16#|0x|\\x|\$)", re.IGNORECASE)
 _WIDTH = {"B": 2, "W": 4, "D": 8, "DW": 8}
 _TOKEN = re.compile(rf'(?:{QUOTED}|[^\s"])+')
-_ADDRESS = r"[pr]?\d+(?:\.\w+)?(?:\[\d+(?:\.\.\d+)?\])?(?:\*\d+)?(?:\.\w+)?"
+_ADDRESS = r"(?:p|r|pnu)?\d+(?:\.\w+)?(?:\[\d+(?:\.\.\d+)?\])?(?:\*\d+)?(?:\.\w+)?"
 _REPORTED = re.compile(
     rf"(?<!\S)({_ADDRESS})(?:\s+\([^()]*\))?(?:\s*:?=\s*|(?=\s|$))", re.IGNORECASE
 )
-_NEXT = re.compile(r",\s+(?=[pr]\d)", re.IGNORECASE)
+_NEXT = re.compile(r",\s+(?=(?:p|r|pnu)\d)", re.IGNORECASE)
+_PNU = re.compile(r"(?<!\S)(p|r|pnu)\s+(?=\d)", re.IGNORECASE)
 _COMMA = re.compile(r",\s+")
 _PARAMETER = re.compile(
-    r"[pr]?(?P<pnu>\d+)(?:\.(?P<early>\w+))?(?:\[(?P<first>\d+)(?:\.\.(?P<last>\d+))?\])?"
+    r"(?:p|r|pnu)?(?P<pnu>\d+)(?:\.(?P<early>\w+))?(?:\[(?P<first>\d+)(?:\.\.(?P<last>\d+))?\])?"
     r"(?:\*(?P<count>\d+))?(?:\.(?P<late>\w+))?(?P<change>=(?P<value>.*))?",
     re.IGNORECASE | re.DOTALL,
 )
@@ -73,6 +75,21 @@ def _hex_token(token: str) -> bytes:
     return bytes.fromhex(digits.rjust(width, "0"))
 
 
+@dataclass(frozen=True, slots=True)
+class RequestLine:
+    """A request as a line asks for it, and what the line left out.
+
+    Attributes:
+        request: whole.
+        axis_given: whether the line names the drive object.
+        taken: places, from 0, of the parameters whose format is that of the table of parameters.
+    """
+
+    request: Request
+    axis_given: bool
+    taken: tuple[int, ...]
+
+
 def parse_request_line(text: str) -> Request:
     """The request a readable line describes (see the top of this file).
 
@@ -80,16 +97,33 @@ def parse_request_line(text: str) -> Request:
         ValueError: the line cannot be understood, or a value does not fit; the message says which
             part.
     """
+    return read_request_line(text, complete=False).request
+
+
+def read_request_line(text: str, complete: bool = True) -> RequestLine:
+    """`parse_request_line` for people: a value without its format has that of a parameter that is known.
+
+    Args:
+        text: the line.
+        complete: whether formats are taken from the table of parameters.
+
+    Raises:
+        ValueError: like `parse_request_line`.
+    """
     tokens = iter(_tokens(text))
     request_id = _request_id(next(tokens, ""))
-    fields = {"ref": 1, "axis": 1}
+    fields: dict[str, int] = {}
     addresses: list[Address] = []
     blocks: list[Block] = []
+    taken = []
     for token in tokens:
         if token.lower() in _FIELDS:
             fields[_FIELDS[token.lower()]] = _number(next(tokens, ""), token)
             continue
-        address, block = _parameter(token)
+        whole = _with_format(token) if complete else token
+        if whole != token:
+            taken.append(len(addresses))
+        address, block = _parameter(whole)
         addresses.append(address)
         blocks += [block] if block else []
     if not addresses:
@@ -100,9 +134,27 @@ def parse_request_line(text: str) -> Request:
         raise ValueError("a change needs values, as in p922=Unsigned16:1")
     if request_id == 0x01 and blocks:
         raise ValueError("a read has no values; use change")
-    return build_request(
-        request_id, addresses, blocks, reference=fields["ref"], axis=fields["axis"]
+    request = build_request(
+        request_id, addresses, blocks, reference=fields.get("ref", 1), axis=fields.get("axis", 1)
     )
+    return RequestLine(request, "axis" in fields, tuple(taken))
+
+
+def _with_format(token: str) -> str:
+    """`p2900=10.0` with the format of this parameter; as it is where it has one, or nobody knows it."""
+    match = _PARAMETER.fullmatch(token)
+    if not match or not match["value"] or match["early"] or match["late"]:
+        return token
+    known = _known_format(match)
+    if known is None or _FORMAT.fullmatch(match["value"]) or spec.format_named(match["value"]):
+        return token
+    return f"{_name(match)}={known.name}:{match['value']}"
+
+
+def _known_format(match: re.Match[str]) -> spec.Format | None:
+    """The format of a parameter that is in the table."""
+    known = spec.parameters().get(int(match["pnu"]))
+    return spec.format_named(known.type.partition("[")[0]) if known else None
 
 
 def format_request_line(request: Request) -> str:
@@ -150,7 +202,7 @@ def _tokens(text: str) -> list[str]:
     """The words of a line; of a parameter as reports print it one word is made."""
     parts = re.split(f"({QUOTED})", text)
     for at in range(0, len(parts), 2):  # between the quoted ones
-        separated = _COMMA.sub(",", _NEXT.sub(" ", parts[at]))
+        separated = _COMMA.sub(",", _NEXT.sub(" ", _PNU.sub(r"\1", parts[at])))
         parts[at] = _REPORTED.sub(_plainly, separated)
     line = "".join(parts)
     if '"' in _TOKEN.sub("", line):
@@ -220,8 +272,7 @@ def _without_format(match: re.Match[str]) -> str:
         return f"{name} has no value, for example {name}=Float32:10.0"
     if spec.format_named(text):
         return f"{name}: the value behind the format is missing, for example {name}=Unsigned16:1"
-    known = spec.parameters().get(int(match["pnu"]))
-    row = spec.format_named(known.type.partition("[")[0]) if known else None
+    row = _known_format(match)
     example = "VisibleString" if text.startswith('"') else row.name if row else "Float32"
     return f"{name}: the format of the value is missing, for example {name}={example}:{text}"
 
