@@ -135,6 +135,7 @@ local function diagnosis(item)
   if item.corrected then
     result.corrected = suggest.corrected(item.corrected)
     result.corrected.request, result.corrected.hex = result.corrected.hex, nil
+    result.corrected.block = nil
     result.corrected.encode = null(result.corrected.encode)
     result.corrected.words = json.array(result.corrected.words)
     result.corrected.transaction = null(item.corrected_in)

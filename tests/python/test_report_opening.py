@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import re
+import shlex
 import shutil
 import subprocess
 from pathlib import Path
@@ -15,6 +16,7 @@ import pytest
 from ds47 import spec
 from ds47.analysis import analyze
 from ds47.cli import main
+from ds47.diagnosis.suggest import corrected
 from ds47.model import CaptureResult, Device, Finding, Frames, Report
 from ds47.report import Options, bilingual, plc, text
 from ds47.report.filters import display_filter
@@ -203,11 +205,34 @@ def test_a_corrected_request_stands_below_its_diagnosis():
     place = lines.index(f"    send instead: {request.hex()}")
     assert lines[place + 1].strip() == "16#0101 16#0101 16#1001 16#0015 16#0000"
     assert lines[place + 3].strip().startswith("#request[0] := 16#01; ")
-    end = place + 7
-    assert lines[end].strip().startswith("ds47 encode ")
+    end = place + 8
+    assert lines[end - 1].strip().startswith("ds47 encode ")
+    assert lines[end].strip() == "with -f scl-fb: a function block for the PLC program"
     told.corrected = None
     without = opening(capture(handmade.transaction(state="error"), diagnoses=[told]))
     assert without == [*lines[:place], *lines[end + 1 :]]
+
+
+@pytest.mark.parametrize(
+    ("request_", "made"),
+    [
+        ("01010101100100150000", True),
+        ("01020101100100150000" + "08013f800000", True),
+        ("01510101100100150000", False),
+        ("010101010100", False),
+        ("0102010110ea00010000" + "0aea" + "00" * 234, False),
+    ],
+)
+def test_only_what_a_function_block_can_be_made_of_is_offered_as_one(request_, made):
+    data = bytes.fromhex(request_)
+    shown = corrected(data)
+    assert shown.block is made
+    told = diagnosis("DS717")
+    told.corrected = data
+    lines = opening(capture(handmade.transaction(state="error"), diagnoses=[told]))
+    assert any("-f scl-fb" in line for line in lines) is made
+    if made:
+        assert main(["encode", "-f", "scl-fb", *shlex.split(shown.encode or "")[2:]]) == 0
 
 
 def test_what_a_capture_cannot_show_is_told_where_something_is_wrong_and_only_what_applies():

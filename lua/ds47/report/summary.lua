@@ -189,6 +189,9 @@ local function corrected(add, lang, item)
   end
   if better.encode then
     add("      " .. better.encode)
+    if better.block then
+      add("      " .. say(lang, "as_function_block"))
+    end
   end
 end
 

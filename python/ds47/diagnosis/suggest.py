@@ -25,7 +25,9 @@ from ds47.profidrive.notation import format_request_line, parse_request_line
 from ds47.spec.semantics import never_written
 
 _PER_ROW: Final = 4
+_ID: Final = 1
 _AXIS: Final = 2
+_LONGEST: Final = 240
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,17 +39,27 @@ class Corrected:
         words: 16-bit words for a watch table, "16#0301"; a last odd byte is "16#01".
         scl: statements to paste into an SCL block of TIA Portal, see `scl`.
         encode: the command line that prints these bytes; None where no readable line gives them.
+        block: whether that command also makes a function block of them.
     """
 
     hex: str
     words: list[str]
     scl: str
     encode: str | None
+    block: bool
 
 
 def corrected(request: bytes) -> Corrected:
     """A request in the forms in which it is shown."""
-    return Corrected(request.hex(), plc_words(request), scl(request), encode_command(request))
+    line = encode_command(request)
+    return Corrected(
+        request.hex(), plc_words(request), scl(request), line, _makes_block(request, line)
+    )
+
+
+def _makes_block(request: bytes, line: str | None) -> bool:
+    """Whether `ds47 encode -f scl-fb` takes it: a read or a change that one record holds everywhere."""
+    return line is not None and request[_ID] in (0x01, 0x02) and len(request) <= _LONGEST
 
 
 def plc_words(data: bytes) -> list[str]:

@@ -229,6 +229,8 @@ class Opening:
                 yield "      " + line
         if better.encode:
             yield "      " + better.encode
+            if better.block:
+                yield "      " + self._say("as_function_block")
 
     # What the capture cannot show
 
