@@ -1,8 +1,11 @@
-"""An interpreter of SCL, as far as the function blocks of `ds47 encode -f scl-fb` use it; strict where TIA Portal
-is, or stricter: no implicit conversion, no value beyond its type, no temporary variable read before it is written,
-no conversion that is not in the list.
+"""An interpreter of SCL, as far as the function blocks of `ds47 encode -f scl-fb` use it.
 
-It shares nothing with what makes the blocks. What WRREC and RDREC do is `Records`, what a drive does is not here.
+It is strict where TIA Portal is, or stricter: no implicit conversion, no value beyond its type, no temporary
+variable read before it is written, no conversion that is not in the list.
+
+The conversions are those that the help of STEP 7 lists under "Explicit conversion", and do what it says:
+REAL_TO_DWORD, DWORD_TO_REAL and their like carry the bits over. Nothing is shared with what makes the blocks. What
+WRREC and RDREC do is `Records`; what a drive does is not here.
 """
 
 from __future__ import annotations

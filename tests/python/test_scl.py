@@ -22,7 +22,7 @@ from tests.audit.drive import Drive, Parameter
 
 from ds47 import __version__, spec
 from ds47.cli import main
-from ds47.profidrive import encode_request, make_block
+from ds47.profidrive import decode_response, encode_request, make_block
 from ds47.profidrive.notation import parse_request_line
 from ds47.report.scl import function_block
 
@@ -405,6 +405,48 @@ def test_texts_and_bytes_are_read():
     assert bytes(machine["p1082_Text"][: machine["p1082_TextLength"]]) == b"Motor"
     machine = run("read axis 2 p61001", _answer("2001c0a80002"))
     assert bytes(machine["p61001"][: machine["p61001Length"]]) == bytes((192, 168, 0, 2))
+
+
+HOSTILE = st.one_of(
+    st.binary(max_size=239),
+    st.lists(
+        st.tuples(
+            st.sampled_from([0x06, 0x08, 0x40, 0x41, 0x43, 0x44, 0x09]),
+            st.integers(0, 255),
+            st.binary(max_size=12),
+        ),
+        max_size=6,
+    ).map(lambda parts: b"".join(bytes((code, count)) + raw for code, count, raw in parts)[:235]),
+)
+"""What stands behind the reference, or behind the header, of a response that nobody should trust."""
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "change axis 2 p2900=REAL:10.0 p922=UINT:3",
+        "read axis 2 p2900 p300 p2902[1..3] p919 p61001 p1082.text[0]",
+    ],
+)
+@settings(max_examples=300, deadline=None)
+@given(tail=HOSTILE, good=st.booleans())
+def test_whatever_the_response_is_the_block_ends_and_is_done_only_with_a_good_one(line, tail, good):
+    request = parse_request_line(line)
+    count = len(request.addresses)
+
+    def bend(data: bytes) -> bytes:
+        head = bytes((request.request_id, 2, count)) if good else b""
+        return (data[:1] + head + tail)[:240]
+
+    machine = run(line, Plant(bend=bend, lasts=0))
+    response = decode_response(bend(bytes((1,))), request)
+    if machine["done"]:
+        assert response.response_id == request.request_id
+        assert response.parameter_count == count
+        assert not any(block.error for block in response.blocks)
+        assert request.request_id == 2 or len(response.blocks) == count
+    if response.response_id == 0x82 and request.request_id == 2:
+        assert machine["error"]
 
 
 # The bytes of every format

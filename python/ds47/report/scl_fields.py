@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from ds47 import spec
 from ds47.profidrive import Address, Block, Request, Value
@@ -346,16 +346,10 @@ def _in(lines: Iterable[str]) -> list[str]:
     return [f"   {line}" for line in lines]
 
 
-def formats(field: Field) -> str:
-    """The condition that `#tempFormat` is one that this field takes, "" where any is looked at.
-
-    A drive may answer with the format that says the length only, 16#41 to 16#43.
-    """
-    if field.format is None:
-        return ""
+def _taken(field: Field) -> list[int]:
+    """The formats that a response may have: the known one, and the one that says its length only (41 to 43)."""
     plain = {1: 0x41, 2: 0x42, 4: 0x43}.get(_bytes_per_value(field))
-    codes = dict.fromkeys([field.format, *([plain] if plain else [])])
-    return " OR ".join(f"#tempFormat = 16#{code:02X}" for code in codes)
+    return [code for code in dict.fromkeys((field.format, plain)) if code is not None]
 
 
 def reading(field: Field) -> list[str]:
@@ -391,18 +385,21 @@ def _bytes_per_value(field: Field) -> int:
 
 
 def _sizes(field: Field) -> list[str]:
-    if field.format is not None:
-        size = _bytes_per_value(field)
-        return [
-            "#tempSize := 0;",
-            f"IF {formats(field)} THEN",
-            f"   #tempSize := {size};",
-            "END_IF;",
-        ]
-    lines = ["CASE BYTE_TO_INT(#tempFormat) OF"]
-    for size, codes in _any_sizes(field).items():
-        lines += [f"   {_labels(codes)}:", f"      #tempSize := {size};"]
-    return [*lines, "ELSE", "   #tempSize := 0;", "END_CASE;"]
+    known = {_bytes_per_value(field): _taken(field)}
+    sizes = _any_sizes(field) if field.format is None else known
+    return _chain({size: [f"#tempSize := {size};"] for size in sizes}, sizes, ["#tempSize := 0;"])
+
+
+def _chain(
+    bodies: Mapping[Any, Iterable[str]],
+    codes: Mapping[Any, Sequence[int]],
+    rest: Sequence[str] = (),
+) -> list[str]:
+    """IF, ELSIF and so on: statements by the formats for which they are."""
+    lines: list[str] = []
+    for key, body in bodies.items():
+        lines += [f"{'ELSIF' if lines else 'IF'} {_is_one_of(codes[key])} THEN", *_in(body)]
+    return [*lines, *(["ELSE", *_in(rest)] if rest else []), "END_IF;"]
 
 
 def _any_sizes(field: Field) -> Mapping[int, Sequence[int]]:
@@ -415,8 +412,8 @@ def _any_sizes(field: Field) -> Mapping[int, Sequence[int]]:
     return sizes
 
 
-def _labels(codes: Iterable[int]) -> str:
-    return ", ".join(f"16#{code:02X}" for code in codes)
+def _is_one_of(codes: Iterable[int]) -> str:
+    return " OR ".join(f"#tempFormat = 16#{code:02X}" for code in codes)
 
 
 def _read_text(field: Field) -> list[str]:
@@ -444,12 +441,12 @@ def _read_bytes(field: Field) -> list[str]:
 def _fetch(field: Field) -> Iterator[str]:
     """One value out of the response, from `#tempPlace` on."""
     if field.way == NUMBER:
-        yield "CASE BYTE_TO_INT(#tempFormat) OF"
-        for any_kind, codes in _ANY_NUMBER:
-            yield f"   {_labels(codes)}:"
-            yield from _in(_in(_bits_of(any_kind)))
-            yield f"      {field.one} := {any_kind.type.upper()}_TO_LREAL({_typed(any_kind)});"
-        yield "END_CASE;"
+        value = f"{field.one} := {{}}_TO_LREAL({{}});"
+        bodies = {
+            kind: [*_bits_of(kind), value.format(kind.type.upper(), _typed(kind))]
+            for kind, _ in _ANY_NUMBER
+        }
+        yield from _chain(bodies, dict(_ANY_NUMBER))
         if field.count > 1:
             yield "#tempPlace := #tempPlace + #tempSize;"
         return
