@@ -69,6 +69,7 @@ clock.configure(Field.new("frame.time_epoch"))
 local this_dissector, words_dissector, bus_dissector, s7_dissector
 local referenced -- the method of all trees that tells it: looking it up costs as much as asking
 local always_wanted -- whether words of drives are, in new frames; nil before the first
+local answers -- the same of fields: what trees of new frames said (tree.lua)
 local on_bus = false -- whether this is a frame of PROFIBUS, which is shown already
 
 local NONE = {}
@@ -144,13 +145,14 @@ end
 
 -- Adds to the tree and sets the columns, where there are some. `finders` of `at` as above. `whole`: somebody
 -- wants our fields.
-local function show(views, findings, events, tvb, columns, tree, finders, at, whole)
+local function show(views, findings, events, tvb, columns, tree, finders, at, whole, is_new)
   if columns and #views + #events > 0 then
     columns.protocol, columns.info = "DS47", info.text(views, events, track.lang)
   end
   if whole and #views + #findings + #events > 0 then
     local context = {
       base_seconds = track.base_seconds(), lang = track.lang, request_of = track.request_of,
+      answers = is_new and not WINDOW and answers or nil,
     }
     local frame = tvb:raw()
     tree_of.add(tree, views, findings, events, finders(tvb, frame, at), context)
@@ -218,7 +220,8 @@ local function dissect_cyclic(tvb, pinfo, tree)
   local place = track.cyclic_place(frame)
   if views then
     local whole = tree:referenced(this_dissector)
-    show(views, findings, events, tvb, columns_of(pinfo), tree, finders_of_words, place and place.at, whole)
+    local columns, at = columns_of(pinfo), place and place.at
+    show(views, findings, events, tvb, columns, tree, finders_of_words, at, whole, is_new)
   end
   if looked_at and place then
     show_all_words(tvb, number, tree, frame, place, is_new, views)
@@ -280,7 +283,7 @@ function ds47_bus.dissector(tvb, pinfo, tree)
   show_bus(item, tvb, columns, tree)
   local at, place = bus_info.data_start(item), track.bus_place(item)
   if views then
-    show(views, findings, events, tvb, columns, tree, finders_on_bus, at, whole)
+    show(views, findings, events, tvb, columns, tree, finders_on_bus, at, whole, is_new)
   end
   if place and is_looked_at(tree, is_new) then
     local data = tvb:raw(0, at + #item.du) -- the check byte is none of it
@@ -315,19 +318,19 @@ function ds47.dissector(tvb, pinfo, tree)
       local is_s7 = track.is_s7(views)
       local columns = not is_s7 and columns_of(pinfo) or nil
       whole = whole or is_s7 and tree:referenced(s7_dissector)
-      show(views, findings, NONE, tvb, columns, tree, finders_of_records, offset, whole)
+      show(views, findings, NONE, tvb, columns, tree, finders_of_records, offset, whole, false)
     end
     show_copy(number, pinfo, tree, true)
   elseif track.feed(number, frame, offset, clock.now, pinfo.len) then
     local columns = columns_of(pinfo)
     local views, findings = track.live_views(columns ~= nil or whole)
-    show(views, findings, NONE, tvb, columns, tree, finders_of_records, offset, whole)
+    show(views, findings, NONE, tvb, columns, tree, finders_of_records, offset, whole, true)
     show_copy(number, pinfo, tree, false)
     passes.came(pinfo.visited)
   elseif track.feed_segment(number, frame, offset, clock.now) then
     whole = whole or tree:referenced(s7_dissector)
     local views, findings = track.live_s7_views(whole)
-    show(views, findings, NONE, tvb, nil, tree, finders_of_records, offset, whole)
+    show(views, findings, NONE, tvb, nil, tree, finders_of_records, offset, whole, true)
     passes.came(pinfo.visited)
   end
 end
@@ -337,7 +340,7 @@ function ds47_words.dissector() end
 function ds47_s7.dissector() end
 
 local function begin_anew()
-  always_wanted, on_bus = nil, false
+  always_wanted, answers, on_bus = nil, {}, false
   encapsulations.register(ds47_bus, preferences.takes_user0(ds47))
   clock.reset()
   passes.reset()

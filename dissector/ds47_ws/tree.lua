@@ -50,22 +50,43 @@ local codes = tables.codes
 
 local find_bytes -- what finds bytes in the frame
 local frame_tree, referenced -- the tree of the frame, and its method of that name
+local answers -- what it said of a field, or of one of several, in frames of which it says the same; or nil
 local language -- of its texts, "en" or "zh"
 local marked -- whether it is seen where a value comes from
 
 -- Whether somebody wants a field.
 local function wanted(key)
-  return referenced(frame_tree, fields[key])
+  if answers == nil then
+    return referenced(frame_tree, fields[key])
+  end
+  local answer = answers[key]
+  if answer == nil then
+    answer = referenced(frame_tree, fields[key])
+    answers[key] = answer
+  end
+  return answer
 end
 
--- Whether somebody wants any of these fields.
-local function any_wanted(keys)
+local function find_wanted(keys)
   for number = 1, #keys do
-    if referenced(frame_tree, fields[keys[number]]) then
+    if wanted(keys[number]) then
       return true
     end
   end
   return false
+end
+
+-- Whether somebody wants any of these fields.
+local function any_wanted(keys)
+  if answers == nil then
+    return find_wanted(keys)
+  end
+  local answer = answers[keys]
+  if answer == nil then
+    answer = find_wanted(keys)
+    answers[keys] = answer
+  end
+  return answer
 end
 
 -- Part of a record: `offset` counts in the record. Nil where the record is not in the frame.
@@ -613,6 +634,7 @@ end
 -- @param found as track.words gives them
 function M.add_words(tree, tvb, found, lang)
   frame_tree, referenced, marked, language = tree, tree.referenced, tree.visible, lang
+  answers = nil
   for _, place in ipairs(found) do
     pzd_tree.add(adding, tree, place, tvb:range(place.offset, place.length), lang)
   end
@@ -664,10 +686,11 @@ end
 -- @param finders {record = a function of a record and of the view that has it, which gives its TvbRange in
 --   this frame, or nil; word = the same of an event; bytes = a function of bytes that does the same}
 -- @param context {base_seconds = second since 1970 that the times are relative to, lang = "en" or "zh",
---   request_of = a function that gives the frame of the request of a finding's transaction, or nil}
+--   request_of = a function that gives the frame of the request of a finding's transaction, or nil,
+--   answers = a table for what is asked of the tree, shared by frames whose trees answer the same, or nil}
 function M.add(tree, views, findings, events, finders, context)
   frame_tree, referenced, marked, language = tree, tree.referenced, tree.visible, context.lang
-  find_bytes = finders.bytes
+  find_bytes, answers = finders.bytes, context.answers
   local taken = {}
   for _, view in ipairs(views) do
     local data
