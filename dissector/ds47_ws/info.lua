@@ -15,7 +15,6 @@ local error_texts = require("ds47.report.sentences")
 
 local M = {}
 
-local NONE = {}
 local PARAMETERS_SHOWN = 6 -- more make the line long: they are counted
 local NAMES_SHOWN = 2 -- with more parameters than these the line has no names
 
@@ -166,20 +165,12 @@ end
 
 -- How a record of the drive is called: where parameters failed by the state that comes of it.
 local function outcome(view)
-  local item, response = view.item, view.response
-  local failed, done = 0, 0
-  for _, block in ipairs(response and response.blocks or NONE) do
-    if block.error then
-      failed = failed + 1
-    else
-      done = done + 1
-    end
-  end
-  if failed == 0 then
+  local item = view.item
+  local failing = item.failing
+  if not failing then
     return asked(view) .. " response " .. head(item)
   end
-  local state = words.state("en", done > 0 and "partial" or "error")
-  return asked(view) .. " " .. state .. drive_object(item.axis)
+  return asked(view) .. " " .. words.state("en", failing) .. drive_object(item.axis)
 end
 
 function sentences.read_response(view)

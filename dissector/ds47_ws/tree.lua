@@ -272,7 +272,9 @@ local function add_address(parent, item, address, asked, record)
   put(parent, "element_count", item.element_count, record, at + 1, 1)
   put(parent, "pnu", item.pnu, record, at + 2, 2)
   put(parent, "subindex", item.subindex, record, at + 4, 2)
-  derive(parent, "name", sentences.name(item, language))
+  if wanted("name") then
+    derive(parent, "name", sentences.name(item, language))
+  end
   derive(parent, "unit", item.unit)
   for _, frame in ipairs(item.described and item.described.frames or {}) do
     derive(parent, "described_in", frame)
@@ -359,6 +361,21 @@ local function add_written(parent, item)
   derive(parent, "written.value_count", item.value_count)
 end
 
+-- All that stands below a value, and it.
+local OF_VALUES = {
+  "value", "value.number", "value.signed", "value.unsigned", "value.float", "value.double", "value.string",
+  "value.bytes", "value.time", "value.hex", "scaled", "scaled.number",
+}
+
+local function add_values(parent, item, block, record)
+  if not any_wanted(OF_VALUES) then
+    return
+  end
+  for place = 1, #item.values do
+    add_value(parent, item, place, block, record)
+  end
+end
+
 local function add_parameter(parent, view, number, record)
   local item = view.parameters[number]
   local address, block, here = places(view, number)
@@ -379,9 +396,7 @@ local function add_parameter(parent, view, number, record)
   if not here then
     add_written(shown, item)
   end
-  for place = 1, #item.values do
-    add_value(shown, item, place, here and block or nil, record)
-  end
+  add_values(shown, item, here and block or nil, record)
   if item.attribute == "description" or item.attribute == "text" then
     description_tree.add(adding, shown, item, here and block or nil, record)
   end
@@ -400,11 +415,12 @@ local HEADERS = {
 
 -- All that stands below the header of a message.
 local OF_PARAMETERS = {
-  "pnu", "value", "parameter", "subindex", "attribute", "element_count", "name", "unit", "described_in",
-  "format", "value_count", "written.format", "written.value_count", "value.number", "value.signed",
-  "value.unsigned", "value.float", "value.double", "value.string", "value.bytes", "value.time", "value.hex",
-  "scaled", "scaled.number", "error.code", "error.text", "error.info", "raw",
+  "pnu", "parameter", "subindex", "attribute", "element_count", "name", "unit", "described_in", "format",
+  "value_count", "written.format", "written.value_count", "error.code", "error.text", "error.info", "raw",
 }
+for _, key in ipairs(OF_VALUES) do
+  OF_PARAMETERS[#OF_PARAMETERS + 1] = key
+end
 for _, row in ipairs(require("ds47_ws.description_fields")) do
   OF_PARAMETERS[#OF_PARAMETERS + 1] = row[1]
 end

@@ -283,6 +283,19 @@ function KEYS.meanings(_, job)
   return job.meanings
 end
 
+-- How a record is called that says of parameters that they failed: "error", or "partial" where others did
+-- not; nil of one that says so of none. For who shows the record; no key of the report.
+function KEYS.failing(_, job)
+  local blocks = job.response and job.response.blocks or NONE
+  local failed = 0
+  for number = 1, #blocks do
+    if blocks[number].error then
+      failed = failed + 1
+    end
+  end
+  return failed > 0 and (failed < #blocks and "partial" or "error") or nil
+end
+
 function KEYS.ar(_, job)
   local ar = job.record.ar
   return ar ~= NIL_UUID and uuid_text(ar) or nil
