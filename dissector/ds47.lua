@@ -88,10 +88,10 @@ local function find_reassembled(data)
 end
 
 -- A function that finds records in this frame, one behind the other.
-local function finder(tvb, frame, at)
+local function finder(tvb, at)
   local from = at
   return function(data)
-    local found = track.find_record(frame, data, from)
+    local found = track.find_record(tvb:raw(), data, from)
     if found then
       from = found + #data
       return tvb:range(found, #data)
@@ -107,22 +107,22 @@ local function columns_of(pinfo)
 end
 
 -- A function that finds bytes in this frame, behind `at`; nil where it has them not.
-local function searcher(tvb, frame, at)
+local function searcher(tvb, at)
   return function(bytes)
-    local found = string.find(frame, bytes, at + 1, true)
+    local found = string.find(tvb:raw(), bytes, at + 1, true)
     return found and tvb:range(found - 1, #bytes)
   end
 end
 
 -- Functions that find in this frame what views and events are about; its records stand from `at` on.
-local function finders_of_records(tvb, frame, at)
-  return { record = finder(tvb, frame, at), bytes = searcher(tvb, frame, at) }
+local function finders_of_records(tvb, at)
+  return { record = finder(tvb, at), bytes = searcher(tvb, at) }
 end
 
 -- The same of words of PKW, and of those of events; the data of the frame begins at `at`.
-local function finders_of_words(tvb, frame, at)
+local function finders_of_words(tvb, at)
   return {
-    bytes = searcher(tvb, frame, at),
+    bytes = searcher(tvb, at),
     record = function(_, view)
       return tvb:range(at + view.item.places[view.role], 8)
     end,
@@ -134,14 +134,16 @@ local function finders_of_words(tvb, frame, at)
 end
 
 -- The same of a frame of PROFIBUS, which has a record or words.
-local function finders_on_bus(tvb, frame, at)
-  local found, record = finders_of_words(tvb, frame, at), finder(tvb, frame, at)
+local function finders_on_bus(tvb, at)
+  local found, record = finders_of_words(tvb, at), finder(tvb, at)
   local words = found.record
   function found.record(data, view)
     return view.item.channel == "pkw" and words(data, view) or record(data)
   end
   return found
 end
+
+local context = { request_of = track.request_of } -- for the tree of the newest frame, which does not keep it
 
 -- Adds to the tree and sets the columns, where there are some. `finders` of `at` as above. `whole`: somebody
 -- wants our fields.
@@ -150,12 +152,9 @@ local function show(views, findings, events, tvb, columns, tree, finders, at, wh
     columns.protocol, columns.info = "DS47", info.text(views, events, track.lang)
   end
   if whole and #views + #findings + #events > 0 then
-    local context = {
-      base_seconds = track.base_seconds(), lang = track.lang, request_of = track.request_of,
-      answers = is_new and not WINDOW and answers or nil,
-    }
-    local frame = tvb:raw()
-    tree_of.add(tree, views, findings, events, finders(tvb, frame, at), context)
+    context.base_seconds, context.lang = track.base_seconds(), track.lang
+    context.answers = is_new and not WINDOW and answers or nil
+    tree_of.add(tree, views, findings, events, finders(tvb, at), context)
   elseif #findings + #events > 0 then
     experts_of.add(tree, experts, findings, events, track.lang)
   end
