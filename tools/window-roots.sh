@@ -29,6 +29,7 @@ provide() {
         version=$(version_of "$program") || version=
     fi
     [ -n "$version" ] || { say "Wireshark of $suite does not start"; return 1; }
+    tools/dumpcap-in-root.sh "$FOLDER/$suite/root"
     echo "$version $program"
 }
 

@@ -60,6 +60,7 @@ provide() {
             wrapper "$FOLDER/$suite/root" "$program"
             found=$(about "$program") || found=
         fi
+        tools/dumpcap-in-root.sh "$FOLDER/$suite/root"
     fi
     if [[ $found != $series.*\ * ]]; then
         say "tshark $series: $suite now has '$found': the matrix in tools/wireshark-roots.sh needs another suite"

@@ -87,7 +87,8 @@ def sent_and_shown(path: Path, wire: socket.socket, home: Path, *arguments: str)
             time.sleep(PAUSE)
         out, _ = shark.communicate(timeout=60)
     if "Couldn't run dumpcap" in out:
-        pytest.skip("this tshark has no dumpcap that runs here")
+        assert os.environ.get("DS47_CI") != "1", out
+        pytest.skip("an ordinary user may not run dumpcap here")
     assert not any(word in out for word in BROKEN), out
     return out.splitlines()
 
