@@ -6,6 +6,7 @@ one of window-roots.sh. Installs nothing; says which of Debian's packages are mi
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import tempfile
@@ -22,6 +23,7 @@ DRIVE = ROOT / "captures" / "cyclic-longer-ramp.pcapng"
 BUS = ROOT / "tools" / "screenshot-profibus.txt"
 REFUSED = 130  # a change that was refused: a negative response with findings
 LIST = "gui.geometry_main_upper_pane: 330\ngui.geometry_main_lower_pane: 880\n"
+PACKET_MENU = 6  # entries of the menu of a packet up to ours
 IO_GRAPHS = 6  # entries of the menu Statistics before this one
 
 
@@ -56,6 +58,7 @@ class Pictures:
             shown.keys("alt+s")
             self.take(shown, "wireshark-menu", "root", "720x840+0+0")
             shown.keys("Escape", "Escape")
+            self._packet_menu(shown)
             self._statistics(shown)
             self._expert(shown)
             self._graph(shown, "wireshark-graph")
@@ -68,6 +71,19 @@ class Pictures:
         shown.click(300, low)
         shown.keys("Home", "End", "shift+Right")
         shown.click(300, low, button=5, repeat=2)
+
+    def _packet_menu(self, shown: Wireshark) -> None:
+        """The menu of a packet, which Wireshark has for plugins from 4.4 on."""
+        version = subprocess.run([self.program, "-v"], capture_output=True, text=True, check=True)
+        found = re.search(r"^Wireshark (\d+)\.(\d+)", version.stdout, re.MULTILINE)
+        if found is None or (int(found[1]), int(found[2])) < (4, 4):
+            return
+        shown.focus(shown.main)
+        shown.click(500, 140)
+        shown.click(500, 140, button=3)
+        shown.keys(*["Down"] * PACKET_MENU, "Right")
+        self.take(shown, "wireshark-packet-menu", "root", "1230x540+0+60")
+        shown.keys("Escape", "Escape", "Escape")
 
     def _statistics(self, shown: Wireshark) -> None:
         """As it opens, from Tools > DS47, whose last entry it is."""

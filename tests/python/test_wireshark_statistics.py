@@ -327,7 +327,7 @@ BUTTONS = {
     "Findings": {TOUR: 6, BUS: 4, S7: 6},
     "Not ok": {TOUR: 12, S7: 12},
     "Errors": {TOUR: 4},
-    "Refused": {TOUR: 2},
+    "Refused": {TOUR: 4, "real-stacks/o3_two_controllers": 83},
     "No answer": {TOUR: 2},
     "Changes": {TOUR: 16},
     "Slow": {TOUR: 0, "conversation-slow": 1},
