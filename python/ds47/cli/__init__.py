@@ -25,7 +25,7 @@ from ds47 import __version__
 
 COMMANDS = (
     "report", "check", "baseline", "accept", "diff", "watch", "export", "decode", "encode",
-    "explain", "rules", "plugin", "lab",
+    "explain", "params", "rules", "plugin", "lab",
 )  # fmt: skip
 """Each is a module of this package with a click command named `command`."""
 

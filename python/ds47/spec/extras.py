@@ -12,6 +12,7 @@ _PACKAGES = {
     "cluster": "dask distributed fsspec",
     "urls": "fsspec",
     "pandas": "pandas",
+    "xlsx": "openpyxl",
 }
 """As an index knows them, without a character that some shell takes for its own."""
 

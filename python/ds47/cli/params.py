@@ -1,0 +1,239 @@
+"""`ds47 params`: lists of parameters taken in, looked up, listed and removed.
+
+Reading and keeping them is `ds47.parameters`; here is what people read. Exit status: 0 done, 1 nothing of that
+name is known, 2 wrong use, 3 a list that cannot be read.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ds47.cli.common import format_option, lang_option, stdout, warn
+from ds47.report.bilingual import say
+from ds47.report.formatting import escape
+
+if TYPE_CHECKING:
+    from ds47.parameters.lists import ParameterList
+    from ds47.report.parameters import Known
+
+_UNREADABLE = 3
+_SHOWN = 12
+"""Rows that were passed over and are shown; of more the number."""
+
+
+@click.group("params")
+def command() -> None:
+    """Look parameters up; take in lists of makers and tools."""
+
+
+@command.command("import")
+@click.argument("path", metavar="FILE", type=click.Path(path_type=Path, dir_okay=False))
+@click.option(
+    "--columns", metavar="KEY=HEADING,...",
+    help="Which column has what: number=Param,name=Text,unit=..,type=..,access=..,values=..",
+)  # fmt: skip
+@click.option("--sheet", metavar="NAME", help="Of a workbook; else its first one.")
+@click.option("--name", metavar="NAME", help="Of the list; else that of the file.")
+@click.option("--vendor", metavar="NAME|ID", help="Whose devices: SINAMICS, ABB, 0x002A.")
+@click.option(
+    "--device-id",
+    "device_ids",
+    metavar="ID",
+    multiple=True,
+    help="PROFINET device id, more than once.",
+)
+@click.option("--firmware", metavar="VERSION", help="Of the device, such as 4.7.")
+@lang_option
+def take(
+    path: Path,
+    columns: str | None,
+    sheet: str | None,
+    name: str | None,
+    vendor: str | None,
+    device_ids: tuple[str, ...],
+    firmware: str | None,
+    lang: str,
+) -> int:
+    """Take in a list of parameters: CSV, XLSX, or the TOML of docs/parameters.md.
+
+    From then on reports name these parameters on such devices. A list of the same name is replaced.
+    """
+    from ds47.parameters import lists, store
+
+    mapping = _columns(columns)
+    try:
+        found = lists.read(path, mapping, sheet)
+        _about(found, name, vendor, device_ids, firmware)
+        place, replaced = store.save(found)
+    except lists.ListError as problem:
+        warn(str(problem))
+        return _UNREADABLE
+    stream = stdout()
+    counts = say(
+        "params_counts", n=len(found.rows), messages=say("params_messages", n=len(found.messages))
+    )
+    key = "params_replaced" if replaced else "params_taken"
+    stream.write(
+        say(key, name=escape(found.name), counts=counts, place=str(place)).text(lang) + "\n"
+    )
+    for line in found.passed_over[:_SHOWN]:
+        warn(say("params_passed_over", what=escape(line)).text(lang))
+    if len(found.passed_over) > _SHOWN:
+        warn(say("params_more_passed_over", n=len(found.passed_over) - _SHOWN).text(lang))
+    return 0
+
+
+def _columns(text: str | None) -> dict[str, str]:
+    from ds47.parameters.columns import COLUMNS
+
+    found = {}
+    for part in (text or "").split(","):
+        key, sign, heading = part.partition("=")
+        if not part.strip():
+            continue
+        if not sign or key.strip() not in COLUMNS or not heading.strip():
+            raise click.BadParameter(
+                f"{part!r}: wants KEY=HEADING; keys are {', '.join(COLUMNS)}",
+                param_hint="--columns",
+            )
+        found[key.strip()] = heading.strip()
+    return found
+
+
+def _about(
+    found: ParameterList,
+    name: str | None,
+    vendor: str | None,
+    device_ids: tuple[str, ...],
+    firmware: str | None,
+) -> None:
+    """Which devices a list is for, as the options say; what they leave out stays as the file has it."""
+    found.name = name or found.name
+    found.firmware = firmware or found.firmware
+    if vendor is not None:
+        found.vendor_id = _vendor_id(vendor)
+    if device_ids:
+        try:
+            found.device_ids = tuple(int(each, 0) for each in device_ids)
+        except ValueError as problem:
+            raise click.BadParameter(
+                f"{', '.join(device_ids)}: wants numbers", param_hint="--device-id"
+            ) from problem
+
+
+def _vendor_id(text: str) -> int:
+    """The PROFINET vendor id of a name that ds47 knows, or of a number."""
+    from ds47 import spec
+    from ds47.parameters.lists import LARGEST_ID
+    from ds47.spec import explanations
+
+    name = explanations.vendor_names().get(text.strip().lower(), text.strip())
+    for vendor in spec.vendors():
+        if vendor.id is not None and vendor.name.lower() == name.lower():
+            return vendor.id
+    try:
+        number = int(text, 0)
+    except ValueError:
+        number = -1
+    if not 0 <= number <= LARGEST_ID:
+        names = ", ".join(sorted(each.name for each in spec.vendors()))
+        raise click.BadParameter(
+            f"{text!r} is no vendor id, and none of: {names}", param_hint="--vendor"
+        )
+    return number
+
+
+@command.command("show")
+@click.argument("words", metavar="NUMBER|WORD...", nargs=-1, required=True)
+@lang_option
+@format_option("text", "json")
+def show(words: tuple[str, ...], lang: str, format_name: str) -> int:
+    """Say what is known of a parameter or a message: 2900, r0945, F07900; or which have a word in their name."""
+    from ds47.report import parameters
+
+    found = _looked_up(" ".join(words), lang)
+    if found is None:
+        return _UNREADABLE
+    stream = stdout()
+    if format_name == "json":
+        from ds47.report.json import text
+
+        stream.write(text([each._asdict() for each in found]) + "\n")
+    elif found:
+        stream.write("\n".join(parameters.lines(found)) + "\n")
+    if not found:
+        warn(say("params_unknown", text=escape(" ".join(words))).text(lang))
+        return 1
+    return 0
+
+
+def _looked_up(text: str, lang: str) -> list[Known] | None:
+    from ds47.parameters import lists, store
+    from ds47.parameters.catalogue import Catalogue
+    from ds47.report import parameters
+
+    try:
+        catalogue = Catalogue(found for _, found in store.kept())
+    except lists.ListError as problem:
+        warn(str(problem))
+        return None
+    return parameters.known(text, catalogue, lang)
+
+
+@command.command("list")
+@lang_option
+@format_option("text", "json")
+def listed(lang: str, format_name: str) -> int:
+    """Name the lists that were taken in."""
+    from ds47.parameters import lists, store
+
+    try:
+        kept = store.kept()
+    except lists.ListError as problem:
+        warn(str(problem))
+        return _UNREADABLE
+    stream = stdout()
+    if format_name == "json":
+        from ds47.report.json import text
+
+        stream.write(text([_plain(path, found) for path, found in kept]) + "\n")
+        return 0
+    from ds47.report.parameters import about
+
+    for path, found in kept:
+        counts = say(
+            "params_counts",
+            n=len(found.rows),
+            messages=say("params_messages", n=len(found.messages)),
+        )
+        stream.write(f"{escape(found.name)}: {counts.text(lang)}; {about(found, lang)}; {path}\n")
+    if not kept:
+        stream.write(say("params_no_list", folder=str(store.folder())).text(lang) + "\n")
+    return 0
+
+
+def _plain(path: Path, found: ParameterList) -> dict[str, Any]:
+    return {
+        "name": found.name, "vendor_id": found.vendor_id, "device_ids": list(found.device_ids),
+        "firmware": found.firmware, "source": found.source, "parameters": len(found.rows),
+        "messages": len(found.messages), "path": str(path),
+    }  # fmt: skip
+
+
+@command.command("remove")
+@click.argument("name")
+@lang_option
+def remove(name: str, lang: str) -> int:
+    """Remove a list that was taken in."""
+    from ds47.parameters import lists, store
+
+    try:
+        path = store.remove(name)
+    except lists.ListError as problem:
+        warn(str(problem))
+        return 1
+    stdout().write(say("params_removed", path=str(path)).text(lang) + "\n")
+    return 0

@@ -1,0 +1,41 @@
+"""How people write the number of a parameter: p0945, r945[0], P700, PNU 945, 61000.
+
+The letter is a habit of Siemens: `p` may be written, `r` may only be read; MICROMASTER has it large. On the wire
+there is the number alone.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+LARGEST = 0xFFFF
+_FORM = re.compile(
+    r"(?:(?P<letter>[pr])|pnu\.?)? ?0*(?P<number>\d{1,5})"
+    r"(?:[\[.](?P<subindex>\d{1,5})(?:(?:\.\.\.?|-)[\w-]*)?\]?)?",
+    re.IGNORECASE,
+)
+
+
+class Spelled(NamedTuple):
+    """A number as it was written: `letter` is "p" or "r", None without; `subindex` None without an index."""
+
+    number: int
+    letter: str | None
+    subindex: int | None
+
+
+def spelled(text: str) -> Spelled | None:
+    """What a text names, None where it is no parameter.
+
+    Args:
+        text: such as `p0945`, `r945[0]`, `P1120[0...3]`, `PNU 945`, `61000`.
+    """
+    match = _FORM.fullmatch(text.strip())
+    if match is None or int(match["number"]) > LARGEST or int(match["subindex"] or 0) > LARGEST:
+        return None
+    letter = match["letter"]
+    subindex = match["subindex"]
+    return Spelled(
+        int(match["number"]), letter and letter.lower(), None if subindex is None else int(subindex)
+    )

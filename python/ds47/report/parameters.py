@@ -1,0 +1,123 @@
+"""What `ds47 params` says of parameters and messages: each thing that is known, with where it is from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+from ds47 import spec
+from ds47.parameters.catalogue import Catalogue
+from ds47.parameters.lists import Message, ParameterList, Row
+from ds47.profidrive.naming import spelled
+from ds47.report.bilingual import say
+from ds47.report.formatting import escape
+
+_FAMILIES = {
+    "profile": "params_profile",
+    "siemens": "params_siemens",
+    "sinamics": "params_sinamics",
+    "sinamics-dcm": "params_dcm",
+    "micromaster": "params_micromaster",
+    "encoder": "params_encoder",
+}
+"""Which devices a row of spec/parameters.toml is about."""
+_MOST = 200
+"""Parameters that a search finds; of more the first ones."""
+
+
+class Known(NamedTuple):
+    """What one source says of a parameter, or of a message (`letter` and `number` are then those of the fault).
+
+    `source` is in words; `values` are texts of values.
+    """
+
+    kind: str
+    letter: str | None
+    number: int
+    name: str
+    unit: str | None
+    type: str | None
+    values: dict[str, str]
+    source: str
+
+
+def known(text: str, catalogue: Catalogue, lang: str = "en") -> list[Known]:
+    """All that is known under a number (`2900`, `r0945`, `F07900`) or a word of a name."""
+    number = spelled(text)
+    if number is not None:
+        return [*_shipped(number.number, lang), *_of_lists(catalogue, number.number, lang)]
+    letter, digits = text[:1].upper(), text[1:].strip()
+    if letter in "FACN" and digits.isdecimal() and len(digits) <= 6:
+        return [
+            _message(each, found, lang) for each, found in catalogue.messages(int(digits), letter)
+        ]
+    return list(_search(text, catalogue, lang))
+
+
+def _shipped(number: int, lang: str) -> Iterator[Known]:
+    row = spec.parameters().get(number)
+    if row is not None:
+        name = row.name_zh if lang == "zh" else row.name_en
+        source = say(_FAMILIES[row.family]).text(lang)
+        yield Known("parameter", None, number, name, row.unit, row.type, {}, source)
+
+
+def _of_lists(catalogue: Catalogue, number: int, lang: str) -> Iterator[Known]:
+    for row, found in catalogue.entries(number):
+        yield _parameter(row, found, lang)
+
+
+def _parameter(row: Row, found: ParameterList, lang: str) -> Known:
+    values = {str(number): text for number, text in sorted(row.values.items())}
+    source = say("params_of_list", name=escape(found.name), about=about(found, lang)).text(lang)
+    return Known("parameter", row.access, row.number, row.name, row.unit, row.type, values, source)
+
+
+def _message(each: Message, found: ParameterList, lang: str) -> Known:
+    source = say("params_of_list", name=escape(found.name), about=about(found, lang)).text(lang)
+    return Known("message", each.letter, each.number, each.text, None, None, {}, source)
+
+
+def _search(text: str, catalogue: Catalogue, lang: str) -> Iterator[Known]:
+    wanted = " ".join(text.casefold().split())
+    numbers = sorted({*spec.parameters(), *catalogue.numbers()})
+    all_ = (
+        each
+        for number in numbers
+        for each in (*_shipped(number, lang), *_of_lists(catalogue, number, lang))
+    )
+    found = (each for each in all_ if wanted in each.name.casefold())
+    for each, _ in zip(found, range(_MOST), strict=False):
+        yield each
+
+
+def about(found: ParameterList, lang: str) -> str:
+    """Which devices a list is for: `vendor 0x002A, device 0x0501, firmware 4.7, from g120.csv`."""
+    parts = []
+    if found.vendor_id is not None:
+        parts.append(say("params_vendor", id=f"0x{found.vendor_id:04X}"))
+    if found.device_ids:
+        parts.append(
+            say("params_device", ids=", ".join(f"0x{each:04X}" for each in found.device_ids))
+        )
+    if found.firmware:
+        parts.append(say("params_firmware", version=escape(found.firmware)))
+    if found.source:
+        parts.append(say("params_from", file=escape(found.source)))
+    return ", ".join(each.text(lang) for each in parts) or say("params_any").text(lang)
+
+
+def lines(all_: Iterable[Known]) -> Iterator[str]:
+    """Each of them: number, name, type and unit, then texts of values, then where it is from."""
+    for each in all_:
+        number = (
+            f"{each.letter}{each.number:05}"
+            if each.kind == "message"
+            else f"{each.letter or 'p'}{each.number:04}"
+        )
+        about_ = ", ".join(
+            part for part in (each.type, escape(each.unit) if each.unit else None) if part
+        )
+        yield f"{number}  {escape(each.name)}{f'  ({about_})' if about_ else ''}"
+        yield from (f"      {value} = {escape(text)}" for value, text in each.values.items())
+        yield f"      {each.source}"
