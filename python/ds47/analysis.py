@@ -39,6 +39,9 @@ from ds47.findings.collection import Findings
 from ds47.findings.remark import Exchange, Remark
 from ds47.model import CHANNELS, DS47, PKW, PZD, S7, CaptureResult, Finding, Transaction
 from ds47.model import Relation as ToldRelation
+from ds47.parameters import naming
+from ds47.parameters.catalogue import Catalogue
+from ds47.parameters.lists import ParameterList
 from ds47.profibus.bus import LINK_TYPES, Bus, Listener
 from ds47.profibus.judge import Judge as BusJudge
 from ds47.profibus.stations import Stations
@@ -89,6 +92,7 @@ class AnalysisOptions:
         ppos: numbers of PPO by the address of the station, for captures of PROFIBUS without Chk_Cfg.
         s7: choices for S7 communication.
         vendor_id: PROFINET vendor id of devices of which the capture shows none; None: they stay without one.
+        lists: lists of parameters that name what the drive does not name itself.
     """
 
     indices: frozenset[int] = frozenset()
@@ -103,13 +107,14 @@ class AnalysisOptions:
     ppos: tuple[tuple[int, int], ...] = ()
     s7: Choices = field(default_factory=Choices)
     vendor_id: int | None = None
+    lists: tuple[ParameterList, ...] = ()
 
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
         """To another process, compiled too: pickle itself cannot fill in what is frozen."""
         return type(self), (
             self.indices, self.slow_ms, self.select, self.ignore, self.codec, self.digest,
             self.pkw_layouts, self.channels, self.cyclic, self.ppos, self.s7,
-            self.vendor_id,
+            self.vendor_id, self.lists,
         )  # fmt: skip
 
 
@@ -208,6 +213,7 @@ class Analysis:
             options.indices, bounds.waiting_calls, bounds.waiting_ars, bounds.proven_ars
         )
         self._judge = Judge(bounds, slow_ns, index47.waits)
+        self._catalogue = Catalogue(options.lists)
         self._dictionary = Dictionary(self._judge.objects, bounds.described_parameters)
         self._diagnoses = Diagnoses(options.codec)
         self._pairing = Pairing(
@@ -365,7 +371,7 @@ class Analysis:
         if DS47 not in self._options.channels:
             return
         remarks = remarks + self._remarks.get(job, [])
-        self._hand_out(job.order, build(job), remarks, early.settled)
+        self._hand_out(job.order, self._built(job), remarks, early.settled)
 
     def _closed(self, job: Job) -> None:
         remarks = self._answers.pop(job, None)
@@ -377,7 +383,7 @@ class Analysis:
         remarks += self._judge.closed(job)
         remarks += self._diagnoses.closed(job)
         remarks += self._remarks.pop(job, [])
-        transaction = build(job)
+        transaction = self._built(job)
         if self._capture is not None and not self._capture.timed:
             transaction.duration_ns = None
         for remark in self._conclusions.transaction(transaction):
@@ -393,6 +399,13 @@ class Analysis:
             return
         self._hand_out(job.order, transaction, remarks, self._on_transaction)
 
+    def _built(self, job: Job) -> Transaction:
+        """The transaction of a job, with the names that lists have."""
+        transaction = build(job)
+        if self._catalogue.is_empty:
+            return transaction
+        return naming.explain(transaction, self._catalogue, job.peer.vendor_id, job.peer.device_id)
+
     def _watch(self, watches: Sequence[Watch]) -> None:
         """Cyclic frames that matter from the next frame on."""
         if self._capture is not None:
@@ -402,6 +415,8 @@ class Analysis:
         """A transaction of PKW is over."""
         transaction = build_pkw(relation, job, self._layout(relation.device))
         explain_transaction(self._dictionary, transaction, relation.vendor_id)
+        if not self._catalogue.is_empty:
+            naming.explain(transaction, self._catalogue, relation.vendor_id, None)
         order, remarks = self._pairing.number(), self._conclusions.exchanged(relation, job)
         remarks += self._conclusions.transaction(transaction)
         if PKW in self._options.channels:

@@ -98,9 +98,10 @@ def error_words(item: ParameterError, lang: str) -> str:
 
 
 class Described(NamedTuple):
-    """What the drive has said of a parameter (attribute 0x20), as far as it is shown.
+    """What the drive has said of a parameter (attribute 0x20), or a list of the user, as far as it is shown.
 
-    `name` is None where it gave none; `frames` are those of the responses that say the name and the unit.
+    `name` is None where neither has one; `frames` are those of the responses that say the name and the unit, none
+    where only a list does.
     """
 
     name: str | None
@@ -160,7 +161,7 @@ class Parameter(_Plain):
 
     @property
     def name(self) -> str | None:
-        """As the drive calls it; else the name of a listed parameter, in English; None of any other."""
+        """As the drive or a list calls it; else the name of a listed parameter, in English; None of any other."""
         if self.described is not None and self.described.name is not None:
             return self.described.name
         return None if self.known is None else self.known.name_en
@@ -168,7 +169,8 @@ class Parameter(_Plain):
     @property
     def described_in(self) -> list[int] | None:
         """Frames of the descriptions that say its name or unit; None where none does."""
-        return None if self.described is None else list(self.described.frames)
+        said = self.described
+        return None if said is None or not said.frames else list(said.frames)
 
 
 class Read(NamedTuple):

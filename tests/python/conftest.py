@@ -18,6 +18,9 @@ from ds47.capture import scan
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+# Lists that whoever runs the tests took in name no parameter here.
+os.environ["DS47_PARAMS"] = str(Path(__file__).with_name("no lists"))
+
 SOURCE = Path(scan.__file__).with_name("scan.py")
 
 

@@ -107,7 +107,8 @@ def test_a_name_that_the_drive_does_not_say_is_that_of_the_list(drive: Drive) ->
 
 def test_the_list_speaks_of_its_maker_alone() -> None:
     assert listed(1082, None) is None
-    row = listed(2, SIEMENS) or listed(21, SIEMENS)
+    assert listed(1082, SIEMENS) is None, "a frequency on MICROMASTER, a speed on SINAMICS"
+    row = listed(806, SIEMENS)
     assert row is not None
     assert listed(row.number, 0x0042) is None
     assert listed(922, 0x0042) is not None

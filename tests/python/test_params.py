@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from ds47.parameters import lists, store
 from ds47.parameters.catalogue import Catalogue
 from ds47.parameters.lists import Message, ParameterList, Row
 from ds47.profidrive.naming import Spelled, spelled
+from ds47.report.load import capture
 
 GERMAN = (
     "Nr.;Bezeichnung;Einheit;Datentyp;Auswahl\n"
@@ -274,3 +276,92 @@ def test_a_text_survives_its_file(text):
 
     document = tomllib.loads(lists.write(kept))
     assert document["parameter"][0]["values"]["1"] == name
+
+
+OWN = """\
+[list]
+name = "own"
+vendor_id = 0x002A
+
+[[parameter]]
+number = "p50076"
+name = "Erregerstrom"
+unit = "%"
+
+[[parameter]]
+number = "r0945"
+name = "Störcode"
+"""
+
+
+@pytest.fixture
+def own(tmp_path):
+    return write(tmp_path / "own.toml", OWN)
+
+
+def names(capsys, *arguments):
+    main(["report", "-f", "json", *map(str, arguments)])
+    document = json.loads(capsys.readouterr().out)
+    parameters = [
+        each for item in document["captures"][0]["transactions"] for each in item["parameters"]
+    ]
+    return {each["pnu"]: (each["name"], each["unit"]) for each in parameters}, document
+
+
+def test_a_report_names_what_a_list_names(own, captures, capsys):
+    tour = captures / "tour-machine.pcapng"
+    found, document = names(capsys, "--params", own, tour)
+    assert found[50076] == ("Erregerstrom", "%")
+    assert found[945] == ("Störcode", None), "a list of the user comes before what is shipped"
+    assert found[50303] == ("Ramp-function generator ramp-up time 1", "s")
+    assert all("described_in" not in each for item in document["captures"][0]["transactions"]
+               for each in item["parameters"])  # fmt: skip
+    again = capture(document["captures"][0])
+    assert [each.name for item in again.transactions for each in item.parameters] == [
+        each["name"]
+        for item in document["captures"][0]["transactions"]
+        for each in item["parameters"]
+    ]
+
+
+def test_lists_that_were_taken_in_count_for_a_report_and_not_for_a_check(
+    own, captures, capsys, tmp_path
+):
+    assert main(["params", "import", str(own)]) == 0
+    tour = tmp_path / "tour.pcapng"
+    shutil.copy(captures / "tour-machine.pcapng", tour)
+    capsys.readouterr()
+    found, _ = names(capsys, tour)
+    assert found[50076] == ("Erregerstrom", "%")
+    main(["report", str(tour)])
+    assert "p50076[1] (Erregerstrom) := 100.0 %" in capsys.readouterr().out
+    assert main(["baseline", str(tour)]) == 0
+    assert "Erregerstrom" not in (tmp_path / "tour.ds47.json").read_text("utf-8")
+    assert main(["report", "--params", str(tmp_path / "none.toml"), str(tour)]) == 2
+
+
+def test_a_list_of_another_vendor_names_nothing(own, captures, capsys):
+    write(own, OWN.replace("0x002A", "0x001A"))
+    found, _ = names(capsys, "--params", own, captures / "tour-machine.pcapng")
+    assert found[50076] == (None, None)
+    assert found[945] == ("Fault code", None)
+
+
+def test_what_a_drive_says_itself_comes_before_a_list(tmp_path, captures, capsys):
+    described = captures / "format-description.pcapng"
+    plain, _ = names(capsys, described)
+    said = {pnu for pnu, (name, _) in plain.items() if name}
+    path = write(
+        tmp_path / "all.toml",
+        "".join(
+            f'[[parameter]]\nnumber = {pnu}\nname = "of the list"\nunit = "furlong"\n'
+            for pnu in plain
+        ),
+    )
+    found, document = names(capsys, "--params", path, described)
+    by_drive = [each for item in document["captures"][0]["transactions"] for each in item["parameters"]
+                if each.get("described_in")]  # fmt: skip
+    for each in by_drive:
+        assert each["unit"] != "furlong"
+    assert found.keys() == plain.keys()
+    assert said <= found.keys()

@@ -2,6 +2,7 @@
 -- What was wrong with it is not said here. Keys of a transaction are those of acyclic/transactions.lua.
 
 local handshake = require("ds47.cyclic.handshake")
+local dictionary = require("ds47.profidrive.dictionary")
 local pkw = require("ds47.cyclic.pkw")
 local relations = require("ds47.cyclic.relations")
 local tables = require("ds47.spec.tables")
@@ -33,7 +34,7 @@ local function parameter(relation, asked, told)
   local source = access == "change" and asked or told
   local value
   if source and not (failed and access ~= "change") then value = source.value end
-  local known = siemens and tables.parameters[asked.pnu or 0] or nil
+  local known = siemens and dictionary.listed(asked.pnu, relation.vendor_id) or nil
   return {
     pnu = asked.pnu, subindex = asked.subindex, attribute = ATTRIBUTES[access] or "value",
     listed = known ~= nil, unit = known and known.unit or nil,

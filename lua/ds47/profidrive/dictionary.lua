@@ -33,13 +33,14 @@ local NONE = {}
 -- What is remembered of a description: its keys; `relevant` and `variable` are made of several.
 local KEPT = { "type", "name", "factor", "low", "high" }
 
---- The row of a parameter in the list, where it speaks of a device of this vendor; nil of any other.
+--- The row of a parameter in the list, where it speaks of a device of this vendor; nil of any other. On
+-- PROFINET a device of Siemens is no MICROMASTER.
 function M.listed(pnu, vendor_id)
   local known = pnu and tables.parameters[pnu]
-  if known and known.family ~= "profile" and vendor_id ~= M.SIEMENS then
-    return nil
+  if not known or known.family == "profile" then
+    return known
   end
-  return known
+  return vendor_id == M.SIEMENS and known.family ~= "micromaster" and known or nil
 end
 
 local Dictionary = {}

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -17,6 +18,7 @@ from ds47.model import CHANNELS, SEVERITIES, SIEMENS
 if TYPE_CHECKING:
     from ds47.analysis import AnalysisOptions
     from ds47.cyclic.named import Name
+    from ds47.parameters.lists import ParameterList
     from ds47.s7.choices import Choices
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -32,7 +34,7 @@ fail_on_option = click.option(
 
 
 def analysis_options(function: Function) -> Function:
-    """Adds --select, --ignore, --index, --lang, --slow, --vendor, --channels, and what the channels have."""
+    """Adds --select, --ignore, --index, --lang, --slow, --params, --vendor, --channels, and what these have."""
     for option in (
         dialect_options,
         s7_options,
@@ -68,6 +70,13 @@ def analysis_options(function: Function) -> Function:
             "--vendor",
             type=click.Choice(["sinamics"], case_sensitive=False),
             help="Whose a device is of which the capture shows no vendor: names, units, error numbers.",
+        ),
+        click.option(
+            "--params",
+            "lists",
+            multiple=True,
+            metavar="FILE",
+            help="A list of parameters that names what the drive does not (docs/parameters.md).",
         ),
         click.option(
             "--slow", type=float, metavar="MS", help="Limit for a slow transaction, in ms."
@@ -144,9 +153,14 @@ def options_from(
     legacy_g120_formats: bool,
     profile_v3_types: bool,
     vendor: str | None = None,
+    lists: Sequence[str] = (),
+    kept_lists: bool = False,
     **others: Any,
 ) -> AnalysisOptions:
-    """The options of an analysis.
+    """The options of an analysis, of those of the command line.
+
+    With `kept_lists` the lists of parameters that the user took in count too: not where a result is compared with
+    one that somebody else has stored.
 
     Raises:
         click.UsageError: a rule, an index, a limit, a layout or a channel that there cannot be.
@@ -168,8 +182,22 @@ def options_from(
         ppos=_ppos(ppos),
         s7=_s7(s7_ports, s7_cpus, s7_blocks, s7_readback),
         vendor_id=None if vendor is None else SIEMENS,
+        lists=_lists(lists, kept_lists),
         **others,
     )
+
+
+def _lists(names: Sequence[str], kept: bool) -> tuple[ParameterList, ...]:
+    """The lists that were taken in, then those that were named: of equals these count."""
+    if not names and not kept:
+        return ()
+    from ds47.parameters import lists, store
+
+    try:
+        own = [found for _, found in store.kept()] if kept else []
+        return (*own, *(lists.read(Path(name)) for name in names))
+    except lists.ListError as problem:
+        raise click.UsageError(str(problem)) from problem
 
 
 def _channels(names: str) -> tuple[str, ...]:

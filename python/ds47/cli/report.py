@@ -124,7 +124,7 @@ def command(
     collect_rarely()
     known = None if reference is None else _reference(reference)
     execution = Execution(
-        options_from(**options), lang, engine, tshark, jobs, results_name, resume, scheduler
+        options_from(**options, kept_lists=True), lang, engine, tshark, jobs, results_name, resume, scheduler
     )  # fmt: skip
     execution.check(paths, series)
     lacking: list[str] = []

@@ -79,7 +79,7 @@ def command(
         raise click.UsageError("--duration must be more than 0 seconds")
     from ds47.watch.dumpcap import DumpcapError
 
-    analysis = options_from(**options)
+    analysis = options_from(**options, kept_lists=True)
     name = source or "+".join(interfaces)
     show = _show(format_name, name, lang, analysis.channels == (S7,))
     watch = _Watch(name, analysis, show, lang)

@@ -9,7 +9,8 @@ from ds47.cyclic import handshake, pkw
 from ds47.cyclic.handshake import Job
 from ds47.cyclic.relations import SIEMENS, Relation
 from ds47.model import PKW, Frames, Parameter, ParameterError, Transaction
-from ds47.spec import cyclic, parameters
+from ds47.profidrive.dictionary import listed
+from ds47.spec import cyclic
 from ds47.spec.units import uuid_text
 
 _OPERATIONS = {
@@ -65,7 +66,7 @@ def _parameter(
     source = asked if access == "change" else told
     value = None if source is None or (error and access != "change") else source.value
     count = access == "count"  # the number of elements is no value of the parameter
-    known = parameters().get(asked.pnu or 0) if relation.vendor_id == SIEMENS else None
+    known = listed(asked.pnu, SIEMENS) if relation.vendor_id == SIEMENS else None
     return Parameter(
         pnu=asked.pnu,
         subindex=asked.subindex,

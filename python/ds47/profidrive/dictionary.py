@@ -81,11 +81,15 @@ class Meaning(NamedTuple):
 
 
 def listed(pnu: int | None, vendor_id: int | None) -> spec.Pnu | None:
-    """The row of a parameter in spec/parameters.toml, where it speaks of a device of this vendor."""
+    """The row of a parameter in spec/parameters.toml, where it speaks of a device of this vendor.
+
+    On PROFINET a device of Siemens is no MICROMASTER, whose numbers mean other things: 1082 is a frequency there
+    and a speed on SINAMICS.
+    """
     known = None if pnu is None else spec.parameters().get(pnu)
-    if known is None or (known.family != "profile" and vendor_id != SIEMENS):
-        return None
-    return known
+    if known is None or known.family == "profile":
+        return known
+    return known if vendor_id == SIEMENS and known.family != "micromaster" else None
 
 
 class Dictionary:

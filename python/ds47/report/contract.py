@@ -220,15 +220,15 @@ def _maybe_error(item: dict[str, Any] | None, vendor_id: int | None) -> model.Pa
 
 
 def _parameter(**arguments: Any) -> model.Parameter:
-    """A parameter, of which the frames of descriptions say that its name may be the one of the drive."""
+    """A parameter; a name that is not the one of spec/parameters.toml is that of the drive, or of a list."""
     name_, frames = arguments.pop("name"), arguments.pop("described_in", None)
     known = parameters().get(arguments["pnu"])
     own = known is not None and name_ in (known.name_en, known.name_zh)
-    given = None if own or not frames else name_
-    described = None if frames is None else model.Described(given, tuple(frames))
-    return model.Parameter(
-        **arguments, listed=name_ is not None and given is None, described=described
-    )
+    given = None if own else name_
+    described = None
+    if frames or given is not None:
+        described = model.Described(given, tuple(frames or ()))
+    return model.Parameter(**arguments, listed=own, described=described)
 
 
 # The objects

@@ -73,10 +73,10 @@ def error(item: ParameterError, lang: str = "en") -> str:
 
 def name(item: Parameter, lang: str = "en") -> str | None:
     """`Maximum speed`; as the drive calls it in quotes, `"Max_frequency"`; None where it has no name."""
-    found = parameter_name(item, lang)
-    if found is None or item.described is None or item.described.name is None:
+    found, said = parameter_name(item, lang), item.described
+    if found is None or said is None or said.name is None:
         return found
-    return quoted(found)
+    return quoted(found) if said.frames else escape(found)
 
 
 def parameter(item: Parameter, written: bool, lang: str = "en") -> str:

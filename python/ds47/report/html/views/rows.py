@@ -164,7 +164,7 @@ def _address(
         pnu, subindex, attribute, count, listed, unit, format_name, described=described
     )
     row = [address(item), pnu, subindex, attribute, count, *messages.name(item), unit, format_name]
-    return row if described is None else [*row, list(described.frames)]
+    return [*row, list(described.frames)] if described is not None and described.frames else row
 
 
 def _row(item: Transaction, base: int, tables: _Tables, witness: plc.Witness) -> list[Any]:
