@@ -279,6 +279,9 @@ local function add_address(parent, item, address, asked, record)
   for _, frame in ipairs(item.described and item.described.frames or {}) do
     derive(parent, "described_in", frame)
   end
+  if wanted("meaning") then
+    derive(parent, "meaning", words.meaning(item, language))
+  end
 end
 
 -- Format and number of values of a block, as they stand in the frame.
@@ -416,7 +419,8 @@ local HEADERS = {
 -- All that stands below the header of a message.
 local OF_PARAMETERS = {
   "pnu", "parameter", "subindex", "attribute", "element_count", "name", "unit", "described_in", "format",
-  "value_count", "written.format", "written.value_count", "error.code", "error.text", "error.info", "raw",
+  "value_count", "meaning", "written.format", "written.value_count", "error.code", "error.text", "error.info",
+  "raw",
 }
 for _, key in ipairs(OF_VALUES) do
   OF_PARAMETERS[#OF_PARAMETERS + 1] = key

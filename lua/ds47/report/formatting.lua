@@ -3,6 +3,7 @@
 
 local tables = require("ds47.spec.tables")
 local descriptions = require("ds47.report.descriptions")
+local profile = require("ds47.report.profile")
 local formats = require("ds47.profidrive.formats")
 local sentences = require("ds47.report.sentences")
 
@@ -245,6 +246,14 @@ function M.name(item, lang)
   return name
 end
 
+--- What the values of a parameter of the profile mean; nil where they say it themselves.
+function M.meaning(item, lang)
+  local parts = profile.parts(item, function(key, values) return M.say(lang, key, values) end,
+    function(text, note) return M.joined(lang, { text, note }, ": ", "：") end,
+    function(text) return M.value(text, "VisibleString") end)
+  return parts and M.joined(lang, parts) or nil
+end
+
 --- A parameter with what is known of it: `p50303[0] = 10.0`, with `:=` if it was written.
 -- `lang` as in `values`.
 function M.parameter(item, written, lang)
@@ -257,7 +266,9 @@ function M.parameter(item, written, lang)
   if described then
     text = text .. (written and " := " or " = ") .. M.joined(lang, described)
   elseif item.values and #item.values > 0 then
-    text = text .. (written and " := " or " = ") .. M.with_unit(item, lang)
+    local told, meant = M.with_unit(item, lang), M.meaning(item, lang)
+    if meant then told = M.say(lang, "parameter_meant", { value = told, text = meant }) end
+    text = text .. (written and " := " or " = ") .. told
   end
   return item.error and text .. " " .. M.error(item.error, lang) or text
 end

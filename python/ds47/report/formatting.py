@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ds47.model import Parameter, ParameterError, Value
-from ds47.report import descriptions, is_text
+from ds47.report import descriptions, is_text, profile
 from ds47.report.bilingual import Both, say
 from ds47.report.escaping import escape as escape
 from ds47.report.escaping import quoted
@@ -98,4 +98,6 @@ def _told(item: Parameter, lang: str) -> str:
         return ""
     unit = f" {escape(item.unit)}" if item.unit else ""
     scaled = f" ({values(item.scaled, item.format, lang)}{unit})" if item.scaled else unit
-    return values(item.values, item.format, lang) + scaled
+    meant = profile.meaning(item)
+    told = values(item.values, item.format, lang) + scaled
+    return told if meant is None else say("parameter_meant", value=told, text=meant).text(lang)

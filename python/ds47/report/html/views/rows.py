@@ -21,7 +21,7 @@ from ds47.model import (
     Transaction,
 )
 from ds47.profidrive.drive_objects import Identity
-from ds47.report import descriptions, plc, s7
+from ds47.report import descriptions, plc, profile, s7
 from ds47.report.bilingual import LANGUAGES
 from ds47.report.formatting import address, escape, value
 from ds47.report.html import messages
@@ -214,7 +214,7 @@ def _hex(data: bytes | None) -> str | None:
 
 
 def _parameter(item: Parameter, tables: _Tables) -> list[Any]:
-    """Address, values, how many there are; then, where there are any, scaled values and error."""
+    """Address, values, how many there are; then, where there are any, scaled values, error and meaning."""
     known = (
         item.pnu, item.subindex, item.attribute, item.element_count, item.listed, item.unit, item.format,
         item.described,
@@ -231,6 +231,8 @@ def _parameter(item: Parameter, tables: _Tables) -> list[Any]:
         len(described) if described else len(item.values),
     ]
     scaled = None if item.scaled is None else [str(each) for each in item.scaled[:VALUES]]
+    if meant := profile.meaning(item):
+        return [*row, scaled or 0, None, list(meant)]
     if item.error is not None:
         of = item.error
         error = (of.code, of.info, of.vendor_id, of.said, of.ak)

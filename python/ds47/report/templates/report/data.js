@@ -94,11 +94,11 @@ class Capture {
     return this.get(row, "parameters").map((item) => this.parameter(item));
   }
 
-  parameter([place, values, count, scaled, error]) {
+  parameter([place, values, count, scaled, error, meant]) {
     const [text, pnu, subindex, attribute, elements, en, zh, unit, format, described] = this.addresses[place];
     return {
       text, pnu, subindex, attribute, elements, names: [en, zh], unit, format, values, count,
-      scaled: scaled || null, error: error === undefined ? null : this.errors[error], described: described || null,
+      scaled: scaled || null, error: error === undefined || error === null ? null : this.errors[error], described: described || null, meant: meant || null,
     };
   }
 
@@ -115,7 +115,7 @@ class Capture {
     const shown = item.values.slice(0, most).map((_, number) => this.valueText(item, number)).join(", ");
     const more = item.count > Math.min(most, item.values.length) ? ` ${say("values_more", { n: grouped(item.count) })}` : "";
     const scaled = item.scaled ? ` (${item.scaled.slice(0, most).join(", ")})` : "";
-    return shown + more + scaled + (item.unit ? ` ${item.unit}` : "");
+    return shown + more + scaled + (item.unit ? ` ${item.unit}` : "") + (item.meant ? ` (${either(item.meant)})` : "");
   }
 
   errorText(error) {
