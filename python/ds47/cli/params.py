@@ -17,7 +17,7 @@ from ds47.report.formatting import escape
 
 if TYPE_CHECKING:
     from ds47.parameters.lists import ParameterList
-    from ds47.report.parameters import Known
+    from ds47.report.known import Known
 
 _UNREADABLE = 3
 _SHOWN = 12
@@ -152,7 +152,7 @@ def _vendor_id(text: str) -> int:
 @format_option("text", "json")
 def show(words: tuple[str, ...], lang: str, format_name: str) -> int:
     """Say what is known of a parameter or a message: 2900, r0945, F07900; or which have a word in their name."""
-    from ds47.report import parameters
+    from ds47.report import known
 
     found = _looked_up(" ".join(words), lang)
     if found is None:
@@ -163,7 +163,7 @@ def show(words: tuple[str, ...], lang: str, format_name: str) -> int:
 
         stream.write(text([each._asdict() for each in found]) + "\n")
     elif found:
-        stream.write("\n".join(parameters.lines(found)) + "\n")
+        stream.write("\n".join(known.lines(found)) + "\n")
     if not found:
         warn(say("params_unknown", text=escape(" ".join(words))).text(lang))
         return 1
@@ -173,14 +173,14 @@ def show(words: tuple[str, ...], lang: str, format_name: str) -> int:
 def _looked_up(text: str, lang: str) -> list[Known] | None:
     from ds47.parameters import lists, store
     from ds47.parameters.catalogue import Catalogue
-    from ds47.report import parameters
+    from ds47.report import known
 
     try:
         catalogue = Catalogue(found for _, found in store.kept())
     except lists.ListError as problem:
         warn(str(problem))
         return None
-    return parameters.known(text, catalogue, lang)
+    return known.known(text, catalogue, lang)
 
 
 @command.command("list")
@@ -201,7 +201,7 @@ def listed(lang: str, format_name: str) -> int:
 
         stream.write(text([_plain(path, found) for path, found in kept]) + "\n")
         return 0
-    from ds47.report.parameters import about
+    from ds47.report.known import about
 
     for path, found in kept:
         counts = say(
