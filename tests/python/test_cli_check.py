@@ -313,7 +313,7 @@ def test_diff(captures, capsys, tmp_path):
     assert "none.json" in err
     page = tmp_path / "d.html"
     assert run(capsys, "diff", a, b, "-f", "html", "-o", page)[0] == 0
-    assert "What differs" in page.read_text(encoding="utf-8")
+    assert "there is nothing to compare" in page.read_text(encoding="utf-8")
 
 
 def test_a_capture_that_is_cut_is_named_and_compared(stored, capsys):

@@ -170,7 +170,10 @@ def test_both_learn_the_same(version: str, seed: int) -> None:
         assert one == other
     kinds = {
         "named": any('("Speed")' in each["en"] for each in found),
-        "scaled": any(each["frames"] and each["en"].endswith((" Hz)", " s)")) for each in found),
+        "scaled": any(
+            each["frames"] and any(f" {unit})" in each["en"] for unit in ("Hz", "s"))
+            for each in found
+        ),
         "limited": any(each["low"] is not None for each in found),
         "several": any(len(each["frames"] or ()) > 1 for each in found),
         "nothing": any(not each["is_said"] for each in found),

@@ -34,6 +34,7 @@ record was cut by the capture from its block. A conversation shows them."""
 NOT_OF_THE_WIRE = frozenset(
     {
         "vendor_id",
+        "lists",
         "lang",
         "slow_ms",
         "select",

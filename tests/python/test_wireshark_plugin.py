@@ -838,9 +838,9 @@ def test_the_info_column_has_names_and_units(tshark: Tshark) -> None:
 
 
 def test_names_and_units_stand_in_the_tree(tshark: Tshark) -> None:
-    shown = tshark("-r", CAPTURES["conversation-error.pcapng"], "-V", "-O", "ds47")
-    assert "[Name: Actual frequency]" in shown
-    assert "[Unit: Hz]" in shown
+    shown = tshark("-r", CAPTURES["tour-machine.pcapng"], "-V", "-O", "ds47")
+    assert "[Name: Ramp-function generator ramp-up time 1]" in shown
+    assert "[Unit: s]" in shown
 
 
 def test_frames_of_others_are_left_alone(tshark: Tshark) -> None:
