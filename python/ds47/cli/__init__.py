@@ -24,7 +24,7 @@ import click
 from ds47 import __version__
 
 COMMANDS = (
-    "report", "check", "baseline", "accept", "diff", "watch", "export", "decode", "encode",
+    "report", "check", "baseline", "accept", "diff", "trail", "watch", "export", "decode", "encode",
     "explain", "params", "rules", "plugin", "lab",
 )  # fmt: skip
 """Each is a module of this package with a click command named `command`."""

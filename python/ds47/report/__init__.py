@@ -29,6 +29,7 @@ FORMATS = (
     "ndjson",
     "csv",
     "events",
+    "parameters",
     "parquet",
     "html",
     "junit",

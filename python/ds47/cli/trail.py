@@ -1,0 +1,62 @@
+"""`ds47 trail`: who changed which parameter, when, by which way, from which value to which.
+
+Here: options, finding the files, exit status. What is printed is `ds47.report.changes`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import click
+
+from ds47.capture.names import about
+from ds47.cli.common import Misses, format_option, output
+from ds47.cli.options import analysis_options, options_from
+from ds47.cli.series import series_option, tasks, tell_lacking
+
+
+@click.command("trail")
+@click.argument("paths", metavar="PATH...", nargs=-1, required=True)
+@format_option("text", "csv", "json")
+@click.option("-o", "--output", "output_name", metavar="FILE", default="-", help="Write to a file.")
+@click.option("--device", metavar="NAME", help="Only this device: IP address or name of station.")
+@click.option("--do", "drive_object", type=int, metavar="N", help="Only this drive object.")
+@click.option("--pnu", type=int, metavar="N", help="Only this parameter.")
+@click.option("--controller", metavar="NAME", help="Only what this controller wrote.")
+@series_option
+@analysis_options
+def command(
+    paths: Sequence[str],
+    format_name: str,
+    output_name: str,
+    device: str | None,
+    drive_object: int | None,
+    pnu: int | None,
+    controller: str | None,
+    series: bool,
+    lang: str,
+    **options: Any,
+) -> int:
+    """Show who changed which parameter, when, from where, from which value to which."""
+    from ds47.capture import CaptureError
+    from ds47.regression.run import readable
+    from ds47.report.changes import Wanted, Writer
+
+    analysis = options_from(**options)
+    misses = Misses()
+    wanted = Wanted(device, drive_object, pnu, controller)
+    with output(output_name) as stream:
+        writer = Writer(stream, format_name, wanted, lang)
+        for task in tasks(paths, series, misses):
+            try:
+                result = readable(task, analysis)
+            except CaptureError as problem:
+                misses(about(task.path, str(problem)))
+                continue
+            writer.capture(result)
+            if not result.complete:
+                misses(about(task.path, result.problem or ""))
+            tell_lacking(task.path, result.missing_files, result.lacking, misses)
+        writer.close()
+    return 3 if misses else 0

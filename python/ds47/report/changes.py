@@ -1,0 +1,165 @@
+"""The changes of parameters as text, CSV or JSON, as `ds47 trail` prints them. `ds47.report.trail` finds them."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple, TextIO
+
+from ds47.model import PKW, CaptureResult
+from ds47.profidrive.drive_objects import Identity
+from ds47.report.bilingual import say
+from ds47.report.csv import Lines, guarded
+from ds47.report.formatting import escape
+from ds47.report.formatting import value as value_text
+from ds47.report.json import timestamp
+from ds47.report.parameters import plain
+from ds47.report.targets import Targets, slot
+from ds47.report.trail import Change, trail
+
+FORMATS = ("text", "csv", "json")
+SCHEMA = "ds47.trail/1"
+COLUMNS = (
+    "path", "time", "frame", "transaction", "controller", "controller_station", "device", "station", "target",
+    "drive_object", "way", "pnu", "subindex", "name", "unit", "old", "old_known", "old_frame", "old_format", "new",
+    "format", "outcome", "error", "status",
+)  # fmt: skip
+"""The header of CSV, and the keys of JSON: `old` with how it is known and in which frame, `error` the number of a
+negative response, `status` that of a refused Write call."""
+
+
+class Wanted(NamedTuple):
+    """Which changes; None is any. `device` and `controller` are IP addresses or names of stations."""
+
+    device: str | None = None
+    drive_object: int | None = None
+    pnu: int | None = None
+    controller: str | None = None
+
+
+def rows(result: CaptureResult, wanted: Wanted) -> Iterator[dict[str, Any]]:
+    """The changes that are wanted, by their frames, with the keys COLUMNS."""
+    targets = Targets(result.transactions)
+    stations = {each.ip: each.station for each in result.devices}
+    for change in trail(result).changes:
+        row = _row(change, targets, stations) | {"path": result.path}
+        if _is_wanted(row, wanted):
+            yield {name: row[name] for name in COLUMNS}
+
+
+def _row(change: Change, targets: Targets, stations: dict[str, str | None]) -> dict[str, Any]:
+    item, old, error = change.transaction, change.old, change.parameter.error
+    of_device = targets.identity(item, change.pnu) == Identity(item.device)
+    return {
+        "time": timestamp(item.start_ns), "frame": change.frame, "transaction": item.id,
+        "controller": item.controller, "controller_station": stations.get(item.controller),
+        "device": item.device, "station": stations.get(item.device),
+        "target": "" if of_device else targets.words(item),
+        "drive_object": None if of_device else targets.drive_object(item),
+        "way": _way(change), "pnu": change.pnu, "subindex": change.subindex,
+        "name": change.parameter.name, "unit": change.parameter.unit,
+        "old": None if old is None else old.value, "old_known": None if old is None else old.how,
+        "old_frame": None if old is None else old.frame, "old_format": None if old is None else old.format,
+        "new": change.new, "format": change.parameter.format, "outcome": change.outcome,
+        "error": None if error is None else error.code,
+        "status": f"{item.write_status:08X}" if change.outcome == "refused" else None,
+    }  # fmt: skip
+
+
+def _way(change: Change) -> str:
+    """`47 slot 2.1`, `0xB02E slot 2.1`, `PKW slot 1.1`: by what a request came."""
+    item = change.transaction
+    if item.channel == PKW or item.index is None:
+        return " ".join(filter(None, (item.channel.upper(), slot(item))))
+    index = str(item.index) if item.index < 0x100 else f"0x{item.index:04X}"
+    return " ".join(filter(None, (index, slot(item))))
+
+
+def _is_wanted(row: dict[str, Any], wanted: Wanted) -> bool:
+    return (
+        wanted.device in (None, row["device"], row["station"])
+        and wanted.controller in (None, row["controller"], row["controller_station"])
+        and wanted.drive_object in (None, row["drive_object"])
+        and wanted.pnu in (None, row["pnu"])
+    )
+
+
+class Writer:
+    """Writes the changes of captures in one of FORMATS."""
+
+    def __init__(self, stream: TextIO, format_name: str, wanted: Wanted, lang: str) -> None:
+        self._stream, self._format, self._wanted, self._lang = stream, format_name, wanted, lang
+        self._captures: list[dict[str, Any]] = []
+        self._csv = csv.writer(Lines(stream), lineterminator="\r\n")
+        if format_name == "csv":
+            self._csv.writerow(COLUMNS)
+
+    def capture(self, result: CaptureResult) -> None:
+        """Takes one complete result."""
+        found = list(rows(result, self._wanted))
+        if self._format == "csv":
+            self._csv.writerows([_cell(each, name) for name in COLUMNS] for each in found)
+        elif self._format == "json":
+            changes = [{key: each[key] for key in COLUMNS if key != "path"} for each in found]
+            self._captures.append({"path": result.path, "changes": changes})
+        else:
+            self._stream.writelines(f"{line}\n" for line in lines(result.path, found, self._lang))
+
+    def close(self) -> None:
+        """Ends the output. The stream stays open: it belongs to the caller."""
+        if self._format == "json":
+            json.dump({"schema": SCHEMA, "captures": self._captures}, self._stream, indent=1)
+            self._stream.write("\n")
+
+
+def _cell(row: dict[str, Any], name: str) -> object:
+    value = row[name]
+    if name in ("old", "new"):
+        return plain(value, row["old_format" if name == "old" else "format"])
+    return guarded(value) if isinstance(value, str) else value
+
+
+def lines(path: str, found: Sequence[dict[str, Any]], lang: str) -> Iterator[str]:
+    """A head with the number of changes, and a table."""
+    yield say("trail_head", path=escape(path), n=len(found)).text(lang)
+    if not found:
+        return
+    head = [say(name).text(lang) for name in _HEADS]
+    table = [head, *([clock(each["time"]), *_texts(each, lang)] for each in found)]
+    widths = [max(len(row[at]) for row in table) for at in range(len(head))]
+    for row in table:
+        yield "  " + "  ".join(map(str.ljust, row, widths)).rstrip()
+
+
+_HEADS = (
+    "trail_time", "trail_frame", "trail_controller", "trail_device",
+    "trail_way", "trail_parameter", "trail_change", "trail_outcome",
+)  # fmt: skip
+_OUTCOMES = {
+    "accepted": "trail_accepted",
+    "negative": "trail_negative",
+    "refused": "trail_refused",
+    "sent": "trail_sent",
+}
+
+
+def clock(time: str) -> str:
+    """`12:14:05.123`, UTC, of a timestamp: the one place that decides how a time is written here."""
+    return time.partition("T")[2][:12]
+
+
+def _texts(row: dict[str, Any], lang: str) -> list[str]:
+    who, device = row["controller_station"] or row["controller"], row["station"] or row["device"]
+    unknown = say("trail_unknown").text(lang)
+    old = unknown if row["old_known"] is None else value_text(row["old"], row["old_format"])
+    new = unknown if row["new"] is None else value_text(row["new"], row["format"])
+    outcome = say(_OUTCOMES[row["outcome"]]).text(lang)
+    if row["error"] is not None:
+        outcome += f" 0x{row['error']:02X}"
+    if row["status"] is not None:
+        outcome += f" {row['status']}"
+    return [
+        str(row["frame"]), escape(who), escape(" ".join(filter(None, (device, row["target"])))),
+        row["way"], f"p{row['pnu']}[{row['subindex']}]", f"{old} -> {new}", outcome,
+    ]  # fmt: skip

@@ -1,0 +1,113 @@
+"""Report as CSV of the last value of each parameter: a row per element of each drive object.
+
+Columns are COLUMNS. A row tells the last value that was read or accepted, and whether the capture shows nothing
+since that may have changed it. What an element went through is `ds47 trail`; the rules are in
+`ds47.report.trail`. Transactions of S7 and findings are not in this format. UTF-8, comma, LF.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator
+from typing import NamedTuple, TextIO
+
+from ds47.model import CaptureResult, Report, Value
+from ds47.profidrive.drive_objects import Identity
+from ds47.report import Options, is_text, write_all
+from ds47.report import Writer as _Writer
+from ds47.report.csv import Cell, Lines, guarded
+from ds47.report.json import timestamp
+from ds47.report.targets import Targets
+from ds47.report.trail import Cell as Element
+from ds47.report.trail import trail
+
+COLUMNS = (
+    "path", "device", "station", "target", "drive_object", "pnu", "subindex", "name", "unit", "value", "format",
+    "scaled", "known", "certain", "frame", "time", "reads", "changes", "negative",
+)  # fmt: skip
+"""The header: `known` is how the value is known, "read" or "written", `certain` whether nothing may have changed
+it since; `frame` and `time` are of the response and of the transaction's start."""
+
+
+class Row(NamedTuple):
+    """One element, and where it is: `target` in words, `drive_object` where its number is proved."""
+
+    device: str
+    target: str
+    drive_object: int | None
+    pnu: int
+    subindex: int
+    element: Element
+
+
+def write(report: Report, stream: TextIO, options: Options | None = None) -> None:
+    """Writes a complete report, the header first."""
+    write_all(Writer(stream, options), report)
+
+
+def rows(result: CaptureResult) -> list[Row]:
+    """All elements of a capture, by device, drive object, PNU and subindex."""
+    return sorted(_rows(result), key=_order)
+
+
+def _rows(result: CaptureResult) -> Iterator[Row]:
+    targets = Targets(result.transactions)
+    for (device, pnu, subindex), there in trail(result).cells.items():
+        for identity, cell in there.items():
+            if identity == Identity(device):  # of the device, whichever drive object is asked
+                yield Row(device, "", None, pnu, subindex, cell)
+                continue
+            words = targets.place(cell.sample, with_slot=identity.by_submodule)
+            yield Row(device, words, targets.drive_object(cell.sample), pnu, subindex, cell)
+
+
+def _order(row: Row) -> tuple[str, int, str, int, int]:
+    number = -1 if row.drive_object is None else row.drive_object
+    return row.device, number, row.target, row.pnu, row.subindex
+
+
+class Writer(_Writer):
+    """Writes the elements of a capture when it is complete."""
+
+    def __init__(self, stream: TextIO, options: Options | None = None) -> None:
+        super().__init__(stream, options)
+        self._csv = csv.writer(Lines(stream), lineterminator="\r\n")
+        self._csv.writerow(COLUMNS)
+
+    def capture(self, result: CaptureResult) -> None:
+        stations = {each.ip: each.station for each in result.devices}
+        for row in rows(result):
+            self._csv.writerow(
+                [
+                    guarded(result.path),
+                    guarded(row.device),
+                    guarded(stations.get(row.device)),
+                    *_cells(row),
+                ]
+            )
+
+
+def _cells(row: Row) -> list[Cell]:
+    element, last = row.element, row.element.last
+    known: list[Cell] = [None] * 7
+    if last is not None:
+        certain = "true" if element.certain else "false"
+        value, scaled = plain(last.value, last.format), plain(last.scaled, last.format)
+        known = [
+            value,
+            last.format,
+            scaled,
+            last.how,
+            certain,
+            last.frame,
+            timestamp(last.start_ns),
+        ]
+    return [
+        guarded(row.target), row.drive_object, row.pnu, row.subindex, guarded(element.name), guarded(element.unit),
+        *known, element.reads, element.changes, element.negative,
+    ]  # fmt: skip
+
+
+def plain(value: Value | None, format_name: str | None) -> Cell:
+    """A value as a cell; a text from the drive without what a spreadsheet would run."""
+    return guarded(value) if isinstance(value, str) and is_text(format_name) else value

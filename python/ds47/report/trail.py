@@ -1,0 +1,327 @@
+"""The trail of each parameter: who changed it when, by which way, from which value to which, and what came of it.
+
+A parameter is that of a drive object (`profidrive.drive_objects`). Here are also the last values that a capture
+shows. What is not proved is not said: an old value is one that was read or accepted before, with nothing since
+that may have changed it. No layout and no files: `ds47.report.parameters` and `ds47.cli.trail` have these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+from ds47.model import S7, CaptureResult, Frames, Parameter, Transaction, Value
+from ds47.profidrive import decode_request
+from ds47.profidrive.drive_objects import Access, DriveObjects, Identity, access_of
+from ds47.spec import format_named, parameters
+from ds47.spec.semantics import known
+
+ACCEPTED: Final = "accepted"
+NEGATIVE: Final = "negative"
+REFUSED: Final = "refused"
+SENT: Final = "sent"
+"""Outcomes: the response accepts it; it is negative; the Write call was refused; no response tells."""
+_DOUBTFUL: Final = frozenset({"DS106", "DS309", "DS313", "DS315"})
+"""Findings of a message that is not all there: what it does not say is not known."""
+
+
+class Known(NamedTuple):
+    """A value that the capture shows, and how: "read" or "written", in the frame of the response."""
+
+    value: Value
+    scaled: Value | None
+    format: str | None
+    how: str
+    frame: int
+    start_ns: int
+
+
+@dataclass(slots=True)
+class Change:
+    """One element that a request wrote. `old` is None where the value before is not known."""
+
+    transaction: Transaction
+    pnu: int
+    subindex: int
+    parameter: Parameter
+    new: Value | None
+    old: Known | None = None
+    outcome: str = SENT
+
+    @property
+    def frame(self) -> int:
+        """The frame of the request."""
+        return _first(self.transaction)
+
+
+@dataclass(slots=True)
+class Cell:
+    """One element of one drive object.
+
+    Attributes:
+        sample: a transaction that asked for it; names the drive object.
+        last: the last value that was read or accepted.
+        certain: whether nothing since may have changed it.
+        negative: negative responses and refused calls.
+    """
+
+    sample: Transaction
+    access: Access
+    last: Known | None = None
+    certain: bool = False
+    name: str | None = None
+    unit: str | None = None
+    reads: int = 0
+    changes: int = 0
+    negative: int = 0
+    open: int = 0
+    touched: int = 0
+    """Frame by which the last change was in force, or may have been."""
+
+
+Key = tuple[str, int, int]
+"""Device, PNU, subindex: cells with the same key are of different drive objects, or perhaps not."""
+
+
+@dataclass(slots=True)
+class _Device:
+    open: int = 0
+    """Changes without a response yet that make the drive compute others anew."""
+    forgotten: int = 0
+    """Frame up to which nothing is known."""
+
+
+@dataclass(slots=True)
+class Trail:
+    """What a capture shows: all changes by their frames, and all cells."""
+
+    changes: list[Change] = field(default_factory=list)
+    cells: dict[Key, dict[Identity, Cell]] = field(default_factory=dict)
+
+
+def trail(result: CaptureResult) -> Trail:
+    """The trail of a complete result."""
+    return _Walk(result).run()
+
+
+class _Walk:
+    """Goes through requests and responses in the order of their frames."""
+
+    def __init__(self, result: CaptureResult) -> None:
+        self._items = [each for each in result.transactions if each.channel != S7]
+        self._connects = [(each.device, each.frame) for each in result.relations if each.frame]
+        self._objects = DriveObjects.of(self._items)
+        self._devices: dict[str, _Device] = {}
+        self._ars: dict[str, set[str]] = {}
+        self._pending: dict[int, list[tuple[Change, Cell]]] = {}
+        self._found = Trail()
+
+    def run(self) -> Trail:
+        """All of it. At one frame a request counts before a response, which leaves more unknown."""
+        steps: list[tuple[int, int, int, Transaction | str]] = []
+        for number, (device, frame) in enumerate(self._connects):
+            steps.append((frame, 0, number, device))
+        for number, item in enumerate(self._items):
+            steps.append((_first(item), 1, number, item))
+            steps.append((_last(item), 2, number, item))
+        for frame, kind, _, what in sorted(steps, key=lambda step: step[:3]):
+            if isinstance(what, str):
+                self._forget(what, frame)
+            elif kind == 1:
+                self._asked(what, frame)
+            else:
+                self._settled(what, frame)
+        for (device, pnu, _), there in self._found.cells.items():
+            for cell in there.values():
+                cell.certain = self._old(device, pnu, cell) is not None
+        return self._found
+
+    def _device(self, device: str) -> _Device:
+        return self._devices.setdefault(device, _Device())
+
+    def _forget(self, device: str, frame: int) -> None:
+        state = self._device(device)
+        state.forgotten = max(state.forgotten, frame)
+
+    def _asked(self, item: Transaction, frame: int) -> None:
+        seen = self._ars.setdefault(item.device, set())
+        if item.ar is not None and item.ar not in seen:
+            seen.add(item.ar)  # the drive may have been switched off and on before this Connect
+            self._forget(item.device, frame)
+        if item.operation != "change" or item.state == "orphan":
+            return
+        if _recomputes(item):
+            self._device(item.device).open += 1
+        pending = self._pending[id(item)] = []
+        for parameter, outcome in _written(item):
+            assert parameter.pnu is not None
+            for subindex, value in _elements(parameter):
+                cell = self._cell(item, parameter, subindex)
+                change = Change(item, parameter.pnu, subindex, parameter, value, None, outcome)
+                change.old = self._old(item.device, parameter.pnu, cell)
+                pending.append((change, cell))
+        for change, cell in pending:
+            self._found.changes.append(change)
+            cell.changes += 1
+            for each in self._near(change, cell):
+                each.open += 1
+
+    def _old(self, device: str, pnu: int, cell: Cell) -> Known | None:
+        state, row = self._device(device), parameters().get(pnu)
+        if cell.open or state.open or not cell.certain or (row and row.volatile):
+            return None
+        if cell.last is None or cell.last.frame <= state.forgotten:
+            return None
+        return cell.last
+
+    def _settled(self, item: Transaction, frame: int) -> None:
+        if item.operation == "read" and item.state in ("ok", "partial", "error"):
+            self._read(item, frame)
+        elif item.operation == "change" and item.state == "orphan":
+            self._forget(item.device, frame)  # something was written by then
+        elif item.operation == "change":
+            self._changed(item, frame)
+
+    def _changed(self, item: Transaction, frame: int) -> None:
+        asked = _first(item)
+        if _recomputes(item):
+            self._device(item.device).open -= 1
+            self._forget(item.device, frame)
+        for change, cell in self._pending.pop(id(item)):
+            near = list(self._near(change, cell))
+            for each in near:
+                each.open -= 1
+            if change.outcome in (NEGATIVE, REFUSED):
+                cell.negative += 1
+                continue
+            sure = not cell.open and cell.touched < asked
+            for each in near:
+                each.touched, each.certain = frame, False
+            if change.outcome == ACCEPTED and change.new is not None:
+                scaled = _scaled(change.parameter, change.subindex)
+                form = change.parameter.format
+                cell.last = Known(change.new, scaled, form, "written", frame, item.start_ns)
+                cell.certain = sure
+
+    def _read(self, item: Transaction, frame: int) -> None:
+        state = self._device(item.device)
+        for parameter in item.parameters:
+            if parameter.pnu is None or parameter.attribute != "value":
+                continue
+            for subindex, value in _elements(parameter):
+                cell = self._cell(item, parameter, subindex)
+                cell.reads += 1
+                if parameter.error is not None:
+                    cell.negative += 1
+                elif value is not None:
+                    scaled = _scaled(parameter, subindex)
+                    cell.last = Known(value, scaled, parameter.format, "read", frame, item.start_ns)
+                    asked = max(cell.touched, state.forgotten) < _first(item)
+                    cell.certain = asked and not cell.open and not state.open
+
+    def _cell(self, item: Transaction, parameter: Parameter, subindex: int) -> Cell:
+        assert parameter.pnu is not None
+        access = access_of(item)
+        there = self._found.cells.setdefault((item.device, parameter.pnu, subindex), {})
+        cell = there.setdefault(self._objects.identity(access, parameter.pnu), Cell(item, access))
+        cell.name = parameter.name or cell.name
+        cell.unit = parameter.unit or cell.unit
+        return cell
+
+    def _near(self, change: Change, cell: Cell) -> Iterator[Cell]:
+        """The cells that a change reaches, or may reach."""
+        key = change.transaction.device, change.pnu, change.subindex
+        for each in self._found.cells[key].values():
+            if each is cell or not self._objects.other(cell.access, each.access, change.pnu):
+                yield each
+
+
+def _frames(frames: Frames) -> list[int]:
+    several = [number for read in (*frames.polls, *frames.rereads) for number in read]
+    own = (frames.write_request, frames.write_response, frames.read_request, frames.read_response)
+    return [number for number in (*own, *several) if number is not None]
+
+
+def _first(item: Transaction) -> int:
+    """The frame of the request, else the first one that there is."""
+    if item.frames.write_request is not None:
+        return item.frames.write_request
+    return min(_frames(item.frames), default=0)
+
+
+def _last(item: Transaction) -> int:
+    """The frame of the response; where there is none, the last frame of the transaction."""
+    if item.frames.read_response is not None and item.state != "mismatch":
+        return item.frames.read_response
+    return max(_frames(item.frames), default=0)
+
+
+def _recomputes(item: Transaction) -> bool:
+    """Whether a change may change parameters that it does not name."""
+    broken = any(rule in item.findings for rule in _DOUBTFUL)
+    return broken or any(each.pnu in known().recomputing for each in item.parameters)
+
+
+def _written(item: Transaction) -> Iterator[tuple[Parameter, str]]:
+    """The parameters of a change as its request has them, each with what came of it."""
+    if item.state == "mismatch" and item.request is not None:
+        yield from ((each, SENT) for each in _of_request(item.request))
+        return
+    for position, each in enumerate(item.parameters):
+        if each.pnu is not None and each.attribute == "value":
+            yield each, _outcome(item, position, each)
+
+
+def _of_request(data: bytes) -> Iterator[Parameter]:
+    message = decode_request(data)
+    for address, block in zip(message.addresses, message.blocks, strict=False):
+        if address.attribute_name == "value":
+            yield Parameter(
+                address.pnu, address.subindex, "value", address.element_count,
+                format=block.format_name, values=list(block.values),
+            )  # fmt: skip
+
+
+def _outcome(item: Transaction, position: int, parameter: Parameter) -> str:
+    if parameter.error is not None:
+        return NEGATIVE
+    if item.write_status:
+        return REFUSED
+    if item.state == "ok":
+        return ACCEPTED
+    if item.state != "partial" or any(rule in item.findings for rule in _DOUBTFUL):
+        return SENT
+    response = item.response or b""
+    return ACCEPTED if len(response) > 3 and position < response[3] else SENT
+
+
+def _elements(parameter: Parameter) -> Iterator[tuple[int, Value | None]]:
+    """Subindex and value of each element that was asked for."""
+    values, first = split(parameter.values, parameter.format), parameter.subindex or 0
+    for step in range(
+        max(1, parameter.element_count or 0, len(values) if _whole(parameter) else 0)
+    ):
+        yield first + step, values[step] if step < len(values) else None
+
+
+def _whole(parameter: Parameter) -> bool:
+    row = format_named(parameter.format) if parameter.format else None
+    return row is not None and row.whole
+
+
+def split(values: Sequence[Value], format_name: str | None) -> list[Value]:
+    """The value of each element: of a string each character, or octet, is one."""
+    row = format_named(format_name) if format_name else None
+    if row is None or not row.whole:
+        return list(values)
+    text = "".join(value for value in values if isinstance(value, str))
+    if row.kind == "text":
+        return list(text)
+    return [text[start : start + 2] for start in range(0, len(text), 2)]
+
+
+def _scaled(parameter: Parameter, subindex: int) -> Value | None:
+    at = subindex - (parameter.subindex or 0)
+    scaled = parameter.scaled or []
+    return None if _whole(parameter) or at >= len(scaled) else scaled[at]
