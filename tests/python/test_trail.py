@@ -1,0 +1,60 @@
+"""When the trail of a parameter knows the value before a change: requests that overlap, in every order."""
+
+from __future__ import annotations
+
+from copy import copy
+from pathlib import Path
+
+import pytest
+
+from ds47.analysis import analyze
+from ds47.model import CaptureResult, Frames, Parameter, Transaction
+from ds47.report.trail import trail
+
+STORED = Path(__file__).parents[2] / "captures/tour-machine.pcapng"
+
+
+def transaction(
+    number: int, operation: str, value: int, asked: int, answered: int | None
+) -> Transaction:
+    """A transaction of p50303[0] in DO 2; `answered` None: its response was not fetched."""
+
+    made = copy(analyze(STORED).transactions[0])
+    made.id, made.operation, made.state = number, operation, "ok" if answered else "unanswered"
+    made.index, made.slot, made.subslot, made.axis, made.channel = 47, 1, 1, 2, "ds47"
+    made.write_status, made.findings, made.ar = 0, [], "one"
+    response = answered
+    made.frames = Frames(
+        asked, asked + 1, None if response is None else response - 1, response, [], []
+    )
+    made.parameters = [
+        Parameter(50303, 0, "value", 0, format="Integer32", value_count=1, values=[value])
+    ]
+    return made
+
+
+def old(*before: tuple[str, int, int, int | None]) -> tuple[object, int] | None:
+    """The value that is known before a change in frame 90."""
+    start = transaction(1, "read", 0, 1, 4)  # the first one of the AR: behind its Connect
+    items = [transaction(number, *each) for number, each in enumerate(before, 2)]
+    last = transaction(99, "change", 9, 90, 94)
+    found = trail(CaptureResult(path="x", transactions=[start, *items, last]))
+    known = found.changes[-1].old
+    return None if known is None else (known.value, known.frame)
+
+
+@pytest.mark.parametrize(
+    ("before", "known"),
+    [
+        ([("read", 5, 10, 14)], (5, 14)),
+        ([("read", 5, 10, 14), ("change", 6, 20, 24)], (6, 24)),
+        ([("read", 5, 10, 30), ("change", 6, 20, 24)], None),
+        ([("change", 6, 20, 30), ("read", 5, 22, 26)], (6, 30)),
+        ([("change", 6, 20, 30), ("change", 7, 22, 26)], None),
+        ([("change", 6, 20, 95)], None),
+        ([("read", 5, 10, 14), ("change", 6, 20, None)], None),
+        ([("change", 6, 20, None), ("read", 5, 30, 34)], (5, 34)),
+    ],
+)  # fmt: skip
+def test_overlaps(before: list[tuple[str, int, int, int | None]], known: object) -> None:
+    assert old(*before) == known
