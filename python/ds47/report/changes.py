@@ -17,6 +17,7 @@ from ds47.report.json import timestamp
 from ds47.report.parameters import plain
 from ds47.report.targets import Targets, slot
 from ds47.report.trail import Change, trail
+from ds47.report.wrap import columns, padded
 
 FORMATS = ("text", "csv", "json")
 SCHEMA = "ds47.trail/1"
@@ -127,9 +128,9 @@ def lines(path: str, found: Sequence[dict[str, Any]], lang: str) -> Iterator[str
         return
     head = [say(name).text(lang) for name in _HEADS]
     table = [head, *([clock(each["time"]), *_texts(each, lang)] for each in found)]
-    widths = [max(len(row[at]) for row in table) for at in range(len(head))]
+    widths = [max(columns(row[at]) for row in table) for at in range(len(head))]
     for row in table:
-        yield "  " + "  ".join(map(str.ljust, row, widths)).rstrip()
+        yield "  " + "  ".join(map(padded, row, widths)).rstrip()
 
 
 _HEADS = (
