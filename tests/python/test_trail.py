@@ -58,3 +58,17 @@ def old(*before: tuple[str, int, int, int | None]) -> tuple[object, int] | None:
 )  # fmt: skip
 def test_overlaps(before: list[tuple[str, int, int, int | None]], known: object) -> None:
     assert old(*before) == known
+
+
+def test_writes_whose_drive_object_is_not_proved_are_counted(captures, capsys):
+    """Who asks for one drive object shall not take the list for all there is."""
+    path = str(captures / "real-stacks" / "o3_two_controllers.pcapng")
+    assert main(["trail", path, "--do", "3", "-f", "json"]) == 0
+    some = capsys.readouterr()
+    assert main(["trail", path, "-f", "json"]) == 0
+    everything = capsys.readouterr()
+    (all_,) = json.loads(everything.out)["captures"]
+    unproved = [each for each in all_["changes"] if each["target"] and each["drive_object"] is None]
+    assert unproved
+    assert f"{len(unproved)} further changes went to drive objects" in some.err
+    assert everything.err == ""

@@ -11,9 +11,11 @@ from typing import Any
 import click
 
 from ds47.capture.names import about
-from ds47.cli.common import Misses, format_option, output
+from ds47.cli.common import Misses, format_option, output, warn
 from ds47.cli.options import analysis_options, options_from
 from ds47.cli.series import series_option, tasks, tell_lacking
+from ds47.report.bilingual import say
+from ds47.report.formatting import escape
 
 
 @click.command("trail")
@@ -41,7 +43,7 @@ def command(
     """Show who changed which parameter, when, from where, from which value to which."""
     from ds47.capture import CaptureError
     from ds47.regression.run import readable
-    from ds47.report.changes import Wanted, Writer
+    from ds47.report.changes import Wanted, Writer, unproved
 
     analysis = options_from(**options)
     misses = Misses()
@@ -55,6 +57,12 @@ def command(
                 misses(about(task.path, str(problem)))
                 continue
             writer.capture(result)
+            if (left := unproved(result, wanted)) and drive_object is not None:
+                warn(
+                    say(
+                        "trail_unproved", path=escape(result.path), n=left, do=str(drive_object)
+                    ).text(lang)
+                )
             if not result.complete:
                 misses(about(task.path, result.problem or ""))
             tell_lacking(task.path, result.missing_files, result.lacking, misses)

@@ -41,12 +41,25 @@ class Wanted(NamedTuple):
 
 def rows(result: CaptureResult, wanted: Wanted) -> Iterator[dict[str, Any]]:
     """The changes that are wanted, by their frames, with the keys COLUMNS."""
+    for row in _all(result):
+        if _is_wanted(row, wanted):
+            yield {name: row[name] for name in COLUMNS}
+
+
+def unproved(result: CaptureResult, wanted: Wanted) -> int:
+    """Changes that may have reached the drive object that is wanted, of which the capture does not prove it."""
+    if wanted.drive_object is None:
+        return 0
+    others = wanted._replace(drive_object=None)
+    all_ = (row for row in _all(result) if row["target"] and row["drive_object"] is None)
+    return sum(_is_wanted(row, others) for row in all_)
+
+
+def _all(result: CaptureResult) -> Iterator[dict[str, Any]]:
     targets = Targets(result.transactions)
     stations = {each.ip: each.station for each in result.devices}
     for change in trail(result).changes:
-        row = _row(change, targets, stations) | {"path": result.path}
-        if _is_wanted(row, wanted):
-            yield {name: row[name] for name in COLUMNS}
+        yield _row(change, targets, stations) | {"path": result.path}
 
 
 def _row(change: Change, targets: Targets, stations: dict[str, str | None]) -> dict[str, Any]:
