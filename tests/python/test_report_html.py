@@ -810,7 +810,7 @@ def test_rows_are_short_and_their_tables_hold_what_repeats():
     place, _values, _count, scaled, error = two["parameters"][0]
     assert (place, scaled) == (0, 0)
     assert data["errors"][error][1] == "No change access while the controller is enabled"
-    assert data["rules"] == [["DS410", "drive-error"]]
+    assert data["rules"] == [["DS410", "drive-error", "error"]]
 
 
 def test_a_row_has_the_frames_of_polls_and_further_reads():

@@ -16,7 +16,17 @@ from ds47.regression.points import durations, elements
 from ds47.report.bilingual import operation, say, state
 from ds47.report.html import plots, shell
 
-SCRIPTS = ("base", "data", "table", "plots", "difference", "cursor", "timelines", "page")
+SCRIPTS = (
+    "base",
+    "data",
+    "table",
+    "plots",
+    "plot_marks",
+    "difference",
+    "cursor",
+    "timelines",
+    "page",
+)
 """The files of templates/report/ that make the script of the page, in this order."""
 
 

@@ -43,6 +43,7 @@ SCRIPTS = (
     "parameters",
     "overview",
     "plots",
+    "plot_marks",
     "cursor",
     "timelines",
     "page",

@@ -22,6 +22,7 @@ from ds47.report.html.verdict import Remark, quality
 from ds47.report.html.views import timelines
 from ds47.report.html.views.drives import Drive, drives, span
 from ds47.report.html.views.elements import elements
+from ds47.report.html.views.events import events
 from ds47.report.html.views.findings import Group, groups
 from ds47.report.html.views.problems import Problem, first_screen, problems
 from ds47.report.html.views.rows import packed_rows
@@ -156,6 +157,7 @@ def capture_view(
     counts = Counts.of(result)
     data["totals"] = {"transactions": counts.jobs, "states": counts.states}
     data["kinds"] = KINDS
+    data["events"] = events(result)
     remarks = quality(result)
     worst = max((LEVELS.index(each.level) for each in remarks), default=0)
     wrong = problems(result, targets)

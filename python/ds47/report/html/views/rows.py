@@ -112,7 +112,10 @@ class _Tables:
         found["statuses"] = [
             [f"{word:08X}", *messages.status(word)] for word in found.get("statuses", [])
         ]
-        found["rules"] = [[rule, messages.rule_name(rule)] for rule in found.get("rules", [])]
+        found["rules"] = [
+            [rule, messages.rule_name(rule), spec.rules()[rule].severity]
+            for rule in found.get("rules", [])
+        ]
         found["addresses"] = [
             _of_item(each) if isinstance(each, str) else _address(*each)
             for each in found.get("addresses", [])
