@@ -9,16 +9,20 @@ import io
 import json
 import os
 import re
+import shlex
 import string
+import sys
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
 import handmade
 import pytest
+from markupsafe import Markup
 
 from ds47 import spec
 from ds47.analysis import analyze
+from ds47.cli import main
 from ds47.model import (
     Bus,
     BusStation,
@@ -1009,3 +1013,19 @@ def test_without_the_library_the_page_says_so(monkeypatch):
     text = page(capture(transaction()))
     assert "No plots: the plotting library was not installed" in text
     assert 'data-part="plots"' not in text
+
+
+@pytest.mark.parametrize("command", ["report", "diff"])
+def test_without_the_library_stderr_says_how_this_python_gets_it(
+    monkeypatch, capsys, tmp_path, captures, command
+):
+    tour = str(captures / "tour-machine.pcapng")
+    words = [command, "-f", "html", "-o", str(tmp_path / "page.html"), tour]
+    words += [tour] if command == "diff" else []
+    for missing in (False, True):
+        known = plots.Library("Bokeh", (), Markup(""))
+        monkeypatch.setattr(plots, "library", lambda known=None if missing else known: known)
+        assert main(words) == 0
+        err = capsys.readouterr().err
+        hint = f"{shlex.quote(sys.executable)} -m pip install bokeh"
+        assert (hint in err) is missing

@@ -6,6 +6,7 @@ Nothing that only one command needs, and nothing about captures or messages.
 from __future__ import annotations
 
 import os
+import shlex
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -96,6 +97,17 @@ def warn(text: str) -> None:
     from ds47.report.formatting import escape
 
     click.echo(f"ds47: {escape(text)}", err=True)
+
+
+def tell_no_plots(lang: str) -> None:
+    """Says on stderr that a page has no plots where their library is missing, and how this Python gets it."""
+    from ds47.report.bilingual import say
+    from ds47.report.html import plots
+    from ds47.spec.extras import install
+
+    if plots.library() is None:
+        command = f"{shlex.quote(sys.executable)} -m {install('plots')}"
+        warn(say("no_plots", command=command).text(lang))
 
 
 class Misses:

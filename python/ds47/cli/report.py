@@ -15,7 +15,7 @@ import click
 
 from ds47.batch.memory import collect_rarely
 from ds47.capture.names import STDIN
-from ds47.cli.common import color, output
+from ds47.cli.common import color, output, tell_no_plots
 from ds47.cli.execution import Execution
 from ds47.cli.options import analysis_options, fail_on_option, options_from
 from ds47.cli.progress import Progress
@@ -142,6 +142,8 @@ def command(
                 run.missing(text)
             execution.run(run, found, todo, results, writer)
         writer.close()
+    if name == "html":
+        tell_no_plots(lang)
     if run.failed:
         return UNREADABLE
     return int(fail_on != "never" and run.worst >= SEVERITIES.index(fail_on))
