@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from contextlib import redirect_stdout
 from dataclasses import replace
 from pathlib import Path
@@ -360,6 +361,28 @@ def test_paper_holds_the_findings_unfolded(browser, tour):
     assert 2 <= pdf.count(b"/Type /Page\n") + pdf.count(b"/Type /Page ") <= 8
     assert browser.run("return window.onPaper") == len(browser.all("details.finding"))
     assert browser.run(folded) == before
+
+
+def test_a_long_capture_takes_a_dozen_pages_and_its_bytes_stand_in_an_annex(browser, long):
+    browser.open(long)
+    browser.plots()
+    pages = len(re.findall(rb"/Type /Page\b", browser.pdf()))
+    assert 5 <= pages <= 12
+    browser.command("Emulation.setEmulatedMedia", media="print")
+    try:
+        browser.run("window.dispatchEvent(new Event('beforeprint'))")
+        annex = browser.texts(".annex .card")
+        assert annex
+        assert len(browser.texts(".problem-list .onlyprint")) == len(annex)
+        assert browser.run("return document.querySelectorAll('.problem-list pre').length") == len(
+            annex
+        )
+        shown = "return [...document.querySelectorAll('.problem-list pre')].some((each) => each.offsetHeight)"
+        assert not browser.run(shown)
+        assert len(browser.all(ROWS)) == 120
+    finally:
+        browser.run("window.dispatchEvent(new Event('afterprint'))")
+        browser.command("Emulation.setEmulatedMedia", media="")
 
 
 WAITING = "return document.querySelectorAll('.waiting').length"

@@ -22,6 +22,7 @@ from markupsafe import Markup
 
 from ds47 import spec
 from ds47.analysis import analyze
+from ds47.batch import settings
 from ds47.cli import main
 from ds47.model import (
     Bus,
@@ -38,6 +39,7 @@ from ds47.model import (
     Transaction,
 )
 from ds47.regression import difference_page
+from ds47.regression.config import ConfigError, load
 from ds47.report import Options, causes, html, sentences
 from ds47.report.html import embed, messages, plots, texts
 from ds47.report.html.verdict import quality
@@ -1029,3 +1031,47 @@ def test_without_the_library_stderr_says_how_this_python_gets_it(
         err = capsys.readouterr().err
         hint = f"{shlex.quote(sys.executable)} -m pip install bokeh"
         assert (hint in err) is missing
+
+
+# The title block
+
+
+def _heading_of(path):
+    text = path.read_text("utf-8")
+    found = re.search(r'<section class="heading">.*?</section>', text, re.DOTALL)
+    return None if found is None else re.sub(r"<[^>]+>|\s+", " ", found[0])
+
+
+def test_the_title_block_is_what_was_typed_then_what_the_folder_says(tmp_path, captures):
+    page_of = tmp_path / "page.html"
+    capture_of = tmp_path / "machine" / "tour.pcapng"
+    capture_of.parent.mkdir()
+    capture_of.write_bytes((captures / "tour-machine.pcapng").read_bytes())
+    plain = ["report", "-f", "html", "-o", str(page_of), str(capture_of)]
+    assert main(plain) == 0
+    assert _heading_of(page_of) is None
+    (tmp_path / "ds47.toml").write_text(
+        '[report]\ncustomer = "Example <b>Works</b>"\nauthor = "One"\n', "utf-8"
+    )
+    settings._nearest.cache_clear()
+    assert main([*plain, "--author", "Two", "--title", "Press 4", "--order", "4711"]) == 0
+    words = _heading_of(page_of)
+    assert "Example &lt;b&gt;Works&lt;/b&gt;" in words
+    assert "Two" in words
+    assert "One" not in words
+    assert words.index("Press 4") < words.index("4711")
+    assert "<title>Press 4 – " in page_of.read_text("utf-8")
+
+
+@pytest.mark.parametrize("table", ['titel = "x"', "order = 4711", f'title = "{"x" * 201}"'])
+def test_a_title_block_that_cannot_be_is_named(tmp_path, captures, capsys, table):
+    capture_of = tmp_path / "tour.pcapng"
+    capture_of.write_bytes((captures / "tour-machine.pcapng").read_bytes())
+    (tmp_path / "ds47.toml").write_text(f"[report]\n{table}\n", "utf-8")
+    settings._nearest.cache_clear()
+    assert main(["report", "-f", "html", "-o", str(tmp_path / "x.html"), str(capture_of)]) == 2
+    err = capsys.readouterr().err
+    assert "ds47.toml: [report]" in err
+    assert table.split(" ")[0] in err
+    with pytest.raises(ConfigError, match=r"\[report\]"):
+        load(tmp_path / "ds47.toml")

@@ -1,8 +1,9 @@
-"""What the `ds47.toml` beside captures says of their channels: the tables `[cyclic]`, `[s7]` and `[names]`.
+"""What the `ds47.toml` beside captures says of channels and reports: `[cyclic]`, `[s7]`, `[names]`, `[report]`.
 
 `[cyclic]` has `channels`, `ppo` and `pkw_layout`, `[s7]` has `ports`, `cpu`, `block` and `readback`, `[names]` has
 `vendor`. What a folder
 of captures does not show is named once there, and not at each command. What is typed at a command counts more.
+`[report]` is the title block of a page (`ds47.report.heading`).
 Everything else in the file is about comparing results (`ds47.regression.config`).
 """
 
@@ -20,6 +21,8 @@ from ds47.capture import CaptureError
 from ds47.cyclic import CYCLIC, USS, named, ppo
 from ds47.cyclic.named import Name
 from ds47.model import SIEMENS
+from ds47.report import heading
+from ds47.report.heading import Heading
 from ds47.s7 import choices
 from ds47.s7.choices import Choices
 
@@ -35,6 +38,7 @@ class Settings:
     ppos: tuple[tuple[int, int], ...] = ()
     s7: Choices = field(default_factory=Choices)
     vendor_id: int | None = None
+    heading: Heading = field(default_factory=Heading)
 
 
 def parse(table: Any) -> Settings:
@@ -144,6 +148,19 @@ def options_for(place: str, options: AnalysisOptions) -> AnalysisOptions:
     )
 
 
+def heading_for(places: Sequence[str]) -> Heading:
+    """The title block that the nearest `ds47.toml` of the first capture, or folder, says.
+
+    Raises:
+        ds47.capture.CaptureError: the file says something that cannot be.
+    """
+    path = Path(places[0])
+    if "://" in places[0] or not path.exists():
+        return Heading()
+    whole = path.resolve()
+    return _nearest(whole if whole.is_dir() else whole.parent).heading
+
+
 @cache
 def _nearest(folder: Path) -> Settings:
     for place in (folder, *folder.parents):
@@ -159,6 +176,7 @@ def _read(path: Path) -> Settings:
             parse(table.get("cyclic", {})),
             s7=parse_s7(table.get("s7", {})),
             vendor_id=parse_names(table.get("names", {})),
+            heading=heading.parse(table.get("report", {})),
         )
     except (OSError, ValueError) as problem:  # a mistake in TOML is a ValueError, too
         raise CaptureError(f"{path}: {problem}") from None

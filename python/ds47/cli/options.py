@@ -33,6 +33,18 @@ fail_on_option = click.option(
 )
 
 
+def heading_options(function: Function) -> Function:
+    """Adds --title, --order, --customer, --author."""
+    for name, about in (
+        ("author", "Who made the report (html)."),
+        ("customer", "For whom it is (html)."),
+        ("order", "The number of the order (html)."),
+        ("title", "What the report is about: a title block (html; also [report] in ds47.toml)."),
+    ):
+        function = click.option(f"--{name}", default="", metavar="TEXT", help=about)(function)
+    return function
+
+
 def analysis_options(function: Function) -> Function:
     """Adds --select, --ignore, --index, --lang, --slow, --params, --vendor, --channels, and what these have."""
     for option in (

@@ -14,15 +14,18 @@ from typing import Any, TextIO
 import click
 
 from ds47.batch.memory import collect_rarely
+from ds47.batch.settings import heading_for
+from ds47.capture import CaptureError
 from ds47.capture.names import STDIN
 from ds47.cli.common import color, output, tell_no_plots
 from ds47.cli.execution import Execution
-from ds47.cli.options import analysis_options, fail_on_option, options_from
+from ds47.cli.options import analysis_options, fail_on_option, heading_options, options_from
 from ds47.cli.progress import Progress
 from ds47.cli.run import Run
 from ds47.cli.series import series_option, tasks
 from ds47.model import S7, SEVERITIES
 from ds47.report import FORMATS, CannotWriteError, Options, RuleText, Writer, open_writer
+from ds47.report.heading import Heading
 from ds47.report.reference import Reference
 
 UNREADABLE = 3
@@ -57,6 +60,7 @@ UNREADABLE = 3
     metavar="VALUE",
     help="What 100 % of a setpoint is, p2000: 50Hz, 1500rpm, or 50Hz=1395rpm (text, html).",
 )
+@heading_options
 @click.option("--digest", is_flag=True, help="Put the SHA-256 of each capture into the report.")
 @analysis_options
 @click.option(
@@ -113,6 +117,10 @@ def command(
     resume: bool,
     scheduler: str | None,
     no_progress: bool,
+    title: str,
+    order: str,
+    customer: str,
+    author: str,
     lang: str,
     **options: Any,
 ) -> int:
@@ -130,9 +138,11 @@ def command(
     lacking: list[str] = []
     found = tasks(paths, series, lacking.append)
     name = format_name or ("overview" if results_name else "text")
+    said = Heading(title, order, customer, author)
+    heading = _heading(said, paths) if name == "html" else said
     with output(output_name) as stream:
         only_s7 = execution.analysis.channels == (S7,)
-        writer = _writer(name, stream, fail_on, lang, plc, known, only_s7)
+        writer = _writer(name, stream, fail_on, lang, plc, known, only_s7, heading)
         results, todo = execution.results(found, paths)
         quiet = name == "overview" or not stream.isatty()
         shown = quiet and not no_progress and len(todo) > 1 and sys.stderr.isatty()
@@ -147,6 +157,14 @@ def command(
     if run.failed:
         return UNREADABLE
     return int(fail_on != "never" and run.worst >= SEVERITIES.index(fail_on))
+
+
+def _heading(said: Heading, paths: Sequence[str]) -> Heading:
+    """The title block: what is typed, and what is not as `ds47.toml` has it."""
+    try:
+        return said.over(heading_for(paths))
+    except CaptureError as problem:
+        raise click.ClickException(str(problem)) from problem
 
 
 def _reference(text: str) -> Reference:
@@ -174,6 +192,7 @@ def _writer(
     plc: bool,
     reference: Reference | None,
     only_s7: bool,
+    heading: Heading,
 ) -> Writer:
     """The serializer; of a junit report that fails on nothing, the errors still fail."""
     options = Options(
@@ -184,6 +203,7 @@ def _writer(
         plc=plc,
         reference=reference,
         s7=only_s7,
+        heading=heading,
     )
     try:
         return open_writer(format_name, stream, options)

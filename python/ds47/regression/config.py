@@ -18,6 +18,7 @@ from ds47 import spec
 from ds47.batch.settings import FILE, parse_names, parse_s7
 from ds47.batch.settings import parse as parse_cyclic
 from ds47.model import SEVERITIES
+from ds47.report.heading import parse as parse_heading
 
 _T = TypeVar("_T")
 
@@ -155,7 +156,7 @@ def load(path: Path) -> Config:
         raise ConfigError(f"{path}: {problem}") from None
 
 
-_TOP = ("tolerance", "mask", "ignore", "labels", "check", "cyclic", "s7", "names")
+_TOP = ("tolerance", "mask", "ignore", "labels", "check", "cyclic", "s7", "names", "report")
 
 
 def _config(folder: Path, table: dict[str, Any]) -> Config:
@@ -164,6 +165,7 @@ def _config(folder: Path, table: dict[str, Any]) -> Config:
         parse_cyclic(table.get("cyclic", {}))  # who reads the captures takes these from there
         parse_s7(table.get("s7", {}))
         parse_names(table.get("names", {}))
+        parse_heading(table.get("report", {}))
     except ValueError as problem:
         raise ConfigError(str(problem)) from None
     tolerance = _section(table, "tolerance")

@@ -17,6 +17,7 @@ from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple, Protocol, TextIO, cast
 
 from ds47.model import CaptureResult, Finding, Report, Transaction
+from ds47.report.heading import Heading
 from ds47.report.reference import Reference
 
 SCHEMA = "ds47.report/2"
@@ -60,6 +61,7 @@ class Options(NamedTuple):
     the words of a report (text), or in which a page starts (html). `plc`: what the PLC saw
     of every job, not only of those that are not ok (text only). `reference`: what 100 % of a setpoint
     is (text, html). `s7`: every transaction of S7, not only those with findings (text only).
+    `heading`: the title block (html).
     """
 
     color: bool = False
@@ -69,6 +71,7 @@ class Options(NamedTuple):
     plc: bool = False
     reference: Reference | None = None
     s7: bool = False
+    heading: Heading | None = None
 
 
 class Writer:

@@ -12,6 +12,7 @@ from typing import Any, TextIO
 from ds47.model import CaptureResult, Report
 from ds47.report import Options, write_all
 from ds47.report import Writer as _Writer
+from ds47.report.heading import Heading
 from ds47.report.html import plots, shell
 from ds47.report.html.texts import say
 from ds47.report.html.views import (
@@ -31,6 +32,8 @@ ROWS_EACH = 500
 """Transactions that every capture may list, however many the ones before it had."""
 DETAILED = 40
 """Captures shown with all their parts; of more, the worst ones. The overview has all of them."""
+PRINTED = 8
+"""Findings of one rule that go to paper."""
 DRIVES = 250
 """Drives that a page lists for one capture."""
 SCRIPTS = (
@@ -80,15 +83,20 @@ class Writer(_Writer):
         self._overview.append(Overview.unreadable(path, len(self._overview) + 1, problem))
 
     def close(self) -> None:
-        self.stream.write(page(self._overview, self._views, self.lang))
+        heading = self.options.heading
+        self.stream.write(page(self._overview, self._views, self.lang, heading))
 
 
-def page(overview: list[Overview], views: list[CaptureView], lang: str) -> str:
+def page(
+    overview: list[Overview], views: list[CaptureView], lang: str, heading: Heading | None = None
+) -> str:
     """The whole page as text."""
     templates = shell.environment()
     library = plots.library() if any(view.plots for view in views) else None
     page_of: dict[str, Any] = {
         **shell.known(templates, lang, SCRIPTS, library),
+        "heading": heading or Heading(),
+        "printed": PRINTED,
         "levels": LEVELS,
         "kinds": KINDS,
         "overview": sorted(overview, key=worst_first),

@@ -64,11 +64,11 @@ class Plots {
   }
 
   /** An empty plot in its frame: [canvas element, figure maker]. */
-  frame(words, text, { broad = false, controls = [] } = {}) {
+  frame(words, text, { controls = [] } = {}) {
     const canvas = el("div", { class: "canvas", role: "img", "aria-label": `${say(words)}: ${text}` });
     const note = this.partly ? ` ${say("plot_partly")}` : "";
     const about = el("p", { class: "dim" }, text + note);
-    this.place.append(el("figure", { class: `plot${broad ? " broad" : ""}` }, el("figcaption", {}, say(words)), ...controls, canvas, about));
+    this.place.append(el("figure", { class: "plot" }, el("figcaption", {}, say(words)), ...controls, canvas, about));
     return [canvas, about];
   }
 
@@ -157,7 +157,7 @@ class Plots {
     const options = all.map(([key, words]) => el("option", { value: key, selected: key === this.grouping[0] }, say(words)));
     const select = el("select", { "aria-label": say("plot_by"), "data-grouping": true, onchange: change }, options);
     const controls = all.length > 1 ? [el("label", {}, `${say("plot_by")} `, select)] : [];
-    const [canvas, about] = this.frame("plot_latency", "", { controls, broad: true });
+    const [canvas, about] = this.frame("plot_latency", "", { controls });
     const parts = { canvas, about, table: el("div", { class: "wide" }) };
     about.after(parts.table);
     this.drawLatency(timed, parts);
@@ -356,7 +356,7 @@ class Plots {
     };
     const input = el("input", { type: "search", placeholder: say("plot_search"), "aria-label": say("plot_search"), "data-picker-search": true, autocomplete: "off", spellcheck: "false", oninput: search });
     const controls = [el("div", { class: "picker" }, ...(sorted.length > 8 ? [input] : []), select, count)];
-    const [canvas, about] = this.frame("plot_value", "", { controls, broad: true });
+    const [canvas, about] = this.frame("plot_value", "", { controls });
     Object.assign(this, { valueCanvas: canvas, valueAbout: about });
     this.drawValue(current);
   }

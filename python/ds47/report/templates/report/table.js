@@ -1,7 +1,7 @@
 // A table over many rows: sorts, filters, searches; only the rows of one page are in the document.
 // What the columns are is said by transactions.js and parameters.js.
 
-const PRINTED = 400; // rows that go to paper
+const PRINTED = 120; // rows that go to paper
 
 class Table {
   /**
