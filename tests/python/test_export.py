@@ -784,3 +784,69 @@ def test_writing_leaves_no_byte_as_it_was() -> None:
     assert drafts.image(trace) == b"in front" + bytes(8) + b"behind a hole"
     drafts.write(trace, b"IN")
     assert [bytes(drafts[number].data) for number in (0, 1)] == [b"IN" + bytes(6), bytes(13)]
+
+
+# Examples
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["tour-machine", "real-stacks/o3_two_controllers", "cyclic-changed-after-off1", "s7-stacks/errors_pure_pure"],
+)  # fmt: skip
+def test_each_root_cause_has_an_example_that_shows_it(name, tmp_path, capsys):
+    source = CAPTURES / f"{name}.pcapng"
+    result = analyze(source)
+    assert main(["export", "--examples", "-o", str(tmp_path), str(source)]) == 0
+    told = capsys.readouterr().out.splitlines()
+    files = sorted(tmp_path.iterdir())
+    assert len(told) == len(files) + 1
+    rules = {path.name.removeprefix(f"{source.stem}.").split("-")[0] for path in files}
+    assert {each.rule for each in result.diagnoses} <= rules
+    assert len(files) >= len(result.diagnoses)
+    originals = {frame.data for frame in whole_frames(source)}
+    for path in files:
+        (line,) = [each for each in told if f"{path.name}," in each]
+        rule = path.name.removeprefix(f"{source.stem}.").split("-")[0]
+        copied = list(whole_frames(path))
+        assert 0 < len(copied) <= 20
+        assert f" {len(copied)} frame" in line
+        assert all(frame.data in originals for frame in copied)
+        assert any(rule in comment for frame in copied for comment in frame.comments)
+        sentence = line.split(": ", 1)[1]
+        assert len(sentence) > 20
+
+
+def test_examples_of_a_rule_and_none_of_a_healthy_capture(tmp_path, capsys):
+    words = ["export", "--examples", "-o", str(tmp_path), str(TOUR)]
+    assert main([*words, "--rule", "DS719"]) == 0
+    assert [path.name for path in tmp_path.iterdir()] == [
+        "tour-machine.DS719-drive-running.ds47.pcapng"
+    ]
+    assert {each.rule for each in analyze(next(tmp_path.iterdir())).findings} >= {"DS410"}
+    assert main([*words, "--rule", "DS101"]) == 1
+    assert "nothing to export" in capsys.readouterr().err
+
+
+def test_an_example_goes_over_no_recording_and_no_other_example(tmp_path, capsys):
+    target = tmp_path / "tour-machine.DS719-drive-running.ds47.pcapng"
+    recording_of = TOUR.read_bytes()
+    target.write_bytes(recording_of)
+    words = ["export", "--examples", "-r", "DS719", "-o", str(tmp_path)]
+    assert main([*words, str(TOUR)]) == 2
+    assert target.read_bytes() == recording_of
+    target.unlink()
+    (tmp_path / "other").mkdir()
+    copy = tmp_path / "other" / TOUR.name
+    copy.write_bytes(recording_of)
+    assert main([*words, str(TOUR), str(copy)]) == 2
+    assert "written already" in capsys.readouterr().err
+    for other in (["-t", "1"], ["--from", "1"], ["--anonymise"], ["--all-frames"]):
+        assert main([*words, *other, str(TOUR)]) == 2
+    assert main(["export", "--examples", "-o", str(tmp_path / "none"), str(TOUR)]) == 2
+
+
+def test_of_many_root_causes_it_says_how_many_are_left_out(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("ds47.export.MOST", 2)
+    assert main(["export", "--examples", "-o", str(tmp_path), str(TOUR)]) == 0
+    assert "3 more root causes" in capsys.readouterr().out
+    assert len(list(tmp_path.iterdir())) == 2

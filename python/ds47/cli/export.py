@@ -23,7 +23,7 @@ from ds47.cli.common import Misses, stdout, warn
 from ds47.cli.options import analysis_options, known_rules, options_from
 from ds47.cli.series import series_option, tasks, tell_lacking
 from ds47.cli.targets import refuse_links, replaced_captures, spare_recordings
-from ds47.model import STATES
+from ds47.model import STATES, Finding
 
 if TYPE_CHECKING:
     from ds47.analysis import AnalysisOptions
@@ -106,6 +106,11 @@ _FILES_SHOWN = 20
 @click.option(
     "--key", "key_name", metavar="FILE", help="The key file; one that exists is used and grows."
 )
+@click.option(
+    "--examples",
+    is_flag=True,
+    help="Of each root cause one example, a capture of its own in the folder of -o; with --rule of these.",
+)
 @series_option
 @analysis_options
 def command(
@@ -123,6 +128,7 @@ def command(
     everything: bool | None,
     key_name: str | None,
     link: str | None,
+    examples: bool,
     series: bool,
     lang: str,
     **options: Any,
@@ -144,6 +150,13 @@ def command(
         )
     if all_frames and (transactions or rules or states):
         raise click.UsageError("--all-frames goes with --from, --to and --device only")
+    if examples and (transactions or devices or states or start or end or all_frames or anonymise):
+        raise click.UsageError("--examples goes with --rule, -o and --link only")
+    if examples:
+        return _examples(
+            paths, output_name, known_rules(rules), _LINKS.get(link or ""), force, series, lang,
+            options_from(**options),
+        )  # fmt: skip
     selection = Selection(
         tuple(part for text in transactions for part in _numbers(text)),
         known_rules(rules),
@@ -168,6 +181,105 @@ def command(
     if run.misses:
         return _UNREADABLE
     return 0 if run.written else _NOTHING
+
+
+def _examples(
+    paths: Sequence[str],
+    output_name: str | None,
+    rules: tuple[str, ...],
+    bus_link: int | None,
+    force: bool,
+    series: bool,
+    lang: str,
+    options: AnalysisOptions,
+) -> int:
+    """Writes the examples of each capture, and says a line of each."""
+    from ds47.capture import CaptureError
+
+    folder = Path(output_name or ".")
+    if not folder.is_dir():
+        raise click.UsageError(f"-o {folder}: the examples go into a folder, and this is none")
+    misses, written = Misses(), 0
+    found = tasks(paths, series, misses)
+    targets = _ExampleTargets(found, force)
+    for task in found:
+        stem = str(folder / (task.own_name or _stem(task.path)))
+        try:
+            with _source(task) as source:
+                written += _examples_of(task, source, stem, rules, bus_link, targets, lang, options)
+        except CaptureError as problem:
+            misses(about(task.path, str(problem)))
+        except OSError as problem:
+            raise click.ClickException(f"cannot write: {problem}") from problem
+    if misses:
+        return _UNREADABLE
+    return 0 if written else _NOTHING
+
+
+def _examples_of(
+    task: Task,
+    source: str | Sequence[Part],
+    stem: str,
+    rules: tuple[str, ...],
+    bus_link: int | None,
+    targets: _ExampleTargets,
+    lang: str,
+    options: AnalysisOptions,
+) -> int:
+    """The examples of one capture; how many there are."""
+    from ds47.export import MOST, export_examples
+    from ds47.export import examples as causes
+    from ds47.report.bilingual import say
+    from ds47.report.formatting import escape
+    from ds47.report.sentences import message, sentence
+
+    lines, left_out = [], 0
+    for each, done in export_examples(
+        source, lambda item: targets.path(f"{stem}.{item.name}{EXPORTED}"), rules, options, bus_link
+    ):
+        left_out = left_out or len(causes(done.result, rules)) - MOST
+        if not done.frames:
+            continue
+        text = (
+            message(each.item, lang)
+            if isinstance(each.item, Finding)
+            else sentence(each.item, lang)
+        )
+        told = say(
+            "export_example",
+            target=escape(f"{stem}.{each.name}{EXPORTED}"),
+            frames=say("frames", n=len(done.frames)),
+            text=escape(text),
+        )
+        lines.append("  " + told.text(lang))
+    name = "stdin" if task.path == STDIN else task.path
+    if not lines:
+        warn(f"{name}: nothing to export")
+        return 0
+    _print(say("export_examples", name=escape(name), n=len(lines)).text(lang))
+    for line in lines:
+        _print(line)
+    if left_out > 0:
+        _print("  " + say("export_examples_more", n=left_out).text(lang))
+    return len(lines)
+
+
+class _ExampleTargets:
+    """The files of the examples: none twice, none over what is read or what somebody recorded."""
+
+    def __init__(self, found: Sequence[Task], force: bool) -> None:
+        self._force = force
+        self._taken = {Path(each.name).resolve() for task in found for each in task.sources}
+
+    def path(self, name: str) -> str:
+        """The name, where that may be written."""
+        if Path(name).resolve() in self._taken:
+            raise click.UsageError(f"{name} is read, or written already: choose another -o")
+        self._taken.add(Path(name).resolve())
+        refuse_links([name])
+        if not self._force:
+            spare_recordings([name])
+        return name
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
@@ -42,6 +42,7 @@ from .anonymise import Anonymiser, Knowledge
 from .bus import BusFrames
 from .drafts import Draft, Drafts
 from .earlier import APPLICATION, OF_THE_ORIGINAL, is_earlier_export
+from .examples import MOST, Example, examples
 from .mapping import Key, KeyFileError
 from .original import Original, first_time, opened, whole_frames
 from .s7 import S7Frames
@@ -50,13 +51,17 @@ from .tracking import Copy, Message, Tracker
 
 __all__ = [
     "LINK",
+    "MOST",
+    "Example",
     "Key",
     "KeyFileError",
     "Outcome",
     "Selection",
     "SelectionError",
     "display_filter",
+    "examples",
     "export",
+    "export_examples",
     "first_time",
     "is_earlier_export",
     "is_link_to_file",
@@ -128,11 +133,61 @@ def export(
         raise SelectionError("frames of PROFIBUS cannot be anonymised: export them without")
     names = None if key is None else {rule.id: rule.name for rule in spec.rules().values()}
     chosen = choose(result, selection, names)
+    return _copied(source, target, result, chosen, selection, options, key, everything, bus_link)
+
+
+def export_examples(
+    source: Original,
+    target: Callable[[Example], str],
+    rules: tuple[str, ...] = (),
+    options: AnalysisOptions | None = None,
+    bus_link: int | None = None,
+) -> Iterator[tuple[Example, Outcome]]:
+    """Exports one example of each root cause of a capture, each as a capture of its own.
+
+    Args:
+        source: path of the capture, or the files of a series; it is read twice for each example.
+        target: the path of an example, where a file appears whole or not at all.
+        rules: how the ids of the wanted rules begin; none for all.
+        options: of the analysis.
+        bus_link: link type that frames of PROFIBUS get; None leaves them theirs.
+
+    Raises:
+        ds47.capture.CaptureError: nothing can be read.
+        OSError: a target cannot be written; a link to a file is not followed.
+    """
+    options = options or AnalysisOptions()
+    with opened(source) as capture:
+        result = analyze(capture, options)
+    selection = Selection(rules=("DS",))
+    for each in examples(result, rules)[:MOST]:
+        yield (
+            each,
+            _copied(
+                source, target(each), result, each.chosen, selection, options, None, False,
+                bus_link, each.chosen.frames,
+            ),
+        )  # fmt: skip
+
+
+def _copied(
+    source: Original,
+    target: str | Path | BinaryIO,
+    result: CaptureResult,
+    chosen: Chosen,
+    selection: Selection,
+    options: AnalysisOptions,
+    key: Key | None,
+    everything: bool,
+    bus_link: int | None,
+    also: Iterable[int] = (),
+) -> Outcome:
+    """Writes what is chosen; `also` are frames that are copied whatever is in them, without a key."""
     outcome = Outcome(result)
     s7_ports = _ports(options) if key is None else ()  # nobody replaces what is in these, either
     wanted = _Survey(selection, chosen, s7_ports).run(source)
     if key is None:
-        wanted |= _cyclic(chosen)  # nobody replaces what is in these
+        wanted |= _cyclic(chosen) | set(also)  # nobody replaces what is in these
         frames: Iterable[WholeFrame] = _plain(source, wanted, selection, chosen)
         frames = frames if bus_link is None else _relinked(frames, bus_link)
     else:

@@ -119,6 +119,25 @@ def _add_descriptions(result: CaptureResult, chosen: Chosen) -> None:
             chosen.frames.update(each.frames.all())
 
 
+def chosen_of(
+    result: CaptureResult,
+    transactions: Iterable[Transaction],
+    frames: Iterable[int],
+    names: dict[str, str] | None = None,
+) -> Chosen:
+    """These transactions of a result, and frames beside them, with what to say about each."""
+    chosen, targets = Chosen(), Targets(result.transactions)
+    for each in transactions:
+        chosen.transactions.append(each)
+        _note_transaction(chosen, each, targets.place(each))
+        chosen.frames.update(each.frames.all())
+        chosen.frames.update(frame for pair in each.segments for frame in pair if frame)
+    chosen.frames.update(frames)
+    _add_descriptions(result, chosen)
+    _note_findings(chosen, (each for each in result.findings if each.frame in chosen.frames), names)
+    return chosen
+
+
 def _find_devices(result: CaptureResult, selection: Selection, chosen: Chosen) -> None:
     for wanted in selection.devices:
         found = [
