@@ -39,6 +39,11 @@ function figuresOf(ms) {
   return { n: grouped(ms.length), p50: at(50), p95: at(95), p99: at(99), max: at(100) };
 }
 
+/** What was measured of points, sorted: `value` where they are drawn elsewhere. */
+function measured(points) {
+  return points.map(({ y, value }) => value ?? y).sort((a, b) => a - b);
+}
+
 /** How many transactions are a stretch of time whose percentiles are drawn; 0 for too few. */
 function stretch(count) {
   return count < 2 * OF_A_STRETCH ? 0 : Math.max(OF_A_STRETCH, Math.ceil(count / STRETCHES));
@@ -61,7 +66,7 @@ function biggest(items, of, most) {
 function figuresTable(words, groups) {
   const heads = [words, say("plot_jobs"), "p50", "p95", "p99", say("plot_slowest")];
   const lines = groups.map(([name, points]) => {
-    const of = figuresOf(points.map(({ y }) => y).sort((a, b) => a - b));
+    const of = figuresOf(measured(points));
     return el("tr", {}, el("th", { scope: "row" }, name ?? say("plot_others")), [of.n, of.p50, of.p95, of.p99, of.max].map((text) => el("td", { class: "number" }, text)));
   });
   return el("table", { class: "plain figures" }, el("thead", {}, el("tr", {}, heads.map((text, place) => el("th", { scope: "col", class: place ? "number" : null }, text)))), el("tbody", {}, lines));

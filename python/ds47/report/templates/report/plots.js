@@ -10,7 +10,7 @@ const PALETTE = ["#2f7fd1", "#9a5fd0", "#1f9c94", "#c2762b", "#b0488f", "#6b7f2a
 const MARKERS = ["circle", "diamond", "triangle", "square", "inverted_triangle", "hex", "star"];
 const OF_A_STRETCH = 20; // transactions of which percentiles are taken
 const STRETCHES = 60;
-const PERCENTS = [[50, "solid", 1.6], [95, "dashed", 1.6], [99, "dotted", 1.8]];
+const PERCENTS = [[50, "solid", "#7b8794"], [95, "dashed", "#d08a1d"], [99, "dotted", "#c2502e"]];
 const WIDE = 20; // from this ratio on an axis of durations is logarithmic
 const WIDE_VALUES = 1000;
 const BINS = 48;
@@ -170,7 +170,7 @@ class Plots {
     const positive = points.map(({ y }) => y).filter((y) => y > 0);
     const [least, most] = span(positive);
     const log = most / least > WIDE;
-    if (log) for (const point of points) point.y = Math.max(point.y, least);
+    if (log) for (const point of points) Object.assign(point, { y: Math.max(point.y, least), value: point.y }); // a logarithm has no 0
     const figure = this.overTimeFigure(say("plot_milliseconds"), log ? { y_axis_type: "log" } : {});
     const groups = biggest(points, ({ row }) => of(row), PALETTE.length);
     const told = [];
@@ -185,7 +185,7 @@ class Plots {
     this.events(figure);
     this.legend(figure);
     canvas.replaceChildren();
-    const text = [say("plot_figures", figuresOf(points.map(({ y }) => y).sort((a, b) => a - b))), ...(size ? [say("plot_stretches", { n: grouped(size) })] : []), ...told, ...(this.partly ? [say("plot_partly")] : [])].join(" ");
+    const text = [say("plot_figures", figuresOf(measured(points))), ...(size ? [say("plot_stretches", { n: grouped(size) })] : []), ...told, ...(this.partly ? [say("plot_partly")] : [])].join(" ");
     about.textContent = text;
     canvas.setAttribute("aria-label", `${say("plot_latency")}: ${text}`);
     table.replaceChildren(...(groups.length > 1 ? [figuresTable(say(words), groups)] : []));
@@ -202,10 +202,10 @@ class Plots {
     }
     const ends = stretches.map((each) => each[0].x).concat(inTime[inTime.length - 1].x);
     const sorted = stretches.map((each) => each.map(({ y }) => y).sort((a, b) => a - b));
-    for (const [percent, line_dash, line_width] of PERCENTS) {
+    for (const [percent, line_dash, line_color] of PERCENTS) {
       const y = sorted.map((each) => nearestRank(each, percent));
       const source = this.source({ x: ends, y: y.concat(y[y.length - 1]) });
-      const line = figure.step({ field: "x" }, { field: "y" }, "after", { source, line_color: COLOR.axis, line_dash, line_width, legend_label: `p${percent}` });
+      const line = figure.step({ field: "x" }, { field: "y" }, "after", { source, line_color, line_dash, line_width: 2, legend_label: `p${percent}` });
       this.hover(figure, [line], [[`p${percent}`, "@y{0.000} ms"], ["s", "@x{0.000}"]]);
     }
   }
