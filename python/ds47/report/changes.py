@@ -18,6 +18,7 @@ from ds47.report.parameters import plain
 from ds47.report.targets import Targets, slot
 from ds47.report.trail import Change, trail
 from ds47.report.wrap import columns, padded
+from ds47.spec.semantics import known
 
 FORMATS = ("text", "csv", "json")
 SCHEMA = "ds47.trail/1"
@@ -51,7 +52,8 @@ def unproved(result: CaptureResult, wanted: Wanted) -> int:
     if wanted.drive_object is None:
         return 0
     others = wanted._replace(drive_object=None)
-    all_ = (row for row in _all(result) if row["target"] and row["drive_object"] is None)
+    whole = known().global_pnus  # of the device, whatever drive object is asked
+    all_ = (row for row in _all(result) if row["drive_object"] is None and row["pnu"] not in whole)
     return sum(_is_wanted(row, others) for row in all_)
 
 
