@@ -8,6 +8,7 @@ import os
 import shutil
 import signal
 import subprocess
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,6 +18,11 @@ REPOSITORY = Path(__file__).resolve().parent.parent
 
 # Wheels that tests build stay plain Python: compiling takes minutes, and CI does it once.
 os.environ.setdefault("DS47_COMPILE", "0")
+
+# Times of day are those of this machine unless somebody asks for others: tests have one machine.
+os.environ["TZ"] = "UTC"
+if hasattr(time, "tzset"):
+    time.tzset()
 
 # A job that a shell starts in the background ignores Ctrl-C, and so does all that it starts: the tests of
 # Ctrl-C want it as at a terminal.

@@ -49,6 +49,7 @@ function M.options(track, frames, wanted)
     path = wanted and wanted.name or name,
     lang = wanted and wanted.lang or track.lang or "en",
     frames = frames,
+    zone = "local",
   }
 end
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import calendar
 import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from datetime import datetime
 
 from tests.audit import plc
 from tests.audit.reading import Complaint, Deal, Finding, Reading, shown
@@ -33,7 +35,12 @@ _TIMES = re.compile(r" \(([\d,]+) times?(?: in ([\d,]+) frames?)?\)$")
 _REST = re.compile(
     r"^  (DS\d{3}) [a-z0-9-]+: ([\d,]+) more causes? of this kind, ([\d,]+) times? in all$"
 )
-_LOOK = re.compile(r"^look at frame (\d+)(?:.*?)(?: \(#(\d+)\))?: (frame\.number.*)$")
+_LOOK = re.compile(r"^look at frame (\d+)(?:.*?)(?: \(#(\d+), ([^)]*)\))?: (frame\.number.*)$")
+_START = re.compile(
+    r"(\d{4}-\d\d-\d\d) (\d\d:\d\d:\d\d\.\d{3}) \+00:00 \(UTC\) first frame(?:, (.*) last transaction or event, (.*))?"
+)
+_UNDATED = "no time of day: the clock of the capture begins at "
+_SINCE_1980 = 315_532_800
 _STATE = "the status word of the drive (#"
 _OF_STATE = ("DS530", "DS531")
 _PARTS = re.compile(r"->|instead of|send instead|these respond|look at")
@@ -62,6 +69,7 @@ def check(reading: Reading) -> Iterator[Complaint]:
         return
     parts = sections(reading.text)
     for rule, text in [
+        *((("times"), each) for each in _times(parts[""], reading)),
         *((("verdict"), each) for each in _verdict(parts[""], reading)),
         *((("drives"), each) for each in _drives(parts.get("Drives", []), reading)),
         *((("summary"), each) for each in _summary(parts.get("Summary", []), reading)),
@@ -82,6 +90,72 @@ def check(reading: Reading) -> Iterator[Complaint]:
             yield Complaint("headline", item.rule, text)
     yield from _lines(parts.get("Transactions", []), reading)
     yield from _groups(parts.get("Findings", []), reading)
+
+
+# Times
+
+
+def _first(reading: Reading) -> int:
+    return nanoseconds(reading.plain["start"])
+
+
+def nanoseconds(text: str) -> int:
+    """Nanoseconds since 1970 of a time of the JSON."""
+    seconds, _, fraction = text.removesuffix("Z").partition(".")
+    when = datetime.fromisoformat(seconds + "+00:00")
+    return calendar.timegm(when.utctimetuple()) * 10**9 + int(fraction.ljust(9, "0"))
+
+
+def dated(reading: Reading) -> bool:
+    """Whether the clock of the capture was set."""
+    return _first(reading) >= _SINCE_1980 * 10**9
+
+
+def _last(reading: Reading) -> int | None:
+    """When the last transaction ended, or the last event was, in ns."""
+    ends = [
+        nanoseconds(each.plain["start"]) + max(0, round((each.duration_ms or 0) * 1e6))
+        for each in reading.deals
+    ]
+    for line in reading.plain.get("timelines", ()):
+        ends += [nanoseconds(each["time"]) for each in line["events"]]
+    return max(ends, default=None)
+
+
+def clock(deal: Deal, reading: Reading) -> str:
+    """When a transaction began, as the text says it."""
+    if not dated(reading):
+        return f"{since(deal, reading)} s"
+    start, last = deal.plain["start"], _last(reading)
+    date, day = start.split("T")
+    other_day = last is not None and last // (86_400 * 10**9) != _first(reading) // (86_400 * 10**9)
+    told = f"{date} {day[:12]}" if other_day else day[:12]
+    return f"{told} +00:00" if last and last - _first(reading) > 30 * 86_400 * 10**9 else told
+
+
+def since(deal: Deal, reading: Reading) -> str:
+    """Seconds since the first frame."""
+    return f"{(nanoseconds(deal.plain['start']) - _first(reading)) // 10**6 / 1000:.3f}"
+
+
+def _times(lines: list[str], reading: Reading) -> Iterator[str]:
+    """The line about the capture: its first frame by the frames, its last time by the transactions."""
+    if reading.plain.get("start") is None:
+        return
+    text = " ".join(" ".join(lines).split())
+    if not dated(reading):
+        if f"{_UNDATED}{reading.plain['start'][:19].replace('T', ' ')}" not in text:
+            yield "does not say that the clock was not set"
+        return
+    told = _START.search(text)
+    if told is None:
+        yield "does not say when the capture begins"
+        return
+    if f"{told[1]}T{told[2]}" != reading.plain["start"][:23]:
+        yield f"the first frame is of {reading.plain['start']}, not {told[1]} {told[2]}"
+    last = _last(reading)
+    if (last is not None and last >= _first(reading)) is not bool(told[3]):
+        yield f"the last time is {last}, not {told[3]}"
 
 
 # Counts
@@ -151,9 +225,13 @@ def _verdict(lines: list[str], reading: Reading) -> Iterator[str]:
 
 def _drives(lines: list[str], reading: Reading) -> Iterator[str]:
     devices = {each.device for each in reading.deals}
-    for line in lines:
-        ip, *_, counts = re.split(r"\s{2,}", line.strip())
-        if ip not in devices and not line.strip().startswith("and "):
+    for line in _whole(lines, 6):
+        ip = line.split()[0]
+        found = re.search(r"\b\d[\d,]* transactions?\b.*$", line)
+        counts = found[0] if found else ""
+        if ip == "and":
+            continue
+        if ip not in devices:
             yield f"{ip} was asked nothing"
             continue
         deals = [each for each in reading.deals if each.device == ip]
@@ -278,6 +356,8 @@ class Headline:
     job: int | None = None
     answering: list[int] = field(default_factory=list)
     more: int = 0
+    time: str = ""
+    """When this one began."""
     device: str | None = None
     """The device in front of its words."""
     state: str = ""
@@ -309,8 +389,9 @@ def headlines(lines: list[str]) -> list[Headline]:
         part = ""
         if look:
             item.frame, item.job = int(look[1]), int(look[2]) if look[2] else None
-            more = _MORE.match(look[3])
-            item.filters.append(more[1] if more else look[3])
+            item.time = look[3] or ""
+            more = _MORE.match(look[4])
+            item.filters.append(more[1] if more else look[4])
             item.more += int(more[2]) if more else 0
         elif text.startswith("these respond"):
             item.answering = [int(each) for each in re.findall(r"\d+", text)]
@@ -355,6 +436,12 @@ def headline(item: Headline, reading: Reading) -> Iterator[str]:
         yield f"{item.times} times, and {len(mine)} findings are so: {item.text[:90]}"
     if item.job is not None and item.job not in {each.transaction for each in mine}:
         yield f"#{item.job} has no such finding"
+    if (
+        item.time
+        and item.job in reading.by_id
+        and item.time != clock(reading.by_id[item.job], reading)
+    ):
+        yield f"#{item.job} did not begin at {item.time}"
     yield from _state(item, mine, reading)
     yield from _answering(item, reading)
 
@@ -478,9 +565,16 @@ def _lines(lines: list[str], reading: Reading) -> Iterator[Complaint]:
             yield Complaint("line", f"#{number}", text)
 
 
+_TAIL = re.compile(r"\s(\d+) frames?((?: -?[\d.,]+ (?:ms|s|min))?)((?:, .*)?)$")
+
+
 def _line(block: list[str], deal: Deal, reading: Reading) -> Iterator[str]:
     first = block[0]
-    tail = re.search(r"  (\d+) frames?((?: -?[\d.,]+ (?:ms|s|min))?)((?:, .*)?)$", first)
+    for line in block[1:]:
+        if _TAIL.search(first):
+            break
+        first = f"{first} {line.strip()}"
+    tail = _TAIL.search(first)
     if tail is None:
         yield f"has no end: {first!r}"
         return
@@ -494,9 +588,8 @@ def _line(block: list[str], deal: Deal, reading: Reading) -> Iterator[str]:
         told = re.search(rf"{word} (\d+)", tail[3])
         if int(told[1] if told else 0) != len(pairs):
             yield f"{told[0] if told else 'nothing'}: {word} {len(pairs)} times"
-    if first.split()[1].lower() != deal.operation:
-        yield f"does not say that it is a {deal.operation}"
-    if (deal.state == "ok") is bool(re.search(rf"\[{deal.state}\b.*?\]  \d+ frame", first)):
+    yield from _front(first.split(), deal, reading)
+    if (deal.state == "ok") is bool(re.search(rf"\[{deal.state}\b.*?\]\s+\d+ frame", first)):
         yield f"does not say its state {deal.state}"
     if deal.device not in first:
         yield f"does not name {deal.device}"
@@ -504,10 +597,23 @@ def _line(block: list[str], deal: Deal, reading: Reading) -> Iterator[str]:
     yield from _plc(block, deal, reading)
 
 
+def _front(words: list[str], deal: Deal, reading: Reading) -> Iterator[str]:
+    """Number, time of day, seconds since the first frame, first frame, operation."""
+    front = [f"#{deal.id}", *clock(deal, reading).split(), str(min(deal.all_frames, default=0))]
+    if dated(reading):
+        front.insert(-1, since(deal, reading))
+    else:
+        front.remove("s")
+    if words[: len(front)] != front:
+        yield f"begins with {words[: len(front)]}, not with {front}"
+    if words[len(front)].lower() != deal.operation:
+        yield f"does not say that it is a {deal.operation}"
+
+
 def _plc(block: list[str], deal: Deal, reading: Reading) -> Iterator[str]:
-    for line in block[1:]:
-        if line.strip().startswith("PLC: "):
-            for text in plc.check(line.strip().removeprefix("PLC: "), deal, reading):
+    for line in _whole(block[1:], 10):
+        if line.startswith("PLC: "):
+            for text in plc.check(line.removeprefix("PLC: "), deal, reading):
                 yield f"PLC: {text}"
 
 
@@ -542,14 +648,26 @@ def _groups(lines: list[str], reading: Reading) -> Iterator[Complaint]:
             yield Complaint("findings", rule, text)
 
 
+def _whole(lines: list[str], deep: int = 8) -> list[str]:
+    """Lines that were broken, put together again: what stands deeper than the first of them goes on."""
+    found: list[str] = []
+    for line in lines:
+        if line.startswith(" " * deep) and found:
+            found[-1] += " " + line.strip()
+        else:
+            found.append(line.strip())
+    return found
+
+
 def _group(rule: str, lines: list[str], reading: Reading) -> Iterator[str]:
     findings = [each for each in reading.findings if each.rule == rule]
     frames, more = set[int](), 0
-    for line in lines:
-        text = line.strip()
-        told = re.match(r"frame (\d+)(?: #(\d+))?: (.*)$", text)
+    for text in _whole(lines):
+        told = re.match(r"frame (\d+)(?: #(\d+) ([\d.:+ s-]+?))?: (.*)$", text)
+        if told and told[2] and told[3] != clock(reading.by_id[int(told[2])], reading):
+            yield f"#{told[2]} did not begin at {told[3]}"
         if told and not any(
-            each.frame == int(told[1]) and each.message == told[3]
+            each.frame == int(told[1]) and each.message == told[4]
             and each.transaction == (int(told[2]) if told[2] else None) for each in findings
         ):  # fmt: skip
             yield f"nothing says {text!r}"

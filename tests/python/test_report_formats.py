@@ -227,7 +227,9 @@ def test_unknown_format_is_wrong_use():
 
 def test_text_has_the_line_of_the_contract():
     content = written(text, make_capture(make_transaction()))
-    line = "#12 read  192.168.133.33 DO 2  p50303[0] = 10.0  4 frames 12.4 ms"
+    line = (
+        "#12  00:00:00.000  0.000  1  read  192.168.133.33 DO 2  p50303[0] = 10.0  4 frames 12.4 ms"
+    )
     assert line in content.splitlines()
     assert "line 1.pcapng: 1,234 frames" in content
     assert '192.168.133.33  00:0e:8c:00:00:01  "drive1"  vendor 0x002A  device 0x0501' in content

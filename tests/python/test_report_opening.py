@@ -60,6 +60,7 @@ def test_a_capture_in_which_all_is_well_has_a_verdict_and_drives_and_no_more():
     assert opening(capture(handmade.transaction())) == [
         "line.pcapng: 9 frames",
         "OK: 1 drive, 1 transaction, all done",
+        "  2026-01-01 00:00:00.000 +00:00 (UTC) first frame, 00:00:00.012 last transaction or event, 12.4 ms",
         "",
         "Drives",
         f'  {DRIVE}  "press-1"  1 transaction, all done',
@@ -78,7 +79,7 @@ def test_a_change_of_which_nobody_read_the_answer_is_not_ok(captures: Path):
 def test_where_there_are_errors_jobs_are_answered_and_not_done(captures: Path):
     lines = opening(analyze(captures / "transport-reject.pcapng"))
     assert lines[1] == "NOT OK: 1 drive, 1 transaction, all with a response"
-    assert lines[4].endswith("1 transaction, all with a response")
+    assert lines[5].endswith("1 transaction, all with a response")
 
 
 def test_every_drive_has_its_counts_and_other_devices_stand_below():
@@ -89,7 +90,7 @@ def test_every_drive_has_its_counts_and_other_devices_stand_below():
     ]
     lines = opening(capture(*jobs, devices=[Device("192.168.133.50"), Device(DRIVE)]))
     assert lines[1] == "NOT OK: 2 drives, 3 transactions, 1 refused"
-    assert lines[4:9] == [
+    assert lines[5:10] == [
         f"  {DRIVE}  2 transactions, 1 refused",
         "  192.168.133.40  1 transaction, all done",
         "",
@@ -102,7 +103,7 @@ def test_many_drives_do_not_push_away_what_to_do():
     jobs = [handmade.transaction(id=n, device=f"10.0.0.{n}") for n in range(1, 61)]
     lines = opening(capture(*jobs, devices=[]))
     assert lines[-1] == "  and 10 more drives"
-    assert len(lines) == 55
+    assert len(lines) == 56
 
 
 def test_five_thousand_equal_symptoms_are_one_line():
@@ -126,12 +127,12 @@ def test_five_thousand_equal_symptoms_are_one_line():
     told = diagnosis(count=5000, frames=[1, 2, 3, 4, 5], transactions=[1, 2, 3, 4, 5])
     told.frames_left_out = 4995
     lines = opening(capture(*jobs, findings=findings, diagnoses=[told]))
-    assert lines[6:] == [
+    assert lines[7:] == [
         "What to do",
         f"  DS719 error drive-running: {message} (5,000 times)",
         "    -> 0x6B: remove the enable (OFF1, standstill) and repeat the change. 0x11: see in the parameter",
         "       list in which state the parameter can be changed, and bring the drive there.",
-        "    look at frame 1 (#1): frame.number in {1..5}  (and 4,995 frames more)",
+        "    look at frame 1 (#1, 00:00:00.000): frame.number in {1..5}  (and 4,995 frames more)",
     ]
 
 
@@ -161,8 +162,10 @@ def test_what_no_diagnosis_covers_stands_behind_them_a_line_a_rule():
         " that this capture shows being written to it (frame 7) (2 times in 1 frame)",
     ]
     assert lines[place + 1].startswith("  DS410")
-    assert lines[-1] == "    look at frame 9 (#1): frame.number == 9"
-    assert sum("look at frame 9 (#1): frame.number == 9" in line for line in lines) == 3
+    assert lines[-1] == "    look at frame 9 (#1, 00:00:00.000): frame.number == 9"
+    assert (
+        sum("look at frame 9 (#1, 00:00:00.000): frame.number == 9" in line for line in lines) == 3
+    )
     assert not any("DS415" in line for line in lines)
     assert sum("-> " in line for line in lines) == 3
 
@@ -463,13 +466,15 @@ def test_the_lines_below_the_opening_are_chinese_too(captures: Path, capsys):
     assert main(["report", "--lang", "zh", str(captures / "tour-machine.pcapng")]) == 0
     lines = capsys.readouterr().out.splitlines()
     (place,) = (number for number, line in enumerate(lines) if line == "任务")
-    assert lines[place + 2].endswith(":= 100.0 s  8 帧 27.0 ms，轮询 2 次")
-    assert lines[place + 7].endswith(
+    assert lines[place + 3].endswith(":= 100.0 s  8 帧 27.0 ms，轮询 2 次")
+    assert lines[place + 8].endswith(
         "p50076[1] := 100.0 错误 0x6B：控制器使能时无修改权限  [错误]  4 帧 3.0 ms"
     )
     (place,) = (number for number, line in enumerate(lines) if line == "结论")
     assert lines[place + 4] == "  DS410 错误 drive-error：2 个结论"
-    assert lines[place + 5].startswith("    帧 29 #6：偏移 4：参数 50076[1] 得到否定应答")
+    assert lines[place + 5].startswith(
+        "    帧 29 #6 08:00:01.195：偏移 4：参数 50076[1] 得到否定应答"
+    )
     assert lines[-4:] == [
         "汇总",
         "  8 个任务：4 正常，1 部分失败，1 错误，1 被拒绝，1 无应答；4 读，4 修改",

@@ -13,6 +13,7 @@ import shutil
 import struct
 import subprocess
 from collections.abc import Iterable, Iterator
+from datetime import UTC
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -50,6 +51,7 @@ from ds47.report import Options
 from ds47.report import profibus as shown
 from ds47.report import text as text_report
 from ds47.report.bilingual import LANGUAGES
+from ds47.report.zones import Zone
 from ds47.spec import codes, rules
 from ds47.spec import profibus as spec
 from ds47.wireshark import fields
@@ -627,7 +629,7 @@ def test_the_report_is_that_of_the_command(tshark: Tshark, tmp_path: Path) -> No
     path = saved(tmp_path / "line.pcapng", shots(test_profibus_bus.everything_wrong()))
     text = tshark("-q", "-X", "lua_script1:report", "-X", f"lua_script1:name={path}", "-r", path)
     result, wanted = analyze(path, AnalysisOptions(ignore=ANALYZER_ONLY)), io.StringIO()
-    text_report.write(Report([result]), wanted, Options(rules=rules()))
+    text_report.write(Report([result]), wanted, Options(rules=rules(), zone=Zone("local", UTC)))
     assert text == wanted.getvalue()
     assert "dp4      slave" in text
     for kind in ("statistics", "csv", "drives"):

@@ -6,6 +6,7 @@ What Wireshark's own dissector makes of the same captures is compared in test_wi
 from __future__ import annotations
 
 from collections import defaultdict
+from datetime import UTC
 from decimal import Decimal
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from ds47.model import CaptureResult, Report, Transaction
 from ds47.report import Options
 from ds47.report import s7 as words
 from ds47.report import text as text_report
+from ds47.report.zones import Zone
 from ds47.s7.choices import Choices
 from ds47.spec import codes
 from ds47.spec import s7 as spec_s7
@@ -271,7 +273,7 @@ def test_the_report_is_that_of_the_analyzer(name: str, tshark: Tshark, tmp_path:
     result = analyze(path)
     result.path = path.name
     with (tmp_path / "own.txt").open("w", encoding="utf-8") as stream:
-        options = Options(rules=spec.rules())
+        options = Options(rules=spec.rules(), zone=Zone("local", UTC))
         text_report.write(Report([result]), stream, options)
     assert report.read_text("utf-8") == (tmp_path / "own.txt").read_text("utf-8")
 

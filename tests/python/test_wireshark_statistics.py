@@ -16,6 +16,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from datetime import UTC
 from pathlib import Path
 
 import pytest
@@ -27,6 +28,7 @@ from ds47.model import Report
 from ds47.report import Options
 from ds47.report import csv as csv_report
 from ds47.report import text as text_report
+from ds47.report.zones import Zone
 from ds47.wireshark.bundle import bundle, plugin_sources
 
 ANALYZER_ONLY = tuple(
@@ -134,7 +136,7 @@ def test_reports_are_those_of_the_analyzer(
     result = analyze(path, AnalysisOptions(ignore=ANALYZER_ONLY))
     result.path = name
     expected = io.StringIO()
-    options = Options(rules=spec.rules())
+    options = Options(rules=spec.rules(), zone=Zone("local", UTC))
     text_report.write(Report([result]), expected, options)
     assert text.read_bytes().decode() == expected.getvalue()
     expected = io.StringIO()

@@ -327,4 +327,10 @@ function M.wrap(text, width, hanging)
   return lines
 end
 
+--- A line of a report in lines that fit: all but the first stand four columns behind its beginning.
+function M.fitted(text, width)
+  if M.width(text) <= width then return { text } end
+  return M.wrap(text, width, #text:match("^ *") + 4)
+end
+
 return M

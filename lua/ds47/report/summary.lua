@@ -57,7 +57,8 @@ local function counts_of(states, smooth, lang)
   return "  " .. words.joined(lang, parts)
 end
 
-local function list_devices(add, lang, keys, items, texts)
+local function list_devices(add, context, keys, items, texts)
+  local lang = context.lang
   if #items == 0 then
     return
   end
@@ -70,14 +71,15 @@ local function list_devices(add, lang, keys, items, texts)
   for i = 1, shown do
     local address = pad(escape(items[i].ip), width)
     local line = "  " .. address .. M.about(items[i], lang) .. (texts and texts[i] or "")
-    add((line:gsub(" +$", "")))
+    for _, each in ipairs(words.fitted((line:gsub(" +$", "")), context.width)) do add(each) end
   end
   if #items > shown then
     add("  " .. say(lang, keys.more, { n = #items - shown }))
   end
 end
 
-local function drives(add, result, smooth, lang)
+local function drives(add, result, smooth, context)
+  local lang = context.lang
   local states, known, found, counts, others = {}, {}, {}, {}, {}
   for _, each in ipairs(result.devices or {}) do
     known[each.ip] = each
@@ -101,11 +103,15 @@ local function drives(add, result, smooth, lang)
       others[#others + 1] = each
     end
   end
-  list_devices(add, lang, { title = "drives_head", more = "more_drives" }, found, counts)
-  list_devices(add, lang, { title = "other_devices_head", more = "more_devices" }, others)
+  list_devices(add, context, { title = "drives_head", more = "more_drives" }, found, counts)
+  list_devices(add, context, { title = "other_devices_head", more = "more_devices" }, others)
 end
 
 -- What to do
+
+local function add_fitted(add, text)
+  for _, each in ipairs(words.fitted(text, M.WIDTH)) do add(each) end
+end
 
 local function name_of(rules, rule)
   return rules[rule] and rules[rule].name or ""
@@ -145,13 +151,14 @@ local function advice(add, context, rule)
   end
 end
 
-local function look(add, lang, item)
-  local frames, job = item.frames, item.transactions[1]
+local function look(add, context, item)
+  local lang, frames, job = context.lang, item.frames, item.transactions[1]
   if #frames == 0 then
     return
   end
   local filter, left_out = filters.display_filter(frames)
   local values = { frame = words.integer(frames[1]), filter = filter, job = job and words.integer(job) }
+  values.time = job and context.clock:moment(context.starts[job] or 0)
   left_out = left_out + item.frames_left_out
   add("    " .. say(lang, job and "look_at_job" or "look_at", values)
     .. (left_out > 0 and "  " .. say(lang, "frames_more", { n = left_out }) or ""))
@@ -206,16 +213,16 @@ local function diagnosis(add, context, item, advised)
   end
   local axes = todo.answering(context.transactions, item)
   if axes then
-    add("    " .. say(context.lang, "answering", { list = axes }))
+    add_fitted(add, "    " .. say(context.lang, "answering", { list = axes }))
   end
   state(add, context, item)
-  look(add, context.lang, item)
+  look(add, context, item)
   corrected(add, context.lang, item)
 end
 
 local function more(add, context, item)
   local lang = context.lang
-  add("  " .. say(lang, "more_causes", {
+  add_fitted(add, "  " .. say(lang, "more_causes", {
     rule = item.rule, name = name_of(context.rules, item.rule), n = item.causes,
     times = say(lang, "times", { n = item.findings }),
   }))
@@ -235,7 +242,7 @@ local function other_findings(add, context, rest)
         advice(add, context, each.rule)
       end
       state(add, context, each)
-      look(add, context.lang, each)
+      look(add, context, each)
       advised = each.rule
     end
   end
@@ -288,13 +295,14 @@ end
 -- @param add     takes a line
 -- @param result  what Analysis:ended() gives
 -- @param counts  what verdict.counts says of it
--- @param context {lang, rules}
+-- @param context {lang, rules, clock, width = columns of a line that may be longer than one of prose}
 function M.lines(add, result, counts, context)
-  drives(add, result, verdict.smooth(counts), context.lang)
+  drives(add, result, verdict.smooth(counts), context)
   local diagnoses = result.diagnoses or {}
   local rest = todo.uncovered(result)
   context.several, context.transactions = counts.drives > 1, result.transactions
-  context.findings = result.findings
+  context.findings, context.starts = result.findings, {}
+  for _, each in ipairs(result.transactions) do context.starts[each.id] = each.start_ns end
   if #diagnoses > 0 or #rest > 0 then
     to_do(add, context, diagnoses, rest)
   end

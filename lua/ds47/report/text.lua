@@ -5,6 +5,7 @@
 
 local all_frames = require("ds47.acyclic.transactions").all_frames
 local bus = require("ds47.report.bus")
+local clocks = require("ds47.report.clock")
 local communication = require("ds47.report.s7")
 local filters = require("ds47.report.filters")
 local grouping = require("ds47.findings.grouping")
@@ -24,7 +25,7 @@ local duration, escape, integer = words.duration, words.escape, words.integer
 local joined, noted, pad, say = words.joined, words.noted, words.pad, words.say
 local concat, format, sort = table.concat, string.format, table.sort
 
-M.LINE_LENGTH = 120 -- parameters that make a line longer than this stand below it, one a line
+M.WIDTH = 140 -- columns of a line; what can be copied is never broken
 M.FINDINGS_PER_RULE = 12
 M.RELATIONS_LISTED = 20
 M.CONNECTIONS_LISTED = 50
@@ -125,6 +126,8 @@ local function header(add, result, counts, options)
   local frames = say(lang, "frames", { n = options.frames or result.frames or 0 })
   add(options.path and escape(options.path) .. ": " .. frames or frames)
   add(verdict.verdict(counts, lang))
+  local span = options.clock:span(lang)
+  if span then add("  " .. span) end
   if result.complete == false or result.problem then
     local problem = escape(result.problem or say(lang, "file_ends_early"))
     add("  " .. say(lang, "partly_read", { problem = problem }))
@@ -209,7 +212,7 @@ local function aligned(rows)
 end
 
 --- The stations of PROFIBUS.
-local function stations(add, result, lang)
+local function stations(add, copied, result, lang)
   local item = result.bus
   if not item then
     return
@@ -218,23 +221,28 @@ local function stations(add, result, lang)
   add(say(lang, "bus_head"))
   add("  " .. bus.counts(item, lang))
   for _, line in ipairs(aligned(bus.rows(item, lang))) do
-    add("  " .. line)
+    copied("  " .. line)
   end
   for _, lines in ipairs({bus.diagnoses(item, lang), bus.hints(item, result.relations or {}, lang)}) do
     for _, line in ipairs(lines) do add("  " .. line) end
   end
 end
 
-local function event_cells(row, start, lang)
+local function event_cells(row, clock, lang)
   local standing = timelines.standing(row, lang)
-  return {
-    say(lang, "frame", { frame = integer(row.last.frame) }), timelines.seconds(row.last.time, start),
-    timelines.change(row), timelines.words(row, lang), standing ~= "" and "[" .. standing .. "]" or "",
-  }
+  local cells = { say(lang, "frame", { frame = integer(row.last.frame) }), clock:at(row.last.time) }
+  for _, cell in ipairs({
+    clock:since(row.last.time) .. " s", timelines.change(row), timelines.words(row, lang),
+    standing ~= "" and "[" .. standing .. "]" or "",
+  }) do
+    cells[#cells + 1] = cell
+  end
+  return cells
 end
 
 --- What happened to each drive, a line for each word and frame.
-local function events(add, result, lang)
+local function events(add, result, options)
+  local copied, clock, lang = options.copied, options.clock, options.lang
   for _, timeline in ipairs(result.timelines or {}) do
     local relation, rows, cells = result.relations[timeline.relation], timelines.rows(timeline), {}
     add("")
@@ -242,10 +250,10 @@ local function events(add, result, lang)
     local reference = timelines.reference(result, relation.device, lang)
     if reference then add("  " .. reference) end
     for number = 1, math.min(#rows, M.EVENTS_LISTED) do
-      cells[number] = event_cells(rows[number], result.start_time, lang)
+      cells[number] = event_cells(rows[number], clock, lang)
     end
     for _, line in ipairs(aligned(cells)) do
-      add("  " .. line)
+      copied("  " .. line)
     end
     if #rows > M.EVENTS_LISTED then
       add("  " .. say(lang, "more", { number = integer(#rows - M.EVENTS_LISTED) }))
@@ -265,8 +273,9 @@ local function differ(list, key)
 end
 
 --- What the transactions of one capture need to be told apart, and how wide that is.
-local function columns_of(transactions, lang)
-  local columns = { operation = 0, number = 0, route = 0, targets = targets.new(transactions) }
+local function columns_of(transactions, clock, lang)
+  local columns = { operation = 0, number = 0, route = 0, since = 0, frame = 0 }
+  columns.targets, columns.clock = targets.new(transactions), clock
   columns.controllers = differ(transactions, function(each)
     return each.controller
   end)
@@ -275,6 +284,8 @@ local function columns_of(transactions, lang)
   end)
   for _, each in ipairs(transactions) do
     columns.operation = math.max(columns.operation, words.width(words.operation(lang, each.operation)))
+    columns.since = math.max(columns.since, #clock:since(each.start_ns))
+    columns.frame = math.max(columns.frame, #integer(all_frames(each.frames)[1] or 0))
     columns.number = math.max(columns.number, #integer(each.id) + 1)
     columns.route = math.max(columns.route, words.length(M.route(each, columns)))
   end
@@ -336,30 +347,40 @@ local function parts_of(item, lang)
   return parts
 end
 
+-- Number, time, seconds since the first frame, first frame.
+local function front(item, columns)
+  local since = columns.clock:since(item.start_ns)
+  local frame = integer(all_frames(item.frames)[1] or 0)
+  local cells = { pad("#" .. integer(item.id), columns.number), columns.clock:at(item.start_ns) }
+  cells[#cells + 1] = (" "):rep(columns.since - #since) .. since
+  cells[#cells + 1] = (" "):rep(columns.frame - #frame) .. frame
+  return concat(cells, "  ")
+end
+
 local function transaction_lines(add, item, columns, lang)
   local operation = words.operation(lang, item.operation)
   local blanks = (" "):rep(columns.operation - words.width(operation))
-  local left = pad("#" .. integer(item.id), columns.number) .. " " .. operation .. blanks
+  local left = front(item, columns) .. "  " .. operation .. blanks
     .. "  " .. pad(M.route(item, columns), columns.route)
-  local parts, length = parts_of(item, lang), words.length(left)
-  for _, part in ipairs(parts) do
-    length = length + words.length(part)
+  local parts = parts_of(item, lang)
+  local tail = (item.state ~= "ok" and state_mark(item, lang) .. "  " or "") .. timing(item, lang)
+  local whole = left .. "  " .. (#parts > 0 and concat(parts, "; ") .. "  " or "") .. tail
+  local function add_wrapped(text, hanging)
+    for _, line in ipairs(words.wrap(text, M.WIDTH, hanging)) do add(line) end
   end
-  local below = #parts > 1 and length > M.LINE_LENGTH
-  local line = { left }
-  if below then
-    line[2] = say(lang, item.channel == "s7" and "s7_items" or "parameters", { n = #parts })
-  elseif #parts > 0 then
-    line[2] = concat(parts, "; ")
+  if words.width(whole) <= M.WIDTH or #parts == 0 then
+    return add_wrapped(whole, 6)
   end
-  if item.state ~= "ok" then
-    line[#line + 1] = state_mark(item, lang)
+  if #parts > 1 then
+    left = left .. "  " .. say(lang, item.channel == "s7" and "s7_items" or "parameters", { n = #parts })
   end
-  line[#line + 1] = timing(item, lang)
-  add(concat(line, "  "))
-  for _, part in ipairs(below and parts or {}) do
-    add("      " .. part)
+  if words.width(left .. "  " .. tail) <= M.WIDTH then
+    add(left .. "  " .. tail)
+  else
+    add_wrapped(left, 6)
+    add_wrapped("      " .. tail, 6)
   end
+  for _, part in ipairs(parts) do add_wrapped("      " .. part, 8) end
 end
 
 local function is_listed(item, options)
@@ -368,14 +389,14 @@ end
 
 --- The connections of S7.
 local function connections(add, result, options)
-  local list, lang, unlisted = result.connections or {}, options.lang, 0
+  local list, lang, unlisted, copied = result.connections or {}, options.lang, 0, options.copied
   if #list == 0 then
     return
   end
   add("")
   add(say(lang, "s7_head"))
   for _, line in ipairs(aligned(communication.rows(list, M.CONNECTIONS_LISTED, lang))) do
-    add("  " .. line)
+    copied("  " .. line)
   end
   local left_out = math.max(0, #list - M.CONNECTIONS_LISTED) + (result.connections_left_out or 0)
   if left_out > 0 then add("  " .. say(lang, "s7_left_out", { n = left_out })) end
@@ -399,7 +420,8 @@ local function transaction_table(add, result, options)
   local witness = plc.witness(result)
   add("")
   add(say(options.lang, "transactions_head"))
-  local columns = columns_of(transactions, options.lang)
+  local columns = columns_of(transactions, options.clock, options.lang)
+  add("  " .. say(options.lang, options.clock.known and "line_columns" or "line_columns_undated"))
   for _, each in ipairs(transactions) do
     transaction_lines(add, each, columns, options.lang)
     if each.channel == "ds47" and (options.plc or each.state ~= "ok") then
@@ -408,7 +430,8 @@ local function transaction_table(add, result, options)
   end
 end
 
-local function finding_group(add, group, rules, lang)
+local function finding_group(add, group, rules, options)
+  local lang = options.lang
   local first, frames = group[1], {}
   local rule = rules[first.rule]
   local name = rule and " " .. rule.name or ""
@@ -423,7 +446,7 @@ local function finding_group(add, group, rules, lang)
     if i <= M.FINDINGS_PER_RULE then
       add("    " .. say(lang, "finding_line", {
         frame = say(lang, "frame", { frame = integer(each.frame) }),
-        job = each.transaction and " #" .. integer(each.transaction) or "",
+        job = each.transaction and options.moment(each.transaction) or "",
         message = escape(words.message(each, lang)),
       }))
     end
@@ -432,17 +455,18 @@ local function finding_group(add, group, rules, lang)
     add("    " .. say(lang, "more", { number = integer(#group - M.FINDINGS_PER_RULE) }))
   end
   local filter, left_out = filters.display_filter(frames)
-  add("    " .. filter .. (left_out > 0 and "  " .. say(lang, "frames_more", { n = left_out }) or ""))
+  local note = left_out > 0 and "  " .. say(lang, "frames_more", { n = left_out }) or ""
+  options.copied("    " .. filter .. note)
 end
 
-local function findings(add, list, rules, lang)
+local function findings(add, list, rules, options)
   if #list == 0 then
     return
   end
   add("")
-  add(say(lang, "findings_head"))
+  add(say(options.lang, "findings_head"))
   for _, group in ipairs(todo.by_rule(list)) do
-    finding_group(add, group, rules, lang)
+    finding_group(add, group, rules, options)
   end
 end
 
@@ -480,27 +504,45 @@ local function summary(result, counts, lang)
   return joined(lang, jobs, ": ", "："), joined(lang, findings_told, ": ", "：")
 end
 
+-- A function that gives ` #12 12:14:03.412` of a number: a transaction and when it began.
+local function moments(result, options)
+  local starts = {}
+  for _, each in ipairs(result.transactions) do starts[each.id] = each.start_ns end
+  return function(number)
+    local start = starts[number]
+    return " #" .. integer(number) .. (start and " " .. options.clock:moment(start) or "")
+  end
+end
+
 --- The report of one capture.
 -- @param result what Analysis:ended() gives
 -- @param options nil or {path = name of the capture (nil where nobody knows it), frames = frames in the file,
 --   rules = catalogue, lang = "en" or "zh", plc = true for what the PLC saw of every job, s7 = true for every
---   job of S7, not only those with findings}
+--   job of S7, not only those with findings, zone = "local" for times of the zone of this machine, else UTC}
 -- @return text, every line ended with LF
-function M.report(result, options)
-  options = options or {}
+function M.report(result, given)
+  local options = {}
+  for key, value in pairs(given or {}) do options[key] = value end
   local rules = options.rules or tables.rules
   local counts, lines = verdict.counts(result), {}
-  local function add(line)
+  function options.copied(line)
     lines[#lines + 1] = line
   end
+  local function add(line)
+    for _, each in ipairs(words.fitted(line, M.WIDTH)) do options.copied(each) end
+  end
+  options.clock = clocks.new(result, options.zone)
+  options.moment = moments(result, options)
   header(add, result, counts, options)
-  opening.lines(add, result, counts, { lang = options.lang, rules = rules })
-  stations(add, result, options.lang)
+  opening.lines(options.copied, result, counts, {
+    lang = options.lang, rules = rules, clock = options.clock, width = M.WIDTH,
+  })
+  stations(add, options.copied, result, options.lang)
   relations(add, result.relations or {}, options.lang)
-  events(add, result, options.lang)
+  events(add, result, options)
   connections(add, result, options)
   transaction_table(add, result, options)
-  findings(add, result.findings, rules, options.lang)
+  findings(add, result.findings, rules, options)
   add("")
   add(say(options.lang, "summary_head"))
   local jobs, found = summary(result, counts, options.lang)

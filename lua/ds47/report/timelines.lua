@@ -5,7 +5,6 @@
 -- gone after it was acknowledged. What is wrong is told by findings.
 
 local cyclic = require("ds47.spec.cyclic")
-local times = require("ds47.support.times")
 local words = require("ds47.report.formatting")
 
 local format = string.format
@@ -79,11 +78,6 @@ end
 function M.standing(row, lang)
   local last = row.last
   return last.state and cyclic.state_text(last.state, last.overlays, lang) or ""
-end
-
---- A time as seconds from the beginning of the capture.
-function M.seconds(time, start)
-  return format("%.3f s", (time - (start or times.new(0, 0))) / 1e9)
 end
 
 --- What 100 % is of a drive: p2000 as it was read last, as a line; nil where nobody says.

@@ -19,9 +19,30 @@ if TYPE_CHECKING:
     from ds47.analysis import AnalysisOptions
     from ds47.cyclic.named import Name
     from ds47.parameters.lists import ParameterList
+    from ds47.report.zones import Zone
     from ds47.s7.choices import Choices
 
 Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def _zone(_context: click.Context, _parameter: click.Parameter, text: str) -> Zone:
+    from ds47.report.zones import zone
+
+    try:
+        return zone(text)
+    except ValueError as problem:
+        raise click.UsageError(f"--tz {problem}") from None
+
+
+tz_option = click.option(
+    "--tz",
+    "where",
+    metavar="ZONE",
+    default="local",
+    show_default=True,
+    callback=_zone,
+    help="Zone of times of day: Europe/Berlin, UTC, local (this machine's), +02:00. Data stays in UTC.",
+)
 
 
 fail_on_option = click.option(

@@ -7,6 +7,7 @@ are `ds47.batch`, how a run goes `ds47.cli.run`, the formats `ds47.report`.
 from __future__ import annotations
 
 import re
+import shutil
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TextIO
@@ -19,7 +20,13 @@ from ds47.capture import CaptureError
 from ds47.capture.names import STDIN
 from ds47.cli.common import color, output, tell_no_plots
 from ds47.cli.execution import Execution
-from ds47.cli.options import analysis_options, fail_on_option, heading_options, options_from
+from ds47.cli.options import (
+    analysis_options,
+    fail_on_option,
+    heading_options,
+    options_from,
+    tz_option,
+)
 from ds47.cli.progress import Progress
 from ds47.cli.run import Run
 from ds47.cli.series import series_option, tasks
@@ -27,8 +34,10 @@ from ds47.model import S7, SEVERITIES
 from ds47.report import FORMATS, CannotWriteError, Options, RuleText, Writer, open_writer
 from ds47.report.heading import Heading
 from ds47.report.reference import Reference
+from ds47.report.zones import Zone
 
 UNREADABLE = 3
+LEAST_WIDTH = 60
 
 
 @click.command("report")
@@ -61,6 +70,14 @@ UNREADABLE = 3
     help="What 100 % of a setpoint is, p2000: 50Hz, 1500rpm, or 50Hz=1395rpm (text, html).",
 )
 @heading_options
+@tz_option
+@click.option(
+    "--width",
+    type=click.IntRange(min=LEAST_WIDTH),
+    metavar="COLUMNS",
+    help="Columns of a line of text; filters, bytes and tables may be longer.  "
+    "[default: the terminal's, or 140]",
+)
 @click.option("--digest", is_flag=True, help="Put the SHA-256 of each capture into the report.")
 @analysis_options
 @click.option(
@@ -109,6 +126,8 @@ def command(
     fail_on: str,
     plc: bool,
     reference: str | None,
+    where: Zone,
+    width: int | None,
     engine: str,
     tshark: str | None,
     jobs: int | None,
@@ -130,7 +149,10 @@ def command(
     with all that is below it, a URL of either (s3://...), or - for stdin.
     """
     collect_rarely()
-    known = None if reference is None else _reference(reference)
+    shown = Options(
+        rules=_Catalogue(), lang=lang, plc=plc, zone=where, width=width or _columns(output_name),
+        reference=None if reference is None else _reference(reference),
+    )  # fmt: skip
     execution = Execution(
         options_from(**options, kept_lists=True), lang, engine, tshark, jobs, results_name, resume, scheduler
     )  # fmt: skip
@@ -142,11 +164,11 @@ def command(
     heading = _heading(said, paths) if name == "html" else said
     with output(output_name) as stream:
         only_s7 = execution.analysis.channels == (S7,)
-        writer = _writer(name, stream, fail_on, lang, plc, known, only_s7, heading)
+        writer = _writer(name, stream, fail_on, shown._replace(s7=only_s7, heading=heading))
         results, todo = execution.results(found, paths)
         quiet = name == "overview" or not stream.isatty()
-        shown = quiet and not no_progress and len(todo) > 1 and sys.stderr.isatty()
-        with Progress(len(todo), sum(task.size for task in todo), shown=shown) as progress:
+        bar = quiet and not no_progress and len(todo) > 1 and sys.stderr.isatty()
+        with Progress(len(todo), sum(task.size for task in todo), shown=bar) as progress:
             run = Run(writer, progress)
             for text in lacking:
                 run.missing(text)
@@ -165,6 +187,13 @@ def _heading(said: Heading, paths: Sequence[str]) -> Heading:
         return said.over(heading_for(paths))
     except CaptureError as problem:
         raise click.ClickException(str(problem)) from problem
+
+
+def _columns(output_name: str) -> int:
+    """Of the terminal (or COLUMNS) where text goes to it, but no fewer than a report needs."""
+    if output_name != STDIN or not sys.stdout.isatty():
+        return Options().width
+    return max(LEAST_WIDTH, shutil.get_terminal_size((Options().width, 24)).columns)
 
 
 def _reference(text: str) -> Reference:
@@ -188,22 +217,11 @@ def _writer(
     format_name: str,
     stream: TextIO,
     fail_on: str,
-    lang: str,
-    plc: bool,
-    reference: Reference | None,
-    only_s7: bool,
-    heading: Heading,
+    options: Options,
 ) -> Writer:
     """The serializer; of a junit report that fails on nothing, the errors still fail."""
-    options = Options(
-        color=color(stream),
-        rules=_Catalogue(),
-        fail_on="error" if fail_on == "never" else fail_on,
-        lang=lang,
-        plc=plc,
-        reference=reference,
-        s7=only_s7,
-        heading=heading,
+    options = options._replace(
+        color=color(stream), fail_on="error" if fail_on == "never" else fail_on
     )
     try:
         return open_writer(format_name, stream, options)

@@ -16,11 +16,12 @@ import click
 
 from ds47.capture.names import STDIN
 from ds47.cli.common import color, format_option, stdout, warn
-from ds47.cli.options import analysis_options, fail_on_option, options_from
+from ds47.cli.options import analysis_options, fail_on_option, options_from, tz_option
 from ds47.model import S7, SEVERITIES
 
 if TYPE_CHECKING:
     from ds47.analysis import AnalysisOptions
+    from ds47.report.zones import Zone
     from ds47.watch.dumpcap import Dumpcap
     from ds47.watch.feed import Feed
     from ds47.watch.show import Show
@@ -52,6 +53,7 @@ _UNREADABLE = 3
 )
 @format_option("text", "ndjson")
 @fail_on_option
+@tz_option
 @analysis_options
 def command(
     source: str | None,
@@ -62,6 +64,7 @@ def command(
     no_follow: bool,
     format_name: str,
     fail_on: str,
+    where: Zone,
     lang: str,
     **options: Any,
 ) -> int:
@@ -81,7 +84,7 @@ def command(
 
     analysis = options_from(**options, kept_lists=True)
     name = source or "+".join(interfaces)
-    show = _show(format_name, name, lang, analysis.channels == (S7,))
+    show = _show(format_name, name, lang, analysis.channels == (S7,), where)
     watch = _Watch(name, analysis, show, lang)
     try:
         if source:
@@ -97,7 +100,7 @@ def command(
     return int(fail_on != "never" and show.tally.worst() >= SEVERITIES.index(fail_on))
 
 
-def _show(format_name: str, name: str, lang: str, only_s7: bool) -> Show:
+def _show(format_name: str, name: str, lang: str, only_s7: bool, where: Zone) -> Show:
     from ds47 import spec
     from ds47.report import Options
     from ds47.watch.show import NdjsonShow, TextShow
@@ -105,7 +108,7 @@ def _show(format_name: str, name: str, lang: str, only_s7: bool) -> Show:
     stream = stdout()
     if format_name == "ndjson":
         return NdjsonShow(stream, name, sys.stderr, lang)
-    options = Options(color=color(stream), rules=spec.rules(), lang=lang, s7=only_s7)
+    options = Options(color=color(stream), rules=spec.rules(), lang=lang, s7=only_s7, zone=where)
     return TextShow(stream, options)
 
 

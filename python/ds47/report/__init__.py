@@ -19,6 +19,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol, TextIO, cast
 from ds47.model import CaptureResult, Finding, Report, Transaction
 from ds47.report.heading import Heading
 from ds47.report.reference import Reference
+from ds47.report.zones import UNIVERSAL, Zone
 
 SCHEMA = "ds47.report/2"
 """The version of the JSON contract, as the key `schema` of a report."""
@@ -60,8 +61,8 @@ class Options(NamedTuple):
     `fail_on`: the severity from which on a finding is a failure (junit only). `lang`: the language of
     the words of a report (text), or in which a page starts (html). `plc`: what the PLC saw
     of every job, not only of those that are not ok (text only). `reference`: what 100 % of a setpoint
-    is (text, html). `s7`: every transaction of S7, not only those with findings (text only).
-    `heading`: the title block (html).
+    is (text, html). `s7`: every transaction of S7, not only those with findings (text only). `heading`: the
+    title block (html). `zone`: in which times of day are said (text, html). `width`: columns of a line (text).
     """
 
     color: bool = False
@@ -72,6 +73,8 @@ class Options(NamedTuple):
     reference: Reference | None = None
     s7: bool = False
     heading: Heading | None = None
+    zone: Zone = UNIVERSAL
+    width: int = 140
 
 
 class Writer:

@@ -13,16 +13,17 @@ from ds47.findings.grouping import headlines
 from ds47.model import S7, CaptureResult, Device, Diagnosis, Finding
 from ds47.report import Options
 from ds47.report.bilingual import say
+from ds47.report.clock import Clock
 from ds47.report.filters import display_filter
 from ds47.report.formatting import escape
 from ds47.report.places import Places
 from ds47.report.sentences import of_all, sentence
 from ds47.report.todo import More, answering, by_state, causes, uncovered
 from ds47.report.verdict import Counts, blind, told, verdict
-from ds47.report.wrap import wrap
+from ds47.report.wrap import fitted, wrap
 
 WIDTH = 100
-"""Columns of a line of text; what can be copied is never broken."""
+"""Columns of a line of prose at most; what can be copied is never broken."""
 DRIVES = 50
 """Drives, and other devices, that are listed."""
 _LONGEST_SCL = 32
@@ -42,13 +43,18 @@ class Opening:
         self._options = options
         self._lang = options.lang
         self._paint = paint
+        self._width = min(WIDTH, options.width)
+        self._clock = Clock(options.zone, None)
+        self._starts: dict[int, int] = {}
 
     def verdict(self, counts: Counts) -> str:
         """`NOT OK: 1 drive, 452 transactions, 412 refused`."""
         return self._paint(COLORS[counts.level], verdict(counts).text(self._lang))
 
-    def lines(self, result: CaptureResult) -> Iterator[str]:
-        """Everything behind the verdict, each part with an empty line before it."""
+    def lines(self, result: CaptureResult, clock: Clock) -> Iterator[str]:
+        """Everything behind the verdict, each part with an empty line before it; no line is to be broken."""
+        self._clock = clock
+        self._starts = {each.id: each.start_ns for each in result.transactions}
         yield from self._drives(result)
         serious = [each for each in result.diagnoses if each.severity != "note"]
         rest = uncovered(result)
@@ -93,7 +99,8 @@ class Opening:
         shown = items[:DRIVES]
         width = max(len(escape(each.ip)) for each in shown)
         for each, text in zip(shown, counts, strict=False):
-            yield f"  {escape(each.ip):<{width}}{about(each, self._lang)}{text}".rstrip()
+            line = f"  {escape(each.ip):<{width}}{about(each, self._lang)}{text}".rstrip()
+            yield from fitted(line, self._options.width)
         if len(items) > DRIVES:
             yield "  " + self._say(more, n=len(items) - DRIVES)
 
@@ -109,7 +116,7 @@ class Opening:
             yield from self._diagnosis(each, several)
             yield from self._advice(each.rule, advised)
             if axes := answering(result, each):
-                yield "    " + self._say("answering", list=axes)
+                yield from fitted("    " + self._say("answering", list=axes), self._width)
             yield from self._state(result, each)
             yield from self._look(each, places)
             yield from self._corrected(each)
@@ -128,7 +135,7 @@ class Opening:
             message=text,
         )
         line += ("", " ")[self._lang != "zh"] + self._times(item)
-        first, *others = wrap(line.rstrip(), WIDTH - 4)
+        first, *others = wrap(line.rstrip(), self._width - 4)
         yield "  " + self._paint(item.severity, first)
         for other in others:
             yield "    " + self._paint(item.severity, other)
@@ -153,7 +160,7 @@ class Opening:
         if found is not None:
             said = escape(sentence(found, self._lang))
             for line in wrap(
-                self._say("state_says", job=str(found.transaction), message=said), WIDTH - 4
+                self._say("state_says", job=str(found.transaction), message=said), self._width - 4
             ):
                 yield "    " + line
 
@@ -179,7 +186,8 @@ class Opening:
         known = self._options.rules.get(item.rule)
         times = self._say("times", n=item.findings)
         name = known.name if known else ""
-        yield "  " + self._say("more_causes", rule=item.rule, name=name, n=item.causes, times=times)
+        line = self._say("more_causes", rule=item.rule, name=name, n=item.causes, times=times)
+        yield from fitted("  " + line, self._width)
 
     def _advice(self, rule: str, advised: str) -> Iterator[str]:
         """What to do, once for diagnoses of one rule that follow each other."""
@@ -187,7 +195,7 @@ class Opening:
         if known is None or rule == advised:
             return
         advice = known.advice_zh if self._lang == "zh" else known.advice
-        for line in wrap("-> " + advice, WIDTH - 4, 3):
+        for line in wrap("-> " + advice, self._width - 4, 3):
             yield "    " + line
 
     def _look(self, item: Diagnosis, places: Places) -> Iterator[str]:
@@ -200,6 +208,7 @@ class Opening:
         values = {"frame": escape(places.number(frames[0], self._lang)), "filter": shown}
         if jobs:
             values["job"] = str(jobs[0])
+            values["time"] = self._clock.moment(self._starts.get(jobs[0], 0))
         line = self._say("look_at_job" if jobs else "look_at", **values)
         left_out += item.frames_left_out
         yield "    " + self._paint("dim", line) + self._left_out(left_out)
@@ -222,7 +231,7 @@ class Opening:
             yield "    " + self._say("instead_of", job=str(item.corrected_in), hex=better.hex)
         else:
             yield "    " + self._say("instead", hex=better.hex)
-        for line in wrap(" ".join(better.words), WIDTH - 6):
+        for line in wrap(" ".join(better.words), self._width - 6):
             yield "      " + line
         if len(item.corrected) <= _LONGEST_SCL:
             for line in better.scl.splitlines():
@@ -240,7 +249,7 @@ class Opening:
             return
         yield from self._title("blind")
         for each in lines:
-            for number, line in enumerate(wrap(each.text(self._lang), WIDTH - 4)):
+            for number, line in enumerate(wrap(each.text(self._lang), self._width - 4)):
                 yield ("    " if number else "  ") + line
 
 

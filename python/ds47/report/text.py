@@ -34,6 +34,7 @@ from ds47.report import bus as stations
 from ds47.report import json as contract
 from ds47.report import s7 as communication
 from ds47.report.bilingual import Both, counted, joined, operation, say, state
+from ds47.report.clock import Clock
 from ds47.report.filters import display_filter
 from ds47.report.formatting import duration, escape, parameter
 from ds47.report.latency import Latency
@@ -43,11 +44,9 @@ from ds47.report.sentences import at_offset, sentence
 from ds47.report.summary import Opening
 from ds47.report.targets import Targets
 from ds47.report.verdict import Counts
-from ds47.report.wrap import aligned, columns
+from ds47.report.wrap import aligned, columns, fitted, wrap
 from ds47.spec.cyclic import telegrams
 
-LINE_LENGTH = 120
-"""Parameters that make a line longer than this stand below it, one a line."""
 FINDINGS_PER_RULE = 12
 RELATIONS_LISTED = 20
 CONNECTIONS_LISTED = 50
@@ -74,15 +73,19 @@ class Writer(_Writer):
         self._counts = Counts()
         self._rows: list[Row] = []
         self._latency = Latency()
+        self._clock = Clock(self.options.zone, None)
+        self._starts: dict[int, int] = {}
 
     def capture(self, result: CaptureResult) -> None:
         if self._rows:
             self._line()
         counts = Counts.of(result)
         self._counts.add(counts)
+        self._clock = Clock.of(result, self.options.zone)
+        self._starts = {each.id: each.start_ns for each in result.transactions}
         self._header(result, counts)
-        for line in self._opening.lines(result):
-            self._line(line)
+        for line in self._opening.lines(result, self._clock):
+            self._copied(line)
         if result.bus is not None:
             self._bus(result.bus, result.relations)
         self._relations(result.relations)
@@ -109,12 +112,17 @@ class Writer(_Writer):
         to_do = list(causes.lines(sums["to_do"], self.options, advice=False))
         for block in (table(self._rows, self.options.lang, CAPTURES_LISTED), to_do):
             for line in ["", *block] if block else ():
-                self._line(line)
+                self._copied(line)
         title = self._say("summary_all", n=len(self._rows))
         verdict = self._opening.verdict(self._counts)
         self._summary(title, sums, self._latency, verdict)
 
     def _line(self, text: str = "") -> None:
+        for line in fitted(text, self.options.width):
+            self._copied(line)
+
+    def _copied(self, text: str) -> None:
+        """A line that is not broken: what somebody may copy, and what fits already."""
         self.stream.write(text + "\n")
 
     def _paint(self, color: str, text: str) -> str:
@@ -130,8 +138,10 @@ class Writer(_Writer):
         frames = self._say("frames", n=result.frames)
         self._title(f"{escape(result.path)}: {frames}")
         if result.sha256:
-            self._line(f"  sha256 {result.sha256}")
+            self._copied(f"  sha256 {result.sha256}")
         self._line(self._opening.verdict(counts))
+        if span := self._clock.span(result):
+            self._line("  " + span.text(self.options.lang))
         self._files(result.files)
         if not result.complete or result.problem:
             problem = escape(result.problem or self._say("file_ends_early"))
@@ -153,7 +163,7 @@ class Writer(_Writer):
         self._line("  " + stations.counts(bus).text(lang))
         table = [stations.head(), *stations.rows(bus)]
         for line in aligned([[cell.text(lang) for cell in row] for row in table]):
-            self._line("  " + line)
+            self._copied("  " + line)
         for each in (*stations.diagnoses(bus), *stations.hints(bus, relations)):
             self._line("  " + each.text(lang))
 
@@ -198,7 +208,7 @@ class Writer(_Writer):
         if back:
             self._line("  " + self._say("senders_how"))
             names = [f"--cyclic {each.mac}@{each.frame_id:04X}:0:pzd" for each in (first, back[0])]
-            self._line("    " + " ".join(names))
+            self._copied("    " + " ".join(names))
 
     def _words_of(self, relation: Relation) -> None:
         """The words of a drive, where only one telegram has these lengths."""
@@ -222,20 +232,21 @@ class Writer(_Writer):
             if known is not None:
                 self._line("  " + timelines.reference_words(known).text(self.options.lang))
             rows = timelines.rows(timeline)
-            table = [self._event(row, result.start_ns) for row in rows[:EVENTS_LISTED]]
+            table = [self._event(row) for row in rows[:EVENTS_LISTED]]
             for line in aligned(table):
-                self._line("  " + line)
+                self._copied("  " + line)
             if len(rows) > EVENTS_LISTED:
                 self._line("  " + self._say("more", number=str(len(rows) - EVENTS_LISTED)))
             if timeline.events_left_out:
                 self._line("  " + self._say("timeline_left_out", n=timeline.events_left_out))
 
-    def _event(self, row: timelines.Row, start_ns: int | None) -> list[str]:
+    def _event(self, row: timelines.Row) -> list[str]:
         lang = self.options.lang
         standing = timelines.standing(row).text(lang)
         return [
             self._say("frame", frame=str(row.last.frame)),
-            timelines.seconds(row.last.time_ns, start_ns),
+            *filter(None, [self._clock.at(row.last.time_ns)]),
+            f"{self._clock.since(row.last.time_ns)} s",
             timelines.change(row),
             timelines.words(row).text(lang),
             f"[{standing}]" if standing else "",
@@ -250,7 +261,7 @@ class Writer(_Writer):
         self._title(self._say("s7_head"))
         table = [communication.head(), *islice(communication.rows(result), CONNECTIONS_LISTED)]
         for line in aligned([[cell.text(lang) for cell in row] for row in table]):
-            self._line("  " + line)
+            self._copied("  " + line)
         left_out = len(result.connections) - len(table) + 1 + result.connections_left_out
         if left_out:
             self._line("  " + self._say("s7_left_out", n=left_out))
@@ -297,7 +308,8 @@ class Writer(_Writer):
         witness = plc.Witness(result)
         self._line()
         self._title(self._say("transactions_head"))
-        table = _Columns(transactions, Targets(transactions), self.options.lang)
+        table = _Columns(transactions, Targets(transactions), self.options.lang, self._clock)
+        self._line("  " + self._paint("dim", self._say(table.words)))
         for each in transactions:
             for line in self._transaction_lines(each, table):
                 self._line(line)
@@ -315,13 +327,17 @@ class Writer(_Writer):
         parts = [parameter(each, written, lang) for each in item.parameters]
         if item.channel == S7:
             parts = communication.parts(item, lang)
-        below = len(parts) > 1 and sum(map(len, parts)) + len(left) > LINE_LENGTH
-        if below:
-            middle = [self._say("s7_items" if item.channel == S7 else "parameters", n=len(parts))]
-            lines = [f"      {part}" for part in parts]
-        else:
-            middle, lines = (["; ".join(parts)] if parts else []), []
-        return ["  ".join([left, *middle, *marks, _timing(item).text(lang)]), *lines]
+        end, width = [*marks, _timing(item).text(lang)], self.options.width
+        whole = "  ".join([left, *filter(None, ["; ".join(parts)]), *end])
+        if columns(whole) <= width or not parts:
+            return wrap(whole, width, 6)
+        number = self._say("s7_items" if item.channel == S7 else "parameters", n=len(parts))
+        below = [line for part in parts for line in wrap(f"      {part}", width, 8)]
+        front, end_text = [left, number][: len(parts)], "  ".join(end)
+        whole = "  ".join([*front, end_text])
+        if columns(whole) <= width:
+            return [whole, *below]
+        return [*wrap("  ".join(front), width, 6), *wrap("      " + end_text, width, 6), *below]
 
     def _state(self, item: Transaction) -> str:
         refusals = [
@@ -363,14 +379,19 @@ class Writer(_Writer):
             text, left_out = display_filter(frames)
             note = "  " + self._say("frames_more", n=left_out) if left_out else ""
             where = f"{escape(file)}: " if file else ""
-            self._line(f"    {where}{self._paint('dim', text)}{note}")
+            self._copied(f"    {where}{self._paint('dim', text)}{note}")
 
     def _finding(self, item: Finding, places: Places) -> str:
         text = escape(sentence(item, self.options.lang))
         text = at_offset(item.offset, text, self.options.lang)
         frame = escape(places.words(item.frame, self.options.lang))
-        job = "" if item.transaction is None else f" #{item.transaction}"
+        job = "" if item.transaction is None else self._job(item.transaction)
         return self._say("finding_line", frame=frame, job=job, message=text)
+
+    def _job(self, number: int) -> str:
+        """` #12 12:14:03.412`: a transaction and when it began."""
+        start = self._starts.get(number)
+        return f" #{number}" if start is None else f" #{number} {self._clock.moment(start)}"
 
     def _summary(
         self, title: str, sums: dict[str, Any], latency: Latency, verdict: str = ""
@@ -409,9 +430,14 @@ def _certainty(relation: Relation) -> str:
 class _Columns:
     """What the transactions of one capture need to be told apart, and how wide that is."""
 
-    def __init__(self, transactions: Sequence[Transaction], targets: Targets, lang: str) -> None:
+    def __init__(
+        self, transactions: Sequence[Transaction], targets: Targets, lang: str, clock: Clock
+    ) -> None:
         self._targets = targets
         self.lang = lang
+        self._clock = clock
+        self.since = max(len(clock.since(each.start_ns)) for each in transactions)
+        self.frame = max(len(str(each.frames.first())) for each in transactions)
         self.operation = max(columns(_operation(each.operation, lang)) for each in transactions)
         self.number = max(len(str(each.id)) for each in transactions) + 1
         self.controllers = len({each.controller for each in transactions}) > 1
@@ -423,9 +449,22 @@ class _Columns:
         where = self._targets.place(item, with_slot=self.slots)
         return f"{controller}{escape(item.device)} {where}".rstrip()
 
+    @property
+    def words(self) -> str:
+        """The key of the words that say what stands in front of a transaction."""
+        return "line_columns" if self._clock.known else "line_columns_undated"
+
+    def _seconds(self, item: Transaction) -> str:
+        """Seconds since the first frame of the capture."""
+        return self._clock.since(item.start_ns).rjust(self.since)
+
     def left(self, item: Transaction) -> str:
-        """The start of the line: number, operation, where to."""
+        """The start of the line: number, time, first frame, operation, where to."""
         number = f"#{item.id}".ljust(self.number)
+        moment = self._clock.at(item.start_ns)
+        since = self._seconds(item)
+        frame = str(item.frames.first()).rjust(self.frame)
+        number = "  ".join(filter(None, [number, moment, since, frame])) + " "
         word = _operation(item.operation, self.lang)
         word += " " * (self.operation - columns(word))
         return f"{number} {word}  {self._route(item).ljust(self.route)}"

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from collections.abc import Iterator, Sequence
 
 _STAYS = tuple("，。；：、）”")
 """Characters that do not begin a line."""
+_COLOR = re.compile(r"\x1b\[\d*m")
 
 
 def wrap(text: str, width: int, hanging: int = 0) -> list[str]:
@@ -21,8 +23,17 @@ def wrap(text: str, width: int, hanging: int = 0) -> list[str]:
     return [*lines, line.rstrip()]
 
 
+def fitted(text: str, width: int) -> list[str]:
+    """A line of a report in lines that fit: all but the first stand four columns behind its beginning."""
+    if columns(text) <= width:
+        return [text]
+    return wrap(text, width, len(text) - len(text.lstrip()) + 4)
+
+
 def columns(text: str) -> int:
-    """How many columns of a terminal a text takes."""
+    """How many columns of a terminal a text takes; colours take none."""
+    if "\x1b" in text:
+        text = _COLOR.sub("", text)
     if text.isascii():
         return len(text)
     return sum(2 if unicodedata.east_asian_width(each) in "WF" else 1 for each in text)

@@ -13,12 +13,14 @@ from typing import TextIO
 from ds47.model import OPERATIONS, SEVERITIES, STATES, CaptureResult, Finding, Transaction
 from ds47.report import Options, json, ndjson, text
 from ds47.report.bilingual import Both, joined, numbered, operation, say
+from ds47.report.clock import Clock
 from ds47.report.formatting import escape
 from ds47.report.latency import Latency
 from ds47.report.sentences import at_offset, sentence
 from ds47.report.summary import about
 from ds47.report.targets import Targets
 from ds47.report.wrap import columns
+from ds47.report.zones import Zone
 
 _DIGITS = 3
 """Digits that are kept of a duration: so there is a bounded number of different ones."""
@@ -81,7 +83,9 @@ class TextShow(text.Writer):
     def __init__(self, stream: TextIO, options: Options | None = None) -> None:
         super().__init__(stream, options)
         self.tally = Tally()
-        self._columns = _Growing(self.options.lang)
+        self._clock = Clock(self.options.zone, 0)
+        self._columns = _Growing(self.options.lang, self._clock)
+        self._day = ("", "")
 
     def finished(self, transaction: Transaction, findings: list[Finding]) -> None:
         """A transaction is finished."""
@@ -139,7 +143,15 @@ class TextShow(text.Writer):
         self.summary(result.frames)
 
     def _transaction(self, item: Transaction) -> None:
+        if self._day[0] == "":
+            self._clock = self._columns.begin(self.options.zone, item.start_ns)
+            if self._clock.known:
+                self._line(self._clock.begin().text(self.options.lang))
+            self._day = self._clock.day(item.start_ns)
         self._columns.grow(item)
+        if self._clock.known and self._day != self._clock.day(item.start_ns):
+            self._day = self._clock.day(item.start_ns)
+            self._line(" ".join(self._day))
         for line in self._transaction_lines(item, self._columns):
             self._line(line)
         self.stream.flush()
@@ -197,8 +209,10 @@ Show = TextShow | NdjsonShow
 class _Growing(text._Columns):
     """Columns for transactions that nobody has seen yet: they only get wider."""
 
-    def __init__(self, lang: str) -> None:
+    def __init__(self, lang: str, clock: Clock) -> None:
         self.lang = lang
+        self._clock = clock
+        self.since = self.frame = 0
         self._targets = Targets(())
         self.operation = columns(operation("change").text(lang))
         self.number = 3
@@ -206,6 +220,15 @@ class _Growing(text._Columns):
         self.slots = False
         self.route = 0
         self._first: tuple[str, tuple[int | None, int | None, int | None]] | None = None
+
+    def begin(self, zone: Zone, first_ns: int) -> Clock:
+        """The first transaction has come: seconds count from it."""
+        self._clock = Clock(zone, first_ns)
+        return self._clock
+
+    def _seconds(self, item: Transaction) -> str:
+        """Only where there is no time of day: nobody sees the first frame of a live capture."""
+        return "" if self._clock.known else super()._seconds(item)
 
     def grow(self, item: Transaction) -> None:
         """Makes room for one more; what it addresses is told by what was seen until then."""
@@ -217,6 +240,8 @@ class _Growing(text._Columns):
         self.slots = self.slots or place != self._first[1]
         self.operation = max(self.operation, columns(operation(item.operation).text(self.lang)))
         self.number = max(self.number, len(str(item.id)) + 1)
+        self.since = max(self.since, len(self._clock.since(item.start_ns)))
+        self.frame = max(self.frame, len(str(item.frames.first())))
         self.route = max(self.route, len(self._route(item)))
 
 
