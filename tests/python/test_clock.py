@@ -19,6 +19,7 @@ from ds47.cli import main
 from ds47.model import CaptureResult, Report
 from ds47.report import Options, text
 from ds47.report.clock import Clock
+from ds47.report.wrap import columns as width
 from ds47.report.zones import UNIVERSAL, Zone, zone
 
 SECOND = 10**9
@@ -137,3 +138,15 @@ def test_lua_says_the_local_times_that_python_says(
     there = Zone("local", ZoneInfo(place))
     wanted = [printed(each, there, lang) for each in results for lang in ("en", "zh")]
     assert json.loads((tmp_path / "out.json").read_bytes()) == wanted
+
+
+@pytest.mark.parametrize("columns", [60, 80, 100])
+@pytest.mark.parametrize("lang", ["en", "zh"])
+def test_no_line_is_wider_than_asked_for_but_what_may_be_copied(
+    columns: int, lang: str, captures: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = str(captures / "tour-machine.pcapng")
+    assert main(["report", "--width", str(columns), "--lang", lang, path]) == 0
+    wide = [each for each in capsys.readouterr().out.splitlines() if width(each) > columns]
+    copied = ("frame.number", "#request[", "ds47 encode", "16#")
+    assert [each for each in wide if not any(word in each for word in copied)] == []
