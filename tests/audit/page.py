@@ -225,7 +225,7 @@ def _verdict(lines: list[str], reading: Reading) -> Iterator[str]:
 
 def _drives(lines: list[str], reading: Reading) -> Iterator[str]:
     devices = {each.device for each in reading.deals}
-    for line in _whole(lines, 6):
+    for line in whole(lines, 6):
         ip = line.split()[0]
         found = re.search(r"\b\d[\d,]* transactions?\b.*$", line)
         counts = found[0] if found else ""
@@ -611,7 +611,7 @@ def _front(words: list[str], deal: Deal, reading: Reading) -> Iterator[str]:
 
 
 def _plc(block: list[str], deal: Deal, reading: Reading) -> Iterator[str]:
-    for line in _whole(block[1:], 10):
+    for line in whole(block[1:], 10):
         if line.startswith("PLC: "):
             for text in plc.check(line.removeprefix("PLC: "), deal, reading):
                 yield f"PLC: {text}"
@@ -648,7 +648,7 @@ def _groups(lines: list[str], reading: Reading) -> Iterator[Complaint]:
             yield Complaint("findings", rule, text)
 
 
-def _whole(lines: list[str], deep: int = 8) -> list[str]:
+def whole(lines: list[str], deep: int = 8) -> list[str]:
     """Lines that were broken, put together again: what stands deeper than the first of them goes on."""
     found: list[str] = []
     for line in lines:
@@ -662,7 +662,7 @@ def _whole(lines: list[str], deep: int = 8) -> list[str]:
 def _group(rule: str, lines: list[str], reading: Reading) -> Iterator[str]:
     findings = [each for each in reading.findings if each.rule == rule]
     frames, more = set[int](), 0
-    for text in _whole(lines):
+    for text in whole(lines):
         told = re.match(r"frame (\d+)(?: #(\d+) ([\d.:+ s-]+?))?: (.*)$", text)
         if told and told[2] and told[3] != clock(reading.by_id[int(told[2])], reading):
             yield f"#{told[2]} did not begin at {told[3]}"

@@ -13,7 +13,7 @@ from typing import Any
 from tests.audit import dp
 from tests.audit.claims import Case
 from tests.audit.dp import Line, Turn
-from tests.audit.page import near
+from tests.audit.page import near, whole
 from tests.audit.reading import Complaint, Reading
 
 KEPT = 60
@@ -299,7 +299,7 @@ def _times(name: str, told: dict[str, float] | None, times: list[int]) -> Iterat
 
 def _shown(reading: Reading, told: dict[str, Any]) -> Iterator[Complaint]:
     if reading.text:
-        lines = [each.strip() for each in _section(reading.text)]
+        lines = whole(_section(reading.text), 6)
         cells = [re.split(r"\s{2,}", each) for each in lines]
         rows = {each[0]: each for each in cells if re.fullmatch(r"dp\d+", each[0])}
         for text in (

@@ -55,7 +55,8 @@ MUTATED = (
 
 def document(results, format_name="json"):
     out = io.TextIOWrapper(io.BytesIO(), "utf-8", "backslashreplace", newline="\n")
-    report.write_all(report.open_writer(format_name, out), Report(results))
+    options = report.Options(width=10_000)  # a line stays one, however long a text is
+    report.write_all(report.open_writer(format_name, out, options), Report(results))
     out.flush()
     whole = out.buffer.getvalue()
     return whole if format_name == "parquet" else whole.decode("utf-8")

@@ -32,15 +32,18 @@ def data_of(path: Path) -> list[bytes]:
 
 
 @pytest.fixture
-def wire() -> Iterator[socket.socket]:
-    """What sends Ethernet frames on the loopback interface."""
+def wire(tmp_path_factory: pytest.TempPathFactory) -> Iterator[socket.socket]:
+    """What sends Ethernet frames on the loopback interface: one test after the other, as all of them hear it."""
+    fcntl = pytest.importorskip("fcntl")
     needs_dumpcap()
     try:
         opened = socket.socket(socket.AF_PACKET, socket.SOCK_RAW)
         opened.bind(("lo", 0))
     except (AttributeError, PermissionError, OSError) as error:
         pytest.skip(f"may not send frames on lo: {error}")
-    with opened:
+    turn = tmp_path_factory.getbasetemp().parent / "loopback.lock"
+    with opened, turn.open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
         yield opened
 
 
