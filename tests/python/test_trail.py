@@ -74,3 +74,14 @@ def test_writes_whose_drive_object_is_not_proved_are_counted(captures, capsys):
     assert unproved
     assert f"{len(unproved)} further changes went to drive objects" in some.err
     assert everything.err == ""
+
+
+def test_what_the_first_transaction_of_a_connection_reads_is_known(captures, capsys):
+    """The drive may have been off before the Connect, not behind the first request."""
+    assert (
+        main(["trail", str(captures / "tour-machine.pcapng"), "--pnu", "50303", "-f", "json"]) == 0
+    )
+    (told,) = json.loads(capsys.readouterr().out)["captures"]
+    assert [(each["frame"], each["old"], each["old_frame"]) for each in told["changes"]] == [
+        (22, 10.0, 5), (34, 10.0, 33),
+    ]  # fmt: skip

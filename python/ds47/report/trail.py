@@ -147,8 +147,8 @@ class _Walk:
     def _asked(self, item: Transaction, frame: int) -> None:
         seen = self._ars.setdefault(item.device, set())
         if item.ar is not None and item.ar not in seen:
-            seen.add(item.ar)  # the drive may have been switched off and on before this Connect
-            self._forget(item.device, frame)
+            seen.add(item.ar)  # the drive may have been switched off and on before its Connect
+            self._forget(item.device, frame - 1)  # what it asks itself comes after it
         if item.operation != "change" or item.state == "orphan":
             return
         if _recomputes(item):
