@@ -565,15 +565,16 @@ def _lines(lines: list[str], reading: Reading) -> Iterator[Complaint]:
             yield Complaint("line", f"#{number}", text)
 
 
-_TAIL = re.compile(r"\s(\d+) frames?((?: -?[\d.,]+ (?:ms|s|min))?)((?:, .*)?)$")
+_TAIL = re.compile(
+    r"\s(\d+) frames?((?: -?[\d.,]+ (?:ms|s|min))?)((?:, (?:polled|read again) \d+ times?)*)$"
+)
+_BROKEN = 3
+"""Further lines that a line of a transaction may have before its parameters."""
 
 
 def _line(block: list[str], deal: Deal, reading: Reading) -> Iterator[str]:
-    first = block[0]
-    for line in block[1:]:
-        if _TAIL.search(first):
-            break
-        first = f"{first} {line.strip()}"
+    joined = [" ".join(map(str.strip, block[: n + 1])) for n in range(min(len(block), _BROKEN))]
+    first = next((each for each in reversed(joined) if _TAIL.search(each)), block[0])
     tail = _TAIL.search(first)
     if tail is None:
         yield f"has no end: {first!r}"
