@@ -365,3 +365,23 @@ def test_what_a_drive_says_itself_comes_before_a_list(tmp_path, captures, capsys
         assert each["unit"] != "furlong"
     assert found.keys() == plain.keys()
     assert said <= found.keys()
+
+
+def test_explain_says_what_lists_have(tmp_path, capsys):
+    assert main(["params", "import", str(write(tmp_path / "g120.csv", GERMAN))]) == 0
+    capsys.readouterr()
+    assert main(["explain", "F7900"]) == 0
+    assert capsys.readouterr().out.startswith(
+        "F07900  Antrieb: Motor blockiert\n      list g120: from g120.csv\nF07900: "
+    )
+    assert main(["explain", "r945"]) == 0
+    assert capsys.readouterr().out.startswith("r0945  Störcode  (Unsigned16)\n")
+    assert main(["explain", "p1300", "-f", "json"]) == 0
+    assert json.loads(capsys.readouterr().out)["lists"][0]["values"] == {
+        "0": "U/f linear",
+        "20": "Drehzahlregelung",
+    }
+    assert main(["explain", "47", "-f", "json"]) == 0
+    assert "lists" not in json.loads(capsys.readouterr().out)
+    assert main(["explain", "F7901", "-f", "json"]) == 0
+    assert "lists" not in json.loads(capsys.readouterr().out)

@@ -11,10 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ds47.cli.common import lang_option, stdout
+from ds47.cli.common import lang_option, stdout, warn
 
 if TYPE_CHECKING:
     from ds47.explain import Meaning
+    from ds47.report.known import Known
+
+_OF_LISTS = ("parameter", "fault")
+"""Kinds of meanings that lists may say more of."""
 
 
 @click.command("explain", context_settings={"ignore_unknown_options": True})
@@ -33,16 +37,36 @@ def command(code: Sequence[str], vendor: str | None, lang: str, format_name: str
         if word.startswith("-") and not word[1:].isdigit():
             raise click.NoSuchOption(word)
     meanings = _explained(text, vendor, lang)
+    listed = _listed(text, lang) if meanings[0].kind in _OF_LISTS else []
     stream = stdout()
     if format_name == "json":
         from ds47.report.json import text as json_text
 
-        document = {"code": text, "lang": lang, "meanings": list(map(_plain, meanings))}
+        document: dict[str, Any] = {
+            "code": text, "lang": lang, "meanings": list(map(_plain, meanings)),
+        }  # fmt: skip
+        if listed:
+            document["lists"] = [each._asdict() for each in listed]
         stream.write(json_text(document) + "\n")
     else:
+        from ds47.report import known
         from ds47.report.explanation import lines
 
-        stream.write("\n".join(lines(meanings, lang)) + "\n")
+        stream.write("\n".join([*known.lines(listed), *lines(meanings, lang)]) + "\n")
+
+
+def _listed(text: str, lang: str) -> list[Known]:
+    """What the lists that the user took in say of a parameter, a fault or an alarm."""
+    from ds47.parameters import lists, store
+    from ds47.parameters.catalogue import Catalogue
+    from ds47.report import known
+
+    try:
+        catalogue = Catalogue(found for _, found in store.kept())
+    except lists.ListError as problem:
+        warn(str(problem))
+        return []
+    return known.listed(text, catalogue, lang)
 
 
 def _plain(meaning: Meaning) -> dict[str, Any]:

@@ -45,13 +45,26 @@ def known(text: str, catalogue: Catalogue, lang: str = "en") -> list[Known]:
     """All that is known under a number (`2900`, `r0945`, `F07900`) or a word of a name."""
     number = spelled(text)
     if number is not None:
-        return [*_shipped(number.number, lang), *_of_lists(catalogue, number.number, lang)]
-    letter, digits = text[:1].upper(), text[1:].strip()
-    if letter in "FACN" and digits.isdecimal() and len(digits) <= 6:
-        return [
-            _message(each, found, lang) for each, found in catalogue.messages(int(digits), letter)
-        ]
+        return [*_shipped(number.number, lang), *listed(text, catalogue, lang)]
+    if _is_message(text):
+        return listed(text, catalogue, lang)
     return list(_search(text, catalogue, lang))
+
+
+def listed(text: str, catalogue: Catalogue, lang: str = "en") -> list[Known]:
+    """What lists say of a parameter (`2900`, `r0945`) or a message (`F07900`); nothing of any other text."""
+    number = spelled(text)
+    if number is not None:
+        return list(_of_lists(catalogue, number.number, lang))
+    if not _is_message(text):
+        return []
+    told = catalogue.messages(int(text[1:]), text[0].upper())
+    return [_message(each, found, lang) for each, found in told]
+
+
+def _is_message(text: str) -> bool:
+    digits = text[1:].strip()
+    return text[:1].upper() in ("F", "A", "C", "N") and digits.isdecimal() and len(digits) <= 6
 
 
 def _shipped(number: int, lang: str) -> Iterator[Known]:
