@@ -240,8 +240,7 @@ def _drives(lines: list[str], reading: Reading) -> Iterator[str]:
 
 
 def _summary(lines: list[str], reading: Reading) -> Iterator[str]:
-    for line in lines:
-        text = line.strip()
+    for text in whole(lines, 6):
         if text.startswith("latency"):
             yield from _latency(text, reading)
             continue
