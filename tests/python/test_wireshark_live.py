@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import socket
 import subprocess
+import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -32,8 +33,8 @@ def data_of(path: Path) -> list[bytes]:
 
 
 @pytest.fixture
-def wire(tmp_path_factory: pytest.TempPathFactory) -> Iterator[socket.socket]:
-    """What sends Ethernet frames on the loopback interface: one test after the other, as all of them hear it."""
+def wire() -> Iterator[socket.socket]:
+    """What sends Ethernet frames on the loopback interface: one test of this machine at a time, as all hear it."""
     fcntl = pytest.importorskip("fcntl")
     needs_dumpcap()
     try:
@@ -41,8 +42,8 @@ def wire(tmp_path_factory: pytest.TempPathFactory) -> Iterator[socket.socket]:
         opened.bind(("lo", 0))
     except (AttributeError, PermissionError, OSError) as error:
         pytest.skip(f"may not send frames on lo: {error}")
-    turn = tmp_path_factory.getbasetemp().parent / "loopback.lock"
-    with opened, turn.open("w") as file:
+    turn = Path(tempfile.gettempdir(), "ds47-loopback.lock")
+    with opened, turn.open("a") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         yield opened
 
