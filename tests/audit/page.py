@@ -565,7 +565,7 @@ def _lines(lines: list[str], reading: Reading) -> Iterator[Complaint]:
 
 
 _TAIL = re.compile(
-    r"\s(\d+) frames?((?: -?[\d.,]+ (?:ms|s|min))?)((?:, (?:polled|read again) \d+ times?)*)$"
+    r"\s(\d+) frames?((?: -?[\d.,]+ (?:ms|s|min))?)((?:, (?:(?:polled|read again) \d+ times?|[\d,]+ cycles?))*)$"
 )
 _BROKEN = 3
 """Further lines that a line of a transaction may have before its parameters."""
