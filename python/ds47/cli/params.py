@@ -130,10 +130,9 @@ def _vendor_id(text: str) -> int:
     from ds47.parameters.lists import LARGEST_ID
     from ds47.spec import explanations
 
-    name = explanations.vendor_names().get(text.strip().lower(), text.strip())
-    for vendor in spec.vendors():
-        if vendor.id is not None and vendor.name.lower() == name.lower():
-            return vendor.id
+    vendor = explanations.vendor_named(text.strip())
+    if vendor is not None and vendor.id is not None:
+        return vendor.id
     try:
         number = int(text, 0)
     except ValueError:

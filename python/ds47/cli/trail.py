@@ -43,7 +43,7 @@ def command(
     """Show who changed which parameter, when, from where, from which value to which."""
     from ds47.capture import CaptureError
     from ds47.regression.run import readable
-    from ds47.report.changes import Wanted, Writer, unproved
+    from ds47.report.changes import Wanted, Writer
 
     analysis = options_from(**options)
     misses = Misses()
@@ -56,13 +56,9 @@ def command(
             except CaptureError as problem:
                 misses(about(task.path, str(problem)))
                 continue
-            writer.capture(result)
-            if (left := unproved(result, wanted)) and drive_object is not None:
-                warn(
-                    say(
-                        "trail_unproved", path=escape(result.path), n=left, do=str(drive_object)
-                    ).text(lang)
-                )
+            if left := writer.capture(result):
+                told = say("trail_unproved", path=escape(result.path), n=left, do=str(drive_object))
+                warn(told.text(lang))
             if not result.complete:
                 misses(about(task.path, result.problem or ""))
             tell_lacking(task.path, result.missing_files, result.lacking, misses)

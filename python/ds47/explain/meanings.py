@@ -98,10 +98,9 @@ def find_vendor(text: str) -> Maker:
         UnknownFormError: neither an id nor a known name.
     """
     wanted = unicodedata.normalize("NFKC", text).strip()
-    wanted = explanations.vendor_names().get(wanted.lower(), wanted)
-    for vendor in spec.vendors():
-        if vendor.name.lower() == wanted.lower():
-            return Maker(vendor.name)
+    vendor = explanations.vendor_named(wanted)
+    if vendor is not None:
+        return Maker(vendor.name)
     if number := re.fullmatch(r"(?:0x|16#)([0-9a-f]{1,4})|([0-9]{1,5})", wanted.lower()):
         value = int(number[1], 16) if number[1] else int(number[2])
         return Maker(next((each.name for each in spec.vendors() if each.id == value), None))

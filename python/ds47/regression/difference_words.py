@@ -10,11 +10,12 @@ from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 from ds47 import spec
+from ds47.profidrive.elements import is_whole
 from ds47.regression import conclusions as concluded
 from ds47.regression import difference as kinds
 from ds47.regression.conclusions import Conclusion, failures, shares
 from ds47.regression.difference import Difference, Faults, Latency, Row
-from ds47.regression.elements import Outcomes, is_whole
+from ds47.regression.elements import Outcomes
 from ds47.regression.places import Place
 from ds47.report.bilingual import Both, joined, operation, say
 from ds47.report.formatting import escape, values

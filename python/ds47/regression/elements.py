@@ -14,6 +14,7 @@ from typing import Any, Final, NamedTuple
 
 from ds47.profidrive import decode_request
 from ds47.profidrive.drive_objects import LOCAL
+from ds47.profidrive.elements import is_whole, split
 from ds47.regression.places import Json, Place, Places, access_of
 from ds47.spec import format_named
 
@@ -159,7 +160,7 @@ def _bytes(item: Json, kind: str) -> bytes:
 
 
 def _note(found: Shown, place: Place, item: Json, position: int, each: Json) -> None:
-    first, values = each["subindex"] or 0, _split(each)
+    first, values = each["subindex"] or 0, split(each["values"], each.get("format"))
     count = max(1, each["element_count"] or 0, len(values) if is_whole(each.get("format")) else 0)
     operation = item["operation"]
     request = _form(item, each)
@@ -227,29 +228,6 @@ def _is_doubtful(findings: list[Any]) -> bool:
 def _status(item: Json) -> str:
     words = (item["status"]["write"], item["status"]["read"])
     return next((each for each in words if each not in (None, "00000000")), "-")
-
-
-def is_whole(name: str | None) -> bool:
-    """Whether values of a format are one string of which each character or octet is an element."""
-    row = format_named(name) if isinstance(name, str) else None
-    return row is not None and row.whole
-
-
-def _split(each: Json) -> list[Any]:
-    """The value of each element, from the first one that was asked for."""
-    values = each["values"]
-    if not is_whole(each.get("format")):
-        return list(values)
-    text = "".join(value for value in values if isinstance(value, str))
-    if is_text(each["format"]):
-        return list(text)
-    return [text[start : start + 2] for start in range(0, len(text), 2)]
-
-
-def is_text(name: str | None) -> bool:
-    """Whether the values of a format are characters."""
-    row = format_named(name) if isinstance(name, str) else None
-    return row is not None and row.kind == "text"
 
 
 def equal(one: Any, one_format: str | None, other: Any, other_format: str | None) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple, TextIO
 
 from ds47.model import PKW, CaptureResult
@@ -40,21 +40,19 @@ class Wanted(NamedTuple):
     controller: str | None = None
 
 
-def rows(result: CaptureResult, wanted: Wanted) -> Iterator[dict[str, Any]]:
-    """The changes that are wanted, by their frames, with the keys COLUMNS."""
-    for row in _all(result):
-        if _is_wanted(row, wanted):
-            yield {name: row[name] for name in COLUMNS}
+def _chosen(all_: Iterable[dict[str, Any]], wanted: Wanted) -> Iterator[dict[str, Any]]:
+    """The changes that are wanted, with the keys COLUMNS."""
+    return ({name: row[name] for name in COLUMNS} for row in all_ if _is_wanted(row, wanted))
 
 
-def unproved(result: CaptureResult, wanted: Wanted) -> int:
+def _unproved(all_: Iterable[dict[str, Any]], wanted: Wanted) -> int:
     """Changes that may have reached the drive object that is wanted, of which the capture does not prove it."""
     if wanted.drive_object is None:
         return 0
     others = wanted._replace(drive_object=None)
     whole = known().global_pnus  # of the device, whatever drive object is asked
-    all_ = (row for row in _all(result) if row["drive_object"] is None and row["pnu"] not in whole)
-    return sum(_is_wanted(row, others) for row in all_)
+    there = (row for row in all_ if row["drive_object"] is None and row["pnu"] not in whole)
+    return sum(_is_wanted(row, others) for row in there)
 
 
 def _all(result: CaptureResult) -> Iterator[dict[str, Any]]:
@@ -111,9 +109,10 @@ class Writer:
         if format_name == "csv":
             self._csv.writerow(COLUMNS)
 
-    def capture(self, result: CaptureResult) -> None:
-        """Takes one complete result."""
-        found = list(rows(result, self._wanted))
+    def capture(self, result: CaptureResult) -> int:
+        """Takes one complete result; how many changes may be wanted, too: their drive object is not proved."""
+        all_ = list(_all(result))
+        found = list(_chosen(all_, self._wanted))
         if self._format == "csv":
             self._csv.writerows([_cell(each, name) for name in COLUMNS] for each in found)
         elif self._format == "json":
@@ -121,6 +120,7 @@ class Writer:
             self._captures.append({"path": result.path, "changes": changes})
         else:
             self._stream.writelines(f"{line}\n" for line in lines(result.path, found, self._lang))
+        return _unproved(all_, self._wanted)
 
     def close(self) -> None:
         """Ends the output. The stream stays open: it belongs to the caller."""

@@ -11,16 +11,8 @@ from ds47.parameters.lists import Message, ParameterList, Row
 from ds47.profidrive.naming import spelled
 from ds47.report.bilingual import say
 from ds47.report.formatting import escape
+from ds47.spec import explanations
 
-_FAMILIES = {
-    "profile": "params_profile",
-    "siemens": "params_siemens",
-    "sinamics": "params_sinamics",
-    "sinamics-dcm": "params_dcm",
-    "micromaster": "params_micromaster",
-    "encoder": "params_encoder",
-}
-"""Which devices a row of spec/parameters.toml is about."""
 _MOST = 200
 """Parameters that a search finds; of more the first ones."""
 
@@ -71,7 +63,7 @@ def _shipped(number: int, lang: str) -> Iterator[Known]:
     row = spec.parameters().get(number)
     if row is not None:
         name = row.name_zh if lang == "zh" else row.name_en
-        source = say(_FAMILIES[row.family]).text(lang)
+        source = explanations.words(lang)[f"family_{row.family}"]
         yield Known("parameter", None, number, name, row.unit, row.type, {}, source)
 
 

@@ -7,14 +7,15 @@ that may have changed it. No layout and no files: `ds47.report.parameters` and `
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from ds47.model import S7, CaptureResult, Frames, Parameter, Transaction, Value
 from ds47.profidrive import decode_request
 from ds47.profidrive.drive_objects import Access, DriveObjects, Identity, access_of
-from ds47.spec import format_named, parameters
+from ds47.profidrive.elements import is_whole, split
+from ds47.spec import parameters
 from ds47.spec.semantics import known
 
 ACCEPTED: Final = "accepted"
@@ -300,28 +301,12 @@ def _elements(parameter: Parameter) -> Iterator[tuple[int, Value | None]]:
     """Subindex and value of each element that was asked for."""
     values, first = split(parameter.values, parameter.format), parameter.subindex or 0
     for step in range(
-        max(1, parameter.element_count or 0, len(values) if _whole(parameter) else 0)
+        max(1, parameter.element_count or 0, len(values) if is_whole(parameter.format) else 0)
     ):
         yield first + step, values[step] if step < len(values) else None
-
-
-def _whole(parameter: Parameter) -> bool:
-    row = format_named(parameter.format) if parameter.format else None
-    return row is not None and row.whole
-
-
-def split(values: Sequence[Value], format_name: str | None) -> list[Value]:
-    """The value of each element: of a string each character, or octet, is one."""
-    row = format_named(format_name) if format_name else None
-    if row is None or not row.whole:
-        return list(values)
-    text = "".join(value for value in values if isinstance(value, str))
-    if row.kind == "text":
-        return list(text)
-    return [text[start : start + 2] for start in range(0, len(text), 2)]
 
 
 def _scaled(parameter: Parameter, subindex: int) -> Value | None:
     at = subindex - (parameter.subindex or 0)
     scaled = parameter.scaled or []
-    return None if _whole(parameter) or at >= len(scaled) else scaled[at]
+    return None if is_whole(parameter.format) or at >= len(scaled) else scaled[at]

@@ -13,6 +13,8 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
+from ds47.spec import Vendor, vendors
+
 BASES = ("documented", "usual", "unconfirmed")
 """How sure a cause is: a document says so, it is so in practice, or neither is certain."""
 
@@ -187,6 +189,12 @@ def rank(name: str) -> int:
     """Where a meaning stands among several, the first is 0."""
     order: list[str] = _table()["order"]["kinds"]
     return order.index(name)
+
+
+def vendor_named(text: str) -> Vendor | None:
+    """The vendor whose error numbers are known, by its name or the name of its drives, in whatever case."""
+    name = vendor_names().get(text.lower(), text).lower()
+    return next((each for each in vendors() if each.name.lower() == name), None)
 
 
 def vendor_names() -> Mapping[str, str]:
