@@ -62,15 +62,22 @@ class Lines:
         return self._stream.write(row.removesuffix("\r\n") + "\n")
 
 
-class Writer(_Writer):
-    """Writes rows as transactions are finished."""
+class Table(_Writer):
+    """Writes rows under a header."""
 
-    streams: ClassVar[bool] = True
+    header: ClassVar[Sequence[str]] = ()
 
     def __init__(self, stream: TextIO, options: Options | None = None) -> None:
         super().__init__(stream, options)
         self._csv = csv.writer(Lines(stream), lineterminator="\r\n")
-        self._csv.writerow(COLUMNS)
+        self._csv.writerow(self.header)
+
+
+class Writer(Table):
+    """Writes rows as transactions are finished."""
+
+    streams: ClassVar[bool] = True
+    header: ClassVar[Sequence[str]] = COLUMNS
 
     def transaction(self, path: str, transaction: Transaction, findings: Sequence[Finding]) -> None:
         left = _transaction_cells(path, transaction)

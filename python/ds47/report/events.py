@@ -6,13 +6,12 @@ Transactions and findings are not in this format. UTF-8, comma, LF.
 
 from __future__ import annotations
 
-import csv
-from typing import TextIO
+from collections.abc import Sequence
+from typing import ClassVar, TextIO
 
 from ds47.model import CaptureResult, Event, Report
 from ds47.report import Options, contract, timelines, write_all
-from ds47.report import Writer as _Writer
-from ds47.report.csv import Cell, Lines, guarded
+from ds47.report.csv import Cell, Table, guarded
 from ds47.spec.cyclic import event_text
 
 EVENT_COLUMNS = tuple(contract.columns(contract.EVENT))
@@ -27,13 +26,10 @@ def write(report: Report, stream: TextIO, options: Options | None = None) -> Non
     write_all(Writer(stream, options), report)
 
 
-class Writer(_Writer):
+class Writer(Table):
     """Writes the events of a capture when it is complete."""
 
-    def __init__(self, stream: TextIO, options: Options | None = None) -> None:
-        super().__init__(stream, options)
-        self._csv = csv.writer(Lines(stream), lineterminator="\r\n")
-        self._csv.writerow(COLUMNS)
+    header: ClassVar[Sequence[str]] = COLUMNS
 
     def capture(self, result: CaptureResult) -> None:
         for timeline in result.timelines:

@@ -7,15 +7,13 @@ since that may have changed it. What an element went through is `ds47 trail`; th
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Iterator
-from typing import NamedTuple, TextIO
+from collections.abc import Iterator, Sequence
+from typing import ClassVar, NamedTuple, TextIO
 
 from ds47.model import CaptureResult, Report, Value
 from ds47.profidrive.drive_objects import Identity
 from ds47.report import Options, is_text, write_all
-from ds47.report import Writer as _Writer
-from ds47.report.csv import Cell, Lines, guarded
+from ds47.report.csv import Cell, Table, guarded
 from ds47.report.json import timestamp
 from ds47.report.targets import Targets
 from ds47.report.trail import Cell as Element
@@ -66,13 +64,10 @@ def _order(row: Row) -> tuple[str, int, str, int, int]:
     return row.device, number, row.target, row.pnu, row.subindex
 
 
-class Writer(_Writer):
+class Writer(Table):
     """Writes the elements of a capture when it is complete."""
 
-    def __init__(self, stream: TextIO, options: Options | None = None) -> None:
-        super().__init__(stream, options)
-        self._csv = csv.writer(Lines(stream), lineterminator="\r\n")
-        self._csv.writerow(COLUMNS)
+    header: ClassVar[Sequence[str]] = COLUMNS
 
     def capture(self, result: CaptureResult) -> None:
         stations = {each.ip: each.station for each in result.devices}
