@@ -260,19 +260,22 @@ def _turns(found: Line) -> None:
 
 
 def _look_ahead(turn: Turn, later: list[Heard], taken: set[int], waited: set[int]) -> None:
-    passed = False
+    passed, whole = False, True
     for before, each in pairwise([turn.asked, *later]):
+        if each.damage == "cut" and (passed or not whole):
+            return  # a second frame, or one behind a token: a request of which nothing is known
         waited.add(each.number)
-        if each.damage:
-            turn.cut |= each.damage == "cut" and not passed
-            turn.broken += [each.number] * (each.damage != "cut" and not passed)
+        if each.damage == "cut":
+            turn.cut, whole = True, False
+        elif each.damage:
+            turn.broken += [each.number] * (not passed)
         elif each.token:
             passed = True
         elif each.asks:
             at_once = before.data == each.data  # directly behind itself FCV does not matter
             if each.data != turn.asked.data or not (turn.asked.counts or at_once):
                 return
-            passed = False
+            passed, whole = False, True
             turn.repeats.append(each)
             taken.add(each.number)
         elif each.short or _is_answer(turn.asked, each):

@@ -52,22 +52,25 @@ local function way(asks, asked)
   return asks * 0x100 + asked
 end
 
--- A frame of which nothing is proved: it may be an answer, or a request that nobody knows then.
+-- A frame of which nothing is proved: it may be an answer, or a request that nobody knows then. One that the
+-- recording cut is sound on the line: where no answer is due any more, it is a request.
 local function damage(self, seen, cut)
   local open, short = self.open, false
-  for _, flaw in ipairs(seen.item.flaws) do short = short or flaw.kind == "cut" end
+  for _, flaw in ipairs(seen.item.flaws) do short = short or cut and flaw.kind == "cut" end
   self.damaged, self.unsure = self.damaged + 1, seen.frame
   if not open then
     self.last = {}
-  elseif open.passed then
-    return
-  elseif cut and short then
-    open.cut = true
-  else
+  elseif short and open.due then
+    open.cut, open.due = true, false
+  elseif short and not self.echo then
+    self.last, self.open = {}, nil
+    return open
+  elseif not (short or open.passed) then
     open.damaged = open.damaged or seen.frame
     open.spoiled = open.spoiled + 1
     open.copied = open.copied + (self.echo and 1 or 0)
   end
+  return nil
 end
 
 --- A frame.
@@ -79,10 +82,10 @@ function Line:take(seen, cut)
   self.echo = self.same and not self.echo
   self.before = item.data
   if item.flaws[1] then
-    damage(self, seen, cut)
+    return damage(self, seen, cut)
   elseif item.kind == "SD4" then
     self.tokens = self.tokens + 1
-    if self.open then self.open.passed = true end
+    if self.open then self.open.passed, self.open.due = true, false end
   elseif item.request then
     return self:_request(seen)
   else
@@ -105,7 +108,7 @@ end
 function Line:_request(seen)
   local item, open = seen.item, self.open
   if open and open.request.item.data == item.data and (item.fcv == 1 or self.same) then
-    open.passed = false
+    open.passed, open.due = false, true
     open.retried = open.retried + 1
     if open.retried <= M.MOST_RETRIES then
       open.retries[open.retried] = seen
@@ -115,7 +118,7 @@ function Line:_request(seen)
   self.open = nil
   local row, key = tables.profibus.request[item.code], way(item.sa, item.da)
   local exchange = {
-    request = seen, answer = nil, retries = {}, retried = 0, spoiled = 0, copied = 0,
+    request = seen, answer = nil, retries = {}, retried = 0, spoiled = 0, copied = 0, due = true,
     again = item.fcv == 1 and self.last[key] == item.data,
     silent = item.da == ALL_STATIONS or row ~= nil and row.silent or false,
   }

@@ -55,6 +55,8 @@ class Exchange:
     """and how many of them stand directly behind the same frame."""
     cut: bool
     """Whether a frame that the recording did not keep whole stands there: it may be its answer."""
+    due: bool
+    """Whether the next such frame may be that: none was there since the newest request, and no token."""
     passed: bool
     """Whether a token came behind it and its retries: the master waits no more."""
     unfinished: bool
@@ -71,6 +73,7 @@ class Exchange:
         self.spoiled = 0
         self.copied = 0
         self.cut = False
+        self.due = True
         self.passed = False
         self.unfinished = False
 
@@ -114,15 +117,14 @@ class Line:
         self._echo = self._same and not self._echo
         self._before = item.data
         if item.flaws:
-            self._damage(seen, cut)
-        elif item.front.request:
+            return self._damage(seen, cut)
+        if item.front.request:
             return self._request(seen)
-        elif item.front.kind == SD4:
-            self.tokens += 1
-            if self._open is not None:
-                self._open.passed = True
-        else:
+        if item.front.kind != SD4:
             return self._answer(seen)
+        self.tokens += 1
+        if self._open is not None:
+            self._open.passed, self._open.due = True, False
         return ()
 
     def finish(self) -> Sequence[Exchange]:
@@ -133,21 +135,28 @@ class Line:
         over.unfinished = not over.passed
         return (over,)
 
-    def _damage(self, seen: Seen, cut: bool) -> None:
-        """A frame of which nothing is proved: it may be an answer, or a request that nobody knows then."""
+    def _damage(self, seen: Seen, cut: bool) -> Sequence[Exchange]:
+        """A frame of which nothing is proved: it may be an answer, or a request that nobody knows then.
+
+        One that the recording cut is sound on the line: where no answer is due any more, it is a request.
+        """
         over = self._open
         self.damaged += 1
         self.unsure = seen.frame
+        short = cut and any(each.kind == CUT for each in seen.item.flaws)
         if over is None:
             self._last.clear()
-        elif over.passed:
-            return
-        elif cut and any(each.kind == CUT for each in seen.item.flaws):
-            over.cut = True
-        else:
+        elif short and over.due:
+            over.cut, over.due = True, False
+        elif short and not self._echo:
+            self._last.clear()
+            self._open = None
+            return (over,)
+        elif not (short or over.passed):
             over.damaged = over.damaged or seen.frame
             over.spoiled += 1
             over.copied += self._echo
+        return ()
 
     def _request(self, seen: Seen) -> Sequence[Exchange]:
         item, front, over = seen.item, seen.item.front, self._open
@@ -156,7 +165,7 @@ class Line:
             and over.request.item.data == item.data
             and (front.fcv == 1 or self._same)
         ):
-            over.passed = False
+            over.passed, over.due = False, True
             over.retried += 1
             if over.retried <= MOST_RETRIES:
                 over.retries.append(seen)
