@@ -170,7 +170,16 @@ class Memory:
         if not sure:
             return []
         border = max(each.start for each in sure)
-        return [each for each, _ in may if each.end >= border]
+        left = [each for each, _ in may if each.end >= border]
+        return [each for each in left if not self._written_over(each, left, begin)]
+
+    def _written_over(self, event: Event, others: list[Event], begin: int) -> bool:
+        """Whether another change of the same drive object, whichever that is, came surely behind it."""
+        return event.pnu is not None and any(
+            each.pnu is not None and each.bits is not None and event.end < each.start and each.end < begin
+            and self.same(each.target, event.target) == SURE
+            for each in others
+        )  # fmt: skip
 
 
 def _outcome(deal: Deal, number: int) -> bool | None:
