@@ -946,7 +946,7 @@ def _poll_frames(deal: Deal) -> list[int | None]:
 def _half(case: Case) -> Iterator[str]:
     what, capture = case.args.get("what"), case.reading.capture
     rpc = case.reading.plain["rpc"]
-    orphans = sum(each.asked is None for each in case.reading.deals)
+    orphans = sum(each.asked is None and not each.cyclic for each in case.reading.deals)
     dropped = [
         int(each.split(" frame")[0].split()[-1].replace(",", ""))
         for each in case.reading.text.splitlines() if "machine dropped" in each

@@ -196,7 +196,7 @@ CLAUSES: dict[str, dict[str, str]] = {
               "unsaved_targets": r" on (?P<device>[\d.]+|dp\d+), addressed in (?P<targets>\d+) ways \(",
               "some_unknown": r"; of (?P<unknown>\d+) more it is not known"},
     "DS725": {"one_direction": "requests without any response: ", "other_direction": "responses without any request: ",
-              "no_write": "responses are read, but no request ", "cut": "frames were cut ", "dropped": "frames were dropped "},
+              "no_write": "Read record brings responses, but no Write record ", "cut": "frames were cut ", "dropped": "frames were dropped "},
     "DS805": {"sap_dpv1": r": Set_Prm in frame (?P<frame>\d+) enabled DPV1$",
               "sap_no_dpv1": r": Set_Prm in frame (?P<frame>\d+) did not enable DPV1$",
               "sap_unknown": ": its Set_Prm is not in the capture$", "sap_other": ": it does not have this service$"},

@@ -147,7 +147,7 @@ SAYS: dict[str, tuple[int, str]] = {
     "polling-storm-one": (3, "one every 2.0 ms; the drive takes 243.0 ms"),
     "half-captured": (1, "requests without any response"),
     "half-captured-responses": (2, "responses without any request"),
-    "half-captured-reads": (1, "no request was captured"),
+    "half-captured-reads": (1, "no Write record with a request was captured"),
     "half-captured-cut": (4, "cut"),
     "half-captured-cut-short": (1, "cut to a length (4 in all)"),
     "half-captured-dropped": (1, "(14 in all)"),

@@ -1241,7 +1241,7 @@ M.diagnosis_words = {
   even_offsets = {en = "the fill bytes after single bytes", zh = "单字节之后的填充字节"},
   one_direction = {en = "requests without any response: only one direction was captured", zh = "只有请求而没有任何应答：只抓取了一个方向"},
   other_direction = {en = "responses without any request: only one direction was captured", zh = "只有应答而没有任何请求：只抓取了一个方向"},
-  no_write = {en = "responses are read, but no request was captured", zh = "有应答被读取，但没有抓到请求"},
+  no_write = {en = "Read record brings responses, but no Write record with a request was captured", zh = "读记录取回了应答，但没有抓到带请求的写记录"},
   cut = {en = "frames were cut to a length", zh = "帧被截短"},
   dropped = {en = "frames were dropped while capturing", zh = "抓包时丢失了帧"},
   two_stations = {en = "{controller} wrote in frame {frame} while the request of {other} (frame {first}) was open: two stations use one channel", zh = "{controller} 在第 {frame} 帧写入请求，而 {other} 的请求（第 {first} 帧）尚未完成：两个站使用同一通道"},
