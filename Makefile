@@ -10,6 +10,8 @@
 #   make audit      let the auditor read N random conversations, planned from SEED on, and all captures
 #   make bench      time the analyzer and the plugin against tshark    (BENCH=--small for a quick one)
 #   make dist       write the plugin as one Lua file, dist/ds47-0_1_0.lua (the version, with underscores)
+#   make pyz        write the command as one file for any Python, dist/ds47.pyz
+#   make page       write the analyzer as one page for a browser without network, dist/ds47.html (needs npm)
 #   make captures   let the lab write captures/ again
 #   make tables     write lua/ds47/spec/tables.lua from python/ds47/spec/*.toml again, and the JSON Schemas
 #   make screenshot take the pictures of Wireshark again
@@ -46,7 +48,7 @@ export PYTHONUTF8 := 1
 .DEFAULT_GOAL := report
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: report test test-all audit lint format matrix pythons bench dist captures tables screenshot readme oracles constraints clean \
+.PHONY: report test test-all audit lint format matrix pythons bench dist pyz page captures tables screenshot readme oracles constraints clean \
   system venv FORCE
 
 report: $(RUN)
@@ -93,6 +95,12 @@ bench: $(STAMP)
 
 dist: $(RUN)
 	$(BIN)/python tools/make_bundle.py
+
+pyz: $(STAMP)
+	$(BIN)/python tools/release/make_pyz.py
+
+page: $(STAMP)
+	$(BIN)/python tools/release/make_page.py
 
 captures: $(STAMP)
 	$(BIN)/python -m ds47.lab captures

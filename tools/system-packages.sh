@@ -1,6 +1,7 @@
 #!/bin/sh
 # Installs what the tests need from the system: tshark and capinfos, Lua 5.2 to 5.4 and luacheck for the
-# plugin, Chromium for the HTML report, and venv where Python lacks it.
+# plugin, Chromium for the HTML report, Firefox and npm for the page that has the analyzer in it, and venv
+# where Python lacks it.
 # As root on Debian and its relatives it installs; elsewhere it says what is missing and goes on.
 # Usage: system-packages.sh PYTHON VENV_PYTHON
 python=$1
@@ -15,6 +16,8 @@ for lua in lua5.2 lua5.3 lua5.4; do command -v "$lua" >/dev/null 2>&1 || need "$
 command -v luacheck >/dev/null 2>&1 || need lua-check
 command -v chromium >/dev/null 2>&1 || need chromium
 command -v chromedriver >/dev/null 2>&1 || need chromium-driver
+command -v firefox-esr >/dev/null 2>&1 || command -v firefox >/dev/null 2>&1 || need firefox-esr
+command -v npm >/dev/null 2>&1 || need npm
 if [ ! -x "$venv_python" ] && ! "$python" -c 'import venv, ensurepip' 2>/dev/null; then
     need python3-venv
 fi

@@ -7,9 +7,13 @@ would run before the entry has said where its modules are. Not here: where the f
 
 from __future__ import annotations
 
+import atexit
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from zipfile import ZipFile
 
 from ds47 import __version__
 
@@ -74,8 +78,7 @@ def plugin_sources() -> Sources:
 
     Raises FileNotFoundError where neither has them.
     """
-    here = Path(__file__).resolve()
-    packed, checkout = here.parent / "plugin", here.parents[3]
+    packed, checkout = _packed(), Path(__file__).resolve().parents[3]
     for root, trial in (
         (packed, packed / "trial.pcapng"),
         (checkout, checkout / "captures" / "record-global.pcapng"),
@@ -90,6 +93,27 @@ def plugin_sources() -> Sources:
             profile = _below(dissector / "profile", "", "*")
             return Sources(modules, profile, trial, root / "LICENSE")
     raise FileNotFoundError("this installation of ds47 does not hold the Wireshark plugin")
+
+
+def _packed() -> Path:
+    """The folder of the plugin in the package; where that is a zip file, a copy that lasts as long as the program.
+
+    tshark reads it, too.
+    """
+    here = Path(__file__).resolve().with_name("plugin")
+    archive = getattr(__spec__.loader, "archive", None)
+    return here if archive is None else _unpacked(archive, "ds47/wireshark/plugin")
+
+
+@cache
+def _unpacked(archive: str, folder: str) -> Path:
+    target = TemporaryDirectory(prefix="ds47-")
+    atexit.register(target.cleanup)
+    with ZipFile(archive) as opened:
+        opened.extractall(
+            target.name, [name for name in opened.namelist() if name.startswith(f"{folder}/")]
+        )
+    return Path(target.name, folder)
 
 
 def bundle(sources: Sources) -> str:

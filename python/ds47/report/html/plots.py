@@ -13,6 +13,7 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 from markupsafe import Markup
 
@@ -40,7 +41,7 @@ def library() -> Library | None:
     folder = Path(next(iter(found.submodule_search_locations)), "server", "static", "js")
     try:
         name = f"Bokeh {version('bokeh')}"
-        scripts = tuple(_script(folder / each) for each in _FILES)
+        scripts = tuple(_script(found.loader, folder / each) for each in _FILES)
     except (OSError, PackageNotFoundError):
         return None
     elements = Markup("").join(
@@ -49,6 +50,6 @@ def library() -> Library | None:
     return Library(name, scripts, elements)
 
 
-def _script(path: Path) -> str:
-    """A script without the line that would make developer tools look for another file."""
-    return _SOURCE_MAP.sub("", path.read_text("utf-8"))
+def _script(loader: Any, path: Path) -> str:
+    """A script, also out of a zip file, without the line that would make developer tools look for another file."""
+    return _SOURCE_MAP.sub("", loader.get_data(str(path)).decode("utf-8"))
