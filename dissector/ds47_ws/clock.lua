@@ -19,6 +19,7 @@ local newest_ns -- a frame without a time has that of the frame before it
 local origin -- seconds since 1970 to which relative times are added, not exact; nil before the first
 local origin_ns -- the same as the analysis counts, exact
 local start_ns -- time of the first frame, before somebody set another one as the reference
+local last_number, last_absolute, last_relative = 0 -- of the last frame, where a Listener hears of all
 
 --- Tells where the exact time comes from: an extractor of frame.time_epoch.
 function M.configure(extractor)
@@ -28,6 +29,7 @@ end
 --- Forgets all times: another analysis counts from another second.
 function M.reset()
   origin, newest_ns, start_ns = nil, nil, nil
+  last_number, last_absolute, last_relative = 0, nil, nil
 end
 
 --- Tells which frame is dissected.
@@ -57,6 +59,27 @@ end
 --- The time of the first frame as an analysis counts it; nil where nobody asked for a time yet.
 function M.start()
   return start_ns
+end
+
+--- Tells of a frame, whatever it holds: a Listener that goes through all of them does.
+-- @param pinfo what Wireshark knows of it
+function M.passed(pinfo)
+  local number = pinfo.number
+  if number >= last_number then
+    last_number, last_absolute, last_relative = number, pinfo.abs_ts, pinfo.rel_ts
+  end
+end
+
+--- The time of the last frame as an analysis counts it; nil where nobody told of it, or not exactly.
+function M.last()
+  if not (origin and last_absolute) then
+    return nil
+  end
+  local gap = last_absolute - last_relative - origin
+  if math.abs(gap) > SAME_SECONDS or math.abs(last_relative) > EXACT_SECONDS then
+    return nil
+  end
+  return origin_ns + floor(last_relative * 1e9 + 0.5)
 end
 
 --- The time of the frame as an analysis counts it (Analysis:time_ns).

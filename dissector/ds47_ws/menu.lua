@@ -3,6 +3,7 @@
 -- The texts come from ds47.statistics, ds47.report_text and ds47.report_csv (through ds47_ws.stats). Does
 -- nothing when loaded, only when called.
 
+local frame_clock = require("ds47_ws.clock")
 local saving = require("ds47_ws.saving")
 local say = require("ds47.report.formatting").say
 local stats = require("ds47_ws.stats")
@@ -28,6 +29,7 @@ local function count_frames(track)
   local listener = Listener.new("frame")
   function listener.packet(pinfo)
     frames = math.max(frames, pinfo.number)
+    frame_clock.passed(pinfo)
   end
   retap_packets()
   listener:remove()

@@ -2,6 +2,7 @@
 -- Here are the arguments of the script and the Listener; the texts come from ds47.report, that of drives from
 -- drives_text.lua, and files are written by saving.lua. Does nothing when loaded, only when called.
 
+local frame_clock = require("ds47_ws.clock")
 local saving = require("ds47_ws.saving")
 
 local M = {}
@@ -91,6 +92,7 @@ function M.register(track, arguments)
   local listener = Listener.new("frame")
   function listener.packet(pinfo)
     frames = pinfo.number
+    frame_clock.passed(pinfo)
   end
   function listener.reset()
     frames = 0

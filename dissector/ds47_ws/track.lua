@@ -772,7 +772,8 @@ function M.result()
   hand_over_stations()
   local live = the_analysis()
   local result = live:ended()
-  result.base_seconds, result.start_time = live.base_seconds, frame_clock.start()
+  result.base_seconds = live.base_seconds
+  result.start_time, result.end_time = frame_clock.start(), frame_clock.last()
   return result
 end
 

@@ -287,6 +287,7 @@ class Analysis:
             path=capture.path,
             frames=capture.frames,
             start_ns=capture.first_ns,
+            end_ns=capture.last_ns,
             complete=capture.complete,
             problem=capture.problem,
             dropped=capture.dropped,

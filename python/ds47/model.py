@@ -773,6 +773,8 @@ class CaptureResult(_Plain):
     frames: int = 0
     start_ns: int | None = None
     """Time of the first frame, whatever it holds; nanoseconds since 1970. None where there is none."""
+    end_ns: int | None = None
+    """The same of the last frame. None also in a result that was stored before it was kept."""
     complete: bool = True
     problem: str | None = None
     dropped: int | None = None
@@ -798,6 +800,11 @@ class CaptureResult(_Plain):
     def start(self) -> str | None:
         """Time of the first frame, whatever it holds: ISO 8601 in UTC, nine digits."""
         return None if self.start_ns is None else timestamp(self.start_ns)
+
+    @property
+    def end(self) -> str | None:
+        """Time of the last frame, whatever it holds: ISO 8601 in UTC, nine digits."""
+        return None if self.end_ns is None else timestamp(self.end_ns)
 
     @property
     def lacking(self) -> str | None:

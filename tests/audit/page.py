@@ -37,7 +37,7 @@ _REST = re.compile(
 )
 _LOOK = re.compile(r"^look at frame (\d+)(?:.*?)(?: \(#(\d+), ([^)]*)\))?: (frame\.number.*)$")
 _START = re.compile(
-    r"(\d{4}-\d\d-\d\d) (\d\d:\d\d:\d\d\.\d{3}) \+00:00 \(UTC\) first frame(?:, (.*) last transaction or event, (.*))?"
+    r"(\d{4}-\d\d-\d\d) (\d\d:\d\d:\d\d\.\d{3}) \+00:00 \(UTC\) first frame(?:, (.*) last frame, (.*))?"
 )
 _UNDATED = "no time of day: the clock of the capture begins at "
 _SINCE_1980 = 315_532_800
@@ -112,13 +112,14 @@ def dated(reading: Reading) -> bool:
 
 
 def _last(reading: Reading) -> int | None:
-    """When the last transaction ended, or the last event was, in ns."""
+    """When the last frame was, the last transaction ended, or the last event was, in ns."""
     ends = [
         nanoseconds(each.plain["start"]) + max(0, round((each.duration_ms or 0) * 1e6))
         for each in reading.deals
     ]
     for line in reading.plain.get("timelines", ()):
         ends += [nanoseconds(each["time"]) for each in line["events"]]
+    ends += [nanoseconds(reading.plain[name]) for name in ("end",) if reading.plain.get(name)]
     return max(ends, default=None)
 
 
@@ -139,7 +140,7 @@ def since(deal: Deal, reading: Reading) -> str:
 
 
 def _times(lines: list[str], reading: Reading) -> Iterator[str]:
-    """The line about the capture: its first frame by the frames, its last time by the transactions."""
+    """The line about the capture: its first and last frame."""
     if reading.plain.get("start") is None:
         return
     text = " ".join(" ".join(lines).split())
@@ -153,9 +154,26 @@ def _times(lines: list[str], reading: Reading) -> Iterator[str]:
         return
     if f"{told[1]}T{told[2]}" != reading.plain["start"][:23]:
         yield f"the first frame is of {reading.plain['start']}, not {told[1]} {told[2]}"
-    last = _last(reading)
-    if (last is not None and last >= _first(reading)) is not bool(told[3]):
-        yield f"the last time is {last}, not {told[3]}"
+    yield from _ends(told[3], told[4], reading)
+
+
+def _ends(told: str | None, length: str | None, reading: Reading) -> Iterator[str]:
+    """The last frame and the length of the capture."""
+    last = nanoseconds(reading.plain["end"])
+    if reading.capture.frames:
+        true = reading.capture.frames[0].time_ns, reading.capture.frames[-1].time_ns
+        if true != (_first(reading), last):
+            yield f"the capture is of {true}, not {reading.plain['start']} to {reading.plain['end']}"
+    if last < _first(reading):
+        if told:
+            yield f"the last frame, of {reading.plain['end']}, is before the first one"
+        return
+    if not told or not reading.plain["end"][:23].endswith(
+        told.split()[-1 if "+" not in told else -2]
+    ):
+        yield f"the last frame is of {reading.plain['end']}, not {told}"
+    if not length or not near(length, (last - _first(reading)) / 1e6):
+        yield f"the capture is {(last - _first(reading)) / 1e6} ms long, not {length}"
 
 
 # Counts

@@ -31,6 +31,7 @@ def read(data: bytes) -> tuple[list[Frame], int, str | None]:
         every = {frame.number: frame for frame in again.everything()}
     assert (again.frames, again.problem) == (capture.frames, capture.problem)
     assert (again.complete, again.first_ns) == (capture.complete, capture.first_ns)
+    assert again.last_ns == capture.last_ns
     even = [number for number in every if number % 2 == 0]
     with open_capture(io.BytesIO(data)) as chosen:
         some = {each.number: each for each in chosen.everything(even.__contains__)}

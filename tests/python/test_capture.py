@@ -81,7 +81,7 @@ def test_garbage_behind_gzip_data_is_a_problem_and_no_exception() -> None:
         make.pcap([make.RT])[:-1],
     ],
 )  # fmt: skip
-def test_the_time_of_the_first_frame_is_known_whatever_it_holds(
+def test_the_times_of_first_and_last_frame_are_known_whatever_they_hold(
     data: bytes, tmp_path: Path
 ) -> None:
     path = tmp_path / "x.pcap"
@@ -91,6 +91,9 @@ def test_the_time_of_the_first_frame_is_known_whatever_it_holds(
         list(capture)
         assert capture.first_ns == (first_time(path) if capture.frames else None)
         assert (capture.first_ns is None) == (capture.frames == 0)
+        with open_capture(path) as again:
+            times = [each.time_ns for each in again.everything()]
+        assert capture.last_ns == (times[-1] if times else None)
 
 
 class Dribble(io.RawIOBase):

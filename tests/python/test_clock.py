@@ -54,6 +54,20 @@ def test_the_zone_is_said_once_and_each_line_has_its_time() -> None:
     assert shown.count("Berlin") == 1
 
 
+def test_a_capture_ends_with_its_last_frame_whatever_that_holds() -> None:
+    start = ns("2026-11-21T23:59:50+01:00")
+    result = of(start, start + SECOND)
+    assert "first frame, 23:59:51.000 last transaction or event, 1000.0 ms" in printed(
+        result, BERLIN
+    )
+    result.end_ns = start + 15 * SECOND
+    shown = printed(result, BERLIN)
+    assert "first frame, 2026-11-22 00:00:05.000 last frame, 15.0 s" in shown
+    assert "#1  2026-11-21 23:59:51.000  1.000" in shown
+    result.end_ns = start - SECOND
+    assert "(Europe/Berlin) first frame\n" in printed(result, BERLIN)
+
+
 def test_over_midnight_each_time_has_its_date() -> None:
     start = ns("2026-11-21T23:59:59+01:00")
     shown = printed(of(start, start, start + 2 * SECOND), BERLIN)

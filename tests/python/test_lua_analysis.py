@@ -182,7 +182,7 @@ def stored() -> Iterator[Source]:
 def expected(source: Source, lang: str, options: AnalysisOptions) -> dict[str, Any]:
     result = analyze(source.open(), options)
     told = report.capture(result, lang)
-    for name in ("path", "sha256", "frames", "start", "complete"):
+    for name in ("path", "sha256", "frames", "start", "end", "complete"):
         del told[name]
     for name in ("findings", "diagnoses"):
         told[name] = of_transactions(told[name])

@@ -106,6 +106,7 @@ def as_lua(result: CaptureResult) -> dict[str, Any]:
     as_s7(item, result)
     item["bus"] = None if result.bus is None else bus_as_lua(result.bus)
     item["start_time"] = None if result.start_ns is None else result.start_ns - base * 10**9
+    item["end_time"] = None if result.end_ns is None else result.end_ns - base * 10**9
     for each, shown in zip(item["timelines"], result.timelines, strict=True):
         each["left_out"] = each["events_left_out"]
         each["events"] = [

@@ -64,7 +64,8 @@ def walk(scanner: Any, method: str, data: bytes, pieces: list[int]) -> list[obje
         while True:
             scanner.paused = False
             found = getattr(scanner, method)(padded, min(end, len(data)))
-            said += [*found, (scanner.position, scanner.frames, scanner.paused)]
+            newest = scanner.interface, scanner.high, scanner.low
+            said += [*found, (scanner.position, scanner.frames, scanner.paused, newest)]
             if len(found) < scan.BATCH and not scanner.paused:
                 break
     return said

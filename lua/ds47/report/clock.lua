@@ -31,11 +31,11 @@ local function local_offset(seconds)
 end
 
 --- The clock of a capture.
--- @param result what Analysis:ended() gives, with base_seconds and start_time where they are known
+-- @param result what Analysis:ended() gives, with base_seconds, start_time and end_time where they are known
 -- @param zone   nil for UTC, "local" for that of this machine
 function M.new(result, zone)
   local self = setmetatable({ zone = zone, base = result.base_seconds or 0 }, Clock)
-  self.first = result.start_time
+  self.first, self.last, self.ended = result.start_time, result.end_time, result.end_time
   for _, each in ipairs(result.transactions) do
     if result.start_time == nil and (self.first == nil or each.start_ns < self.first) then
       self.first = each.start_ns
@@ -98,9 +98,10 @@ function Clock:span(lang)
     return say(lang, "time_unknown", { start = date .. " " .. clock:sub(1, 8) })
   end
   local start = format("%s %s %s (%s)", date, clock, offset, self.zone or "UTC")
-  if self.last == nil or self.last < self.first then return say(lang, "time_first", { start = start }) end
-  local length = words.duration(self.last - self.first)
-  return say(lang, "time_span", { start = start, ["end"] = self:at(self.last), length = length })
+  local last = self.ended or self.last
+  if last == nil or last < self.first then return say(lang, "time_first", { start = start }) end
+  local told = { start = start, ["end"] = self:at(last), length = words.duration(last - self.first) }
+  return say(lang, self.ended and "time_span" or "time_span_known", told)
 end
 
 return M

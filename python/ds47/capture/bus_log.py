@@ -86,6 +86,7 @@ class BusLogReader:
         self._unread = _Unread()
         self.frames = 0
         self.first_ns: int | None = None
+        self.last_ns: int | None = None
         self.timed = False
         self.problem: str | None = None
 
@@ -117,6 +118,7 @@ class BusLogReader:
         for time_ns, item in self._entries():
             if time_ns is not None:
                 now, self.timed = time_ns, True
+                self.last_ns = time_ns
             if not self.frames:
                 self.first_ns = time_ns
             self.frames += 1

@@ -71,6 +71,8 @@ class PcapReader(Walk):
             for found in self._batches:
                 yield self._records(found)
             self.frames = self._scan.frames
+            if self.frames:
+                self.last_ns = self._time_ns(self._scan.high, self._scan.low)
             if not self._continue():
                 return
 
@@ -83,9 +85,9 @@ class PcapReader(Walk):
             seconds, fraction, captured, original = self._record.unpack_from(window.data, at)
             scan.position = at + header + captured
             self.frames += 1
+            self.last_ns = time_ns = self._time_ns(seconds, fraction)
             if wanted(self.frames):
                 data = bytes(window.view[at + header : scan.position])
-                time_ns = self._time_ns(seconds, fraction)
                 yield WholeFrame(self.frames, time_ns, self._interface, data, original)
 
     def _first(self) -> None:

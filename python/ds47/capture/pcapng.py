@@ -86,9 +86,12 @@ class PcapngReader(Walk):
         with self._up_to_damage():
             while True:
                 # the first one goes the long way, which tells its time whatever it holds
-                if scan.frames:
+                if before := scan.frames:
                     for found in self._batches:
                         yield self._enhanced(found)
+                    if scan.frames > before:
+                        about = self._interfaces[scan.interface]
+                        self.last_ns = about.time_ns(scan.high, scan.low)
                 self.frames = scan.frames
                 frame = self._block()
                 self.frames = scan.frames
@@ -249,7 +252,8 @@ class PcapngReader(Walk):
                 f"frame {self.frames + 1} claims {captured} captured bytes, "
                 f"{min(len(rest), MAX_FRAME)} are possible"
             )
-        frame = self._frame(about, about.time_ns(high, low), rest[:captured], original)
+        self.last_ns = about.time_ns(high, low)
+        frame = self._frame(about, self.last_ns, rest[:captured], original)
         if isinstance(frame, WholeFrame):
             self._said(frame, rest, captured + -captured % 4)
         return frame

@@ -23,6 +23,7 @@ class Capture(Closing):
     * `path`: as given, or "-" for stdin.
     * `frames`: frames passed so far, the irrelevant ones included; all of them at the end.
     * `first_ns`: time of the first frame, None before it.
+    * `last_ns`: time of the last frame that was passed, some hundred at once; at the end that of the last one.
     * `complete`: True once the end was reached without a problem.
     * `problem`: one line when reading stopped early; offsets are those of the uncompressed bytes.
     * `dropped`: frames the capturing machine lost (pcapng statistics), None where it does not say.
@@ -80,6 +81,11 @@ class Capture(Closing):
     def first_ns(self) -> int | None:
         """Time of the first frame, the irrelevant ones included."""
         return self._reader.first_ns if self.frames else None
+
+    @property
+    def last_ns(self) -> int | None:
+        """Time of the last frame that was passed, the irrelevant ones included."""
+        return self._reader.last_ns if self.frames else None
 
     @property
     def problem(self) -> str | None:

@@ -107,6 +107,8 @@ cdef bint _is_news(
 cdef class Scan:
     cdef public Py_ssize_t position, frames, end, passed
     cdef public bint stopped, more, paused
+    cdef public Py_ssize_t interface
+    cdef public unsigned int high, low
     cdef public list links
     cdef Py_ssize_t _known, _most, _senders
     cdef object _entries, _kept, _rows, _watches, _watched, _ids, _runs, _swapped, _ports
@@ -144,7 +146,7 @@ cdef class PcapScan(Scan):
 
     @cython.locals(big=bint, header=Py_ssize_t, link_type=long, position=Py_ssize_t, number=Py_ssize_t,
                    last=Py_ssize_t, start=Py_ssize_t, captured=Py_ssize_t, original=Py_ssize_t,
-                   seconds="unsigned int", fraction="unsigned int", senders=Py_ssize_t)
+                   seconds="unsigned int", fraction="unsigned int", senders=Py_ssize_t, newest=Py_ssize_t)
     cdef Py_ssize_t _walk(
         self, const unsigned char* data, Py_ssize_t end, const unsigned char* links,
         unsigned char* entries, Py_ssize_t count, Py_ssize_t most, unsigned char* rows,
@@ -156,7 +158,8 @@ cdef class PcapngScan(Scan):
 
     @cython.locals(big=bint, position=Py_ssize_t, number=Py_ssize_t, last=Py_ssize_t, total=Py_ssize_t,
                    interface=Py_ssize_t, captured=Py_ssize_t, original=Py_ssize_t, start=Py_ssize_t,
-                   link_type=long, high="unsigned int", low="unsigned int", senders=Py_ssize_t)
+                   link_type=long, high="unsigned int", low="unsigned int", senders=Py_ssize_t,
+                   newest=Py_ssize_t)
     cdef Py_ssize_t _walk(
         self, const unsigned char* data, Py_ssize_t end, const unsigned char* links,
         unsigned char* entries, Py_ssize_t count, Py_ssize_t most, unsigned char* rows,

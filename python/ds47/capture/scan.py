@@ -69,6 +69,7 @@ _SAMPLE, _RAREST, _OFTEN = 4, 1024, 256
 _CONNECT, _RESPONSE = 0, 2  # operation and type of the RPC message that sets up cyclic frames
 
 _LEARN_FROM = 4096  # frames after which it pays to learn the shapes of cyclic traffic
+_SINGLE = 4096  # bytes before the end of a pcap buffer that runs do not skip: the last frame has a time
 
 # What `ahead` gives at once. Few frames at first, because somebody waits for them, then twice as many each
 # time: behind each its thread has to wait for the interpreter, up to 5 ms.
@@ -558,12 +559,14 @@ class Scan:
     `position` is the offset in the buffer of the next record, `frames` counts what was passed,
     `links` are the LINKTYPE_ numbers of the interfaces. `stopped` ends `ahead` soon. `paused`: the last of the
     frames told what to watch from there on, so that nothing is passed before somebody has looked at it.
+    `interface`, `high` and `low` are of the last frame that was passed, as in `Found`.
     """
 
     def __init__(self, order: ByteOrder) -> None:
         self.position = 0
         self.frames = 0
         self.links: list[int] = []
+        self.interface, self.high, self.low = 0, 0, 0
         self.stopped = False
         self.end = 0
         self.passed = 0
@@ -741,12 +744,13 @@ class PcapScan(Scan):
     ) -> int:  # fmt: skip
         big, header, link_type = self._big, self._header, _u32(links, 0, True)
         position, number, last = self.position, self.frames, end - header
-        senders = self._senders
+        senders, newest = self._senders, -1
         while position <= last and count < most and not self.paused:
             captured = _u32(data, position + 8, big)
             start = position + header
             if captured > _MAX_FRAME or start + captured > end:
                 break
+            newest = position
             number += 1
             if link_type != _ETHERNET or not _is_rt(data, start, captured):
                 original = _u32(data, position + 12, big)
@@ -763,6 +767,8 @@ class PcapScan(Scan):
                     entries, count, number, 0, seconds, fraction, original, captured, start
                 )
             position = start + captured
+        if newest >= 0:
+            self.high, self.low = _u32(data, newest, big), _u32(data, newest + 4, big)
         self.position, self.frames = position, number
         return count
 
@@ -779,13 +785,14 @@ class PcapScan(Scan):
         ids, news, senders, ports = self._ids, self._news, self._senders, self._ports
         quiet = 0  # rejected in a row by this loop
         due = False
+        newest = -1  # where the last record is, or a run that ends with it
         while position <= last and not self.paused:
             captured, kind, first, inner, second = layout(data, position)
             start = position + header
             after = start + captured
             if after > end or captured > MAX_FRAME:
                 break
-            position = after
+            newest, position = position, after
             number += 1
             if ethernet:
                 rejected = kind not in kept
@@ -805,7 +812,7 @@ class PcapScan(Scan):
                         between = b".{%d}" % (header - 12)
                         runs.learn(re.escape(before) + between, data, start, after, b"")
                         period = _sampled(number + 1, senders)
-                        position, skipped = runs.skip(data, position, end, number, period)
+                        position, skipped = runs.skip(data, position, end - _SINGLE, number, period)
                         number += skipped
                         quiet = 0 if skipped else -Runs.STRIDE
                     continue
@@ -819,24 +826,37 @@ class PcapScan(Scan):
                 self.paused = not due and _sets_up(data, start, after, link_type)
                 if len(found) == BATCH:
                     break
+        self._ended(data, newest, position)
         self.position, self.frames = position, number
         return found
+
+    def _ended(self, data: Bytes, at: int, position: int) -> None:
+        """Keep the time of the last record before `position`; it, or one before it, is at `at`, -1 for none."""
+        if at < 0:
+            return
+        record, header = self._record, self._header
+        seconds, fraction, captured, _ = record(data, at)
+        while at + header + captured < position:
+            at += header + captured
+            seconds, fraction, captured, _ = record(data, at)
+        self.high, self.low = seconds, fraction
 
     def _everything(self, data: bytearray, end: int) -> list[Found]:
         """As `_plain`, where the frames are of a link type of which all matter."""
         found: list[Found] = []
         view, record, header = memoryview(data), self._record, self._header
-        position, number, last = self.position, self.frames, end - header
+        position, number, last, newest = self.position, self.frames, end - header, -1
         while position <= last and len(found) < BATCH:
             seconds, fraction, captured, original = record(data, position)
             start = position + header
             after = start + captured
             if after > end or captured > MAX_FRAME:
                 break
-            position = after
+            newest, position = position, after
             number += 1
             frame = view[start:after].tobytes()
             found.append((number, 0, seconds, fraction, original, frame))
+        self._ended(data, newest, position)
         self.position, self.frames = position, number
         return found
 
@@ -866,7 +886,7 @@ class PcapngScan(Scan):
     ) -> int:  # fmt: skip
         big = self._big
         position, number, last = self.position, self.frames, end - 32
-        senders = self._senders
+        senders, newest = self._senders, -1
         while position <= last and count < most and not self.paused:
             total = _u32(data, position + 4, big)
             interface = _u32(data, position + 8, big)
@@ -878,6 +898,7 @@ class PcapngScan(Scan):
             if _u32(data, position + total - 4, big) != total:
                 break
             start = position + 28
+            newest = position
             number += 1
             link_type = _u32(links, 4 * interface, True)
             if link_type != _ETHERNET or not _is_rt(data, start, captured):
@@ -895,6 +916,9 @@ class PcapngScan(Scan):
                     entries, count, number, interface, high, low, original, captured, start
                 )
             position += total
+        if newest >= 0:
+            self.interface = _u32(data, newest + 8, big)
+            self.high, self.low = _u32(data, newest + 12, big), _u32(data, newest + 16, big)
         self.position, self.frames = position, number
         return count
 
@@ -950,6 +974,9 @@ class PcapngScan(Scan):
                 self.paused = not due and _sets_up(data, start, start + captured, links[interface])
                 if len(found) == BATCH:
                     break
+        if number > self.frames:  # a block says at its end, too, how long it is
+            newest = position - word(data, position - 4)[0]
+            self.interface, self.high, self.low = (word(data, newest + at)[0] for at in (8, 12, 16))
         self.position, self.frames = position, number
         return found
 

@@ -41,6 +41,7 @@ class Series(Closing):
         self.files: list[CaptureFile] = []
         self.dropped: int | None = None
         self.first_ns: int | None = None
+        self.last_ns: int | None = None
         self._parts = parts
         self._capture: Capture | None = None
         self._before = 0
@@ -99,6 +100,8 @@ class Series(Closing):
         self._before += file.frames
         if self.first_ns is None:
             self.first_ns = capture.first_ns
+        if capture.last_ns is not None:
+            self.last_ns = capture.last_ns
         if capture.dropped is not None:
             self.dropped = capture.dropped + (self.dropped or 0)
 

@@ -21,6 +21,7 @@ class Walk:
         self._batches = Batches(scan, window)
         self.frames = 0
         self.first_ns: int | None = None
+        self.last_ns: int | None = None
         self.problem: str | None = None
 
     def watch(self, watches: Sequence[Watch]) -> None:

@@ -114,6 +114,11 @@ class Result:
         return self._capture.start
 
     @property
+    def end(self) -> str | None:
+        """Time of the last frame: ISO 8601 in UTC, nine digits."""
+        return self._capture.end
+
+    @property
     def complete(self) -> bool:
         """Whether the file was read to its end; `problem` says why not."""
         return self._capture.complete

@@ -108,7 +108,7 @@ def content(result: CaptureResult, lang: str = "en") -> dict[str, Any]:
     from ds47.report.json import capture
 
     stored = capture(result, lang)
-    del stored["path"], stored["start"]
+    del stored["path"], stored["start"], stored["end"]
     for file in stored.get("files", ()):
         name = Path(file["path"]).name
         file["problem"] = file["problem"] and file["problem"].replace(file["path"], name)

@@ -79,16 +79,21 @@ class Clock:
         return say("time_first_transaction", start=self.start())
 
     def span(self, result: CaptureResult) -> Both | None:
-        """When the capture was taken; None where it has no frame."""
+        """When the capture was taken; None where it has no frame.
+
+        It ends with its last frame; one that was stored before that was kept with the last that is known.
+        """
         if self.first_ns is None:
             return None
         if not self.known:
             return say("time_unknown", start=timestamp(self.first_ns)[:19].replace("T", " "))
-        last = max(_times(result), default=None)
+        kept = result.end_ns is not None
+        last = result.end_ns if kept else max(_times(result), default=None)
         if last is None or last < self.first_ns:
             return say("time_first", start=self.start())
         length = duration(last - self.first_ns)
-        return say("time_span", start=self.start(), end=self.at(last), length=length)
+        words = "time_span" if kept else "time_span_known"
+        return say(words, start=self.start(), end=self.at(last), length=length)
 
     def _local(self, time_ns: int) -> tuple[str, str, str]:
         """Time of day in milliseconds, date, offset."""
@@ -100,7 +105,9 @@ class Clock:
 
 
 def _times(result: CaptureResult) -> Iterator[int]:
-    """When transactions ended and something happened to drives."""
+    """When the last frame was, transactions ended and something happened to drives."""
+    if result.end_ns is not None:
+        yield result.end_ns
     yield from map(_ended, result.transactions)
     for timeline in result.timelines:
         yield from (each.time_ns for each in timeline.events[-1:])
