@@ -7,7 +7,7 @@ Each step is a module of its own; here they are only joined. Nothing is printed,
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -23,7 +23,7 @@ from ds47.acyclic.record_calls import RecordCalls
 from ds47.acyclic.record_events import RecordEvents
 from ds47.acyclic.services import CallTracker as ServiceTracker
 from ds47.acyclic.transactions import build, summarise
-from ds47.capture import Capture, CaptureError, Frame, Series, open_capture, sha256
+from ds47.capture import Capture, CaptureError, Series, open_capture, sha256
 from ds47.capture.scan import Watch
 from ds47.cyclic import CYCLIC
 from ds47.cyclic.channels import CyclicChannels
@@ -37,6 +37,7 @@ from ds47.cyclic.transactions import build as build_pkw
 from ds47.diagnosis import Diagnoses
 from ds47.findings.collection import Findings
 from ds47.findings.remark import Exchange, Remark
+from ds47.findings.times import FrameTimes
 from ds47.model import CHANNELS, DS47, PKW, PZD, S7, CaptureResult, Finding, Transaction
 from ds47.model import Relation as ToldRelation
 from ds47.parameters import naming
@@ -208,7 +209,8 @@ class Analysis:
         slow_ns = bounds.slow_ns if slow_ms is None else int(slow_ms * 1e6)
         found = early.found if early is not None else None
         ignore = (*options.ignore, *rules_of_others(options.channels))
-        self._findings = Findings(options.select, ignore, found)
+        self._times = FrameTimes(bounds.frame_times)
+        self._findings = Findings(options.select, ignore, found, self._times)
         index47 = Index47(
             options.indices, bounds.waiting_calls, bounds.waiting_ars, bounds.proven_ars
         )
@@ -317,13 +319,16 @@ class Analysis:
         cyclic = {PKW, PZD} & set(self._options.channels)
         return [each.told() for each in self._cyclic.relations()] if cyclic else []
 
-    def _frames(self, frames: Iterable[Frame]) -> None:
+    def _frames(self, frames: Capture | Series) -> None:
         for frame in frames:
             if frame.link_type in LINK_TYPES:
+                if frames.timed:
+                    self._times.note(frame.number, frame.time_ns)
                 data = frame.data
                 cut = len(data) < frame.original_length
                 self._bus.take(frame.link_type, data, frame.number, frame.time_ns, cut)
             else:
+                self._times.note(frame.number, frame.time_ns)
                 self._transport.take_frame(frame)
 
     def _diagnose(self, capture: Capture | Series) -> None:

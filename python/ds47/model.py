@@ -426,6 +426,8 @@ class Finding(_Plain):
     """What spec/rules.toml says that the rule carries, in the units and names of the report."""
     said: str | None
     """The sentence of a result of `ds47.report/1`, which has no args; else None."""
+    time_ns: int | None
+    """Time of `frame`, nanoseconds since 1970; None where it is not known."""
 
     def __init__(
         self,
@@ -437,15 +439,22 @@ class Finding(_Plain):
         offset: int | None = None,
         args: dict[str, Any] | None = None,
         said: str | None = None,
+        time_ns: int | None = None,
     ) -> None:
         self.rule = rule
         self.severity = severity
         self.frame = frame
+        self.time_ns = time_ns
         self.frames = [frame] if frames is None else frames
         self.transaction = transaction
         self.offset = offset
         self.args = {} if args is None else args
         self.said = said
+
+    @property
+    def time(self) -> str | None:
+        """Time of `frame`: ISO 8601 in UTC, nine digits."""
+        return None if self.time_ns is None else timestamp(self.time_ns)
 
     @property
     def filter(self) -> str:

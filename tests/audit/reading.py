@@ -147,12 +147,15 @@ class Finding:
     message: str
     filter: str
     transaction: int | None
+    time: str | None
+    """When the report says that `frame` was."""
 
     @classmethod
     def of(cls, plain: dict[str, Any]) -> Finding:
         return cls(
             plain["rule"], plain["severity"], plain["frame"], plain["frames"], plain["args"],
             plain["offset"], plain["message"], plain["filter"], plain["transaction"],
+            plain.get("time"),
         )  # fmt: skip
 
 

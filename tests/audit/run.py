@@ -83,6 +83,9 @@ def of_finding(finding: Finding, item: Reading, memory: Memory) -> Iterator[Comp
         yield Complaint(finding.rule, where, "its own frame is not among its frames")
     if not all(1 <= frame <= len(item.capture.frames) for frame in finding.frames):
         yield Complaint(finding.rule, where, f"the capture has no frames {finding.frames}")
+    frame, told = item.capture.frame(finding.frame), finding.time
+    if frame is not None and told is not None and page.nanoseconds(told) != frame.time_ns:
+        yield Complaint(finding.rule, where, f"is of {frame.time_ns} ns, not of {told}")
     if reading.shown(finding.filter) != set(finding.frames):
         yield Complaint(finding.rule, where, f"{finding.filter} does not show {finding.frames}")
     deal = item.deal(finding)

@@ -8,6 +8,7 @@ from talk import job
 from ds47.acyclic.transactions import build
 from ds47.findings.collection import Findings
 from ds47.findings.remark import Remark
+from ds47.findings.times import FrameTimes
 from ds47.lab import message
 from ds47.report.sentences import renumbered, sentence, words
 from ds47.spec import rules
@@ -35,6 +36,17 @@ def test_select_and_ignore(
         assert findings.wanted(rule) == (rule in wanted)
         findings.add(Remark(rule, 1))
     assert [finding.rule for finding in findings.result({})] == wanted
+
+
+def test_frames_have_their_times_as_far_as_there_is_room() -> None:
+    times = FrameTimes(3)
+    findings = Findings((), (), times=times)
+    for number, time_ns in ((2, 20), (3, 1 << 70), (5, 50), (6, 60), (9, 90), (12, 1 << 64)):
+        times.note(number, time_ns)
+        findings.add(Remark("DS101", number))
+    told = {each.frame: each.time_ns for each in findings.result({})}
+    assert told == {2: 20, 3: 1 << 70, 5: 50, 6: 60, 9: 90, 12: 1 << 64}
+    assert (times.of(3), times.of(4), times.of(9), FrameTimes(0).of(0)) == (None,) * 4
 
 
 def test_order_and_owner() -> None:

@@ -189,6 +189,7 @@ def expected(source: Source, lang: str, options: AnalysisOptions) -> dict[str, A
     for finding in told["findings"]:
         finding["message"] = finding["message"].removeprefix(at_offset(finding["offset"], "", lang))
         del finding["filter"]
+        finding.pop("time", None)  # Wireshark has it beside each frame
     for diagnosis in told["diagnoses"]:
         del diagnosis["filter"]
     for each in told["findings"] + told["diagnoses"]:  # nil has no place in a table of Lua

@@ -533,7 +533,8 @@ from ds47.capture import Frame, open_capture
 from ds47.spec.semantics import limits
 
 class Endless:
-    path, complete, problem, dropped, gaps, timed, first_ns = "x", True, None, None, False, True, None
+    path, complete, problem, dropped, gaps, timed = "x", True, None, None, False, True
+    first_ns = last_ns = None
     frames = 0
     def tcp(self, ports):
         pass

@@ -146,6 +146,7 @@ M.limits = {
   proven_ars = 65536,
   written_values = 262144,
   described_parameters = 32768,
+  frame_times = 1048576,
   longest_messages = 8192,
   bus_remarks = 1024,
   s7_connections = 1024,

@@ -11,6 +11,7 @@ from typing import Any
 
 from ds47.findings.grouping import Grouping, cause
 from ds47.findings.remark import Remark
+from ds47.findings.times import FrameTimes
 from ds47.model import DIAGNOSIS, Diagnosis, Finding, Transaction
 from ds47.spec import Rule, rules
 
@@ -27,6 +28,7 @@ class Findings:
         select: rule ids or prefixes that are wanted; empty for all.
         ignore: rule ids or prefixes that are not.
         found: is told of each at once; then none is kept for `result`.
+        times: when frames were.
     """
 
     def __init__(
@@ -34,10 +36,12 @@ class Findings:
         select: tuple[str, ...],
         ignore: tuple[str, ...],
         found: Callable[[Finding], None] | None = None,
+        times: FrameTimes | None = None,
     ) -> None:
         self._found = found
         self._select = select
         self._ignore = ignore
+        self._times = times or FrameTimes(0)
         self._remarks: list[Remark] = []
         self._grouping = Grouping()
         self.frames_dropped = False
@@ -47,6 +51,7 @@ class Findings:
         """Keeps a remark for `result`, or tells of it at once, if its rule is wanted."""
         if not self.wanted(remark.rule):
             return
+        remark.time_ns = self._times.of(remark.frame)
         if self._found is not None:
             self._found(self.told(remark))
         else:
@@ -77,9 +82,10 @@ class Findings:
         args = row.carried(remark.args)
         if remark.rule == _WITHOUT_REQUEST:
             args["dropped"] = self.frames_dropped
+        known = remark.time_ns
         return Finding(
             remark.rule, row.severity, remark.frame, _frames(row, remark.frame, args), transaction,
-            remark.offset, args,
+            remark.offset, args, time_ns=self._times.of(remark.frame) if known is None else known,
         )  # fmt: skip
 
     def result(self, transactions: Mapping[int, Transaction]) -> list[Finding]:

@@ -37,3 +37,5 @@ class Remark:
     job: Exchange | None = None
     corrected: Corrected = None
     """Of a diagnosis: the request as it should have been, or who knows it when the capture is over."""
+    time_ns: int | None = None
+    """Time of its frame, where that was known when it was made."""

@@ -101,7 +101,7 @@ def _is_other(capture: Path, path: Path) -> bool:
 
 
 def content(result: CaptureResult, lang: str = "en") -> dict[str, Any]:
-    """What is stored of a result: the capture object of `ds47.report/2` without its path and its time.
+    """What is stored of a result: the capture object of `ds47.report/2` without its path and its times.
 
     Files of a series go by their names alone: they stand beside it.
     """
@@ -113,6 +113,8 @@ def content(result: CaptureResult, lang: str = "en") -> dict[str, Any]:
         name = Path(file["path"]).name
         file["problem"] = file["problem"] and file["problem"].replace(file["path"], name)
         file["path"] = name
+    for finding in stored["findings"]:
+        finding.pop("time", None)
     return stored
 
 

@@ -401,6 +401,8 @@ FINDING = Shape("finding", (
         "The facts that it rests on, by the names of the rule's args (`ds47 rules`); "
         "null where one is not known."),
     Key("frame", COUNT),
+    Key("time", TEXT | {"pattern": _TIME}, "When `frame` was; absent where that is not known.",
+        into="time_ns", take=_time, rare=True),
     Key("frames", many(COUNT, 1), "All frames that it is about, sorted; `frame` is one of them."),
     Key("transaction", whole(1, maybe=True), "Its id, null where no transaction is concerned."),
     Key("offset", whole(maybe=True), "Byte of the DS47 message that it is about, from 0."),

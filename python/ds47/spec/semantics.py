@@ -57,6 +57,7 @@ class Limits(Row):
     proven_ars: int
     written_values: int
     described_parameters: int
+    frame_times: int
     longest_messages: int
     bus_remarks: int
     s7_connections: int

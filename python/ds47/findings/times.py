@@ -1,0 +1,37 @@
+"""When frames were: of the newest one, and of those before it as far as there is room.
+
+A finding is often told of a frame long after that one, so the times of frames are kept; not their contents.
+"""
+
+from __future__ import annotations
+
+from array import array
+from bisect import bisect_left
+
+_MOST_NS = (1 << 63) - 1
+
+
+class FrameTimes:
+    """Times of frames by their numbers, of the first `most` that were noted: 16 bytes a frame."""
+
+    def __init__(self, most: int) -> None:
+        self._room = most
+        self._newest: tuple[int, int | None] = (0, None)
+        self._numbers, self._times = array("q"), array("q")
+
+    def note(self, number: int, time_ns: int) -> None:
+        """Takes the next frame; numbers grow."""
+        self._newest = (number, time_ns)
+        if self._room and -_MOST_NS <= time_ns <= _MOST_NS:
+            self._room -= 1
+            self._numbers.append(number)
+            self._times.append(time_ns)
+
+    def of(self, number: int) -> int | None:
+        """Nanoseconds since 1970; None where it is not known."""
+        if number == self._newest[0]:
+            return self._newest[1]
+        at = bisect_left(self._numbers, number)
+        if at < len(self._numbers) and self._numbers[at] == number:
+            return self._times[at]
+        return None
