@@ -163,6 +163,8 @@ ROW = entity([
         {"type": "object", "propertyNames": {"pattern": "^DS7[0-9]{2}$"}, "additionalProperties": _WHERE},
         "Diagnoses by rule: findings of all their causes, and where the first shows."),
     Key("slowest_ns", whole(maybe=True), "The longest duration, nanoseconds; null without one."),
+    Key("start", MAYBE_TEXT, "Time of the first frame; absent before it was kept.", required=False),
+    Key("end", MAYBE_TEXT, "Time of the last frame.", required=False),
 ], "What is kept of a capture for an overview.")  # fmt: skip
 
 _SOURCE = entity([

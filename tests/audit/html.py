@@ -7,10 +7,21 @@ import gzip
 import json
 import re
 from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
 from html import unescape
 from typing import Any
 
-from tests.audit.page import Headline, answered_wrongly, headline, near, rank
+from tests.audit.page import (
+    Headline,
+    answered_wrongly,
+    dated,
+    headline,
+    moment,
+    nanoseconds,
+    near,
+    rank,
+    seconds,
+)
 from tests.audit.reading import Complaint, Deal, Reading
 
 _DATA = re.compile(
@@ -39,6 +50,7 @@ def check(reading: Reading) -> Iterator[Complaint]:
         *(("tile", each) for each in _tiles(body, reading)),
         *(("drives of the page", each) for each in _drives(body, reading)),
         *(("data of the page", each) for each in _data(reading)),
+        *(("times of the page", each) for each in _times(body, reading)),
     ]:  # fmt: skip
         yield Complaint(name, "", told)
     for told in _PROBLEM.findall(body):
@@ -137,6 +149,31 @@ def _data(reading: Reading) -> Iterator[str]:
         yield from _rows(json.loads(data), reading)
 
 
+def _microseconds(deal: Deal, reading: Reading) -> float:
+    since = nanoseconds(deal.plain["start"]) - nanoseconds(reading.plain["start"])
+    return since / 1000
+
+
+def _times(body: str, reading: Reading) -> Iterator[str]:
+    """The times of findings and events: those of their frames."""
+    rows = re.findall(r"<tr[^>]*>(<td class=\"number\">\d.*?)</tr>", body, re.DOTALL)
+    for row in rows:
+        frame = reading.capture.frame(int(re.findall(r"\d+", row)[0]))
+        told = [_plain(each) for each in re.findall(r'<td class="number time">(.*?)</td>', row)]
+        if not told or frame is None or "–" in told:
+            continue
+        true = [f"{seconds(frame.time_ns, reading)} s"]
+        if dated(reading):
+            true.insert(0, moment(_iso(frame.time_ns), reading))
+        if told != true:
+            yield f"frame {frame.number} is of {true}, not {told}"
+
+
+def _iso(time_ns: int) -> str:
+    whole, rest = divmod(time_ns, 10**9)
+    return f"{datetime.fromtimestamp(whole, UTC):%Y-%m-%dT%H:%M:%S}.{rest:09}Z"
+
+
 def _channel(deal: Deal, reading: Reading) -> list[Any]:
     """What a row has of its channel: of S7 the ends of its connection, and that it is one."""
     place = [deal.ar, deal.api, deal.slot, deal.subslot, deal.index]
@@ -165,6 +202,7 @@ def _rows(data: dict[str, Any], reading: Reading) -> Iterator[str]:
             "channel": data["channels"].index(_channel(deal, reading)),
             "axis": deal.plain["axis"],
             "request": deal.plain["bytes"]["request"], "response": deal.plain["bytes"]["response"],
+            "start": _microseconds(deal, reading),
             **{name: deal.frames[name] for name in ("write_request", "read_response")},
         }  # fmt: skip
         for name, value in true.items():

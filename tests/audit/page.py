@@ -127,8 +127,13 @@ def clock(deal: Deal, reading: Reading) -> str:
     """When a transaction began, as the text says it."""
     if not dated(reading):
         return f"{since(deal, reading)} s"
-    start, last = deal.plain["start"], _last(reading)
-    date, day = start.split("T")
+    return moment(deal.plain["start"], reading)
+
+
+def moment(time: str, reading: Reading) -> str:
+    """A time of the JSON as time of day."""
+    last = _last(reading)
+    date, day = time.split("T")
     other_day = last is not None and last // (86_400 * 10**9) != _first(reading) // (86_400 * 10**9)
     told = f"{date} {day[:12]}" if other_day else day[:12]
     return f"{told} +00:00" if last and last - _first(reading) > 30 * 86_400 * 10**9 else told
@@ -136,7 +141,12 @@ def clock(deal: Deal, reading: Reading) -> str:
 
 def since(deal: Deal, reading: Reading) -> str:
     """Seconds since the first frame."""
-    return f"{(nanoseconds(deal.plain['start']) - _first(reading)) // 10**6 / 1000:.3f}"
+    return seconds(nanoseconds(deal.plain["start"]), reading)
+
+
+def seconds(time_ns: int, reading: Reading) -> str:
+    """The same of any time, in ns since 1970."""
+    return f"{(time_ns - _first(reading)) // 10**6 / 1000:.3f}"
 
 
 def _times(lines: list[str], reading: Reading) -> Iterator[str]:

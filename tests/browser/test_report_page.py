@@ -596,7 +596,11 @@ def test_the_overview_has_the_worst_first_and_sorts(browser, write, captures):
     worst = browser.texts(shown)
     assert [Path(each).name for each in worst] == [names[1], names[2], names[0]]
     assert browser.texts(".problem-list li")[0].startswith("DS705 error two-users: 1 time in 1 cap")
-    head = "table.overview thead th:nth-child(3)"  # jobs
+    begun = [" ".join(each.split()) for each in browser.texts("table.overview td.time")]
+    assert begun == ["2026-01-01 08:00:00"] * 3
+    lengths = browser.texts("table.overview td.time + td")
+    assert lengths[0] == "1504.0 ms"
+    head = "table.overview thead th:nth-child(5)"  # jobs
     browser.click(f"{head} button")
     assert browser.texts(shown) == [worst[1], worst[2], worst[0]]
     assert browser.one(head).get_attribute("aria-sort") == "ascending"

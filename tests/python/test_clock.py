@@ -84,6 +84,16 @@ def test_the_hour_that_comes_twice_is_told_apart() -> None:
     assert clock.at(first + 3600 * SECOND) == "02:30:00.000 +01:00"
 
 
+def test_the_changes_of_a_clock_are_known_to_the_second() -> None:
+    first, last = ns("2026-03-01T00:00:00+01:00"), ns("2026-12-01T00:00:00+01:00")
+    spring, autumn = ns("2026-03-29T01:00:00+00:00"), ns("2026-10-25T01:00:00+00:00")
+    found = Clock(BERLIN, first, last).changes()
+    assert found == [(first, 3600), (spring, 7200), (autumn, 3600)]
+    assert Clock(BERLIN, first, first + 60 * SECOND).changes() == [(first, 3600)]
+    assert Clock(UNIVERSAL, -(10**30), 10**30).changes() == [(-(10**30), 0)]
+    assert Clock(BERLIN, None).changes() == [(0, 3600)]
+
+
 def test_a_clock_that_was_never_set_has_no_time_of_day() -> None:
     shown = printed(of(5 * SECOND, 6 * SECOND), BERLIN)
     assert "no time of day: the clock of the capture begins at 1970-01-01 00:00:05;" in shown

@@ -737,7 +737,7 @@ def test_the_text_report_ends_with_what_to_do_and_the_verdict_over_all(
 ) -> None:
     _, text, _ = run(capsys, ill)
     _, overview, _ = run(capsys, ill, "-f", "overview")
-    *_, end = text.split("\nCaptures, the worst first\n")
+    *_, end = text.split("\nCaptures, the worst first (times: local)\n")
     lines = end.splitlines()
     counted = [line for line in overview.splitlines() if line.startswith(("  DS7", "    first in"))]
     at = lines.index("What to do") + 1
@@ -746,7 +746,7 @@ def test_the_text_report_ends_with_what_to_do_and_the_verdict_over_all(
     at = lines.index(f"All {number} captures")
     assert lines[at + 1].startswith("  NOT OK: ")
     assert (
-        text.count("\nCaptures, the worst first\n") == text.count(f"\nAll {number} captures\n") == 1
+        text.count("\nCaptures, the worst first ") == text.count(f"\nAll {number} captures\n") == 1
     )
 
 

@@ -23,13 +23,15 @@ from ds47.model import (
     Transaction,
 )
 from ds47.report import Options
+from ds47.report.bilingual import Both
 from ds47.report.html.views import Overview, capture_view
-from ds47.report.html.views.drives import drives, span
+from ds47.report.html.views.drives import drives
 from ds47.report.html.views.elements import elements
 from ds47.report.latency import Latency, percentile
 from ds47.report.overview import Row, document, lines, table, total, write
 from ds47.report.todo import answering, uncovered
 from ds47.report.verdict import Counts, blind, verdict
+from ds47.report.zones import zone
 
 A, B = "192.168.133.33", "192.168.133.40"
 MS = 1_000_000
@@ -211,12 +213,37 @@ def test_the_time_that_a_capture_spans() -> None:
     begin = 1_767_225_600 * second
     starts = (begin + 2 * second, begin, begin + 1_500 * second)
     jobs = [job(number, start_ns=each) for number, each in enumerate(starts, 1)]
-    shown = span(capture(*jobs))
-    assert shown is not None
-    assert "2026-01-01 00:00:00" in shown.en
-    assert "00:00:00." not in shown.en
-    assert "1,500.0" in shown.en
-    assert span(capture()) is None
+    result = capture(*jobs)
+    result.start_ns, result.end_ns = begin - second, begin + 1_600 * second
+    shown = capture_view(result, 1, 9, zone=zone("Asia/Shanghai")).span
+    assert shown == Both(
+        "2026-01-01 07:59:59.000 +08:00 (Asia/Shanghai) first frame, 08:26:40.000 last frame, 1601.0 s",
+        "首帧 2026-01-01 07:59:59.000 +08:00 (Asia/Shanghai)，末帧 08:26:40.000，共 1601.0 s",
+    )
+    assert capture_view(capture(), 1, 9).span is None
+
+
+def test_the_overview_says_when_each_capture_began_and_how_long_it_is() -> None:
+    def row(path: str, errors: int, start: str, end: str) -> Row:
+        return Row(path, findings={"error": errors}, start=f"{start}Z", end=f"{end}Z")
+
+    rows = [
+        row("a", 3, "2026-11-21T11:14:03.999999999", "2026-11-21T11:14:05.500000000"),
+        row("b", 2, "2026-11-21T23:00:00.000000000", "2026-11-21T22:00:00.000000000"),
+        row("c", 1, "1970-01-01T00:00:01.000000000", "1970-01-01T00:00:02.000000000"),
+        Row.unreadable("d", "why"),
+    ]
+    head, names, *lines = table(rows, "en", zone=zone("Europe/Berlin"))
+    assert head == "Captures, the worst first (times: Europe/Berlin)"
+    assert names.split()[-3:] == ["start", "length", "capture"]
+    assert [line.split()[5:] for line in lines] == [
+        ["-", "-", "d", "not", "readable:", "why"], ["2026-11-21", "12:14:03", "1500.0", "ms", "a"],
+        ["2026-11-22", "00:00:00", "-", "b"], ["-", "1000.0", "ms", "c"],
+    ]  # fmt: skip
+    assert Row.loaded(rows[0].plain()) == rows[0]
+    older = rows[0].plain()
+    del older["start"], older["end"]
+    assert Row.loaded(older).length_ns is None
 
 
 def test_the_tiles_of_a_capture_have_the_times_that_can_be_true() -> None:

@@ -18,6 +18,7 @@ from ds47.report.html import plots, shell
 
 SCRIPTS = (
     "base",
+    "clock",
     "data",
     "table",
     "plots",

@@ -17,14 +17,18 @@ from ds47.spec.units import SECOND_NS, timestamp
 
 NO_DATE_BEFORE = 315_532_800
 """Seconds since 1970 (1980-01-01). Nothing was captured then: a clock before it was never set."""
-_LONG_NS = 30 * 86_400 * SECOND_NS
+_DAY = 86_400
+_LONG_NS = 30 * _DAY * SECOND_NS
 """Summer time may begin and end again in a longer capture."""
+_DAYS = 20_000
+"""Days in which changes are looked for: who set a clock to the year 5000 gets no summer time."""
 
 
 class Clock:
     """The times of one capture in a zone.
 
     `first_ns` is the time of the first frame (None where there is none), `last_ns` the last time that is known.
+    `known`: whether it was ever set. `dated`, `has_offsets`: whether each time has its date, its offset.
     """
 
     def __init__(self, where: Zone, first_ns: int | None, last_ns: int | None = None) -> None:
@@ -32,9 +36,10 @@ class Clock:
         self.first_ns = first_ns
         self.known = first_ns is not None and first_ns >= NO_DATE_BEFORE * SECOND_NS
         last_ns = first_ns if last_ns is None else last_ns
+        self._last_ns = last_ns
         begin, end = self.day(first_ns or 0), self.day(last_ns or 0)
-        self._dated = begin[0] != end[0]
-        self._offset = begin[1] != end[1] or (last_ns or 0) - (first_ns or 0) > _LONG_NS
+        self.dated = begin[0] != end[0]
+        self.has_offsets = begin[1] != end[1] or (last_ns or 0) - (first_ns or 0) > _LONG_NS
 
     @classmethod
     def of(cls, result: CaptureResult, where: Zone) -> Clock:
@@ -54,7 +59,13 @@ class Clock:
         if not self.known:
             return ""
         clock, date, offset = self._local(time_ns)
-        return f"{f'{date} ' if self._dated else ''}{clock}{f' {offset}' if self._offset else ''}"
+        return (
+            f"{f'{date} ' if self.dated else ''}{clock}{f' {offset}' if self.has_offsets else ''}"
+        )
+
+    def time_of_day(self, time_ns: int) -> str:
+        """`12:14:03.412`, whatever the day; empty where no time of day is known."""
+        return self._local(time_ns)[0] if self.known else ""
 
     def moment(self, time_ns: int) -> str:
         """The time of day, or the seconds since the first frame where none is known: `0.412 s`."""
@@ -73,6 +84,36 @@ class Clock:
         clock, date, offset = self._local(time_ns)
         zone_name = f" ({self._zone.name})" if self._zone.name else ""
         return f"{date} {clock} {offset}{zone_name}"
+
+    @property
+    def zone_name(self) -> str:
+        """`Europe/Berlin`, or `+02:00` of a mere offset."""
+        return self._zone.name or self.day(self.first_ns or 0)[1]
+
+    def changes(self) -> list[tuple[int, int]]:
+        """From when on (ns) the clock is how many seconds ahead of UTC: from the first frame, and each change."""
+        first, last = self.first_ns or 0, self._last_ns or 0
+        found = [(first, self._zone.offset(first // SECOND_NS))]
+        if not self.has_offsets:
+            return found
+        at, end = first // SECOND_NS, min(last // SECOND_NS, first // SECOND_NS + _DAYS * _DAY)
+        while at < end:
+            step = min(at + _DAY, end)
+            ahead = self._zone.offset(step)
+            if ahead != found[-1][1]:
+                found.append((self._change(at, step) * SECOND_NS, ahead))
+            at = step
+        return found
+
+    def _change(self, before: int, after: int) -> int:
+        """The second between two others from which on the clock is as at the later one."""
+        there = self._zone.offset(after)
+        while after - before > 1:
+            middle = (before + after) // 2
+            before, after = (
+                (before, middle) if self._zone.offset(middle) == there else (middle, after)
+            )
+        return after
 
     def begin(self) -> Both:
         """When the first transaction of a watch was, with the zone."""
@@ -102,6 +143,14 @@ class Clock:
         minutes = abs(ahead) // 60
         sign = "-" if ahead < 0 else "+"
         return clock[:12], date, f"{sign}{minutes // 60:02}:{minutes % 60:02}"
+
+
+def beginning(where: Zone, time_ns: int | None) -> str:
+    """`2026-11-21 12:14:03`: when a capture begins, for a table of many; empty where no time of day is known."""
+    clock = Clock(where, time_ns)
+    if time_ns is None or not clock.known:
+        return ""
+    return f"{clock.day(time_ns)[0]} {clock.time_of_day(time_ns)[:8]}"
 
 
 def _times(result: CaptureResult) -> Iterator[int]:

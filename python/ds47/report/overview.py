@@ -18,8 +18,11 @@ from ds47.model import DIAGNOSIS, OPERATIONS, SEVERITIES, STATES, CaptureResult,
 from ds47.report import Options, causes, json, write_all
 from ds47.report import Writer as _Writer
 from ds47.report.bilingual import Both, joined, numbered, say
+from ds47.report.clock import Clock, beginning
 from ds47.report.formatting import duration, escape
 from ds47.report.wrap import columns
+from ds47.report.zones import UNIVERSAL, Zone
+from ds47.spec.units import nanoseconds
 
 SCHEMA = "ds47.overview/1"
 
@@ -29,7 +32,8 @@ class Row:
     """One capture; the names are those of the report.
 
     `readable` is False where nothing of it could be read, and `problem` says why. `findings` counts
-    by severity, `rules` by rule; `diagnoses` has the causes by rule, `slowest_ns` is the longest duration.
+    by severity, `rules` by rule; `diagnoses` has the causes by rule, `slowest_ns` is the longest duration. `start`
+    and `end` are the times of the first and the last frame, as the report has them.
     """
 
     path: str
@@ -46,6 +50,8 @@ class Row:
     rules: dict[str, int] = field(default_factory=dict)
     diagnoses: dict[str, causes.Told] = field(default_factory=dict)
     slowest_ns: int | None = None
+    start: str | None = None
+    end: str | None = None
 
     @classmethod
     def of(cls, result: CaptureResult) -> Row:
@@ -66,6 +72,8 @@ class Row:
             rules=dict(sorted(Counter(each.rule for each in findings).items())),
             diagnoses=causes.told(result),
             slowest_ns=max((each for each in times if each >= 0), default=None),
+            start=result.start,
+            end=result.end,
         )
 
     @classmethod
@@ -91,6 +99,19 @@ class Row:
     def transactions(self) -> int:
         """How many."""
         return sum(self.states.values())
+
+    @property
+    def start_ns(self) -> int | None:
+        """Time of the first frame."""
+        return None if self.start is None else nanoseconds(self.start)
+
+    @property
+    def length_ns(self) -> int | None:
+        """From the first frame to the last one; None where these are not known, or come in another order."""
+        if self.start is None or self.end is None:
+            return None
+        length = nanoseconds(self.end) - nanoseconds(self.start)
+        return length if length >= 0 else None
 
     @property
     def worst(self) -> int:
@@ -198,7 +219,7 @@ def lines(rows: Sequence[Row], options: Options) -> list[str]:
     """The overview as text: which captures need a look, what to do, what was found, sums."""
     summed = total(rows)
     return [
-        *_spaced(table(rows, options.lang)),
+        *_spaced(table(rows, options.lang, zone=options.zone)),
         *_spaced(list(causes.lines(summed["to_do"], options))),
         *_spaced(_rules(summed, options)),
         *_sums(summed, options.lang),
@@ -209,18 +230,30 @@ def _spaced(block: list[str]) -> list[str]:
     return [*block, ""] if block else []
 
 
-_HEADINGS = ("errors", "warnings", "notes", "not_ok", "of", "capture")
+_HEADINGS = ("errors", "warnings", "notes", "not_ok", "of")
+_TIMES = ("start", "length")
 
 
-def table(rows: Iterable[Row], lang: str, most: int | None = None) -> list[str]:
-    """A line for each capture that needs a look, the worst first; of more than `most` those."""
+def table(
+    rows: Iterable[Row], lang: str, most: int | None = None, zone: Zone = UNIVERSAL
+) -> list[str]:
+    """A line for each capture that needs a look, the worst first; of more than `most` those.
+
+    Where any of them has a time, each has its start in `zone` and its length.
+    """
     ordered = sorted((row for row in rows if not row.quiet), key=Row.badness)
     if not ordered:
         return []
-    headings = tuple(say(f"worst_{each}").text(lang) for each in _HEADINGS)
-    cells = [headings, *(_cells(row, lang) for row in ordered[:most])]
-    widths = [max(columns(line[at]) for line in cells) for at in range(len(_HEADINGS) - 1)]
-    shown = [say("worst_head").text(lang)]
+    listed = ordered[:most]
+    timed = any(beginning(zone, row.start_ns) for row in listed)
+    names = (*_HEADINGS, *(_TIMES if timed else ()), "capture")
+    cells = [tuple(say(f"worst_{each}").text(lang) for each in names)]
+    for row in listed:
+        *counts, name = _cells(row, lang)
+        cells.append((*counts, *(told_times(row, zone) if timed else ()), name))
+    widths = [max(columns(line[at]) for line in cells) for at in range(len(names) - 1)]
+    place = Clock(zone, listed[0].start_ns).zone_name
+    shown = [(say("worst_head_timed", zone=place) if timed else say("worst_head")).text(lang)]
     for line in cells:
         pairs = zip(line[:-1], widths, strict=True)
         numbers = (" " * (width - columns(cell)) + cell for cell, width in pairs)
@@ -230,11 +263,17 @@ def table(rows: Iterable[Row], lang: str, most: int | None = None) -> list[str]:
     return shown
 
 
+def told_times(row: Row, zone: Zone) -> tuple[str, str]:
+    """When a capture begins and how long it is; `-` for what is not known."""
+    length = row.length_ns
+    return beginning(zone, row.start_ns) or "-", "-" if length is None else duration(length)
+
+
 def _cells(row: Row, lang: str) -> tuple[str, ...]:
     name = escape(row.path)
     if not row.readable:
         problem = say("worst_unreadable", problem=_about(row)).text(lang)
-        return ("-",) * (len(_HEADINGS) - 1) + (f"{name}  {problem}",)
+        return ("-",) * len(_HEADINGS) + (f"{name}  {problem}",)
     if row.files > 1:
         name += " " + say("worst_files", n=row.files).text(lang)
     notes = []

@@ -110,7 +110,7 @@ class Writer(_Writer):
             return
         sums = total(self._rows)
         to_do = list(causes.lines(sums["to_do"], self.options, advice=False))
-        for block in (table(self._rows, self.options.lang, CAPTURES_LISTED), to_do):
+        for block in (_worst(self._rows, self.options), to_do):
             for line in ["", *block] if block else ():
                 self._copied(line)
         title = self._say("summary_all", n=len(self._rows))
@@ -412,6 +412,10 @@ class Writer(_Writer):
         for line in (jobs.text(lang), found.text(lang), latency.text(lang)):
             if line:
                 self._line(f"  {line}")
+
+
+def _worst(rows: Sequence[Row], options: Options) -> list[str]:
+    return table(rows, options.lang, CAPTURES_LISTED, options.zone)
 
 
 def _where(relation: Relation) -> str:

@@ -143,11 +143,6 @@ def standing(row: Row) -> Both:
     return Both(*(state_text(last.state, last.overlays, lang) for lang in ("en", "zh")))
 
 
-def seconds(time_ns: int, start_ns: int | None) -> str:
-    """A time as seconds from the beginning of the capture."""
-    return f"{(time_ns - (start_ns or 0)) / 1e9:.3f} s"
-
-
 def of(relation: int, timelines: Sequence[Timeline]) -> Iterator[Timeline]:
     """The timelines of a relation, which counts from 1."""
     return (each for each in timelines if each.relation == relation)

@@ -7,11 +7,13 @@ and the scripts in templates/report/. `embed` makes text and data safe to stand 
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, TextIO
 
 from ds47.model import CaptureResult, Report
 from ds47.report import Options, write_all
 from ds47.report import Writer as _Writer
+from ds47.report.clock import Clock
 from ds47.report.heading import Heading
 from ds47.report.html import plots, shell
 from ds47.report.html.texts import say
@@ -24,7 +26,9 @@ from ds47.report.html.views import (
     worst_first,
 )  # fmt: skip
 from ds47.report.html.views.problems import FIRST_SCREEN
+from ds47.report.overview import told_times
 from ds47.report.verdict import KINDS, LEVELS
+from ds47.report.zones import UNIVERSAL, Zone
 
 ROWS = 100_000
 """Transactions that one page lists; those that went wrong come first, and the page says so."""
@@ -38,6 +42,7 @@ DRIVES = 250
 """Drives that a page lists for one capture."""
 SCRIPTS = (
     "base",
+    "clock",
     "data",
     "table",
     "message",
@@ -72,7 +77,8 @@ class Writer(_Writer):
     def capture(self, result: CaptureResult) -> None:
         number = len(self._overview) + 1
         most_rows = max(ROWS_EACH, self._rows_left)
-        view = capture_view(result, number, most_rows, self.options.reference)
+        options = self.options
+        view = capture_view(result, number, most_rows, options.reference, options.zone)
         self._rows_left -= view.rows
         self._overview.append(view.overview)
         self._views.append(view)
@@ -83,19 +89,22 @@ class Writer(_Writer):
         self._overview.append(Overview.unreadable(path, len(self._overview) + 1, problem))
 
     def close(self) -> None:
-        heading = self.options.heading
-        self.stream.write(page(self._overview, self._views, self.lang, heading))
+        heading, zone = self.options.heading, self.options.zone
+        self.stream.write(page(self._overview, self._views, self.lang, heading, zone))
 
 
 def page(
-    overview: list[Overview], views: list[CaptureView], lang: str, heading: Heading | None = None
-) -> str:
+    overview: list[Overview], views: list[CaptureView], lang: str, heading: Heading | None = None,
+    zone: Zone = UNIVERSAL,
+) -> str:  # fmt: skip
     """The whole page as text."""
     templates = shell.environment()
     library = plots.library() if any(view.plots for view in views) else None
     page_of: dict[str, Any] = {
         **shell.known(templates, lang, SCRIPTS, library),
         "heading": heading or Heading(),
+        "zone": Clock(zone, next((each.row.start_ns for each in overview), None)).zone_name,
+        "times_of": partial(told_times, zone=zone),
         "printed": PRINTED,
         "levels": LEVELS,
         "kinds": KINDS,

@@ -13,14 +13,15 @@ from typing import Any, NamedTuple
 from markupsafe import Markup
 
 from ds47.model import CaptureResult
-from ds47.report import bus, causes
+from ds47.report import bus, causes, json
+from ds47.report.clock import Clock
 from ds47.report.formatting import escape
 from ds47.report.html import messages
 from ds47.report.html.embed import data_element
 from ds47.report.html.texts import Both, say
 from ds47.report.html.verdict import Remark, quality
 from ds47.report.html.views import timelines
-from ds47.report.html.views.drives import Drive, drives, span
+from ds47.report.html.views.drives import Drive, drives
 from ds47.report.html.views.elements import elements
 from ds47.report.html.views.events import events
 from ds47.report.html.views.findings import Group, groups
@@ -28,11 +29,13 @@ from ds47.report.html.views.problems import Problem, first_screen, problems
 from ds47.report.html.views.rows import packed_rows
 from ds47.report.html.views.s7 import S7View
 from ds47.report.html.views.timelines import TimelineView
+from ds47.report.html.views.times import Moments, for_script
 from ds47.report.latency import percentile
 from ds47.report.overview import Row
 from ds47.report.reference import Reference
 from ds47.report.targets import Targets
 from ds47.report.verdict import KINDS, LEVELS, Counts, blind, verdict
+from ds47.report.zones import UNIVERSAL, Zone
 
 
 @dataclass(slots=True)
@@ -122,6 +125,10 @@ class CaptureView:
     overview: Overview
     sha256: str | None
     span: Both | None
+    dated: bool
+    """Whether times of day are known."""
+    clock: str
+    """What the script says times by."""
     quality: list[Remark]
     blind: list[Both]
     drives: list[Drive]
@@ -142,13 +149,16 @@ class CaptureView:
 
 
 def capture_view(
-    result: CaptureResult, number: int, most_rows: int, reference: Reference | None = None
-) -> CaptureView:
+    result: CaptureResult, number: int, most_rows: int, reference: Reference | None = None,
+    zone: Zone = UNIVERSAL,
+) -> CaptureView:  # fmt: skip
     """What the page shows of a capture, with at most so many of its transactions.
 
-    `reference` is what 100 % of a setpoint is, where somebody has said so.
+    `reference` is what 100 % of a setpoint is, where somebody has said so; `zone` that in which times are said.
     """
-    found = groups(result)
+    clock = Clock.of(result, zone)
+    moments = Moments(result, clock)
+    found = groups(result, moments)
     targets = Targets(result.transactions)
     table, left_out = elements(result, targets)
     data = packed_rows(result, most_rows, targets)
@@ -160,7 +170,7 @@ def capture_view(
     data["events"] = events(result)
     remarks = quality(result)
     worst = max((LEVELS.index(each.level) for each in remarks), default=0)
-    wrong = problems(result, targets)
+    wrong = problems(result, targets, moments)
     told = first_screen(wrong)
     durations = sorted(
         each.duration_ns
@@ -170,7 +180,9 @@ def capture_view(
     return CaptureView(
         overview=Overview(result.path, number, counts, Row.of(result), LEVELS[worst]),
         sha256=result.sha256,
-        span=span(result),
+        span=clock.span(result),
+        dated=clock.known,
+        clock=json.text(for_script(clock)),
         quality=remarks,
         blind=[*blind(result), say("blind_place"), *_unseen(result), say("blind_meaning")],
         drives=drives(result, targets),
@@ -183,7 +195,7 @@ def capture_view(
         elements_left_out=left_out,
         bus=BusView.of(result),
         s7=S7View.of(result),
-        timelines=timelines.views(result, reference),
+        timelines=timelines.views(result, reference, clock),
         plots=bool(result.transactions),
         median=percentile(durations, 50) if durations else None,
         slowest=durations[-1] if durations else None,

@@ -1,4 +1,4 @@
-"""The drives of a capture with what was asked of them, and the time that the capture spans."""
+"""The drives of a capture with what was asked of them."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from ds47.model import S7, CaptureResult, Device, Transaction
-from ds47.report.html.texts import Both, joined, say
-from ds47.report.json import timestamp
+from ds47.report.html.texts import Both, joined
 from ds47.report.latency import percentile
 from ds47.report.targets import ANSWERED, Targets
 from ds47.report.verdict import by_state
@@ -67,13 +66,3 @@ def _count(drive: Drive, item: Transaction, targets: Targets) -> None:
         drive.objects.add(number)
     if item.duration_ns is not None and item.duration_ns >= 0:
         drive.durations.append(item.duration_ns)
-
-
-def span(result: CaptureResult) -> Both | None:
-    """When the first transaction began and how long after it the last one did."""
-    starts = [each.start_ns for each in result.transactions]
-    if not starts:
-        return None
-    first, last = min(starts), max(starts)
-    seconds = f"{(last - first) / 1e9:,.1f}"
-    return say("span", start=timestamp(first)[:19].replace("T", " "), seconds=seconds)

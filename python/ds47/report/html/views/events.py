@@ -14,7 +14,7 @@ _FAULTS = ("fault", "alarm")
 
 
 def events(result: CaptureResult) -> list[list[int | str]]:
-    """Microseconds from the first frame, `fault` or `state`, both words and the device, of each event."""
+    """Microseconds from the first frame, `fault` or `state`, both words, device and frame of each event."""
     found: list[list[int | str]] = []
     for timeline in result.timelines:
         device = result.relations[timeline.relation - 1].device
@@ -23,5 +23,7 @@ def events(result: CaptureResult) -> list[list[int | str]]:
                 continue
             fault = any(each.name.startswith(_FAULTS) for each in row.events)
             time_us = (row.last.time_ns - (result.start_ns or 0)) // 1000
-            found.append([time_us, "fault" if fault else "state", *told.words(row), device])
+            found.append(
+                [time_us, "fault" if fault else "state", *told.words(row), device, row.last.frame]
+            )
     return found

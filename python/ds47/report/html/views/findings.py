@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ds47.model import SEVERITIES, CaptureResult, Finding
+from ds47.report.clock import Clock
 from ds47.report.filters import display_filter
 from ds47.report.html import messages
 from ds47.report.html.texts import Both
 from ds47.report.html.views.links import Link, Links
+from ds47.report.html.views.times import Moments
+from ds47.report.zones import UNIVERSAL
 from ds47.spec import rules
 
 SHOWN = 100
@@ -20,6 +23,10 @@ class Shown:
     """One finding of a group."""
 
     frame: int
+    time: str
+    """Of its frame; empty where no time of day is known,"""
+    since: str
+    """and the seconds since the first frame; empty where neither is."""
     transaction: int | None
     message: Both
     others: list[Link]
@@ -55,17 +62,18 @@ class Group:
         return f'ds47.finding == "{self.rule}"'
 
 
-def groups(result: CaptureResult) -> list[Group]:
+def groups(result: CaptureResult, moments: Moments | None = None) -> list[Group]:
     """The findings of a capture by rule, the serious rules first."""
     found: dict[str, list[Finding]] = {}
     for finding in result.findings:
         found.setdefault(finding.rule, []).append(finding)
     links = Links(result)
-    made = [_group(rule, items, links) for rule, items in found.items()]
+    moments = moments or Moments(result, Clock.of(result, UNIVERSAL))
+    made = [_group(rule, items, links, moments) for rule, items in found.items()]
     return sorted(made, key=lambda group: (-SEVERITIES.index(group.severity), group.rule))
 
 
-def _group(rule: str, items: list[Finding], links: Links) -> Group:
+def _group(rule: str, items: list[Finding], links: Links, moments: Moments) -> Group:
     text, left_out = display_filter(frame for each in items for frame in each.counted)
     return Group(
         rule=rule,
@@ -74,12 +82,14 @@ def _group(rule: str, items: list[Finding], links: Links) -> Group:
         count=len(items),
         cause=messages.cause(rule),
         advice=messages.advice(rule),
-        shown=[_shown(each, links) for each in items[:SHOWN]],
+        shown=[_shown(each, links, moments) for each in items[:SHOWN]],
         filter=text,
         filter_left_out=left_out,
     )
 
 
-def _shown(item: Finding, links: Links) -> Shown:
+def _shown(item: Finding, links: Links, moments: Moments) -> Shown:
     others = links.of(frame for frame in item.frames if frame != item.frame)
-    return Shown(item.frame, item.transaction, messages.with_offset(item), others)
+    clock, known = moments.clock, moments.of_finding(item)
+    time, since = ("", "") if known is None else (clock.at(known), f"{clock.since(known)} s")
+    return Shown(item.frame, time, since, item.transaction, messages.with_offset(item), others)

@@ -25,6 +25,7 @@ from ds47.report.formatting import address
 from ds47.report.html import messages
 from ds47.report.html.texts import Both, joined, say
 from ds47.report.html.views.links import Link, Links
+from ds47.report.html.views.times import Moments
 from ds47.report.targets import Targets
 from ds47.report.todo import answering, by_state, uncovered
 
@@ -57,6 +58,8 @@ class Problem:
     """Further ones, for which there was no room."""
     job: int | None = None
     """That of the first frame, to look at."""
+    time: str = ""
+    """When that job began, or the frame was; empty where that is not known."""
     others: list[Link] = field(default_factory=list)
     """Further frames that the title is about."""
     state: Both | None = None
@@ -119,18 +122,21 @@ class Problem:
         return text.joined(say("and_more", n=more), ", ", "，") if more > 0 else text
 
 
-def problems(result: CaptureResult, targets: Targets | None = None) -> list[Problem]:
-    """The problems of a capture; findings that are notes are none."""
+def problems(
+    result: CaptureResult, targets: Targets | None = None, moments: Moments | None = None
+) -> list[Problem]:
+    """The problems of a capture, with their times where `moments` has these; findings that are notes are none."""
     told, links = [], Links(result)
     for each in result.diagnoses:
         problem = _diagnosed(result, each, links)
         if axes := answering(result, each):
             problem.what = problem.what.joined(say("answering", list=axes), "; ", "；")
         told.append(problem)
-    return sorted(
-        [*told, *_others(result, targets or Targets(result.transactions))],
-        key=_serious_first,
-    )
+    told += _others(result, targets or Targets(result.transactions))
+    if moments is not None:
+        for problem in told:
+            problem.time = moments.told(problem.job, problem.frame)
+    return sorted(told, key=_serious_first)
 
 
 def _diagnosed(result: CaptureResult, item: Diagnosis, links: Links) -> Problem:

@@ -23,9 +23,11 @@ from ds47.model import (
 from ds47.profidrive.drive_objects import Identity
 from ds47.report import descriptions, plc, profile, s7
 from ds47.report.bilingual import LANGUAGES
+from ds47.report.clock import Clock
 from ds47.report.formatting import address, escape, value
 from ds47.report.html import messages
 from ds47.report.targets import Targets
+from ds47.report.zones import UNIVERSAL
 from ds47.spec import s7 as s7_tables
 from ds47.spec.semantics import known
 
@@ -35,7 +37,7 @@ ROW = (
     "polls", "rereads", "write_status", "read_status", "request", "response", "parameters", "findings", "plc",
     "object",
 )  # fmt: skip
-"""`start` and `duration` are microseconds, `start` from the first frame of the capture on."""
+"""`start` and `duration` are microseconds with fractions, `start` from the first frame of the capture on."""
 MOST_BYTES = 2048
 """Bytes of a message that the page shows."""
 VALUES = 64
@@ -45,9 +47,7 @@ VALUES = 64
 def packed_rows(result: CaptureResult, most: int, targets: Targets | None = None) -> dict[str, Any]:
     """The rows of a capture with their tables; `object` is what `objects` has the name of."""
     items = _chosen(result.transactions, most)
-    base = result.start_ns
-    if base is None:  # a result that was stored before it was kept
-        base = min((each.start_ns for each in items), default=0)
+    base = Clock.of(result, UNIVERSAL).first_ns or 0
     stations = {each.ip: each.station for each in result.devices}
     targets = targets or Targets(result.transactions)
     connections = {each.id: s7.ends(each) for each in result.connections}
@@ -57,7 +57,6 @@ def packed_rows(result: CaptureResult, most: int, targets: Targets | None = None
     return {
         "row": ROW,
         "rows": rows,
-        "start_ms": base / 1e6,
         "operations": OPERATIONS,
         "states": STATES,
         "sizes": _sizes(),
@@ -182,7 +181,7 @@ def _row(item: Transaction, base: int, tables: _Tables, witness: plc.Witness) ->
         place("channels", _channel(item, tables.connections)),
         item.axis,
         item.request_reference,
-        (item.start_ns - base) // 1000,
+        _microseconds(item.start_ns - base),
         None if item.duration_ns is None else item.duration_ns / 1000,
         frames.write_request,
         frames.write_response,
@@ -199,6 +198,10 @@ def _row(item: Transaction, base: int, tables: _Tables, witness: plc.Witness) ->
         place("plc", witness.line(item)),
         place("objects", tables.targets.identity(item)),
     ]
+
+
+def _microseconds(nanoseconds: int) -> int | float:
+    return nanoseconds / 1000 if nanoseconds % 1000 else nanoseconds // 1000
 
 
 def _asked(item: Transaction, tables: _Tables) -> list[list[Any]]:

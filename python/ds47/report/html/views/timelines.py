@@ -26,13 +26,14 @@ from ds47.model import (
 )
 from ds47.report import timelines as told
 from ds47.report.bilingual import operation, state
+from ds47.report.clock import Clock
 from ds47.report.formatting import parameter
 from ds47.report.html.texts import Both, say
 from ds47.report.html.views import s7
 from ds47.report.html.views.cursor import Reach, readings
-from ds47.report.json import timestamp
 from ds47.report.reference import Reference
 from ds47.report.s7 import parts as parts_of_s7
+from ds47.report.zones import UNIVERSAL
 from ds47.spec import cyclic
 
 LEFT, WIDTH, RIGHT = 124, 880, 12
@@ -42,7 +43,6 @@ BAND, FLAGS, CURVE, LANE, AXIS = 26, 30, 132, 22, 36
 SHOWN = 200
 """Rows of the table of events."""
 STORIES = 6
-CLOCK = len("08:00:05.490")
 CYCLES = 40
 """Cycles in the closest drawing."""
 _BEFORE_NS, _AFTER_NS = 2_000_000_000, 5_000_000_000
@@ -88,13 +88,8 @@ class Tick:
 
     at: float
     words: str
-    time_ms: float = 0.0
-    """Of a time: milliseconds since 1970."""
-
-    @property
-    def clock(self) -> str:
-        """The same as a clock shows it, UTC: the page shows that of who reads it."""
-        return timestamp(round(self.time_ms * 1e6))[11 : 11 + CLOCK]
+    clock: str = ""
+    """The same as time of day."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,42 +134,50 @@ class TimelineView:
     device: str
     place: str
     start: str
-    """Time of its first event, UTC, to the millisecond."""
-    begin_ms: float
-    """Time of the first frame of the capture, milliseconds since 1970."""
+    """Time of its first event."""
+    dated: bool
+    """Whether times of day are known."""
     reference: Both | None
     """What 100 % is."""
     drawings: list[Drawing]
     opened: int
     """The drawing that is seen first."""
-    rows: list[tuple[int, str, str, Both, Both]]
-    """Frame, seconds, the word, what happened, the state."""
+    rows: list[tuple[int, str, str, str, Both, Both]]
+    """Frame, time of day, seconds, the word, what happened, the state."""
     left_out: int
 
 
-def views(result: CaptureResult, given: Reference | None = None) -> list[TimelineView]:
-    """The drives of a capture whose words are known; `given` is what 100 % is, where somebody said so."""
-    return [_view(result, each, given) for each in result.timelines if each.events]
+def views(
+    result: CaptureResult, given: Reference | None = None, clock: Clock | None = None
+) -> list[TimelineView]:
+    """The drives of a capture whose words are known.
+
+    `given` is what 100 % is, where somebody said so; `clock` says the times, in UTC where there is none.
+    """
+    clock = clock or Clock.of(result, UNIVERSAL)
+    return [_view(result, each, given, clock) for each in result.timelines if each.events]
 
 
-def _view(result: CaptureResult, timeline: Timeline, given: Reference | None) -> TimelineView:
+def _view(
+    result: CaptureResult, timeline: Timeline, given: Reference | None, clock: Clock
+) -> TimelineView:
     relation = result.relations[timeline.relation - 1]
     reference = told.reference(result, relation.device, given)
     rows = told.rows(timeline)
-    canvas = _Canvas(result, timeline, relation, reference)
+    canvas = _Canvas(result, timeline, relation, reference, clock)
     drawings, opened = canvas.drawings()
     return TimelineView(
         device=relation.device,
         place="" if relation.slot is None else f"slot {relation.slot}.{relation.subslot}",
-        start=timestamp(timeline.events[0].time_ns)[:23].replace("T", " "),
-        begin_ms=(result.start_ns or 0) / 1e6,
+        start=clock.moment(timeline.events[0].time_ns),
+        dated=clock.known,
         reference=told.reference_words(reference) if reference else None,
         drawings=drawings,
         opened=opened,
         rows=[
             (
-                row.last.frame, told.seconds(row.last.time_ns, result.start_ns), told.change(row),
-                told.words(row), told.standing(row),
+                row.last.frame, clock.at(row.last.time_ns), f"{clock.since(row.last.time_ns)} s",
+                told.change(row), told.words(row), told.standing(row),
             )
             for row in rows[:SHOWN]
         ],
@@ -187,8 +190,9 @@ class _Canvas:
 
     def __init__(
         self, result: CaptureResult, timeline: Timeline, relation: Relation,
-        reference: Reference | None,
+        reference: Reference | None, clock: Clock,
     ) -> None:  # fmt: skip
+        self.clock = clock
         self.path = result.path
         self.start_ns = result.start_ns or 0
         self.frames: dict[int, int] = {}
@@ -316,7 +320,10 @@ class _Drawing:
             spread=self._spread(self.canvas.timeline.actual),
             levels=[Tick(self._level(part), self._percent(part)) for part in self._parts()],
             lanes=lanes,
-            times=[Tick(self._x(at), label, at / 1e6) for at, label in self._times()],
+            times=[
+                Tick(self._x(at), label, self.canvas.clock.time_of_day(at))
+                for at, label in self._times()
+            ],
             frames=self._ticks(),
             height=height,
             readings=self._readings(),

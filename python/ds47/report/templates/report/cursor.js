@@ -14,14 +14,6 @@ function newest(moments, at) {
   return moments[low - 1];
 }
 
-/** A time in milliseconds since 1970 as the clock of who reads it shows it. */
-function clock(milliseconds) {
-  const time = new Date(milliseconds);
-  const part = (number, digits = 2) => String(number).padStart(digits, "0");
-  const seconds = `${part(time.getHours())}:${part(time.getMinutes())}:${part(time.getSeconds())}`;
-  return `${seconds}.${part(time.getMilliseconds(), 3)}`;
-}
-
 function inSeconds(at) {
   return `${(at / 1e6).toFixed(6)} s`;
 }
@@ -30,6 +22,7 @@ class Cursor {
   constructor(drawing, known) {
     this.drawing = drawing;
     this.number = drawing.closest("[data-timeline]").dataset.timeline;
+    this.clock = clockOf(this.number.split("-")[0]);
     this.known = known;
     this.left = Number(drawing.dataset.left);
     this.width = Number(drawing.dataset.width);
@@ -92,7 +85,7 @@ class Cursor {
 
   time() {
     if (this.at === null) return say("read_nothing");
-    const found = `${inSeconds(this.at)} · ${clock(Number(this.drawing.dataset.begin) + this.at / 1000)}`;
+    const found = [inSeconds(this.at), this.clock.at(this.at)].filter(Boolean).join(" · ");
     return this.held ? `${found} · ${say("read_held")}` : found;
   }
 

@@ -33,6 +33,7 @@ class Capture {
   constructor(number, data) {
     Object.assign(this, data);
     this.number = number;
+    this.clock = clockOf(number);
     this.field = Object.fromEntries(data.row.map((name, place) => [name, place]));
     this.manyControllers = data.controllers.length > 1;
   }
@@ -69,6 +70,13 @@ class Capture {
   target(row) {
     const name = this.objects[this.get(row, "object")];
     return this.drive(row) + (name ? ` ${name}` : "");
+  }
+
+  /** When a transaction began, that of an id too: time of day where one is known, else seconds. */
+  began(id) {
+    this.starts ??= new Map(this.rows.map((row) => [this.get(row, "id"), this.get(row, "start")]));
+    const us = this.starts.get(id);
+    return us === undefined ? "" : this.clock.at(us) || `${this.clock.since(us)} s`;
   }
 
   controller(row) {

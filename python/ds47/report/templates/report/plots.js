@@ -102,6 +102,11 @@ class Plots {
     this.views.push(this.bokeh.Plotting.show(figure, canvas));
   }
 
+  /** When something was, for each of its points: time of day and seconds since the first frame. */
+  times(seconds) {
+    return seconds.map((each) => this.capture.clock.both(each * 1e6));
+  }
+
   hover(figure, renderers, tooltips) {
     figure.add_tools(new this.bokeh.HoverTool({ renderers, tooltips, visible: false }));
   }
@@ -204,9 +209,9 @@ class Plots {
     const sorted = stretches.map((each) => each.map(({ y }) => y).sort((a, b) => a - b));
     for (const [percent, line_dash, line_color] of PERCENTS) {
       const y = sorted.map((each) => nearestRank(each, percent));
-      const source = this.source({ x: ends, y: y.concat(y[y.length - 1]) });
+      const source = this.source({ x: ends, y: y.concat(y[y.length - 1]), time: this.times(ends) });
       const line = figure.step({ field: "x" }, { field: "y" }, "after", { source, line_color, line_dash, line_width: 2, legend_label: `p${percent}` });
-      this.hover(figure, [line], [[`p${percent}`, "@y{0.000} ms"], ["s", "@x{0.000}"]]);
+      this.hover(figure, [line], [[`p${percent}`, "@y{0.000} ms"], [say("col_time"), "@time"]]);
     }
   }
 
@@ -216,12 +221,12 @@ class Plots {
 
   /** Marks that open their transaction when they are clicked. */
   points(figure, points, color, words, marker, unit) {
-    const data = { x: points.map(({ x }) => x), y: points.map(({ y }) => y), id: points.map(({ id }) => id), value: points.map(({ y, value }) => value ?? y), by: points.map(({ row }) => this.capture.controller(row)) };
+    const data = { x: points.map(({ x }) => x), y: points.map(({ y }) => y), id: points.map(({ id }) => id), value: points.map(({ y, value }) => value ?? y), by: points.map(({ row }) => this.capture.controller(row)), frame: points.map(({ row }) => this.capture.frames(row)[0]), time: this.times(points.map(({ row }) => this.capture.get(row, "start") / 1e6)) };
     const source = this.source(data);
     const marks = figure.scatter({ field: "x" }, { field: "y" }, {
       source, marker, size: (points.length > 800 ? 4 : 7) + (marker === "circle" ? 0 : 3), line_width: marker === "x" ? 2 : 1, fill_color: color, line_color: color, fill_alpha: 0.7, line_alpha: 0.9, legend_label: words,
     });
-    this.hover(figure, [marks], [[say("col_id"), "#@id"], ["s", "@x{0.000}"], [unit, "@value"], [say("plot_by_controller"), "@by"]]);
+    this.hover(figure, [marks], [[say("col_id"), "#@id"], [say("col_time"), "@time"], [say("plot_frame"), "@frame"], [unit, "@value"], [say("plot_by_controller"), "@by"]]);
     this.opens(figure, marks, source, data.id);
     return marks;
   }
@@ -254,9 +259,9 @@ class Plots {
     for (const [kind, words, line_dash] of [["state", "plot_event_state", "dashed"], ["fault", "plot_event_fault", "solid"]]) {
       const events = (this.capture.events || []).filter((each) => each[1] === kind);
       if (!events.length) continue;
-      const source = this.source({ x: events.map(([us]) => us / 1e6), text: events.map((each) => either(each, 2)), place: events.map((each) => each[4]) });
+      const source = this.source({ x: events.map(([us]) => us / 1e6), text: events.map((each) => either(each, 2)), place: events.map((each) => each[4]), frame: events.map((each) => each[5]), time: this.times(events.map(([us]) => us / 1e6)) });
       const lines = figure.vspan({ field: "x" }, { source, line_color: kind === "fault" ? COLOR.bad : COLOR.state, line_dash, line_alpha: 0.8, legend_label: say(words) });
-      this.hover(figure, [lines], [["s", "@x{0.000}"], [say("plot_event"), "@place: @text"]]);
+      this.hover(figure, [lines], [[say("col_time"), "@time"], [say("plot_frame"), "@frame"], [say("plot_event"), "@place: @text"]]);
     }
   }
 
@@ -286,9 +291,9 @@ class Plots {
       if (!kinds[kind].some(Boolean)) continue;
       const words = seen.filter((state) => capture.kinds[state] === kind).map(stateName).join(say("separator"));
       const top = bottom.map((value, number) => value + kinds[kind][number]);
-      const source = this.source({ left, right, bottom, top, count: kinds[kind] });
+      const source = this.source({ left, right, bottom, top, count: kinds[kind], from: this.times(left), to: this.times(right) });
       const bars = figure.quad({ field: "left" }, { field: "right" }, { field: "bottom" }, { field: "top" }, { source, fill_color: COLOR[kind], fill_alpha: 0.8, line_color: null, legend_label: words });
-      this.hover(figure, [bars], [["s", "@left{0.0} – @right{0.0}"], [words, "@count"]]);
+      this.hover(figure, [bars], [[say("col_time"), "@from – @to"], [words, "@count"]]);
       bottom = top;
     }
     this.events(figure);

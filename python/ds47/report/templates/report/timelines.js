@@ -1,6 +1,5 @@
 // The drawings of a drive: another zoom, and for each drawing its cursor (cursor.js).
 
-for (const text of document.querySelectorAll("text.clock")) text.textContent = clock(Number(text.dataset.time));
 for (const note of document.querySelectorAll("[data-timeline] .js-only")) note.hidden = false;
 
 const asked = new Map(); // drawing -> a promise of its cursor, once it was seen

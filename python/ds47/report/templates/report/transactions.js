@@ -6,7 +6,7 @@ function transactionTable(place, capture) {
     id: capture.number, name: "col_what", rows: capture.rows, key: (row) => get(row, "id"),
     columns: [
       { key: "id", words: "col_id", value: (row) => get(row, "id"), cell: (row, open) => expander(capture, row, open) },
-      { key: "start", words: "col_start", number: true, value: (row) => get(row, "start"), text: (row) => `${(get(row, "start") / 1e6).toFixed(3)} s` },
+      timeColumn(capture, (row) => get(row, "start")),
       { key: "operation", words: "col_operation", value: (row) => capture.operation(row), text: (row) => operationName(capture.operation(row)) },
       { key: "device", words: "col_device", class: capture.manyControllers ? null : "keep", value: (row) => capture.drive(row), text: (row) => (capture.manyControllers ? `${capture.controller(row)} → ${capture.drive(row)}` : capture.drive(row)) },
       { key: "axis", words: "col_axis", number: true, value: (row) => get(row, "axis"), text: (row) => (get(row, "axis") === null ? "" : String(get(row, "axis"))) },
@@ -28,6 +28,13 @@ function transactionTable(place, capture) {
     detail: (row) => detail(capture, row),
   });
   return table;
+}
+
+/** Time of day, and below it the seconds since the first frame; these alone where no time of day is known. */
+function timeColumn(capture, start) {
+  const { clock } = capture;
+  const cell = (row) => el("div", {}, clock.at(start(row)), el("div", { class: clock.known ? "dim" : null }, `${clock.since(start(row))} s`));
+  return { key: "start", words: "col_start", number: true, class: "time", value: start, cell };
 }
 
 /** The name of a state with what it means. */
@@ -97,12 +104,11 @@ function detail(capture, row) {
   const channel = index === "s7" ? "channel_s7" : index === null ? "channel_pkw" : subslot === null ? "channel_dp" : "channel_text";
   const place = say(channel, { connection: ar, slot, subslot, api, index: index > 255 ? `0x${index.toString(16).toUpperCase()}` : index });
   const filter = displayFilter(capture.frames(row));
-  const when = new Date(capture.start_ms + capture.get(row, "start") / 1000);
   const facts = [
     ["controller", capture.controller(row)],
     ["drive", `${capture.devices[capture.get(row, "device")].filter(Boolean).reverse().join(", ")}`],
     ["channel", place],
-    ["started", Number.isNaN(when.getTime()) ? "" : when.toISOString().replace("T", " ").replace("Z", " UTC")],
+    ["started", capture.clock.whole(capture.get(row, "start"))],
     ["col_duration", capture.get(row, "duration") === null ? "–" : duration(capture.get(row, "duration"))],
   ];
   const messages = (capture.messages[id] || []).map(([rule, frame, en, zh, others]) => el("li", {},

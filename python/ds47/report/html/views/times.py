@@ -1,0 +1,50 @@
+"""The times of a capture for the page: what the script needs to say them, and when what it names was.
+
+How a time is said is decided in `ds47.report.clock`; templates/report/clock.js says the same of rows.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ds47.model import CaptureResult, Finding
+from ds47.report.clock import Clock
+
+_MS = 1_000_000
+
+
+def for_script(clock: Clock) -> dict[str, Any]:
+    """The clock of a capture: its first frame in two parts, and from when on it is how far ahead of UTC."""
+    first = clock.first_ns or 0
+    return {
+        "ms": first // _MS,
+        "ns": first % _MS,
+        "known": clock.known,
+        "dated": clock.dated,
+        "offset": clock.has_offsets,
+        "zone": clock.zone_name,
+        "ahead": [[(at - first) // 1000, seconds] for at, seconds in clock.changes()],
+    }
+
+
+class Moments:
+    """When transactions began and when frames of findings and events were."""
+
+    def __init__(self, result: CaptureResult, clock: Clock) -> None:
+        self.clock = clock
+        self._starts = {each.id: each.start_ns for each in result.transactions}
+        self._frames = {
+            each.frame: each.time_ns for each in result.findings if each.time_ns is not None
+        }
+
+    def of_finding(self, item: Finding) -> int | None:
+        """When its frame was; where that was not kept, when its transaction began."""
+        known = self._frames.get(item.frame)
+        return self._starts.get(item.transaction or 0) if known is None else known
+
+    def told(self, job: int | None, frame: int | None) -> str:
+        """When a job began, or a frame was; empty where neither is known."""
+        known = self._starts.get(job or 0)
+        if known is None:
+            known = self._frames.get(frame or 0)
+        return "" if known is None else self.clock.moment(known)
