@@ -12,10 +12,11 @@ import click
 
 from ds47.capture.names import about
 from ds47.cli.common import Misses, format_option, output, warn
-from ds47.cli.options import analysis_options, options_from
+from ds47.cli.options import analysis_options, options_from, tz_option
 from ds47.cli.series import series_option, tasks, tell_lacking
 from ds47.report.bilingual import say
 from ds47.report.formatting import escape
+from ds47.report.zones import Zone
 
 
 @click.command("trail")
@@ -26,6 +27,7 @@ from ds47.report.formatting import escape
 @click.option("--do", "drive_object", type=int, metavar="N", help="Only this drive object.")
 @click.option("--pnu", type=int, metavar="N", help="Only this parameter.")
 @click.option("--controller", metavar="NAME", help="Only what this controller wrote.")
+@tz_option
 @series_option
 @analysis_options
 def command(
@@ -36,6 +38,7 @@ def command(
     drive_object: int | None,
     pnu: int | None,
     controller: str | None,
+    where: Zone,
     series: bool,
     lang: str,
     **options: Any,
@@ -49,7 +52,7 @@ def command(
     misses = Misses()
     wanted = Wanted(device, drive_object, pnu, controller)
     with output(output_name) as stream:
-        writer = Writer(stream, format_name, wanted, lang)
+        writer = Writer(stream, format_name, wanted, lang, where)
         for task in tasks(paths, series, misses):
             try:
                 result = readable(task, analysis)

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, TextIO
 from ds47.model import PKW, CaptureResult
 from ds47.profidrive.drive_objects import Identity
 from ds47.report.bilingual import say
+from ds47.report.clock import Clock
 from ds47.report.csv import Lines, guarded
 from ds47.report.formatting import escape
 from ds47.report.formatting import value as value_text
@@ -18,7 +19,9 @@ from ds47.report.parameters import plain
 from ds47.report.targets import Targets, slot
 from ds47.report.trail import Change, trail
 from ds47.report.wrap import columns, padded
+from ds47.report.zones import UNIVERSAL, Zone
 from ds47.spec.semantics import known
+from ds47.spec.units import nanoseconds
 
 FORMATS = ("text", "csv", "json")
 SCHEMA = "ds47.trail/1"
@@ -71,7 +74,7 @@ def _row(change: Change, targets: Targets, stations: dict[str, str | None]) -> d
         "device": item.device, "station": stations.get(item.device),
         "target": "" if of_device else targets.words(item),
         "drive_object": None if of_device else targets.drive_object(item),
-        "way": _way(change), "pnu": change.pnu, "subindex": change.subindex,
+        "way": way(change), "pnu": change.pnu, "subindex": change.subindex,
         "name": change.parameter.name, "unit": change.parameter.unit,
         "old": None if old is None else old.value, "old_known": None if old is None else old.how,
         "old_frame": None if old is None else old.frame, "old_format": None if old is None else old.format,
@@ -81,7 +84,7 @@ def _row(change: Change, targets: Targets, stations: dict[str, str | None]) -> d
     }  # fmt: skip
 
 
-def _way(change: Change) -> str:
+def way(change: Change) -> str:
     """`47 slot 2.1`, `0xB02E slot 2.1`, `PKW slot 1.1`: by what a request came."""
     item = change.transaction
     if item.channel == PKW or item.index is None:
@@ -102,8 +105,11 @@ def _is_wanted(row: dict[str, Any], wanted: Wanted) -> bool:
 class Writer:
     """Writes the changes of captures in one of FORMATS."""
 
-    def __init__(self, stream: TextIO, format_name: str, wanted: Wanted, lang: str) -> None:
+    def __init__(
+        self, stream: TextIO, format_name: str, wanted: Wanted, lang: str, zone: Zone = UNIVERSAL
+    ) -> None:
         self._stream, self._format, self._wanted, self._lang = stream, format_name, wanted, lang
+        self._zone = zone
         self._captures: list[dict[str, Any]] = []
         self._csv = csv.writer(Lines(stream), lineterminator="\r\n")
         if format_name == "csv":
@@ -119,7 +125,9 @@ class Writer:
             changes = [{key: each[key] for key in COLUMNS if key != "path"} for each in found]
             self._captures.append({"path": result.path, "changes": changes})
         else:
-            self._stream.writelines(f"{line}\n" for line in lines(result.path, found, self._lang))
+            clock = Clock.of(result, self._zone)
+            told = lines(result.path, found, self._lang, clock)
+            self._stream.writelines(f"{line}\n" for line in told)
         return _unproved(all_, self._wanted)
 
     def close(self) -> None:
@@ -136,20 +144,23 @@ def _cell(row: dict[str, Any], name: str) -> object:
     return guarded(value) if isinstance(value, str) else value
 
 
-def lines(path: str, found: Sequence[dict[str, Any]], lang: str) -> Iterator[str]:
-    """A head with the number of changes, and a table."""
-    yield say("trail_head", path=escape(path), n=len(found)).text(lang)
+def lines(path: str, found: Sequence[dict[str, Any]], lang: str, clock: Clock) -> Iterator[str]:
+    """A head with the number of changes and the zone, and a table."""
+    words = say("trail_head", path=escape(path), n=len(found))
+    if clock.known:
+        words = words.joined(say("trail_first", start=clock.start()), "; ", "；")
+    yield words.text(lang)
     if not found:
         return
-    head = [say(name).text(lang) for name in _HEADS]
-    table = [head, *([clock(each["time"]), *_texts(each, lang)] for each in found)]
+    head = [say(name).text(lang) for name in _HEADS[0 if clock.known else 1 :]]
+    table = [head, *([*_times(each, clock), *_texts(each, lang)] for each in found)]
     widths = [max(columns(row[at]) for row in table) for at in range(len(head))]
     for row in table:
         yield "  " + "  ".join(map(padded, row, widths)).rstrip()
 
 
 _HEADS = (
-    "trail_time", "trail_frame", "trail_controller", "trail_device",
+    "trail_time", "trail_since", "trail_frame", "trail_controller", "trail_device",
     "trail_way", "trail_parameter", "trail_change", "trail_outcome",
 )  # fmt: skip
 _OUTCOMES = {
@@ -160,9 +171,10 @@ _OUTCOMES = {
 }
 
 
-def clock(time: str) -> str:
-    """`12:14:05.123`, UTC, of a timestamp: the one place that decides how a time is written here."""
-    return time.partition("T")[2][:12]
+def _times(row: dict[str, Any], clock: Clock) -> list[str]:
+    """Time of day, where one is known, and seconds since the first frame."""
+    time_ns = nanoseconds(row["time"])
+    return [*filter(None, [clock.at(time_ns)]), clock.since(time_ns)]
 
 
 def _texts(row: dict[str, Any], lang: str) -> list[str]:

@@ -49,6 +49,7 @@ SCRIPTS = (
     "sequence",
     "transactions",
     "parameters",
+    "trail",
     "overview",
     "plots",
     "plot_marks",

@@ -30,6 +30,7 @@ from ds47.report.html.views.rows import packed_rows
 from ds47.report.html.views.s7 import S7View
 from ds47.report.html.views.timelines import TimelineView
 from ds47.report.html.views.times import Moments, for_script
+from ds47.report.html.views.trail import TrailView
 from ds47.report.latency import percentile
 from ds47.report.overview import Row
 from ds47.report.reference import Reference
@@ -135,6 +136,7 @@ class CaptureView:
     problems: list[Problem]
     problems_left_out: int
     groups: list[Group]
+    trail: TrailView
     rows: int
     jobs: int
     elements: int
@@ -163,6 +165,8 @@ def capture_view(
     table, left_out = elements(result, targets)
     data = packed_rows(result, most_rows, targets)
     data["elements"] = table
+    trail = TrailView(result, targets, {row[0] for row in data["rows"]})
+    data["trail"] = trail.data
     data["messages"] = _by_transaction(found)
     counts = Counts.of(result)
     data["totals"] = {"transactions": counts.jobs, "states": counts.states}
@@ -189,6 +193,7 @@ def capture_view(
         problems=told,
         problems_left_out=len(wrong) - len(told),
         groups=found,
+        trail=trail,
         rows=len(data["rows"]),
         jobs=len(result.transactions),
         elements=len(table["rows"]),

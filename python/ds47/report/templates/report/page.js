@@ -20,6 +20,7 @@ async function fillCapture(article, number, parts) {
     const place = (name) => article.querySelector(`[data-part="${name}"]`);
     parts.tables.transactions = transactionTable(place("transactions"), data);
     parts.tables.parameters = parameterTable(place("parameters"), data);
+    if (place("trail")) parts.tables.trail = trailTable(place("trail"), data);
     if (place("plots")) {
       parts.plots = new Plots(place("plots"), data, article.dataset.listed !== article.dataset.jobs);
       parts.draw = () => (parts.drawn ??= parts.plots.draw().catch((problem) => failed(article, problem)));
@@ -106,8 +107,22 @@ async function openJob(number, id) {
   return Boolean(table) && table.show(id);
 }
 
+/** Shows the trail of a drive object or a parameter. */
+async function openTrail(number, query) {
+  const fold = document.getElementById(`capture-${number}`);
+  if (fold) fold.open = true;
+  await startCapture(document.querySelector(`article[data-capture="${number}"]`));
+  const section = document.getElementById(`trail-${number}`);
+  const { trail } = shown.get(number)?.tables || {};
+  if (trail) narrowTrail(trail, query);
+  if (section) section.scrollIntoView();
+  return Boolean(section);
+}
+
 /** Follows a link into the page: what is folded opens. */
 function follow(hash) {
+  const trail = /^#trail-(\d+)\?(.*)$/.exec(hash);
+  if (trail) return openTrail(Number(trail[1]), trail[2]);
   const job = /^#job-(\d+)-(\d+)$/.exec(hash);
   if (job) return openJob(Number(job[1]), Number(job[2]));
   const target = hash.length > 1 ? document.getElementById(hash.slice(1)) : null;

@@ -14,7 +14,7 @@ function parameterTable(place, capture) {
   const stations = new Map(capture.devices);
   const rows = capture.elements.rows.map((row, number) => ({ number, ...Object.fromEntries(ELEMENT.map((name, at) => [name, row[at]])) }));
   const drive = (row) => (stations.get(row.device) || row.device) + (row.object ? ` ${row.object}` : "");
-  const job = (id) => (id === null ? [] : [" ", el("a", { href: `#job-${capture.number}-${id}` }, `#${id}`)]);
+  const job = (id) => (id === null ? [] : [" ", el("a", { href: `#job-${capture.number}-${id}` }, `#${id}`), " ", el("span", { class: "dim time" }, capture.began(id))]);
   const count = (name, words) => ({ key: name, words, number: true, value: (row) => row[name], text: (row) => grouped(row[name]) });
   // Pairs of reads and changes.
   const split = (name, words) => ({
@@ -22,12 +22,18 @@ function parameterTable(place, capture) {
     cell: (row) => el("span", { class: row[name][0] + row[name][1] ? `state ${KIND_OF[name]}` : null }, splitText(row[name])),
   });
   const name = (row) => either([row.en, row.zh]);
+  const changes = changeCounts(capture);
+  const trail = (row) => {
+    const n = changes.get([row.device, row.object, row.pnu, row.subindex].join("/"));
+    const wanted = { place: `${row.device}/${row.object}`, p: row.pnu, search: `p${row.pnu}[${row.subindex}]` };
+    return n ? el("div", { class: "noprint" }, el("a", { class: "trail", href: trailLink(capture.number, wanted) }, say("trail_link", { n: grouped(n) }))) : null;
+  };
   const choices = [...new Map(rows.map((row) => [`${row.device}/${row.object}`, drive(row)]))];
   return new Table(place, {
     id: `p${capture.number}`, name: "col_parameter", rows, key: (row) => row.number,
     columns: [
       { key: "drive", words: "col_device", class: "keep", value: (row) => drive(row), text: (row) => drive(row) },
-      { key: "parameter", words: "col_parameter", class: "mono", value: (row) => row.pnu * 65536 + row.subindex, text: (row) => `p${row.pnu}[${row.subindex}]` },
+      { key: "parameter", words: "col_parameter", class: "mono", value: (row) => row.pnu * 65536 + row.subindex, cell: (row) => el("div", {}, `p${row.pnu}[${row.subindex}]`, trail(row)) },
       { key: "name", words: "col_name", value: name, text: name },
       count("reads", "col_reads"), count("accepted", "col_accepted"),
       split("negative", "col_negative"), split("sent", "col_sent"), split("refused", "col_refused"),

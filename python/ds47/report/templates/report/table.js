@@ -1,7 +1,7 @@
 // A table over many rows: sorts, filters, searches; only the rows of one page are in the document.
 // What the columns are is said by transactions.js and parameters.js.
 
-const PRINTED = 120; // rows that go to paper
+const PRINTED = 120; // rows that go to paper, where a table does not say otherwise
 
 class Table {
   /**
@@ -55,6 +55,14 @@ class Table {
   /** Everything again, in another language: filters, order and page stay. */
   retell() {
     this.prepare();
+    this.build();
+  }
+
+  /** Shows what fits these choices of the filters, and this search. */
+  narrow(chosen, query) {
+    this.chosen = chosen;
+    this.query = query;
+    this.page = 0;
     this.build();
   }
 
@@ -140,7 +148,7 @@ class Table {
 
   draw(all = false) {
     const from = all ? 0 : this.page * this.perPage;
-    const to = Math.min(this.found.length, all ? PRINTED : from + this.perPage);
+    const to = Math.min(this.found.length, all ? this.printed ?? PRINTED : from + this.perPage);
     const rows = this.found.slice(from, to);
     this.body.replaceChildren(...rows.flatMap((row) => this.lines(row)));
     if (!rows.length) this.body.append(el("tr", {}, el("td", { colspan: this.columns.length }, say("none"))));
