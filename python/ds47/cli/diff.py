@@ -16,6 +16,8 @@ from ds47.cli.targets import spare_captures
 if TYPE_CHECKING:
     from ds47.analysis import AnalysisOptions
     from ds47.batch.tasks import Task
+    from ds47.regression.difference import Difference
+    from ds47.regression.last_values import Line
 
 
 @click.command("diff")
@@ -45,23 +47,62 @@ def command(
     """Show what differs between A and B: values, negative responses, states, findings, latency.
 
     A and B are captures, stored results (NAME.ds47.json), or reports (-f json) of one capture. With
-    --series also the folder of a ring buffer.
+    --series also the folder of a ring buffer. Where one of them is a table of last values (the CSV of
+    `ds47 report -f parameters`), last values are compared, and nothing else.
     """
-    from ds47.regression.difference import difference
     from ds47.regression.difference_report import write
 
     analysis = options_from(**options)
     spare_captures(output_name)
-    one, one_whole = _side(a, series, analysis, lang)
-    other, other_whole = _side(b, series, analysis, lang)
-    found = difference(one, other, (a, b))
+    if any(path.lower().endswith(".csv") for path in (a, b)):
+        found, whole = _last_values(a, b, series, analysis, lang)
+    else:
+        found, whole = _captures(a, b, series, analysis, lang)
     with output(output_name) as stream:
         write(found, format_name, stream, lang, everything=everything)
     if format_name == "html":
         tell_no_plots(lang)
-    if not (one_whole and other_whole):
+    if not whole:
         return 3
     return int(exit_code and bool(found.changed))
+
+
+def _captures(
+    a: str, b: str, series: bool, analysis: AnalysisOptions, lang: str
+) -> tuple[Difference, bool]:
+    """What differs, and whether both were read as a whole."""
+    from ds47.regression.difference import difference
+
+    one, one_whole = _side(a, series, analysis, lang)
+    other, other_whole = _side(b, series, analysis, lang)
+    return difference(one, other, (a, b)), one_whole and other_whole
+
+
+def _last_values(
+    a: str, b: str, series: bool, analysis: AnalysisOptions, lang: str
+) -> tuple[Difference, bool]:
+    """The same of last values."""
+    from ds47.regression.last_values import difference, table
+    from ds47.report.load import capture
+
+    tables, complete = [], True
+    for path in (a, b):
+        if path.lower().endswith(".csv"):
+            tables.append(_table(path))
+            continue
+        plain, whole = _side(path, series, analysis, lang)
+        complete &= whole
+        tables.append(table(capture({"path": path} | plain)))
+    return difference(tables[0], tables[1], (a, b)), complete
+
+
+def _table(path: str) -> list[Line]:
+    from ds47.regression.last_values import read
+
+    try:
+        return read(Path(path).read_text(encoding="utf-8-sig"))
+    except (OSError, ValueError) as problem:
+        raise click.ClickException(f"{path}: {problem}") from problem
 
 
 def _side(

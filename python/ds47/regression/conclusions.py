@@ -12,6 +12,7 @@ from typing import Final, NamedTuple
 from ds47 import spec
 from ds47.regression.difference import (
     DIFFERENT,
+    LAST,
     Difference,
     Faults,
     Latency,
@@ -37,6 +38,8 @@ VALUES: Final = "values"
 """The last values that were read differ."""
 WRITTEN: Final = "written"
 """The last accepted values differ: what the controllers do, not the drive."""
+LAST_VALUES: Final = "last-values"
+"""The last values differ, read or written, where only these are compared."""
 ERRORS: Final = "errors"
 """The same request fails in both, with other errors."""
 CHANGE_WORKS: Final = "change-works"
@@ -48,7 +51,7 @@ CHANGING: Final = "changing"
 """Other values of parameters that the drive changes by itself."""
 
 KINDS: Final = (
-    CHANGE_FAILS, READ_FAILS, FAULTS, MORE_FAIL, SLOWER, VALUES, WRITTEN, ERRORS,
+    CHANGE_FAILS, READ_FAILS, FAULTS, MORE_FAIL, SLOWER, VALUES, LAST_VALUES, WRITTEN, ERRORS,
     CHANGE_WORKS, READ_WORKS, FEWER_FAULTS, FEWER_FAIL, QUICKER, CHANGING,
 )  # fmt: skip
 """The worst first, and last what is no change of anything."""
@@ -139,7 +142,9 @@ def _of_values(row: Row) -> str:
     if row.operation == "change":
         return WRITTEN
     known = spec.parameters().get(row.element.pnu) if row.name else None
-    return CHANGING if known is not None and known.volatile else VALUES
+    if known is not None and known.volatile:
+        return CHANGING
+    return LAST_VALUES if row.operation == LAST else VALUES
 
 
 def failures(row: Row, kind: str) -> list[object]:

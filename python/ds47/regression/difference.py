@@ -51,12 +51,14 @@ OTHER_WAY: Final = "other way"
 """The other capture asked for this PNU and subindex at what may be the same drive object, or another one."""
 
 
+LAST: Final = "last"
+"""The operation of rows that compare last values, however these are known (`regression.last_values`)."""
 FAULT: Final = "fault"
 """The event of spec/pzd.toml."""
 
 
 class Row(NamedTuple):
-    """The reads, or the changes, of one element in both captures; None where there are none."""
+    """The reads, the changes, or the last value of one element in both captures; None where there are none."""
 
     element: Element
     operation: str
@@ -132,6 +134,11 @@ class Difference:
         return [row for row in self.rows if row.result in results]
 
     @property
+    def of_last_values(self) -> bool:
+        """Whether nothing but last values is compared."""
+        return all(row.operation == LAST for row in self.rows) and bool(self.rows)
+
+    @property
     def compared(self) -> int:
         """Elements that can be compared: both captures asked for them in the same way, and show an outcome."""
         return len({row.element for row in self.of(SAME, DIFFERENT, SOMETIMES)})
@@ -186,7 +193,17 @@ def _without_s7(capture: Json) -> Json:
 
 def _devices(a: Json, b: Json) -> tuple[dict[str, str], dict[str, str]]:
     """For each capture: the common name of each device, by IP address."""
-    one, other = _named(a), _named(b)
+    return _alike(_named(a), _named(b))
+
+
+def named_alike(
+    a: Mapping[str, str], b: Mapping[str, str]
+) -> tuple[dict[str, str], dict[str, str]]:
+    """The same of stations by IP address; an empty one has no name."""
+    return _alike(_unique(a), _unique(b))
+
+
+def _alike(one: dict[str, str], other: dict[str, str]) -> tuple[dict[str, str], dict[str, str]]:
     if len(one) == len(other) == 1:
         name, second = *one.values(), *other.values()
         both = name if name == second else f"{name} / {second}"
@@ -207,8 +224,12 @@ def _named(capture: Json) -> dict[str, str]:
     """Station names by IP address; the address where there is none, or where two devices have the same."""
     stations = {each["ip"]: each.get("station") for each in capture.get("devices", [])}
     ips = sorted({each["device"] for each in capture["transactions"]})
-    often = Counter(stations.get(ip) for ip in ips)
-    return {ip: (often[stations.get(ip)] == 1 and stations.get(ip)) or ip for ip in ips}
+    return _unique({ip: stations.get(ip) for ip in ips})
+
+
+def _unique(stations: Mapping[str, str | None]) -> dict[str, str]:
+    often = Counter(stations.values())
+    return {ip: (often[name] == 1 and name) or ip for ip, name in stations.items()}
 
 
 def _rows(a: Shown, b: Shown, places: Places) -> Iterator[Row]:

@@ -13,7 +13,7 @@ from ds47.regression import difference_words as told
 from ds47.regression.conclusions import Conclusion, conclusions
 from ds47.regression.difference import Difference
 from ds47.regression.points import durations, elements
-from ds47.report.bilingual import operation, say, state
+from ds47.report.bilingual import say, state
 from ds47.report.html import plots, shell
 
 SCRIPTS = (
@@ -58,7 +58,7 @@ def page(found: Difference, lang: str = "en", *, everything: bool = False) -> st
         "rules": spec.rules(),
         "words_of": say,
         "state": state,
-        "operation": operation,
+        "operation": told.asked,
         "changed": told.changed,
         "rest_text": told.rest_text,
         "parameter_text": told.parameter_text,

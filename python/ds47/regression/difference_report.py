@@ -59,6 +59,9 @@ def lines(found: Difference, lang: str = "en", *, everything: bool = False) -> I
     yield from _conclusion_lines(found, lang)
     for section in words.sections(found):
         yield from _section(section.title, [words.line(run, found) for run in section.runs], lang)
+    if found.of_last_values:
+        yield from _rest_lines(found, lang, everything)
+        return
     yield from _section(
         say("diff_states"),
         [words.count_text(state(name), was, now) for name, was, now in words.changed(found.states)],

@@ -40,6 +40,7 @@ _CONCLUDED = {
     concluded.MORE_FAIL: "diff_more_fail",
     concluded.SLOWER: "diff_is_slower",
     concluded.VALUES: "diff_other_values",
+    concluded.LAST_VALUES: "diff_other_last",
     concluded.WRITTEN: "diff_other_written",
     concluded.ERRORS: "diff_other_errors",
     concluded.CHANGE_WORKS: "diff_change_works",
@@ -104,7 +105,7 @@ def conclusion_text(each: Conclusion, found: Difference) -> Both:
     return say(
         _CONCLUDED[each.kind],
         place=place_text(each.place),
-        operation=operation(each.rows[0].operation),
+        operation=asked(each.rows[0].operation),
         parameters=_named(each, found),
     )
 
@@ -126,7 +127,8 @@ def _named(each: Conclusion, found: Difference) -> Both:
 def _brief(run: Run, kind: str, found: Difference) -> Both:
     """`p2900[0] 10.0 -> 12.0`, `p2900[0] (0x11 ...)`, `p2900[0..3] 1 of 27 -> 9 of 12`."""
     name = element_text(run)
-    if kind in (concluded.VALUES, concluded.WRITTEN, concluded.CHANGING):
+    values_differ = (concluded.VALUES, concluded.LAST_VALUES, concluded.WRITTEN, concluded.CHANGING)
+    if kind in values_differ:
         sides = [_last(run, side) for side in ("a", "b")]
         return Both(*(f"{name} {was} -> {now}" for was, now in zip(*sides, strict=True)))
     if kind in (concluded.MORE_FAIL, concluded.FEWER_FAIL):
@@ -206,7 +208,14 @@ def _follows(one: Row, other: Row) -> bool:
         and (one.operation, one.result, one.unit) == (other.operation, other.result, other.unit)
         and _kind(one.a) == _kind(other.a)
         and _kind(one.b) == _kind(other.b)
+        and _known(one) == _known(other)
     )
+
+
+def _known(row: Row) -> list[object]:
+    """Of last values how both are known; nothing of other rows."""
+    sides = [row.a, row.b] if row.operation == kinds.LAST else []
+    return [side and list(side.of_requests) for side in sides]
 
 
 def _kind(side: Outcomes | None) -> tuple[object, ...] | None:
@@ -268,9 +277,19 @@ def _error(code: int, device: str, found: Difference) -> str:
     return f"{error_hex(code)} {escape(found.texts.get((device, code), ''))}".strip()
 
 
+def asked(word: str) -> Both:
+    """The name of what a row compares: an operation, or the last value."""
+    return say("diff_last_value") if word == kinds.LAST else operation(word)
+
+
 def _values(run: Run, side: str) -> Both:
-    """How often there was a value, and the last one."""
+    """How often there was a value, and the last one; of a last value how it is known."""
     first: Outcomes = getattr(run.first, side)
+    if run.first.operation == kinds.LAST:
+        ((how, certain),) = first.of_requests
+        known = say("diff_last_read" if how == "read" else "diff_last_written")
+        told = _last(run, side).joined(known, ", ", "，")
+        return told if certain else told.joined(say("diff_last_unsure"), ", ", "，")
     once, often = _VALUES[run.first.operation]
     if first.distinct > 1:
         return say(often, n=first.values, values=str(first.distinct), value=_last(run, side))
@@ -296,7 +315,7 @@ def line(run: Run, found: Difference) -> Both:
     return say(
         "diff_sides",
         parameter=parameter_text(run),
-        operation=operation(run.first.operation),
+        operation=asked(run.first.operation),
         a=side_text(run, "a", found),
         b=side_text(run, "b", found),
     )
