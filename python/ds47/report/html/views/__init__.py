@@ -171,7 +171,7 @@ def capture_view(
     counts = Counts.of(result)
     data["totals"] = {"transactions": counts.jobs, "states": counts.states}
     data["kinds"] = KINDS
-    data["events"] = events(result)
+    data["events"] = events(result, targets)
     remarks = quality(result)
     worst = max((LEVELS.index(each.level) for each in remarks), default=0)
     wrong = problems(result, targets, moments)

@@ -1,29 +1,96 @@
-"""The events of drives for the plots: what cyclic frames say, beside what was asked of a drive.
+"""The events of drives for the plots: what cyclic frames say, and faults that were read from fault buffers.
 
-The words are those of `ds47.report.timelines`; the pictures of a drive are in `timelines`.
+The words of cyclic events are those of `ds47.report.timelines`; the pictures of a drive are in `timelines`.
 """
 
 from __future__ import annotations
 
-from ds47.model import CaptureResult
+from collections.abc import Iterator
+
+from ds47.model import CaptureResult, Parameter, Transaction
+from ds47.profidrive.drive_objects import Identity
 from ds47.report import timelines as told
+from ds47.report.html.texts import Both, say
+from ds47.report.targets import Targets
 
 SHOWN = 200
-"""Events of one drive."""
+"""Events of one drive, and of all fault buffers."""
 _FAULTS = ("fault", "alarm")
+_BUFFERS = (945, 947)
+"""Fault codes and fault numbers."""
+_PRESENT = range(8)
+"""Subindices of what is not acknowledged yet; the others are history."""
+
+Told = list[int | str]
+"""Microseconds from the first frame, `fault` or `state`, both words, where, and the frame."""
 
 
-def events(result: CaptureResult) -> list[list[int | str]]:
-    """Microseconds from the first frame, `fault` or `state`, both words, device and frame of each event."""
-    found: list[list[int | str]] = []
+def events(result: CaptureResult, targets: Targets | None = None) -> list[Told]:
+    """All of a capture: first those of cyclic frames, then those of fault buffers."""
+    buffers = _buffers(result, targets or Targets(result.transactions))
+    return [*_of_timelines(result), *buffers[:SHOWN]]
+
+
+def _of_timelines(result: CaptureResult) -> Iterator[Told]:
     for timeline in result.timelines:
         device = result.relations[timeline.relation - 1].device
         for row in told.rows(timeline)[:SHOWN]:
             if all(each.name == "first" for each in row.events):
                 continue
             fault = any(each.name.startswith(_FAULTS) for each in row.events)
-            time_us = (row.last.time_ns - (result.start_ns or 0)) // 1000
-            found.append(
-                [time_us, "fault" if fault else "state", *told.words(row), device, row.last.frame]
-            )
+            kind = "fault" if fault else "state"
+            yield _told(result, row.last.time_ns, kind, told.words(row), device, row.last.frame)
+
+
+def _told(
+    result: CaptureResult, time_ns: int, kind: str, words: Both, where: str, frame: int
+) -> Told:
+    return [(time_ns - (result.start_ns or 0)) // 1000, kind, *words, where, frame]
+
+
+def _buffers(result: CaptureResult, targets: Targets) -> list[Told]:
+    """Reads that show a fault which the read before did not show, and the first that shows none any more."""
+    known: dict[tuple[Identity, int], dict[int, int]] = {}
+    found: list[Told] = []
+    for item in result.transactions:
+        if item.operation != "read" or item.state not in ("ok", "partial", "error"):
+            continue
+        for each in item.parameters:
+            now = _present(each)
+            if not now or each.pnu is None:
+                continue
+            before = known.setdefault((targets.identity(item, each.pnu), each.pnu), {})
+            words = _news(each.pnu, before, now)
+            before.update(now)
+            if words is not None:
+                where = " ".join(filter(None, (item.device, targets.words(item))))
+                kind = "fault" if any(now.values()) else "state"
+                found.append(_told(result, _answered(item), kind, words, where, _frame(item)))
     return found
+
+
+def _present(item: Parameter) -> dict[int, int]:
+    """Faults that are not acknowledged, by subindex: 0 where there is none."""
+    if item.pnu not in _BUFFERS or item.attribute != "value" or item.error is not None:
+        return {}
+    placed = enumerate(item.values, item.subindex or 0)
+    return {at: each for at, each in placed if at in _PRESENT and isinstance(each, int)}
+
+
+def _news(pnu: int, before: dict[int, int], now: dict[int, int]) -> Both | None:
+    appeared = [each for each in now.values() if each and each not in before.values()]
+    if appeared:
+        numbers = ", ".join(map(str, dict.fromkeys(appeared)))
+        return say("event_buffer_fault", pnu=str(pnu), numbers=numbers)
+    if any(before.values()) and not any((before | now).values()):
+        return say("event_buffer_empty", pnu=str(pnu))
+    return None
+
+
+def _answered(item: Transaction) -> int:
+    return item.start_ns + max(0, item.duration_ns or 0)
+
+
+def _frame(item: Transaction) -> int:
+    response = item.frames.read_response
+    return item.frames.first() if response is None else response
