@@ -771,6 +771,20 @@ class CaptureFile(_Plain):
 
 
 @dataclass(slots=True, repr=False, eq=False)
+class Narrowed(_Plain):
+    """Of how much a result shows a part only, and which (`ds47.report.narrowing`)."""
+
+    criteria: str
+    """As options of the command line."""
+    transactions: int
+    """So many the capture has,"""
+    findings: int
+    """and so many findings."""
+    unproved: int = 0
+    """Transactions that may be of the drive object that is asked for, and are not shown: nothing proves it."""
+
+
+@dataclass(slots=True, repr=False, eq=False)
 class CaptureResult(_Plain):
     """All that one capture says. `files` only for a series, `relations` where cyclic frames have channels.
 
@@ -804,6 +818,20 @@ class CaptureResult(_Plain):
     """Those of S7."""
     connections_left_out: int = 0
     """Connections of S7 for which there was no room."""
+    narrowed: Narrowed | None = None
+    """None where all of it is here."""
+    whole: CaptureResult | None = None
+    """All of a capture that is narrowed: what it proves holds for what is shown."""
+
+    @property
+    def entire(self) -> CaptureResult:
+        """What proves what is what, whether it is shown or not."""
+        return self if self.whole is None else self.whole
+
+    @property
+    def evidence(self) -> list[Transaction]:
+        """All transactions, those that are not shown too."""
+        return self.entire.transactions
 
     @property
     def start(self) -> str | None:

@@ -735,7 +735,7 @@ def test_what_to_do_over_all_captures(capsys: Any, ill: Path, tmp_path: Path) ->
 def test_the_text_report_ends_with_what_to_do_and_the_verdict_over_all(
     capsys: Any, ill: Path
 ) -> None:
-    _, text, _ = run(capsys, ill)
+    _, text, _ = run(capsys, "--all", ill)
     _, overview, _ = run(capsys, ill, "-f", "overview")
     *_, end = text.split("\nCaptures, the worst first (times: local)\n")
     lines = end.splitlines()

@@ -3,7 +3,7 @@
 `[cyclic]` has `channels`, `ppo` and `pkw_layout`, `[s7]` has `ports`, `cpu`, `block` and `readback`, `[names]` has
 `vendor`. What a folder
 of captures does not show is named once there, and not at each command. What is typed at a command counts more.
-`[report]` is the title block of a page (`ds47.report.heading`).
+`[report]` is the title block of a page (`ds47.report.heading`), and `tz` there the zone of times of day.
 Everything else in the file is about comparing results (`ds47.regression.config`).
 """
 
@@ -23,6 +23,7 @@ from ds47.cyclic.named import Name
 from ds47.model import SIEMENS
 from ds47.report import heading
 from ds47.report.heading import Heading
+from ds47.report.zones import Zone, zone
 from ds47.s7 import choices
 from ds47.s7.choices import Choices
 
@@ -39,6 +40,8 @@ class Settings:
     s7: Choices = field(default_factory=Choices)
     vendor_id: int | None = None
     heading: Heading = field(default_factory=Heading)
+    zone: Zone | None = None
+    """That of times of day."""
 
 
 def parse(table: Any) -> Settings:
@@ -126,6 +129,18 @@ def layout(text: str) -> tuple[str, str]:
     return device, name
 
 
+def parse_tz(text: Any) -> Zone:
+    """The zone of `tz` in `[report]`.
+
+    Raises:
+        ValueError: what is allowed.
+    """
+    try:
+        return zone(str(text))
+    except ValueError as problem:
+        raise ValueError(f"[report] tz: {problem}") from None
+
+
 def options_for(place: str, options: AnalysisOptions) -> AnalysisOptions:
     """The options for a capture, with what the nearest `ds47.toml` says of it; URLs and pipes have none.
 
@@ -154,11 +169,24 @@ def heading_for(places: Sequence[str]) -> Heading:
     Raises:
         ds47.capture.CaptureError: the file says something that cannot be.
     """
+    return _of_first(places).heading
+
+
+def zone_for(places: Sequence[str]) -> Zone | None:
+    """The zone of times of day that it says; None where it says none.
+
+    Raises:
+        ds47.capture.CaptureError: the file says something that cannot be.
+    """
+    return _of_first(places).zone
+
+
+def _of_first(places: Sequence[str]) -> Settings:
     path = Path(places[0])
     if "://" in places[0] or not path.exists():
-        return Heading()
+        return Settings()
     whole = path.resolve()
-    return _nearest(whole if whole.is_dir() else whole.parent).heading
+    return _nearest(whole if whole.is_dir() else whole.parent)
 
 
 @cache
@@ -172,11 +200,14 @@ def _nearest(folder: Path) -> Settings:
 def _read(path: Path) -> Settings:
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        report = table.get("report", {})
+        tz = report.pop("tz", None) if isinstance(report, dict) else None
         return replace(
             parse(table.get("cyclic", {})),
             s7=parse_s7(table.get("s7", {})),
             vendor_id=parse_names(table.get("names", {})),
-            heading=heading.parse(table.get("report", {})),
+            heading=heading.parse(report),
+            zone=None if tz is None else parse_tz(tz),
         )
     except (OSError, ValueError) as problem:  # a mistake in TOML is a ValueError, too
         raise CaptureError(f"{path}: {problem}") from None

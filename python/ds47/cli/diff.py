@@ -158,6 +158,10 @@ def _from_json(path: str) -> dict[str, Any]:
                 f"{path}: a report of {len(captures)} captures; diff needs one"
             )
         (capture,) = captures
+        if isinstance(capture, dict) and (part := capture.get("narrowed")):
+            raise click.ClickException(
+                f"{path}: the report is narrowed by {part['criteria']}; make a whole one to compare"
+            )
         if (place := flaw(capture)) is not None:
             raise click.ClickException(
                 f"{path}: the report is not whole (see {place or 'captures'}); make it again"

@@ -101,19 +101,19 @@ class Execution(NamedTuple):
             if results is not None:
                 self._stored(run, tasks, todo, results, writer)
             else:
-                self._spooled(run, tasks, writer)
+                self._spooled(run, tasks)
         except Failed as problem:
             raise click.ClickException(str(problem)) from problem
         except Lost as problem:  # was told, with how far the run came
             raise click.exceptions.Exit(_NOT_ALL) from problem
 
-    def _spooled(self, run: Run, tasks: Sequence[Task], writer: Writer) -> None:
+    def _spooled(self, run: Run, tasks: Sequence[Task]) -> None:
         from tempfile import TemporaryDirectory  # only here: it takes long to import
 
         from ds47.batch.products import Spool
 
         numbers = {task.path: str(number) for number, task in enumerate(tasks)}
-        make = Spool(self.analysis, writer.streams)
+        make = Spool(self.analysis, run.streams)
         with TemporaryDirectory(prefix="ds47-") as folder:
             runner = self._runner(tasks, make, lambda task: Path(folder, numbers[task.path]))
             run.spooled(runner, tasks)

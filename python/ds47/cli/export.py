@@ -5,14 +5,11 @@ Here: options, names of files, what is said about them. The work is in `ds47.exp
 
 from __future__ import annotations
 
-import re
 import shutil
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,16 +17,18 @@ import click
 
 from ds47.capture.names import ENDINGS, EXPORTED, STDIN, about
 from ds47.cli.common import Misses, stdout, warn
-from ds47.cli.options import analysis_options, known_rules, options_from
+from ds47.cli.options import analysis_options, options_from, tz_option, zone_for_paths
+from ds47.cli.selecting import CRITERIA, Choice, chosen, selection_options
 from ds47.cli.series import series_option, tasks, tell_lacking
 from ds47.cli.targets import refuse_links, replaced_captures, spare_recordings
-from ds47.model import STATES, Finding
+from ds47.model import Finding
+from ds47.report.zones import Zone
 
 if TYPE_CHECKING:
     from ds47.analysis import AnalysisOptions
     from ds47.batch.tasks import Task
     from ds47.capture.series import Part
-    from ds47.export import Key, Outcome, Selection
+    from ds47.export import Key, Outcome
 
 _UNREADABLE, _NOTHING = 3, 1
 _LINKS = {"profibus": 257, "user0": 147}
@@ -39,45 +38,8 @@ _FILES_SHOWN = 20
 
 @click.command("export")
 @click.argument("paths", metavar="CAPTURE...", nargs=-1, required=True)
-@click.option(
-    "-t",
-    "--transaction",
-    "transactions",
-    multiple=True,
-    metavar="N",
-    help="Numbers as in the report: 12, 3-7, 1,4,9.",
-)
-@click.option(
-    "-r",
-    "--rule",
-    "rules",
-    multiple=True,
-    metavar="RULE",
-    help="What has this finding: DS410, DS4, or its name.",
-)
-@click.option(
-    "-d",
-    "--device",
-    "devices",
-    multiple=True,
-    metavar="DEVICE",
-    help="IP address, MAC address or station name; on PROFIBUS dp3.",
-)
-@click.option(
-    "-s",
-    "--state",
-    "states",
-    multiple=True,
-    type=click.Choice(STATES),
-    help="Transactions that ended so.",
-)
-@click.option(
-    "--from",
-    "start",
-    metavar="TIME",
-    help="From when on: ISO 8601 (UTC unless it says so), or seconds from the first frame.",
-)
-@click.option("--to", "end", metavar="TIME", help="Until when.")
+@selection_options
+@tz_option
 @click.option(
     "--all-frames", is_flag=True, help="Frames of other protocols too, for a time span or a device."
 )
@@ -115,12 +77,7 @@ _FILES_SHOWN = 20
 @analysis_options
 def command(
     paths: Sequence[str],
-    transactions: Sequence[str],
-    rules: Sequence[str],
-    devices: Sequence[str],
-    states: Sequence[str],
-    start: str | None,
-    end: str | None,
+    where: Zone,
     all_frames: bool,
     output_name: str | None,
     force: bool,
@@ -139,8 +96,6 @@ def command(
     frame is written that the analysis understands. Each frame gets a comment that says what it is and
     what is wrong, which Wireshark shows. Printed is a display filter for the original.
     """
-    from ds47.export import Selection
-
     if not anonymise and (everything is not None or key_name):
         raise click.UsageError("--key, --keep-values and --anonymise-values need --anonymise")
     if anonymise and all_frames:
@@ -148,24 +103,22 @@ def command(
             "--all-frames cannot be anonymised: nobody can tell which names and addresses "
             "frames of other protocols hold"
         )
-    if all_frames and (transactions or rules or states):
+    where = zone_for_paths(where, paths)
+    asked = {name: options.pop(name) for name in CRITERIA}
+    choice = chosen(where, all_frames=all_frames, **asked)
+    selection = choice.selection
+    if all_frames and not selection.by_frame:
         raise click.UsageError("--all-frames goes with --from, --to and --device only")
-    if examples and (transactions or devices or states or start or end or all_frames or anonymise):
+    if examples and (
+        all_frames or anonymise or any(asked[name] for name in CRITERIA if name != "rules")
+    ):
         raise click.UsageError("--examples goes with --rule, -o and --link only")
     if examples:
         return _examples(
-            paths, output_name, known_rules(rules), _LINKS.get(link or ""), force, series, lang,
+            paths, output_name, selection.rules, _LINKS.get(link or ""), force, series, lang,
             options_from(**options),
         )  # fmt: skip
-    selection = Selection(
-        tuple(part for text in transactions for part in _numbers(text)),
-        known_rules(rules),
-        tuple(devices),
-        tuple(states),
-        all_frames=all_frames,
-    )
-    span = _Span(_moment("--from", start), _moment("--to", end))
-    run = _Run(options_from(**options), selection, span, bool(everything), lang)
+    run = _Run(options_from(**options), choice, bool(everything), lang)
     run.bus_link = _LINKS[link] if link else None
     found = tasks(paths, series, run.misses)
     targets = _targets(found, output_name)
@@ -282,48 +235,19 @@ class _ExampleTargets:
         return name
 
 
-@dataclass(frozen=True, slots=True)
-class _Moment:
-    """A point in time, nanoseconds since 1970, or since the first frame."""
-
-    ns: int
-    relative: bool
-
-
-@dataclass(frozen=True, slots=True)
-class _Span:
-    start: _Moment | None
-    end: _Moment | None
-
-    def applied(self, selection: Selection, source: str | Sequence[Part]) -> Selection:
-        """The selection with the span in the time of this capture."""
-        from ds47.export import first_time
-
-        first = 0
-        if any(moment is not None and moment.relative for moment in (self.start, self.end)):
-            first = first_time(source) or 0
-        start, end = (
-            None if moment is None else moment.ns + (first if moment.relative else 0)
-            for moment in (self.start, self.end)
-        )
-        return replace(selection, start=start, end=end)
-
-
 class _Run:
     """Goes from capture to capture, and says what became of each."""
 
     def __init__(
         self,
         options: AnalysisOptions,
-        selection: Selection,
-        span: _Span,
+        choice: Choice,
         everything: bool,
         lang: str,
     ) -> None:
         self._options = options
         self._lang = lang
-        self._selection = selection
-        self._span = span
+        self._choice = choice
         self._everything = everything
         self._key: Key | None = None
         self.bus_link: int | None = None
@@ -346,11 +270,11 @@ class _Run:
     def one(self, task: Task, target: str) -> None:
         """Exports one capture."""
         from ds47.capture import CaptureError
-        from ds47.export import KeyFileError, SelectionError, export
+        from ds47.export import KeyFileError, SelectionError, export, first_time
 
         try:
             with _source(task) as source:
-                selection = self._span.applied(self._selection, source)
+                selection = self._choice.of(first_time(source) if self._choice.relative else None)
                 sink = sys.stdout.buffer if target == STDIN else target
                 done = export(
                     source, sink, selection, self._options, self._key, self._everything,
@@ -441,43 +365,6 @@ def _source(task: Task) -> Iterator[str | Sequence[Part]]:
         with copy.open("wb") as stream:
             shutil.copyfileobj(sys.stdin.buffer, stream)
         yield str(copy)
-
-
-def _numbers(text: str) -> Iterator[tuple[int, int]]:
-    """`12`, `3-7`, `3..7`, `1,4,9`."""
-    for part in text.split(","):
-        match = re.fullmatch(r"\s*#?(\d+)\s*(?:(?:-|\.\.)\s*#?(\d+)\s*)?", part)
-        if match is None:
-            raise click.UsageError(f"--transaction {text!r}: numbers as 12, 3-7 or 1,4,9")
-        first = int(match[1])
-        last = int(match[2] or first)
-        if last < first:
-            raise click.UsageError(f"--transaction {text!r} runs backwards")
-        yield first, last
-
-
-def _moment(option: str, text: str | None) -> _Moment | None:
-    """Seconds from the first frame, or ISO 8601 with up to nine digits of a second."""
-    if text is None:
-        return None
-    if match := re.fullmatch(r"\s*(\d+)(?:\.(\d{1,9}))?\s*", text):
-        return _Moment(int(match[1]) * 10**9 + _fraction(match[2]), True)
-    match = re.fullmatch(r"\s*(\d{4}-.*?)(?:[.,](\d{1,9}))?(Z|[+-]\d\d:?\d\d)?\s*", text)
-    try:
-        if match is None:
-            raise ValueError
-        when = datetime.fromisoformat(match[1] + (match[3] or ""))
-    except ValueError as problem:
-        raise click.UsageError(
-            f"{option} {text!r} is no time: 2026-01-01T08:00:00.5Z, or seconds as 12.5"
-        ) from problem
-    whole = (when if when.tzinfo else when.replace(tzinfo=UTC)) - datetime(1970, 1, 1, tzinfo=UTC)
-    seconds = whole.days * 86_400 + whole.seconds
-    return _Moment(seconds * 10**9 + _fraction(match[2]), False)
-
-
-def _fraction(digits: str | None) -> int:
-    return int((digits or "0").ljust(9, "0"))
 
 
 def _targets(found: Sequence[Task], name: str | None) -> list[str]:

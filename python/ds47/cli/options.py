@@ -34,6 +34,25 @@ def _zone(_context: click.Context, _parameter: click.Parameter, text: str) -> Zo
         raise click.UsageError(f"--tz {problem}") from None
 
 
+def zone_for_paths(where: Zone, paths: Sequence[str]) -> Zone:
+    """The zone of --tz; that of the `ds47.toml` beside the captures where nothing was typed.
+
+    Raises:
+        click.ClickException: the file says something that cannot be.
+    """
+    from click.core import ParameterSource
+
+    from ds47.batch.settings import zone_for
+    from ds47.capture import CaptureError
+
+    if click.get_current_context().get_parameter_source("where") is not ParameterSource.DEFAULT:
+        return where
+    try:
+        return zone_for(paths) or where
+    except CaptureError as problem:
+        raise click.ClickException(str(problem)) from problem
+
+
 tz_option = click.option(
     "--tz",
     "where",

@@ -10,7 +10,7 @@ import re
 import shutil
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
@@ -18,7 +18,7 @@ from ds47.batch.memory import collect_rarely
 from ds47.batch.settings import heading_for
 from ds47.capture import CaptureError
 from ds47.capture.names import STDIN
-from ds47.cli.common import color, output, tell_no_plots
+from ds47.cli.common import color, output, tell_no_plots, warn
 from ds47.cli.execution import Execution
 from ds47.cli.options import (
     analysis_options,
@@ -26,17 +26,23 @@ from ds47.cli.options import (
     heading_options,
     options_from,
     tz_option,
+    zone_for_paths,
 )
 from ds47.cli.progress import Progress
 from ds47.cli.run import Run
+from ds47.cli.selecting import CRITERIA, Choice, chosen, selection_options
 from ds47.cli.series import series_option, tasks
 from ds47.model import S7, SEVERITIES
 from ds47.report import FORMATS, CannotWriteError, Options, RuleText, Writer, open_writer
+from ds47.report.bilingual import say
 from ds47.report.heading import Heading
 from ds47.report.reference import Reference
 from ds47.report.zones import Zone
 
-UNREADABLE = 3
+if TYPE_CHECKING:
+    from ds47.cli.run import Narrowing
+
+UNREADABLE, NOTHING = 3, 1
 LEAST_WIDTH = 60
 
 
@@ -69,6 +75,19 @@ LEAST_WIDTH = 60
     metavar="VALUE",
     help="What 100 % of a setpoint is, p2000: 50Hz, 1500rpm, or 50Hz=1395rpm (text, html).",
 )
+@click.option(
+    "--summary",
+    "detail",
+    flag_value="summary",
+    help="Verdict, what to do, drives and counts; nothing one by one (text).",
+)
+@click.option(
+    "--all",
+    "detail",
+    flag_value="all",
+    help="Every transaction, event and finding, and every capture by itself, however many there are (text).",
+)
+@selection_options
 @heading_options
 @tz_option
 @click.option(
@@ -126,6 +145,7 @@ def command(
     fail_on: str,
     plc: bool,
     reference: str | None,
+    detail: str | None,
     where: Zone,
     width: int | None,
     engine: str,
@@ -148,7 +168,13 @@ def command(
     PATH is a pcap or pcapng file (also .gz and .zst), a folder, which is searched for captures
     with all that is below it, a URL of either (s3://...), or - for stdin.
     """
+    where = zone_for_paths(where, paths)
     collect_rarely()
+    choice = chosen(where, **{name: options.pop(name) for name in CRITERIA})
+    if choice and results_name:
+        raise click.UsageError(
+            "--results keeps whole results: narrow a report of them, not what is kept"
+        )
     shown = Options(
         rules=_Catalogue(), lang=lang, plc=plc, zone=where, width=width or _columns(output_name),
         reference=None if reference is None else _reference(reference),
@@ -159,6 +185,7 @@ def command(
     execution.check(paths, series)
     lacking: list[str] = []
     found = tasks(paths, series, lacking.append)
+    shown = shown._replace(detail=detail or "auto", captures=len(found))
     name = format_name or ("overview" if results_name else "text")
     said = Heading(title, order, customer, author)
     heading = _heading(said, paths) if name == "html" else said
@@ -169,7 +196,7 @@ def command(
         quiet = name == "overview" or not stream.isatty()
         bar = quiet and not no_progress and len(todo) > 1 and sys.stderr.isatty()
         with Progress(len(todo), sum(task.size for task in todo), shown=bar) as progress:
-            run = Run(writer, progress)
+            run = Run(writer, progress, _narrowing(choice) if choice else None)
             for text in lacking:
                 run.missing(text)
             execution.run(run, found, todo, results, writer)
@@ -178,7 +205,19 @@ def command(
         tell_no_plots(lang)
     if run.failed:
         return UNREADABLE
+    if run.nothing:
+        warn(say("nothing_matches", criteria=choice.criteria, devices=run.devices()).text(lang))
+        return NOTHING
     return int(fail_on != "never" and run.worst >= SEVERITIES.index(fail_on))
+
+
+def _narrowing(choice: Choice) -> Narrowing:
+    """Takes of a whole result what is chosen."""
+    from ds47.report.narrowing import narrowed
+
+    return lambda result: narrowed(
+        result, choice.of(result.start_ns, result.end_ns), choice.criteria
+    )  # fmt: skip
 
 
 def _heading(said: Heading, paths: Sequence[str]) -> Heading:

@@ -30,18 +30,39 @@ if TYPE_CHECKING:
     from ds47.report.overview import Row
 
     Analyzer = Callable[[Task, OnTransaction | None], CaptureResult]
+    Narrowing = Callable[[CaptureResult], CaptureResult]
     Runner = AbstractContextManager[Iterable[tuple[Task, Outcome]]]
 
 
 class Run:
     """Goes from capture to capture, and remembers what the exit status needs."""
 
-    def __init__(self, writer: Writer, progress: Progress) -> None:
+    def __init__(self, writer: Writer, progress: Progress, narrow: Narrowing | None = None) -> None:
         self._writer = writer
+        self._narrow = narrow
+        self._there: dict[str, None] = {}
+        """The devices of captures in which nothing is wanted."""
+        self._shown = 0
         self._progress = progress
         self._reported = 0
         self.failed = False
         self.worst = -1
+
+    @property
+    def streams(self) -> bool:
+        """Whether transactions are told as they are finished; a part is chosen when all is known."""
+        return self._writer.streams and self._narrow is None
+
+    @property
+    def nothing(self) -> bool:
+        """Whether a part is wanted that no capture has."""
+        return self._narrow is not None and not self._shown
+
+    def devices(self) -> str:
+        """What there is instead of what is wanted: `there are 192.168.0.5 (press-1), 192.168.0.6`."""
+        from ds47.report.selection import there_are
+
+        return there_are(list(self._there))
 
     def missing(self, text: str) -> None:
         """Says what could not be read, or not as a whole."""
@@ -76,15 +97,29 @@ class Run:
 
         collect()
         try:
-            result = analyze(task, finished if writer.streams else None)
+            result = analyze(task, finished if self.streams else None)
         except CaptureError as problem:
             self._unreadable(task, problem)
             return
         result.path = task.path
-        self._note(result.findings)
         self._whole(task.path, result.complete, result.problem)
         self._gaps(result)
-        writer.capture(result)
+        if self._narrow is None:
+            self._note(result.findings)
+            writer.capture(result)
+        else:
+            self._part(self._narrow(result))
+
+    def _part(self, result: CaptureResult) -> None:
+        """A part of a capture; one of which nothing is wanted is left out."""
+        if not (result.transactions or result.findings or result.timelines):
+            from ds47.report.selection import names
+
+            self._there |= dict.fromkeys(names(result.entire))
+            return
+        self._shown += 1
+        self._note(result.findings)
+        write_one(self._writer, result)
 
     def stored(
         self,

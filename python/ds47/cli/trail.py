@@ -12,7 +12,7 @@ import click
 
 from ds47.capture.names import about
 from ds47.cli.common import Misses, format_option, output, warn
-from ds47.cli.options import analysis_options, options_from, tz_option
+from ds47.cli.options import analysis_options, options_from, tz_option, zone_for_paths
 from ds47.cli.series import series_option, tasks, tell_lacking
 from ds47.report.bilingual import say
 from ds47.report.formatting import escape
@@ -48,6 +48,7 @@ def command(
     from ds47.regression.run import readable
     from ds47.report.changes import Wanted, Writer
 
+    where = zone_for_paths(where, paths)
     analysis = options_from(**options)
     misses = Misses()
     wanted = Wanted(device, drive_object, pnu, controller)

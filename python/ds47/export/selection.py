@@ -1,7 +1,7 @@
 """Which frames somebody wants, and what to say about each of them.
 
-From the result of an analysis and a `Selection` to frame numbers with comments. No file is opened here,
-and what belongs together on the wire (fragments) is the business of `messages`.
+From the result of an analysis and a `Selection` (`ds47.report.selection`) to frame numbers with comments. No file
+is opened here, and what belongs together on the wire (fragments) is the business of `messages`.
 """
 
 from __future__ import annotations
@@ -10,49 +10,14 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from ds47.model import PKW, S7, CaptureResult, Finding, Parameter, Transaction
-from ds47.report.formatting import address, escape
+from ds47.report.formatting import address
+from ds47.report.selection import Selection, SelectionError, Wanted
 from ds47.report.sentences import message
 from ds47.report.targets import Targets
 
+__all__ = ["Chosen", "Selection", "SelectionError", "choose", "chosen_of"]
+
 _PARAMETERS_SHOWN = 4
-
-
-class SelectionError(Exception):
-    """Something is asked for that this capture does not have; the message says what it has."""
-
-
-@dataclass(frozen=True, slots=True)
-class Selection:
-    """What somebody asked for: all criteria must apply, of each criterion one value is enough.
-
-    Attributes:
-        transactions: (first, last) ids.
-        rules: rule ids or prefixes.
-        devices: IP addresses, MAC addresses or station names.
-        states: states of transactions.
-        start: from when on, nanoseconds since 1970.
-        end: until when, inclusive.
-        all_frames: frames of other protocols, too (where whole frames are chosen: see `by_frame`).
-    """
-
-    transactions: tuple[tuple[int, int], ...] = ()
-    rules: tuple[str, ...] = ()
-    devices: tuple[str, ...] = ()
-    states: tuple[str, ...] = ()
-    start: int | None = None
-    end: int | None = None
-    all_frames: bool = False
-
-    @property
-    def by_frame(self) -> bool:
-        """Whether frames are chosen by what they are, not by the transaction they belong to."""
-        return not (self.transactions or self.rules or self.states)
-
-    def in_time(self, time_ns: int) -> bool:
-        """Whether a time lies inside the span."""
-        return (self.start is None or time_ns >= self.start) and (
-            self.end is None or time_ns <= self.end
-        )
 
 
 @dataclass(slots=True)
@@ -87,15 +52,15 @@ def choose(
     Raises:
         SelectionError: a transaction or a device that this capture does not have.
     """
-    chosen, targets = Chosen(), Targets(result.transactions)
-    _find_devices(result, selection, chosen)
-    _check_numbers(result, selection)
+    wanted, targets = Wanted(result, selection), Targets(result.transactions)
+    wanted.check()
+    chosen = Chosen(ips=wanted.ips, macs=wanted.macs)
     findings: dict[int | None, list[Finding]] = {}
     for finding in result.findings:
         findings.setdefault(finding.transaction, []).append(finding)
     for transaction in result.transactions:
         own = findings.get(transaction.id, [])
-        if not selection.by_frame and not _wanted(transaction, own, selection, chosen):
+        if not selection.by_frame and not wanted.transaction(transaction, own):
             continue
         chosen.transactions.append(transaction)
         _note_transaction(chosen, transaction, targets.place(transaction))
@@ -138,65 +103,11 @@ def chosen_of(
     return chosen
 
 
-def _find_devices(result: CaptureResult, selection: Selection, chosen: Chosen) -> None:
-    for wanted in selection.devices:
-        found = [
-            each
-            for each in result.devices
-            if wanted.lower() in (each.ip, each.mac, (each.station or "").lower())
-        ]
-        if wanted.lower() in _partners(result):
-            chosen.ips.add(wanted.lower())
-            continue
-        if not found:
-            raise SelectionError(f"no device {wanted!r}; {_devices(result)}")
-        chosen.ips.update(each.ip for each in found)
-        chosen.macs.update(each.mac for each in found if each.mac)
-
-
-def _partners(result: CaptureResult) -> set[str]:
-    """What no frame names: stations of PROFIBUS, and servers of S7."""
-    found = {each.device for each in result.transactions if each.station is not None}
-    return found | {each.server for each in result.connections}
-
-
-def _devices(result: CaptureResult) -> str:
-    shown = [
-        f"{each.ip} ({escape(each.station)})" if each.station else each.ip
-        for each in result.devices
-    ]
-    shown += sorted(_partners(result) - {each.ip for each in result.devices})
-    more = f" and {len(shown) - 12} more" if len(shown) > 12 else ""
-    shown = shown[:12]
-    return f"there are {', '.join(shown)}{more}" if shown else "the capture shows no device"
-
-
-def _check_numbers(result: CaptureResult, selection: Selection) -> None:
-    last = len(result.transactions)
-    for first, _ in selection.transactions:
-        if not 1 <= first <= last:
-            there = f"it has 1 to {last}" if last else "it has none"
-            raise SelectionError(f"no transaction {first}; {there}")
-
-
-def _wanted(
-    transaction: Transaction, findings: Iterable[Finding], selection: Selection, chosen: Chosen
-) -> bool:
-    numbers, rules = selection.transactions, selection.rules
-    return (
-        (not numbers or any(first <= transaction.id <= last for first, last in numbers))
-        and (not selection.states or transaction.state in selection.states)
-        and (not rules or any(each.rule.startswith(rules) for each in findings))
-        and (not chosen.ips or transaction.device in chosen.ips)
-        and selection.in_time(transaction.start_ns)
-    )
-
-
 def _lonely(
     chosen: Chosen, findings: list[Finding], selection: Selection, names: dict[str, str] | None
 ) -> None:
     """Findings that belong to no transaction: only where a rule is asked for, and nothing narrower."""
-    if selection.rules and not (selection.transactions or selection.states):
+    if selection.rules and not selection.narrow:
         findings = [each for each in findings if each.rule.startswith(selection.rules)]
         chosen.frames.update(each.frame for each in findings)
     elif not selection.by_frame:

@@ -63,6 +63,8 @@ class Options(NamedTuple):
     of every job, not only of those that are not ok (text only). `reference`: what 100 % of a setpoint
     is (text, html). `s7`: every transaction of S7, not only those with findings (text only). `heading`: the
     title block (html). `zone`: in which times of day are said (text, html). `width`: columns of a line (text).
+    `detail`: "all"; "summary" without transactions, events and findings; "auto" for that where there are many
+    (text). `captures`: of how many the report is; of many, and not "all", the text has what they come to.
     """
 
     color: bool = False
@@ -75,6 +77,8 @@ class Options(NamedTuple):
     heading: Heading | None = None
     zone: Zone = UNIVERSAL
     width: int = 140
+    detail: str = "all"
+    captures: int = 1
 
 
 class Writer:
@@ -156,6 +160,7 @@ def _replay(writer: Writer, result: CaptureResult) -> None:
             files=result.files,
             connections=result.connections,
             connections_left_out=result.connections_left_out,
+            narrowed=result.narrowed,
         )
     )
 

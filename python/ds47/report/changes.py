@@ -59,7 +59,7 @@ def _unproved(all_: Iterable[dict[str, Any]], wanted: Wanted) -> int:
 
 
 def _all(result: CaptureResult) -> Iterator[dict[str, Any]]:
-    targets = Targets(result.transactions)
+    targets = Targets(result.evidence)
     stations = {each.ip: each.station for each in result.devices}
     for change in trail(result).changes:
         yield _row(change, targets, stations) | {"path": result.path}

@@ -613,6 +613,13 @@ def _by_index(item: tuple[str, object]) -> tuple[int, str]:
     return (int(key) if key.isdecimal() else 1 << 32, key)
 
 
+NARROWED = Shape("narrowed", (
+    Key("criteria", TEXT, "As options of the command line."),
+    Key("transactions", COUNT, "So many the capture has."),
+    Key("findings", COUNT, "So many findings it has."),
+    Key("unproved", COUNT, "Transactions that may be of the drive object that is asked for; nothing proves it."),
+), model.Narrowed, "What a report that was narrowed leaves out; docs/report.md.")  # fmt: skip
+
 HEAD = (
     Key("path", TEXT),
     Key("sha256", SHA256),
@@ -640,6 +647,7 @@ HEAD = (
     Key("connections", many(ref("connection"), 1), "Only where there is S7 communication.", shape=CONNECTION,
         required=False),
     Key("connections_left_out", NUMBER, "Further connections, for which there was no room.", required=False),
+    Key("narrowed", ref("narrowed"), "Only where a part of the capture is shown.", shape=NARROWED, required=False),
 )  # fmt: skip
 LISTS = (
     Key("devices", many(ref("device")), shape=DEVICE),

@@ -41,7 +41,9 @@ def parse(table: Any) -> Heading:
         raise ValueError("report: write it as a table, [report]")
     unknown = set(table) - set(NAMES)
     if unknown:
-        raise ValueError(f"[report]: unknown key {min(unknown)!r}; known are {', '.join(NAMES)}")
+        raise ValueError(
+            f"[report]: unknown key {min(unknown)!r}; known are {', '.join(NAMES)}, tz"
+        )
     for key, text in table.items():
         if not isinstance(text, str) or len(text) > LONGEST:
             raise ValueError(f"[report] {key}: write a text of at most {LONGEST} characters")

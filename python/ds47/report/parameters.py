@@ -49,9 +49,17 @@ def rows(result: CaptureResult) -> list[Row]:
 
 
 def _rows(result: CaptureResult) -> Iterator[Row]:
-    targets = Targets(result.transactions)
+    targets, shown = Targets(result.evidence), None
+    if result.whole is not None:
+        shown = {
+            (targets.identity(item, each.pnu), each.pnu)
+            for item in result.transactions
+            for each in item.parameters
+        }
     for (device, pnu, subindex), there in trail(result).cells.items():
         for identity, cell in there.items():
+            if shown is not None and (identity, pnu) not in shown:
+                continue
             if identity == Identity(device):  # of the device, whichever drive object is asked
                 yield Row(device, "", None, pnu, subindex, cell)
                 continue

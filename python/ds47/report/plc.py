@@ -72,7 +72,7 @@ class Witness:
         self._lengths: dict[int, int] = {}
         """Bytes of a record that the capture cut, by the frame of its Read response."""
         loose: list[int] = []
-        for each in result.findings:
+        for each in result.entire.findings:
             if each.transaction is None and (each.rule in _LEFT_OUT or each.rule in _NOTHING):
                 loose.append(each.frame)
             elif each.rule in _LEFT_OUT and each.transaction is not None:
@@ -81,7 +81,7 @@ class Witness:
                 completed, length = each.args.get("completed"), each.args.get("length")
                 if completed is not None and length is not None:
                     self._lengths[completed] = length
-        records = [each for each in result.transactions if each.channel == DS47]
+        records = [each for each in result.evidence if each.channel == DS47]
         self._waits = _waits(records)
         for number in _followed(records, self._calls, loose):
             self._waits[number] = "unseen"

@@ -38,6 +38,7 @@ from ds47.report.clock import Clock
 from ds47.report.filters import display_filter
 from ds47.report.formatting import duration, escape, parameter
 from ds47.report.latency import Latency
+from ds47.report.narrowing import narrowed_words
 from ds47.report.overview import Row, table, total
 from ds47.report.places import Places, name
 from ds47.report.sentences import at_offset, sentence
@@ -53,8 +54,14 @@ CONNECTIONS_LISTED = 50
 EVENTS_LISTED = 60
 FILES_LISTED = 20
 """Files of a series that are listed; JSON has all, and every finding names its file."""
+LONG = 60
+"""Transactions, and events of drives, from which on a report lists them only when asked to."""
+MANY = 5
+"""Captures from which on a report tells what they come to, and none by itself unless asked to."""
 CAPTURES_LISTED = 20
 """Captures of a run that are listed at its end, the worst ones; `-f overview` lists all."""
+WORST_LISTED, CAUSES_LISTED = 10, 5
+"""Captures, and causes, in a report that tells of many captures together only."""
 _COLORS = {"error": "31", "warning": "33", "note": "36", "ok": "32", "bold": "1", "dim": "2"}
 _SERIOUS_STATES = ("error", "mismatch", "refused")
 
@@ -77,15 +84,52 @@ class Writer(_Writer):
         self._starts: dict[int, int] = {}
 
     def capture(self, result: CaptureResult) -> None:
+        counts, row = Counts.of(result), Row.of(result)
+        durations = (each.duration_ns for each in result.transactions)
+        latency = Latency(each for each in durations if each is not None)
+        if not self._many:
+            self._one(result, counts, row, latency)
+        self._counts.add(counts)
+        self._rows.append(row)
+        self._latency.update(latency)
+
+    @property
+    def _many(self) -> bool:
+        """Whether the report tells of all captures together only."""
+        return self.options.detail != "all" and self.options.captures > MANY
+
+    def _one(self, result: CaptureResult, counts: Counts, row: Row, latency: Latency) -> None:
+        """A capture by itself."""
         if self._rows:
             self._line()
-        counts = Counts.of(result)
-        self._counts.add(counts)
         self._clock = Clock.of(result, self.options.zone)
         self._starts = {each.id: each.start_ns for each in result.transactions}
         self._header(result, counts)
         for line in self._opening.lines(result, self._clock):
             self._copied(line)
+        left_out = self._left_out(result)
+        if left_out:
+            self._line()
+            self._line(self._say("not_listed", what=joined(left_out).text(self.options.lang)))
+        else:
+            self._lists(result)
+        self._summary(self._say("summary_head"), total([row]), latency)
+
+    def _left_out(self, result: CaptureResult) -> list[Both]:
+        """What is counted instead of listed; nothing where all is listed."""
+        listed = sum(map(self._is_listed, result.transactions))
+        events = sum(len(each.events) for each in result.timelines)
+        detail = self.options.detail
+        if detail == "all" or self.options.plc or (detail == "auto" and listed + events <= LONG):
+            return []
+        counts = {
+            "transactions": len(result.transactions), "findings": len(result.findings),
+            "drive_events": events, "s7_connections": len(result.connections),
+        }  # fmt: skip
+        return [say(key, n=number) for key, number in counts.items() if number]
+
+    def _lists(self, result: CaptureResult) -> None:
+        """Everything one by one."""
         if result.bus is not None:
             self._bus(result.bus, result.relations)
         self._relations(result.relations)
@@ -94,12 +138,6 @@ class Writer(_Writer):
         self._connections(result)
         self._table(result)
         self._findings(result.findings, Places(result.files))
-        row = Row.of(result)
-        durations = (each.duration_ns for each in result.transactions)
-        latency = Latency(each for each in durations if each is not None)
-        self._summary(self._say("summary_head"), total([row]), latency)
-        self._rows.append(row)
-        self._latency.update(latency)
 
     def unreadable(self, path: str, problem: str) -> None:
         self._rows.append(Row.unreadable(path, problem))
@@ -109,13 +147,22 @@ class Writer(_Writer):
         if len(self._rows) < 2:
             return
         sums = total(self._rows)
-        to_do = list(causes.lines(sums["to_do"], self.options, advice=False))
-        for block in (_worst(self._rows, self.options), to_do):
+        listed, causes_listed = CAPTURES_LISTED, len(sums["to_do"])
+        if self._many:
+            listed, causes_listed = WORST_LISTED, CAUSES_LISTED
+        to_do = list(causes.lines(sums["to_do"][:causes_listed], self.options, advice=self._many))
+        if left_out := len(sums["to_do"][causes_listed:]):
+            to_do.append("  " + self._say("causes_more", n=left_out))
+        worst = table(self._rows, self.options.lang, listed, self.options.zone)
+        for block in (worst, to_do):
             for line in ["", *block] if block else ():
                 self._copied(line)
         title = self._say("summary_all", n=len(self._rows))
         verdict = self._opening.verdict(self._counts)
         self._summary(title, sums, self._latency, verdict)
+        if self._many:
+            self._line()
+            self._line(self._say("captures_not_listed"))
 
     def _line(self, text: str = "") -> None:
         for line in fitted(text, self.options.width):
@@ -142,6 +189,8 @@ class Writer(_Writer):
         self._line(self._opening.verdict(counts))
         if span := self._clock.span(result):
             self._line("  " + span.text(self.options.lang))
+        if result.narrowed is not None:
+            self._line("  " + narrowed_words(result).text(self.options.lang))
         self._files(result.files)
         if not result.complete or result.problem:
             problem = escape(result.problem or self._say("file_ends_early"))
@@ -149,7 +198,7 @@ class Writer(_Writer):
         if result.dropped:
             lost = self._say("machine_dropped", n=result.dropped)
             self._line("  " + self._paint("warning", lost))
-        if not result.transactions and not result.connections:
+        if not result.evidence and not result.connections:
             there = _traffic(result).text(self.options.lang) or self._say(
                 "no_rpc" if result.bus is None else "no_bus_records"
             )
@@ -308,7 +357,7 @@ class Writer(_Writer):
         witness = plc.Witness(result)
         self._line()
         self._title(self._say("transactions_head"))
-        table = _Columns(transactions, Targets(transactions), self.options.lang, self._clock)
+        table = _Columns(transactions, Targets(result.evidence), self.options.lang, self._clock)
         self._line("  " + self._paint("dim", self._say(table.words)))
         for each in transactions:
             for line in self._transaction_lines(each, table):
@@ -412,10 +461,6 @@ class Writer(_Writer):
         for line in (jobs.text(lang), found.text(lang), latency.text(lang)):
             if line:
                 self._line(f"  {line}")
-
-
-def _worst(rows: Sequence[Row], options: Options) -> list[str]:
-    return table(rows, options.lang, CAPTURES_LISTED, options.zone)
 
 
 def _where(relation: Relation) -> str:

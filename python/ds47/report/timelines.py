@@ -34,7 +34,7 @@ def reference(result: CaptureResult, device: str, given: Reference | None) -> Re
     """
     if given is not None:
         return given
-    for item in reversed(result.transactions):
+    for item in reversed(result.evidence):
         if item.device != device or item.operation != "read" or item.state not in ("ok", "partial"):
             continue
         for each in item.parameters:

@@ -89,10 +89,10 @@ def answering(result: CaptureResult, item: Diagnosis) -> str:
     """The drive objects of its device that answer, for a request to one that does not exist; else empty."""
     if item.rule != _WRONG_DRIVE_OBJECT:
         return ""
-    targets = Targets(result.transactions)
+    targets = Targets(result.evidence)
     numbers = {
         targets.drive_object(each)
-        for each in result.transactions
+        for each in result.evidence
         if each.device == item.device and each.state in _ANSWERED
     }
     return ", ".join(str(number) for number in sorted(filter(None, numbers)))

@@ -110,7 +110,7 @@ class _Walk:
     """Goes through requests and responses in the order of their frames."""
 
     def __init__(self, result: CaptureResult) -> None:
-        self._items = [each for each in result.transactions if each.channel != S7]
+        self._items = [each for each in result.evidence if each.channel != S7]
         self._connects = [(each.device, each.frame) for each in result.relations if each.frame]
         self._objects = DriveObjects.of(self._items)
         self._devices: dict[str, _Device] = {}

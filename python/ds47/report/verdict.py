@@ -143,7 +143,7 @@ def by_state(states: Counter[str], but: tuple[str, ...] = ()) -> list[Both]:
 
 def blind(result: CaptureResult) -> list[Both]:
     """What this capture, other than another one, cannot show: nobody should conclude from its silence."""
-    lines = []
+    result, lines = result.entire, []
     if any(_accepted(each) for each in result.transactions):
         lines.append(say("blind_effect"))
     if result.dropped is None:

@@ -32,6 +32,7 @@ from ds47.report.html.views.timelines import TimelineView
 from ds47.report.html.views.times import Moments, for_script
 from ds47.report.html.views.trail import TrailView
 from ds47.report.latency import percentile
+from ds47.report.narrowing import narrowed_words
 from ds47.report.overview import Row
 from ds47.report.reference import Reference
 from ds47.report.targets import Targets
@@ -126,6 +127,7 @@ class CaptureView:
     overview: Overview
     sha256: str | None
     span: Both | None
+    narrowed: Both | None
     dated: bool
     """Whether times of day are known."""
     clock: str
@@ -161,7 +163,7 @@ def capture_view(
     clock = Clock.of(result, zone)
     moments = Moments(result, clock)
     found = groups(result, moments)
-    targets = Targets(result.transactions)
+    targets = Targets(result.evidence)
     table, left_out = elements(result, targets)
     data = packed_rows(result, most_rows, targets)
     data["elements"] = table
@@ -185,6 +187,7 @@ def capture_view(
         overview=Overview(result.path, number, counts, Row.of(result), LEVELS[worst]),
         sha256=result.sha256,
         span=clock.span(result),
+        narrowed=None if result.narrowed is None else narrowed_words(result),
         dated=clock.known,
         clock=json.text(for_script(clock)),
         quality=remarks,

@@ -43,7 +43,7 @@ class Drive:
 def drives(result: CaptureResult, targets: Targets | None = None) -> list[Drive]:
     """The drives in the order of their first transaction."""
     known = {each.ip: each for each in result.devices}
-    targets = targets or Targets(result.transactions)
+    targets = targets or Targets(result.evidence)
     found: dict[str, Drive] = {}
     for item in result.transactions:
         if item.channel == S7:

@@ -49,7 +49,7 @@ Key = tuple[Identity, int, int]
 
 def elements(result: CaptureResult, targets: Targets | None = None) -> tuple[dict[str, Any], int]:
     """The table for the script, and how many elements it leaves out."""
-    targets = targets or Targets(result.transactions)
+    targets = targets or Targets(result.evidence)
     found: dict[Key, Element] = {}
     left_out: set[Key] = set()
     for item in result.transactions:
@@ -61,7 +61,7 @@ def elements(result: CaptureResult, targets: Targets | None = None) -> tuple[dic
             if each.pnu is not None and each.attribute == "value":
                 about = targets.identity(item, each.pnu)
                 _note(found, left_out, item, each, (about, each.pnu, each.subindex or 0))
-    labels = targets.labels(result.transactions)
+    labels = targets.labels(result.evidence)
     names = {key: labels.get(key[0], "") for key in found}
     order = sorted(found, key=lambda key: (key[0].device, names[key], key[1], key[2]))
     rows = [_row(key, names[key], found[key]) for key in order]

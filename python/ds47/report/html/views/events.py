@@ -27,7 +27,7 @@ Told = list[int | str]
 
 def events(result: CaptureResult, targets: Targets | None = None) -> list[Told]:
     """All of a capture: first those of cyclic frames, then those of fault buffers."""
-    buffers = _buffers(result, targets or Targets(result.transactions))
+    buffers = _buffers(result, targets or Targets(result.evidence))
     return [*_of_timelines(result), *buffers[:SHOWN]]
 
 

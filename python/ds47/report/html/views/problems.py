@@ -132,7 +132,7 @@ def problems(
         if axes := answering(result, each):
             problem.what = problem.what.joined(say("answering", list=axes), "; ", "；")
         told.append(problem)
-    told += _others(result, targets or Targets(result.transactions))
+    told += _others(result, targets or Targets(result.evidence))
     if moments is not None:
         for problem in told:
             problem.time = moments.told(problem.job, problem.frame)

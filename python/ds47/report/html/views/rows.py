@@ -49,9 +49,9 @@ def packed_rows(result: CaptureResult, most: int, targets: Targets | None = None
     items = _chosen(result.transactions, most)
     base = Clock.of(result, UNIVERSAL).first_ns or 0
     stations = {each.ip: each.station for each in result.devices}
-    targets = targets or Targets(result.transactions)
+    targets = targets or Targets(result.evidence)
     connections = {each.id: s7.ends(each) for each in result.connections}
-    tables = _Tables(stations, targets, targets.labels(result.transactions), connections)
+    tables = _Tables(stations, targets, targets.labels(result.evidence), connections)
     witness = plc.Witness(result)
     rows = [_row(each, base, tables, witness) for each in items]
     return {

@@ -50,13 +50,14 @@ class TrailView:
 
     def __init__(self, result: CaptureResult, targets: Targets, listed: Collection[int]) -> None:
         self._targets = targets
-        self._labels = targets.labels(result.transactions)
+        self._labels = targets.labels(result.evidence)
         self._tables: dict[str, dict[Hashable, int]] = {
             name: {} for name in ("objects", "ways", "names", "reasons")
         }
         self.unproved = 0
         self.written: set[tuple[str, int]] = set()
-        changes = trail(result).changes
+        here = {each.id for each in result.transactions}
+        changes = [each for each in trail(result).changes if each.transaction.id in here]
         shown = [each for each in changes if each.transaction.id in listed][:MOST]
         rows = [self._row(each) for each in shown]
         self.left_out = len(changes) - len(shown)

@@ -1,0 +1,206 @@
+"""The options that choose transactions, for `ds47 export` and `ds47 report`: which, of what, of whom, and when.
+
+Here: from words to a `Selection`. What a selection means is `ds47.report.selection`.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime, timedelta, timezone
+from typing import Any, TypeVar
+
+import click
+
+from ds47.cli.options import known_rules
+from ds47.model import STATES
+from ds47.report.selection import Selection
+from ds47.report.zones import Zone
+from ds47.spec.units import SECOND_NS
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+_DAY = 86_400
+_DAYS = 366
+"""Days of a capture in which a time of day is looked for."""
+
+_OPTIONS = (
+    click.option(
+        "-t", "--transaction", "transactions", multiple=True, metavar="N",
+        help="Numbers as in the report: 12, 3-7, 1,4,9.",
+    ),
+    click.option(
+        "-r", "--rule", "rules", multiple=True, metavar="RULE",
+        help="What has this finding: DS410, DS4, or its name.",
+    ),
+    click.option(
+        "-d", "--device", "devices", multiple=True, metavar="DEVICE",
+        help="IP address, MAC address or station name; on PROFIBUS dp3.",
+    ),
+    click.option(
+        "--do", "drive_objects", multiple=True, type=click.IntRange(0, 0xFFFF), metavar="N",
+        help="Number of a drive object, where the capture proves which one is asked.",
+    ),
+    click.option(
+        "--pnu", "pnus", multiple=True, type=click.IntRange(0, 0xFFFF), metavar="N", help="Number of a parameter."
+    ),
+    click.option(
+        "--station", "--controller", "stations", multiple=True, metavar="STATION",
+        help="Who asks: IP address or station name of a controller.",
+    ),
+    click.option(
+        "-s", "--state", "states", multiple=True, type=click.Choice(STATES), help="Transactions that ended so."
+    ),
+    click.option(
+        "--from", "start", metavar="TIME",
+        help="From when on: time of day (08:15, 08:15:00.5) or ISO 8601 in the zone of --tz, or seconds"
+        " from the first frame.",
+    ),
+    click.option("--to", "end", metavar="TIME", help="Until when."),
+)  # fmt: skip
+
+
+CRITERIA = (
+    "transactions", "rules", "devices", "drive_objects", "pnus", "stations", "states", "start", "end",
+)  # fmt: skip
+"""Names of their values, as `chosen` takes them."""
+
+
+def selection_options(function: Function) -> Function:
+    """Adds --transaction, --rule, --device, --do, --pnu, --station, --state, --from and --to."""
+    for option in reversed(_OPTIONS):
+        function = option(function)
+    return function
+
+
+@dataclass(frozen=True, slots=True)
+class _Moment:
+    """A point in time: nanoseconds since 1970, since the first frame, or since midnight."""
+
+    ns: int
+    kind: str
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """What the options choose, in the times of any capture."""
+
+    selection: Selection
+    start: _Moment | None
+    end: _Moment | None
+    zone: Zone
+    criteria: str
+    """The options themselves."""
+
+    def __bool__(self) -> bool:
+        return bool(self.criteria)
+
+    @property
+    def relative(self) -> bool:
+        """Whether the time of the first frame is needed."""
+        return any(each is not None and each.kind != "absolute" for each in (self.start, self.end))
+
+    def of(self, first_ns: int | None, last_ns: int | None = None) -> Selection:
+        """The selection in a capture whose first and last frames have these times."""
+        start, end = (self._time(each, first_ns or 0, last_ns) for each in (self.start, self.end))
+        return replace(self.selection, start=start, end=end)
+
+    def _time(self, moment: _Moment | None, first_ns: int, last_ns: int | None) -> int | None:
+        if moment is None or moment.kind == "absolute":
+            return None if moment is None else moment.ns
+        if moment.kind == "relative":
+            return first_ns + moment.ns
+        return self._of_day(moment.ns, first_ns, first_ns if last_ns is None else last_ns)
+
+    def _of_day(self, ns: int, first_ns: int, last_ns: int) -> int:
+        """A time of day: that of the first day on which the capture has it, else of its first day."""
+        first = first_ns // SECOND_NS
+        midnight = first - (first + self.zone.offset(first)) % _DAY
+        for day in range(_DAYS):
+            seconds = midnight + day * _DAY + ns // SECOND_NS
+            shifted = self.zone.offset(first) - self.zone.offset(
+                seconds
+            )  # summer time began or ended
+            found = (seconds + shifted) * SECOND_NS + ns % SECOND_NS
+            if first_ns <= found <= last_ns:
+                return found
+            if found > last_ns:
+                break
+        return midnight * SECOND_NS + ns
+
+
+def chosen(
+    where: Zone, *, transactions: Sequence[str], rules: Sequence[str], devices: Sequence[str],
+    drive_objects: Sequence[int], pnus: Sequence[int], stations: Sequence[str], states: Sequence[str],
+    start: str | None, end: str | None, all_frames: bool = False,
+) -> Choice:  # fmt: skip
+    """The choice of the options.
+
+    Raises:
+        click.UsageError: words that say nothing.
+    """
+    selection = Selection(
+        tuple(part for text in transactions for part in _numbers(text)), known_rules(rules), tuple(devices),
+        tuple(states), all_frames=all_frames, stations=tuple(stations), drive_objects=tuple(drive_objects),
+        pnus=tuple(pnus),
+    )  # fmt: skip
+    typed = (
+        ("--transaction", transactions), ("--rule", rules), ("--device", devices), ("--do", drive_objects),
+        ("--pnu", pnus), ("--station", stations), ("--state", states), ("--from", [start] if start else ()),
+        ("--to", [end] if end else ()),
+    )  # fmt: skip
+    words = [f"{name} {shlex.quote(str(each))}" for name, values in typed for each in values]
+    return Choice(
+        selection, _moment("--from", start, where), _moment("--to", end, where), where, " ".join(words)
+    )  # fmt: skip
+
+
+def _numbers(text: str) -> Iterator[tuple[int, int]]:
+    """`12`, `3-7`, `3..7`, `1,4,9`."""
+    for part in text.split(","):
+        match = re.fullmatch(r"\s*#?(\d+)\s*(?:(?:-|\.\.)\s*#?(\d+)\s*)?", part)
+        if match is None:
+            raise click.UsageError(f"--transaction {text!r}: numbers as 12, 3-7 or 1,4,9")
+        first = int(match[1])
+        last = int(match[2] or first)
+        if last < first:
+            raise click.UsageError(f"--transaction {text!r} runs backwards")
+        yield first, last
+
+
+def _moment(option: str, text: str | None, where: Zone) -> _Moment | None:
+    """Seconds from the first frame, a time of day, or ISO 8601; up to nine digits of a second."""
+    if text is None:
+        return None
+    if match := re.fullmatch(r"\s*(\d+)(?:\.(\d{1,9}))?\s*", text):
+        return _Moment(int(match[1]) * SECOND_NS + _fraction(match[2]), "relative")
+    if match := re.fullmatch(
+        r"\s*([01]?\d|2[0-3]):([0-5]\d)(?::([0-5]\d)(?:[.,](\d{1,9}))?)?\s*", text
+    ):
+        seconds = int(match[1]) * 3600 + int(match[2]) * 60 + int(match[3] or 0)
+        return _Moment(seconds * SECOND_NS + _fraction(match[4]), "of day")
+    match = re.fullmatch(r"\s*(\d{4}-.*?)(?:[.,](\d{1,9}))?(Z|[+-]\d\d:?\d\d)?\s*", text)
+    try:
+        if match is None:
+            raise ValueError
+        when = datetime.fromisoformat(match[1] + (match[3] or ""))
+    except ValueError as problem:
+        raise click.UsageError(
+            f"{option} {text!r} is no time: 08:15:00, 2026-01-01T08:00:00.5, or seconds as 12.5"
+        ) from problem
+    return _Moment(_seconds(when, where) * SECOND_NS + _fraction(match[2]), "absolute")
+
+
+def _seconds(when: datetime, where: Zone) -> int:
+    """Since 1970; a time without its offset is one in the zone."""
+    there = when if when.tzinfo else when.replace(tzinfo=timezone(timedelta()))
+    seconds = int(there.timestamp())
+    if when.tzinfo:
+        return seconds
+    ahead = where.offset(seconds - where.offset(seconds))
+    return seconds - ahead
+
+
+def _fraction(digits: str | None) -> int:
+    return int((digits or "0").ljust(9, "0"))

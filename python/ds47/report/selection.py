@@ -1,0 +1,179 @@
+"""Which transactions somebody wants, by device, drive object, parameter, station, state, rule and time.
+
+The same for `ds47 export`, which copies their frames, and for a report that shows no others (`narrowing`). Options
+of the command line are `ds47.cli.selecting`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from ds47.model import S7, CaptureResult, Finding, Transaction
+from ds47.report.formatting import escape
+from ds47.report.targets import Targets
+
+_DEVICES_NAMED = 12
+
+
+class SelectionError(Exception):
+    """Something is asked for that this capture does not have; the message says what it has."""
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """What somebody asked for: all criteria must apply, of each criterion one value is enough.
+
+    Attributes:
+        transactions: (first, last) ids.
+        rules: rule ids or prefixes.
+        devices: IP addresses, MAC addresses or station names.
+        states: states of transactions.
+        start: from when on, nanoseconds since 1970.
+        end: until when, inclusive.
+        all_frames: frames of other protocols, too (where whole frames are chosen: see `by_frame`).
+        stations: who asks: IP addresses, MAC addresses or station names of controllers.
+        drive_objects: numbers of drive objects, where the capture proves which one is asked.
+        pnus: numbers of parameters.
+    """
+
+    transactions: tuple[tuple[int, int], ...] = ()
+    rules: tuple[str, ...] = ()
+    devices: tuple[str, ...] = ()
+    states: tuple[str, ...] = ()
+    start: int | None = None
+    end: int | None = None
+    all_frames: bool = False
+    stations: tuple[str, ...] = ()
+    drive_objects: tuple[int, ...] = ()
+    pnus: tuple[int, ...] = ()
+
+    @property
+    def narrow(self) -> bool:
+        """Whether transactions are chosen by more than device, rule and time: what has none is left out then."""
+        return bool(
+            self.transactions or self.states or self.stations or self.drive_objects or self.pnus
+        )
+
+    @property
+    def by_frame(self) -> bool:
+        """Whether frames are chosen by what they are, not by the transaction they belong to."""
+        return not (self.narrow or self.rules)
+
+    def in_time(self, time_ns: int) -> bool:
+        """Whether a time lies inside the span."""
+        return (self.start is None or time_ns >= self.start) and (
+            self.end is None or time_ns <= self.end
+        )
+
+
+class Wanted:
+    """A selection in one capture.
+
+    Args:
+        result: a complete one, with its transactions.
+        selection: what is wanted.
+    """
+
+    def __init__(self, result: CaptureResult, selection: Selection) -> None:
+        self._result, self._selection = result, selection
+        self._partners = _partners(result)
+        self.ips: set[str] = set()
+        """Of the devices; empty for all."""
+        self.macs: set[str] = set()
+        for name in selection.devices:
+            ips, macs = self._named(name, self._partners)
+            self.ips |= ips
+            self.macs |= macs
+        self._askers: set[str] = set()
+        askers = {each.controller for each in result.transactions}
+        for name in selection.stations:
+            self._askers |= self._named(name, askers)[0]
+        self._targets = Targets(result.evidence) if selection.drive_objects else None
+
+    def _named(self, name: str, addresses: Iterable[str]) -> tuple[set[str], set[str]]:
+        """The IP and MAC addresses that a name stands for; `addresses` are those that no device needs to have."""
+        name = name.lower()
+        found = [
+            each for each in self._result.devices
+            if name in (each.ip, each.mac, (each.station or "").lower())
+        ]  # fmt: skip
+        if not found and name in addresses:
+            return {name}, set()
+        return {each.ip for each in found}, {each.mac for each in found if each.mac}
+
+    def check(self) -> None:
+        """Looks whether what is named is there.
+
+        Raises:
+            SelectionError: a transaction or a device that this capture does not have.
+        """
+        for name in self._selection.devices:
+            if not any(self._named(name, self._partners)):
+                raise SelectionError(f"no device {name!r}; {self.devices()}")
+        last = len(self._result.transactions)
+        for first, _ in self._selection.transactions:
+            if not 1 <= first <= last:
+                there = f"it has 1 to {last}" if last else "it has none"
+                raise SelectionError(f"no transaction {first}; {there}")
+
+    def devices(self) -> str:
+        """What there is: `there are 192.168.0.5 (press-1), 192.168.0.6`."""
+        return there_are(names(self._result))
+
+    def transaction(self, item: Transaction, findings: Iterable[Finding]) -> bool:
+        """Whether a transaction with these findings is wanted."""
+        rules, wanted = self._selection.rules, self._selection.drive_objects
+        if not self._but_for_drive_object(item):
+            return False
+        if rules and not any(each.rule.startswith(rules) for each in findings):
+            return False
+        return self._targets is None or self._targets.drive_object(item) in wanted
+
+    def unproved(self, item: Transaction, findings: Iterable[Finding]) -> bool:
+        """Whether it would be wanted if its drive object were the one that is; nothing proves which it is."""
+        rules = self._selection.rules
+        return (
+            self._targets is not None
+            and item.channel != S7
+            and self._targets.drive_object(item) is None
+            and self._but_for_drive_object(item)
+            and (not rules or any(each.rule.startswith(rules) for each in findings))
+        )
+
+    def _but_for_drive_object(self, item: Transaction) -> bool:
+        asked = self._selection
+        return (
+            (
+                not asked.transactions
+                or any(first <= item.id <= last for first, last in asked.transactions)
+            )
+            and (not asked.states or item.state in asked.states)
+            and (not asked.devices or item.device in self.ips)
+            and (not asked.stations or item.controller in self._askers)
+            and (not asked.pnus or any(each.pnu in asked.pnus for each in item.parameters))
+            and asked.in_time(item.start_ns)
+        )
+
+
+def names(result: CaptureResult) -> list[str]:
+    """The devices that can be asked for, with the names of stations behind their addresses."""
+    shown = [
+        f"{each.ip} ({escape(each.station)})" if each.station else each.ip
+        for each in result.devices
+    ]
+    return shown + sorted(_partners(result) - {each.ip for each in result.devices})
+
+
+def there_are(devices: list[str]) -> str:
+    """`there are 192.168.0.5 (press-1), 192.168.0.6`; of many the first ones."""
+    left_out = len(devices) - _DEVICES_NAMED
+    more = f" and {left_out} more" if left_out > 0 else ""
+    shown = ", ".join(devices[:_DEVICES_NAMED])
+    return f"there are {shown}{more}" if shown else "the capture shows no device"
+
+
+def _partners(result: CaptureResult) -> set[str]:
+    """What no frame names: stations of PROFIBUS, and servers of S7."""
+    found = {each.device for each in result.transactions if each.station is not None}
+    return found | {each.server for each in result.connections}
