@@ -1,4 +1,4 @@
-"""A report of a part of a capture: shown is what a naive filter of the whole JSON gives, and every total is of that."""
+"""A report of a part of a capture shows what a naive filter of the whole JSON gives, and every total is of that."""
 
 import io
 import json
