@@ -15,7 +15,7 @@
 #   make captures   let the lab write captures/ again
 #   make tables     write lua/ds47/spec/tables.lua from python/ds47/spec/*.toml again, and the JSON Schemas
 #   make screenshot take the pictures of Wireshark again
-#   make readme     put the present report into README.md
+#   make readme     put present output into README.md and docs/questions.md
 #   make oracles    record the two S7 stacks anew and compare what they did with what is said of it (Linux)
 #   make constraints  resolve constraints.txt anew
 #   make clean      remove what the targets above made

@@ -398,7 +398,7 @@ def test_the_button_and_its_key_print_when_everything_is_there(browser, write, c
     browser.run(
         "window.print = () => { window.printed = document.querySelectorAll('.canvas').length }"
     )
-    assert browser.run(WAITING) == 6
+    assert browser.run(WAITING) == 7  # tables and plots of two captures, the changes of one
     if key:
         ActionChains(browser.driver).key_down(Keys.CONTROL).send_keys("p").perform()
         ActionChains(browser.driver).key_up(Keys.CONTROL).perform()

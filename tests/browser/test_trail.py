@@ -68,3 +68,22 @@ def test_a_capture_without_changes_has_no_trail(browser, write, captures):
     browser.open(write("reads", analyze(captures / "conversation-error.pcapng")))
     assert not browser.all(TRAIL)
     assert not browser.all("a.trail")
+
+
+def test_a_click_shows_which_parameter_is_refused_most(browser, page):
+    browser.open(page)
+    head = "[data-part=parameters] thead th:nth-child(6)"
+    assert browser.texts(head) == ["Negative response"]
+    browser.click(f"{head} button")
+    first = "[data-part=parameters] tr.row:first-child > td"
+    assert browser.texts(f"{first}:nth-child(6)") == ["4 read"]
+    assert browser.one(head).get_attribute("aria-sort") == "descending"
+    counts = [
+        sum(map(int, text.split()[::2]))
+        for text in browser.texts("[data-part=parameters] tr.row > td:nth-child(6)")
+    ]
+    assert counts == sorted(counts, reverse=True)
+    browser.click(f"{head} button")
+    assert browser.one(head).get_attribute("aria-sort") == "ascending"
+    browser.click(f"{head} button")
+    assert browser.one(head).get_attribute("aria-sort") is None

@@ -18,7 +18,7 @@ import pytest
 from ringbuffer import recording
 
 README = Path(__file__).resolve().parents[2] / "README.md"
-SHOWN = ("encode.md", "folders.md", "regression.md")
+SHOWN = ("encode.md", "folders.md", "questions.md", "regression.md")
 PAGES = [README, *(README.parent / "docs" / name for name in SHOWN)]
 PLACEHOLDER = "(the report stands here)"
 

@@ -157,7 +157,8 @@ def sections(found: Difference) -> list[Section]:
 
 def rest(found: Difference) -> list[Section]:
     """What was not compared."""
-    all_ = [Section(say(title), runs(found.of(kind))) for kind, title in _REST]
+    headings = dict(_REST) | ({kinds.OPEN: "diff_no_value"} if found.of_last_values else {})
+    all_ = [Section(say(title), runs(found.of(kind))) for kind, title in headings.items()]
     return [section for section in all_ if section.runs]
 
 

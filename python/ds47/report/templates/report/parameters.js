@@ -15,10 +15,10 @@ function parameterTable(place, capture) {
   const rows = capture.elements.rows.map((row, number) => ({ number, ...Object.fromEntries(ELEMENT.map((name, at) => [name, row[at]])) }));
   const drive = (row) => (stations.get(row.device) || row.device) + (row.object ? ` ${row.object}` : "");
   const job = (id) => (id === null ? [] : [" ", el("a", { href: `#job-${capture.number}-${id}` }, `#${id}`), " ", el("span", { class: "dim time" }, capture.began(id))]);
-  const count = (name, words) => ({ key: name, words, number: true, value: (row) => row[name], text: (row) => grouped(row[name]) });
+  const count = (name, words) => ({ key: name, words, number: true, most: true, value: (row) => row[name], text: (row) => grouped(row[name]) });
   // Pairs of reads and changes.
   const split = (name, words) => ({
-    key: name, words, number: true, value: (row) => row[name][0] + row[name][1],
+    key: name, words, number: true, most: true, value: (row) => row[name][0] + row[name][1],
     cell: (row) => el("span", { class: row[name][0] + row[name][1] ? `state ${KIND_OF[name]}` : null }, splitText(row[name])),
   });
   const name = (row) => either([row.en, row.zh]);

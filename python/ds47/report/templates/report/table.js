@@ -5,7 +5,7 @@ const PRINTED = 120; // rows that go to paper, where a table does not say otherw
 
 class Table {
   /**
-   * options: columns [{key, words, value(row), cell(row), text(row), number, sort}], rows, filters
+   * options: columns [{key, words, value(row), cell(row), text(row), number, most}], rows, filters
    * [{words, choices() -> [[value, text]], fits(row, value)}], haystack(row) -> text to search,
    * detail(row) -> element or null, key(row), name.
    */
@@ -86,8 +86,9 @@ class Table {
   }
 
   sortBy(column) {
+    const first = Boolean(column.most); // of what is counted, the most comes first
     const same = this.order && this.order.key === column.key;
-    this.order = same && this.order.down ? null : { key: column.key, down: Boolean(same) };
+    this.order = same && this.order.down !== first ? null : { key: column.key, down: same ? !first : first };
     this.page = 0;
     this.choose();
   }

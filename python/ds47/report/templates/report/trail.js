@@ -57,7 +57,7 @@ function trailTable(place, capture) {
       { ...timeColumn(capture, start), key: "time" },
       { key: "frame", words: "trail_frame", number: true, value: (change) => capture.frames(change.job)[0], text: (change) => String(capture.frames(change.job)[0]) },
       { key: "id", words: "col_id", value: (change) => change.id, cell: (change) => el("a", { href: `#job-${capture.number}-${change.id}` }, `#${change.id}`) },
-      text("who", "controller", who), text("drive", "col_device", (change) => change.drive), text("way", "trail_way", (change) => change.way),
+      text("who", "controller", who), text("drive", "col_device", (change) => change.drive), text("way", "trail_way", (change) => change.way, { class: "keep" }),
       { key: "parameter", words: "col_parameter", class: "value", value: (change) => change.pnu * 65536 + change.subindex, cell: (change) => el("span", {}, change.address, " ", el("span", { class: "dim label" }, either(change.names))) },
       { key: "change", words: "trail_change", class: "value", value: (change) => change.new, cell: changeCell },
       { key: "outcome", words: "col_state", value: (change) => change.outcome, cell: outcomeCell },
