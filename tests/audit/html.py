@@ -156,9 +156,9 @@ def _microseconds(deal: Deal, reading: Reading) -> float:
 
 def _times(body: str, reading: Reading) -> Iterator[str]:
     """The times of findings and events: those of their frames."""
-    rows = re.findall(r"<tr[^>]*>(<td class=\"number\">\d.*?)</tr>", body, re.DOTALL)
+    rows = re.findall(r"<tr[^>]*>(<td class=\"number\"[^>]*>\d.*?)</tr>", body, re.DOTALL)
     for row in rows:
-        frame = reading.capture.frame(int(re.findall(r"\d+", row)[0]))
+        frame = reading.capture.frame(int(re.findall(r">(\d+)", row)[0]))
         told = [_plain(each) for each in re.findall(r'<td class="number time">(.*?)</td>', row)]
         if not told or frame is None or "–" in told:
             continue
