@@ -189,6 +189,7 @@ def told(item: Finding) -> dict[str, Any]:
         args["dropped"] = False
     about = report.finding(replace(item, args=args))
     del about["filter"]
+    about.pop("time", None)  # Wireshark has it beside each frame
     about["message"] = sentence(replace(item, args=args))
     return about
 

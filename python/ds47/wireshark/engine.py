@@ -23,6 +23,7 @@ from ds47.capture import Capture, CaptureError, Frame, sha256
 from ds47.capture.stream import Stream
 from ds47.capture.writer import PcapngWriter, nearest
 from ds47.findings.collection import Findings
+from ds47.findings.times import FrameTimes
 from ds47.model import SIEMENS, CaptureResult, Finding, Read, Transaction
 from ds47.profibus.bus import LINK_TYPES, PROFIBUS_DL, proves
 from ds47.profibus.telegram import decode
@@ -266,6 +267,7 @@ class _Extract(Capture):
 
     Attributes:
         numbers: `numbers[n - 1]` is the number in the capture of frame n of that file.
+        times: when the frames of the capture were.
         shift: nanoseconds by which all times are later in that file: it holds none before 1970.
         misfit: the first frame whose time it cannot hold even so; None where all times are right.
         unproven: the first frame of PROFIBUS_DL before one that proves that it is PROFIBUS; 0 where there is none.
@@ -279,6 +281,7 @@ class _Extract(Capture):
             stream.close()
             raise CaptureError(f"{stream.name}: {error.message}") from error
         self.numbers = array("Q")
+        self.times = FrameTimes(limits().frame_times)
         self.shift = 0
         self.misfit: int | None = None
         self.unproven = 0
@@ -321,6 +324,8 @@ class _Extract(Capture):
             self.misfit = frame.number
         self._writer.write(time, bytes(frame.data), frame.original_length, interface=interface)
         self.numbers.append(frame.number)
+        if frame.link_type not in LINK_TYPES or self.timed:
+            self.times.note(frame.number, frame.time_ns)
 
     def close(self) -> None:
         """Close both files."""
@@ -334,6 +339,7 @@ class _Original:
     def __init__(self, capture: _Extract, native: CaptureResult) -> None:
         self._numbers = capture.numbers
         self._shift = capture.shift
+        self._times = capture.times
         self._dropped = bool(native.dropped)
         self._vendors = {each.ip: each.vendor for each in native.devices}
 
@@ -359,6 +365,7 @@ class _Original:
         """The finding, with the frame numbers of the capture, also among its arguments."""
         finding = load.finding(item)
         finding.frame = self._numbers[finding.frame - 1]
+        finding.time_ns = self._times.of(finding.frame)
         finding.frames = [self._numbers[frame - 1] for frame in finding.frames]
         args = spec.rules()[finding.rule].carried(finding.args)
         finding.args = renumbered(finding.rule, args, lambda n: self._numbers[n - 1])
