@@ -5,6 +5,7 @@
 -- is added to that. Its nanoseconds are exact up to EXACT_SECONDS; where somebody sets another frame as the
 -- reference of times, a gap shows, and the field is asked for again.
 
+local tables = require("ds47.spec.tables")
 local times = require("ds47.support.times")
 
 local floor = math.floor
@@ -12,6 +13,7 @@ local floor = math.floor
 local M = {}
 
 local EXACT_SECONDS, SAME_SECONDS = 1e6, 1e-6
+local MOST = tables.limits.frame_times
 
 local field -- the extractor of frame.time_epoch
 local here -- what Wireshark knows of this frame
@@ -19,6 +21,7 @@ local newest_ns -- a frame without a time has that of the frame before it
 local origin -- seconds since 1970 to which relative times are added, not exact; nil before the first
 local origin_ns -- the same as the analysis counts, exact
 local start_ns -- time of the first frame, before somebody set another one as the reference
+local asked, count = {}, 0 -- the times that somebody asked for, by the numbers of the frames
 local last_number, last_absolute, last_relative = 0 -- of the last frame, where a Listener hears of all
 
 --- Tells where the exact time comes from: an extractor of frame.time_epoch.
@@ -29,6 +32,7 @@ end
 --- Forgets all times: another analysis counts from another second.
 function M.reset()
   origin, newest_ns, start_ns = nil, nil, nil
+  asked, count = {}, 0
   last_number, last_absolute, last_relative = 0, nil, nil
 end
 
@@ -82,8 +86,12 @@ function M.last()
   return origin_ns + floor(last_relative * 1e9 + 0.5)
 end
 
---- The time of the frame as an analysis counts it (Analysis:time_ns).
-function M.now(analysis)
+--- The time of a frame that somebody asked for; nil of another one.
+function M.of(number)
+  return asked[number]
+end
+
+local function time_of(analysis)
   local absolute, relative = here.abs_ts, here.rel_ts
   local gap = origin and absolute - relative - origin
   if not gap or gap > SAME_SECONDS or gap < -SAME_SECONDS
@@ -92,6 +100,16 @@ function M.now(analysis)
   end
   newest_ns = origin_ns + floor(relative * 1e9 + 0.5)
   return newest_ns
+end
+
+--- The time of the frame as an analysis counts it (Analysis:time_ns).
+function M.now(analysis)
+  local time, number = time_of(analysis), here.number
+  if asked[number] == nil and count < MOST then
+    count = count + 1
+    asked[number] = time
+  end
+  return time
 end
 
 return M

@@ -774,6 +774,9 @@ function M.result()
   local result = live:ended()
   result.base_seconds = live.base_seconds
   result.start_time, result.end_time = frame_clock.start(), frame_clock.last()
+  for _, each in ipairs(result.findings) do
+    each.time_ns = frame_clock.of(each.frame)
+  end
   return result
 end
 

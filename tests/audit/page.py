@@ -7,7 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from datetime import datetime
+from datetime import UTC, datetime
 
 from tests.audit import plc
 from tests.audit.reading import Complaint, Deal, Finding, Reading, shown
@@ -676,6 +676,18 @@ def _groups(lines: list[str], reading: Reading) -> Iterator[Complaint]:
             yield Complaint("findings", rule, text)
 
 
+def _of_frame(number: int, reading: Reading) -> str | None:
+    """When a frame was, as the text says it."""
+    frame = reading.capture.frame(number)
+    if frame is None:
+        return None
+    if not dated(reading):
+        return f"{seconds(frame.time_ns, reading)} s"
+    whole_, rest = divmod(frame.time_ns, 10**9)
+    when = datetime.fromtimestamp(whole_, UTC)
+    return moment(f"{when:%Y-%m-%dT%H:%M:%S}.{rest:09}Z", reading)
+
+
 def whole(lines: list[str], deep: int = 8) -> list[str]:
     """Lines that were broken, put together again: what stands deeper than the first of them goes on."""
     found: list[str] = []
@@ -691,9 +703,11 @@ def _group(rule: str, lines: list[str], reading: Reading) -> Iterator[str]:
     findings = [each for each in reading.findings if each.rule == rule]
     frames, more = set[int](), 0
     for text in whole(lines):
-        told = re.match(r"frame (\d+)(?: #(\d+) ([\d.:+ s-]+?))?: (.*)$", text)
+        told = re.match(r"frame (\d+)(?: #(\d+))?(?: ([\d.:+ s-]+?))?: (.*)$", text)
         if told and told[2] and told[3] != clock(reading.by_id[int(told[2])], reading):
             yield f"#{told[2]} did not begin at {told[3]}"
+        if told and not told[2] and told[3] != _of_frame(int(told[1]), reading):
+            yield f"frame {told[1]} was not at {told[3]}"
         if told and not any(
             each.frame == int(told[1]) and each.message == told[4]
             and each.transaction == (int(told[2]) if told[2] else None) for each in findings

@@ -116,6 +116,8 @@ def as_lua(result: CaptureResult) -> dict[str, Any]:
         each["corrected"] = None if each["corrected"] is None else each["corrected"].hex()
     for each in (*item["findings"], *item["diagnoses"]):
         each["args"] = with_points(each["args"])
+        if each.get("time_ns") is not None:
+            each["time_ns"] -= base * 10**9
         assert each.pop("said") is None  # the plugin reads no stored results
     return item
 

@@ -446,7 +446,8 @@ local function finding_group(add, group, rules, options)
     if i <= M.FINDINGS_PER_RULE then
       add("    " .. say(lang, "finding_line", {
         frame = say(lang, "frame", { frame = integer(each.frame) }),
-        job = each.transaction and options.moment(each.transaction) or "",
+        job = each.transaction and options.moment(each.transaction)
+          or each.time_ns and " " .. options.clock:moment(each.time_ns) or "",
         message = escape(words.message(each, lang)),
       }))
     end

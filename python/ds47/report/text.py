@@ -434,7 +434,8 @@ class Writer(_Writer):
         text = escape(sentence(item, self.options.lang))
         text = at_offset(item.offset, text, self.options.lang)
         frame = escape(places.words(item.frame, self.options.lang))
-        job = "" if item.transaction is None else self._job(item.transaction)
+        known = "" if item.time_ns is None else f" {self._clock.moment(item.time_ns)}"
+        job = known if item.transaction is None else self._job(item.transaction)
         return self._say("finding_line", frame=frame, job=job, message=text)
 
     def _job(self, number: int) -> str:
