@@ -146,7 +146,9 @@ def _problem(text: str) -> Headline | None:
 def _data(reading: Reading) -> Iterator[str]:
     for kind, _name, text in _DATA.findall(reading.page):
         data = gzip.decompress(base64.b64decode(text)).decode() if kind == "gzip" else text
-        yield from _rows(json.loads(data), reading)
+        plain = json.loads(data)
+        yield from _rows(plain, reading)
+        yield from _trail(plain["trail"], reading)
 
 
 def _microseconds(deal: Deal, reading: Reading) -> float:
@@ -183,6 +185,90 @@ def _channel(deal: Deal, reading: Reading) -> list[Any]:
             place[0] = " -> ".join(f"{line[each]}:{line[each + '_port']}" for each in ends)
             place[-1] = "s7"
     return place
+
+
+def _trail(data: dict[str, Any], reading: Reading) -> Iterator[str]:
+    """The changes of parameters: each of a request that says so, with what its response and an earlier one say."""
+    told = set()
+    for values in data["rows"]:
+        row = dict(zip(data["row"], values, strict=True))
+        deal, name = reading.by_id.get(row["id"]), f"p{row['pnu']}[{row['subindex']}]"
+        told.add(row["id"])
+        if deal is None or deal.operation != "change":
+            yield f"the change of {name} is none: #{row['id']}"
+            continue
+        if data["objects"][row["object"]][0] != deal.device:
+            yield f"{name} of #{deal.id} was not written on {data['objects'][row['object']][0]}"
+        if deal.state == "mismatch":
+            continue  # its response is of another request
+        found = [each for each in deal.plain["parameters"] if _covers(each, row)]
+        outcome = data["outcomes"][row["outcome"]]
+        if not found or outcome not in {_outcome(deal, each) for each in found}:
+            yield f"{name} of #{deal.id} is not {outcome}"
+        if row["new"] is not None and not any(_is_value(row["new"], each, row) for each in found):
+            yield f"#{deal.id} did not write {row['new']} to {name}"
+        if row["old_from"] and not _was(row, deal, reading):
+            yield f"{name} was not {row['old']} in frame {abs(row['old_from'])}"
+    written = {each.id for each in reading.deals if _writes(each)}
+    if not written <= told:
+        yield f"the trail lacks #{min(written - told)}"
+
+
+def _covers(parameter: dict[str, Any], row: dict[str, Any]) -> bool:
+    first, count = parameter["subindex"] or 0, max(parameter["element_count"] or 1, 1)
+    own = (parameter["pnu"], parameter["attribute"]) == (row["pnu"], "value")
+    width = max(count, len("".join(map(str, parameter["values"]))), len(parameter["values"]))
+    return own and first <= row["subindex"] < first + width
+
+
+def _outcome(deal: Deal, parameter: dict[str, Any]) -> str:
+    if parameter["error"] is not None:
+        return "negative"
+    if deal.plain["status"]["write"] not in (None, "00000000"):
+        return "refused"
+    return "accepted" if deal.state == "ok" else "accepted" if _is_told(deal, parameter) else "sent"
+
+
+def _is_told(deal: Deal, parameter: dict[str, Any]) -> bool:
+    """Whether a response in part reaches as far as a parameter."""
+    response = bytes.fromhex(deal.plain["bytes"]["response"] or "")
+    place = deal.plain["parameters"].index(parameter)
+    broken = {"DS106", "DS309", "DS313", "DS315"} & set(deal.plain["findings"])
+    return deal.state == "partial" and not broken and len(response) > 3 and place < response[3]
+
+
+def _is_value(shown: str, parameter: dict[str, Any], row: dict[str, Any]) -> bool:
+    values, at = parameter["values"], row["subindex"] - (parameter["subindex"] or 0)
+    if not any(isinstance(each, str) for each in values):
+        return at < len(values) and shown in (
+            str(values[at]),
+            f"{values[at]:.1f}",
+            repr(values[at]),
+        )
+    return any(shown.strip('"') in str(each) for each in values) or "\\" in shown
+
+
+def _was(row: dict[str, Any], deal: Deal, reading: Reading) -> bool:
+    """Whether an earlier response read the old value, or accepted it."""
+    frame = abs(row["old_from"])
+    for each in reading.deals:
+        wanted = "change" if row["old_from"] < 0 else "read"
+        answered = each.read or max(each.all_frames, default=0)
+        if (each.operation, each.device, answered) != (wanted, deal.device, frame):
+            continue
+        parameters = [item for item in each.plain["parameters"] if _covers(item, row)]
+        if any(item["error"] is None and _is_value(row["old"], item, row) for item in parameters):
+            return frame < min(deal.all_frames, default=0)
+    return False
+
+
+def _writes(deal: Deal) -> bool:
+    named = (
+        each["pnu"] is not None and each["attribute"] == "value"
+        for each in deal.plain["parameters"]
+    )
+    fits = deal.operation == "change" and deal.state not in ("orphan", "mismatch")
+    return fits and not deal.s7 and any(named)
 
 
 def _rows(data: dict[str, Any], reading: Reading) -> Iterator[str]:
