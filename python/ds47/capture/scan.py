@@ -69,9 +69,8 @@ _SAMPLE, _RAREST, _OFTEN = 4, 1024, 256
 _CONNECT, _RESPONSE = 0, 2  # operation and type of the RPC message that sets up cyclic frames
 
 _LEARN_FROM = 4096  # frames after which it pays to learn the shapes of cyclic traffic
-_SINGLE = (
-    4096  # bytes before the end of a pcap buffer that runs do not skip: the last frame has a time
-)
+# Bytes at the end of a pcap buffer that no run reaches into: the last frame is passed by itself, and has a time.
+_SINGLE = 128
 
 # What `ahead` gives at once. Few frames at first, because somebody waits for them, then twice as many each
 # time: behind each its thread has to wait for the interpreter, up to 5 ms.
