@@ -55,3 +55,30 @@ def test_the_page_says_the_times_that_the_text_says(browser, captures, tmp_path,
     assert browser.texts("[data-part=transactions] td.time") == told
     spans = clock.span(result)
     assert spans.en in browser.texts(".about")[0]
+
+
+def test_a_plot_says_time_of_day_seconds_and_frame_where_the_pointer_is(
+    browser, captures, tmp_path
+):
+    result = analyze(captures / "tour-machine.pcapng")
+    stream = io.StringIO()
+    html.write(Report([result]), stream, Options(zone=BERLIN))
+    page = tmp_path / "page.html"
+    page.write_text(stream.getvalue(), "utf-8")
+    browser.open(page)
+    browser.plots()
+    sources = browser.run(
+        "return Bokeh.documents.flatMap((each) => each.roots()).flatMap((root) => root.renderers)"
+        ".map((each) => each.data_source?.data).filter((data) => data?.time && data.frame)"
+        ".map((data) => [[...data.time], [...data.frame], [...(data.text ?? [])]])"
+    )
+    told = {pair for times, frames, _ in sources for pair in zip(times, frames, strict=True)}
+    clock = Clock.of(result, BERLIN)
+    starts = {
+        (f"{clock.at(each.start_ns)} · {clock.since(each.start_ns)} s", each.frames.first())
+        for each in result.transactions
+        if each.duration_ns is not None
+    }
+    assert starts <= told
+    texts = {text for *_, words in sources for text in words}
+    assert texts == {"read from the fault buffer, p945: 7900, 30002"}
