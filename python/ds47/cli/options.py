@@ -37,8 +37,7 @@ def _zone(_context: click.Context, _parameter: click.Parameter, text: str) -> Zo
 def zone_for_paths(where: Zone, paths: Sequence[str]) -> Zone:
     """The zone of --tz; that of the `ds47.toml` beside the captures where nothing was typed.
 
-    Raises:
-        click.ClickException: the file says something that cannot be.
+    A file that says something that cannot be is told of with the captures.
     """
     from click.core import ParameterSource
 
@@ -49,8 +48,8 @@ def zone_for_paths(where: Zone, paths: Sequence[str]) -> Zone:
         return where
     try:
         return zone_for(paths) or where
-    except CaptureError as problem:
-        raise click.ClickException(str(problem)) from problem
+    except CaptureError:
+        return where
 
 
 tz_option = click.option(

@@ -168,24 +168,23 @@ def command(
     PATH is a pcap or pcapng file (also .gz and .zst), a folder, which is searched for captures
     with all that is below it, a URL of either (s3://...), or - for stdin.
     """
-    where = zone_for_paths(where, paths)
     collect_rarely()
-    choice = chosen(where, **{name: options.pop(name) for name in CRITERIA})
-    if choice and results_name:
-        raise click.UsageError(
-            "--results keeps whole results: narrow a report of them, not what is kept"
-        )
-    shown = Options(
-        rules=_Catalogue(), lang=lang, plc=plc, zone=where, width=width or _columns(output_name),
-        reference=None if reference is None else _reference(reference),
-    )  # fmt: skip
+    asked = {name: options.pop(name) for name in CRITERIA}
     execution = Execution(
         options_from(**options, kept_lists=True), lang, engine, tshark, jobs, results_name, resume, scheduler
     )  # fmt: skip
     execution.check(paths, series)
+    where = zone_for_paths(where, paths)
+    choice = chosen(where, **asked)
+    if choice and results_name:
+        raise click.UsageError("--results keeps whole results and takes no criteria")
     lacking: list[str] = []
     found = tasks(paths, series, lacking.append)
-    shown = shown._replace(detail=detail or "auto", captures=len(found))
+    shown = Options(
+        rules=_Catalogue(), lang=lang, plc=plc, zone=where, width=width or _columns(output_name),
+        reference=None if reference is None else _reference(reference), detail=detail or "auto",
+        captures=len(found),
+    )  # fmt: skip
     name = format_name or ("overview" if results_name else "text")
     said = Heading(title, order, customer, author)
     heading = _heading(said, paths) if name == "html" else said
