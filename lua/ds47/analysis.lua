@@ -174,7 +174,7 @@ function Analysis:packet(packet)
   if pdu == nil then
     return
   end
-  local is_copy, original = self.calls:is_copy(pdu)
+  local is_copy, original = self.calls:is_copy(pdu, packet.ip_id)
   if is_copy then
     self.original = original
     return
@@ -287,7 +287,7 @@ local function asked_last(self)
   if not context then
     return NONE
   end
-  return context.records, recordcalls.peer(call.request, self.naming)
+  return context, recordcalls.peer(call.request, self.naming)
 end
 
 --- The jobs that the last packet touched: array of {job, role}; role is one of "write_request",
@@ -391,8 +391,8 @@ end
 -- The end
 
 --- The complete result, as if the capture ended here; the analysis goes on as if nothing was asked.
--- The same table until the next packet. {transactions, findings, diagnoses, devices, rpc, records, summary,
--- relations, timelines, bus, connections, connections_left_out}:
+-- The same table until the next packet. {transactions, findings, diagnoses, devices, rpc, records, relations,
+-- timelines, bus, connections, connections_left_out}:
 -- transactions by `id`, findings by frame and rule, rpc and records (by index) as counts. Nobody may change
 -- it, and of an older result only numbers may differ from a newer one: transactions that were finished
 -- before are the same tables, with their newest `id` and `findings`.
@@ -450,7 +450,6 @@ function Analysis:_finish()
     devices = self.naming:devices(),
     rpc = self.calls.counts,
     records = self.events.counts,
-    summary = transactions.summary(numbered),
     relations = self.cyclic:relations(),
     timelines = self.cyclic:timelines(),
     bus = self.bus_stations:told(self.bus.line.stray, self.bus.line.echoes),
@@ -569,7 +568,7 @@ end
 
 --- A closed job is about to change: its transaction stays what it is.
 function Analysis:late(job)
-  self.finished_jobs:by_order(job.order)
+  self.finished_jobs:late(job)
 end
 
 --- A Connect and its response.

@@ -25,6 +25,7 @@ local sentences = require("ds47.report.sentences")
 local status = require("ds47.spec.statuses")
 local suggest = require("ds47.diagnosis.suggest")
 local times = require("ds47.support.times")
+local transactions = require("ds47.acyclic.transactions")
 
 local function hex(bytes)
   return bytes and (bytes:gsub(".", function(byte) return ("%02x"):format(byte:byte()) end))
@@ -226,7 +227,7 @@ local function capture()
     transactions = list(result.transactions, function(item) return transaction(item, run.base_seconds) end),
     findings = list(result.findings, finding),
     diagnoses = list(result.diagnoses, diagnosis),
-    summary = result.summary,
+    summary = transactions.summary(result.transactions),
     relations = #result.relations > 0 and list(result.relations, relation) or nil,
     timelines = #result.timelines > 0 and list(result.timelines, function(item)
       return timeline(item, run.base_seconds)

@@ -8,6 +8,7 @@ package.path = root .. "../../lua/?.lua;" .. package.path
 
 local analysis = require("ds47.analysis")
 local json = require("ds47.support.json")
+local transactions = require("ds47.acyclic.transactions")
 local unhex = require("ds47.support.bytes").unhex
 local status = require("ds47.spec.statuses")
 
@@ -253,6 +254,16 @@ local function check_seen(result, seen)
   end
 end
 
+-- A result as one text, transactions with all their keys.
+local function dump_result(result)
+  local found = {}
+  for key, value in pairs(result) do
+    found[key] = value
+  end
+  found.transactions = each(result.transactions, transactions.whole)
+  return dump(found)
+end
+
 local function check_on_the_way(case, expected)
   local run, seen = new(case), {touched = {}, findings = {}}
   for frame, step in ipairs(case.steps) do
@@ -262,16 +273,16 @@ local function check_on_the_way(case, expected)
       return wrong
     end
     local first = run:ended()
-    local text = dump(first)
+    local text = dump_result(first)
     if run:ended() ~= first then
       return "ended() is not kept after frame " .. frame
     end
     run.result = nil -- as if something had come that changed nothing
-    if dump(run:ended()) ~= text then
+    if dump_result(run:ended()) ~= text then
       return "ended() twice is not the same after frame " .. frame
     end
   end
-  if dump(run:ended()) ~= expected then
+  if dump_result(run:ended()) ~= expected then
     return "ended() after every step changes the result"
   end
   return check_seen(run:ended(), seen)
@@ -282,7 +293,7 @@ local vectors = json.decode(file:read("*a"))
 file:close()
 for _, case in ipairs(vectors.cases) do
   local result = check(case)
-  local wrong = check_on_the_way(case, dump(result))
+  local wrong = check_on_the_way(case, dump_result(result))
   if wrong then
     fail(case.id, "%s", wrong)
   end

@@ -68,7 +68,7 @@ local function tell_pdu(pdu, kind)
     ptype = pdu.ptype, little = pdu.little, object_uuid = hex(pdu.object_uuid), activity = hex(pdu.activity),
     seq = pdu.seq, opnum = pdu.opnum, fragment = pdu.fragment, last = pdu.last, fragmented = pdu.fragmented,
     body = body, missing = pdu.missing, frame = pdu.frame, time_ns = pdu.time_ns, source = pdu.source,
-    destination = pdu.destination, client = pdu.client, server = pdu.server, ip_id = pdu.ip_id,
+    destination = pdu.destination, client = pdu.client, server = pdu.server,
     source_mac = pdu.source_mac, vendor_id = vendor_id, device_id = device_id,
   })
 end
@@ -77,7 +77,7 @@ local function tell_records(pdu)
   local body = records.parse_request(pdu)
   local status, answers = records.parse_response(pdu)
   tell("records", {
-    multiple = body.multiple, nested = body.nested, requests = list_of(body.records), status = status,
+    multiple = body.multiple, nested = body.nested, requests = list_of(body), status = status,
     answers = list_of(answers), released = hex(records.released_ar(pdu)),
   })
 end
@@ -187,7 +187,7 @@ local function feed(run, packet)
     return
   end
   tell_pdu(pdu, "pdu")
-  if run.calls:is_copy(pdu) then
+  if run.calls:is_copy(pdu, packet.ip_id) then
     return
   end
   local fragmented = pdu.fragmented

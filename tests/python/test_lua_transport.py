@@ -196,7 +196,7 @@ class Ear:
             activity=pdu.activity.hex(), seq=pdu.seq, opnum=pdu.opnum, fragment=pdu.fragment,
             last=pdu.last, fragmented=pdu.fragmented, body=pdu.body.hex(), missing=pdu.missing,
             frame=pdu.frame, time_ns=pdu.time_ns, source=pdu.source, destination=pdu.destination,
-            client=pdu.client, server=pdu.server, ip_id=pdu.ip_id, source_mac=pdu.source_mac,
+            client=pdu.client, server=pdu.server, source_mac=pdu.source_mac,
             vendor_id=vendor_id, device_id=device_id,
         )  # fmt: skip
 

@@ -98,7 +98,7 @@ function RecordCalls:first_record(pdu)
   if pdu.fragment ~= 0 then
     return nil
   elseif pdu.ptype == 0 then
-    record = parse_request(pdu).records[1]
+    record = parse_request(pdu)[1]
   elseif pdu.ptype == 2 then
     local _, answers = parse_response(pdu)
     record = answers[1]
@@ -108,7 +108,7 @@ end
 
 -- The first record that a call asks for and that can be ours; nil for none.
 function RecordCalls:_asked_by(call)
-  for _, record in ipairs(call and call.context and call.context.records or {}) do
+  for _, record in ipairs(call and call.context or {}) do
     if self.events:concerns(record.index) then
       return record
     end
@@ -132,7 +132,7 @@ function RecordCalls:incomplete(pdu, have, kind, limit, call)
     self.forgot_requests = self.forgot_requests or pdu.ptype == 0
   else
     local remark = {rule = "DS105", frame = pdu.frame, args = {have = have, kind = kind}}
-    local asked = call and call.context and not record.write and call.context.records[1]
+    local asked = call and call.context and not record.write and call.context[1]
     if asked then
       self.events:about_job(placed(self, pdu), asked, remark)
     else
@@ -165,7 +165,7 @@ function RecordCalls:_about_call(call, remark)
   if not context then
     return
   end
-  for _, record in ipairs(context.records) do
+  for _, record in ipairs(context) do
     if self.events:concerns(record.index) then
       self.events:about_job(placed(self, call.request), record, remark)
       return
@@ -192,17 +192,16 @@ function RecordCalls:request(call)
   if not OPERATIONS[opnum] then
     return
   end
-  local body = parse_request(pdu)
-  call.context = body
-  local list = body.records
-  if body.multiple then
+  local list = parse_request(pdu)
+  call.context = list
+  if list.multiple then
     self.events:count(records.WRITE_MULTIPLE, true)
   end
   for number = 1, #list do
     self.events:count(list[number].index, list[number].write)
     self.pairing:goes_on(ar_key(peer_of(pdu, self.naming), list[number]))
   end
-  if body.nested then
+  if list.nested then
     self.listener:remark({rule = "DS208", frame = pdu.frame, args = {}})
   end
   for number = 1, #list do
@@ -237,7 +236,7 @@ function RecordCalls:pushed_out(call, limit)
   if not context then
     return
   end
-  for _, record in ipairs(context.records) do
+  for _, record in ipairs(context) do
     if self.events:concerns(record.index) then
       self.forgot_requests = true
       self.events:then_run(placed(self, pdu), record, self, "limit_reached", limit)
@@ -248,7 +247,7 @@ function RecordCalls:pushed_out(call, limit)
 end
 
 function RecordCalls:_reads_lost(pdu, context)
-  for _, record in ipairs(context.records) do
+  for _, record in ipairs(context) do
     if self.events:concerns(record.index) then
       self.events:lost(placed(self, pdu), record)
     end
@@ -266,9 +265,8 @@ function RecordCalls:response(call)
     return
   end
   local status, halves = parse_halves(pdu)
-  local list = context.records
-  for number = 1, #list do
-    local record = list[number]
+  for number = 1, #context do
+    local record = context[number]
     if self.events:concerns(record.index) then
       -- without a block of its own the status of the NDR header counts
       local half = halves[number] or half_of(pdu.frame, pdu.time_ns, status)
@@ -316,7 +314,7 @@ function RecordCalls:fault(call, pdu)
   if not context then
     return
   end
-  for _, record in ipairs(context.records) do
+  for _, record in ipairs(context) do
     if self.events:concerns(record.index) then
       self.events:failed(placed(self, pdu), record)
     end

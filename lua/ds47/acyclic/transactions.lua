@@ -112,7 +112,7 @@ end
 local NONE = {}
 
 -- What a parameter has until it gets its own, where no request names it.
-local NAMELESS = {values = NONE}
+local NAMELESS = {values = NONE, in_format = {}}
 NAMELESS.__index = NAMELESS
 
 -- What is known of a parameter from its address alone. Stands with the address, which equal requests share;
@@ -126,11 +126,24 @@ local function class_of(address, siemens)
   class = {
     pnu = address.pnu, subindex = address.subindex, attribute = address.attribute_name,
     element_count = address.element_count, listed = known ~= nil, unit = known and known.unit or nil,
-    values = NONE, siemens = siemens,
+    values = NONE, siemens = siemens, in_format = {},
   }
   class.class, class.__index = class, class
   address.class = class
   return class
+end
+
+-- The same of a parameter whose values have the format of a block.
+local function class_in_format(class, block)
+  local of_block = getmetatable(block) -- of which there is one for each format
+  local found = class.in_format[of_block]
+  if found == nil then
+    found = {format = block.format_name}
+    for key, value in pairs(class) do found[key] = value end
+    found.__index = found
+    class.in_format[of_block] = found
+  end
+  return found
 end
 
 -- Puts into a parameter what the drive has said of it; its class is one of its own, as its unit may be none.
@@ -145,19 +158,19 @@ end
 -- One parameter: `value` is the block with the values, `answer` the one that may hold an error, `meaning`
 -- what the drive has said of it; each may be nil.
 local function shown(job, address, value, answer, meaning)
-  local result
+  local class, result = address and class_of(address, job.peer.vendor_id == SIEMENS) or NAMELESS
   if value and value.error == nil then
-    result = {
-      format = value.format_name, value_count = value.value_count, values = value.values,
-      scaled = value.scaled,
-    }
+    result, class = {value_count = value.value_count, values = value.values}, class_in_format(class, value)
+    if value.scaled then
+      result.scaled = value.scaled
+    end
   else
     result = {}
   end
   if answer and answer.error ~= nil then
     result.error = {code = answer.error.code, info = answer.error.info, vendor_id = job.peer.vendor_id}
   end
-  setmetatable(result, address and class_of(address, job.peer.vendor_id == SIEMENS) or NAMELESS)
+  setmetatable(result, class)
   return meaning and address and explain(result, meaning) or result
 end
 
@@ -173,15 +186,16 @@ function M.parameters(job)
   end
   local result = {}
   if request == nil or (stray and not refused(job)) then
-    for number, block in ipairs(blocks) do
-      result[number] = shown(job, nil, block, block)
+    for number = 1, #blocks do
+      result[number] = shown(job, nil, blocks[number], blocks[number])
     end
     return result
   end
   local answers = stray and NONE or blocks
   local values, meanings = change and request.blocks or answers, job.meanings or NONE
-  for number, address in ipairs(request.addresses) do
-    result[number] = shown(job, address, values[number], answers[number], meanings[number])
+  local addresses = request.addresses
+  for number = 1, #addresses do
+    result[number] = shown(job, addresses[number], values[number], answers[number], meanings[number])
   end
   return result
 end
@@ -235,11 +249,32 @@ local function first_frame(frames)
   return first < math.huge and first or 0
 end
 
---- Gives a job that was closed its response again: see `Store:add`.
-function M.restore(job, codec)
+local restored -- the closed job whose response was decoded last for its transaction
+
+local function decode(job, codec)
   local read = job.read_response
   if job.phase == "closed" and job.response == nil and read ~= nil and read.data ~= "" then
     job.response = parameter.decode_response(read.data, job.message, codec)
+    return true
+  end
+  return false
+end
+
+--- Gives a job that was closed its response again: see `Store:add`.
+function M.restore(job, codec)
+  decode(job, codec)
+  if restored == job then
+    restored = nil -- it is kept
+  end
+end
+
+-- The same until another job needs its own.
+local function restore_for_now(job, codec)
+  if decode(job, codec) then
+    if restored then
+      restored.response = nil
+    end
+    restored = job
   end
 end
 
@@ -320,34 +355,67 @@ function KEYS.response(_, job)
   return read and read.data ~= "" and read.data or nil
 end
 
+-- What is dear to make, or asked for often; all else is made each time.
+local KEPT = {parameters = true, state = true, frames = true, operation = true, stray = true}
+
 local Open = {}
 
 function Open.__index(item, key)
   local make = KEYS[key]
-  local value = make and make(item, item.job)
-  item[key] = value
+  if make == nil then
+    return nil
+  end
+  local value = make(item, item.job)
+  if KEPT[key] then
+    item[key] = value
+  end
   return value
 end
 
---- The transaction of a job as far as the job has got: each key is made when it is asked for first.
+--- The transaction of a job as far as the job has got: each key is made when it is asked for.
 -- Times are those of the job: nanoseconds, relative to `base_seconds` of the analysis.
-function M.open(job)
-  return setmetatable({
-    job = job,
-    operation = nil, request_reference = nil, axis = nil, parameters = nil, -- named to be given room at once
-  }, Open)
+-- @param item  one that nobody needs any more, to become this one; nil for a new one
+function M.open(job, item)
+  if item == nil then
+    item = setmetatable({channel = "ds47", job = nil}, Open)
+  end
+  item.job, item.parameters, item.state, item.frames = job, nil, nil, nil
+  item.operation, item.stray = nil, nil
+  return item
 end
 
--- The transaction of a closed job, all of it, without the job.
-local function build(job)
-  local item = {id = 0, findings = {}}
-  item.parameters = KEYS.parameters(item, job) -- of which the state is made
-  for key, make in pairs(KEYS) do
-    if item[key] == nil then
-      item[key] = make(item, job)
+-- What is made of the response, which a closed job has no more.
+local OF_RESPONSE = {operation = true, parameters = true, state = true, stray = true, failing = true}
+local KEPT_CLOSED = {state = true, frames = true, operation = true}
+
+-- The metatable of the transactions of closed jobs: each key is made when it is asked for.
+local function closed_class(codec)
+  return {__index = function(item, key)
+    local make, job = KEYS[key], rawget(item, "job")
+    if make == nil or job == nil then
+      return nil
+    elseif job.response == nil and (OF_RESPONSE[key] or job.message == nil) then
+      restore_for_now(job, codec)
     end
+    local value = make(item, job)
+    if KEPT_CLOSED[key] then
+      item[key] = value
+    end
+    return value
+  end}
+end
+
+--- A transaction as a table of its own that has all its keys.
+function M.whole(item)
+  local result = {}
+  for key, value in pairs(item) do
+    result[key] = value
   end
-  return item
+  for key in pairs(result.job and KEYS or NONE) do
+    result[key] = item[key]
+  end
+  result.job = nil
+  return result
 end
 
 --- Counts transactions: in all, by state and by operation.
@@ -363,8 +431,9 @@ end
 
 -- All finished transactions of an analysis
 --
--- A job is kept as it was closed, without its decoded response, and becomes a transaction when somebody asks:
--- mostly nobody does while a file is read, and a transaction is three times as large.
+-- A job is kept as it was closed, without its decoded response, and becomes a transaction when somebody
+-- asks: mostly nobody does while a file is read. Its keys are made when they are asked for: all of them are
+-- three times as large.
 
 local Store = {}
 Store.__index = Store
@@ -372,7 +441,7 @@ Store.__index = Store
 --- An empty store for closed jobs; dialects as those of the analysis.
 function M.store(codec)
   return setmetatable({
-    codec = codec,
+    codec = codec, closed = closed_class(codec),
     all = {}, -- transactions, or jobs of which nobody asked yet, in the order in which they were finished
     places = {}, -- order of a job -> place in `all`
     below = nil,
@@ -404,13 +473,21 @@ end
 local function transaction_at(self, place)
   local found = self.all[place]
   if found.phase then -- still a job
-    M.restore(found, self.codec)
-    local job = found
-    found = build(job)
-    job.response = nil
+    found = setmetatable({id = 0, findings = NONE, job = found, frames = nil}, self.closed)
     self.all[place] = found
   end
   return found
+end
+
+--- A closed job is about to change: its transaction stays what it is.
+function Store:late(job)
+  local item = self:by_order(job.order)
+  if item and rawget(item, "job") then
+    for key, value in pairs(M.whole(item)) do
+      item[key] = value
+    end
+    item.job = nil
+  end
 end
 
 --- The transaction of a job, by the order in which the jobs began; nil where it is not finished.

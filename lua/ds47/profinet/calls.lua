@@ -29,9 +29,9 @@ function CallTracker.new(limits, handlers)
     limits = limits, handlers = handlers, activities = ordered.new(),
     begun_requests = ordered.new(), -- requests of which fragments were seen, as far as is known
     datagrams = {}, datagram_count = 0, -- the newest ones by a key (`find_datagram`)
-    -- Their keys in the order in which they came, from `first` to `last`. A key that came again stands there
-    -- twice: `pdu.place` tells which is the right one.
-    keys = {}, first = 1, last = 0,
+    -- Their keys and PDUs in the order in which they came, from `first` to `last`. A key that came again
+    -- stands there twice, and counts where its PDU is the newest one.
+    keys = {}, pdus = {}, first = 1, last = 0,
     long_keys = 0, -- how many keys of `datagrams` are texts
     counts = {
       requests = 0, responses = 0, faults = 0, rejects = 0, pings = 0, working = 0, others = 0,
@@ -47,9 +47,9 @@ end
 
 --- The key of a datagram and the same datagram from before, if it is remembered.
 -- A number of 52 bits nearly always tells it apart; only where two have the same one, all goes into a text.
-local function find_datagram(self, pdu)
+local function find_datagram(self, pdu, ip_id)
   local datagrams, seq = self.datagrams, pdu.seq
-  local key = ((seq % 65536 * 65536 + pdu.ip_id) * 65536 + pdu.fragment) * 16 + pdu.ptype
+  local key = ((seq % 65536 * 65536 + ip_id) * 65536 + pdu.fragment) * 16 + pdu.ptype
   local before = datagrams[key]
   if before and same_datagram(before, pdu) then
     return key, before
@@ -69,10 +69,10 @@ end
 local PASSED = 1024 -- keys that are passed before the others move to the front of their array
 
 local function forget_oldest(self)
-  local datagrams, keys = self.datagrams, self.keys
+  local datagrams, keys, pdus = self.datagrams, self.keys, self.pdus
   local first = self.first
   local key = keys[first]
-  while datagrams[key].place ~= first do
+  while datagrams[key] ~= pdus[first] do
     first = first + 1
     key = keys[first]
   end
@@ -86,22 +86,19 @@ local function forget_oldest(self)
     return
   end
   for place = first + 1, self.last do
-    local moved = keys[place]
-    keys[place - first] = moved
-    if datagrams[moved].place == place then
-      datagrams[moved].place = place - first
-    end
+    keys[place - first], pdus[place - first] = keys[place], pdus[place]
   end
   for place = self.last - first + 1, self.last do
-    keys[place] = nil
+    keys[place], pdus[place] = nil, nil
   end
   self.first, self.last = 1, self.last - first
 end
 
 --- Whether the same datagram with the same IP id was here within the copy window (P6).
+-- @param ip_id the identification of its IP header
 -- @return that, and of a copy the frame of the first one
-function CallTracker:is_copy(pdu)
-  local key, before = find_datagram(self, pdu)
+function CallTracker:is_copy(pdu, ip_id)
+  local key, before = find_datagram(self, pdu, ip_id)
   if before then
     local passed, window = pdu.time_ns - before.time_ns, self.limits.copy_ns
     if passed <= window and -passed <= window then
@@ -115,8 +112,8 @@ function CallTracker:is_copy(pdu)
     end
   end
   local last = self.last + 1
-  pdu.place, self.last = last, last
-  self.keys[last], self.datagrams[key] = key, pdu
+  self.last, self.keys[last], self.pdus[last] = last, key, pdu
+  self.datagrams[key] = pdu
   if self.datagram_count > self.limits.datagrams then
     forget_oldest(self)
   end

@@ -44,6 +44,10 @@ local FIRST_AR = NDR + layout.BLOCK_AR -- where the AR stands in a Connect or Re
 local HALF = {data = "", stated = 0, missing = 0}
 HALF.__index = HALF
 
+-- Those of a response to a Read without an error.
+local GOOD = {data = "", stated = 0, missing = 0, status = 0}
+GOOD.__index = GOOD
+
 --- A half that carries no data.
 function M.half(frame, time_ns, status)
   return setmetatable({frame = frame, time_ns = time_ns, status = status}, HALF)
@@ -172,18 +176,17 @@ local Body = {multiple = false, nested = false}
 Body.__index = Body
 
 --- The records of a Read, Write or ReadImplicit request; what does not parse is absent.
--- @return {records, multiple, nested}: `nested` when an IODWriteMultiple stands inside another, whose records
---   are not opened (P18)
+-- @return array of them, with the keys multiple and nested: `nested` when an IODWriteMultiple stands inside
+--   another, whose records are not opened (P18)
 function M.parse_request(pdu)
-  local body, records = pdu.body, {nil} -- given room for one at once
-  local result = setmetatable({records = records}, Body)
+  local body, result = pdu.body, setmetatable({nil}, Body) -- given room for one at once
   local expected = REQUEST_BLOCKS[pdu.opnum]
   local index, stated = head(body, NDR, expected)
   if not index then
     return result
   end
   if index ~= WRITE_MULTIPLE or pdu.opnum ~= WRITE then
-    records[1] = record_at(pdu, body, NDR, 0, asked(pdu, body, NDR + SIZE, stated))
+    result[1] = record_at(pdu, body, NDR, 0, asked(pdu, body, NDR + SIZE, stated))
     return result
   end
   result.multiple = true
@@ -195,7 +198,7 @@ function M.parse_request(pdu)
       result.nested = true
     end
     local half = asked(pdu, inner, offset + SIZE, stated)
-    records[position] = record_at(pdu, inner, offset, position, half)
+    result[position] = record_at(pdu, inner, offset, position, half)
     offset = offset + SIZE + stated + -stated % 4
     position = position + 1
     index, stated = head(inner, offset, expected)
@@ -227,10 +230,14 @@ local function answer(pdu, offset, stated, ndr_status)
     return M.half(pdu.frame, pdu.time_ns, status)
   end
   local data = sub(body, offset + SIZE + 1, offset + SIZE + stated)
-  local half = {frame = pdu.frame, time_ns = pdu.time_ns, data = data, stated = stated, status = ndr_status}
+  local half = {frame = pdu.frame, time_ns = pdu.time_ns, data = data, stated = stated}
   if #data < stated then
     half.missing = stated - #data
   end
+  if ndr_status == 0 then
+    return setmetatable(half, GOOD)
+  end
+  half.status = ndr_status
   return setmetatable(half, HALF)
 end
 

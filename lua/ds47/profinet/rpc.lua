@@ -47,9 +47,11 @@ local function swapped(data, at)
 end
 
 -- What all PDUs of one kind have in common, by the first 64 bytes of their header: a conversation repeats
--- them, so they are read once. A head is the metatable of its PDUs. A capture made to have many must not fill
--- memory.
+-- them, so they are read once. A head holds a copy of itself for each operation number, with that: the
+-- metatable of its PDUs, which have but four keys of their own then. A capture made to have many must not
+-- fill memory.
 local heads, head_count, MOST_HEADS = {}, 0, 4096
+local MOST_OPERATIONS = 8 -- of one head; PROFINET has six
 local COMMON = layout.RPC_SEQUENCE -- which is the first that changes from call to call
 local OBJECT, INTERFACE, ACTIVITY = layout.RPC_OBJECT, layout.RPC_INTERFACE, layout.RPC_ACTIVITY
 local SIZE, VERSION, LITTLE = layout.RPC_SIZE, layout.RPC_VERSION_4, layout.RPC_LITTLE
@@ -76,9 +78,22 @@ local function new_head(header, packet)
     source = source, destination = destination, client = client, server = server,
     source_mac = packet.src_mac, conversation = client .. "\0" .. activity,
     fragment = 0, missing = 0, -- of most PDUs; the others have their own
+    operations = {}, operation_count = 0,
   }
-  head.__index = head
   return head
+end
+
+-- What the PDUs of a head have in common that have this operation number.
+local function class_of(head, opnum)
+  local class = {}
+  for key, value in pairs(head) do
+    class[key] = value
+  end
+  class.opnum, class.operations, class.__index = opnum, nil, class
+  if head.operation_count < MOST_OPERATIONS then
+    head.operations[opnum], head.operation_count = class, head.operation_count + 1
+  end
+  return class
 end
 
 local function remember(header, packet)
@@ -129,9 +144,9 @@ function M.parse(packet)
   end
   local stated = at + SIZE + length
   local pdu = setmetatable({
-    seq = seq, opnum = opnum, body = sub(data, at + SIZE + 1, stated < stop and stated or stop),
-    frame = packet.frame, time_ns = packet.time_ns, ip_id = packet.ip_id,
-  }, head)
+    seq = seq, body = sub(data, at + SIZE + 1, stated < stop and stated or stop),
+    frame = packet.frame, time_ns = packet.time_ns,
+  }, head.operations[opnum] or class_of(head, opnum))
   if stated > stop then
     pdu.missing, pdu.cut = stated - stop, packet.cut
   end
