@@ -69,7 +69,7 @@ clock.configure(Field.new("frame.time_epoch"))
 local this_dissector, words_dissector, bus_dissector, s7_dissector
 local referenced -- the method of all trees that tells it: looking it up costs as much as asking
 local always_wanted -- whether words of drives are, in new frames; nil before the first
-local answers -- the same of fields: what trees of new frames said (tree.lua)
+local answers -- the same of fields: what trees of new frames said, and those of the second pass (tree.lua)
 local on_bus = false -- whether this is a frame of PROFIBUS, which is shown already
 
 local NONE = {}
@@ -153,7 +153,10 @@ local function show(views, findings, events, tvb, columns, tree, finders, at, wh
   end
   if whole and #views + #findings + #events > 0 then
     context.base_seconds, context.lang = track.base_seconds(), track.lang
-    context.answers = is_new and not WINDOW and answers or nil
+    if not WINDOW then
+      context.answers = answers[is_new] or tree_of.answers()
+      answers[is_new] = context.answers
+    end
     tree_of.add(tree, views, findings, events, finders(tvb, at), context)
   elseif #findings + #events > 0 then
     experts_of.add(tree, experts, findings, events, track.lang)

@@ -267,6 +267,9 @@ end
 --- The Info column of a frame: the sentences of all its views, and what happened to drives. Whose they are
 -- the column Protocol says.
 function M.text(views, events, lang)
+  if #views == 1 and #events == 0 then
+    return M.sentence(views[1], lang)
+  end
   local texts = {}
   for number = 1, #views do
     texts[number] = M.sentence(views[number], lang)

@@ -423,13 +423,15 @@ end
 -- What a frame shows
 
 -- A view of a transaction that is not complete: what is made of it is made when it is asked for.
-local LIVE = { complete = false }
+local LIVE = {}
 
 function LIVE.__index(view, key)
-  if key == "parameters" then
-    return view.item.parameters
+  if key ~= "parameters" then
+    return nil
   end
-  return LIVE[key]
+  local found = view.item.parameters
+  view.parameters = found
+  return found
 end
 
 local live_views = {} -- the same tables for every frame
@@ -437,12 +439,12 @@ local live_views = {} -- the same tables for every frame
 local function live_view(number, job, role)
   local view = live_views[number]
   if view == nil then
-    view = setmetatable({}, LIVE)
+    view = setmetatable({ complete = false, item = nil, job = nil, role = nil }, LIVE)
     live_views[number] = view
   end
   transactions.restore(job, current.codec) -- a Write response may come late
-  view.role, view.item, view.job = role, transactions.open(job), job
-  view.message, view.response = job.message, job.response
+  view.role, view.item, view.job = role, transactions.open(job, view.item), job
+  view.message, view.response, view.parameters = job.message, job.response, nil
   return view
 end
 
@@ -634,7 +636,7 @@ local function by_frames(result)
     there[#there + 1] = finding
   end
   return {
-    places = places, findings = findings, witness = plc.witness(result),
+    places = places, findings = findings, result = result, witness = nil,
     drives = drives.complete(result, current.cyclic), transactions = result.transactions,
   }
 end
@@ -662,6 +664,12 @@ function PARTS.parameters(view)
   return transactions.parameters(job)
 end
 
+-- What the PLC saw: told of all transactions at once.
+function PARTS.witness()
+  complete.witness = complete.witness or plc.witness(complete.result)
+  return complete.witness
+end
+
 local COMPLETE = { complete = true }
 
 function COMPLETE.__index(view, key)
@@ -677,7 +685,7 @@ local function complete_view(item, role)
   elseif item.channel == "s7" then
     return { role = role, item = item, complete = true }
   end
-  return setmetatable({ role = role, item = item, witness = complete.witness }, COMPLETE)
+  return setmetatable({ role = role, item = item }, COMPLETE)
 end
 
 function the_complete()

@@ -29,11 +29,13 @@ local sentences = require("ds47.report.sentences")
 local types = require("ds47_ws.types")
 
 local byte, find, format, sub = string.byte, string.find, string.format, string.sub
-local floor = math.floor
+local floor, huge = math.floor, math.huge
 
 local WINDOW = gui_enabled()
 
 local M = {}
+
+local NONE = {}
 
 local fields, experts, protocol
 local of_drives -- the protocol of what drives say
@@ -50,43 +52,36 @@ local codes = tables.codes
 
 local find_bytes -- what finds bytes in the frame
 local frame_tree, referenced -- the tree of the frame, and its method of that name
-local answers -- what it said of a field, or of one of several, in frames of which it says the same; or nil
+local wants -- by field, or by an array of fields: whether somebody wants it, or one of them
 local language -- of its texts, "en" or "zh"
 local marked -- whether it is seen where a value comes from
 
--- Whether somebody wants a field.
-local function wanted(key)
-  if answers == nil then
+local function ask(_, key)
+  if type(key) == "string" then
     return referenced(frame_tree, fields[key])
   end
-  local answer = answers[key]
-  if answer == nil then
-    answer = referenced(frame_tree, fields[key])
-    answers[key] = answer
-  end
-  return answer
-end
-
-local function find_wanted(keys)
-  for number = 1, #keys do
-    if wanted(keys[number]) then
+  for number = 1, #key do
+    if wants[key[number]] then
       return true
     end
   end
   return false
 end
 
--- Whether somebody wants any of these fields.
-local function any_wanted(keys)
-  if answers == nil then
-    return find_wanted(keys)
-  end
-  local answer = answers[keys]
-  if answer == nil then
-    answer = find_wanted(keys)
-    answers[keys] = answer
-  end
-  return answer
+local ASKED_EACH_TIME = setmetatable({}, { __index = ask })
+
+--- What `context.answers` of M.add is: what trees have said, which is asked once.
+function M.answers()
+  return setmetatable({}, { __index = function(answers, key)
+    local answer = ask(answers, key)
+    answers[key] = answer
+    return answer
+  end })
+end
+
+-- Whether somebody wants a field.
+local function wanted(key)
+  return wants[key]
 end
 
 -- Part of a record: `offset` counts in the record. Nil where the record is not in the frame.
@@ -100,7 +95,7 @@ end
 -- Adds a field; nothing where there is no value, or nobody wants it. Its bytes stand at an offset in the
 -- record, if that is in the frame.
 local function add(parent, key, value, record, offset, size)
-  if value == nil or not wanted(key) then
+  if value == nil or not wants[key] then
     return nil
   end
   local range = record and part(record, offset, size)
@@ -112,7 +107,7 @@ end
 
 -- Adds a field whose value is taken from its bytes, which have to be in the frame.
 local function take(parent, key, record, offset, size)
-  local range = wanted(key) and part(record, offset, size)
+  local range = wants[key] and part(record, offset, size)
   return range and parent:add(fields[key], range) or nil
 end
 
@@ -171,7 +166,7 @@ local typed = {}
 function typed.number(parent, row, value, bytes, record, offset)
   local signed = SIGNED[row.pack]
   local key = signed and "value.signed" or "value.unsigned"
-  if not wanted(key) then
+  if not wants[key] then
     return
   end
   local class = signed and Int64 or UInt64
@@ -194,7 +189,7 @@ function typed.text(parent, _, value, bytes, record, offset)
 end
 
 function typed.octets(parent, _, _, bytes, record, offset)
-  local range = wanted("value.bytes") and part(record, offset, #bytes)
+  local range = wants["value.bytes"] and part(record, offset, #bytes)
   if range then
     parent:add(fields["value.bytes"], range)
   end
@@ -207,7 +202,7 @@ local NUMBERS = { number = true, float = true }
 
 -- The value as a number, whatever its format: of all formats but those of times, texts and octets.
 local function add_number(parent, kind, value, record, offset, size)
-  if NUMBERS[kind] and wanted("value.number") then
+  if NUMBERS[kind] and wants["value.number"] then
     show(parent, "value.number", types.number(value), record, record, offset, size)
   end
 end
@@ -219,7 +214,7 @@ local function physical(parent, kind, item, number)
     return
   end
   local shown = parent
-  if wanted("scaled") then
+  if wants.scaled then
     shown = derive(parent, "scaled", words.value(scaled, item.format, true))
   end
   if TIMES[kind] then
@@ -232,7 +227,7 @@ end
 -- Text that is not shown as it is has its bytes as well, so that nothing of it is lost; `range` is where they
 -- stand.
 local function text_bytes(parent, item, value, range)
-  if type(value) ~= "string" or not words.is_text(item.format) or not wanted("value.hex") then
+  if type(value) ~= "string" or not words.is_text(item.format) or not wants["value.hex"] then
     return
   elseif find(value, "[^ -~]") or find(value, '[\\"]') then
     point(parent, "value.hex", range or elsewhere(reader.from_latin1(value), "Text"))
@@ -252,7 +247,7 @@ local function add_value(parent, item, number, block, record)
   end
   local here = block and record or nil
   local shown = parent
-  if wanted("value") then
+  if wants.value then
     shown = show(parent, "value", words.value(value, item.format), block, record, offset, size)
   end
   if block and typed[kind] then
@@ -268,24 +263,39 @@ end
 -- The address. It stands in a request; for a response it is that of its request.
 local function add_address(parent, item, address, asked, record)
   local put, at = asked and add or derive, asked and address.offset or 0
-  put(parent, "attribute", address and address.attribute, record, at, 1)
-  put(parent, "element_count", item.element_count, record, at + 1, 1)
-  put(parent, "pnu", item.pnu, record, at + 2, 2)
-  put(parent, "subindex", item.subindex, record, at + 4, 2)
-  if wanted("name") then
+  if wants.attribute then
+    put(parent, "attribute", address and address.attribute, record, at, 1)
+  end
+  if wants.element_count then
+    put(parent, "element_count", item.element_count, record, at + 1, 1)
+  end
+  if wants.pnu then
+    put(parent, "pnu", item.pnu, record, at + 2, 2)
+  end
+  if wants.subindex then
+    put(parent, "subindex", item.subindex, record, at + 4, 2)
+  end
+  if wants.name then
     derive(parent, "name", sentences.name(item, language))
   end
-  derive(parent, "unit", item.unit)
-  for _, frame in ipairs(item.described and item.described.frames or {}) do
+  if wants.unit then
+    derive(parent, "unit", item.unit)
+  end
+  for _, frame in ipairs(wants.described_in and item.described and item.described.frames or NONE) do
     derive(parent, "described_in", frame)
   end
-  if wanted("meaning") then
+  if wants.meaning then
     derive(parent, "meaning", words.meaning(item, language))
   end
 end
 
+local OF_BLOCK = { "format", "value_count" }
+
 -- Format and number of values of a block, as they stand in the frame.
 local function add_block(parent, block, record)
+  if not wants[OF_BLOCK] then
+    return
+  end
   local shown = add(parent, "format", block.meaning or block.format, record, block.offset, 1)
   if shown and block.meaning then
     shown:append_text(format(", 0x%02X in the frame", block.format))
@@ -295,7 +305,7 @@ end
 
 -- Bytes that have no field of their own.
 local function add_raw(parent, record, offset, size)
-  local range = size > 0 and wanted("raw") and part(record, offset, size)
+  local range = size > 0 and wants.raw and part(record, offset, size)
   if range then
     parent:add(fields.raw, range)
   end
@@ -341,25 +351,27 @@ local function owned(view, message)
   return math.min(#view.parameters, #message.blocks)
 end
 
--- What a frame holds of parameter `number` of a view: its address, its block, and whether the block has the
--- values of the transaction: those of a change stand in its request.
-local function places(view, number)
-  local message = view.message
-  local address
-  if view.parameters[number].pnu and message then
-    address = message.addresses[number]
-  end
-  local change = view.item.operation == "change"
+-- What a frame holds of the parameters of a view: their blocks (of which the first `most` are theirs), and
+-- whether these have the values of the transaction: those of a change stand in its request.
+local function places(view)
+  local message, change = view.message, view.item.operation == "change"
   if view.role == "write_request" then
-    return address, message and message.blocks[number], change
+    return message and message.blocks or NONE, huge, change
   end
   local response = view.response
-  local block = response and number <= owned(view, response) and response.blocks[number]
-  return address, block or nil, not (change and message)
+  if response then
+    return response.blocks, owned(view, response), not (change and message)
+  end
+  return NONE, 0, not (change and message)
 end
+
+local OF_WRITTEN = { "written.format", "written.value_count" }
 
 -- What the request of a response wrote.
 local function add_written(parent, item)
+  if not wants[OF_WRITTEN] then
+    return
+  end
   derive(parent, "written.format", types.format_code(item.format))
   derive(parent, "written.value_count", item.value_count)
 end
@@ -371,7 +383,7 @@ local OF_VALUES = {
 }
 
 local function add_values(parent, item, block, record)
-  if not any_wanted(OF_VALUES) then
+  if not wants[OF_VALUES] then
     return
   end
   for place = 1, #item.values do
@@ -379,12 +391,12 @@ local function add_values(parent, item, block, record)
   end
 end
 
-local function add_parameter(parent, view, number, record)
-  local item = view.parameters[number]
-  local address, block, here = places(view, number)
-  local asked = view.role == "write_request" and address ~= nil
+-- A parameter, its address in the request, its block in this frame, and whether that has its values; address
+-- and block may be nil.
+local function add_parameter(parent, view, item, address, block, here, record)
+  local asked = address ~= nil and view.role == "write_request"
   local shown = parent
-  if wanted("parameter") then
+  if wants.parameter then
     local place, size = asked and address or block, asked and 6 or block and 2 + #block.raw
     local label = words.parameter(item, view.item.operation == "change", language)
     shown = add(parent, "parameter", label, place and record, place and place.offset, size)
@@ -400,12 +412,13 @@ local function add_parameter(parent, view, number, record)
     add_written(shown, item)
   end
   add_values(shown, item, here and block or nil, record)
-  if item.attribute == "description" or item.attribute == "text" then
+  local attribute = item.attribute
+  if attribute == "description" or attribute == "text" then
     description_tree.add(adding, shown, item, here and block or nil, record)
   end
   if block and block.error and not asked then
     add_error(shown, block.error, item.error, block, record)
-  elseif block and not (here and #item.values > 0) then
+  elseif block and wants.raw and not (here and #item.values > 0) then
     add_raw(shown, record, block.offset + 2, #block.raw)
   end
 end
@@ -430,11 +443,15 @@ for _, row in ipairs(require("ds47_ws.description_fields")) do
 end
 
 local function add_parameters(parent, view, message, record)
-  if not any_wanted(OF_PARAMETERS) then
+  if not wants[OF_PARAMETERS] then
     return
   end
-  for number = 1, #view.parameters do
-    add_parameter(parent, view, number, record)
+  local parameters, request = view.parameters, view.message
+  local blocks, most, here = places(view)
+  for number = 1, #parameters do
+    local item = parameters[number]
+    local address = request and item.pnu and request.addresses[number] or nil
+    add_parameter(parent, view, item, address, number <= most and blocks[number] or nil, here, record)
   end
   if message then
     for number = owned(view, message) + 1, #message.blocks do
@@ -446,13 +463,15 @@ local function add_parameters(parent, view, message, record)
   end
 end
 
+local OF_HEADER = { "request_reference", "request_id", "response_id", "axis", "parameter_count" }
+
 local function add_message(parent, view, record)
   local id = HEADERS[view.role]
   if id == nil then
     return
   end
   local message = view.role == "write_request" and view.message or view.response
-  if message then
+  if message and wants[OF_HEADER] then
     add(parent, "request_reference", message.request_reference, record, 0, 1)
     add(parent, id, message[id], record, 1, 1)
     add(parent, "axis", message.axis, record, 2, 1)
@@ -471,13 +490,13 @@ local function duration(nanoseconds)
 end
 
 local function add_links(parent, view)
-  if view.role ~= "write_request" and wanted("request_in") then
+  if view.role ~= "write_request" and wants.request_in then
     derive(parent, "request_in", view.item.frames.write_request)
   end
-  if view.role ~= "read_response" and wanted("response_in") then
+  if view.role ~= "read_response" and wants.response_in then
     derive(parent, "response_in", view.item.frames.read_response)
   end
-  if wanted("time") and view.item.duration_ns then
+  if wants.time and view.item.duration_ns then
     derive(parent, "time", duration(view.item.duration_ns))
   end
 end
@@ -507,7 +526,7 @@ local OF_LATER_FRAMES = {
 -- Says that later frames may say more of a transaction, where somebody wants what they say; in a window every
 -- frame is shown again. Not where earlier frames prove how it ended.
 local function add_second_pass(parent, view)
-  if not WINDOW and not view.complete and not state_is_certain(view) and any_wanted(OF_LATER_FRAMES) then
+  if not WINDOW and not view.complete and wants[OF_LATER_FRAMES] and not state_is_certain(view) then
     passes.shown_partly()
     derive(parent, "second_pass", words.say(language, "second_pass"))
   end
@@ -542,14 +561,19 @@ local function add_bytes_of(parent, key, data, record, name)
   point(parent, key, here and record or elsewhere(data, name))
 end
 
+local OF_BYTES = { "bytes.request", "bytes.response" }
+
 -- The messages: one is the record of this frame, the other one stands in another frame.
 local function add_bytes(parent, view, record)
+  if not wants[OF_BYTES] then
+    return
+  end
   local item, main, asked = view.item, is_main(view), view.role == "write_request"
-  if item.request and (main or asked) and wanted("bytes.request") then
+  if item.request and (main or asked) and wants["bytes.request"] then
     local name = types.source_name("Request", item.frames.write_request)
     add_bytes_of(parent, "bytes.request", item.request, asked and record, name)
   end
-  if item.response and (main or view.role == "reread") and wanted("bytes.response") then
+  if item.response and (main or view.role == "reread") and wants["bytes.response"] then
     local name = types.source_name("Response", item.frames.read_response)
     add_bytes_of(parent, "bytes.response", item.response, not asked and record, name)
   end
@@ -557,9 +581,12 @@ end
 
 -- What WRREC and RDREC showed, once it is known how the transaction ended.
 local function add_plc(parent, view, lang)
+  if not wants.plc then
+    return
+  end
   local item = view.item
   local over = view.complete or item.frames.read_response
-  if item.channel == "ds47" and over and is_main(view) and wanted("plc") then
+  if item.channel == "ds47" and over and is_main(view) then
     local witness = view.witness or plc.witness_of(item, view.job)
     derive(parent, "plc", witness:text(item, lang))
   end
@@ -582,22 +609,31 @@ end
 
 -- Adds a field that has the name of a key of the transaction, which is made only where it is wanted.
 local function derive_key(parent, item, key)
-  if wanted(key) then
+  if wants[key] then
     derive(parent, key, item[key])
   end
 end
 
 -- A status with its words, as the Info column has them.
-local function add_status(parent, key, word)
-  local shown = derive(parent, key, word)
+local function add_status(parent, key, item, of_half)
+  local word = wants[key] and item[of_half]
+  local shown = word and derive(parent, key, word)
   if shown and marked then
     shown:append_text(format(" (%s)", status.status_text(word, language)))
   end
 end
 
+local OF_CHANNEL = {
+  "controller", "controller.mac", "master", "device", "device.mac", "station", "ar", "vendor_assumed", "api",
+  "slot", "subslot", "index",
+}
+
 local function add_channel(parent, item)
+  if not wants[OF_CHANNEL] then
+    return
+  end
   types.add_peers(adding, parent, item)
-  if item.ar and wanted("ar") then
+  if item.ar and wants.ar then
     mark_generated(types.add_uuid(parent, fields.ar, item.ar, find_bytes))
   end
   for number = 1, #CHANNEL do
@@ -606,14 +642,18 @@ local function add_channel(parent, item)
 end
 
 local function add_transaction(parent, view, record, context)
-  if not any_wanted(OF_TRANSACTION) then
+  if not wants[OF_TRANSACTION] then
     return
   end
   local item = view.item
   local shown = derive(parent, "transaction", view.complete and item.id or item.order) or parent
-  derive(shown, "channel", codes.channels[item.channel])
-  derive(shown, "operation", codes.operations[item.operation])
-  if wanted("state") and state_is_certain(view) then
+  if wants.channel then
+    derive(shown, "channel", codes.channels[item.channel])
+  end
+  if wants.operation then
+    derive(shown, "operation", codes.operations[item.operation])
+  end
+  if wants.state and state_is_certain(view) then
     derive(shown, "state", codes.states[item.state])
   end
   add_channel(shown, item)
@@ -621,18 +661,18 @@ local function add_transaction(parent, view, record, context)
     derive_key(shown, item, "request_reference")
     derive_key(shown, item, "axis")
   end
-  if any_wanted(FRAMES) then
+  if wants[FRAMES] then
     add_frames(shown, view)
   end
-  if wanted("start") then
+  if wants.start then
     derive(shown, "start", csv.timestamp(context.base_seconds, item.start_ns))
   end
-  if wanted("duration_ms") and item.duration_ns then
+  if wants.duration_ms and item.duration_ns then
     derive(shown, "duration_ms", item.duration_ns / 1000000)
   end
   derive_key(shown, item, "cycles")
-  add_status(shown, "status.write", item.write_status)
-  add_status(shown, "status.read", item.read_status)
+  add_status(shown, "status.write", item, "write_status")
+  add_status(shown, "status.read", item, "read_status")
   add_bytes(shown, view, record)
   add_plc(shown, view, context.lang)
 end
@@ -654,7 +694,7 @@ end
 -- @param found as track.words gives them
 function M.add_words(tree, tvb, found, lang)
   frame_tree, referenced, marked, language = tree, tree.referenced, tree.visible, lang
-  answers = nil
+  wants = ASKED_EACH_TIME
   for _, place in ipairs(found) do
     pzd_tree.add(adding, tree, place, tvb:range(place.offset, place.length), lang)
   end
@@ -707,10 +747,10 @@ end
 --   this frame, or nil; word = the same of an event; bytes = a function of bytes that does the same}
 -- @param context {base_seconds = second since 1970 that the times are relative to, lang = "en" or "zh",
 --   request_of = a function that gives the frame of the request of a finding's transaction, or nil,
---   answers = a table for what is asked of the tree, shared by frames whose trees answer the same, or nil}
+--   answers = what M.answers gives, shared by frames whose trees answer the same, or nil}
 function M.add(tree, views, findings, events, finders, context)
   frame_tree, referenced, marked, language = tree, tree.referenced, tree.visible, context.lang
-  find_bytes, answers = finders.bytes, context.answers
+  find_bytes, wants = finders.bytes, context.answers or ASKED_EACH_TIME
   local taken = {}
   for _, view in ipairs(views) do
     local data
