@@ -12,6 +12,8 @@
 #   make dist       write the plugin as one Lua file, dist/ds47-0_1_0.lua (the version, with underscores)
 #   make pyz        write the command as one file for any Python, dist/ds47.pyz
 #   make page       write the analyzer as one page for a browser without network, dist/ds47.html (needs npm)
+#   make wheelhouse  write what a computer without internet installs from, dist/ds47-VERSION-wheelhouse.zip
+#   make release    write all of these, wheels, bill of materials and checksums into dist/
 #   make captures   let the lab write captures/ again
 #   make tables     write lua/ds47/spec/tables.lua from python/ds47/spec/*.toml again, and the JSON Schemas
 #   make screenshot take the pictures of Wireshark again
@@ -48,7 +50,7 @@ export PYTHONUTF8 := 1
 .DEFAULT_GOAL := report
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: report test test-all audit lint format matrix pythons bench dist pyz page captures tables screenshot readme oracles constraints clean \
+.PHONY: report test test-all audit lint format matrix pythons bench dist pyz page wheelhouse release captures tables screenshot readme oracles constraints clean \
   system venv FORCE
 
 report: $(RUN)
@@ -101,6 +103,12 @@ pyz: $(STAMP)
 
 page: $(STAMP)
 	$(BIN)/python tools/release/make_page.py
+
+wheelhouse: $(STAMP)
+	$(BIN)/python tools/release/make_wheelhouse.py
+
+release: $(STAMP)
+	$(BIN)/python tools/release/make_release.py
 
 captures: $(STAMP)
 	$(BIN)/python -m ds47.lab captures

@@ -21,12 +21,10 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from markupsafe import Markup
-
-sys.path.insert(0, str(Path(__file__).resolve().parent))
 import make_pyz
 import pins
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
 
 SOURCES = Path(__file__).resolve().parent / "page"
 MOST = 15_000_000

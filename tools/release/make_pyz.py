@@ -15,7 +15,6 @@ import sys
 import zipfile
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
 import pins
 
 LIBRARIES = ("click", "jinja2", "markupsafe", "openpyxl", "et-xmlfile", "tzdata", "bokeh")

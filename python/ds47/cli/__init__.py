@@ -25,7 +25,7 @@ from ds47 import __version__
 
 COMMANDS = (
     "report", "check", "baseline", "accept", "diff", "trail", "watch", "export", "decode", "encode",
-    "explain", "params", "rules", "plugin", "lab",
+    "explain", "params", "rules", "plugin", "lab", "demo", "completion",
 )  # fmt: skip
 """Each is a module of this package with a click command named `command`."""
 

@@ -1,0 +1,62 @@
+"""`ds47 demo`: the tour capture, its report as text and as a page in the browser, and what to type next.
+
+Here: where the capture comes from and where the files go. The reports are those of `ds47 report`.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import webbrowser
+from importlib.resources import as_file, files
+from pathlib import Path
+
+import click
+
+from ds47.cli.common import lang_option, stdout
+from ds47.report.bilingual import say
+
+NAME = "tour-machine.pcapng"
+_PACKED, _CHECKOUT = files("ds47") / NAME, Path(__file__).resolve().parents[3] / "captures" / NAME
+
+
+@click.command("demo")
+@click.option(
+    "-o", "--output", "folder", metavar="FOLDER", type=click.Path(file_okay=False, path_type=Path),
+    help="Where capture and page go; else a folder of their own among the temporary ones.",
+)  # fmt: skip
+@click.option("--no-browser", is_flag=True, help="Do not open the page.")
+@lang_option
+def command(folder: Path | None, no_browser: bool, lang: str) -> int:
+    """Show a small capture in which much goes wrong: its report here, and as a page in the browser.
+
+    Nothing is installed and nothing is asked of the network.
+    """
+    from ds47.cli import main
+
+    folder = folder or Path(tempfile.mkdtemp(prefix="ds47-demo-"))
+    capture, page = folder / NAME, folder / "report.html"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        capture.write_bytes(_content())
+    except OSError as problem:
+        raise click.ClickException(f"cannot write {capture}: {problem.strerror}") from problem
+    sys.stdout.flush()
+    status = main(["report", "--summary", "--lang", lang, str(capture)])
+    status = status or main(["report", "-f", "html", "--lang", lang, "-o", str(page), str(capture)])
+    if status:
+        return status
+    shown = not no_browser and webbrowser.open(page.as_uri())
+    stdout().write(
+        "\n" + say("demo_page" if shown else "demo_page_closed", path=page).text(lang) + "\n"
+    )
+    stdout().write(say("demo_next", path=capture).text(lang) + "\n")
+    return 0
+
+
+def _content() -> bytes:
+    """The capture, of the package or of the checkout."""
+    if not _PACKED.is_file():
+        return _CHECKOUT.read_bytes()
+    with as_file(_PACKED) as path:
+        return path.read_bytes()

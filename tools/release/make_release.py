@@ -1,0 +1,88 @@
+#!/usr/bin/env python3
+"""Writes everything that a release consists of into dist/, with a bill of materials and checksums.
+
+    python tools/release/make_release.py [FOLDER]        (make release)
+
+The page, the file for Python, the wheelhouse, the plugin as one Lua file, the pure wheel, one that is compiled for
+this machine (its name says for which), and the source archive.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import subprocess
+import sys
+import zipfile
+from email.parser import Parser
+from pathlib import Path
+from typing import Any
+
+import make_page
+import make_pyz
+import pins
+
+HERE = Path(__file__).resolve().parent
+STEPS = ("make_pyz.py", "make_page.py", "make_wheelhouse.py")
+
+
+def build(folder: Path) -> None:
+    """All files but the bill and the checksums."""
+    for name in STEPS:
+        subprocess.run([sys.executable, str(HERE / name), str(folder)], check=True)
+    subprocess.run(
+        [sys.executable, str(pins.ROOT / "tools" / "make_bundle.py"), str(folder)], check=True
+    )
+    pure = pins.own()
+    (folder / pure.name).write_bytes(pure.read_bytes())
+    command = [sys.executable, "-m", "hatchling", "build", "--directory", str(folder)]
+    for target in ("wheel", "sdist"):
+        subprocess.run([*command, "--target", target], check=True, cwd=pins.ROOT)
+
+
+def bill() -> dict[str, Any]:
+    """The libraries in page, pyz and wheelhouse as CycloneDX 1.6."""
+    wheels = pins.download((*make_pyz.LIBRARIES, "backports-zstd"), pins.BUILD / "wheels")
+    parts = [_component(each) for each in wheels]
+    parts.append({
+        "type": "library", "name": make_page.PYODIDE, "version": make_page.VERSION,
+        "purl": f"pkg:npm/{make_page.PYODIDE}@{make_page.VERSION}", "licenses": [{"expression": "MPL-2.0"}],
+        "hashes": [],
+    })  # fmt: skip
+    return {
+        "bomFormat": "CycloneDX", "specVersion": "1.6", "version": 1,
+        "metadata": {"component": {"type": "application", "name": "ds47", "version": pins.version()}},
+        "components": sorted(parts, key=lambda each: str(each["name"])),
+    }  # fmt: skip
+
+
+def _component(wheel: Path) -> dict[str, Any]:
+    with zipfile.ZipFile(wheel) as held:
+        (name,) = (each for each in held.namelist() if each.endswith(".dist-info/METADATA"))
+        told = Parser().parsestr(held.read(name).decode("utf-8"))
+    licence = told["License-Expression"] or told["License"] or ""
+    return {
+        "type": "library", "name": told["Name"], "version": told["Version"],
+        "purl": f"pkg:pypi/{told['Name'].lower()}@{told['Version']}",
+        "licenses": [{"license": {"name": licence.splitlines()[0][:80]}}] if licence else [],
+        "hashes": [{"alg": "SHA-256", "content": hashlib.sha256(wheel.read_bytes()).hexdigest()}],
+    }  # fmt: skip
+
+
+def main() -> int:
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else pins.ROOT / "dist"
+    folder.mkdir(parents=True, exist_ok=True)
+    build(folder)
+    name = f"ds47-{pins.version()}.cdx.json"
+    (folder / name).write_text(json.dumps(bill(), indent=1, sort_keys=True) + "\n", "utf-8")
+    files = sorted(
+        each for each in folder.iterdir() if each.is_file() and each.name != "SHA256SUMS"
+    )
+    sums = (f"{hashlib.sha256(each.read_bytes()).hexdigest()}  {each.name}\n" for each in files)
+    (folder / "SHA256SUMS").write_text("".join(sums), "utf-8")
+    print(f"{folder}: {len(files)} files, listed in SHA256SUMS")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
