@@ -87,17 +87,27 @@ local function find_reassembled(data)
   return nil
 end
 
--- A function that finds records in this frame, one behind the other.
-local function finder(tvb, at)
-  local from = at
-  return function(data)
-    local found = track.find_record(tvb:raw(), data, from)
-    if found then
-      from = found + #data
-      return tvb:range(found, #data)
-    end
-    return data ~= "" and find_reassembled(data) or nil
+-- The frame whose tree is made: its TvbRange, its bytes (nil until somebody asks), where its data begins, and
+-- behind which byte the next record is. One table for all frames, as are those who find something in it.
+local shown = { tvb = nil, bytes = nil, at = 0, from = 0 }
+
+local function bytes_shown()
+  local bytes = shown.bytes
+  if bytes == nil then
+    bytes = shown.tvb:raw()
+    shown.bytes = bytes
   end
+  return bytes
+end
+
+-- Finds records in the frame, one behind the other.
+local function next_record(data)
+  local found = track.find_record(bytes_shown(), data, shown.from)
+  if found then
+    shown.from = found + #data
+    return shown.tvb:range(found, #data)
+  end
+  return data ~= "" and find_reassembled(data) or nil
 end
 
 -- The columns of a frame; nil where nobody sees them, as when a file is loaded or in the first of two passes.
@@ -106,47 +116,39 @@ local function columns_of(pinfo)
   return tostring(columns.info) ~= "(info)" and columns or nil
 end
 
--- A function that finds bytes in this frame, behind `at`; nil where it has them not.
-local function searcher(tvb, at)
-  return function(bytes)
-    local found = string.find(tvb:raw(), bytes, at + 1, true)
-    return found and tvb:range(found - 1, #bytes)
-  end
+-- Finds bytes in the frame, behind where its data begins; nil where it has them not.
+local function search(bytes)
+  local found = string.find(bytes_shown(), bytes, shown.at + 1, true)
+  return found and shown.tvb:range(found - 1, #bytes)
 end
 
--- Functions that find in this frame what views and events are about; its records stand from `at` on.
-local function finders_of_records(tvb, at)
-  return { record = finder(tvb, at), bytes = searcher(tvb, at) }
-end
+-- What finds in a frame what views and events are about.
+local OF_RECORDS = { record = next_record, bytes = search }
 
--- The same of words of PKW, and of those of events; the data of the frame begins at `at`.
-local function finders_of_words(tvb, at)
-  return {
-    bytes = searcher(tvb, at),
-    record = function(_, view)
-      return tvb:range(at + view.item.places[view.role], 8)
-    end,
-    word = function(found)
-      local side = found.event.word and found.relation[found.event.word == "STW1" and "output" or "input"]
-      return side and tvb:range(at + side.offset, 2)
-    end,
-  }
-end
+-- The same of words of PKW, and of those of events.
+local OF_WORDS = {
+  bytes = search,
+  record = function(_, view)
+    return shown.tvb:range(shown.at + view.item.places[view.role], 8)
+  end,
+  word = function(found)
+    local side = found.event.word and found.relation[found.event.word == "STW1" and "output" or "input"]
+    return side and shown.tvb:range(shown.at + side.offset, 2)
+  end,
+}
 
 -- The same of a frame of PROFIBUS, which has a record or words.
-local function finders_on_bus(tvb, at)
-  local found, record = finders_of_words(tvb, at), finder(tvb, at)
-  local words = found.record
-  function found.record(data, view)
-    return view.item.channel == "pkw" and words(data, view) or record(data)
-  end
-  return found
-end
+local ON_BUS = {
+  bytes = search, word = OF_WORDS.word,
+  record = function(data, view)
+    return view.item.channel == "pkw" and OF_WORDS.record(data, view) or next_record(data)
+  end,
+}
 
 local context = { request_of = track.request_of } -- for the tree of the newest frame, which does not keep it
 
--- Adds to the tree and sets the columns, where there are some. `finders` of `at` as above. `whole`: somebody
--- wants our fields.
+-- Adds to the tree and sets the columns, where there are some. `finders` as above; the data of the frame
+-- begins at `at`. `whole`: somebody wants our fields.
 local function show(views, findings, events, tvb, columns, tree, finders, at, whole, is_new)
   if columns and #views + #events > 0 then
     columns.protocol, columns.info = "DS47", info.text(views, events, track.lang)
@@ -157,7 +159,9 @@ local function show(views, findings, events, tvb, columns, tree, finders, at, wh
       context.answers = answers[is_new] or tree_of.answers()
       answers[is_new] = context.answers
     end
-    tree_of.add(tree, views, findings, events, finders(tvb, at), context)
+    shown.tvb, shown.bytes, shown.at, shown.from = tvb, nil, at, at
+    tree_of.add(tree, views, findings, events, finders, context)
+    shown.tvb = nil
   elseif #findings + #events > 0 then
     experts_of.add(tree, experts, findings, events, track.lang)
   end
@@ -223,7 +227,7 @@ local function dissect_cyclic(tvb, pinfo, tree)
   if views then
     local whole = tree:referenced(this_dissector)
     local columns, at = columns_of(pinfo), place and place.at
-    show(views, findings, events, tvb, columns, tree, finders_of_words, at, whole, is_new)
+    show(views, findings, events, tvb, columns, tree, OF_WORDS, at, whole, is_new)
   end
   if looked_at and place then
     show_all_words(tvb, number, tree, frame, place, is_new, views)
@@ -285,7 +289,7 @@ function ds47_bus.dissector(tvb, pinfo, tree)
   show_bus(item, tvb, columns, tree)
   local at, place = bus_info.data_start(item), track.bus_place(item)
   if views then
-    show(views, findings, events, tvb, columns, tree, finders_on_bus, at, whole, is_new)
+    show(views, findings, events, tvb, columns, tree, ON_BUS, at, whole, is_new)
   end
   if place and is_looked_at(tree, is_new) then
     local data = tvb:raw(0, at + #item.du) -- the check byte is none of it
@@ -320,19 +324,19 @@ function ds47.dissector(tvb, pinfo, tree)
       local is_s7 = track.is_s7(views)
       local columns = not is_s7 and columns_of(pinfo) or nil
       whole = whole or is_s7 and tree:referenced(s7_dissector)
-      show(views, findings, NONE, tvb, columns, tree, finders_of_records, offset, whole, false)
+      show(views, findings, NONE, tvb, columns, tree, OF_RECORDS, offset, whole, false)
     end
     show_copy(number, pinfo, tree, true)
   elseif track.feed(number, frame, offset, clock.now, pinfo.len) then
     local columns = columns_of(pinfo)
     local views, findings = track.live_views(columns ~= nil or whole)
-    show(views, findings, NONE, tvb, columns, tree, finders_of_records, offset, whole, true)
+    show(views, findings, NONE, tvb, columns, tree, OF_RECORDS, offset, whole, true)
     show_copy(number, pinfo, tree, false)
     passes.came(pinfo.visited)
   elseif track.feed_segment(number, frame, offset, clock.now) then
     whole = whole or tree:referenced(s7_dissector)
     local views, findings = track.live_s7_views(whole)
-    show(views, findings, NONE, tvb, nil, tree, finders_of_records, offset, whole, true)
+    show(views, findings, NONE, tvb, nil, tree, OF_RECORDS, offset, whole, true)
     passes.came(pinfo.visited)
   end
 end
