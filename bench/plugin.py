@@ -196,11 +196,14 @@ def main() -> None:
         "--window", action="store_true", help="loading in the window instead; writes nothing"
     )
     parser.add_argument("--no-write", action="store_true", help="leave docs/benchmarks.md alone")
-    parser.add_argument("tshark", nargs="*", help="programs to measure instead of all")
+    parser.add_argument(
+        "tshark", nargs="*", help="programs to measure instead of all; with --window a wireshark"
+    )
     arguments = parser.parse_args()
     if arguments.window:
         captures = {load.title: load.capture(arguments.small) for load in LOADS}
-        window.measure(captures, PLUGIN, PROFILE.parent, arguments.n)
+        for program in arguments.tshark or ["wireshark"]:
+            window.measure(program, captures, PLUGIN, PROFILE.parent, arguments.n)
         return
     programs = {program: version(program) for program in arguments.tshark or tsharks()}
     programs = {program: number for program, number in programs.items() if number}
