@@ -95,7 +95,7 @@ def test_wrong_use_is_2(capsys, arguments):
     ("word", "said"),
     [
         ("reprot", "No such command 'reprot'. Did you mean: ds47 report, ds47 export?"),
-        ("DECODE", "No such command 'DECODE'. Did you mean: ds47 decode, ds47 encode?"),
+        ("DECODE", "No such command 'DECODE'. Did you mean: ds47 decode, ds47 encode, ds47 demo?"),
         ("a b.PCAP", "No such command 'a b.PCAP'. For a report of it: ds47 report 'a b.PCAP'"),
         ("sub", "No such command 'sub'. For a report of it: ds47 report sub"),
         ("-", "No such command '-'. For a report of it: ds47 report -"),
