@@ -15,6 +15,14 @@ pytestmark = pytest.mark.slow
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 SHOWN = "document.querySelector('#outcome').textContent || document.querySelector('#messages').textContent"
+CLEAR = """(() => {
+  document.querySelector('[data-lang=en]').click();
+  for (let button; (button = document.querySelector('.held button'));) button.click();
+  for (const each of document.querySelectorAll('select')) each.selectedIndex = 0;
+  for (const each of document.querySelectorAll('input')) { each.value = ''; each.checked = false; }
+  for (const each of document.querySelectorAll('#outcome, #messages, .answer')) each.textContent = '';
+  return 1;
+})()"""
 READY = "/ready|failed/.test(document.querySelector('#state').className)"
 MADE = """(() => {
   const found = {};
@@ -64,13 +72,17 @@ class Chromium:
         self.browser.one(selector).send_keys("\n".join(str(path) for path in paths))
 
 
-@pytest.fixture(params=["chromium", "firefox"])
-def desk(request, page):
-    """Each browser with the page open and the analyzer started."""
+@pytest.fixture(scope="module", params=["chromium", "firefox"])
+def open_page(request, page):
+    """Each browser with the page open and the analyzer started, once."""
     if request.param == "chromium":
-        found = Chromium(request.getfixturevalue("browser"))
+        browser = request.getfixturevalue("one_browser")
+        browser.look()
+        browser.problems()
+        found = Chromium(browser)
         _begin(found, page)
         yield found
+        assert browser.problems() == []
         return
     import firefox
 
@@ -81,6 +93,14 @@ def desk(request, page):
     with firefox.Firefox() as found:
         _begin(found, page)
         yield found
+
+
+@pytest.fixture
+def desk(open_page):
+    """The page as it is when it was just opened: English, no file, no outcome."""
+    turn(open_page, "report")
+    open_page.run(CLEAR)
+    return open_page
 
 
 def _begin(desk, page):
@@ -209,6 +229,11 @@ def test_a_list_of_parameters_names_them_in_the_next_report(desk, captures, tmp_
     desk.files("#report input[name=files]", captures / "tour-machine.pcapng")
     _, _, made = outcome(desk)
     assert b"Upper carriage" in made["tour-machine.txt"]
+    turn(desk, "command")
+    again(desk)
+    desk.run("document.querySelector('#command input[name=line]').value = 'params remove mine'")
+    desk.run("document.querySelector('#command form button').click()")
+    assert outcome(desk)[:2] == (0, "")
 
 
 def test_what_is_no_capture_is_said_as_the_command_says_it(desk, tmp_path):

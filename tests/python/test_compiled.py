@@ -107,7 +107,7 @@ def test_reports_are_the_same(
 ) -> None:
     shared = repository.parent / "shared" / "captures"
     folders = [str(each) for each in (captures, damaged, shared) if each.is_dir()]
-    arguments = ("-m", "ds47", "report", "-f", format_name, *folders)
+    arguments = ("-m", "ds47", "report", "--all", "-f", format_name, *folders)
     plain = run(repository / "python", *arguments)
     assert plain[0] in (0, 3), plain[2]
     assert len(plain[1]) > 100_000

@@ -333,6 +333,7 @@ def test_a_short_capture_is_told_whole_unless_a_summary_is_asked_for(capsys, cap
 def test_many_captures_are_a_screenful(capsys, captures):
     _, text, _ = run(capsys, captures)
     assert len(text.splitlines()) <= 60
+    assert text.startswith("Captures, the worst first")
     assert text.splitlines()[-1] == "ds47 report NAME tells of one capture, --all of each."
     assert "All 268 captures" in text or re.search(r"All \d+ captures", text)
 

@@ -154,8 +154,10 @@ class Writer(_Writer):
         if left_out := len(sums["to_do"][causes_listed:]):
             to_do.append("  " + self._say("causes_more", n=left_out))
         worst = table(self._rows, self.options.lang, listed, self.options.zone)
-        for block in (worst, to_do):
-            for line in ["", *block] if block else ():
+        blocks = [block for block in (worst, to_do) if block]
+        for number, block in enumerate(blocks):
+            before = [] if self._many and not number else [""]  # many: nothing stands above
+            for line in [*before, *block]:
                 self._copied(line)
         title = self._say("summary_all", n=len(self._rows))
         verdict = self._opening.verdict(self._counts)
