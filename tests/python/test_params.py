@@ -83,6 +83,30 @@ def test_a_table_of_separated_values(tmp_path, encoding, mark):
     assert found.passed_over == ["row 6: 'quark' is the number of no parameter"]
 
 
+@pytest.mark.parametrize(
+    ("number", "access", "found"),
+    [
+        ("1120", "p", "p"),
+        ("1120", "r/w", "p"),
+        ("1120", "RW", "p"),
+        ("1120", "Read / Write", "p"),
+        ("1120", "W", "p"),
+        ("21", "r", "r"),
+        ("21", "R/O", "r"),
+        ("21", "read-only", "r"),
+        ("21", "只读", "r"),
+        ("21", "", None),
+        ("21", "rarely", None),
+        ("r0021", "", "r"),
+        ("r0021", "r/w", "r"),
+        ("P1120", "r", "p"),
+    ],
+)
+def test_what_may_be_written(tmp_path, number, access, found):
+    path = write(tmp_path / "a.csv", f"number,name,access\n{number},A name,{access}\n")
+    assert [row.access for row in lists.read(path).rows] == [found]
+
+
 def test_columns_that_nobody_would_guess(tmp_path, capsys):
     path = write(tmp_path / "own.csv", "made by hand,,\nParam,What it is,in\n2900,Fixed value,%\n")
     assert main(["params", "import", str(path)]) == 3

@@ -37,6 +37,13 @@ _TYPES: Final = {
 """Types as lists of makers and PLCs call them, in small letters without blanks."""
 
 
+_ACCESS: Final = {
+    "p": ("p", "rw", "wr", "w", "wo", "readwrite", "write", "lesenschreiben", "读写", "可读写"),
+    "r": ("r", "ro", "read", "readonly", "lesen", "nurlesen", "只读"),
+}  # fmt: skip
+"""Access as lists call it, in small letters without blanks and strokes."""
+
+
 class ListError(Exception):
     """A list that cannot be read; one line that says what, where and what to do."""
 
@@ -201,13 +208,18 @@ def _add(found: ParameterList, cells: Mapping[str, str], where: str) -> None:
         return
     if parameter.subindex:
         return  # a further element of an array: its first one has the name
-    access = cells.get("access", "").strip().lower()[:1] or parameter.letter
     found.rows.append(
         Row(
-            parameter.number, name, access if access in ("p", "r") else parameter.letter,
+            parameter.number, name, parameter.letter or access_of(cells.get("access", "")),
             cells.get("unit") or None, type_of(cells.get("type", "")), values_of(cells.get("values", "")),
         )
     )  # fmt: skip
+
+
+def access_of(text: str) -> str | None:
+    """Whether a parameter may be written ("p") or only be read ("r"), as lists say it; None where they do not."""
+    plain = re.sub(r"[\s_/.-]", "", text).lower()
+    return next((letter for letter, words in _ACCESS.items() if plain in words), None)
 
 
 def type_of(text: str) -> str | None:
