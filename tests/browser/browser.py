@@ -30,6 +30,18 @@ def programs() -> tuple[str, str] | None:
     return (browser, driver) if browser and driver else None
 
 
+def until(condition: Callable[[], Any], what: str, patience: float) -> Any:
+    """Waits so many seconds for a condition to give something true."""
+    end = time.monotonic() + patience
+    while True:
+        result = condition()
+        if result:
+            return result
+        if time.monotonic() > end:
+            raise AssertionError(f"never happened: {what}")
+        time.sleep(0.05)
+
+
 class Browser:
     """One window without a screen, a network or a profile."""
 
@@ -97,14 +109,7 @@ class Browser:
 
     def until(self, condition: Callable[[], Any], what: str) -> Any:
         """Waits for a condition."""
-        end = time.monotonic() + PATIENCE
-        while True:
-            result = condition()
-            if result:
-                return result
-            if time.monotonic() > end:
-                raise AssertionError(f"never happened: {what}")
-            time.sleep(0.05)
+        return until(condition, what, PATIENCE)
 
     def one(self, selector: str) -> Any:
         """The first element that a CSS selector means."""

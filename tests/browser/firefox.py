@@ -10,11 +10,12 @@ import re
 import shutil
 import subprocess
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import Any
+
+from browser import until
 
 PATIENCE = 120.0
 _LISTENS = re.compile(r"WebDriver BiDi listening on (ws://[\d.]+:\d+)")
@@ -123,13 +124,7 @@ class Firefox:
 
     def until(self, condition: Callable[[], Any], what: str) -> Any:
         """Waits for a condition."""
-        end = time.monotonic() + PATIENCE
-        while True:
-            result = condition()
-            if result:
-                return result
-            assert time.monotonic() < end, f"never happened: {what}"
-            time.sleep(0.1)
+        return until(condition, what, PATIENCE)
 
     def picture(self, path: Path) -> None:
         """What the window shows."""

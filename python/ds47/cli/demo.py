@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 import tempfile
 import webbrowser
-from importlib.resources import as_file, files
+from importlib.resources import files
 from pathlib import Path
 
 import click
@@ -56,7 +56,4 @@ def command(folder: Path | None, no_browser: bool, lang: str) -> int:
 
 def _content() -> bytes:
     """The capture, of the package or of the checkout."""
-    if not _PACKED.is_file():
-        return _CHECKOUT.read_bytes()
-    with as_file(_PACKED) as path:
-        return path.read_bytes()
+    return (_PACKED if _PACKED.is_file() else _CHECKOUT).read_bytes()

@@ -123,25 +123,22 @@ class Wanted:
 
     def transaction(self, item: Transaction, findings: Iterable[Finding]) -> bool:
         """Whether a transaction with these findings is wanted."""
-        rules, wanted = self._selection.rules, self._selection.drive_objects
-        if not self._but_for_drive_object(item):
-            return False
-        if rules and not any(each.rule.startswith(rules) for each in findings):
-            return False
-        return self._targets is None or self._targets.drive_object(item) in wanted
+        return self._fits(item, findings) and (
+            self._targets is None
+            or self._targets.drive_object(item) in self._selection.drive_objects
+        )
 
     def unproved(self, item: Transaction, findings: Iterable[Finding]) -> bool:
         """Whether it would be wanted if its drive object were the one that is; nothing proves which it is."""
-        rules = self._selection.rules
         return (
             self._targets is not None
             and item.channel != S7
             and self._targets.drive_object(item) is None
-            and self._but_for_drive_object(item)
-            and (not rules or any(each.rule.startswith(rules) for each in findings))
+            and self._fits(item, findings)
         )
 
-    def _but_for_drive_object(self, item: Transaction) -> bool:
+    def _fits(self, item: Transaction, findings: Iterable[Finding]) -> bool:
+        """Whether all but the drive object is as it is wanted."""
         asked = self._selection
         return (
             (
@@ -152,6 +149,7 @@ class Wanted:
             and (not asked.devices or item.device in self.ips)
             and (not asked.stations or item.controller in self._askers)
             and (not asked.pnus or any(each.pnu in asked.pnus for each in item.parameters))
+            and (not asked.rules or any(each.rule.startswith(asked.rules) for each in findings))
             and asked.in_time(item.start_ns)
         )
 

@@ -55,9 +55,9 @@ EVENTS_LISTED = 60
 FILES_LISTED = 20
 """Files of a series that are listed; JSON has all, and every finding names its file."""
 LONG = 60
-"""Transactions, and events of drives, from which on a report lists them only when asked to."""
+"""Of more transactions and events of drives than these a report lists none unless asked to."""
 MANY = 5
-"""Captures from which on a report tells what they come to, and none by itself unless asked to."""
+"""Of more captures than these a report tells what they come to, and none by itself unless asked to."""
 CAPTURES_LISTED = 20
 """Captures of a run that are listed at its end, the worst ones; `-f overview` lists all."""
 WORST_LISTED, CAUSES_LISTED = 10, 5
