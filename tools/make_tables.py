@@ -347,6 +347,10 @@ def _profibus() -> Iterator[str]:
         f"[0x{number:04X}] = 0x{each:04X}" for number, each in profibus.vendors().items()
     )
     yield f"M.profibus.vendors = {{{vendors}}}"
+    families = ", ".join(
+        f'[0x{number:04X}] = "{each}"' for number, each in profibus.families().items()
+    )
+    yield f"M.profibus.families = {{{families}}}"
     known = [fields(row, ("number", "modules", "pkw")) for row in profibus.ppos()]
     yield from block("M.profibus.ppos", known)
     yield from rows("M.profibus.functions", profibus.functions(), ("id", "en", "zh", "negative"))

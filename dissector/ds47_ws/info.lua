@@ -117,11 +117,11 @@ end
 
 -- The same of a request, remembered where equal ones share it (parameter.remembering).
 local function list_asked(view)
-  local shared, vendor_id = view.message.shared, view.item.vendor_id or false
+  local shared, whose = view.message.shared, view.item.family or view.item.vendor_id or false
   if shared == nil or view.item.meanings then -- which are those of one transaction
     return parameters_of(view)
-  elseif shared.listed_for ~= vendor_id or shared.listed_in ~= language then -- names and units are of both
-    shared.listed, shared.listed_for, shared.listed_in = parameters_of(view), vendor_id, language
+  elseif shared.listed_for ~= whose or shared.listed_in ~= language then -- names and units are of both
+    shared.listed, shared.listed_for, shared.listed_in = parameters_of(view), whose, language
   end
   return shared.listed
 end

@@ -660,7 +660,8 @@ function PARTS.parameters(view)
   if view.role ~= "write_request" or not item.frames.read_response then
     return item.parameters
   end
-  local job = { message = view.message, peer = { vendor_id = item.vendor_id }, meanings = item.meanings }
+  local peer = { vendor_id = item.vendor_id, family = item.family }
+  local job = { message = view.message, peer = peer, meanings = item.meanings }
   return transactions.parameters(job)
 end
 

@@ -11,6 +11,7 @@
 local later = require("ds47.support.later").module
 
 local bus = require("ds47.profibus.bus")
+local idents = require("ds47.profibus.idents")
 local bus_judge = require("ds47.profibus.judge")
 local bus_stations = require("ds47.profibus.stations")
 local calls = require("ds47.profinet.calls")
@@ -105,13 +106,14 @@ function M.new(options)
   self.calls = calls.CallTracker.new(limits, self)
   self.bus_judge = bus_judge.new(limits)
   self.bus_stations = bus_stations.new(self.bus_judge)
-  self.ms1 = ms1calls.new(self.events, self.bus_judge, self.findings)
+  local stations = idents.new()
+  self.ms1 = ms1calls.new(self.events, self.bus_judge, self.findings, stations)
   self.services = services.CallTracker.new(self.ms1)
   self.start_ups = ms1calls.start_ups(self.pairing)
   self.cyclic = channels.new(self, limits, options.every_cyclic, self.naming)
   self.cyclic:name(named.relations(options.cyclic or NONE))
-  local named_ppo = ppo.new(self.cyclic, options.ppos or NONE)
-  local listeners = {self.bus_stations, self.start_ups, self.services, named_ppo}
+  local named_ppo = ppo.new(self.cyclic, options.ppos or NONE, stations)
+  local listeners = {stations, self.bus_stations, self.start_ups, self.services, named_ppo}
   self.bus = bus.new(listeners, self.bus_stations)
   self.conclusions = conclusions.new(limits, self.cyclic)
   self.s7_ports = {[ISO_ON_TCP] = true}

@@ -44,6 +44,7 @@ from ds47.parameters import naming
 from ds47.parameters.catalogue import Catalogue
 from ds47.parameters.lists import ParameterList
 from ds47.profibus.bus import LINK_TYPES, Bus, Listener
+from ds47.profibus.idents import Idents
 from ds47.profibus.judge import Judge as BusJudge
 from ds47.profibus.stations import Stations
 from ds47.profidrive import Options, decode_response
@@ -246,12 +247,16 @@ class Analysis:
         )
         self._bus_judge = BusJudge(bounds)
         self._bus_stations = Stations(self._bus_judge.heard)
-        self._ms1 = Ms1Calls(self._events, self._diagnoses.foreign, self._bus_judge, self._remark)
+        idents = Idents()
+        self._ms1 = Ms1Calls(
+            self._events, self._diagnoses.foreign, self._bus_judge, self._remark, idents
+        )
         self._services = ServiceTracker(self._ms1.handlers())
         self._start_ups = StartUps(self._pairing.connected)
-        ppo = Ppo(self._cyclic, dict(options.ppos))
+        ppo = Ppo(self._cyclic, dict(options.ppos), idents)
         listeners = (
-            Listener(self._bus_stations.take), Listener(self._start_ups.take, StartUps.SERVICES),
+            Listener(idents.take, Idents.SERVICES), Listener(self._bus_stations.take),
+            Listener(self._start_ups.take, StartUps.SERVICES),
             Listener(self._services.take, ServiceTracker.SERVICES), Listener(ppo.take, Ppo.SERVICES),
         )  # fmt: skip
         self._bus = Bus(listeners, self._bus_stations.frame)
@@ -420,7 +425,7 @@ class Analysis:
     def _exchanged(self, relation: Relation, job: PkwJob) -> None:
         """A transaction of PKW is over."""
         transaction = build_pkw(relation, job, self._layout(relation.device))
-        explain_transaction(self._dictionary, transaction, relation.vendor_id)
+        explain_transaction(self._dictionary, transaction, relation.maker, relation.family)
         if not self._catalogue.is_empty:
             naming.explain(transaction, self._catalogue, relation.vendor_id, None)
         order, remarks = self._pairing.number(), self._conclusions.exchanged(relation, job)

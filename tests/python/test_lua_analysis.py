@@ -22,6 +22,7 @@ import test_cyclic_scenes
 import test_lua_profibus
 import test_profibus_analysis
 import test_profibus_bus
+import test_profibus_families
 import test_profibus_ppo
 import troubles
 from test_conversations import CASES, capture
@@ -398,6 +399,15 @@ def test_lines_of_profibus_give_the_same_result(version: str, tmp_path: Path) ->
     ]
     compare(version, "en", sources, tmp_path)
     compare(version, "zh", sources[:1], tmp_path)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_families_of_profibus_give_the_same_result(version: str, tmp_path: Path) -> None:
+    sources = [
+        Source(name, lab.captured(master.stage), look=True)
+        for name, master, _ in test_profibus_families.lines()
+    ]
+    compare(version, "en", sources, tmp_path)
 
 
 @pytest.mark.parametrize("version", VERSIONS)

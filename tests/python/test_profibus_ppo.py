@@ -76,11 +76,12 @@ def scenes() -> list[str]:
 
 
 def transactions(result: CaptureResult) -> list[Any]:
+    """Without names and units: the same number means another thing on the MICROMASTER that PROFIBUS names."""
     return [
         (
             each.operation, each.state, each.duration_ns,
             [
-                (one.pnu, one.subindex, one.values, one.unit, one.error and one.error.code)
+                (one.pnu, one.subindex, one.values, one.error and one.error.code)
                 for one in each.parameters
             ],
         )

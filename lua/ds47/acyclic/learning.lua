@@ -44,10 +44,10 @@ function M.ask(dictionary, job)
   if dictionary.is_empty or job.message == nil then
     return
   end
-  local access, vendor_id, found = drive_objects.access(job), job.peer.vendor_id, {}
+  local access, peer, found = drive_objects.access(job), job.peer, {}
   for number, address in ipairs(job.message.addresses) do
     if address.attribute == VALUE then
-      local meaning, is_said = dictionary:meaning(access, address.pnu, vendor_id)
+      local meaning, is_said = dictionary:meaning(access, address.pnu, peer.vendor_id, nil, peer.family)
       found[number] = is_said and meaning or nil
     end
   end

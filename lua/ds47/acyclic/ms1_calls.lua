@@ -15,9 +15,10 @@ Ms1Calls.__index = Ms1Calls
 -- @param events  hears of every record that may be ours (record_events.lua)
 -- @param judge   hears of refusals of what is not ours, and of polls (profibus/judge.lua)
 -- @param findings  is told what is wrong with a request: findings:add(remark)
-function M.new(events, judge, findings)
+-- @param idents  knows of which make stations are (profibus/idents.lua)
+function M.new(events, judge, findings, idents)
   return setmetatable({
-    events = events, judge = judge, findings = findings,
+    events = events, judge = judge, findings = findings, idents = idents,
     newest = nil, -- the call that the last frame asked for; whoever feeds frames forgets it
     written = {}, -- stations and indices that were written there -> the frame of the first time
   }, Ms1Calls)
@@ -30,13 +31,17 @@ end
 
 local peers = {}
 
---- Who talks to whom: {controller, device, station}; `dp2` is the station with the address 2.
--- The same table again for the same stations, so nobody may change it.
-function M.peer(master, station)
-  local key = master * 256 + station
+--- Who talks to whom: {controller, device, station, family}; `dp2` is the station with the address 2, and
+-- the family is that of its parameters, nil where it is not known.
+-- The same table again for the same ones, so nobody may change it.
+function M.peer(master, station, family)
+  local key = ("%d %d %s"):format(master, station, family or "")
   local peer = peers[key]
   if peer == nil then
-    peer = {controller = ("dp%d"):format(master), device = ("dp%d"):format(station), station = station}
+    peer = {
+      controller = ("dp%d"):format(master), device = ("dp%d"):format(station), station = station,
+      family = family,
+    }
     peers[key] = peer
   end
   return peer
@@ -69,8 +74,8 @@ function StartUps:take(exchange)
 end
 
 -- Where something happens to a record, as record_events.lua takes it.
-local function origin(call, half)
-  local peer = M.peer(call.master, call.station)
+local function origin(self, call, half)
+  local peer = M.peer(call.master, call.station, self.idents:family(call.station))
   return {frame = half.frame, time_ns = half.time_ns, peer = peer, missing = 0}
 end
 
@@ -101,7 +106,7 @@ function Ms1Calls:asked(call)
   end
   self.events:count(record.index, record.write)
   if self.events:concerns(record.index) then
-    self.events:asked(origin(call, record.request), record)
+    self.events:asked(origin(self, call, record.request), record)
   end
 end
 
@@ -110,14 +115,14 @@ function Ms1Calls:answered(call)
   local ours = self.events:concerns(record.index)
   self:_told(call, ours)
   if ours then
-    self.events:answered(origin(call, record.response), record)
+    self.events:answered(origin(self, call, record.response), record)
   end
 end
 
 function Ms1Calls:failed(call)
   local record = call.record
   if self.events:concerns(record.index) then
-    local here = origin(call, record.response)
+    local here = origin(self, call, record.response)
     self.events:failed(here, record)
     self.events:lost(here, record)
   end
@@ -126,14 +131,14 @@ end
 function Ms1Calls:lost(call)
   local record = call.record
   if self.events:concerns(record.index) then
-    self.events:lost(origin(call, record.request), record)
+    self.events:lost(origin(self, call, record.request), record)
   end
 end
 
 function Ms1Calls:unasked(call)
   local record = call.record
   if self.events:concerns(record.index) then
-    self.events:unasked(origin(call, record.response), record)
+    self.events:unasked(origin(self, call, record.response), record)
   end
 end
 

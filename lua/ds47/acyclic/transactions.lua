@@ -117,16 +117,17 @@ NAMELESS.__index = NAMELESS
 
 -- What is known of a parameter from its address alone. Stands with the address, which equal requests share;
 -- the parameters of transactions have it as their metatable (`parameter.class`).
-local function class_of(address, siemens)
+local function class_of(address, peer)
+  local siemens, of = peer.vendor_id == SIEMENS, peer.family
   local class = address.class
-  if class and class.siemens == siemens then
+  if class and class.siemens == siemens and class.family == of then
     return class
   end
-  local known = dictionary.listed(address.pnu, siemens and SIEMENS or nil)
+  local known = dictionary.listed(address.pnu, siemens and SIEMENS or nil, of)
   class = {
     pnu = address.pnu, subindex = address.subindex, attribute = address.attribute_name,
     element_count = address.element_count, listed = known ~= nil, unit = known and known.unit or nil,
-    values = NONE, siemens = siemens, in_format = {},
+    values = NONE, siemens = siemens, family = of, in_format = {},
   }
   class.class, class.__index = class, class
   address.class = class
@@ -158,7 +159,7 @@ end
 -- One parameter: `value` is the block with the values, `answer` the one that may hold an error, `meaning`
 -- what the drive has said of it; each may be nil.
 local function shown(job, address, value, answer, meaning)
-  local class, result = address and class_of(address, job.peer.vendor_id == SIEMENS) or NAMELESS
+  local class, result = address and class_of(address, job.peer) or NAMELESS
   if value and value.error == nil then
     result, class = {value_count = value.value_count, values = value.values}, class_in_format(class, value)
     if value.scaled then
@@ -293,7 +294,7 @@ local KEYS = {
   stray = function(_, job) return is_mismatch(job) end, -- its response is the one of another request
 }
 
-for _, key in ipairs({"controller", "device", "vendor_id", "vendor_assumed", "station"}) do
+for _, key in ipairs({"controller", "device", "vendor_id", "vendor_assumed", "station", "family"}) do
   KEYS[key] = function(_, job) return job.peer[key] end
 end
 

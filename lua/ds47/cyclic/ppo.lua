@@ -44,12 +44,13 @@ end
 --- Feeds channels with the data of stations whose configuration was seen, or whose PPO is named.
 -- @param channels takes the relations, and the data (channels.lua)
 -- @param named  numbers of PPO by station, for captures without their Chk_Cfg, which counts more
-function M.new(channels, named)
+-- @param idents knows of which make stations are (profibus/idents.lua); it hears of an exchange first
+function M.new(channels, named, idents)
   return setmetatable({
     channels = channels,
     named = rows_of(named),
     at_work = {}, -- masters and stations of a PPO that is named, as a set
-    idents = {}, -- ident numbers by station, as Set_Prm has them
+    idents = idents,
   }, Ppo)
 end
 
@@ -81,7 +82,8 @@ end
 -- @param told as `dp.configuration` gives it
 -- @param vendor_id of the maker of the drive; nil where that is not known
 -- @param frame of Chk_Cfg; nil where a user named the PPO
-function M.relations(master, station, told, vendor_id, frame)
+-- @param family of the parameters of the drive; nil where that is not known
+function M.relations(master, station, told, vendor_id, frame, family)
   local found, output, input, telegrams = {}, 0, 0, telegrams_of(told)
   for _, module in ipairs(told.modules) do
     local out = module.outputs and module.outputs.length or 0
@@ -90,7 +92,8 @@ function M.relations(master, station, told, vendor_id, frame)
       local is_pkw = module.role == "PKW"
       found[#found + 1] = {
         channel = is_pkw and relations.PKW or relations.PZD, controller = format("dp%d", master),
-        device = format("dp%d", station), vendor_id = vendor_id, telegrams = telegrams,
+        device = format("dp%d", station), vendor_id = vendor_id, family = family,
+        telegrams = telegrams,
         output = side(M.source(master, station), output, out, is_pkw),
         input = side(M.source(station, master), input, in_, is_pkw),
         frame = frame, certainty = frame and relations.LENGTHS or relations.NAMED,
@@ -127,12 +130,11 @@ function Ppo:take(exchange)
     if self.named[item.da] and not fits(self, item.sa, item.da, item.du, answer.item.du) then return end
     self.channels:exchanged(M.source(item.sa, item.da), item.du, frame, exchange.request.time_ns)
     self.channels:exchanged(M.source(item.da, item.sa), answer.item.du, answer.frame, answer.time_ns)
-  elseif name == "parameters" then
-    self.idents[item.da] = dp.decode(item).ident or self.idents[item.da]
   elseif name == "configuration" then
     self.named[item.da] = nil
-    local vendor = tables.profibus.vendors[self.idents[item.da] or -1]
-    local found = M.relations(item.sa, item.da, dp.configuration(item.du), vendor, frame)
+    local vendor = tables.profibus.vendors[self.idents:sent_to(item.da) or -1]
+    local told, family = dp.configuration(item.du), self.idents:family(item.da)
+    local found = M.relations(item.sa, item.da, told, vendor, frame, family)
     self.channels:configured(found, M.source(item.sa, item.da), M.source(item.da, item.sa), frame)
   end
 end

@@ -34,7 +34,9 @@ local function parameter(relation, asked, told)
   local source = access == "change" and asked or told
   local value
   if source and not (failed and access ~= "change") then value = source.value end
-  local known = siemens and dictionary.listed(asked.pnu, relation.vendor_id) or nil
+  -- On PROFIBUS the family alone says whose parameters these are.
+  local maker = not relations.station(relation) and relation.vendor_id or nil
+  local known = siemens and dictionary.listed(asked.pnu, maker, relation.family) or nil
   return {
     pnu = asked.pnu, subindex = asked.subindex, attribute = ATTRIBUTES[access] or "value",
     listed = known ~= nil, unit = known and known.unit or nil,
@@ -81,8 +83,8 @@ function M.build(relation, job, layout)
     layout = layout,
     operation = OPERATIONS[access_of(asked)] or "unknown", state = state_of(job, told),
     controller = relation.controller, device = relation.device, vendor_id = relation.vendor_id,
-    ar = relation.ar and uuid_text(relation.ar), api = relation.api, slot = relation.slot,
-    subslot = relation.subslot, station = relations.station(relation),
+    family = relation.family, ar = relation.ar and uuid_text(relation.ar), api = relation.api,
+    slot = relation.slot, subslot = relation.subslot, station = relations.station(relation),
     frames = {
       write_request = job.request.at.frame, read_response = answer and answer.at.frame,
       polls = NONE, rereads = NONE,

@@ -42,8 +42,8 @@ local ONLY = 0 -- second key of a memory that needs none
 local NO_END = 2 ^ 17 -- behind every subindex
 
 -- The format of a parameter by the list of parameters; nil where the list says nothing of this device.
-local function listed(pnu, siemens)
-  local row = dictionary.listed(pnu, siemens and SIEMENS or nil)
+local function listed(pnu, siemens, family)
+  local row = dictionary.listed(pnu, siemens and SIEMENS or nil, family)
   return row and code_of((row.type:gsub("%[%]$", "")))
 end
 
@@ -469,7 +469,7 @@ end
 
 -- The format by the list of parameters, where nothing that was read of the device differs from it.
 function Diagnoses:_listed(job, pnu)
-  local code = listed(pnu, job.peer.vendor_id == SIEMENS)
+  local code = listed(pnu, job.peer.vendor_id == SIEMENS, job.peer.family)
   return code and self:_agrees(job, pnu, code) and code or nil
 end
 

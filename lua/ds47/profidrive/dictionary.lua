@@ -21,6 +21,7 @@ local M = {}
 --- PROFINET vendor id of the drives whose own parameters the list names.
 M.SIEMENS = 0x002A
 
+local BOTH = "siemens" -- the family of what SINAMICS and MICROMASTER have in common
 local WHOLE = 0 -- the subindex of a whole description
 local WAYS = 16 -- ways in which a parameter was described; of more the oldest is forgotten
 local NO_TYPES = { [0x00] = true, [0x40] = true, [0x44] = true } -- codes that are the type of no parameter
@@ -35,10 +36,13 @@ local KEPT = { "type", "name", "factor", "low", "high" }
 
 --- The row of a parameter in the list, where it speaks of a device of this vendor; nil of any other. On
 -- PROFINET a device of Siemens is no MICROMASTER.
-function M.listed(pnu, vendor_id)
+-- @param family of the parameters of the device, where PROFIBUS says it; nil elsewhere
+function M.listed(pnu, vendor_id, family)
   local known = pnu and tables.parameters[pnu]
   if not known or known.family == "profile" then
     return known
+  elseif family then
+    return (known.family == family or known.family == BOTH) and known or nil
   end
   return vendor_id == M.SIEMENS and known.family ~= "micromaster" and known or nil
 end
@@ -214,9 +218,10 @@ end
 -- @param access    how it is asked for
 -- @param vendor_id of the device
 -- @param last      the last frame whose description counts; nil: all that came up to now
+-- @param family    of its parameters, where PROFIBUS says it
 -- @return the meaning, and whether the drive has said anything
-function Dictionary:meaning(access, pnu, vendor_id, last)
-  local meaning, said = { listed = M.listed(pnu, vendor_id) }, {}
+function Dictionary:meaning(access, pnu, vendor_id, last, family)
+  local meaning, said = { listed = M.listed(pnu, vendor_id, family) }, {}
   for _, entry in ipairs(self.ways[place_of(access.device, pnu)] or NONE) do
     if self.objects:same(access, entry.access, pnu) then
       add_newer(said, entry.said, last)
@@ -290,9 +295,10 @@ function Dictionary:explain(item)
     return
   end
   local access, last = drive_objects.access_of(item), item.frames.read_response
+  local maker = not item.station and item.vendor_id or nil -- on PROFIBUS the family says it
   for _, each in ipairs(item.parameters) do
     if each.pnu and each.attribute == "value" then
-      local told = M.explained(each, (self:meaning(access, each.pnu, item.vendor_id, last)))
+      local told = M.explained(each, (self:meaning(access, each.pnu, maker, last, item.family)))
       each.unit, each.scaled, each.described = told.unit, told.scaled, told.described
     end
   end

@@ -2068,6 +2068,7 @@ M.profibus.service_ids = {
   [62] = {[62] = "configuration"},
 }
 M.profibus.vendors = {[0x80B5] = 0x002A}
+M.profibus.families = {[0x80B5] = "micromaster"}
 M.profibus.ppos = {
   {number = 1, modules = {8, 4}, pkw = true},
   {number = 2, modules = {8, 12}, pkw = true},

@@ -39,9 +39,11 @@ def ask(dictionary: Dictionary, job: Job) -> None:
     """What the drive has said up to now of the parameters whose values a job is about."""
     if dictionary.is_empty or job.message is None:
         return
-    access, vendor_id = access_of(job), job.peer.vendor_id
+    access, peer = access_of(job), job.peer
     found = [
-        dictionary.meaning(access, each.pnu, vendor_id) if each.attribute == VALUE else None
+        dictionary.meaning(access, each.pnu, peer.vendor_id, family=peer.family)
+        if each.attribute == VALUE
+        else None
         for each in job.message.addresses
     ]
     job.meanings = [None if each is None or not each.is_said else each for each in found]

@@ -15,6 +15,7 @@ from ds47.acyclic.record_events import Jobs, RecordEvents
 from ds47.acyclic.services import Call, Handlers
 from ds47.findings.remark import Remark
 from ds47.profibus import dp
+from ds47.profibus.idents import Idents
 from ds47.profibus.judge import Judge
 from ds47.profibus.line import Exchange
 from ds47.profibus.ms1 import MOST_DATA
@@ -29,6 +30,7 @@ class Ms1Calls:
         foreign: hears of every answered write to an index that cannot be ours, or without its request.
         judge: hears of refusals of what is not ours, and of polls.
         remark: is told what is wrong with a request.
+        idents: knows of which make stations are.
     """
 
     def __init__(
@@ -37,8 +39,10 @@ class Ms1Calls:
         foreign: Callable[[Peer, Record], None],
         judge: Judge,
         remark: Callable[[Remark], None],
+        idents: Idents,
     ) -> None:
         self._events = events
+        self._idents = idents
         self._foreign = foreign
         self._judge = judge
         self._remark = remark
@@ -55,6 +59,9 @@ class Ms1Calls:
         """Whether a record was written to an index of a station before a frame."""
         return self._written.get((device, index), before) < before
 
+    def _peer(self, call: Call) -> Peer:
+        return peer(call.master, call.station, self._idents.family(call.station))
+
     def _asked(self, call: Call) -> None:
         record = call.record
         if record.write:
@@ -62,10 +69,10 @@ class Ms1Calls:
         self._events.count(record.index, write=record.write)
         if self._events.concerns(record.index):
             jobs = self._jobs[call] = {}
-            self._events.asked(peer(call.master, call.station), record, None, jobs)
+            self._events.asked(self._peer(call), record, None, jobs)
 
     def _writing(self, call: Call) -> None:
-        record, device = call.record, peer(call.master, call.station).device
+        record, device = call.record, self._peer(call).device
         half = record.request
         if half is None:
             return
@@ -87,14 +94,14 @@ class Ms1Calls:
 
     def _answered(self, call: Call) -> None:
         self._told(call, call in self._jobs)
-        jobs, who = self._jobs.pop(call, None), peer(call.master, call.station)
+        jobs, who = self._jobs.pop(call, None), self._peer(call)
         if jobs is not None:
             self._events.answered(who, call.record, None, jobs)
         elif call.record.write:
             self._foreign(who, call.record)
 
     def _failed(self, call: Call) -> None:
-        jobs, who = self._jobs.pop(call, None), peer(call.master, call.station)
+        jobs, who = self._jobs.pop(call, None), self._peer(call)
         half = call.record.response
         if jobs is not None and half is not None:
             self._events.failed(who, call.record, half, jobs)
@@ -102,10 +109,10 @@ class Ms1Calls:
 
     def _lost(self, call: Call) -> None:
         if self._jobs.pop(call, None) is not None:
-            self._events.lost(peer(call.master, call.station), call.record)
+            self._events.lost(self._peer(call), call.record)
 
     def _unasked(self, call: Call) -> None:
-        who, record = peer(call.master, call.station), call.record
+        who, record = self._peer(call), call.record
         if record.write:
             self._foreign(who, record)
         if self._events.concerns(record.index):
@@ -144,6 +151,6 @@ class StartUps:
 
 
 @lru_cache(maxsize=4096)
-def peer(master: int, station: int) -> Peer:
+def peer(master: int, station: int, family: str | None = None) -> Peer:
     """Who talks to whom: `dp2` is the station with the address 2."""
-    return Peer(f"dp{master}", f"dp{station}", station=station)
+    return Peer(f"dp{master}", f"dp{station}", station=station, family=family)

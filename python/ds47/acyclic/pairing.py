@@ -38,6 +38,8 @@ class Peer(NamedTuple):
     device_id: int | None = None
     station: int | None = None
     """The address of the device on PROFIBUS; None on PROFINET."""
+    family: str | None = None
+    """Of its parameters, where PROFIBUS says it (`ds47.profibus.idents`)."""
 
 
 ChannelKey = tuple[str, str, bytes, int, int, int, int]

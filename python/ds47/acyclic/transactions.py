@@ -151,7 +151,7 @@ def _parameter(
     if address is not None:
         pnu, subindex, elements = address.pnu, address.subindex, address.element_count
         attribute = address.attribute_name
-        known = listed(pnu, job.peer.vendor_id)
+        known = listed(pnu, job.peer.vendor_id, job.peer.family)
     unit = None if known is None else known.unit
     result = Parameter(pnu, subindex, attribute, elements, known is not None, unit)
     if value is not None and value.error is None:

@@ -15,6 +15,7 @@ from ds47.cyclic.pkw import LENGTH
 from ds47.cyclic.relations import Relation, Side, fitting_telegrams
 from ds47.model import LENGTHS, NAMED, PKW, PZD
 from ds47.profibus import dp
+from ds47.profibus.idents import Idents
 from ds47.profibus.line import Exchange
 from ds47.spec import profibus
 
@@ -49,11 +50,12 @@ class Ppo:
     Args:
         channels: takes the relations, and the data.
         named: the PPO of stations, for captures without their Chk_Cfg, which counts more.
+        idents: knows of which make stations are; it hears of an exchange first.
     """
 
-    SERVICES: ClassVar = frozenset({dp.EXCHANGE, dp.PARAMETERS, dp.CONFIGURATION})
+    SERVICES: ClassVar = frozenset({dp.EXCHANGE, dp.CONFIGURATION})
 
-    def __init__(self, channels: CyclicChannels, named: Mapping[int, int]) -> None:
+    def __init__(self, channels: CyclicChannels, named: Mapping[int, int], idents: Idents) -> None:
         self._channels = channels
         self._named = {
             station: row for station, number in named.items() for row in profibus.ppos()
@@ -61,8 +63,7 @@ class Ppo:
         }  # fmt: skip
         self._at_work: set[tuple[int, int]] = set()
         """Masters and stations of a PPO that is named."""
-        self._idents: dict[int, int] = {}
-        """Ident numbers by station, as Set_Prm has them."""
+        self._idents = idents
 
     def take(self, exchange: Exchange) -> None:
         """An exchange that is over; one without an answer, or that was refused, says nothing."""
@@ -77,15 +78,16 @@ class Ppo:
             seen = exchange.request
             self._channels.exchanged(item.front.way, item.du, seen.frame, seen.time_ns)
             self._channels.exchanged(item.front.back, answer.item.du, answer.frame, answer.time_ns)
-        elif name == dp.PARAMETERS:
-            told = dp.decode(item)
-            if isinstance(told, dp.Parameters) and told.ident is not None:
-                self._idents[station] = told.ident
         elif name == dp.CONFIGURATION:
             self._named.pop(station, None)
-            vendor = profibus.vendor(self._idents.get(station))
+            vendor = profibus.vendor(self._idents.sent(station))
             found = relations(
-                master, station, dp.configuration(item.du), vendor, exchange.request.frame
+                master,
+                station,
+                dp.configuration(item.du),
+                vendor,
+                exchange.request.frame,
+                self._idents.family(station),
             )
             sources = source(master, station), source(station, master)
             self._channels.configured(list(found), *sources)
@@ -107,11 +109,17 @@ def _identifiers(row: profibus.Ppo) -> bytes:
 
 
 def relations(
-    master: int, station: int, told: dp.Configuration, vendor_id: int | None, frame: int | None
+    master: int,
+    station: int,
+    told: dp.Configuration,
+    vendor_id: int | None,
+    frame: int | None,
+    family: str | None = None,
 ) -> Iterator[Relation]:
     """The channels of a configuration; none where it is no PPO that is known.
 
-    `frame` is that of Chk_Cfg, None where a user named the PPO.
+    `frame` is that of Chk_Cfg, None where a user named the PPO; vendor and family are None where nothing says
+    them.
     """
     output = input_ = 0
     words = [
@@ -133,7 +141,8 @@ def relations(
                 )
             ]  # fmt: skip
             yield Relation(
-                PKW if role == dp.PKW else PZD, f"dp{master}", f"dp{station}", vendor_id=vendor_id,
+                PKW if role == dp.PKW else PZD, f"dp{master}", f"dp{station}",
+                vendor_id=vendor_id, family=family,
                 ar=None, api=None, slot=None, subslot=None, telegrams=telegrams,
                 output=sides[0], input=sides[1], frame=frame,
                 certainty=LENGTHS if frame is not None else NAMED,

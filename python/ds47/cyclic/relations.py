@@ -82,6 +82,8 @@ class Relation:
     input: Side
     frame: int | None
     certainty: str = LENGTHS
+    family: str | None = None
+    """Of the parameters of the device, where PROFIBUS says it (`ds47.profibus.idents`)."""
 
     @property
     def place(self) -> tuple[str, str, int | None, int | None]:
@@ -106,6 +108,11 @@ class Relation:
     def station(self) -> int | None:
         """The slave on PROFIBUS."""
         return self.input.source[0] if self.is_bus else None
+
+    @property
+    def maker(self) -> int | None:
+        """The vendor whose parameters it has where no family is known; on PROFIBUS only the family says that."""
+        return None if self.is_bus else self.vendor_id
 
     @property
     def is_judged(self) -> bool:

@@ -66,7 +66,9 @@ def _parameter(
     source = asked if access == "change" else told
     value = None if source is None or (error and access != "change") else source.value
     count = access == "count"  # the number of elements is no value of the parameter
-    known = listed(asked.pnu, SIEMENS) if relation.vendor_id == SIEMENS else None
+    known = None
+    if relation.vendor_id == SIEMENS:
+        known = listed(asked.pnu, relation.maker, relation.family)
     return Parameter(
         pnu=asked.pnu,
         subindex=asked.subindex,

@@ -337,7 +337,7 @@ class Diagnoses:
 
     def _listed(self, job: Job, pnu: int) -> int | None:
         """The format by the list of parameters, where nothing that was read of the device differs from it."""
-        code = _listed(pnu, job.peer.vendor_id == SIEMENS)
+        code = _listed(pnu, job.peer.vendor_id == SIEMENS, job.peer.family)
         return code if self._anywhere.get((job.peer.device, pnu), code) == code else None
 
     def _format(self, job: Job, pnu: int) -> int | None:
@@ -403,9 +403,9 @@ def is_unlikely(block: Block) -> bool:
     return False
 
 
-def _listed(pnu: int, siemens: bool) -> int | None:
+def _listed(pnu: int, siemens: bool, family: str | None) -> int | None:
     """The format of a parameter by parameters.toml, where it speaks of this device."""
-    row = listed(pnu, SIEMENS if siemens else None)
+    row = listed(pnu, SIEMENS if siemens else None, family)
     return None if row is None else _codes().get(row.type.removesuffix("[]"))
 
 

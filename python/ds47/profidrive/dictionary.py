@@ -18,6 +18,8 @@ from ds47.profidrive.description import Description, describe
 from ds47.profidrive.drive_objects import Access, DriveObjects, access_of
 from ds47.spec import descriptions
 
+_BOTH: Final = "siemens"
+"""The family of what SINAMICS and MICROMASTER have in common."""
 _WHOLE: Final = 0
 """The subindex of a whole description."""
 _WAYS: Final = 16
@@ -80,15 +82,17 @@ class Meaning(NamedTuple):
         return format_name in (None, own) or _UNSIGNED.get(own) == format_name
 
 
-def listed(pnu: int | None, vendor_id: int | None) -> spec.Pnu | None:
+def listed(pnu: int | None, vendor_id: int | None, family: str | None = None) -> spec.Pnu | None:
     """The row of a parameter in spec/parameters.toml, where it speaks of a device of this vendor.
 
     On PROFINET a device of Siemens is no MICROMASTER, whose numbers mean other things: 1082 is a frequency there
-    and a speed on SINAMICS.
+    and a speed on SINAMICS. On PROFIBUS the ident number says the family.
     """
     known = None if pnu is None else spec.parameters().get(pnu)
     if known is None or known.family == "profile":
         return known
+    if family is not None:
+        return known if known.family in (family, _BOTH) else None
     return known if vendor_id == SIEMENS and known.family != "micromaster" else None
 
 
@@ -163,7 +167,12 @@ class Dictionary:
             del self._ways[access.device, pnu]
 
     def meaning(
-        self, access: Access, pnu: int, vendor_id: int | None, until: int | None = None
+        self,
+        access: Access,
+        pnu: int,
+        vendor_id: int | None,
+        until: int | None = None,
+        family: str | None = None,
     ) -> Meaning:
         """What is known of a parameter.
 
@@ -172,8 +181,9 @@ class Dictionary:
             pnu: its number.
             vendor_id: PROFINET vendor id of the device; None where it is not known.
             until: the last frame whose description counts; None: all that came up to now.
+            family: of its parameters, where the capture says it.
         """
-        known = listed(pnu, vendor_id)
+        known = listed(pnu, vendor_id, family)
         said: dict[str, Said] = {}
         for way in self._ways.get((access.device, pnu), ()):
             if self._objects.same(access, way, pnu):
@@ -189,14 +199,16 @@ class Dictionary:
         )  # fmt: skip
 
 
-def explain_transaction(dictionary: Dictionary, item: Transaction, vendor_id: int | None) -> None:
+def explain_transaction(
+    dictionary: Dictionary, item: Transaction, vendor_id: int | None, family: str | None = None
+) -> None:
     """What the drive has said, up to its response, of the parameters that a transaction of PKW is about."""
     if dictionary.is_empty:
         return
     access, last = access_of(item), item.frames.read_response
     for each in item.parameters:
         if each.pnu is not None and each.attribute == "value":
-            explain(each, dictionary.meaning(access, each.pnu, vendor_id, last))
+            explain(each, dictionary.meaning(access, each.pnu, vendor_id, last, family))
 
 
 def _add_newer(said: dict[str, Said], more: dict[str, Said], until: int | None) -> None:

@@ -218,6 +218,18 @@ def vendor(ident: int | None) -> int | None:
     return None if ident is None else vendors().get(ident)
 
 
+@cache
+def families() -> Mapping[int, str]:
+    """The family of the parameters (parameters.toml), by the ident numbers of drives that are known."""
+    rows = _load("profibus.toml")["ident"]
+    return MappingProxyType({row["number"]: row["family"] for row in rows})
+
+
+def family(ident: int | None) -> str | None:
+    """The family of the parameters of a drive, by the ident number of its GSD; None where that is not known."""
+    return None if ident is None else families().get(ident)
+
+
 def unread_ids() -> tuple[str, ...]:
     """All reasons why a line of a log is not read."""
     return tuple(_unread())

@@ -1,0 +1,103 @@
+"""Whose parameters are named on a line of PROFIBUS: by what the frames say the stations are."""
+
+from __future__ import annotations
+
+import io
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from ds47.analysis import analyze
+from ds47.lab import captured, message
+from ds47.lab.fdl import PARAMETERS
+from ds47.lab.master import READY, SET_PRM, Master, Way
+
+STATION = 3
+MM4, OTHER = "80b5", "4711"
+WITHOUT_IDENT = SET_PRM[:8]
+"""A Set_Prm that ends before the ident number."""
+TABLE = Path(__file__).parents[2] / "python/ds47/spec/parameters.toml"
+NUMBERS = (10, 21, 700, 922, 1082, 2900, 3996)
+"""Of both makes, of MICROMASTER (three), of the profile, of MICROMASTER, of SINAMICS (two)."""
+
+
+def sent(ident: str) -> str:
+    return SET_PRM[:8] + ident + SET_PRM[12:]
+
+
+def asked(master: Master, reference: int = 1, station: int = STATION) -> None:
+    places = [message.address(number) for number in NUMBERS]
+    told = bytes((reference, 1, 1, len(NUMBERS))) + b"".join(
+        message.real(float(number)) for number in range(len(NUMBERS))
+    )
+    master.parameters(Way(station), message.read(reference, 1, *places), told)
+
+
+def names(master: Master) -> list[list[str | None]]:
+    """Of each transaction of records what its parameters are called."""
+    result = analyze(io.BytesIO(captured(master.stage)))
+    return [[one.name for one in each.parameters] for each in result.transactions]
+
+
+def expected(*families: str) -> list[str | None]:
+    """The names of the table that are of these families, read from the file itself."""
+    rows = tomllib.loads(TABLE.read_text(encoding="utf-8"))["parameter"]
+    known = {row["number"]: row["en"] for row in rows if row.get("family", "profile") in families}
+    return [known.get(number) for number in NUMBERS]
+
+
+MICROMASTER = expected("profile", "siemens", "micromaster")
+PROFILE = expected("profile")
+
+
+def test_the_lists_differ() -> None:
+    assert [name is None for name in MICROMASTER] == [False] * 5 + [True] * 2
+    assert [name is None for name in PROFILE] == [True] * 3 + [False] + [True] * 3
+
+
+def lines() -> Iterator[tuple[str, Master, list[list[str | None]]]]:
+    """Lines by name, and what the parameters of each transaction on them are called."""
+    started = Master()
+    started.start(STATION, sent(MM4))
+    asked(started)
+    yield "a start-up names the make", started, [MICROMASTER]
+    nothing = Master()
+    asked(nothing)
+    yield "nothing names it: the profile is left", nothing, [PROFILE]
+    later = Master()
+    asked(later)
+    later.diagnose(STATION)
+    asked(later, 2)
+    yield "it counts from its frame on", later, [PROFILE, MICROMASTER]
+    for project, device, found in ((MM4, OTHER, PROFILE), (OTHER, MM4, MICROMASTER)):
+        wrong = Master()
+        wrong.start(STATION, sent(project), told=READY[:8] + device)
+        asked(wrong)
+        yield f"the project says {project}, the slave {device}", wrong, [found]
+    for cut in (WITHOUT_IDENT, SET_PRM[:2], ""):
+        short = Master()
+        short.ask(STATION, cut, PARAMETERS)
+        short.short()
+        asked(short)
+        yield f"a Set_Prm of {len(cut) // 2} bytes", short, [PROFILE]
+    other = Master()
+    other.start(STATION + 1, sent(MM4))
+    asked(other)
+    yield "another station", other, [PROFILE]
+    both = Master()
+    both.start(STATION, sent(MM4))
+    both.start(STATION + 1, sent(OTHER))
+    for number in range(4):
+        asked(both, 1, STATION + number % 2)
+    yield "equal requests to two makes", both, [MICROMASTER, PROFILE] * 2
+
+
+@pytest.mark.parametrize(
+    ("master", "found"), [pytest.param(*rest, id=name) for name, *rest in lines()]
+)
+def test_parameters_are_named_by_what_the_frames_say(
+    master: Master, found: list[list[str | None]]
+) -> None:
+    assert names(master) == found
