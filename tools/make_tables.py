@@ -72,7 +72,7 @@ ATTRIBUTE = ("code", "name", "zh")
 REQUEST_ID = ("code", "name", "operation", "body", "positive", "negative", "vendor")
 RESPONSE_ID = ("code", "name", "body", "vendor", "negative")
 ERROR = ("code", "en", "zh", "info")
-PARAMETER = ("name_en", "name_zh", "type", "unit", "volatile", "family")
+PARAMETER = ("name_en", "name_zh", "type", "unit", "volatile", "family", "letter")
 """Without the number: one entry may hold for many."""
 PKW_REQUEST = ("en", "zh", "access", "array", "width", "eeprom")
 PKW_ANSWER = ("en", "zh", "width")

@@ -4,6 +4,7 @@
 -- bytes. What belongs together is decided by the analysis; links and the transaction are tree.lua's.
 
 local cyclic = require("ds47.spec.cyclic")
+local naming = require("ds47.profidrive.naming")
 local pkw = require("ds47.cyclic.pkw")
 local reader = require("ds47.support.bytes")
 local sentences = require("ds47.report.sentences")
@@ -167,7 +168,8 @@ local function line_of(told, lang)
   if told.ak == 0 then
     return text
   end
-  text = format("AK %d %s: p%s[%d]", told.ak, text, told.pnu or "?", told.subindex)
+  local parameter = told.pnu and naming.element(told.pnu, told.subindex) or format("p?[%d]", told.subindex)
+  text = format("AK %d %s: %s", told.ak, text, parameter)
   if told.error then
     return text .. ": " .. error_text(told, lang)
   end

@@ -47,7 +47,7 @@ _PARTS = re.compile(r"->|instead of|send instead|these respond|look at")
 """How lines begin that are neither words nor status word."""
 _DEVICE = re.compile(r"^(\d+\.\d+\.\d+\.\d+|dp\d+): ")
 _MORE = re.compile(r"^(.*?)\s+\(and (\d+) frames? more\)$")
-_PNU = re.compile(r"\bp(\d+|\?)(?:\[(\d+)(?:\.\.(\d+))?\])?")
+_PNU = re.compile(r"\b[pr]0*(\d+|\?)(?:\[(\d+)(?:\.\.(\d+))?\])?")
 
 
 def sections(text: str) -> dict[str, list[str]]:
@@ -647,7 +647,7 @@ def _plc(block: list[str], deal: Deal, reading: Reading) -> Iterator[str]:
 
 def _parameters(block: list[str], deal: Deal) -> Iterator[str]:
     text = " ; ".join(line for line in block if not line.strip().startswith("PLC: "))
-    told = [(each[0], each[1]) for each in _PNU.findall(re.sub(r"p09\d\d|\".*?\"", "", text))]
+    told = [(each[0], each[1]) for each in _PNU.findall(re.sub(r"p09\d\d(?!\[)|\".*?\"", "", text))]
     for each in deal.parameters:
         if each["pnu"] is None:
             continue

@@ -81,4 +81,4 @@ def test_a_plot_says_time_of_day_seconds_and_frame_where_the_pointer_is(
     }
     assert starts <= told
     texts = {text for *_, words in sources for text in words}
-    assert texts == {"read from the fault buffer, p945: 7900, 30002"}
+    assert texts == {"read from the fault buffer, r0945: 7900, 30002"}

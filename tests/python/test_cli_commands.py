@@ -509,7 +509,7 @@ def test_encode_says_what_it_understood(capsys):
     assert (status, err) == (0, "ds47: p1120[0..1] := 10.0, 5.0\n")
     assert "#length := 20;" in out
     _, _, err = run(capsys, "encode", "change axis 1 p1=Float32:0.1 p2[3]=UINT:1,16#10")
-    assert err == "ds47: p2[3..4] := 1, 16\n"
+    assert err == "ds47: p0002[3..4] := 1, 16\n"
 
 
 def test_encode_takes_the_type_of_a_parameter_that_it_knows(capsys):
@@ -521,7 +521,7 @@ def test_encode_takes_the_type_of_a_parameter_that_it_knows(capsys):
     )
     _, out, err = run(capsys, "encode", "change axis 2 P0922=1 p2900=REAL:2.0", "--lang", "zh")
     assert out.startswith("01 02 02 02 10 01 03 9a ")
-    assert err == "ds47: p922 按 Unsigned16 发送：报文选择（PROFIdrive 行规）\n"
+    assert err == "ds47: p0922 按 Unsigned16 发送：报文选择（PROFIdrive 行规）\n"
     _, _, err = run(capsys, "encode", "-f", "scl-fb", "change axis 2 p2900=10.0")
     assert "p2900 is sent as Float32" in err
 
@@ -556,10 +556,10 @@ def test_encode_says_that_a_read_of_an_array_asks_for_nothing(capsys):
     assert status == 0
     assert out.startswith("01 01 01 04 10 00 03 b1 00 00 ")
     assert err == (
-        "ds47: p945 is an array, and 0 elements are asked for;"
-        " p945[0] asks for one, p945[0..7] for eight\n"
+        "ds47: r0945 is an array, and 0 elements are asked for;"
+        " r0945[0] asks for one, r0945[0..7] for eight\n"
     )
-    assert "p945 是数组" in run(capsys, "encode", "--lang", "zh", "read p945")[2]
+    assert "r0945 是数组" in run(capsys, "encode", "--lang", "zh", "read p945")[2]
     assert run(capsys, "encode", "change axis 1 p945=Unsigned16:0")[2] == ""
 
 

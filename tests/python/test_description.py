@@ -211,10 +211,10 @@ def test_the_text_of_a_report_has_no_row_of_digits(capsys: pytest.CaptureFixture
     assert main(["report", str(ROOT / CAPTURES[0])]) == 0
     text = capsys.readouterr().out
     assert (
-        'p922[0].description (Telegram selection) = "Speed setpoint", Unsigned16, 0..65535' in text
+        'p0922[0].description (Telegram selection) = "Speed setpoint", Unsigned16, 0..65535' in text
     )
     assert "810600003f80" not in text
-    assert 'p922[0..1].text (Telegram selection) = "Standard", ""' in text
+    assert 'p0922[0..1].text (Telegram selection) = "Standard", ""' in text
     assert main(["report", "-f", "html", str(ROOT / CAPTURES[0])]) == 0
     page = capsys.readouterr().out
     assert "Speed setpoint" in page
@@ -224,4 +224,4 @@ def test_the_text_of_a_report_has_no_row_of_digits(capsys: pytest.CaptureFixture
 def test_pkw_has_elements_of_an_older_profile() -> None:
     item = Parameter(922, 1, "description", None, format="Word", value_count=1, values=[0x8106])
     assert descriptions.of(item) is None
-    assert parameter(item, False) == "p922[1].description = 33030"
+    assert parameter(item, False) == "p0922[1].description = 33030"

@@ -100,8 +100,8 @@ def test_a_read_is_never_compared_with_a_change():
     assert told(capture(asked(20, 7)), capture(refused)) == [
         "No parameter element is shown by both captures: there is nothing to compare.",
         "asked for in both captures, read or changed in one only: 1 element",
-        "  10.0.0.2 slot 1.1 axis 2 p20[0] change  A: none; B: 1 x negative response 0x01 text 1",
-        "  10.0.0.2 slot 1.1 axis 2 p20[0] read  A: 1 x = 7; B: none",
+        "  10.0.0.2 slot 1.1 axis 2 p0020[0] change  A: none; B: 1 x negative response 0x01 text 1",
+        "  10.0.0.2 slot 1.1 axis 2 p0020[0] read  A: 1 x = 7; B: none",
     ]
 
 
@@ -110,7 +110,7 @@ def test_one_negative_response_is_not_what_a_parameter_became():
     assert told(one, capture(*[asked(2, 10)] * 3)) == [
         "The 1 parameter element that both captures show is the same in both.",
         "the same last value in both; failures beside it are within chance:",
-        "  10.0.0.2 slot 1.1 axis 2 p2[0] read  A: 27 x = 10, 1 x negative response 0x01 text 1; B: 3 x = 10",
+        "  10.0.0.2 slot 1.1 axis 2 p0002[0] read  A: 27 x = 10, 1 x negative response 0x01 text 1; B: 3 x = 10",
     ]
 
 
@@ -120,7 +120,7 @@ def test_values_that_differ_are_told_with_their_counts():
     assert told(one, other) == [
         "1 of 2 parameter elements that both captures show differs.",
         "parameter elements that differ:",
-        "  10.0.0.2 slot 1.1 axis 2 p2[0] read  A: 2 x, 2 different values, the last 10; B: 1 x = 11",
+        "  10.0.0.2 slot 1.1 axis 2 p0002[0] read  A: 2 x, 2 different values, the last 10; B: 1 x = 11",
     ]
 
 
@@ -128,7 +128,7 @@ def test_elements_that_follow_one_another_are_one_line():
     other = asked(2, 1, 2, 7, 8, 9)
     assert told(capture(asked(2, 1, 2, 3, 4, 5)), capture(other))[1:] == [
         "parameter elements that differ:",
-        "  10.0.0.2 slot 1.1 axis 2 p2[2..4] read  A: 1 x = 3, 4, 5; B: 1 x = 7, 8, 9",
+        "  10.0.0.2 slot 1.1 axis 2 p0002[2..4] read  A: 1 x = 3, 4, 5; B: 1 x = 7, 8, 9",
     ]
 
 
@@ -144,7 +144,7 @@ def test_strings_are_compared_as_far_as_both_were_read():
     assert told(one, other) == [
         "None of the 3 parameter elements that both captures show differs.",
         "asked for in one capture only: 2 elements in A, 1 element in B",
-        '  10.0.0.2 slot 1.1 axis 2 p199[1..2] read  A: 1 x = "-L"; B: none',
+        '  10.0.0.2 slot 1.1 axis 2 p0199[1..2] read  A: 1 x = "-L"; B: none',
         "  10.0.0.2 slot 1.1 axis 2 p8560[8] read  A: none; B: 1 x = 09",
     ]
     assert told(
@@ -153,7 +153,7 @@ def test_strings_are_compared_as_far_as_both_were_read():
     ) == [
         "The 1 parameter element that both captures show is the same in both.",
         "asked for in one capture only: 3 elements in A",
-        '  10.0.0.2 slot 1.1 axis 2 p199[0..2] read  A: 1 x = "NEA"; B: none',
+        '  10.0.0.2 slot 1.1 axis 2 p0199[0..2] read  A: 1 x = "NEA"; B: none',
     ]
 
 
@@ -204,10 +204,10 @@ def test_other_requests_may_have_other_outcomes():
     assert told(one, other) == [
         "No parameter element is shown by both captures: there is nothing to compare.",
         "other negative responses, but to other requests:",
-        "  10.0.0.2 slot 1.1 axis 2 p46[0] read  A: 1 x negative response 0x03 text 3; B: 1 x = 1",
-        "  10.0.0.2 slot 1.1 axis 2 p47[0] change  A: 1 x negative response 0x02 text 2; B: 1 x accepted := 9",
+        "  10.0.0.2 slot 1.1 axis 2 p0046[0] read  A: 1 x negative response 0x03 text 3; B: 1 x = 1",
+        "  10.0.0.2 slot 1.1 axis 2 p0047[0] change  A: 1 x negative response 0x02 text 2; B: 1 x accepted := 9",
         "asked for in one capture only: 4 elements in A",
-        "  10.0.0.2 slot 1.1 axis 2 p46[1..4] read  A: 1 x negative response 0x03 text 3; B: none",
+        "  10.0.0.2 slot 1.1 axis 2 p0046[1..4] read  A: 1 x negative response 0x03 text 3; B: none",
     ]
     same = asked(46, 1, code=0x03), asked(46, 1)
     assert "differs" in told(*map(capture, same))[0]
@@ -253,7 +253,7 @@ def test_a_drive_object_is_joined_by_proof_of_both_captures():
     proved = (LOOKS, is_do(2))
     one = capture(*proved, asked(10, 1))
     other = capture(*proved, asked(10, 3, index=LOCAL, axis=0))
-    assert told(one, other)[-1] == "  10.0.0.2 DO 2 p10[0] read  A: 1 x = 1; B: 1 x = 3"
+    assert told(one, other)[-1] == "  10.0.0.2 DO 2 p0010[0] read  A: 1 x = 1; B: 1 x = 3"
     for without in ((is_do(2),), (LOOKS, asked(975, 1, index=LOCAL))):
         unproved = capture(*without, asked(10, 3, index=LOCAL, axis=0))
         rows = [row for row in difference(one, unproved, ("a", "b")).rows if row.element.pnu == 10]
@@ -268,8 +268,8 @@ def test_an_axis_number_by_local_access_is_no_drive_object():
         "other way", "other way",
     ]  # fmt: skip
     assert told(one, other)[-2:] == [
-        "  10.0.0.2 slot 1.1 (0xB02E) p922[0] read  A: none; B: 1 x negative response 0x05 text 5",
-        "  10.0.0.2 slot 1.1 axis 9 p922[0] read  A: 1 x negative response 0x19 text 25; B: none",
+        "  10.0.0.2 slot 1.1 (0xB02E) p0922[0] read  A: none; B: 1 x negative response 0x05 text 5",
+        "  10.0.0.2 slot 1.1 axis 9 p0922[0] read  A: 1 x negative response 0x19 text 25; B: none",
     ]
 
 
@@ -299,7 +299,7 @@ def test_no_two_places_have_the_same_label():
 
 def test_a_parameter_of_the_device_is_one_by_whatever_axis():
     assert told(capture(asked(964, 1, axis=1)), capture(asked(964, 2, axis=3)))[-1] == (
-        "  10.0.0.2 p964[0] read  A: 1 x = 1; B: 1 x = 2"
+        "  10.0.0.2 r0964[0] read  A: 1 x = 1; B: 1 x = 2"
     )
 
 
@@ -418,12 +418,12 @@ def test_it_opens_with_what_is_otherwise_the_worst_first():
         side["transactions"][3]["parameters"][0]["name"] = "Actual frequency"
     place = "10.0.0.2 slot 1.1 axis 2"
     assert concluded(one, other) == [
-        f"  {place}: changes that A shows accepted fail in B: p5[0] (0x11 text 17)",
-        f"  {place}: reads that brought a value in A fail in B: p6[0] (STATUS DF80B600)",
-        f"  {place}: other values read: p2[0] 10 -> 11",
-        f"  {place}: the same requests (read) fail in both, in B with: p8[0] (0x03 text 3)",
-        f"  {place}: reads that failed in A bring a value in B: p9[0] (0x00 text 0)",
-        f"  {place}: other values of parameters that the drive changes by itself: p21[0] 50 -> 51",
+        f"  {place}: changes that A shows accepted fail in B: p0005[0] (0x11 text 17)",
+        f"  {place}: reads that brought a value in A fail in B: p0006[0] (STATUS DF80B600)",
+        f"  {place}: other values read: p0002[0] 10 -> 11",
+        f"  {place}: the same requests (read) fail in both, in B with: p0008[0] (0x03 text 3)",
+        f"  {place}: reads that failed in A bring a value in B: p0009[0] (0x00 text 0)",
+        f"  {place}: other values of parameters that the drive changes by itself: r0021[0] 50 -> 51",
     ]
     assert concluded(one, one) == []
 
@@ -432,7 +432,7 @@ def test_a_conclusion_names_few_parameters_and_counts_the_others():
     one = capture(*(asked(number, 1) for number in range(100, 120, 2)))
     other = capture(*(asked(number, 2) for number in range(100, 120, 2)))
     assert concluded(one, other) == [
-        "  10.0.0.2 slot 1.1 axis 2: other values read: p100[0] 1 -> 2, p102[0] 1 -> 2, p104[0] 1 -> 2, "
+        "  10.0.0.2 slot 1.1 axis 2: other values read: p0100[0] 1 -> 2, p0102[0] 1 -> 2, p0104[0] 1 -> 2, "
         "7 more elements"
     ]
     many = [asked(5, 1, axis=axis) for axis in range(1, 15)]
@@ -441,11 +441,11 @@ def test_a_conclusion_names_few_parameters_and_counts_the_others():
 
 
 def test_an_error_of_another_request_is_not_named():
-    """p5[0] by another number of elements failed in both; that is no part of what is otherwise."""
+    """p0005[0] by another number of elements failed in both; that is no part of what is otherwise."""
     always = asked(5, code=0x04, element_count=9)
     one, other = capture(always, asked(5, 1)), capture(always, asked(5, code=0x11))
     assert concluded(one, other) == [
-        "  10.0.0.2 slot 1.1 axis 2: reads that brought a value in A fail in B: p5[0] (0x11 text 17)"
+        "  10.0.0.2 slot 1.1 axis 2: reads that brought a value in A fail in B: p0005[0] (0x11 text 17)"
     ]
 
 
@@ -460,10 +460,10 @@ def test_failures_beside_values_count_where_they_are_more_than_chance():
     assert difference(often(0), few, ("a", "b")).rows[0].result == "sometimes"
     place = "10.0.0.2 slot 1.1 axis 2"
     assert concluded(few, many) == [
-        f"  {place}: the same requests (read) fail more often in B (failed/asked): p5[0] 1/41 -> 20/41"
+        f"  {place}: the same requests (read) fail more often in B (failed/asked): p0005[0] 1/41 -> 20/41"
     ]
     assert concluded(many, few) == [
-        f"  {place}: the same requests (read) fail less often in B (failed/asked): p5[0] 20/41 -> 1/41"
+        f"  {place}: the same requests (read) fail less often in B (failed/asked): p0005[0] 20/41 -> 1/41"
     ]
 
 

@@ -43,10 +43,10 @@ def test_a_fault_is_told_when_it_is_new_and_when_none_is_left() -> None:
         read(1, [0, 0]), read(2, [7900, 0]), read(3, [7900, 0]), read(4, [30002, 7900]), read(5, [7900], 1),
         read(6, [0, 0]), read(7, [0, 0]), read(8, [7900, 7900]),
     ) == [
-        (2500, "fault", "read from the fault buffer, p945: 7900"),
-        (4500, "fault", "read from the fault buffer, p945: 30002"),
-        (6500, "state", "the fault buffer is empty, p945"),
-        (8500, "fault", "read from the fault buffer, p945: 7900"),
+        (2500, "fault", "read from the fault buffer, r0945: 7900"),
+        (4500, "fault", "read from the fault buffer, r0945: 30002"),
+        (6500, "state", "the fault buffer is empty, r0945"),
+        (8500, "fault", "read from the fault buffer, r0945: 7900"),
     ]  # fmt: skip
 
 
@@ -57,7 +57,7 @@ def test_what_was_acknowledged_and_what_is_no_fault_buffer_is_no_event() -> None
     negative.parameters[0].error = ParameterError(5, None)
     text = read(6, ["1EDC"])
     assert told(read(1, [7900], 8), read(2, [7900], pnu=944), change, refused, negative, text) == []
-    assert told(read(1, [1] * 8 + [7])) == [(1500, "fault", "read from the fault buffer, p945: 1")]
+    assert told(read(1, [1] * 8 + [7])) == [(1500, "fault", "read from the fault buffer, r0945: 1")]
 
 
 def test_there_is_room_for_some_hundred() -> None:
@@ -68,10 +68,10 @@ def test_there_is_room_for_some_hundred() -> None:
 @pytest.mark.parametrize(
     ("name", "faults"),
     [
-        ("tour-machine.pcapng", ["read from the fault buffer, p945: 7900, 30002"]),
+        ("tour-machine.pcapng", ["read from the fault buffer, r0945: 7900, 30002"]),
         (
             "real-stacks/o1_profinetpy062_be.pcapng",
-            ["read from the fault buffer, p947: 7900, 30002"],
+            ["read from the fault buffer, r0947: 7900, 30002"],
         ),
         ("conversation-error.pcapng", []),
     ],

@@ -835,12 +835,12 @@ def test_a_table_has_fifty_rows_and_says_how_many_more_there_are(lua: Run) -> No
     ("parameters", "shown"),
     [
         ([], "-"),
-        ([(1, [])], "p1[0]"),
-        ([(1, [7])], "p1[0] := 7"),
-        ([(1, [7]), (None, [8])], "p1[0] := 7; p? := 8"),
+        ([(1, [])], "p0001[0]"),
+        ([(1, [7])], "p0001[0] := 7"),
+        ([(1, [7]), (None, [8])], "p0001[0] := 7; p? := 8"),
         ([(1234, [])] * 4 + [(12345, [])] * 2, "p1234[0]; " * 4 + "p12345[0]; p12345[0]"),
         ([(1234, [])] * 3 + [(12345, [])] * 3, "p1234[0]; " * 3 + "p12345[0]; p12345[0]; p1234..."),
-        ([(1, [])] * 20, "p1[0]; " * 8 + "p..."),
+        ([(1, [])] * 20, "p0001[0]; " * 5 + "p0001[0..."),
     ],
 )
 def test_what_was_asked_is_cut_where_it_has_no_room(
@@ -861,7 +861,7 @@ def test_what_was_asked_is_cut_where_it_has_no_room(
 
 def test_a_read_asks_for_no_value(lua: Run) -> None:
     read = Parameter(1, 0, "value", 1, format="Unsigned8", value_count=1, values=[7])
-    assert "p1[0] :=" not in statistics(lua, timed(1, 5, parameters=[read]))
+    assert "p0001[0] :=" not in statistics(lua, timed(1, 5, parameters=[read]))
 
 
 def test_the_statistics_as_they_are_printed(lua: Run) -> None:

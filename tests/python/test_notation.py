@@ -97,7 +97,7 @@ BAD = [
     ("read p1=Float32:1", "a read has no values; use change"),
     ("change p1", "a change needs values, as in p922=Unsigned16:1"),
     ("read ref x p1", "ref needs a number, not 'x'"),
-    ("read p70000", "p70000[0] does not fit 16 bits"),
+    ("read p70000", "PNU 70000[0] does not fit 16 bits"),
     ("read ref 300 p1", "reference 300 does not fit a byte"),
     ("read p1.colour", "unknown attribute 'colour'; known ones: value, description, text, 0x80"),
     ("read p945[3..0]", "p945[3..0]: the last index is before the first"),

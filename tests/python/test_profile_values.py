@@ -69,8 +69,8 @@ def test_what_a_value_means(pnu, subindex, format_name, values, meant):
 
 def test_it_stands_behind_the_values():
     item = of(965, 0, "OctetString2", ["0329"])
-    assert parameter(item, written=False) == "p965[0] = 0329 (PROFIdrive 4.1)"
-    assert parameter(item, written=False, lang="zh") == "p965[0] = 0329（PROFIdrive 4.1）"
+    assert parameter(item, written=False) == "r0965[0] = 0329 (PROFIdrive 4.1)"
+    assert parameter(item, written=False, lang="zh") == "r0965[0] = 0329（PROFIdrive 4.1）"
 
 
 @pytest.mark.parametrize("attribute", ["description", "text", None])

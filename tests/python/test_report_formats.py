@@ -91,7 +91,7 @@ def hard_capture():
         ],
     )
     findings = [
-        finding("DS410", "error", "p901: no", 6, 2, 4),
+        finding("DS410", "error", "p0901: no", 6, 2, 4),
         finding("DS102", "warning", "without request", 20),
     ]
     return make_capture(make_transaction(1), odd, strange, findings=findings, complete=False)
@@ -260,7 +260,7 @@ def test_text_leaves_negative_times_out_of_the_latency():
 def test_text_marks_states_and_errors_in_words():
     content = written(text, hard_capture())
     assert "[partial]" in content
-    assert "p901[0] error 0x11: =cannot, with state (info 7)" in content
+    assert "p0901[0] error 0x11: =cannot, with state (info 7)" in content
     refused = make_transaction(state="refused", write_status=0xDF80B000, parameters=[])
     assert "[refused DF80B000]" in written(text, make_capture(refused))
 
@@ -269,7 +269,7 @@ def test_text_puts_many_parameters_below_the_line():
     many = [Parameter(n, 0, "value", 1, None, None, "Float32", 1, [n / 7]) for n in range(9)]
     lines = written(text, make_capture(make_transaction(parameters=many))).splitlines()
     assert any("9 parameters  4 frames" in line for line in lines)
-    assert f"      p3[0] = {3 / 7}" in lines
+    assert f"      p0003[0] = {3 / 7}" in lines
 
 
 def test_text_groups_findings_with_one_filter_and_says_what_it_left_out():
@@ -314,14 +314,14 @@ def test_percentile_is_a_measured_value():
 def test_words():
     array = Parameter(2902, 2, "value", 40, False, "V", "Float32", 40, [1.5] * 40)
     assert formatting.parameter(array, written=False) == (
-        "p2902[2..41] = 1.5, 1.5, 1.5, 1.5, 1.5, 1.5, 1.5, 1.5, ... (40 values) V"
+        "r2902[2..41] = 1.5, 1.5, 1.5, 1.5, 1.5, 1.5, 1.5, 1.5, ... (40 values) V"
     )
     label = Parameter(944, 0, "text", 1, False, None, "VisibleString", 3, ['a"b'])
-    assert formatting.parameter(label, written=False) == 'p944[0].text = "a\\"b"'
+    assert formatting.parameter(label, written=False) == 'p0944[0].text = "a\\"b"'
     change = Parameter(50304, 0, "value", 1, False, None, "Float32", 1, [100.0])
     assert formatting.parameter(change, written=True) == "p50304[0] := 100.0"
     scaled = Parameter(1, 0, "value", 1, False, "%", "N2", 1, [16384], [100.0])
-    assert formatting.parameter(scaled, written=False) == "p1[0] = 16384 (100.0 %)"
+    assert formatting.parameter(scaled, written=False) == "p0001[0] = 16384 (100.0 %)"
     assert [formatting.duration(ns) for ns in (412_000, 12_400_000, 12_300_000_000)] == [
         "0.412 ms",
         "12.4 ms",

@@ -352,7 +352,7 @@ def test_drive_errors_are_put_together_by_their_number_and_direction():
         (3, "The drive does not accept a value: No change access while the controller is enabled (0x6B)"),
         (1, "The drive does not give a value: Illegal parameter number: the parameter does not exist (0x00)"),
     ]  # fmt: skip
-    assert found[0].places == {"p50303[0] DO 2": 2, "p5[0] DO 2": 1}
+    assert found[0].places == {"p50303[0] DO 2": 2, "p0005[0] DO 2": 1}
     assert found[0].what.zh.startswith("驱动器不接受写入的值：")
 
 
@@ -401,7 +401,7 @@ def test_a_diagnosis_is_told_in_both_languages_with_what_to_do(lang):
     item = diagnosis(corrected=bytes.fromhex("030102011001004c0001"))
     findings = [finding(rule, "error", 9, 2, 4, **RUNNING) for rule in ("DS410", "DS719")]
     (found,) = problems(capture(transaction(2), findings=findings, diagnoses=[item]))
-    assert found.what.en.startswith("p76[1] cannot be changed now: 0x6B No change access while")
+    assert found.what.en.startswith("p0076[1] cannot be changed now: 0x6B No change access while")
     assert found.what.zh.endswith("0x6B " + spec.error_text(0x6B, "zh", 0x2A))
     assert (found.count, found.frame, found.job) == (3, 9, 2)
     assert found.filter == "frame.number == 9 or frame.number == 13 or frame.number == 15"
@@ -442,10 +442,10 @@ def test_the_words_that_fill_a_diagnosis_are_of_its_language():
 @pytest.mark.parametrize(
     ("number", "told"),
     [
-        (1, "p1 DO 2"),
-        (4, "p1 DO 2, p2 DO 2, p3 DO 2, p4 DO 2"),
-        (5, "p1 DO 2, p2 DO 2, p3 DO 2, p4 DO 2, and 1 more"),
-        (7, "p1 DO 2, p2 DO 2, p3 DO 2, p4 DO 2, and 3 more"),
+        (1, "p0001 DO 2"),
+        (4, "p0001 DO 2, p0002 DO 2, p0003 DO 2, p0004 DO 2"),
+        (5, "p0001 DO 2, p0002 DO 2, p0003 DO 2, p0004 DO 2, and 1 more"),
+        (7, "p0001 DO 2, p0002 DO 2, p0003 DO 2, p0004 DO 2, and 3 more"),
     ],
 )
 def test_a_problem_names_four_places_and_counts_the_others(number, told):
@@ -468,9 +468,9 @@ def test_findings_that_differ_are_told_by_an_example_with_the_places_they_name()
         for pnu in (7, 8)
     ]
     (found,) = problems(capture(transaction(), findings=findings))
-    one = "Parameter 7[0] reads back 1, but 2 is the last value that this capture shows being written to it"
+    one = "Parameter p0007[0] reads back 1, but 2 is the last value that this capture shows being written to it"
     assert found.title.en == f"{one} (frame 3) (for example)"
-    assert found.places == {"p7[0] DO 2": 1, "p8[0] DO 2": 1}
+    assert found.places == {"p0007[0] DO 2": 1, "p0008[0] DO 2": 1}
     (alone,) = problems(capture(transaction(), findings=findings[:1]))
     assert alone.title.en == f"{one} (frame 3)"
 
@@ -479,7 +479,7 @@ def test_a_finding_that_names_no_parameter_stands_at_the_first_of_its_transactio
     items = [transaction(1, parameters=[parameter(7), parameter(8)]), transaction(2, parameters=[])]
     findings = [finding("DS315", "error", 1, n, need=5, what="values") for n in (1, 2)]
     (found,) = problems(capture(*items, findings=findings))
-    assert found.places == {"p7[0] DO 2": 1, f"{DRIVE} DO 2": 1}
+    assert found.places == {"p0007[0] DO 2": 1, f"{DRIVE} DO 2": 1}
 
 
 def test_frames_for_which_there_was_no_room_are_counted():
@@ -598,7 +598,7 @@ def test_a_finding_that_lacks_its_arguments_is_worded_too(rule):
 
 def test_the_words_of_an_error_number_are_of_either_language():
     known = spec.rules()["DS410"]
-    values = {"pnu": 5, "subindex": 0, "info": 0}
+    values = {"pnu": "p0005", "subindex": 0, "info": 0}
     both = messages.message(
         finding("DS410", "error", 1, pnu=5, subindex=0, code=1, vendor_id=0x2A, info=0)
     )

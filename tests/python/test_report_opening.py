@@ -48,7 +48,7 @@ def opening(result, **options):
     return written(result, **options).split("\n\nTransactions\n")[0].splitlines()
 
 
-def diagnosis(rule="DS719", message="p76[1] cannot be changed now: 0x6B no", **changes):
+def diagnosis(rule="DS719", message="p0076[1] cannot be changed now: 0x6B no", **changes):
     usual = {"count": 1, "frames": [9], "transactions": [1], "device": DRIVE}
     return handmade.diagnosis(rule, spec.rules()[rule].severity, message, **(usual | changes))
 
@@ -108,7 +108,7 @@ def test_many_drives_do_not_push_away_what_to_do():
 
 def test_five_thousand_equal_symptoms_are_one_line():
     jobs = [handmade.transaction(id=n, state="error") for n in range(1, 5001)]
-    message = "p76[1] cannot be changed now: 0x6B no"
+    message = "p0076[1] cannot be changed now: 0x6B no"
     findings = [
         each
         for n in range(1, 5001)
@@ -158,7 +158,7 @@ def test_what_no_diagnosis_covers_stands_behind_them_a_line_a_rule():
     heads = [(line + lines[at + 1][3:]) for at, line in enumerate(lines) if line.startswith("  DS")]
     assert heads[1:] == [
         f"{head} (2 times in 1 frame)",
-        "  DS417 warning read-back-differs: first: Parameter 4[0] reads back 1, but 2 is the last value"
+        "  DS417 warning read-back-differs: first: Parameter p0004[0] reads back 1, but 2 is the last value"
         " that this capture shows being written to it (frame 7) (2 times in 1 frame)",
     ]
     assert lines[place + 1].startswith("  DS410")
@@ -197,7 +197,7 @@ def test_causes_of_one_rule_do_not_hide_the_others():
 def test_with_several_drives_a_diagnosis_names_its_drive():
     jobs = [handmade.transaction(), handmade.transaction(id=2, device="192.168.133.40")]
     lines = opening(capture(*jobs, diagnoses=[diagnosis()]))
-    assert any(f"drive-running: {DRIVE}: p76[1] cannot" in line for line in lines)
+    assert any(f"drive-running: {DRIVE}: p0076[1] cannot" in line for line in lines)
 
 
 def test_a_corrected_request_stands_below_its_diagnosis():
@@ -473,7 +473,7 @@ def test_the_lines_below_the_opening_are_chinese_too(captures: Path, capsys):
     (place,) = (number for number, line in enumerate(lines) if line == "结论")
     assert lines[place + 4] == "  DS410 错误 drive-error：2 个结论"
     assert lines[place + 5].startswith(
-        "    帧 29 #6 08:00:01.195：偏移 4：参数 50076[1] 得到否定应答"
+        "    帧 29 #6 08:00:01.195：偏移 4：参数 p50076[1] 得到否定应答"
     )
     assert lines[-4:] == [
         "汇总",

@@ -39,7 +39,7 @@ def source(line: str, lang: str = "en") -> str:
 
 
 def drive() -> Drive:
-    """DO 2 has p2900 (Float32), p922 (Unsigned16, not now), r2902[0..4], p300 (DoubleWord)."""
+    """DO 2 has p2900 (Float32), p0922 (Unsigned16, not now), r2902[0..4], p0300 (DoubleWord)."""
     real = struct.Struct(">f").pack
     parameters = {
         2900: Parameter(0x08, [real(1.5)], most=100.0),
@@ -195,7 +195,7 @@ def test_the_reference_goes_from_1_to_255_and_begins_again():
 
 
 def test_a_refused_change_says_which_parameter_and_why():
-    machine = run("change axis 2 p2900=REAL:10.0 p922=UINT:3")
+    machine = run("change axis 2 p2900=REAL:10.0 p0922=UINT:3")
     assert result(machine) == (False, REFUSED, 2, 0x6B)
     assert machine["errorNumbers"] == [-1, 0x6B]
     assert machine["error"]
@@ -207,7 +207,7 @@ def test_error_number_0_is_a_number():
 
 
 def test_the_subindex_that_failed_is_in_error_info():
-    machine = run("read axis 2 p2902[4..6]")
+    machine = run("read axis 2 r2902[4..6]")
     assert (*result(machine), machine["errorInfo"]) == (False, REFUSED, 1, 3, 4)
 
 
@@ -251,7 +251,7 @@ def test_a_header_that_is_not_of_this_request(place, value):
 @pytest.mark.parametrize("kept", range(12))
 def test_a_response_that_is_cut(kept):
     plant = Plant(bend=lambda data: data[:kept])
-    machine = run("read axis 2 p2902[0..1]", plant)
+    machine = run("read axis 2 r2902[0..1]", plant)
     assert result(machine) == (False, CONTENT, 0, -1)
 
 
@@ -269,7 +269,7 @@ def test_a_drive_that_knows_no_requests_for_several_parameters():
             data[:1] + answer[:1] + data[2:3] + b"\x01" + bytes.fromhex("440200210000")
         )
     )
-    assert result(run("read axis 2 p2900 p922", plant)) == (False, REFUSED, 1, 0x21)
+    assert result(run("read axis 2 p2900 p0922", plant)) == (False, REFUSED, 1, 0x21)
 
 
 @pytest.mark.parametrize(
@@ -347,16 +347,16 @@ def test_a_channel_that_stays_in_use_ends_with_the_time_limit_and_stays_so():
 
 
 def test_a_read_of_values_whose_type_is_known():
-    machine = run("read axis 2 p2900 p2902[1..3] p922")
+    machine = run("read axis 2 p2900 r2902[1..3] p0922")
     assert result(machine) == GOOD
     assert machine["p2900"] == 1.5
-    assert machine["p2902_1"] == [5.0, 10.0, 20.0]
-    assert machine["p922"] == 7
+    assert machine["r2902_1"] == [5.0, 10.0, 20.0]
+    assert machine["p0922"] == 7
 
 
 def test_a_read_of_a_value_whose_type_nobody_knows():
-    machine = run("read axis 2 p300")
-    assert (machine["p300"], machine["p300Format"]) == (0xFFFFFFFE, 0x07)
+    machine = run("read axis 2 p0300")
+    assert (machine["p0300"], machine["p0300Format"]) == (0xFFFFFFFE, 0x07)
 
 
 def test_the_values_that_came_are_there_where_one_was_refused():
@@ -388,8 +388,8 @@ def test_every_format_of_up_to_32_bits_is_read_as_a_number(block, value):
     plant = Plant(
         bend=lambda answer: answer[:1] + b"\x01" + answer[2:4] + data + bytes(len(data) % 2)
     )
-    machine = run("read axis 2 p300", plant)
-    assert (machine["p300"], machine["p300Format"], machine["done"]) == (value, data[0], True)
+    machine = run("read axis 2 p0300", plant)
+    assert (machine["p0300"], machine["p0300Format"], machine["done"]) == (value, data[0], True)
 
 
 def _answer(block: str) -> Plant:
@@ -400,7 +400,7 @@ def _answer(block: str) -> Plant:
 
 
 def test_texts_and_bytes_are_read():
-    assert run("read axis 2 p919", _answer("0903414243"))["p919"] == "ABC"
+    assert run("read axis 2 p0919", _answer("0903414243"))["p0919"] == "ABC"
     machine = run("read axis 2 p1082.text[0]", _answer("41054d6f746f72"))
     assert bytes(machine["p1082_Text"][: machine["p1082_TextLength"]]) == b"Motor"
     machine = run("read axis 2 p61001", _answer("2001c0a80002"))
@@ -424,8 +424,8 @@ HOSTILE = st.one_of(
 @pytest.mark.parametrize(
     "line",
     [
-        "change axis 2 p2900=REAL:10.0 p922=UINT:3",
-        "read axis 2 p2900 p300 p2902[1..3] p919 p61001 p1082.text[0]",
+        "change axis 2 p2900=REAL:10.0 p0922=UINT:3",
+        "read axis 2 p2900 p0300 r2902[1..3] p0919 p61001 p1082.text[0]",
     ],
 )
 @settings(max_examples=300, deadline=None)
@@ -485,7 +485,7 @@ def test_the_block_makes_the_bytes_that_encode_makes(code, data):
     count = 1 if row.whole else data.draw(st.integers(1, 3))
     values = [data.draw(_values(row)) for _ in range(count)]
     wanted = make_block(code, [str(each) if isinstance(each, int) else each for each in values])
-    request = parse_request_line(f"change axis 2 p7[5]*{wanted.value_count}=BYTE:1")
+    request = parse_request_line(f"change axis 2 p0007[5]*{wanted.value_count}=BYTE:1")
     request.blocks = [wanted]
     text = function_block(request, "a line")
     machine = Plant().machine(text)
@@ -496,23 +496,23 @@ def test_the_block_makes_the_bytes_that_encode_makes(code, data):
 
 def test_a_text_may_be_shorter_than_that_of_the_line():
     plant = Plant()
-    machine = plant.machine(source('change axis 2 p7=VisibleString:"abcd"'))
-    plant.cycle(machine, start=True, p7="xyz")
+    machine = plant.machine(source('change axis 2 p0007=VisibleString:"abcd"'))
+    plant.cycle(machine, start=True, p0007="xyz")
     made = bytes(machine["statRequest"][: machine["statLength"]])
-    assert made == encode_request(parse_request_line('change axis 2 p7=VisibleString:"xyz"'))
+    assert made == encode_request(parse_request_line('change axis 2 p0007=VisibleString:"xyz"'))
 
 
 def test_a_value_without_a_constant_in_scl_stands_in_the_block():
-    text = source("change axis 2 p7=REAL:NaN p8=REAL:Infinity p9=REAL:1e30")
-    assert "Fixed in the block, as SCL has no start value or no type for it: p7, p8" in text
-    assert "p9 : Real := 1.0e+30;" in text
+    text = source("change axis 2 p0007=REAL:NaN p0008=REAL:Infinity p0009=REAL:1e30")
+    assert "Fixed in the block, as SCL has no start value or no type for it: p0007, p0008" in text
+    assert "p0009 : Real := 1.0e+30;" in text
 
 
 # The source
 
 
 @pytest.mark.parametrize("instruction", ["WRREC", "RDREC"])
-@pytest.mark.parametrize("line", [CHANGE, "read axis 2 p2900 p300"])
+@pytest.mark.parametrize("line", [CHANGE, "read axis 2 p2900 p0300"])
 def test_the_calls_are_those_of_the_documented_interface(instruction, line):
     block = parse(source(line))
     rows = {each.name: each for each in spec.instructions()[instruction]}
@@ -566,9 +566,9 @@ def test_the_source_has_the_version_and_the_line(capsys):
 @pytest.mark.parametrize(
     ("line", "says"),
     [
-        ("0x51 axis 2 p10", "of a read or a change, not of another request"),
+        ("0x51 axis 2 p0010", "of a read or a change, not of another request"),
         ("pkw read p2010[1]", "not of PKW"),
-        ("change p1=OctetString:" + "00" * 240, "240 at the most"),
+        ("change p0001=OctetString:" + "00" * 240, "240 at the most"),
     ],
 )
 def test_what_no_block_is_made_of(line, says, capsys):
@@ -585,9 +585,14 @@ def test_no_line_of_a_request_can_leave_its_comment():
 
 
 def test_the_same_parameter_twice_has_two_names():
-    block = parse(source("change axis 2 p7=INT:1 p7=INT:2 p7[1]=INT:3 p7.0x80=INT:4"))
+    block = parse(source("change axis 2 p0007=INT:1 p0007=INT:2 p0007[1]=INT:3 p0007.0x80=INT:4"))
     inputs = [name for name, each in block.variables.items() if each.section == "VAR_INPUT"]
-    assert [name for name in inputs if name.startswith("p7")] == ["p7", "p7_b", "p7_1", "p7_0x80"]
+    assert [name for name in inputs if name.startswith("p0007")] == [
+        "p0007",
+        "p0007_b",
+        "p0007_1",
+        "p0007_0x80",
+    ]
 
 
 # The interpreter itself: it notices what a compiler would

@@ -472,7 +472,7 @@ def written_connector(client: Client, value: bytes, code: int) -> None:
 @pytest.mark.parametrize(
     ("value", "code", "says"),
     [
-        (message.block(0x07, "I", 52 << 16), 0x83, "its source p52 was not accepted: 0x83"),
+        (message.block(0x07, "I", 52 << 16), 0x83, "its source p0052 was not accepted: 0x83"),
         (message.block(0x07, "I", 1), 0x83, "Unsigned32 1 is the number of no source: 0x83"),
         (message.word(1), 0x05, "Unsigned16 1 is the number of no source: 0x05"),
     ],
@@ -732,6 +732,6 @@ def test_a_refusal_without_a_number_says_so(captures: Path) -> None:
         for lang in ("en", "zh")
     ]
     assert told == [
-        "Parameter 21[0] has a negative response: no error number (info -)",
-        "参数 21[0] 得到否定应答：没有错误号（附加信息 -）",
+        "Parameter r0021[0] has a negative response: no error number (info -)",
+        "参数 r0021[0] 得到否定应答：没有错误号（附加信息 -）",
     ]

@@ -337,7 +337,7 @@ def test_findings_are_expert_infos(tshark: Tshark) -> None:
     found = tshark("-r", path, *COMPLETE, "-q", "-z", "expert")
     assert {each["rule"][:3] for each in shown} >= {"DS4", "DS7"}
     assert all(each["message"] in found for each in shown)
-    assert "Parameter 50304[0] reads back 60.0" in tshark("-r", path, "-q", "-z", "expert")
+    assert "Parameter p50304[0] reads back 60.0" in tshark("-r", path, "-q", "-z", "expert")
 
 
 @pytest.mark.parametrize(
@@ -799,13 +799,13 @@ SENTENCES = [
     "fetch response ref 0x04, DO 2",
     "change error, DO 2: p50304[0] (Ramp-function generator ramp-down time 1): "
     "0x02 Below or above the value limit",
-    "read request ref 0x05, DO 2: p1[2..4]",
+    "read request ref 0x05, DO 2: p0001[2..4]",
     "write refused ref 0x05: DF80B700 write: access: invalid range",
-    "read request ref 0x06, DO 2: p1[0], p2[0], p3[0], p4[0], p5[0], p6[0], ... and 14 more",
+    "read request ref 0x06, DO 2: p0001[0], p0002[0], p0003[0], p0004[0], p0005[0], p0006[0], ... and 14 more",
     "write accepted ref 0x06",
     "fetch response ref 0x06, DO 2",
-    "read partial, DO 2: p1[0] = 7, "
-    + "".join(f"p{n}[0]: 0x01 Parameter value cannot be changed (info 2), " for n in range(2, 7))
+    "read partial, DO 2: p0001[0] = 7, "
+    + "".join(f"p{n:04}[0]: 0x01 Parameter value cannot be changed (info 2), " for n in range(2, 7))
     + "... and 14 more",
 ]
 

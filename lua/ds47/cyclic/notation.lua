@@ -1,6 +1,7 @@
 -- One readable line per request of PKW, as `ds47 encode` takes it: pkw change p1082=Float32:40.0
 -- The notation is described in python/ds47/cyclic/notation.py. Here lines are written only.
 
+local naming = require("ds47.profidrive.naming")
 local numbers = require("ds47.support.numbers")
 local pkw = require("ds47.cyclic.pkw")
 local reader = require("ds47.support.bytes")
@@ -41,7 +42,7 @@ function M.line(data, layout)
   local request = tables.pkw.requests[message.ak]
   local verb, pnu = VERBS[request.access], message.pnu
   if not verb or message.spm ~= 0 or not pnu or message.page ~= page_of(pnu) then return nil end
-  local parameter = format("p%d", pnu)
+  local parameter = naming.spelling(pnu)
   if message.subindex > 0 or verb == "change" and request.array then
     parameter = format("%s[%d]", parameter, message.subindex)
   end

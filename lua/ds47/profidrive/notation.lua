@@ -4,6 +4,7 @@
 
 local formats = require("ds47.profidrive.formats")
 local json = require("ds47.support.json")
+local naming = require("ds47.profidrive.naming")
 local numbers = require("ds47.support.numbers")
 local tables = require("ds47.spec.tables")
 
@@ -63,7 +64,7 @@ local function show_parameter(address, block)
   local plain = address.attribute == VALUE
   local indexed = address.subindex > 0 or plain and not block and address.element_count > 0
   local implied = block and block.value_count or (indexed or not plain) and 1 or 0
-  local text = format("p%d", address.pnu)
+  local text = naming.spelling(address.pnu)
   if indexed then text = text .. format("[%d]", address.subindex) end
   if address.element_count ~= implied then text = text .. format("*%d", address.element_count) end
   if not plain then text = text .. "." .. address.attribute_name end

@@ -3,6 +3,7 @@
 
 local description = require("ds47.profidrive.description")
 local formats = require("ds47.profidrive.formats")
+local naming = require("ds47.profidrive.naming")
 
 local format = string.format
 
@@ -49,7 +50,7 @@ local function plain(item, quoted)
   end
   if item.factor and item.factor ~= 1 then add("* " .. M.number(item.factor, "Float32")) end
   if item.full_scale then
-    local whole = item.reference and item.reference > 0 and format("p%d", item.reference) or "100 %"
+    local whole = item.reference and item.reference > 0 and naming.spelling(item.reference) or "100 %"
     add(format("0x%04X = %s", item.full_scale, whole))
   end
   return found

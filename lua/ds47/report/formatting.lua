@@ -1,6 +1,7 @@
 --- Words of the reports: numbers, values and addresses as a person reads them (Python: ds47.report.words).
 -- Also the little of UTF-8 that fixed-width text needs. No layout here, no file is opened.
 
+local naming = require("ds47.profidrive.naming")
 local tables = require("ds47.spec.tables")
 local descriptions = require("ds47.report.descriptions")
 local profile = require("ds47.report.profile")
@@ -179,7 +180,7 @@ function M.address(item)
   else
     attribute = "." .. attribute
   end
-  return "p" .. M.integer(item.pnu) .. index .. attribute
+  return naming.spelling(item.pnu) .. index .. attribute
 end
 
 --- Whether a value that is a string is text from the drive (docs/protocol.md A.6).

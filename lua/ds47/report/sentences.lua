@@ -6,6 +6,7 @@
 -- number, and so is a time: the text of a float keeps its point.
 
 local cyclic = require("ds47.spec.cyclic")
+local naming = require("ds47.profidrive.naming")
 local s7 = require("ds47.spec.s7")
 local spec = require("ds47.spec.lookup")
 local status = require("ds47.spec.statuses")
@@ -60,6 +61,7 @@ function M.record_index(index)
 end
 
 local SHOW = {
+  pnu = naming.spelling,
   hex = spec.error_hex,
   code = spec.error_hex,
   hex32 = function(number) return format("0x%08X", number) end,

@@ -626,77 +626,77 @@ M.status.words = {
 
 later.parameters = [=[
 M.parameters = {
-  [10] = {name_en = "Commissioning parameter filter", name_zh = "调试参数过滤器", type = "Unsigned16", volatile = true, family = "siemens"},
-  [21] = {name_en = "Actual frequency", name_zh = "实际频率", type = "Float32", unit = "Hz", volatile = true, family = "micromaster"},
-  [25] = {name_en = "Output voltage", name_zh = "输出电压", type = "Float32", unit = "V", volatile = true, family = "micromaster"},
-  [27] = {name_en = "Output current", name_zh = "输出电流", type = "Float32", unit = "A", volatile = true, family = "micromaster"},
-  [700] = {name_en = "Command source", name_zh = "命令源", type = "Unsigned16", volatile = false, family = "micromaster"},
-  [806] = {name_en = "BI: inhibit master control", name_zh = "BI：禁止控制权限", type = "Unsigned32", volatile = false, family = "sinamics"},
-  [915] = {name_en = "DO IO data selection, setpoint telegram", name_zh = "DO IO 数据选择，设定值报文", type = "Unsigned16[]", volatile = false, family = "profile"},
-  [916] = {name_en = "DO IO data selection, actual value telegram", name_zh = "DO IO 数据选择，实际值报文", type = "Unsigned16[]", volatile = false, family = "profile"},
-  [918] = {name_en = "Node address", name_zh = "站地址", type = "Unsigned16", volatile = false, family = "profile"},
-  [919] = {name_en = "Device system number", name_zh = "设备系统编号", type = "VisibleString", volatile = false, family = "profile"},
-  [922] = {name_en = "Telegram selection", name_zh = "报文选择", type = "Unsigned16", volatile = false, family = "profile"},
-  [923] = {name_en = "List of all parameters for signals", name_zh = "信号参数列表", type = "Unsigned16[]", volatile = false, family = "profile"},
-  [925] = {name_en = "Number of tolerated sign-of-life failures", name_zh = "允许的生命符号故障次数", type = "Unsigned16", volatile = false, family = "profile"},
-  [927] = {name_en = "Operating priority (parameter change)", name_zh = "操作权限（参数修改）", type = "Unsigned16", volatile = false, family = "profile"},
-  [928] = {name_en = "PZD control priority", name_zh = "PZD 控制权限", type = "Unsigned16", volatile = false, family = "profile"},
-  [929] = {name_en = "Selected PPO type", name_zh = "所选 PPO 类型", type = "Unsigned16", volatile = false, family = "profile"},
-  [930] = {name_en = "Operating mode", name_zh = "运行方式", type = "Unsigned16", volatile = false, family = "profile"},
-  [944] = {name_en = "Fault message counter", name_zh = "故障信息计数器", type = "Unsigned16", volatile = true, family = "profile"},
-  [945] = {name_en = "Fault code", name_zh = "故障代码", type = "Unsigned16[]", volatile = true, family = "profile"},
-  [947] = {name_en = "Fault number", name_zh = "故障编号", type = "Unsigned16[]", volatile = true, family = "profile"},
-  [948] = {name_en = "Fault time", name_zh = "故障时间", type = "TimeDifference[]", volatile = true, family = "profile"},
-  [949] = {name_en = "Fault value", name_zh = "故障值", type = "Integer32[]", volatile = true, family = "profile"},
-  [950] = {name_en = "Scaling of the fault buffer", name_zh = "故障缓冲器的规格", type = "Unsigned16[2]", volatile = false, family = "profile"},
-  [951] = {name_en = "Fault number list", name_zh = "故障编号列表", type = "unknown", volatile = false, family = "profile"},
-  [952] = {name_en = "Number of faults", name_zh = "故障数量", type = "Unsigned16", volatile = true, family = "profile"},
-  [962] = {name_en = "Sampling time base", name_zh = "采样时间基准", type = "Unsigned32", volatile = false, family = "profile"},
-  [963] = {name_en = "Actual baud rate", name_zh = "实际波特率", type = "Unsigned16", volatile = false, family = "profile"},
-  [964] = {name_en = "Drive unit identification", name_zh = "驱动装置标识", type = "Unsigned16[]", volatile = false, family = "profile"},
-  [965] = {name_en = "Profile identification", name_zh = "行规标识", type = "OctetString2", volatile = false, family = "profile"},
-  [967] = {name_en = "Control word 1", name_zh = "控制字 1", type = "V2", volatile = true, family = "profile"},
-  [968] = {name_en = "Status word 1", name_zh = "状态字 1", type = "V2", volatile = true, family = "profile"},
-  [969] = {name_en = "Actual time difference", name_zh = "实际时间差", type = "unknown", volatile = true, family = "profile"},
-  [970] = {name_en = "Load parameter set", name_zh = "载入参数组", type = "Unsigned16", volatile = true, family = "profile"},
-  [971] = {name_en = "Store in non-volatile memory", name_zh = "保存到非易失性存储器", type = "Unsigned16", volatile = true, family = "profile"},
-  [972] = {name_en = "Drive reset", name_zh = "驱动复位", type = "Unsigned16", volatile = true, family = "profile"},
-  [974] = {name_en = "Base mode parameter access identification", name_zh = "基本模式参数访问标识", type = "Unsigned16[3]", volatile = false, family = "profile"},
-  [975] = {name_en = "DO identification", name_zh = "DO 标识", type = "Unsigned16[8]", volatile = false, family = "profile"},
-  [976] = {name_en = "Load device parameter set", name_zh = "载入设备参数组", type = "Unsigned16", volatile = true, family = "profile"},
-  [977] = {name_en = "Store in non-volatile memory (global)", name_zh = "保存到非易失性存储器（全局）", type = "Unsigned16", volatile = true, family = "profile"},
-  [978] = {name_en = "List of all DO-IDs", name_zh = "所有 DO-ID 列表", type = "Unsigned16[]", volatile = false, family = "profile"},
-  [979] = {name_en = "Sensor format", name_zh = "编码器格式", type = "Unsigned32[]", volatile = false, family = "profile"},
-  [1058] = {name_en = "JOG frequency forward", name_zh = "正向点动频率", type = "Float32", unit = "Hz", volatile = false, family = "micromaster"},
-  [1082] = {name_en = "Maximum frequency", name_zh = "最大频率", type = "Float32", unit = "Hz", volatile = false, family = "micromaster"},
-  [2009] = {name_en = "USS denormalization", name_zh = "USS 非规格化", type = "Unsigned16", volatile = false, family = "micromaster"},
-  [2010] = {name_en = "USS baud rate", name_zh = "USS 波特率", type = "Unsigned16", volatile = false, family = "micromaster"},
-  [2013] = {name_en = "USS PKW length", name_zh = "USS PKW 长度", type = "Unsigned16", volatile = false, family = "micromaster"},
-  [2122] = {name_en = "Alarm code", name_zh = "报警代码", type = "Unsigned16[]", volatile = true, family = "sinamics"},
-  [2900] = {name_en = "Fixed value 1", name_zh = "固定值 1", type = "Float32", unit = "%", volatile = false, family = "sinamics"},
-  [2901] = {name_en = "Fixed value 2", name_zh = "固定值 2", type = "Float32", unit = "%", volatile = false, family = "sinamics"},
-  [2902] = {name_en = "Fixed values", name_zh = "固定值", type = "Float32[]", unit = "%", volatile = false, family = "sinamics"},
-  [2930] = {name_en = "Fixed value M", name_zh = "固定值 M", type = "Float32", unit = "Nm", volatile = false, family = "sinamics"},
-  [2969] = {name_en = "Flux, d axis, display", name_zh = "磁通，d 轴，显示", type = "Float32", volatile = true, family = "sinamics"},
-  [3110] = {name_en = "External fault 3 delay", name_zh = "外部故障 3 延时", type = "Float32", unit = "ms", volatile = false, family = "sinamics"},
-  [3111] = {name_en = "External fault 3 enable", name_zh = "外部故障 3 使能", type = "Unsigned32", volatile = false, family = "sinamics"},
-  [3996] = {name_en = "Internal calculation status", name_zh = "内部计算状态", type = "Unsigned16", volatile = true, family = "sinamics"},
-  [50303] = {name_en = "Ramp-function generator ramp-up time 1", name_zh = "斜坡函数发生器斜坡上升时间 1", type = "Float32", unit = "s", volatile = false, family = "sinamics-dcm"},
-  [50304] = {name_en = "Ramp-function generator ramp-down time 1", name_zh = "斜坡函数发生器斜坡下降时间 1", type = "Float32", unit = "s", volatile = false, family = "sinamics-dcm"},
-  [60000] = {name_en = "Velocity reference value", name_zh = "速度参考值", type = "Float32", volatile = false, family = "profile"},
-  [61000] = {name_en = "Name of station", name_zh = "站名称", type = "OctetString", volatile = false, family = "profile"},
-  [61001] = {name_en = "IP address of station", name_zh = "站 IP 地址", type = "OctetString4", volatile = false, family = "profile"},
-  [61002] = {name_en = "MAC address of station", name_zh = "站 MAC 地址", type = "OctetString6", volatile = false, family = "profile"},
-  [61003] = {name_en = "Gateway", name_zh = "网关", type = "OctetString4", volatile = false, family = "profile"},
-  [61004] = {name_en = "Subnet mask", name_zh = "子网掩码", type = "OctetString4", volatile = false, family = "profile"},
-  [65000] = {name_en = "Encoder preset value", name_zh = "编码器预设值", type = "Integer32", volatile = false, family = "encoder"},
-  [65001] = {name_en = "Encoder operating status", name_zh = "编码器运行状态", type = "Unsigned32[]", volatile = true, family = "encoder"},
+  [10] = {name_en = "Commissioning parameter filter", name_zh = "调试参数过滤器", type = "Unsigned16", volatile = true, family = "siemens", letter = "p"},
+  [21] = {name_en = "Actual frequency", name_zh = "实际频率", type = "Float32", unit = "Hz", volatile = true, family = "micromaster", letter = "r"},
+  [25] = {name_en = "Output voltage", name_zh = "输出电压", type = "Float32", unit = "V", volatile = true, family = "micromaster", letter = "r"},
+  [27] = {name_en = "Output current", name_zh = "输出电流", type = "Float32", unit = "A", volatile = true, family = "micromaster", letter = "r"},
+  [700] = {name_en = "Command source", name_zh = "命令源", type = "Unsigned16", volatile = false, family = "micromaster", letter = "p"},
+  [806] = {name_en = "BI: inhibit master control", name_zh = "BI：禁止控制权限", type = "Unsigned32", volatile = false, family = "sinamics", letter = "p"},
+  [915] = {name_en = "DO IO data selection, setpoint telegram", name_zh = "DO IO 数据选择，设定值报文", type = "Unsigned16[]", volatile = false, family = "profile", letter = "p"},
+  [916] = {name_en = "DO IO data selection, actual value telegram", name_zh = "DO IO 数据选择，实际值报文", type = "Unsigned16[]", volatile = false, family = "profile", letter = "p"},
+  [918] = {name_en = "Node address", name_zh = "站地址", type = "Unsigned16", volatile = false, family = "profile", letter = "p"},
+  [919] = {name_en = "Device system number", name_zh = "设备系统编号", type = "VisibleString", volatile = false, family = "profile", letter = "p"},
+  [922] = {name_en = "Telegram selection", name_zh = "报文选择", type = "Unsigned16", volatile = false, family = "profile", letter = "p"},
+  [923] = {name_en = "List of all parameters for signals", name_zh = "信号参数列表", type = "Unsigned16[]", volatile = false, family = "profile", letter = "r"},
+  [925] = {name_en = "Number of tolerated sign-of-life failures", name_zh = "允许的生命符号故障次数", type = "Unsigned16", volatile = false, family = "profile", letter = "p"},
+  [927] = {name_en = "Operating priority (parameter change)", name_zh = "操作权限（参数修改）", type = "Unsigned16", volatile = false, family = "profile", letter = "p"},
+  [928] = {name_en = "PZD control priority", name_zh = "PZD 控制权限", type = "Unsigned16", volatile = false, family = "profile", letter = "p"},
+  [929] = {name_en = "Selected PPO type", name_zh = "所选 PPO 类型", type = "Unsigned16", volatile = false, family = "profile", letter = "p"},
+  [930] = {name_en = "Operating mode", name_zh = "运行方式", type = "Unsigned16", volatile = false, family = "profile", letter = "p"},
+  [944] = {name_en = "Fault message counter", name_zh = "故障信息计数器", type = "Unsigned16", volatile = true, family = "profile", letter = "p"},
+  [945] = {name_en = "Fault code", name_zh = "故障代码", type = "Unsigned16[]", volatile = true, family = "profile", letter = "r"},
+  [947] = {name_en = "Fault number", name_zh = "故障编号", type = "Unsigned16[]", volatile = true, family = "profile", letter = "r"},
+  [948] = {name_en = "Fault time", name_zh = "故障时间", type = "TimeDifference[]", volatile = true, family = "profile", letter = "r"},
+  [949] = {name_en = "Fault value", name_zh = "故障值", type = "Integer32[]", volatile = true, family = "profile", letter = "r"},
+  [950] = {name_en = "Scaling of the fault buffer", name_zh = "故障缓冲器的规格", type = "Unsigned16[2]", volatile = false, family = "profile", letter = "p"},
+  [951] = {name_en = "Fault number list", name_zh = "故障编号列表", type = "unknown", volatile = false, family = "profile", letter = "p"},
+  [952] = {name_en = "Number of faults", name_zh = "故障数量", type = "Unsigned16", volatile = true, family = "profile", letter = "p"},
+  [962] = {name_en = "Sampling time base", name_zh = "采样时间基准", type = "Unsigned32", volatile = false, family = "profile", letter = "p"},
+  [963] = {name_en = "Actual baud rate", name_zh = "实际波特率", type = "Unsigned16", volatile = false, family = "profile", letter = "p"},
+  [964] = {name_en = "Drive unit identification", name_zh = "驱动装置标识", type = "Unsigned16[]", volatile = false, family = "profile", letter = "r"},
+  [965] = {name_en = "Profile identification", name_zh = "行规标识", type = "OctetString2", volatile = false, family = "profile", letter = "r"},
+  [967] = {name_en = "Control word 1", name_zh = "控制字 1", type = "V2", volatile = true, family = "profile", letter = "r"},
+  [968] = {name_en = "Status word 1", name_zh = "状态字 1", type = "V2", volatile = true, family = "profile", letter = "r"},
+  [969] = {name_en = "Actual time difference", name_zh = "实际时间差", type = "unknown", volatile = true, family = "profile", letter = "p"},
+  [970] = {name_en = "Load parameter set", name_zh = "载入参数组", type = "Unsigned16", volatile = true, family = "profile", letter = "p"},
+  [971] = {name_en = "Store in non-volatile memory", name_zh = "保存到非易失性存储器", type = "Unsigned16", volatile = true, family = "profile", letter = "p"},
+  [972] = {name_en = "Drive reset", name_zh = "驱动复位", type = "Unsigned16", volatile = true, family = "profile", letter = "p"},
+  [974] = {name_en = "Base mode parameter access identification", name_zh = "基本模式参数访问标识", type = "Unsigned16[3]", volatile = false, family = "profile", letter = "p"},
+  [975] = {name_en = "DO identification", name_zh = "DO 标识", type = "Unsigned16[8]", volatile = false, family = "profile", letter = "p"},
+  [976] = {name_en = "Load device parameter set", name_zh = "载入设备参数组", type = "Unsigned16", volatile = true, family = "profile", letter = "p"},
+  [977] = {name_en = "Store in non-volatile memory (global)", name_zh = "保存到非易失性存储器（全局）", type = "Unsigned16", volatile = true, family = "profile", letter = "p"},
+  [978] = {name_en = "List of all DO-IDs", name_zh = "所有 DO-ID 列表", type = "Unsigned16[]", volatile = false, family = "profile", letter = "p"},
+  [979] = {name_en = "Sensor format", name_zh = "编码器格式", type = "Unsigned32[]", volatile = false, family = "profile", letter = "p"},
+  [1058] = {name_en = "JOG frequency forward", name_zh = "正向点动频率", type = "Float32", unit = "Hz", volatile = false, family = "micromaster", letter = "p"},
+  [1082] = {name_en = "Maximum frequency", name_zh = "最大频率", type = "Float32", unit = "Hz", volatile = false, family = "micromaster", letter = "p"},
+  [2009] = {name_en = "USS denormalization", name_zh = "USS 非规格化", type = "Unsigned16", volatile = false, family = "micromaster", letter = "p"},
+  [2010] = {name_en = "USS baud rate", name_zh = "USS 波特率", type = "Unsigned16", volatile = false, family = "micromaster", letter = "p"},
+  [2013] = {name_en = "USS PKW length", name_zh = "USS PKW 长度", type = "Unsigned16", volatile = false, family = "micromaster", letter = "p"},
+  [2122] = {name_en = "Alarm code", name_zh = "报警代码", type = "Unsigned16[]", volatile = true, family = "sinamics", letter = "r"},
+  [2900] = {name_en = "Fixed value 1", name_zh = "固定值 1", type = "Float32", unit = "%", volatile = false, family = "sinamics", letter = "p"},
+  [2901] = {name_en = "Fixed value 2", name_zh = "固定值 2", type = "Float32", unit = "%", volatile = false, family = "sinamics", letter = "p"},
+  [2902] = {name_en = "Fixed values", name_zh = "固定值", type = "Float32[]", unit = "%", volatile = false, family = "sinamics", letter = "r"},
+  [2930] = {name_en = "Fixed value M", name_zh = "固定值 M", type = "Float32", unit = "Nm", volatile = false, family = "sinamics", letter = "p"},
+  [2969] = {name_en = "Flux, d axis, display", name_zh = "磁通，d 轴，显示", type = "Float32", volatile = true, family = "sinamics", letter = "r"},
+  [3110] = {name_en = "External fault 3 delay", name_zh = "外部故障 3 延时", type = "Float32", unit = "ms", volatile = false, family = "sinamics", letter = "p"},
+  [3111] = {name_en = "External fault 3 enable", name_zh = "外部故障 3 使能", type = "Unsigned32", volatile = false, family = "sinamics", letter = "p"},
+  [3996] = {name_en = "Internal calculation status", name_zh = "内部计算状态", type = "Unsigned16", volatile = true, family = "sinamics", letter = "r"},
+  [50303] = {name_en = "Ramp-function generator ramp-up time 1", name_zh = "斜坡函数发生器斜坡上升时间 1", type = "Float32", unit = "s", volatile = false, family = "sinamics-dcm", letter = "p"},
+  [50304] = {name_en = "Ramp-function generator ramp-down time 1", name_zh = "斜坡函数发生器斜坡下降时间 1", type = "Float32", unit = "s", volatile = false, family = "sinamics-dcm", letter = "p"},
+  [60000] = {name_en = "Velocity reference value", name_zh = "速度参考值", type = "Float32", volatile = false, family = "profile", letter = "p"},
+  [61000] = {name_en = "Name of station", name_zh = "站名称", type = "OctetString", volatile = false, family = "profile", letter = "p"},
+  [61001] = {name_en = "IP address of station", name_zh = "站 IP 地址", type = "OctetString4", volatile = false, family = "profile", letter = "p"},
+  [61002] = {name_en = "MAC address of station", name_zh = "站 MAC 地址", type = "OctetString6", volatile = false, family = "profile", letter = "p"},
+  [61003] = {name_en = "Gateway", name_zh = "网关", type = "OctetString4", volatile = false, family = "profile", letter = "p"},
+  [61004] = {name_en = "Subnet mask", name_zh = "子网掩码", type = "OctetString4", volatile = false, family = "profile", letter = "p"},
+  [65000] = {name_en = "Encoder preset value", name_zh = "编码器预设值", type = "Integer32", volatile = false, family = "encoder", letter = "p"},
+  [65001] = {name_en = "Encoder operating status", name_zh = "编码器运行状态", type = "Unsigned32[]", volatile = true, family = "encoder", letter = "p"},
 }
-spread(M.parameters, 900, 906, {name_en = "PPO write image", name_zh = "PPO 写映像", type = "OctetString", volatile = true, family = "profile"})
-spread(M.parameters, 907, 912, {name_en = "PPO read image", name_zh = "PPO 读映像", type = "OctetString", volatile = true, family = "profile"})
-spread(M.parameters, 953, 957, {name_en = "Warning parameter", name_zh = "报警参数", type = "Unsigned16", volatile = true, family = "profile"})
-spread(M.parameters, 980, 989, {name_en = "Number list of defined parameters", name_zh = "已定义参数的编号列表", type = "Unsigned16[]", volatile = false, family = "profile"})
-spread(M.parameters, 990, 999, {name_en = "Number list of changed parameters", name_zh = "已修改参数的编号列表", type = "Unsigned16[]", volatile = true, family = "profile"})
+spread(M.parameters, 900, 906, {name_en = "PPO write image", name_zh = "PPO 写映像", type = "OctetString", volatile = true, family = "profile", letter = "p"})
+spread(M.parameters, 907, 912, {name_en = "PPO read image", name_zh = "PPO 读映像", type = "OctetString", volatile = true, family = "profile", letter = "p"})
+spread(M.parameters, 953, 957, {name_en = "Warning parameter", name_zh = "报警参数", type = "Unsigned16", volatile = true, family = "profile", letter = "p"})
+spread(M.parameters, 980, 989, {name_en = "Number list of defined parameters", name_zh = "已定义参数的编号列表", type = "Unsigned16[]", volatile = false, family = "profile", letter = "p"})
+spread(M.parameters, 990, 999, {name_en = "Number list of changed parameters", name_zh = "已修改参数的编号列表", type = "Unsigned16[]", volatile = true, family = "profile", letter = "p"})
 ]=]
 
 M.experts = {
@@ -934,13 +934,13 @@ M.rules = {
   DS711 = {id = "DS711", name = "request-length", title = "Request cut short: LEN too small", severity = "error", scope = "message", anchor = "request", expert = "malformed", message = "The request ends after {have} bytes: {case}", cause = "LEN of WRREC is smaller than the request, often the length of another request or of the header alone; or byte 3, the number of parameters, is larger than what follows.", advice = "Set LEN of WRREC to the length of the request, at least the number named here; check the number of parameters in byte 3.", title_zh = "请求被截短：LEN 过小", message_zh = "请求在 {have} 个字节后结束：{case}", cause_zh = "WRREC 的 LEN 小于请求长度，通常是另一个任务的长度或仅为报文头的长度；或字节 3（参数数量）大于后面的内容。", advice_zh = "将 WRREC 的 LEN 设为请求的长度，至少为此处给出的数；检查字节 3 中的参数数量。", many = "Requests end before their last byte", many_zh = "多个请求在最后一个字节之前结束"},
   DS712 = {id = "DS712", name = "read-length", title = "Response cut short: MLEN too small", severity = "error", scope = "transaction", anchor = "read_response", expert = "malformed", message = "The Read asks for {asked} bytes at most, the response needs at least {need}", cause = "MLEN of RDREC is smaller than the response to this request.", advice = "Set MLEN of RDREC to at least the number named here; 240 is always enough for index 47.", title_zh = "应答被截短：MLEN 过小", message_zh = "读取最多请求 {asked} 个字节，应答至少需要 {need} 个字节", cause_zh = "RDREC 的 MLEN 小于该请求的应答。", advice_zh = "将 RDREC 的 MLEN 至少设为此处给出的数；对于索引 47，240 总是足够。", many = "Reads ask for fewer bytes than the response needs", many_zh = "多次读取请求的字节数少于应答所需"},
   DS713 = {id = "DS713", name = "response-too-long", title = "Response would be too long", severity = "error", scope = "transaction", anchor = "read_response", expert = "response", message = "Parameters answered: {number} of {parameters}, {what}; {room}", cause = "The request asks for more values than one response can carry; the device answers 16#15 or leaves the rest out.", advice = "Ask for the rest in a request of its own, for a long array in several requests with rising subindex; PNU 974[0] says how many bytes the device can handle.", title_zh = "应答会过长", message_zh = "{parameters} 个参数中有 {number} 个得到应答，{what}；{room}", cause_zh = "请求的数值超过一个应答所能容纳的数量；设备以 16#15 应答，或省略其余部分。", advice_zh = "其余参数另发一个请求，长数组用递增的下标分几次请求；PNU 974[0] 给出设备可处理的字节数。", many = "Responses did not bring all parameters that their requests asked for", many_zh = "应答没有包含请求的全部参数"},
-  DS714 = {id = "DS714", name = "value-in-wrong-type", title = "Value written in the wrong type", severity = "error", scope = "transaction", anchor = "request", expert = "response", message = "p{pnu}[{subindex}] is written as {format} {values}; {case}, {bits}", cause = "The bits in the buffer and the format byte do not belong together: a REAL under an integer format, a whole number under a floating-point format, or a format that this parameter does not have.", advice = "Use the format of the parameter list, and move a variable of exactly that type into the buffer; convert a whole number first (DINT_TO_REAL).", title_zh = "数值以错误的类型写入", message_zh = "p{pnu}[{subindex}] 以 {format} 写入 {values}；{case}，{bits}", cause_zh = "缓冲区中的位与格式字节不匹配：整数格式下放了 REAL，浮点格式下放了整数，或使用了该参数没有的格式。", advice_zh = "使用参数表中的格式，并将完全相同类型的变量放入缓冲区；整数须先转换（DINT_TO_REAL）。", many = "p{pnu} is written as {format}, not as {better} ({better_code})", many_zh = "p{pnu} 以 {format} 写入，而不是以 {better}（{better_code}）"},
+  DS714 = {id = "DS714", name = "value-in-wrong-type", title = "Value written in the wrong type", severity = "error", scope = "transaction", anchor = "request", expert = "response", message = "{pnu}[{subindex}] is written as {format} {values}; {case}, {bits}", cause = "The bits in the buffer and the format byte do not belong together: a REAL under an integer format, a whole number under a floating-point format, or a format that this parameter does not have.", advice = "Use the format of the parameter list, and move a variable of exactly that type into the buffer; convert a whole number first (DINT_TO_REAL).", title_zh = "数值以错误的类型写入", message_zh = "{pnu}[{subindex}] 以 {format} 写入 {values}；{case}，{bits}", cause_zh = "缓冲区中的位与格式字节不匹配：整数格式下放了 REAL，浮点格式下放了整数，或使用了该参数没有的格式。", advice_zh = "使用参数表中的格式，并将完全相同类型的变量放入缓冲区；整数须先转换（DINT_TO_REAL）。", many = "{pnu} is written as {format}, not as {better} ({better_code})", many_zh = "{pnu} 以 {format} 写入，而不是以 {better}（{better_code}）"},
   DS715 = {id = "DS715", name = "bytes-swapped", title = "Bytes swapped in the request", severity = "error", scope = "transaction", anchor = "request", expert = "malformed", message = "The request makes sense when the bytes of {what} are swapped: {meant}", cause = "The program keeps its words with the low byte first; on the wire of PROFIdrive the high byte comes first.", advice = "Swap the bytes in the data block, where the request is put together and where the response is taken apart.", title_zh = "请求的字节顺序颠倒", message_zh = "将 {what} 的字节交换后请求才有意义：{meant}", cause_zh = "程序按低字节在前存放字；PROFIdrive 报文中高字节在前。", advice_zh = "在组成请求和拆解应答的地方交换数据块中的字节。", many = "Requests make sense when the bytes of {what} are swapped", many_zh = "将 {what} 的字节交换后，多个请求才有意义"},
   DS716 = {id = "DS716", name = "data-block-layout", title = "Fill bytes of a data block in the request", severity = "error", scope = "transaction", anchor = "request", expert = "malformed", message = "The request makes sense without {what}: {meant}", cause = "The data block is optimised or its fields begin at even offsets, so bytes that belong together are apart.", advice = "Use a data block with standard (S7-300/400 compatible) access and consecutive BYTE fields, or an ARRAY of BYTE.", title_zh = "请求中含有数据块的填充字节", message_zh = "去掉 {what} 后请求才有意义：{meant}", cause_zh = "数据块为优化访问，或其字段从偶数偏移开始，因此本应相邻的字节被分开。", advice_zh = "使用标准访问（兼容 S7-300/400）的数据块和连续的 BYTE 字段，或 ARRAY of BYTE。", many = "Requests make sense without {what}", many_zh = "去掉 {what} 后，多个请求才有意义"},
-  DS717 = {id = "DS717", name = "index-and-count", title = "Subindex or number of elements refused", severity = "error", scope = "transaction", anchor = "read_response", expert = "response", message = "p{pnu}[{subindex}] with number of elements {elements} has a negative response: {error}", cause = "Subindex and number of elements are mixed up, an array is asked of a parameter that is none, or the number of values does not match.", advice = "Not an array: number of elements 0 or 1, subindex 0. Array: elements begin at the subindex. In a change the number of values equals the number of elements.", title_zh = "子索引或元素数量被拒绝", message_zh = "p{pnu}[{subindex}]（元素数量 {elements}）得到否定应答：{error}", cause_zh = "下标与元素数量混淆，对非数组参数按数组访问，或数值的数量不符。", advice_zh = "非数组：元素数量 0 或 1，下标 0。数组：元素从下标开始。修改时数值的数量等于元素数量。", many = "p{pnu} with several subindices or numbers of elements has negative responses: {error}", many_zh = "p{pnu}（多个下标或元素数量）得到否定应答：{error}"},
-  DS718 = {id = "DS718", name = "commissioning-state", title = "Change needs a commissioning state", severity = "error", scope = "transaction", anchor = "read_response", expert = "response", message = "p{pnu}[{subindex}] can be changed only with {state}: {error}", cause = "The drive takes this change only in a certain commissioning state.", advice = "Write p0010 first as named here, then the parameter, then p0010 = 0 again.", title_zh = "修改需要调试状态", message_zh = "p{pnu}[{subindex}] 只能在 {state} 时修改：{error}", cause_zh = "驱动器仅在特定的调试状态下接受此修改。", advice_zh = "先按此处写入 p0010，再写入该参数，然后恢复 p0010 = 0。", many = "p{pnu} (several subindices) can be changed only with {state}: {error}", many_zh = "p{pnu}（多个下标）只能在 {state} 时修改：{error}"},
-  DS719 = {id = "DS719", name = "drive-running", title = "Change not possible now", severity = "error", scope = "transaction", anchor = "read_response", expert = "response", message = "p{pnu}[{subindex}] cannot be changed now: {error}", cause = "The drive is in an operating state in which this parameter is locked; 0x6B says that it is enabled.", advice = "0x6B: remove the enable (OFF1, standstill) and repeat the change. 0x11: see in the parameter list in which state the parameter can be changed, and bring the drive there.", title_zh = "现在不能修改", message_zh = "p{pnu}[{subindex}] 现在不能修改：{error}", cause_zh = "驱动器处于该参数被锁定的运行状态；0x6B 表示驱动器已使能。", advice_zh = "0x6B：取消使能（OFF1，静止）后重复修改。0x11：在参数表中查看该参数可在何种状态下修改，并使驱动器进入该状态。", many = "p{pnu} (several subindices) cannot be changed now: {error}", many_zh = "p{pnu}（多个下标）现在不能修改：{error}"},
-  DS720 = {id = "DS720", name = "connector-as-number", title = "Interconnection written as a number", severity = "error", scope = "transaction", anchor = "read_response", expert = "response", message = "p{pnu}[{subindex}] is an interconnection, {case}: {error}", cause = "A BICO input takes no number but the source of its signal: parameter, index and drive object in one unsigned 32-bit value. The source must exist and be of the kind that the input takes.", advice = "A number: write the source as Unsigned32 (format 16#07), PNU in the high word, then drive object and index as the manual of the drive shows. A source that was not accepted: choose another one, of the kind that this input takes.", title_zh = "互联参数以数值写入", message_zh = "p{pnu}[{subindex}] 是互联参数，{case}：{error}", cause_zh = "BICO 输入不接受数字，而是信号源：参数号、下标和驱动对象合成一个无符号 32 位值。信号源必须存在，且类型与该输入相符。", advice_zh = "写入的是数字：以 Unsigned32（格式 16#07）写入信号源，高字为 PNU，其后按驱动器手册为驱动对象和下标。信号源未被接受：请选择类型与该输入相符的其他信号源。", many = "p{pnu} is an interconnection, and what was written to it was not accepted: {error}", many_zh = "p{pnu} 是互联参数，写入的内容未被接受：{error}"},
+  DS717 = {id = "DS717", name = "index-and-count", title = "Subindex or number of elements refused", severity = "error", scope = "transaction", anchor = "read_response", expert = "response", message = "{pnu}[{subindex}] with number of elements {elements} has a negative response: {error}", cause = "Subindex and number of elements are mixed up, an array is asked of a parameter that is none, or the number of values does not match.", advice = "Not an array: number of elements 0 or 1, subindex 0. Array: elements begin at the subindex. In a change the number of values equals the number of elements.", title_zh = "子索引或元素数量被拒绝", message_zh = "{pnu}[{subindex}]（元素数量 {elements}）得到否定应答：{error}", cause_zh = "下标与元素数量混淆，对非数组参数按数组访问，或数值的数量不符。", advice_zh = "非数组：元素数量 0 或 1，下标 0。数组：元素从下标开始。修改时数值的数量等于元素数量。", many = "{pnu} with several subindices or numbers of elements has negative responses: {error}", many_zh = "{pnu}（多个下标或元素数量）得到否定应答：{error}"},
+  DS718 = {id = "DS718", name = "commissioning-state", title = "Change needs a commissioning state", severity = "error", scope = "transaction", anchor = "read_response", expert = "response", message = "{pnu}[{subindex}] can be changed only with {state}: {error}", cause = "The drive takes this change only in a certain commissioning state.", advice = "Write p0010 first as named here, then the parameter, then p0010 = 0 again.", title_zh = "修改需要调试状态", message_zh = "{pnu}[{subindex}] 只能在 {state} 时修改：{error}", cause_zh = "驱动器仅在特定的调试状态下接受此修改。", advice_zh = "先按此处写入 p0010，再写入该参数，然后恢复 p0010 = 0。", many = "{pnu} (several subindices) can be changed only with {state}: {error}", many_zh = "{pnu}（多个下标）只能在 {state} 时修改：{error}"},
+  DS719 = {id = "DS719", name = "drive-running", title = "Change not possible now", severity = "error", scope = "transaction", anchor = "read_response", expert = "response", message = "{pnu}[{subindex}] cannot be changed now: {error}", cause = "The drive is in an operating state in which this parameter is locked; 0x6B says that it is enabled.", advice = "0x6B: remove the enable (OFF1, standstill) and repeat the change. 0x11: see in the parameter list in which state the parameter can be changed, and bring the drive there.", title_zh = "现在不能修改", message_zh = "{pnu}[{subindex}] 现在不能修改：{error}", cause_zh = "驱动器处于该参数被锁定的运行状态；0x6B 表示驱动器已使能。", advice_zh = "0x6B：取消使能（OFF1，静止）后重复修改。0x11：在参数表中查看该参数可在何种状态下修改，并使驱动器进入该状态。", many = "{pnu} (several subindices) cannot be changed now: {error}", many_zh = "{pnu}（多个下标）现在不能修改：{error}"},
+  DS720 = {id = "DS720", name = "connector-as-number", title = "Interconnection written as a number", severity = "error", scope = "transaction", anchor = "read_response", expert = "response", message = "{pnu}[{subindex}] is an interconnection, {case}: {error}", cause = "A BICO input takes no number but the source of its signal: parameter, index and drive object in one unsigned 32-bit value. The source must exist and be of the kind that the input takes.", advice = "A number: write the source as Unsigned32 (format 16#07), PNU in the high word, then drive object and index as the manual of the drive shows. A source that was not accepted: choose another one, of the kind that this input takes.", title_zh = "互联参数以数值写入", message_zh = "{pnu}[{subindex}] 是互联参数，{case}：{error}", cause_zh = "BICO 输入不接受数字，而是信号源：参数号、下标和驱动对象合成一个无符号 32 位值。信号源必须存在，且类型与该输入相符。", advice_zh = "写入的是数字：以 Unsigned32（格式 16#07）写入信号源，高字为 PNU，其后按驱动器手册为驱动对象和下标。信号源未被接受：请选择类型与该输入相符的其他信号源。", many = "{pnu} is an interconnection, and what was written to it was not accepted: {error}", many_zh = "{pnu} 是互联参数，写入的内容未被接受：{error}"},
   DS721 = {id = "DS721", name = "lost-at-power-off", title = "Changes lost at power-off", severity = "note", scope = "capture", anchor = "frame", expert = "protocol", message = "Changes on {case} that no p0971 of that drive object and no p0977 follows: {count}, the last in frame {last}; {more}", cause = "Changed parameters stand in the RAM of the drive until they are copied to ROM.", advice = "If the changes are to stay after power-off, copy RAM to ROM: p0971 = 1 for a drive object, p0977 = 1 for all (Siemens), or the maker's own way.", title_zh = "修改在断电后丢失", message_zh = "{case} 上有 {count} 次修改之后没有该驱动对象的 p0971，也没有 p0977，最后一次在帧 {last}；{more}", cause_zh = "修改后的参数保存在驱动器的 RAM 中，直到复制到 ROM。", advice_zh = "如果修改要在断电后保留，请将 RAM 复制到 ROM：单个驱动对象 p0971 = 1，全部 p0977 = 1（西门子），或使用制造商自己的方法。", many = "Changes on {device} that no p0971 of the drive object and no p0977 follows", many_zh = "{device} 上的修改之后没有该驱动对象的 p0971，也没有 p0977"},
   DS722 = {id = "DS722", name = "connection-lost", title = "Connection ended while the request was open", severity = "error", scope = "transaction", anchor = "request", expert = "sequence", message = "The connection ended (frame {frame}) while the request was open", cause = "The AR was released or set up anew between request and response; the device forgets the request with it.", advice = "Repeat the transaction when the connection is back, and look for the reason of the interruption (watchdog, link, restart of the device).", title_zh = "请求未完成时连接结束", message_zh = "请求未完成时连接结束（帧 {frame}）", cause_zh = "在请求与应答之间 AR 被释放或重新建立；设备随之丢弃请求。", advice_zh = "连接恢复后重复任务，并查找中断的原因（看门狗、链路、设备重启）。", many = "The connection ended while requests were open", many_zh = "请求未完成时连接结束"},
   DS723 = {id = "DS723", name = "request-held", title = "Same change written again and again", severity = "warning", scope = "capture", anchor = "frame", expert = "sequence", message = "The same change was written {count} times to {device}, every {period} ms", cause = "REQ of WRREC stays TRUE, or the call is started in every cycle.", advice = "Trigger WRREC with an edge, and only when the value has changed.", title_zh = "同一修改反复写入", message_zh = "同一修改向 {device} 写入了 {count} 次，每 {period} ms 一次", cause_zh = "WRREC 的 REQ 一直为 TRUE，或每个周期都启动任务。", advice_zh = "用边沿触发任务，且仅在数值变化时触发。", many = "Equal changes were written again and again to {device}", many_zh = "相同的修改反复写入 {device}"},
@@ -1017,30 +1017,30 @@ M.rules.DS404.args = {sent = "number", got = "number"}
 M.rules.DS405.args = {sent = "hex", got = "hex"}
 M.rules.DS406.args = {sent = "number", got = "number"}
 M.rules.DS407.args = {sent = "number", got = "number"}
-M.rules.DS408.args = {pnu = "number", asked = "number", got = "number"}
-M.rules.DS409.args = {pnu = "number", asked = "number", got = "number"}
+M.rules.DS408.args = {pnu = "pnu", asked = "number", got = "number"}
+M.rules.DS409.args = {pnu = "pnu", asked = "number", got = "number"}
 M.rules.DS410.group = {"code"}
-M.rules.DS410.args = {pnu = "number", subindex = "number", code = "code", vendor_id = "vendor", info = "info"}
+M.rules.DS410.args = {pnu = "pnu", subindex = "number", code = "code", vendor_id = "vendor", info = "info"}
 M.rules.DS413.args = {request = "frame", by = "frame"}
 M.rules.DS414.args = {request = "frame", by = "frame"}
 M.rules.DS415.args = {reference = "number", first = "frame"}
 M.rules.DS416.args = {milliseconds = "ms", limit = "number"}
-M.rules.DS417.args = {pnu = "number", subindex = "number", read = "value", written = "value", by = "frame"}
+M.rules.DS417.args = {pnu = "pnu", subindex = "number", read = "value", written = "value", by = "frame"}
 M.rules.DS418.args = {id = "hex"}
 M.rules.DS501.group = {"code"}
-M.rules.DS501.args = {pnu = "number", subindex = "number", code = "pkw"}
-M.rules.DS502.args = {pnu = "number", subindex = "number"}
-M.rules.DS503.args = {pnu = "number", subindex = "number", milliseconds = "ms"}
-M.rules.DS504.args = {pnu = "number", subindex = "number", request = "frame", by = "frame"}
+M.rules.DS501.args = {pnu = "pnu", subindex = "number", code = "pkw"}
+M.rules.DS502.args = {pnu = "pnu", subindex = "number"}
+M.rules.DS503.args = {pnu = "pnu", subindex = "number", milliseconds = "ms"}
+M.rules.DS504.args = {pnu = "pnu", subindex = "number", request = "frame", by = "frame"}
 M.rules.DS505.args = {request = "text", response = "text"}
-M.rules.DS506.args = {pnu = "number", subindex = "number"}
-M.rules.DS507.args = {pnu = "number", subindex = "number", read = "frame"}
-M.rules.DS508.args = {device = "text", slot = "number", pnu = "number", subindex = "number", count = "number", limit = "number"}
-M.rules.DS509.args = {device = "text", slot = "number", pnu = "number", subindex = "number", count = "number", limit = "number"}
+M.rules.DS506.args = {pnu = "pnu", subindex = "number"}
+M.rules.DS507.args = {pnu = "pnu", subindex = "number", read = "frame"}
+M.rules.DS508.args = {device = "text", slot = "number", pnu = "pnu", subindex = "number", count = "number", limit = "number"}
+M.rules.DS509.args = {device = "text", slot = "number", pnu = "pnu", subindex = "number", count = "number", limit = "number"}
 M.rules.DS510.args = {device = "text", slot = "number", count = "number", layout = "text", other = "text"}
 M.rules.DS511.args = {device = "text", slot = "number", count = "number", limit = "ms", slowest = "ms"}
 M.rules.DS512.args = {device = "text", slot = "number"}
-M.rules.DS513.args = {pnu = "number", subindex = "number", pwe = "hex"}
+M.rules.DS513.args = {pnu = "pnu", subindex = "number", pwe = "hex"}
 M.rules.DS520.group = {"what", "code"}
 M.rules.DS520.args = {device = "text", slot = "number", what = "key", code = "number"}
 M.rules.DS521.args = {device = "text", slot = "number", seconds = "s", limit = "s", what = "key"}
@@ -1054,8 +1054,8 @@ M.rules.DS528.group = {"what"}
 M.rules.DS528.args = {device = "text", slot = "number", what = "key"}
 M.rules.DS529.group = {"off"}
 M.rules.DS529.args = {device = "text", slot = "number", off = "text"}
-M.rules.DS530.args = {pnu = "number", subindex = "number", what = "key", since = "frame"}
-M.rules.DS531.args = {pnu = "number", subindex = "number", what = "key"}
+M.rules.DS530.args = {pnu = "pnu", subindex = "number", what = "key", since = "frame"}
+M.rules.DS531.args = {pnu = "pnu", subindex = "number", what = "key"}
 M.rules.DS601.args = {difference = "text"}
 M.rules.DS701.group = {"id", "code"}
 M.rules.DS701.args = {id = "hex", code = "code", vendor_id = "vendor", case = "key", polls = "number"}
@@ -1082,21 +1082,21 @@ M.rules.DS711.args = {have = "number", need = "number", count = "number", fits =
 M.rules.DS712.group = {}
 M.rules.DS712.args = {asked = "number", need = "number"}
 M.rules.DS713.group = {"what"}
-M.rules.DS713.args = {parameters = "number", number = "number", what = "key", pnu = "number", subindex = "number", room = "key", limit = "number"}
+M.rules.DS713.args = {parameters = "number", number = "number", what = "key", pnu = "pnu", subindex = "number", room = "key", limit = "number"}
 M.rules.DS714.group = {"pnu", "format", "better", "better_code"}
-M.rules.DS714.args = {pnu = "number", subindex = "number", format = "text", values = "values", case = "key", better = "text", better_code = "hex", seen = "frame", bits = "key", meant = "values", code = "code"}
+M.rules.DS714.args = {pnu = "pnu", subindex = "number", format = "text", values = "values", case = "key", better = "text", better_code = "hex", seen = "frame", bits = "key", meant = "values", code = "code"}
 M.rules.DS715.group = {"what"}
 M.rules.DS715.args = {what = "key", meant = "line"}
 M.rules.DS716.group = {"what"}
 M.rules.DS716.args = {what = "key", meant = "line"}
 M.rules.DS717.group = {"pnu", "code"}
-M.rules.DS717.args = {pnu = "number", subindex = "number", elements = "number", code = "code", vendor_id = "vendor"}
+M.rules.DS717.args = {pnu = "pnu", subindex = "number", elements = "number", code = "code", vendor_id = "vendor"}
 M.rules.DS718.group = {"pnu", "code", "state"}
-M.rules.DS718.args = {pnu = "number", subindex = "number", state = "text", code = "code", vendor_id = "vendor"}
+M.rules.DS718.args = {pnu = "pnu", subindex = "number", state = "text", code = "code", vendor_id = "vendor"}
 M.rules.DS719.group = {"pnu", "code"}
-M.rules.DS719.args = {pnu = "number", subindex = "number", code = "code", vendor_id = "vendor"}
+M.rules.DS719.args = {pnu = "pnu", subindex = "number", code = "code", vendor_id = "vendor"}
 M.rules.DS720.group = {"pnu", "code"}
-M.rules.DS720.args = {pnu = "number", subindex = "number", format = "text", value = "value", case = "key", source = "number", code = "code", vendor_id = "vendor"}
+M.rules.DS720.args = {pnu = "pnu", subindex = "number", format = "text", value = "value", case = "key", source = "pnu", code = "code", vendor_id = "vendor"}
 M.rules.DS721.group = {"device"}
 M.rules.DS721.args = {count = "number", device = "text", case = "key", targets = "number", unknown = "number", more = "key", last = "frame"}
 M.rules.DS722.group = {}
@@ -1251,23 +1251,23 @@ M.diagnosis_words = {
   unasked = {en = "the capture shows none open on its channel, parameter numbers are unknown", zh = "抓包中其通道上没有未完成的请求，参数号未知"},
   unasked_without_ar = {en = "it was read without an AR (ReadImplicit) and which request it belongs to is not known, nor are the parameter numbers", zh = "应答不经 AR 读取（ReadImplicit），属于哪个请求以及参数号均未知"},
   unasked_again = {en = "it was read once more without an AR (ReadImplicit), when its transaction was over already", zh = "应答不经 AR 再次被读取（ReadImplicit），其事务此前已经结束"},
-  format_read = {en = "p{pnu} is read as {better} ({better_code}) in frame {seen}", zh = "p{pnu} 在第 {seen} 帧以 {better}（{better_code}）读取"},
-  format_described = {en = "the drive describes p{pnu} as {better} ({better_code}) in frame {seen}", zh = "驱动器在第 {seen} 帧将 p{pnu} 描述为 {better}（{better_code}）"},
+  format_read = {en = "{pnu} is read as {better} ({better_code}) in frame {seen}", zh = "{pnu} 在第 {seen} 帧以 {better}（{better_code}）读取"},
+  format_described = {en = "the drive describes {pnu} as {better} ({better_code}) in frame {seen}", zh = "驱动器在第 {seen} 帧将 {pnu} 描述为 {better}（{better_code}）"},
   format_listed = {en = "by the list of parameters it is {better} ({better_code})", zh = "按参数表其格式为 {better}（{better_code}）"},
   format_bits = {en = "as {better} ({better_code}) it would make sense", zh = "若为 {better}（{better_code}）则有意义"},
   bits_same = {en = "the same bits are {meant} there", zh = "同样的位在该格式下为 {meant}"},
   number_same = {en = "the same number is {meant} there", zh = "同一个数在该格式下为 {meant}"},
   number_other = {en = "the same bits, read as a whole number or as a floating-point number instead, are {meant}", zh = "同样的位若改按整数或浮点数读取为 {meant}"},
   no_source = {en = "{format} {value} is the number of no source", zh = "{format} {value} 不是信号源的编号"},
-  source_refused = {en = "its source p{source} was not accepted", zh = "其信号源 p{source} 未被接受"},
+  source_refused = {en = "its source {source} was not accepted", zh = "其信号源 {source} 未被接受"},
   length_short = {en = "number of parameters {count} needs {need}", zh = "{count} 个参数需要 {need} 个字节"},
   length_or_count = {en = "number of parameters {count} needs {need}, but it is just as long as a request for {fits}", zh = "{count} 个参数需要 {need} 个字节，但其长度恰好是 {fits} 个参数的请求"},
   unsaved = {en = "{device}", zh = "{device}"},
   unsaved_targets = {en = "{device}, addressed in {targets} ways (axis, or slot under 0xB02E)", zh = "{device}（以 {targets} 种方式寻址：轴号，或 0xB02E 下的插槽）"},
   all_known = {en = "no other change is in doubt", zh = "没有其他存疑的修改"},
   some_unknown = {en = "of {unknown} more it is not known whether they were accepted, or saved", zh = "另有 {unknown} 次不知道是否被接受或保存"},
-  too_long = {en = "p{pnu}[{subindex}] has a negative response 0x15 (response too long)", zh = "p{pnu}[{subindex}] 以 0x15（应答过长）被拒绝"},
-  left_out = {en = "p{pnu}[{subindex}] and what follows it were left out", zh = "p{pnu}[{subindex}] 及其后的参数被省略"},
+  too_long = {en = "{pnu}[{subindex}] has a negative response 0x15 (response too long)", zh = "{pnu}[{subindex}] 以 0x15（应答过长）被拒绝"},
+  left_out = {en = "{pnu}[{subindex}] and what follows it were left out", zh = "{pnu}[{subindex}] 及其后的参数被省略"},
   room_stated = {en = "PNU 974[0] of the device is {limit} bytes", zh = "该设备的 PNU 974[0] 为 {limit} 个字节"},
   room_seen = {en = "the capture shows a response of the device with {limit} bytes", zh = "抓包中该设备有一个 {limit} 个字节的应答"},
   again = {en = "without a new request", zh = "没有新的请求"},

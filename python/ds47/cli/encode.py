@@ -33,7 +33,7 @@ It is a readable line like these, from stdin without an argument:
 
 \b
   read ref 3 axis 2 p50303[0]
-  read axis 1 p945[0..7] r2902[2]*4
+  read axis 1 r0945[0..7] r2902[2]*4
   change ref 2 axis 2 p50304=Float32:100.0
   change axis 2 p2900[0..1]=REAL:10.0,5.0
 
@@ -142,6 +142,7 @@ def written(data: bytes, way: str) -> str:
 def _assumed(asked: RequestLine) -> Iterator[Both]:
     """What the line leaves out and a change depends on: formats that the tables know, and the drive object."""
     from ds47 import spec
+    from ds47.profidrive import naming
     from ds47.report.bilingual import Both, say
     from ds47.spec import explanations
 
@@ -151,7 +152,7 @@ def _assumed(asked: RequestLine) -> Iterator[Both]:
         key = f"family_{known.family}"
         yield say(
             "encode_known_type",
-            name=f"p{known.number}",
+            name=naming.spelling(known.number),
             format=request.blocks[place].format_name,
             parameter=Both(known.name_en, known.name_zh),
             family=Both(explanations.words("en")[key], explanations.words("zh")[key]),
@@ -164,6 +165,7 @@ def _remarks(request: Request) -> Iterator[Both]:
     """What was understood, where someone may have meant something else."""
     from ds47 import spec
     from ds47.model import Parameter
+    from ds47.profidrive import naming
     from ds47.profidrive.model import VALUE
     from ds47.report import formatting
     from ds47.report.bilingual import Both, say
@@ -178,7 +180,7 @@ def _remarks(request: Request) -> Iterator[Both]:
             continue
         known = spec.parameters().get(at.pnu)
         if at.element_count == 0 and at.attribute == VALUE and known and known.type.endswith("]"):
-            yield say("encode_no_elements", name=f"p{at.pnu}")
+            yield say("encode_no_elements", name=naming.spelling(at.pnu))
 
 
 def _warn_of_flaws(data: bytes, lang: str) -> None:

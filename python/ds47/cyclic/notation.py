@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from ds47.cyclic import pkw
 from ds47.profidrive.model import VALUE, Block
+from ds47.profidrive.naming import element
 from ds47.profidrive.notation import parse_request_line
 from ds47.spec import cyclic
 
@@ -49,7 +50,9 @@ def encode_line(line: str, layout: str = pkw.CYCLIC, eeprom: bool = False) -> by
     if address.attribute != VALUE:
         raise ValueError("PKW reads attributes with AK 4 and 15, which this line has no words for")
     if address.element_count > 1:
-        raise ValueError(f"PKW carries one value; ask for p{address.pnu}[{address.subindex}] alone")
+        raise ValueError(
+            f"PKW carries one value; ask for {element(address.pnu, address.subindex)} alone"
+        )
     indexed = address.element_count == 1 and "[" in rest.partition("=")[0]
     if operation == "change":
         (block,) = request.blocks

@@ -135,7 +135,7 @@ def _number(base: int, page: int) -> int | None:
 def _page(pnu: int) -> tuple[int, int]:
     """The page byte and the number on that page."""
     if not 0 <= pnu <= _MOST_PNU:
-        raise ValueError(f"p{pnu}: parameter numbers go from 0 to {_MOST_PNU}")
+        raise ValueError(f"PNU {pnu}: parameter numbers go from 0 to {_MOST_PNU}")
     left, page = pnu - pnu % _PAGE, 0
     for bit, weight in sorted(cyclic.weights().items(), key=lambda item: -item[1]):
         if weight <= left:

@@ -26,6 +26,7 @@ from ds47.explain.forms import (
     UnknownFormError,
     read,
 )
+from ds47.profidrive.naming import spelling
 from ds47.spec import cyclic, explanations
 from ds47.spec.explanations import Entry
 from ds47.spec.statuses import status_hex, status_text
@@ -527,7 +528,7 @@ def _cyclic_word(name: str, value: int, lang: str) -> Meaning:
 def _parameter(number: int, lang: str) -> Meaning:
     """A parameter by its number: name, type, unit, and on which drives it has them."""
     words, known = explanations.words(lang), spec.parameters().get(number)
-    code, entry = f"p{number}", explanations.of_number(PARAMETER, number)
+    code, entry = spelling(number), explanations.of_number(PARAMETER, number)
     assert entry is not None
     values = {"code": code, "hex": f"{number:04X}", "value": str(number)}
     if known is None:

@@ -88,7 +88,7 @@ def build_request(
     for number, address in enumerate(addresses):
         _check_byte(attribute=address.attribute, elements=address.element_count)
         if not (0 <= address.pnu <= 0xFFFF and 0 <= address.subindex <= 0xFFFF):
-            raise ValueError(f"p{address.pnu}[{address.subindex}] does not fit 16 bits")
+            raise ValueError(f"PNU {address.pnu}[{address.subindex}] does not fit 16 bits")
         address.offset = 4 + 6 * number
     length = _place(blocks, 4 + 6 * len(addresses))
     head = (reference, request_id, axis, len(addresses))

@@ -1,13 +1,15 @@
 """How people write the number of a parameter: p0945, r945[0], P700, PNU 945, 61000.
 
-The letter is a habit of Siemens: `p` may be written, `r` may only be read; MICROMASTER has it large. On the wire
-there is the number alone.
+The letter is a habit of Siemens, as are the four digits: `p` may be written, `r` may only be read. On the wire
+there is the number alone; which parameters may only be read is in spec/parameters.toml, and any other is a `p`.
 """
 
 from __future__ import annotations
 
 import re
 from typing import NamedTuple
+
+from ds47 import spec
 
 LARGEST = 0xFFFF
 _FORM = re.compile(
@@ -39,3 +41,14 @@ def spelled(text: str) -> Spelled | None:
     return Spelled(
         int(match["number"]), letter and letter.lower(), None if subindex is None else int(subindex)
     )
+
+
+def spelling(number: int) -> str:
+    """A number as it is printed: `p0010`, `r0945`, `p50303`; lua/ds47/profidrive/naming.lua does the same."""
+    known = spec.parameters().get(number)
+    return f"{known.letter if known else 'p'}{number:04}"
+
+
+def element(number: int, subindex: int) -> str:
+    """One element of a parameter: `r0945[0]`."""
+    return f"{spelling(number)}[{subindex}]"

@@ -24,6 +24,7 @@ from ds47.profidrive import literals
 from ds47.profidrive.build import build_request, make_block
 from ds47.profidrive.literals import QUOTED
 from ds47.profidrive.model import VALUE, Address, Block, Request
+from ds47.profidrive.naming import spelling
 
 _PREFIX = re.compile(r"^(?:(DW|D|W|B)?#?16#|0x|\\x|\$)", re.IGNORECASE)
 _WIDTH = {"B": 2, "W": 4, "D": 8, "DW": 8}
@@ -307,7 +308,7 @@ def _show_parameter(address: Address, block: Block | None) -> str:
     plain = address.attribute == VALUE
     indexed = address.subindex or (plain and block is None and address.element_count)
     implied = block.value_count if block else int(bool(indexed) or not plain)
-    text = f"p{address.pnu}" + (f"[{address.subindex}]" if indexed else "")
+    text = spelling(address.pnu) + (f"[{address.subindex}]" if indexed else "")
     text += "" if address.element_count == implied else f"*{address.element_count}"
     text += "" if plain else f".{address.attribute_name}"
     return text if block is None else f"{text}={_show_block(block)}"

@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 
 from ds47 import spec
 from ds47.model import S7, SEVERITIES, CaptureFile
+from ds47.profidrive.naming import element, spelling
 from ds47.regression.config import Config, ParameterTolerance
 from ds47.report import contract, load
 from ds47.report.bilingual import LANGUAGES, Both, operation, say, state
@@ -250,7 +251,7 @@ class Comparison:
     ) -> Iterator[Change]:
         pnu, first = new.get("pnu"), new.get("subindex") or 0
         about = about | {"pnu": pnu}
-        name = "value" if pnu is None else f"p{pnu}"
+        name = "value" if pnu is None else spelling(pnu)
         learned = ("described_in" in old) != ("described_in" in new)  # by one of two versions
         for key in (*_ADDRESS, "name", "unit", "format", "value_count"):
             if not (learned and key in _DESCRIBED) and _fact(key, old) != _fact(key, new):
@@ -533,7 +534,7 @@ def _frozen(item: Any) -> Any:
 def _address(parameter: Json) -> str:
     """`p2900[0]`; `p?` where no request names it."""
     pnu, subindex = parameter["pnu"], parameter["subindex"]
-    return "p?" if pnu is None else f"p{pnu}[{subindex}]"
+    return "p?" if pnu is None else element(pnu, subindex)
 
 
 def _vendor(device: Json) -> int | None:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from ds47 import spec
 from ds47.profidrive.elements import is_whole
+from ds47.profidrive.naming import spelling
 from ds47.regression import conclusions as concluded
 from ds47.regression import difference as kinds
 from ds47.regression.conclusions import Conclusion, failures, shares
@@ -247,10 +248,10 @@ def parameter_text(run: Run) -> str:
 
 
 def element_text(run: Run) -> str:
-    """The same without the place: `p2900[0]`, `p2902[2..5]`."""
+    """The same without the place: `p2900[0]`, `r2902[2..5]`."""
     first, last = (run.rows[place].element.subindex for place in (0, -1))
     index = f"{first}" if first == last else f"{first}..{last}"
-    return f"p{run.first.element.pnu}[{index}]"
+    return f"{spelling(run.first.element.pnu)}[{index}]"
 
 
 def side_text(run: Run, side: str, found: Difference) -> Both:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, TextIO
 
 from ds47.model import PKW, CaptureResult
 from ds47.profidrive.drive_objects import Identity
+from ds47.profidrive.naming import element
 from ds47.report.bilingual import say
 from ds47.report.clock import Clock
 from ds47.report.csv import Lines, guarded
@@ -189,5 +190,5 @@ def _texts(row: dict[str, Any], lang: str) -> list[str]:
         outcome += f" {row['status']}"
     return [
         str(row["frame"]), escape(who), escape(" ".join(filter(None, (device, row["target"])))),
-        row["way"], f"p{row['pnu']}[{row['subindex']}]", f"{old} -> {new}", outcome,
+        row["way"], element(row["pnu"], row["subindex"]), f"{old} -> {new}", outcome,
     ]  # fmt: skip

@@ -72,7 +72,7 @@ def _pwe(item: pkw.Message) -> Both:
         return say("pkw_error", code=str(code), text=text, hex=hexadecimal)
     if item.connector is not None:
         pnu, index = item.connector
-        return say("pkw_connector", pnu=str(pnu), index=str(index), hex=hexadecimal)
+        return say("pkw_connector", parameter=f"r{pnu:04}", index=str(index), hex=hexadecimal)
     if item.value is None:
         return say("pkw_no_value", hex=hexadecimal)
     return say("pkw_value", value=formatting.value(item.value, None), hex=hexadecimal)

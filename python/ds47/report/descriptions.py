@@ -9,6 +9,7 @@ from functools import lru_cache
 
 from ds47.model import Parameter, Value
 from ds47.profidrive.description import Description, describe, texts
+from ds47.profidrive.naming import spelling
 from ds47.report.bilingual import Both, joined, say
 from ds47.report.escaping import quoted
 
@@ -62,7 +63,7 @@ def _plain(item: Description) -> list[str]:
     if item.factor not in (None, 1.0):
         found.append(f"* {item.factor}")
     if item.full_scale is not None:
-        whole = f"p{item.reference}" if item.reference else "100 %"
+        whole = spelling(item.reference) if item.reference else "100 %"
         found.append(f"0x{item.full_scale:04X} = {whole}")
     return found
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ds47.model import Parameter, ParameterError, Value
+from ds47.profidrive.naming import spelling
 from ds47.report import descriptions, is_text, profile
 from ds47.report.bilingual import Both, say
 from ds47.report.escaping import escape as escape
@@ -33,7 +34,7 @@ def duration(nanoseconds: int) -> str:
 
 
 def address(item: Parameter) -> str:
-    """`p50303[0]`, `p2902[2..5]`, `p944[0].text`; `p?` where no request names it."""
+    """`p50303[0]`, `r2902[2..5]`, `r0944[0].text`; `p?` where no request names it."""
     if item.pnu is None:
         return "p?"
     first, elements = item.subindex, item.element_count or 0
@@ -41,7 +42,7 @@ def address(item: Parameter) -> str:
     if first is not None and elements > 1:
         index = f"[{first}..{first + elements - 1}]"
     attribute = "" if item.attribute in (None, "value") else f".{item.attribute}"
-    return f"p{item.pnu}{index}{attribute}"
+    return f"{spelling(item.pnu)}{index}{attribute}"
 
 
 def value(item: Value, format_name: str | None) -> str:

@@ -13,6 +13,7 @@ from typing import Any, Final, NamedTuple
 from ds47 import spec
 from ds47.profidrive import Address, Block, Request, Value
 from ds47.profidrive.model import VALUE
+from ds47.profidrive.naming import spelling
 
 LONGEST: Final = 240
 """Bytes of a request and of a response that every drive takes; RECORD of RDREC has so many."""
@@ -134,7 +135,7 @@ def fields(request: Request) -> list[Field]:
 
 
 def _name(address: Address, taken: Sequence[str]) -> str:
-    name = f"p{address.pnu}" + (f"_{address.subindex}" if address.subindex else "")
+    name = spelling(address.pnu) + (f"_{address.subindex}" if address.subindex else "")
     name += "" if address.attribute == VALUE else f"_{address.attribute_name.capitalize()}"
     while name in taken:
         name += "_b"

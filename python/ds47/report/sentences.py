@@ -13,6 +13,7 @@ from typing import Any, Final
 
 from ds47 import model
 from ds47.model import Diagnosis, Finding, Parameter, ParameterError
+from ds47.profidrive.naming import spelling
 from ds47.report.bilingual import say
 from ds47.spec import Rule, error_hex, error_text, rules, s7
 from ds47.spec.cyclic import error_text as pkw_error_text
@@ -216,6 +217,7 @@ _ABSENT: Final = frozenset(("code", "pkw", "info", "status", "value", "values"))
 _SHOW: Final[Mapping[str, Callable[[Any], str]]] = {
     "hex": error_hex,
     "code": error_hex,
+    "pnu": spelling,
     "hex32": "0x{:08X}".format,
     "index": record_index,
     "ms": "{:.1f}".format,

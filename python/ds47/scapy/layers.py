@@ -36,6 +36,7 @@ from ds47.profidrive import (
     make_block,
 )
 from ds47.profidrive.model import ERROR
+from ds47.profidrive.naming import element
 from ds47.spec.layouts import MESSAGE_SIZE
 
 __all__ = ["DS47Address", "DS47Block", "DS47Request", "DS47Response"]
@@ -92,7 +93,7 @@ class DS47Address(_Part):
 
     def mysummary(self) -> str:
         """The address as it stands in a summary."""
-        return f"p{self.pnu}[{self.subindex}]"
+        return element(self.pnu, self.subindex)
 
 
 class DS47Block(_Part):

@@ -118,6 +118,8 @@ class Pnu(Row):
     unit: str | None
     volatile: bool
     family: str
+    letter: str
+    """"p"; "r" of one that may only be read."""
 
 
 class InstructionParameter(Row):
@@ -379,6 +381,7 @@ def parameters() -> Mapping[int, Pnu]:
                 unit=row.get("unit"),
                 volatile=row.get("volatile", False),
                 family=row.get("family", "profile"),
+                letter=row.get("letter", "p"),
             )
     return MappingProxyType(table)
 

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 
 from ds47.model import CaptureResult, Parameter, Transaction
 from ds47.profidrive.drive_objects import Identity
+from ds47.profidrive.naming import spelling
 from ds47.report import timelines as told
 from ds47.report.html.texts import Both, say
 from ds47.report.targets import Targets
@@ -81,9 +82,9 @@ def _news(pnu: int, before: dict[int, int], now: dict[int, int]) -> Both | None:
     appeared = [each for each in now.values() if each and each not in before.values()]
     if appeared:
         numbers = ", ".join(map(str, dict.fromkeys(appeared)))
-        return say("event_buffer_fault", pnu=str(pnu), numbers=numbers)
+        return say("event_buffer_fault", parameter=spelling(pnu), numbers=numbers)
     if any(before.values()) and not any((before | now).values()):
-        return say("event_buffer_empty", pnu=str(pnu))
+        return say("event_buffer_empty", parameter=spelling(pnu))
     return None
 
 

@@ -20,6 +20,7 @@ from ds47.model import (
     ParameterError,
     Transaction,
 )
+from ds47.profidrive.naming import spelling
 from ds47.report.filters import display_filter
 from ds47.report.formatting import address
 from ds47.report.html import messages
@@ -236,7 +237,7 @@ def _place(item: Transaction, named: Mapping[str, Any], where: str) -> str:
     axis = f" {where}" if where else ""
     if named.get("pnu") is not None:
         index = f"[{named['subindex']}]" if named.get("subindex") is not None else ""
-        return f"p{named['pnu']}{index}{axis}"
+        return f"{spelling(named['pnu'])}{index}{axis}"
     if item.parameters:
         return address(item.parameters[0]) + axis
     return item.device + axis

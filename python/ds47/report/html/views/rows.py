@@ -61,6 +61,7 @@ def packed_rows(result: CaptureResult, most: int, targets: Targets | None = None
         "states": STATES,
         "sizes": _sizes(),
         "global_pnus": sorted(known().global_pnus),
+        "read_only": [row.number for row in spec.parameters().values() if row.letter == "r"],
         **tables.lists(),
     }
 

@@ -24,6 +24,7 @@ from ds47.model import (
     Transaction,
     Value,
 )
+from ds47.profidrive.naming import spelling
 from ds47.report import timelines as told
 from ds47.report.bilingual import operation, state
 from ds47.report.clock import Clock
@@ -545,13 +546,13 @@ def _plain(value: Value) -> str:
 
 
 def _short(job: Transaction, before: Value | None = None) -> str:
-    """`p304 = 50`, `p304 10 -> 50`, or the number of the error."""
+    """`p0304 = 50`, `p0304 10 -> 50`, or the number of the error."""
     if job.channel == S7 and job.items:
         return job.items[0].address or f"R_ID {job.r_id or 0:08X}"
     if not job.parameters:
         return ""
     first = job.parameters[0]
-    number = "p?" if first.pnu is None else f"p{first.pnu}"
+    number = "p?" if first.pnu is None else spelling(first.pnu)
     if first.error is not None:
         return f"{number}: {first.error.number or '?'}"
     if not first.values:

@@ -79,6 +79,16 @@ class Capture {
     return us === undefined ? "" : this.clock.at(us) || `${this.clock.since(us)} s`;
   }
 
+  /** The number of a parameter as it is printed: `p0010`, `r0945`. */
+  spelling(pnu) {
+    return (this.read_only.includes(pnu) ? "r" : "p") + String(pnu).padStart(4, "0");
+  }
+
+  /** One element of a parameter: `r0945[0]`. */
+  element(pnu, subindex) {
+    return `${this.spelling(pnu)}[${subindex}]`;
+  }
+
   controller(row) {
     return this.controllers[this.get(row, "controller")];
   }

@@ -51,7 +51,7 @@ class Parts {
     for (let number = 0; number < count && this.has(6); number += 1) {
       const item = this.parameters[number]?.pnu === null ? null : this.parameters[number]; // whose it is is not known
       this.take(6, say("address", {
-        text: item ? item.text : `p${this.byte(this.at + 2) * 256 + this.byte(this.at + 3)}`,
+        text: item ? item.text : this.capture.spelling(this.byte(this.at + 2) * 256 + this.byte(this.at + 3)),
         attribute: item && item.attribute ? item.attribute : `0x${hex2(this.byte(this.at))}`, count: this.byte(this.at + 1),
       }));
     }

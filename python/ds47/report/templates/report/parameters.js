@@ -25,7 +25,7 @@ function parameterTable(place, capture) {
   const changes = changeCounts(capture);
   const trail = (row) => {
     const n = changes.get([row.device, row.object, row.pnu, row.subindex].join("/"));
-    const wanted = { place: `${row.device}/${row.object}`, p: row.pnu, search: `p${row.pnu}[${row.subindex}]` };
+    const wanted = { place: `${row.device}/${row.object}`, p: row.pnu, search: capture.element(row.pnu, row.subindex) };
     return n ? el("div", { class: "noprint" }, el("a", { class: "trail", href: trailLink(capture.number, wanted) }, say("trail_link", { n: grouped(n) }))) : null;
   };
   const choices = [...new Map(rows.map((row) => [`${row.device}/${row.object}`, drive(row)]))];
@@ -33,7 +33,7 @@ function parameterTable(place, capture) {
     id: `p${capture.number}`, name: "col_parameter", rows, key: (row) => row.number,
     columns: [
       { key: "drive", words: "col_device", class: "keep", value: (row) => drive(row), text: (row) => drive(row) },
-      { key: "parameter", words: "col_parameter", class: "mono", value: (row) => row.pnu * 65536 + row.subindex, cell: (row) => el("div", {}, `p${row.pnu}[${row.subindex}]`, trail(row)) },
+      { key: "parameter", words: "col_parameter", class: "mono", value: (row) => row.pnu * 65536 + row.subindex, cell: (row) => el("div", {}, capture.element(row.pnu, row.subindex), trail(row)) },
       { key: "name", words: "col_name", value: name, text: name },
       count("reads", "col_reads"), count("accepted", "col_accepted"),
       split("negative", "col_negative"), split("sent", "col_sent"), split("refused", "col_refused"),
@@ -44,7 +44,7 @@ function parameterTable(place, capture) {
       { key: "reason", words: "col_reason", value: (row) => (row.error ? row.error[0] : ""), cell: (row) => (row.error ? el("span", {}, either(row.error), job(row.error_in)) : "") },
     ],
     filters: [{ words: "drive", choices: () => [["", say("all")], ...choices], fits: (row, value) => `${row.device}/${row.object}` === value }],
-    haystack: (row) => [drive(row), row.device, `p${row.pnu}[${row.subindex}]`, row.en, row.zh, row.last, ...(row.error || [])].join(" "),
+    haystack: (row) => [drive(row), row.device, capture.element(row.pnu, row.subindex), row.en, row.zh, row.last, ...(row.error || [])].join(" "),
     detail: null,
   });
 }

@@ -345,7 +345,7 @@ class Plots {
     }
     const shown = all.slice(0, MOST_PICKED);
     const current = shown.find((each) => each.key === this.picked) || shown[0];
-    const label = (each) => `${each.drive}  p${each.pnu}[${each.subindex}] ${either(each.names)}`;
+    const label = (each) => `${each.drive}  ${this.capture.element(each.pnu, each.subindex)} ${either(each.names)}`;
     const sorted = [...shown].sort((a, b) => compare(a.drive, b.drive, 1) || a.pnu - b.pnu || a.subindex - b.subindex);
     const pick = (key) => { this.picked = key; this.drawValue(shown.find((each) => each.key === key)); };
     const select = el("select", { "aria-label": say("plot_pick"), "data-picker": true, onchange: (event) => pick(event.target.value) });
@@ -367,7 +367,7 @@ class Plots {
   }
 
   drawValue(series) {
-    const canvas = this.valueCanvas;
+    const canvas = this.valueCanvas, parameter = this.capture.element(series.pnu, series.subindex);
     const count = (kind) => series.points.filter((point) => point.kind === kind).length;
     const accepted = series.points.filter(({ kind }) => kind === "read" || kind === "written");
     const [low, high] = span((accepted.length ? accepted : series.points).map(({ y }) => y));
@@ -379,9 +379,9 @@ class Plots {
     const unit = series.unit ? ` ${series.unit}` : "";
     const text = say("plot_value_text", { n: grouped(points.length), read: grouped(count("read")), written: grouped(count("written")), sent: grouped(count("sent")), refused: grouped(count("refused")), low: low + unit, high: high + unit })
       + (beyond ? ` ${say("plot_beyond", { n: grouped(beyond) })}` : "");
-    canvas.setAttribute("aria-label", `${say("plot_value")}, p${series.pnu}[${series.subindex}]: ${text}`);
+    canvas.setAttribute("aria-label", `${say("plot_value")}, ${parameter}: ${text}`);
     this.valueAbout.textContent = text;
-    const figure = this.overTimeFigure(`p${series.pnu}[${series.subindex}]${series.unit ? ` (${series.unit})` : ""}`, { y_range: new this.bokeh.Range1d({ start: edges[0], end: edges[1] }), ...(log ? { y_axis_type: "log" } : {}) });
+    const figure = this.overTimeFigure(`${parameter}${series.unit ? ` (${series.unit})` : ""}`, { y_range: new this.bokeh.Range1d({ start: edges[0], end: edges[1] }), ...(log ? { y_axis_type: "log" } : {}) });
     const known = thinned(points.filter(({ kind }) => kind === "read" || kind === "written").sort((a, b) => a.x - b.x));
     if (known.length > 1) {
       figure.step({ field: "x" }, { field: "y" }, "after", { source: this.source({ x: known.map(({ x }) => x), y: known.map(({ y }) => y) }), line_color: COLOR.axis, line_alpha: 0.55 });

@@ -199,14 +199,18 @@ class Table {
 }
 
 /**
- * A function that says whether a text has this word of a search. A parameter is also found as Siemens writes it (p0945,
- * r0945), and as an element of a run: p945[2] in p945[0..3].
+ * A function that says whether a text has this word of a search. A parameter is found in every spelling (p945, r0945), and
+ * as an element of a run: p945[2] in r0945[0..3].
  */
 function finder(part) {
-  const plain = part.replace(/^[pr]0*(?=\d)/, "p");
-  const [, pnu, element] = /^p(\d+)\[0*(\d+)\]$/.exec(plain) || [];
-  if (pnu === undefined) return (text) => text.includes(part) || text.includes(plain);
-  const runs = new RegExp(`\\bp${pnu}\\[(\\d+)(?:\\.\\.(\\d+))?\\]`, "g");
+  const [, pnu, rest] = /^[pr]0*(\d+)(.*)$/.exec(part) || [];
+  if (pnu === undefined) return (text) => text.includes(part);
+  const [, element] = /^\[0*(\d+)\]$/.exec(rest) || [];
+  if (element === undefined) {
+    const spelled = new RegExp(`\\b[pr]0*${pnu}${rest.replace(/[^\w ]/g, "\\$&")}`);
+    return (text) => text.includes(part) || spelled.test(text);
+  }
+  const runs = new RegExp(`\\b[pr]0*${pnu}\\[(\\d+)(?:\\.\\.(\\d+))?\\]`, "g");
   const has = ([, from, to = from]) => Number(from) <= Number(element) && Number(element) <= Number(to);
   return (text) => text.includes(part) || [...text.matchAll(runs)].some(has);
 }

@@ -13,7 +13,7 @@ function changesOf(capture) {
     return {
       ...change, number, job: jobs.get(change.id), device, drive_object, drive, place: `${device}/${object}`, names: [en, zh], unit,
       way: ways[change.way], outcome: outcomes[change.outcome], reason: change.reason === null ? null : reasons[change.reason],
-      address: `p${change.pnu}[${change.subindex}]`,
+      address: capture.element(change.pnu, change.subindex),
     };
   });
 }
@@ -64,7 +64,7 @@ function trailTable(place, capture) {
     ],
     filters: [
       { words: "drive", choices: () => choicesOf(changes, (change) => change.place, (change) => change.drive), fits: (change, value) => change.place === value },
-      { words: "col_parameter", choices: () => choicesOf(changes, (change) => change.pnu, (change) => `p${change.pnu} ${either(change.names)}`.trim()), fits: (change, value) => String(change.pnu) === value },
+      { words: "col_parameter", choices: () => choicesOf(changes, (change) => change.pnu, (change) => `${capture.spelling(change.pnu)} ${either(change.names)}`.trim()), fits: (change, value) => String(change.pnu) === value },
       { words: "controller", choices: () => choicesOf(changes, who, who), fits: (change, value) => who(change) === value },
       { words: "outcome", choices: () => choicesOf(changes, (change) => change.outcome, outcomeText), fits: (change, value) => change.outcome === value },
     ],

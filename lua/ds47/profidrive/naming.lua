@@ -1,0 +1,23 @@
+-- How the number of a parameter is written (Python: ds47.profidrive.naming).
+--
+-- The letter is a habit of Siemens, as are the four digits: `p` may be written, `r` may only be read. On the
+-- wire there is the number alone; which parameters may only be read is in spec/parameters.toml.
+
+local tables = require("ds47.spec.tables")
+
+local format = string.format
+
+local M = {}
+
+--- A number as it is printed: `p0010`, `r0945`, `p50303`.
+function M.spelling(number)
+  local known = tables.parameters[number]
+  return format("%s%04d", known and known.letter or "p", number)
+end
+
+--- One element of a parameter: `r0945[0]`.
+function M.element(number, subindex)
+  return format("%s[%d]", M.spelling(number), subindex)
+end
+
+return M

@@ -1,0 +1,51 @@
+"""How the number of a parameter is written: the same in Python and Lua, and read back in every form."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import pytest
+from lua_program import LUAS, lua_program
+
+from ds47 import spec
+from ds47.profidrive.naming import LARGEST, element, spelled, spelling
+from ds47.profidrive.notation import parse_request_line
+
+NUMBERS = sorted({0, 7, 999, 1000, 9999, 10000, LARGEST, *spec.parameters()})
+
+
+@pytest.mark.parametrize(
+    ("number", "text"),
+    [
+        (10, "p0010"),
+        (945, "r0945"),
+        (964, "r0964"),
+        (922, "p0922"),
+        (1120, "p1120"),
+        (61000, "p61000"),
+    ],
+)
+def test_numbers_are_printed_as_manuals_have_them(number, text):
+    assert spelling(number) == text
+    assert element(number, 3) == f"{text}[3]"
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+def test_what_is_printed_is_read_back(number):
+    text = spelling(number)
+    found = spelled(text)
+    assert found is not None
+    assert (found.number, found.letter) == (number, text[0])
+    forms = (text, text.upper(), f"p{number}", f"r{number}", f"PNU{number}", str(number))
+    assert {parse_request_line(f"read {each}").addresses[0].pnu for each in forms} == {number}
+
+
+@pytest.mark.parametrize("lua", LUAS)
+def test_lua_writes_the_same(lua, repository: Path):
+    done = subprocess.run(
+        [lua_program(lua), "tests/lua/spelling.lua"],
+        input="".join(f"{number}\n" for number in NUMBERS),
+        text=True, cwd=repository, capture_output=True, check=True,
+    )  # fmt: skip
+    assert done.stdout.split() == [spelling(number) for number in NUMBERS]
