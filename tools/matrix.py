@@ -41,12 +41,13 @@ class Tshark:
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """Tests to run: their name in the table, the test files, and the tshark for them."""
+    """Tests to run: their name in the table, the test files, the tshark for them, and its part of the captures."""
 
     name: str
     lua: str
     pattern: str
     tshark: str | None = None
+    share: str = "0/1"
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +109,8 @@ def run(job: Job, arguments: list[str]) -> Outcome:
     report = place / "junit.xml"
     report.unlink(missing_ok=True)
     files = sorted(TESTS.glob(job.pattern))
-    environment = os.environ | ({"DS47_TSHARK": job.tshark} if job.tshark else {})
+    environment = os.environ | {"DS47_SHARE": job.share}
+    environment |= {"DS47_TSHARK": job.tshark} if job.tshark else {}
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
     command += [f"--basetemp={place / 'tmp'}", f"--junitxml={report}", *arguments, *map(str, files)]
     start = time.monotonic()
@@ -148,7 +150,8 @@ def main() -> int:
     parser.add_argument(
         "--others",
         action="store_true",
-        help="leave out what the plain test run covers: this machine's own tshark, plain Lua",
+        help="leave out what the plain test run covers: this machine's own tshark, plain Lua; and the others,"
+        " of the tests that take every capture, have one part of them each",
     )
     parser.add_argument("--jobs", type=int, default=4, help="at once")
     parser.add_argument("--pytest", action="append", default=[], help="an argument for pytest")
@@ -157,7 +160,17 @@ def main() -> int:
     tsharks, status = provide(arguments.suites)
     if arguments.others:
         tsharks = [each for each in tsharks if Path(each.program).parent.name != "own"]
-    jobs = [Job(f"tshark {t.version}", t.lua, "test_wireshark_*.py", t.program) for t in tsharks]
+    parts = len(tsharks) if arguments.others else 1
+    jobs = [
+        Job(
+            f"tshark {t.version}",
+            t.lua,
+            "test_wireshark_*.py",
+            t.program,
+            f"{number % parts}/{parts}",
+        )
+        for number, t in enumerate(tsharks)
+    ]
     if not arguments.others:
         jobs.append(Job("plain Lua", lua_versions(), "test_lua_*.py"))
     with ThreadPoolExecutor(arguments.jobs) as pool:

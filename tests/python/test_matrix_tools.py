@@ -12,6 +12,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from shares import parts, share
 
 posix = pytest.mark.skipif(os.name != "posix", reason="shell scripts")
 
@@ -157,3 +158,13 @@ def test_without_root_it_says_so(
     assert run.returncode == status
     assert "only as root" in run.stderr
     assert run.stdout == ""
+
+
+@pytest.mark.parametrize("of", [1, 3, 4])
+def test_the_parts_of_the_matrix_are_the_whole(monkeypatch: pytest.MonkeyPatch, of: int) -> None:
+    items, found = list(range(10)), []
+    for part in range(of):
+        monkeypatch.setenv("DS47_SHARE", f"{part}/{of}")
+        assert parts() == of
+        found += share(items)
+    assert sorted(found) == items

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from shares import share
 from test_conversations import CASES, capture
 from test_wireshark_plugin import COMPLETE, WORKERS, program, run, told, with_all_args
 from whole_capture import of_transactions
@@ -104,7 +105,7 @@ def test_every_conversation(tmp_path: Path) -> None:
     program()
     assert len(CASES) >= CONVERSATIONS_AT_LEAST
     jobs = []
-    for number, case in enumerate(CASES):
+    for number, case in enumerate(share(CASES)):
         path = tmp_path / f"{number}.pcapng"
         path.write_bytes(capture(case).getvalue())
         indices = frozenset(case.get("options", {}).get("indices", ()))
