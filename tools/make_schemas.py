@@ -82,7 +82,8 @@ SIMPLE: dict[str, Schema] = {
     "error": {"anyOf": [{"type": "null"}, entity(contract.ERROR.keys)]},
 }
 SHAPES = (
-    contract.CAPTURE, contract.FILE, contract.RELATION, contract.BUS, contract.BUS_STATION, contract.DEVICE,
+    contract.CAPTURE, contract.FILE, contract.RELATION, contract.SENDER, contract.TIMELINE, contract.EVENT,
+    contract.BUS, contract.BUS_STATION, contract.DEVICE,
     contract.CONNECTION, contract.NARROWED, contract.TRANSACTION, contract.ITEM, contract.PARAMETER,
     contract.DESCRIPTION,
     contract.FINDING,

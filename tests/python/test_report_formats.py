@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv as csv_module
 import io
 import json as json_module
+import re
 from copy import deepcopy
 from types import SimpleNamespace
 
@@ -14,6 +15,7 @@ import pytest
 from handmade import finding
 
 from ds47 import report
+from ds47.analysis import AnalysisOptions, analyze
 from ds47.model import (
     OPERATIONS,
     SEVERITIES,
@@ -135,6 +137,27 @@ def test_json_finding_has_the_offset_in_its_message():
     plain = json.finding(finding("DS315", "error", "2 bytes missing", 6, 2, 4))
     assert plain["message"] == "offset 4: 2 bytes missing"
     assert plain["filter"] == "frame.number == 6"
+
+
+@pytest.mark.parametrize("name", ["report-2", "transaction-2", "overview-1", "table-1"])
+def test_every_reference_of_a_schema_leads_to_a_definition(name):
+    schema = report.schema(name)
+    named = set(re.findall(r'"#/\$defs/([^"/]+)"', json_module.dumps(schema)))
+    assert named <= schema.get("$defs", {}).keys()
+
+
+@pytest.mark.parametrize("start", ["cyclic", "profibus", "s7", "seed", "tour"])
+def test_what_captures_of_every_channel_say_validates(captures, start):
+    found = [
+        path for path in sorted(captures.glob(f"{start}*")) if path.suffix in (".pcapng", ".txt")
+    ]
+    assert found
+    line = jsonschema.Draft202012Validator(report.schema("transaction-2"))
+    for path in found:
+        result = analyze(path, AnalysisOptions())
+        VALIDATOR.validate(json_module.loads(written(json, result)))
+        for each in written(ndjson, result).splitlines():
+            line.validate(json_module.loads(each))
 
 
 def test_schema_is_strict():

@@ -471,7 +471,7 @@ _SIDE = Shape("", (
     Key("length", COUNT),
 ), model.Side)  # fmt: skip
 RELATION = Shape("relation", (
-    Key("channel", ref("channel")),
+    Key("channel", {"enum": [model.PKW, model.PZD]}),
     Key("controller", TEXT),
     Key("device", TEXT),
     Key("api", whole(0, 0xFFFF_FFFF, maybe=True), "Null where the channel was named by hand, and on PROFIBUS."),
