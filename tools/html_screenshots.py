@@ -1,11 +1,16 @@
-"""Takes the pictures of the HTML report in docs/images, with the browser of tests/browser.
+"""Takes the pictures of the HTML report, the page and the site in docs/images, with the browser of tests/browser.
 
-Usage: html_screenshots.py [FOLDER]. Needs Chromium with its driver, selenium and bokeh.
+Usage: html_screenshots.py [FOLDER]. Needs Chromium with its driver, selenium, bokeh, pngquant and a font with
+Chinese (Debian: chromium, chromium-driver, pngquant, fonts-noto-cjk); for the pictures of page and site
+dist/ds47.html (`make page`) and build/site/html (`make site`).
 """
 
 import os
+import shutil
+import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -18,6 +23,10 @@ TOUR = "captures/tour-machine.pcapng"
 DRIVE = "captures/cyclic-changed-after-off1.pcapng"
 BUS = "captures/profibus-ppo3-and-records.pcapng"
 LONG = "captures/real-stacks/o3_two_controllers.pcapng"
+PAGE = ROOT / "dist" / "ds47.html"
+SITE = ROOT / "build" / "site" / "html"
+PROGRAMS = {"pngquant": "pngquant", "fc-list": "fontconfig"}
+"""What is needed besides the browser, with Debian's packages."""
 
 
 def report(target: Path, *arguments: str) -> Path:
@@ -61,12 +70,52 @@ def pictures(browser: Browser, pages: dict[str, Path]) -> dict[str, bytes]:
     return made
 
 
+def of_the_page(browser: Browser) -> dict[str, bytes]:
+    """The analyzer as a page, with a capture dropped on it, in both languages."""
+    made: dict[str, bytes] = {}
+    browser.look((DESKTOP[0], 820))
+    for lang, name in (("en", "page"), ("zh", "page-zh")):
+        browser.driver.get(PAGE.as_uri())
+        browser.wait("return /ready/.test(document.querySelector('#state').className)")
+        browser.run(f"document.querySelector('[data-lang={lang}]').click()")
+        browser.one("#report input[name=files]").send_keys(str(ROOT / TOUR))
+        browser.wait("return !!document.querySelector('#outcome').textContent")
+        browser.wait("return document.querySelector('#page').offsetHeight > 0")
+        time.sleep(3)  # the report draws itself in a frame of its own, into which nobody sees
+        made[name] = browser.picture()
+    return made
+
+
+def of_the_site(browser: Browser) -> dict[str, bytes]:
+    """Its front page in both languages."""
+    made: dict[str, bytes] = {}
+    browser.look((DESKTOP[0], 820))
+    for place, name in (("index.html", "site"), ("zh/index.html", "site-zh")):
+        browser.driver.get((SITE / place).as_uri())
+        made[name] = browser.picture()
+    return made
+
+
+def small(picture: bytes) -> bytes:
+    """The same with at most 256 colours, a third of its size."""
+    command = ["pngquant", "--speed", "1", "--strip", "-"]
+    return subprocess.run(command, input=picture, capture_output=True, check=True).stdout
+
+
+def missing() -> list[str]:
+    """Debian's packages that are missing."""
+    wanted = [package for program, package in PROGRAMS.items() if shutil.which(program) is None]
+    if programs() is None:
+        wanted += ["chromium", "chromium-driver"]
+    if not wanted and not subprocess.check_output(["fc-list", ":lang=zh"]).strip():
+        wanted.append("fonts-noto-cjk")
+    return wanted
+
+
 def main() -> int:
     """Write the pictures; returns the exit status."""
-    if programs() is None:
-        sys.stderr.write(
-            "chromium or chromedriver is missing (Debian: chromium, chromium-driver)\n"
-        )
+    if packages := missing():
+        sys.stderr.write(f"missing (Debian): {' '.join(packages)}\n")
         return 1
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs" / "images"
     folder = folder.resolve()
@@ -80,8 +129,14 @@ def main() -> int:
             "bus": report(Path(work, "bus.html"), BUS),
             "zh": report(Path(work, "zh.html"), "--lang", "zh", TOUR),
         }
-        for name, data in pictures(browser, pages).items():
-            (folder / f"{name}.png").write_bytes(data)
+        made = pictures(browser, pages)
+        for there, take in ((PAGE, of_the_page), (SITE / "index.html", of_the_site)):
+            if there.exists():
+                made |= take(browser)
+            else:
+                sys.stderr.write(f"not there, so not taken: {there.relative_to(ROOT)}\n")
+        for name, data in made.items():
+            (folder / f"{name}.png").write_bytes(small(data))
     return 0
 
 

@@ -19,9 +19,11 @@ sys.path.insert(0, str(ROOT / "tools"))
 from window import Wireshark, missing  # noqa: E402
 
 LONG = ROOT / "captures" / "real-stacks" / "o3_two_controllers.pcapng"
+TOUR = ROOT / "captures" / "tour-machine.pcapng"
 DRIVE = ROOT / "captures" / "cyclic-longer-ramp.pcapng"
 BUS = ROOT / "tools" / "screenshot-profibus.txt"
 REFUSED = 130  # a change that was refused: a negative response with findings
+RUNNING = 29  # the same in the capture of the tutorial
 LIST = "gui.geometry_main_upper_pane: 330\ngui.geometry_main_lower_pane: 880\n"
 PACKET_MENU = 6  # entries of the menu of a packet up to ours
 IO_GRAPHS = 6  # entries of the menu Statistics before this one
@@ -117,6 +119,12 @@ class Pictures:
         self.take(shown, name, window)
         shown.close_window(window)
 
+    def of_the_tour(self) -> None:
+        """The capture of the tutorial: a change that a running drive does not accept."""
+        with self.open(TOUR, "-g", str(RUNNING)) as shown:
+            self._tree(shown)
+            self.take(shown, "wireshark-tour", shown.main)
+
     def of_a_drive(self) -> None:
         """A drive that starts and stops: the window of drives, setpoint and actual value as a graph."""
         with self.open(DRIVE) as shown:
@@ -157,6 +165,7 @@ def main() -> int:
     folder.mkdir(parents=True, exist_ok=True)
     pictures = Pictures(folder.resolve(), program)
     pictures.of_records()
+    pictures.of_the_tour()
     pictures.of_a_drive()
     pictures.of_a_bus()
     return 0
