@@ -1,8 +1,8 @@
-"""Puts present output into README.md, into the block marked ``<!-- report -->``, and into docs/questions.md.
+"""Puts present output into README.md, README.zh.md and those pages of docs/ that are for reading first.
 
-The commands are those that the blocks name; tests/python/test_readme.py checks the result. In docs/questions.md
-stands above each block what of the output is shown: ``<!-- show 3, "What to do" 9 -->`` are the first three lines
-and nine from the first one on that has these words.
+The commands are those that the blocks name; tests/python/test_readme.py checks the result. Above a block stands
+what of the output is shown: ``<!-- show 3, "What to do" 9 -->`` are the first three lines and nine from the first
+one on that has these words; ``<!-- show -->`` is nothing of it.
 """
 
 import os
@@ -14,11 +14,10 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-README = ROOT / "README.md"
-QUESTIONS = ROOT / "docs" / "questions.md"
-BLOCK = re.compile(
-    r"(<!-- report -->\n```console\n\$ (ds47 [^\n]*)\n)(.*?)(```\n<!-- /report -->)", re.DOTALL
-)
+DOCS = ROOT / "docs"
+FIRST = ("README.md", "README.zh.md", "docs/index.md", "docs/tutorial.md")
+FOLDERS = ("start", "how-to", "zh")
+"""Those below docs/ of which every page is one."""
 ANSWER = re.compile(
     r"(<!-- show ?([^\n]*?) ?-->\n```console\n\$ (ds47 [^\n]*)\n)(.*?)(```\n)", re.DOTALL
 )
@@ -41,7 +40,7 @@ def shown(lines: list[str], parts: str) -> str:
     for words, count in PART.findall(parts):
         found = [at for at, line in enumerate(lines) if words in line and at >= done]
         if not found:
-            raise SystemExit(f"{QUESTIONS}: {words!r} is not in the output: {lines[:3]}")
+            raise LookupError(f"{words!r} is not in the output: {lines[:3]}")
         start = found[0]
         text += "...\n" if start > done else ""
         done = min(len(lines), start + int(count))
@@ -49,31 +48,31 @@ def shown(lines: list[str], parts: str) -> str:
     return text + ("...\n" if done < len(lines) else "")
 
 
-def readme() -> str:
-    """README.md with its report made anew."""
-    text = README.read_text("utf-8")
-    match = BLOCK.search(text)
-    if match is None:
-        raise SystemExit("README.md has no block <!-- report -->")
-    report = "".join(f"{line}\n" for line in output(match[2], ROOT))
-    return f"{text[: match.start()]}{match[1]}{report}{match[4]}{text[match.end() :]}"
+def pages() -> list[Path]:
+    """The pages whose output is made anew."""
+    below = [path for folder in FOLDERS for path in sorted((DOCS / folder).glob("*.md"))]
+    return [*(ROOT / name for name in FIRST), *below]
 
 
-def questions() -> str:
-    """docs/questions.md with its answers made anew, in the order of its commands."""
+def made(page: Path) -> str:
+    """A page with its answers made anew, in the order of its commands, which share a folder."""
     with tempfile.TemporaryDirectory() as work:
         folder = Path(work)
         (folder / "captures").symlink_to(ROOT / "captures", target_is_directory=True)
-        return ANSWER.sub(
-            lambda match: match[1] + shown(output(match[3], folder), match[2]) + match[5],
-            QUESTIONS.read_text("utf-8"),
-        )
+
+        def answer(match: re.Match[str]) -> str:
+            try:
+                return match[1] + shown(output(match[3], folder), match[2]) + match[5]
+            except LookupError as problem:
+                raise SystemExit(f"{page.relative_to(ROOT)}: {match[3]}: {problem}") from problem
+
+        return ANSWER.sub(answer, page.read_text("utf-8"))
 
 
 def main() -> int:
-    """Rewrite both; returns the exit status."""
-    README.write_text(readme(), "utf-8", newline="\n")
-    QUESTIONS.write_text(questions(), "utf-8", newline="\n")
+    """Rewrite all of them; returns the exit status."""
+    for page in pages():
+        page.write_text(made(page), "utf-8", newline="\n")
     return 0
 
 

@@ -46,6 +46,13 @@ def test_the_example_of_the_readme_runs(run: Callable[[str], str]) -> None:
     assert run("README.md") == "192.168.133.33 2 [7900, 30002, 0, 0]\n"
 
 
+def test_the_examples_of_the_first_pages_run(run: Callable[[str], str]) -> None:
+    assert run("docs/how-to/go-on-with-the-data.md") == "192.168.133.33 2 [7900, 30002, 0, 0]\n"
+    told = run("docs/start/developer.md").splitlines()
+    assert told[0] == "1 read ok 3.0"
+    assert told[-1] == "192.168.133.33 [7900, 30002, 0, 0]"
+
+
 def test_the_examples_run_as_they_stand(run: Callable[[str], str]) -> None:
     pytest.importorskip("pandas")
     told = run("docs/python.md")

@@ -18,8 +18,17 @@ import pytest
 from ringbuffer import recording
 
 README = Path(__file__).resolve().parents[2] / "README.md"
-SHOWN = ("encode.md", "folders.md", "questions.md", "regression.md")
-PAGES = [README, *(README.parent / "docs" / name for name in SHOWN)]
+CHINESE = README.with_name("README.zh.md")
+DOCS = README.parent / "docs"
+SHOWN = ("encode.md", "folders.md", "index.md", "regression.md", "tutorial.md")
+FOLDERS = ("how-to", "start", "zh")
+"""Of which every page is run."""
+PAGES = [
+    README,
+    CHINESE,
+    *(DOCS / name for name in SHOWN),
+    *(page for folder in FOLDERS for page in sorted((DOCS / folder).glob("*.md"))),
+]
 PLACEHOLDER = "(the report stands here)"
 
 
@@ -124,15 +133,23 @@ def _assert_shown(shown: tuple[str, ...], output: str) -> None:
         assert line.rstrip() in lines, f"not in the output, or not in this order: {line!r}"
 
 
-def test_report_of_the_readme_is_marked() -> None:
-    text = README.read_text("utf-8")
-    (block,) = re.findall(r"<!-- report -->\n(.*?)<!-- /report -->", text, re.DOTALL)
-    (command,) = read_commands(block)
-    assert command.line.startswith("ds47 report captures/")
+@pytest.mark.parametrize("page", [README, CHINESE, DOCS / "index.md"], ids=lambda page: page.name)
+def test_a_report_is_what_one_sees_first(page: Path) -> None:
+    shown = page.read_text("utf-8").partition("<!-- show ")[2].partition(" -->\n")[2]
+    first = read_commands(shown)[0]
+    assert first.line.startswith("ds47 report ")
+    assert len(first.output) <= 15
+
+
+def test_the_readme_says_the_same_in_chinese() -> None:
+    said, told = (read_commands(page.read_text("utf-8")) for page in (CHINESE, README))
+    assert {each.line.replace("--lang zh ", "").removesuffix(" --lang zh") for each in said} == {
+        each.line for each in told
+    }
 
 
 def test_links_lead_somewhere() -> None:
-    for document in [README, *(README.parent / "docs").glob("*.md")]:
+    for document in [README, CHINESE, *DOCS.rglob("*.md")]:
         for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", document.read_text("utf-8")):
             assert (document.parent / target).exists(), f"{document.name}: {target}"
 
