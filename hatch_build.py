@@ -11,6 +11,9 @@ slower. The wheel always gets the tables of `ds47/spec` as JSON too, because TOM
 parse than a small capture to analyse. DS47_COMPILE=0 switches the compilers off.
 
 `python hatch_build.py FOLDER` compiles the copy of `ds47` in FOLDER in place.
+
+The long description of the package is README.md without what leads out of it: an index of packages has neither its
+pictures nor the files that it links to.
 """
 
 from __future__ import annotations
@@ -18,6 +21,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -146,10 +150,42 @@ def compile_part(folder: Path, part: str) -> None:
     )
 
 
+_FENCED = re.compile(r"(^```.*?^```$)", re.MULTILINE | re.DOTALL)
+_LINK = re.compile(r"\[([^\[\]]*)\]\((?!https?:)([^()\s]*)\)")
+_ONLY = re.compile(rf"\({_LINK.pattern}\)")
+
+
+def long_description(readme: str) -> str:
+    """README.md for a reader elsewhere: no pictures, no comments, the names of files instead of links to them."""
+    parts = _FENCED.split(re.sub(r"<!--.*?-->\n", "", readme))
+    for at in range(0, len(parts), 2):  # what lies between is code
+        blocks = (
+            block
+            for block in parts[at].split("\n\n")
+            if "![" not in block and not _LINK.fullmatch(block)
+        )
+        parts[at] = _LINK.sub(_named, _ONLY.sub(r"(\2)", "\n\n".join(blocks)))
+    return "".join(parts)
+
+
+def _named(link: re.Match[str]) -> str:
+    return link[2] if link[1] == link[2] else f"{link[1]} ({link[2]})"
+
+
 try:
     from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+    from hatchling.metadata.plugin.interface import MetadataHookInterface
 except ImportError:  # run as a program, by an interpreter without hatchling
-    BuildHookInterface = object  # type: ignore[assignment,misc]
+    BuildHookInterface = MetadataHookInterface = object  # type: ignore[assignment,misc]
+
+
+class CustomMetadataHook(MetadataHookInterface):
+    """Sets the long description."""
+
+    def update(self, metadata: dict[str, Any]) -> None:
+        """Called by hatchling with the project table of pyproject.toml."""
+        text = Path(self.root, "README.md").read_text("utf-8")
+        metadata["readme"] = {"content-type": "text/markdown", "text": long_description(text)}
 
 
 class CustomBuildHook(BuildHookInterface):  # type: ignore[type-arg]
