@@ -13,11 +13,12 @@
 #   make pyz        write the command as one file for any Python, dist/ds47.pyz
 #   make page       write the analyzer as one page for a browser without network, dist/ds47.html (needs npm)
 #   make wheelhouse  write what a computer without internet installs from, dist/ds47-VERSION-wheelhouse.zip
+#   make site       build the documentation as a site that needs no network, build/site/html, and as a zip into dist/
 #   make release    write all of these, wheels, bill of materials and checksums into dist/
 #   make captures   let the lab write captures/ again
 #   make tables     write lua/ds47/spec/tables.lua from python/ds47/spec/*.toml again, and the JSON Schemas
-#   make screenshot take the pictures of Wireshark again
-#   make readme     put present output into README.md and docs/questions.md
+#   make screenshot take the pictures of Wireshark again, and those of reports, page and site
+#   make readme     put present output into README.md, README.zh.md and the pages of docs/ that are read first
 #   make oracles    record the two S7 stacks anew and compare what they did with what is said of it (Linux)
 #   make constraints  resolve constraints.txt anew
 #   make clean      remove what the targets above made
@@ -50,7 +51,7 @@ export PYTHONUTF8 := 1
 .DEFAULT_GOAL := report
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: report test test-all audit lint format matrix pythons bench dist pyz page wheelhouse release captures tables screenshot readme oracles constraints clean \
+.PHONY: report test test-all audit lint format matrix pythons bench dist pyz page wheelhouse site release captures tables screenshot readme oracles constraints clean \
   system venv FORCE
 
 report: $(RUN)
@@ -107,7 +108,19 @@ page: $(STAMP)
 wheelhouse: $(STAMP)
 	$(BIN)/python tools/release/make_wheelhouse.py
 
-release: $(STAMP)
+# An environment of its own, as large as ours; the package never imports what is in it.
+build/site/env/.installed: tools/site/requirements.txt
+	@echo "Installing what builds the documentation (once, some ten seconds) ..." >&2
+	@"$(PYTHON)" -m venv --clear build/site/env
+	@build/site/env/bin/python -m pip install --quiet --require-hashes --no-deps --only-binary :all: -r $<
+	@touch $@
+
+site: $(STAMP) build/site/env/.installed
+	$(BIN)/python -m tools.site.assemble build/site/pages
+	NO_MKDOCS_2_WARNING=1 build/site/env/bin/mkdocs build --quiet --strict -f tools/site/mkdocs.yml
+	$(BIN)/python -m tools.site.pack build/site/html dist/ds47-$$($(BIN)/python -c "import ds47; print(ds47.__version__)")-docs.zip
+
+release: $(STAMP) site
 	$(BIN)/python tools/release/make_release.py
 
 captures: $(STAMP)
@@ -119,6 +132,7 @@ tables: $(STAMP)
 
 screenshot: $(STAMP)
 	$(BIN)/python tools/screenshots.py
+	TZ=UTC $(BIN)/python tools/html_screenshots.py
 
 readme: $(STAMP)
 	$(BIN)/python tools/readme_report.py
@@ -162,14 +176,15 @@ $(STAMP): $(RUN) constraints.txt
 	@touch $(STAMP)
 
 # Two files for Linux, macOS and Windows and every Python from 3.11 on; they name no index.
-COMPILE := build/resolver/bin/uv pip compile --quiet pyproject.toml --universal --python-version 3.11 \
+COMPILE := build/resolver/bin/uv pip compile --quiet --universal --python-version 3.11 \
   --generate-hashes --no-annotate --no-emit-index-url --custom-compile-command "make constraints"
 
 constraints:
 	@"$(PYTHON)" -m venv --clear build/resolver
 	@build/resolver/bin/python -m pip install --quiet uv==$(UV_VERSION)
-	$(COMPILE) --upgrade --all-extras --output-file constraints.txt
-	$(COMPILE) --extra build --constraints constraints.txt --output-file constraints-run.txt
+	$(COMPILE) pyproject.toml --upgrade --all-extras --output-file constraints.txt
+	$(COMPILE) pyproject.toml --extra build --constraints constraints.txt --output-file constraints-run.txt
+	$(COMPILE) tools/site/requirements.in --upgrade --output-file tools/site/requirements.txt
 
 clean:
 	rm -rf $(VENV) build dist bench/data .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -1,0 +1,52 @@
+"""The parameters that ds47 knows by itself, from spec/parameters.toml."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import groupby
+from pathlib import Path
+
+from ds47 import spec
+from ds47.spec import Pnu, explanations
+
+from .markdown import plain, table
+
+_HEAD = """# Known parameters
+
+Names and units that ds47 has of its own. What a drive says of its parameters comes first, then
+[lists that you take in](../parameters.md), then these. A number that means something else on another family of
+drives is used only where the capture shows which family it is.
+"""
+
+
+def page(_root: Path) -> str:
+    """A table for each family of drives."""
+    words = explanations.words("en")
+    by_family: dict[str, list[Pnu]] = {}
+    for each in spec.parameters().values():
+        by_family.setdefault(each.family, []).append(each)
+    parts = [_HEAD]
+    for family, known in by_family.items():
+        parts += [
+            f"## {words[f'family_{family}']}\n",
+            table(("number", "name", "type", "unit", "中文"), _rows(known)),
+        ]
+    return "\n".join(parts)
+
+
+def _rows(known: list[Pnu]) -> Iterator[tuple[str, ...]]:
+    """A row for each; numbers that follow each other and say the same are one."""
+    ordered = sorted(known, key=lambda each: each.number)
+    for _, same in groupby(
+        enumerate(ordered), key=lambda each: (each[1].number - each[0], each[1].name_en)
+    ):
+        run = [each for _, each in same]
+        first, last = run[0], run[-1]
+        number = str(first.number) + (f" to {last.number}" if last is not first else "")
+        yield (
+            number,
+            plain(first.name_en),
+            plain(first.type),
+            plain(first.unit or ""),
+            plain(first.name_zh),
+        )
