@@ -1,4 +1,4 @@
-"""Which part of many captures a run takes: in the matrix each tshark has its own, and all of them have the whole."""
+"""The part of many captures that a run takes: in the matrix each tshark has one, and all of them the whole."""
 
 from __future__ import annotations
 
