@@ -15,6 +15,7 @@
 #   make wheelhouse  write what a computer without internet installs from, dist/ds47-VERSION-wheelhouse.zip
 #   make site       build the documentation as a site that needs no network, build/site/html, and as a zip into dist/
 #   make release    write all of these, wheels, bill of materials and checksums into dist/
+#   make try-release  try what that wrote in bare systems without network: page, pyz, wheelhouse, container (root, Debian)
 #   make captures   let the lab write captures/ again
 #   make tables     write lua/ds47/spec/tables.lua from python/ds47/spec/*.toml again, and the JSON Schemas
 #   make screenshot take the pictures of Wireshark again, and those of reports, page and site
@@ -24,7 +25,7 @@
 #   make clean      remove what the targets above made
 #
 # PYTHON=... chooses the interpreter, ARGS=... goes to pytest, which runs in one process with PARALLEL= (empty);
-# MATRIX=trixie chooses of the matrix, PYTHONS=forky of the Pythons.
+# MATRIX=trixie chooses of the matrix, PYTHONS=forky of the Pythons, TRY=firefox of the bare systems.
 # ORACLES=... is where `make oracles` puts captures: captures/s7-stacks takes them over.
 # LUACHECK=must, MATRIX=--must and PYTHONS=--must fail where what they need is missing; otherwise they say so and go on.
 
@@ -36,6 +37,7 @@ N ?= 300
 SEED ?= 1
 MATRIX ?=
 PYTHONS ?=
+TRY ?=
 LUACHECK ?=
 ORACLES ?= build/oracles/captures
 UV_VERSION := 0.13.9
@@ -51,7 +53,7 @@ export PYTHONUTF8 := 1
 .DEFAULT_GOAL := report
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: report test test-all audit lint format matrix pythons bench dist pyz page wheelhouse site release captures tables screenshot readme oracles constraints clean \
+.PHONY: report test test-all audit lint format matrix pythons bench dist pyz page wheelhouse site release try-release captures tables screenshot readme oracles constraints clean \
   system venv FORCE
 
 report: $(RUN)
@@ -122,6 +124,9 @@ site: $(STAMP) build/site/env/.installed
 
 release: $(STAMP) site
 	$(BIN)/python tools/release/make_release.py
+
+try-release: $(STAMP)
+	$(BIN)/python tools/release/try_release.py $(TRY)
 
 captures: $(STAMP)
 	$(BIN)/python -m ds47.lab captures

@@ -38,19 +38,18 @@ def program() -> str | None:
 
 
 class Firefox:
-    """One window without a screen, a network or a profile."""
+    """One window without a screen, a network or a profile, of this machine's Firefox or another."""
 
-    def __init__(self) -> None:
+    def __init__(self, command: list[str] | None = None) -> None:
         from websocket import create_connection
 
-        found = program()
-        assert found is not None
+        found = command or [str(program())]
         self._profile = tempfile.TemporaryDirectory(prefix="ds47-firefox-")
         folder = Path(self._profile.name)
         (folder / "user.js").write_text(_OFFLINE, "utf-8")
         self._log = (folder / "log").open("w+")
         self._process = subprocess.Popen(
-            [found, "--headless", "--no-remote", "--remote-debugging-port", "0", "--profile", str(folder)],
+            [*found, "--headless", "--no-remote", "--remote-debugging-port", "0", "--profile", str(folder)],
             stderr=self._log, stdout=subprocess.DEVNULL,
         )  # fmt: skip
         self._asked = 0
