@@ -67,7 +67,7 @@ def run(capsys: Any, *arguments: str | Path) -> tuple[int, str, list[str]]:
 
 def stored(results: Path) -> dict[str, Any]:
     return {
-        str(path.relative_to(results)): json.loads(path.read_bytes())
+        path.relative_to(results).as_posix(): json.loads(path.read_bytes())
         for path in sorted(results.rglob("*"))
         if path.is_file()
     }
@@ -341,6 +341,10 @@ def test_a_file_name_leads_out_of_no_folder(capsys: Any, captures: Path, tmp_pat
         ("\\", "s3://b/..\\..\\x.pcap", ["s3://b"], "%2E%2E/%2E%2E/x.pcap"),
         ("\\", "s3://b/C:/x.pcap", ["s3://b"], "C%3A/x.pcap"),
         ("\\", "C:\\x.pcap", ["C:\\", "D:\\"], "C%3A/x.pcap"),
+        ("\\", "s3://b/aux/LPT1.2026.pcap", ["s3://b"], "%61ux/%4CPT1.2026.pcap"),
+        ("\\", "s3://b/COM¹ .x/a?b*.pcap", ["s3://b"], "%43OM¹ .x/a%3Fb%2A.pcap"),
+        ("\\", "s3://b/line 3. /x.pcap", ["s3://b"], "line 3.%20/x.pcap"),
+        ("/", "s3://b/aux/a?b. /x.pcap", ["s3://b"], "aux/a?b. /x.pcap"),
     ],
 )
 def test_the_name_of_a_result_leads_nowhere_but_down(

@@ -273,12 +273,14 @@ def test_the_list_that_is_made_for_the_device_comes_first():
     assert Catalogue().is_empty
 
 
-@pytest.mark.parametrize("name", ["CON", "a/b", "..", "  ", "Presse 1", "G120: 4.7"])
+@pytest.mark.parametrize(
+    "name", ["CON", "a/b", "..", "  ", "Presse 1", "G120: 4.7", "nul.v2", "COM¹", "Aux.a.b"]
+)
 def test_names_of_files_that_every_system_takes(name):
     found = store.file_name(name)
     assert found
     assert not set(found) & set('<>:"/\\|?* ')
-    assert found.upper() not in ("CON", "AUX")
+    assert found.split(".")[0].upper() not in ("CON", "AUX", "NUL", "COM¹")
     assert not found.startswith(".")
 
 

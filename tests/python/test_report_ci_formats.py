@@ -238,7 +238,11 @@ def test_sarif_message_is_text(check_sarif):
         ("-", "stdin"),
         ("a b/ä.pcapng", "a%20b/%C3%A4.pcapng"),
         ("x:y#1?.pcap", "x%3Ay%231%3F.pcap"),
-        ("a\udc80.pcap", "a%80.pcap"),
+        pytest.param(
+            "a\udc80.pcap",
+            "a%80.pcap",
+            marks=pytest.mark.skipif(os.name == "nt", reason="names are no bytes there"),
+        ),
         ("s3://bucket/a b.pcap", "s3://bucket/a%20b.pcap"),
     ],
 )

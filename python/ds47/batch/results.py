@@ -23,6 +23,7 @@ from ds47.batch.settings import options_for
 from ds47.batch.tasks import Task, read
 from ds47.capture.remote import is_url
 from ds47.model import CaptureResult
+from ds47.parameters.file_names import REFUSED, is_device
 from ds47.report import SCHEMA, load
 from ds47.report import Options as ReportOptions
 from ds47.report import json as contract
@@ -253,8 +254,16 @@ def _pure(path: str) -> PurePosixPath:
 def _harmless(name: str) -> str:
     """The name with what leads out of a folder written as a URL writes it: `..` is `%2E%2E`.
 
-    Windows also leaves a folder by a backslash and by a colon (a drive).
+    Windows also leaves a folder by a backslash and by a colon (a drive), and takes some names for devices.
     """
     parts = name.replace(os.sep, "/").split("/")
     parts = [part if part.strip(". ") else part.replace(".", "%2E") for part in parts]
-    return "/".join(parts).replace(":", "%3A" if os.sep == "\\" else ":")
+    return "/".join(map(_for_windows, parts) if os.sep == "\\" else parts)
+
+
+def _for_windows(part: str) -> str:
+    """The name of a file or folder as Windows takes it: a bucket may have any, such as `aux` and `a?b `."""
+    coded = "".join(f"%{ord(char):02X}" if char in REFUSED else char for char in part)
+    if coded.endswith((".", " ")):  # would be left out
+        coded = f"{coded[:-1]}%{ord(coded[-1]):02X}"
+    return f"%{ord(coded[0]):02X}{coded[1:]}" if is_device(coded) else coded

@@ -64,7 +64,7 @@ def command(
         raise click.UsageError(str(problem)) from problem
     found, status = _find(paths, series, where, lang, options)
     if not found:
-        click.echo(say("accept_nothing").text(lang))
+        stdout().write(say("accept_nothing").text(lang) + "\n")
         return status
     _list(found, None if show_all else _SHOWN, lang)
     total = sum(len(changes) for _, changes in found)
@@ -79,7 +79,7 @@ def command(
         click.confirm(question.text(lang), abort=True)
     for outcome, changes in found:
         _take(outcome, changes)
-    click.echo(say("accept_done", **what).text(lang))
+    stdout().write(say("accept_done", **what).text(lang) + "\n")
     return status
 
 

@@ -153,11 +153,20 @@ def output(name: str) -> Iterator[TextIO]:
         with stream:
             yield stream
         if not special:
-            draft.replace(target)
+            _take_its_place(draft, target, name)
     except BaseException:
         if not special:
             draft.unlink(missing_ok=True)
         raise
+
+
+def _take_its_place(draft: Path, target: Path, name: str) -> None:
+    """The file that was written under its name. Windows refuses that while a program has the old one open."""
+    try:
+        draft.replace(target)
+    except OSError as problem:
+        hint = " (is it open in another program?)" if isinstance(problem, PermissionError) else ""
+        raise click.ClickException(f"cannot write {name}: {problem.strerror}{hint}") from problem
 
 
 class RuleText(NamedTuple):

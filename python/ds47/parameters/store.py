@@ -12,6 +12,7 @@ from typing import Final
 
 import click
 
+from ds47.parameters.file_names import is_device
 from ds47.parameters.lists import ListError, ParameterList, read, write
 
 VARIABLE: Final = "DS47_PARAMS"
@@ -43,13 +44,8 @@ def save(found: ParameterList) -> tuple[Path, bool]:
 def file_name(name: str) -> str:
     """The name of a list as that of a file that every system takes."""
     plain = _NAME.sub("-", name).strip("-. ") or "list"
-    return f"{plain}-" if plain.upper() in _RESERVED else plain
-
-
-_RESERVED: Final = frozenset(
-    ("CON", "PRN", "AUX", "NUL", *(f"COM{n}" for n in range(10)), *(f"LPT{n}" for n in range(10)))
-)
-"""Names that Windows keeps for itself."""
+    stem, dot, rest = plain.partition(".")
+    return f"{stem}-{dot}{rest}" if is_device(plain) else plain
 
 
 def kept() -> list[tuple[Path, ParameterList]]:
