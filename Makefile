@@ -7,6 +7,7 @@
 #   make lint       ruff check, ruff format --check, mypy --strict; luacheck where it is installed
 #   make matrix     run the plugin's tests on Wireshark 3.4, 4.0, 4.4, 4.6 and on plain Lua 5.2 to 5.4
 #   make pythons    run the analyzer's tests on Python 3.13 and 3.14
+#   make windows    run the analyzer's tests on Python for Windows, by Wine (root, Debian, mvn)
 #   make audit      let the auditor read N random conversations, planned from SEED on, and all captures
 #   make bench      time the analyzer and the plugin against tshark    (BENCH=--small for a quick one)
 #   make dist       write the plugin as one Lua file, dist/ds47-0_1_0.lua (the version, with underscores)
@@ -53,7 +54,7 @@ export PYTHONUTF8 := 1
 .DEFAULT_GOAL := report
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: report test test-all audit lint format matrix pythons bench dist pyz page wheelhouse site release try-release captures tables screenshot readme oracles constraints clean \
+.PHONY: report test test-all audit lint format matrix pythons windows bench dist pyz page wheelhouse site release try-release captures tables screenshot readme oracles constraints clean \
   system venv FORCE
 
 report: $(RUN)
@@ -92,6 +93,9 @@ matrix: $(STAMP)
 
 pythons:
 	@tools/pythons.sh $(PYTHONS) -- $(PARALLEL) $(ARGS)
+
+windows: $(STAMP)
+	$(BIN)/python tools/windows.py $(ARGS)
 
 bench: $(STAMP)
 	$(BIN)/python bench/run.py $(BENCH)

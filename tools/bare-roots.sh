@@ -10,6 +10,7 @@
 #   firefox      likewise
 #   base         Python with pip and a shell: in place of the image that the Containerfile begins with
 #   buildah      what builds images
+#   wine         what runs programs for Windows (tools/windows.py); not among "all"
 #
 # Prints a line per root on stdout: NAME FOLDER. Messages go to stderr.
 # Exit status: 0 all there; 1 some could not be made; 77 this machine cannot make any (no root, no apt).
@@ -32,6 +33,7 @@ packages() {
         firefox) echo bookworm firefox-esr ;;
         base) echo trixie python3-venv ca-certificates dash coreutils ;;
         buildah) echo trixie buildah netavark ;;
+        wine) echo trixie wine64 wine dash coreutils ;;
         *) say "no such root: $1"; exit 2 ;;
     esac
 }
@@ -50,6 +52,7 @@ settle() {
             echo root:x:0: >"$root/etc/group"
             mkdir -p "$root/var/tmp" "$root/sys"
             ;;
+        wine) cp "$root"/usr/x86_64-w64-mingw32/lib/zlib1.dll "$root"/usr/lib/x86_64-linux-gnu/wine/x86_64-windows/ ;;
     esac
 }
 
