@@ -97,7 +97,7 @@ def equip(folder: Path) -> None:
     # scapy builds frames here and sends none; what it asks Windows of its interfaces, Wine does not know
     consts = site / "scapy" / "consts.py"
     told = consts.read_text("utf-8").replace('platform.startswith("win32")', "False")
-    consts.write_text(told, "utf-8")
+    consts.write_text(f"{told}\nimport socket\nsocket.IPPROTO_GRE = 47\n", "utf-8")
 
 
 def wine(folder: Path) -> list[str]:
