@@ -72,8 +72,10 @@ ATTRIBUTE = ("code", "name", "zh")
 REQUEST_ID = ("code", "name", "operation", "body", "positive", "negative", "vendor")
 RESPONSE_ID = ("code", "name", "body", "vendor", "negative")
 ERROR = ("code", "en", "zh", "info")
-PARAMETER = ("name_en", "name_zh", "type", "unit", "volatile", "family", "letter")
+PARAMETER = ("name_en", "name_zh", "type", "unit", "volatile", "family", "access", "connects")
 """Without the number: one entry may hold for many."""
+OF_ALL = ("profile", "encoder")
+"""Families whose parameters do not stand with those of makers."""
 PKW_REQUEST = ("en", "zh", "access", "array", "width", "eeprom")
 PKW_ANSWER = ("en", "zh", "width")
 LANGUAGES = ("en", "zh")
@@ -114,7 +116,9 @@ def literal(value: object) -> str:
 
 
 def _key(key: int | str) -> str:
-    return key if isinstance(key, str) else f"[{key}]"
+    if isinstance(key, str):
+        return f'["{key}"]' if "-" in key and key[0] != "[" else key
+    return f"[{key}]"
 
 
 def block(
@@ -204,9 +208,27 @@ def _vendors() -> Iterator[str]:
         yield from rows(f"M.vendors[{number}].errors", vendor.errors, ERROR)
 
 
-def _parameters() -> Iterator[str]:
-    entries = {number: fields(row, PARAMETER) for number, row in spec.parameters().items()}
-    return table("M.parameters", entries, key="{}")
+def _parameters(name: str, makers: bool) -> Iterator[str]:
+    """Rows by number and family: those of makers, or all others."""
+    entries = {
+        number: {each: _parameter(row) for each, row in all_.items() if makers != (each in OF_ALL)}
+        for number, all_ in spec.parameters().items()
+    }
+    return table(name, {number: row for number, row in entries.items() if row}, key="{}")
+
+
+def _parameter(row: spec.Pnu) -> dict[str, object]:
+    found = fields(row, PARAMETER)
+    for name in ("values_en", "values_zh"):
+        if values := getattr(row, name):
+            found[name] = values
+    return found
+
+
+def _families() -> Iterator[str]:
+    yield from block("M.families", spec.FAMILIES)
+    changing = [number for number in spec.parameters() if spec.changes_itself(number)]
+    yield f"M.changing = {literal(dict.fromkeys(sorted(changing), True))}"
 
 
 def _status() -> Iterator[str]:
@@ -501,7 +523,10 @@ def generate() -> str:
         later("errors", rows("M.errors", spec.errors(), ERROR)),
         later("vendors", _vendors()),
         later("status", _status()),
-        later("parameters", _parameters()),
+        later("parameters", _parameters("M.parameters", makers=False)),
+        later("drives", _parameters("M.drives", makers=True)),
+        _families(),
+        table("M.read_only", dict.fromkeys(spec.read_only(), True), key="{}"),
         _experts(),
         later("rules", _rules()),
         _known(),

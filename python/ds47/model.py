@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple
 
-from ds47.spec import Pnu, error_hex, error_text, parameters
+from ds47.spec import Pnu, error_hex, error_text
 from ds47.spec.cyclic import error_text as pkw_error_text
 from ds47.spec.cyclic import meaning as pkw_meaning
 from ds47.spec.units import milliseconds, status, timestamp
@@ -116,8 +116,8 @@ class Parameter(_Plain):
     subindex: int | None
     attribute: str | None
     element_count: int | None
-    listed: bool
-    """Whether spec/parameters.toml says what the PNU means on this device; then the report names it."""
+    listed: Pnu | None
+    """What the tables (parameters.toml, drives.toml) say of the PNU on this device; then the report names it."""
     unit: str | None
     format: str | None
     value_count: int | None
@@ -132,7 +132,7 @@ class Parameter(_Plain):
         subindex: int | None,
         attribute: str | None,
         element_count: int | None,
-        listed: bool = False,
+        listed: Pnu | None = None,
         unit: str | None = None,
         format: str | None = None,  # noqa: A002 (a key of the report)
         value_count: int | None = None,
@@ -155,16 +155,11 @@ class Parameter(_Plain):
         self.described = described
 
     @property
-    def known(self) -> Pnu | None:
-        """What spec/parameters.toml says of it; None where it is not listed."""
-        return parameters().get(self.pnu) if self.listed and self.pnu is not None else None
-
-    @property
     def name(self) -> str | None:
         """As the drive or a list calls it; else the name of a listed parameter, in English; None of any other."""
         if self.described is not None and self.described.name is not None:
             return self.described.name
-        return None if self.known is None else self.known.name_en
+        return None if self.listed is None else self.listed.name_en
 
     @property
     def described_in(self) -> list[int] | None:

@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator
 from functools import cache
 from itertools import combinations, pairwise
 from pathlib import Path
+from typing import Any
 
 from tests.audit import message, wire, words
 from tests.audit.claims import Auditor, Case, means, vendor
@@ -34,7 +35,7 @@ TOO_LONG = 0x15
 TYPE_ERRORS = (0x02, 0x05, 0x17)
 SOURCE_MOST = 9_999
 SAVE_ONE, SAVE_ALL = 971, 977
-TABLE = Path(__file__).parents[2] / "python/ds47/spec/parameters.toml"
+SPEC = Path(__file__).parents[2] / "python/ds47/spec"
 
 
 def auditor(*rules: str) -> Callable[[Auditor], Auditor]:
@@ -509,11 +510,11 @@ def _better(case: Case, deal: Deal) -> Iterator[str]:
             yield f"seen {case.args.get('seen')!r}: p{pnu} is not described as this there"
         return
     yield from case.wrong("seen", None)
-    listed = _listed().get(pnu)
-    if told == "format_listed" and (
-        listed is None or message.NAMES.get(listed.removesuffix("[]")) != better
-    ):
-        yield f"the list of parameters says {listed!r}"
+    listed = _listed().get(pnu, set())
+    if told == "format_listed" and better not in {
+        message.NAMES.get(each.removesuffix("[]")) for each in listed
+    }:
+        yield f"the tables of parameters say {sorted(listed)}"
     elif told not in ("format_listed", "format_bits"):
         yield f"case {told!r} is none"
 
@@ -546,14 +547,23 @@ def _as_bits(told: object, block: message.Block, code: int) -> bool:
 
 
 @cache
-def _listed() -> dict[object, str]:
-    """PNU -> format, of the package's own table."""
-    rows = tomllib.loads(TABLE.read_text(encoding="utf-8"))
-    flat = [row for each in rows.values() if isinstance(each, list) for row in each]
-    return {
-        pnu: row["type"] for row in flat if row.get("type")
-        for pnu in range(row["number"], row.get("last", row["number"]) + 1)
-    }  # fmt: skip
+def _rows() -> list[tuple[int, dict[str, Any]]]:
+    """Numbers and rows of the package's own tables of parameters."""
+    found = []
+    for name in ("parameters.toml", "drives.toml"):
+        for row in tomllib.loads((SPEC / name).read_text(encoding="utf-8"))["parameter"]:
+            numbers = range(row["number"], row.get("last", row["number"]) + 1)
+            found += [(number, row) for number in numbers]
+    return found
+
+
+@cache
+def _listed() -> dict[object, set[str]]:
+    """PNU -> formats of all families of drives."""
+    found: dict[object, set[str]] = {}
+    for pnu, row in _rows():
+        found.setdefault(pnu, set()).add(row["type"])
+    return found
 
 
 def _equal(told: object, block: message.Block) -> bool:
@@ -727,14 +737,11 @@ def _connector(case: Case) -> Iterator[str]:
 
 
 @cache
-def volatile() -> frozenset[int]:
-    """Parameters that the drive changes itself, of the package's own table."""
-    rows = tomllib.loads(TABLE.read_text(encoding="utf-8"))
-    flat = [row for each in rows.values() if isinstance(each, list) for row in each]
+def volatile(other_make: bool) -> frozenset[int]:
+    """Parameters that the drive changes itself, of the package's own tables; of another make those of the profile."""
     return frozenset(
-        pnu for row in flat if row.get("volatile")
-        for pnu in range(row["number"], row.get("last", row["number"]) + 1)
-    )  # fmt: skip
+        pnu for pnu, row in _rows() if row.get("volatile") and not (other_make and "family" in row)
+    )
 
 
 Moment = tuple[int, int]
@@ -787,7 +794,8 @@ def _lasting(reading: Reading, deal: Deal) -> Iterator[tuple[Moment, bool]]:
     for number, (pnu, done) in enumerate(parts):
         behind = [each for after, each in parts[number + 1 :] if after in (SAVE_ONE, SAVE_ALL)]
         saves = pnu in (SAVE_ONE, SAVE_ALL) or True in behind
-        if done is not False and not saves and pnu not in volatile():
+        other = reading.vendors.get(deal.device) not in (None, SIEMENS)
+        if done is not False and not saves and pnu not in volatile(other):
             found.add(done is True and None not in behind)
     for seen in found:
         yield (deal.write or 0, deal.id), seen

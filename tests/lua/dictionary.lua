@@ -41,8 +41,9 @@ local function ask(line)
   local meaning, is_said = known:meaning(access(line.ask), line.pnu, given(line.vendor_id), given(line.last))
   local row = meaning.listed
   local item = {
-    pnu = line.pnu, subindex = 0, attribute = "value", element_count = 0, listed = row ~= nil,
-    unit = row and row.unit, format = value.format_name, values = value.values, scaled = value.scaled,
+    pnu = line.pnu, subindex = 0, attribute = "value", element_count = 0, listed = row,
+    unit = dictionary.unit_of(row, value.format_name),
+    format = value.format_name, values = value.values, scaled = value.scaled,
   }
   local told = dictionary.explained(item, meaning)
   item.unit, item.scaled, item.described = told.unit, told.scaled, told.described

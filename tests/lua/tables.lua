@@ -25,18 +25,17 @@ local function put(key, value)
   entries = entries + 1
 end
 
--- A number as the keys have it: parameters in decimal, codes in hexadecimal digits.
-local function name_of(key, decimal)
-  if type(key) ~= "number" then return key end
-  return (decimal and "%d" or "0x%02X"):format(key)
+-- A number as the keys have it: in hexadecimal digits.
+local function name_of(key)
+  return type(key) == "number" and ("0x%02X"):format(key) or key
 end
 
-local function flatten(where, value, decimal)
+local function flatten(where, value)
   if type(value) ~= "table" then return put(where, value) end
   local arguments = where:find("%.args$") -- whose names may be those of columns
   for key, item in pairs(value) do
     local shown = arguments or not SAME_AS_KEY[key]
-    if shown then flatten(where .. "." .. name_of(key, decimal), item, decimal) end
+    if shown then flatten(where .. "." .. name_of(key), item) end
   end
 end
 
@@ -44,7 +43,11 @@ for name in ("limits phases reasons formats dialects attributes vendor_attribute
   .. "codes errors error_fallback rules known diagnosis_words"):gmatch("%S+") do
   flatten(name, tables[name])
 end
-flatten("parameters", tables.parameters, true)
+for _, made in ipairs({tables.parameters, tables.drives}) do
+  for number, families in pairs(made) do
+    for family, row in pairs(families) do flatten(("parameters.%d.%s"):format(number, family), row) end
+  end
+end
 for _, name in ipairs({"error_code", "error_decode", "access", "protocol"}) do
   flatten("status." .. name, tables.status[name])
 end
@@ -62,7 +65,8 @@ local function differs(key, got, want)
   problems[#problems + 1] = ("%s: table says %s, vector says %s"):format(key, says[1], says[2])
 end
 for key, want in pairs(stored) do
-  local explaining = EXPLAINING[key:match("[^.]+$")] and not key:find("^codes%.") -- which may be words
+  local explaining = (EXPLAINING[key:match("[^.]+$")] or key:find("%.sources%."))
+    and not key:find("^codes%.") -- which may be words
   if not explaining and flat[key] ~= want then differs(key, flat[key], want) end
 end
 for key, value in pairs(flat) do

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from ds47.model import SIEMENS, Parameter, Value
-from ds47.profidrive.dictionary import Dictionary, Meaning, explain, listed
+from ds47.profidrive.dictionary import Dictionary, Meaning, explain, is_known, listed, unit_of
 from ds47.profidrive.drive_objects import LOCAL, Access, DriveObjects
 from ds47.spec.semantics import known, limits
 
@@ -65,7 +65,7 @@ class Drive:
         """A parameter of a transaction, explained."""
         row = listed(pnu, vendor)
         item = Parameter(
-            pnu, 0, "value", 0, row is not None, row and row.unit, format_name, len(values), list(values)
+            pnu, 0, "value", 0, row, unit_of(row, format_name), format_name, len(values), list(values)
         )  # fmt: skip
         explain(item, self.of(pnu=pnu, vendor=vendor))
         return item
@@ -107,12 +107,37 @@ def test_a_name_that_the_drive_does_not_say_is_that_of_the_list(drive: Drive) ->
 
 def test_the_list_speaks_of_its_maker_alone() -> None:
     assert listed(1082, None) is None
-    assert listed(1082, SIEMENS) is None, "a frequency on MICROMASTER, a speed on SINAMICS"
+    names = [
+        each and each.name_en for each in (listed(1082, SIEMENS), listed(1082, None, "micromaster"))
+    ]
+    assert names == ["Maximum speed", "Maximum frequency"]
     row = listed(806, SIEMENS)
     assert row is not None
     assert listed(row.number, 0x0042) is None
     assert listed(922, 0x0042) is not None
     assert listed(None, SIEMENS) is None
+
+
+def test_of_an_unknown_make_every_number_of_a_table_is_known() -> None:
+    known = [
+        is_known(2900, *whose) for whose in ((None,), (SIEMENS,), (0x0042,), (None, "micromaster"))
+    ]
+    assert known == [True, True, False, False]
+    assert not is_known(1999, None)
+
+
+@pytest.mark.parametrize(
+    ("pnu", "format_name", "unit"),
+    [
+        (1120, "Float32", "s"), (1120, "Unsigned16", None), (1120, None, "s"), (297, "Word", "V"),
+        (297, "Unsigned16", "V"), (297, "DoubleWord", None), (1080, "Float32", "rpm"), (1080, "Unsigned32", None),
+        (39, "Float32", "kWh"), (722, "Unsigned32", None),
+    ],
+)  # fmt: skip
+def test_a_unit_is_that_of_values_of_the_listed_type(
+    pnu: int, format_name: str | None, unit: str | None
+) -> None:
+    assert unit_of(listed(pnu, SIEMENS), format_name) == unit
 
 
 @pytest.mark.parametrize(

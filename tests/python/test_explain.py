@@ -663,10 +663,12 @@ def test_a_parameter_in_every_spelling(text: str) -> None:
 
 @pytest.mark.parametrize("lang", LANGUAGES)
 def test_every_parameter_of_the_table(lang: str) -> None:
-    for number, row in spec.parameters().items():
+    rows = [(number, row) for number, all_ in spec.parameters().items() for row in all_.values()]
+    for number, row in rows:
         (meaning,) = explain(f"parameter {number}", lang)
         assert (row.name_zh if lang == "zh" else row.name_en) in meaning.title
-        assert (row.type in meaning.title) is (row.type != "unknown")
+        assert row.type in meaning.title or row.type == "unknown"
+        assert "unknown" not in meaning.title
         assert not row.unit or row.unit in meaning.title
         assert f"16#{number:04X}" in meaning.plc[0].note
         assert bool(CHINESE.search(meaning.title + meaning.look + meaning.plc[0].note)) == (
@@ -675,17 +677,23 @@ def test_every_parameter_of_the_table(lang: str) -> None:
 
 
 def test_a_parameter_that_no_table_has_is_not_made_up() -> None:
-    (meaning,) = explain("P1120[0]")
+    (meaning,) = explain("P1999[0]")
     assert not meaning.known
-    assert meaning.title == "p1120 = 16#0460: parameter: not one that the tables know"
-    assert 'ds47 encode "read axis 1 p1120.description[0]"' in str(meaning.advice)
-    assert meaning.filter == "pn_io.profidrive.parameter.number == 1120"
+    assert meaning.title == "p1999 = 16#07CF: parameter: not one that the tables know"
+    assert 'ds47 encode "read axis 1 p1999.description[0]"' in str(meaning.advice)
+    assert meaning.filter == "pn_io.profidrive.parameter.number == 1999"
 
 
 def test_a_name_of_a_format_that_is_a_parameter_too_has_both() -> None:
     meanings = explain("R2")
-    assert [each.kind for each in meanings] == ["format", "parameter"]
-    assert meanings[0] == explain("format R2")[0]
+    assert [each.kind for each in meanings] == ["parameter", "format"]
+    assert meanings[1] == explain("format R2")[0]
+
+
+def test_a_parameter_of_two_families_is_told_of_both() -> None:
+    (meaning,) = explain("p1082")
+    both = "Maximum speed, Float32, rpm (SINAMICS) · Maximum frequency, Float32, Hz (MICROMASTER 4)"
+    assert meaning.title == f"p1082 = 16#043A: parameter: {both}"
 
 
 @pytest.mark.parametrize(

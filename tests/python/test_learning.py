@@ -10,6 +10,7 @@ from uuid import UUID
 
 import pytest
 
+from ds47 import spec
 from ds47.acyclic import learning
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture.writer import PcapngWriter
@@ -26,9 +27,11 @@ from ds47.report import json as report_json
 from ds47.report.text import write as write_text
 
 CAPTURE = Path(__file__).resolve().parents[2] / "captures/format-described.pcapng"
-RAMP = message.address(1120)
-ABOUT = message.address(1120, 0, 1, message.DESCRIPTION)
+RAMP = message.address(1999)
+ABOUT = message.address(1999, 0, 1, message.DESCRIPTION)
 NAMED = '("Ramp-up time")'
+LISTED = "Ramp-function generator, ramp-up time"
+DOWN = "Ramp-function generator, ramp-down time"
 
 
 def description(name: bytes = b"Ramp-up time", conversion: int = -2) -> bytes:
@@ -90,7 +93,7 @@ def test_values_are_named_from_the_description_on(
     describe(client, 2)
     read(client, 3)
     read(client, 4, axis=3)
-    assert told() == ["p1120[0] = 1000", f"p1120[0] {NAMED} = 1000 (10.0 s)", "p1120[0] = 1000"]
+    assert told() == ["p1999[0] = 1000", f"p1999[0] {NAMED} = 1000 (10.0 s)", "p1999[0] = 1000"]
 
 
 def test_one_response_may_describe_its_own_values(
@@ -98,7 +101,7 @@ def test_one_response_may_describe_its_own_values(
 ) -> None:
     request = message.read(1, 2, RAMP, ABOUT)
     Client(stage).exchange(request, message.answer(1, 1, 2, message.word(5), description()))
-    assert told() == [f"p1120[0] {NAMED} = 5 (0.05 s)"]
+    assert told() == [f"p1999[0] {NAMED} = 5 (0.05 s)"]
 
 
 def test_the_response_counts_and_not_when_a_request_is_over(
@@ -110,7 +113,7 @@ def test_the_response_counts_and_not_when_a_request_is_over(
     )
     read(other)  # is open until the end: nothing more is asked there
     describe(one)
-    assert told() == ["p1120[0] = 1000"]
+    assert told() == ["p1999[0] = 1000"]
 
 
 def test_without_a_response_it_counts_what_was_said_up_to_the_end(
@@ -121,7 +124,7 @@ def test_without_a_response_it_counts_what_was_said_up_to_the_end(
     )
     other.write(message.change(1, 2, (RAMP, message.word(100))))
     describe(Client(stage))
-    assert told() == [f"p1120[0] {NAMED} := 100 (1.0 s)"]
+    assert told() == [f"p1999[0] {NAMED} := 100 (1.0 s)"]
 
 
 def test_the_later_of_two_counts(stage: Stage, told: Callable[[], list[str]]) -> None:
@@ -129,7 +132,7 @@ def test_the_later_of_two_counts(stage: Stage, told: Callable[[], list[str]]) ->
     describe(client, 1)
     describe(client, 2, name=b"Another", conversion=-3)
     read(client, 3)
-    assert told() == ['p1120[0] ("Another") = 1000 ms']
+    assert told() == ['p1999[0] ("Another") = 1000 ms']
 
 
 BROKEN = {
@@ -154,7 +157,7 @@ def test_a_broken_one_teaches_nothing(
     client = Client(stage)
     client.exchange(message.read(1, 2, ABOUT), response)
     read(client)
-    assert told() == ["p1120[0] = 1000"]
+    assert told() == ["p1999[0] = 1000"]
 
 
 def test_octets_that_are_a_value_describe_nothing(
@@ -165,15 +168,15 @@ def test_octets_that_are_a_value_describe_nothing(
     request = message.read(1, 2, RAMP, other)
     client.exchange(request, message.answer(1, 1, 2, description(b"Octets"), description(b"Other")))
     read(client)
-    assert told()[-1] == "p1120[0] = 1000"
+    assert told()[-1] == "p1999[0] = 1000"
 
 
 def test_several_elements_at_once_are_none(stage: Stage, told: Callable[[], list[str]]) -> None:
     client = Client(stage)
-    several = message.address(1120, 0, 2, message.DESCRIPTION)
+    several = message.address(1999, 0, 2, message.DESCRIPTION)
     client.exchange(message.read(1, 2, several), message.answer(1, 1, 2, description()))
     read(client)
-    assert told() == ["p1120[0] = 1000"]
+    assert told() == ["p1999[0] = 1000"]
 
 
 def test_what_is_written_as_a_description_is_none(
@@ -182,7 +185,7 @@ def test_what_is_written_as_a_description_is_none(
     client = Client(stage)
     client.exchange(message.change(1, 2, (ABOUT, description())), message.changed(1, 2))
     read(client)
-    assert told() == ["p1120[0] = 1000"]
+    assert told() == ["p1999[0] = 1000"]
 
 
 def test_a_name_cannot_talk_to_the_terminal_or_the_page(
@@ -191,7 +194,7 @@ def test_a_name_cannot_talk_to_the_terminal_or_the_page(
     client = Client(stage)
     describe(client, name=b'=<b>"\xad\\')
     read(client)
-    assert told() == [r'p1120[0] ("=<b>\"\xad\\") = 1000 (10.0 s)'.replace("\\\\", "\\")]
+    assert told() == [r'p1999[0] ("=<b>\"\xad\\") = 1000 (10.0 s)'.replace("\\\\", "\\")]
     stream = io.StringIO()
     csv.write(Report([analyze(tmp_path / "x.pcapng")]), stream)
     assert "'=<b>" in stream.getvalue()
@@ -213,7 +216,7 @@ def test_every_format_names_the_same() -> None:
     assert complete == lines(CAPTURE)
     named = [(each.parameters[0].name, each.parameters[0].unit) for each in result.transactions]
     assert named == [
-        (None, None), (None, None), ("Ramp-up time", "s"), (None, None), (None, None),
+        (LISTED, None), (LISTED, None), ("Ramp-up time", "s"), (LISTED, None), (DOWN, None),
         ("Ramp-down time", None), ("Ramp-down time", "s"),
     ]  # fmt: skip
     stream = io.StringIO()
@@ -237,7 +240,7 @@ def test_a_result_is_loaded_with_its_names() -> None:
 
 def test_names_of_the_list_stay_names_of_the_list() -> None:
     """A description that gives a unit alone, of a listed parameter: its name is that of each language."""
-    plain = report_json.parameter(Parameter(922, 0, "value", 0, listed=True), "zh")
+    plain = report_json.parameter(Parameter(922, 0, "value", 0, listed=spec.parameter(922)), "zh")
     item = contract.PARAMETER.load(plain | {"described_in": [4]})
     assert item.described == (None, (4,))
     assert item.name == "Telegram selection"
@@ -275,7 +278,7 @@ def test_pkw_is_named_by_a_description_of_its_submodule() -> None:
     item.described = item.scaled = item.unit = None
     known.learn(access, 1120, 0, "OctetString", values, 13)  # after its response
     explain_transaction(known, asked, None)
-    assert (item.name, item.scaled, item.unit) == (None, None, None)
+    assert (item.name, item.scaled, item.unit) == (LISTED, None, None)
     known.learn(access, 1120, 0, "OctetString", values, 9)
     item.format = None  # a number of elements
     explain_transaction(known, asked, None)

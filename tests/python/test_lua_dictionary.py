@@ -15,7 +15,7 @@ from lua_program import LUAS, lua_program
 
 from ds47.model import SIEMENS, Parameter
 from ds47.profidrive import Block, decode_response
-from ds47.profidrive.dictionary import Dictionary, Said, explain
+from ds47.profidrive.dictionary import Dictionary, Said, explain, unit_of
 from ds47.profidrive.drive_objects import LOCAL, Access, DriveObjects, access
 from ds47.report import formatting
 from ds47.spec.semantics import known
@@ -136,7 +136,7 @@ class Python:
         meaning = self.dictionary.meaning(line["ask"], line["pnu"], line["vendor_id"], line["last"])
         row = meaning.listed
         item = Parameter(
-            line["pnu"], 0, "value", 0, row is not None, row and row.unit, value.format_name, value.value_count,
+            line["pnu"], 0, "value", 0, row, unit_of(row, value.format_name), value.format_name, value.value_count,
             value.values, value.scaled,
         )  # fmt: skip
         explain(item, meaning)

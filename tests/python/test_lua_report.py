@@ -12,7 +12,7 @@ import json
 import re
 import subprocess
 import unicodedata
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from itertools import chain, pairwise
 from pathlib import Path
@@ -53,6 +53,11 @@ from ds47.spec.statuses import status_text
 Run = Callable[[list[dict[str, Any]]], list[str]]
 
 
+def told_row(row: spec.Pnu | Mapping[int, str]) -> dict[Any, Any]:
+    """A row of the tables of parameters as the Lua tables have it."""
+    return row.columns() if isinstance(row, spec.Pnu) else dict(row)
+
+
 @pytest.fixture(scope="module", params=LUAS)
 def lua(request: pytest.FixtureRequest, repository: Path, tmp_path_factory: Any) -> Run:
     """Runs the driver with a list of jobs, gives the texts."""
@@ -60,7 +65,7 @@ def lua(request: pytest.FixtureRequest, repository: Path, tmp_path_factory: Any)
     folder = tmp_path_factory.mktemp(request.param)
 
     def run(jobs: list[dict[str, Any]]) -> list[str]:
-        (folder / "in.json").write_text(json.dumps(jobs), encoding="utf-8")
+        (folder / "in.json").write_text(json.dumps(jobs, default=told_row), encoding="utf-8")
         driver = repository / "tests" / "lua" / "report.lua"
         command = [program, str(driver), str(folder / "in.json"), str(folder / "out.json")]
         done = subprocess.run(command, capture_output=True, encoding="utf-8", check=False)
@@ -226,11 +231,11 @@ def odd_result() -> CaptureResult:
     parameters += [
         Parameter(65535, 0, "value", 12, format="Float64", value_count=12, values=list(numbers)),
         Parameter(1, 1, "0x50", 0, format="0x7F", value_count=1, values=[]),
-        Parameter(2, 65535, "value", 3, True, "°C", "N2", 3, [1, -2, 0], [0.1, -0.2, 0.0]),
-        Parameter(3, 0, "value", 2, False, "s", "Unsigned64", 2, [2**53, "9007199254740993"]),
-        Parameter(3, 0, "value", 1, False, None, "TimeOfDay", 1, [77], ["00:00:00.077"]),
-        Parameter(4, 0, "value", 1, False, None, "VisibleString", 5, ["\t\x1b[2J\x9b\xad\x7f"]),
-        Parameter(4, 1, "value", 2, False, "＝1", "VisibleString2", 2, [" =\\x1b", "\x85\xad é"]),
+        Parameter(2, 65535, "value", 3, None, "°C", "N2", 3, [1, -2, 0], [0.1, -0.2, 0.0]),
+        Parameter(3, 0, "value", 2, None, "s", "Unsigned64", 2, [2**53, "9007199254740993"]),
+        Parameter(3, 0, "value", 1, None, None, "TimeOfDay", 1, [77], ["00:00:00.077"]),
+        Parameter(4, 0, "value", 1, None, None, "VisibleString", 5, ["\t\x1b[2J\x9b\xad\x7f"]),
+        Parameter(4, 1, "value", 2, None, "＝1", "VisibleString2", 2, [" =\\x1b", "\x85\xad é"]),
         Parameter(None, None, None, None, format="Unsigned8+Unsigned8", value_count=1, values=["0102"],
                   scaled=[1]),
     ]  # fmt: skip

@@ -25,7 +25,11 @@ local function count(items)
 end
 print(t.version, count(t.limits), count(t.phases), count(t.reasons), count(t.formats))
 print(count(t.request_ids), count(t.response_ids), count(t.errors), count(t.vendors[1].errors))
-print(count(t.parameters), count(t.rules), #t.experts, t.limits.transaction_expiry_ns)
+local numbers = {}
+for _, made in ipairs({t.parameters, t.drives}) do
+  for number in pairs(made) do numbers[number] = true end
+end
+print(count(numbers), count(t.rules), #t.experts, t.limits.transaction_expiry_ns)
 """
 
 

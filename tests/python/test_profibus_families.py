@@ -18,7 +18,7 @@ STATION = 3
 MM4, OTHER = "80b5", "4711"
 WITHOUT_IDENT = SET_PRM[:8]
 """A Set_Prm that ends before the ident number."""
-TABLE = Path(__file__).parents[2] / "python/ds47/spec/parameters.toml"
+SPEC = Path(__file__).parents[2] / "python/ds47/spec"
 NUMBERS = (10, 21, 700, 922, 1082, 2900, 3996)
 """Of both makes, of MICROMASTER (three), of the profile, of MICROMASTER, of SINAMICS (two)."""
 
@@ -42,9 +42,13 @@ def names(master: Master) -> list[list[str | None]]:
 
 
 def expected(*families: str) -> list[str | None]:
-    """The names of the table that are of these families, read from the file itself."""
-    rows = tomllib.loads(TABLE.read_text(encoding="utf-8"))["parameter"]
-    known = {row["number"]: row["en"] for row in rows if row.get("family", "profile") in families}
+    """The names of the tables that are of these families, read from the files themselves."""
+    known = {}
+    for name in ("parameters.toml", "drives.toml"):
+        rows = tomllib.loads((SPEC / name).read_text(encoding="utf-8"))["parameter"]
+        known |= {
+            row["number"]: row["en"] for row in rows if row.get("family", "profile") in families
+        }
     return [known.get(number) for number in NUMBERS]
 
 

@@ -68,8 +68,25 @@ def test_masks(tmp_path):
 def test_known_volatile_parameters_are_masked_without_a_word():
     from ds47 import spec
 
-    volatile = next(number for number, each in spec.parameters().items() if each.volatile)
+    volatile = next(
+        number for number in spec.parameters() if getattr(spec.parameter(number), "volatile", False)
+    )
     assert Config().masked("192.168.133.33", volatile, 0)
+
+
+@pytest.mark.parametrize(
+    ("name", "masked"),
+    [
+        (None, False), ("Actual speed, smoothed", True), ("Actual frequency", True), ("n_act", True),
+        ("平滑转速实际值", True),
+    ],
+)  # fmt: skip
+def test_what_only_drives_of_one_make_change_is_masked_there(
+    name: str | None, masked: bool
+) -> None:
+    """Number 21 is an actual value on SINAMICS and MICROMASTER 4; of a drive of another make nothing names it."""
+    assert Config().masked("192.168.133.33", 21, 0, name) == masked
+    assert not Config().masked("192.168.133.33", 1120, 0, name)
 
 
 def test_the_nearest_file_counts(tmp_path):

@@ -43,7 +43,7 @@ def make_transaction(number=12, **changes):
         "ar": "12345678-1234-1234-1234-123456789abc",
         "request": bytes.fromhex("030102011001c47f0000"),
         "response": bytes.fromhex("03010201080141200000"),
-        "parameters": [Parameter(50303, 0, "value", 1, False, None, "Float32", 1, [10.0])],
+        "parameters": [Parameter(50303, 0, "value", 1, None, None, "Float32", 1, [10.0])],
     }
     return handmade.transaction(id=number, **(usual | changes))
 
@@ -82,14 +82,14 @@ def hard_capture():
         read_status=0xDE80B500,
         parameters=[
             error,
-            Parameter(None, None, None, None, False, "V", "N2", 2, [1, -2], [0.1, "NaN"]),
+            Parameter(None, None, None, None, None, "V", "N2", 2, [1, -2], [0.1, "NaN"]),
         ],
         findings=["DS410"],
     )
     strange = make_transaction(
         3,
         parameters=[
-            Parameter(1, 0, "text", 1, False, None, "VisibleString", 4, ["=1+\x1b[2J\r\n\u202e"])
+            Parameter(1, 0, "text", 1, None, None, "VisibleString", 4, ["=1+\x1b[2J\r\n\u202e"])
         ],
     )
     findings = [
@@ -237,7 +237,7 @@ def test_csv_guards_texts_and_only_texts():
     assert table[3]["values"].startswith("'=1+")
     values = [("Integer16", -5), ("Float32", "-Infinity"), ("Integer64", "-9007199254740993")]
     parameters = [
-        Parameter(1, 0, "value", 1, False, None, *pair[:1], 1, [pair[1]]) for pair in values
+        Parameter(1, 0, "value", 1, None, None, *pair[:1], 1, [pair[1]]) for pair in values
     ]
     table = rows(make_capture(make_transaction(parameters=parameters)))
     assert [row["values"] for row in table] == ["-5", "-Infinity", "-9007199254740993"]
@@ -335,15 +335,15 @@ def test_percentile_is_a_measured_value():
 
 
 def test_words():
-    array = Parameter(2902, 2, "value", 40, False, "V", "Float32", 40, [1.5] * 40)
+    array = Parameter(2902, 2, "value", 40, None, "V", "Float32", 40, [1.5] * 40)
     assert formatting.parameter(array, written=False) == (
         "r2902[2..41] = 1.5, 1.5, 1.5, 1.5, 1.5, 1.5, 1.5, 1.5, ... (40 values) V"
     )
-    label = Parameter(944, 0, "text", 1, False, None, "VisibleString", 3, ['a"b'])
+    label = Parameter(944, 0, "text", 1, None, None, "VisibleString", 3, ['a"b'])
     assert formatting.parameter(label, written=False) == 'p0944[0].text = "a\\"b"'
-    change = Parameter(50304, 0, "value", 1, False, None, "Float32", 1, [100.0])
+    change = Parameter(50304, 0, "value", 1, None, None, "Float32", 1, [100.0])
     assert formatting.parameter(change, written=True) == "p50304[0] := 100.0"
-    scaled = Parameter(1, 0, "value", 1, False, "%", "N2", 1, [16384], [100.0])
+    scaled = Parameter(1, 0, "value", 1, None, "%", "N2", 1, [16384], [100.0])
     assert formatting.parameter(scaled, written=False) == "p0001[0] = 16384 (100.0 %)"
     assert [formatting.duration(ns) for ns in (412_000, 12_400_000, 12_300_000_000)] == [
         "0.412 ms",

@@ -39,13 +39,13 @@ def source(line: str, lang: str = "en") -> str:
 
 
 def drive() -> Drive:
-    """DO 2 has p2900 (Float32), p0922 (Unsigned16, not now), r2902[0..4], p0300 (DoubleWord)."""
+    """DO 2 has p2900 (Float32), p0922 (Unsigned16, not now), r2902[0..4], p1999 (DoubleWord)."""
     real = struct.Struct(">f").pack
     parameters = {
         2900: Parameter(0x08, [real(1.5)], most=100.0),
         922: Parameter(0x06, [b"\x00\x07"], refuses=0x6B),
         2902: Parameter(0x08, [real(each) for each in (0.0, 5.0, 10.0, 20.0, 50.0)], array=True),
-        300: Parameter(0x07, [b"\xff\xff\xff\xfe"]),
+        1999: Parameter(0x07, [b"\xff\xff\xff\xfe"]),
     }
     return Drive("192.168.0.2", 0x2A, {2: parameters}, {1: 2})
 
@@ -326,7 +326,7 @@ def test_blocks_on_one_drive_go_one_after_the_other():
 def test_a_late_response_to_another_block_is_not_taken():
     late: list[bytes] = []
     plant = Plant(lost=True)
-    first, second = (plant.machine(source(f"read axis 2 p{each}")) for each in (2900, 300))
+    first, second = (plant.machine(source(f"read axis 2 p{each}")) for each in (2900, 1999))
     plant.bend = lambda data: late.append(data) or data
     assert plant.run(first, timeLimit=500)["failure"] == TIME
     plant.lost, plant.bend = False, lambda _: late[0]
@@ -355,8 +355,8 @@ def test_a_read_of_values_whose_type_is_known():
 
 
 def test_a_read_of_a_value_whose_type_nobody_knows():
-    machine = run("read axis 2 p0300")
-    assert (machine["p0300"], machine["p0300Format"]) == (0xFFFFFFFE, 0x07)
+    machine = run("read axis 2 p1999")
+    assert (machine["p1999"], machine["p1999Format"]) == (0xFFFFFFFE, 0x07)
 
 
 def test_the_values_that_came_are_there_where_one_was_refused():
@@ -388,8 +388,8 @@ def test_every_format_of_up_to_32_bits_is_read_as_a_number(block, value):
     plant = Plant(
         bend=lambda answer: answer[:1] + b"\x01" + answer[2:4] + data + bytes(len(data) % 2)
     )
-    machine = run("read axis 2 p0300", plant)
-    assert (machine["p0300"], machine["p0300Format"], machine["done"]) == (value, data[0], True)
+    machine = run("read axis 2 p1999", plant)
+    assert (machine["p1999"], machine["p1999Format"], machine["done"]) == (value, data[0], True)
 
 
 def _answer(block: str) -> Plant:
@@ -425,7 +425,7 @@ HOSTILE = st.one_of(
     "line",
     [
         "change axis 2 p2900=REAL:10.0 p0922=UINT:3",
-        "read axis 2 p2900 p0300 r2902[1..3] p0919 p61001 p1082.text[0]",
+        "read axis 2 p2900 p1999 r2902[1..3] p0919 p61001 p1082.text[0]",
     ],
 )
 @settings(max_examples=300, deadline=None)
@@ -512,7 +512,7 @@ def test_a_value_without_a_constant_in_scl_stands_in_the_block():
 
 
 @pytest.mark.parametrize("instruction", ["WRREC", "RDREC"])
-@pytest.mark.parametrize("line", [CHANGE, "read axis 2 p2900 p0300"])
+@pytest.mark.parametrize("line", [CHANGE, "read axis 2 p2900 p1999"])
 def test_the_calls_are_those_of_the_documented_interface(instruction, line):
     block = parse(source(line))
     rows = {each.name: each for each in spec.instructions()[instruction]}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -73,11 +74,46 @@ def test_status() -> None:
 
 
 def test_parameters() -> None:
-    table = spec.parameters()
-    assert (table[50303].unit, table[50303].type) == ("s", "Float32")
-    assert all(table[number].volatile for number in (952, 970, 971, 972, 977, 21, 25, 27))
-    assert not table[922].volatile
-    assert table[985].name_en == table[980].name_en
+    ramp = spec.parameter(50303, "sinamics")
+    assert ramp is not None
+    assert (ramp.unit, ramp.type) == ("s", "Float32")
+    assert all(map(spec.changes_itself, (952, 970, 971, 972, 977, 21, 25, 27)))
+    assert not spec.changes_itself(922)
+    names = [row and row.name_en for row in map(spec.parameter, (980, 985))]
+    assert names[0] == names[1]
+
+
+def test_a_number_means_what_its_family_says() -> None:
+    found = [spec.parameter(1082, family) for family in ("sinamics", "micromaster", "profile")]
+    assert [row and row.unit for row in found] == ["rpm", "Hz", None]
+    assert [row and row.family for row in (spec.parameter(10, each) for each in spec.FAMILIES)] == [
+        "sinamics",
+        "siemens",
+        None,
+    ]
+    assert all(spec.parameter(922, each) is spec.parameter(922) for each in spec.FAMILIES)
+    assert spec.parameter(50303, "micromaster") is None
+
+
+def test_what_a_number_usually_is() -> None:
+    assert [row and row.family for row in map(spec.usual, (1082, 922, 10, 21, 700, 1999))] == [
+        "sinamics", "profile", "sinamics", "sinamics", "micromaster", None,
+    ]  # fmt: skip
+
+
+def test_every_parameter_of_a_maker_says_where_it_was_read() -> None:
+    """Sources that there are, none twice, and none that nobody names; the rows of the profile name none."""
+    rows = [row for families in spec.parameters().values() for row in families.values()]
+    places = spec.parameter_sources()
+    named = Counter(each for row in rows for each in set(row.sources))
+    assert set(named) == set(places)
+    for row in rows:
+        assert len(set(row.sources)) == len(row.sources)
+        assert bool(row.sources) == (row.family not in ("profile", "encoder")), row.number
+        assert set(row.values_en) == set(row.values_zh)
+        assert row.type == "unknown" or row.connects is None or row.type.startswith("Unsigned32")
+        assert row.access in ("p", "r", None)
+        assert not (row.connects and row.access == "r")
 
 
 def test_rules() -> None:
@@ -124,7 +160,7 @@ def test_a_row_stays_as_it_is_and_has_no_other_columns() -> None:
 def test_every_row_has_all_of_its_columns() -> None:
     tables = (
         spec.formats(), spec.attributes(), spec.request_ids(), spec.response_ids(), spec.errors(),
-        spec.parameters(), spec.rules(),
+        spec.rules(), *spec.parameters().values(),
     )  # fmt: skip
     rows = [row for table in tables for row in table.values()]
     assert all(row.columns() for row in (*rows, *spec.vendors(), spec.status(), limits(), known()))

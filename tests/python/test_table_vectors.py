@@ -64,10 +64,12 @@ def test_a_change_is_named(there: str, changed: str, named: str, tmp_path: Path)
 def test_a_change_in_python_is_named() -> None:
     changed = dict(STORED["tables"])
     changed["rules.DS301.advice"] = "Write 1 to 255."
-    del changed["parameters.974.name_en"]
+    del changed["parameters.974.profile.name_en"]
     problems = TOOL["differences"](STORED["tables"], changed)
     assert [line.split(":")[0] for line in problems] == [
-        "parameters.974.name_en",
+        "parameters.974.profile.name_en",
         "rules.DS301.advice",
     ]
-    assert problems[0].startswith("parameters.974.name_en: table says nothing, vector says '")
+    assert problems[0].startswith(
+        "parameters.974.profile.name_en: table says nothing, vector says '"
+    )

@@ -10,7 +10,7 @@ from ds47.acyclic.transactions import build, summarise
 from ds47.lab import message
 from ds47.profinet.records import NIL_UUID, Half
 from ds47.report.sentences import name
-from ds47.spec import error_text, parameters
+from ds47.spec import error_text, parameter
 
 RAMP, SPEED = message.address(1120, 3), message.address(1121)
 READ, BOTH = message.read(1, 1, RAMP), message.read(1, 1, RAMP, SPEED)
@@ -134,7 +134,8 @@ def test_summary() -> None:
 
 def test_names_are_in_the_language_that_was_asked_for() -> None:
     (made,) = build(job(message.read(1, 1, message.address(964)))).parameters
-    row = parameters()[964]
+    row = parameter(964)
+    assert row is not None
     assert row.name_zh
     assert row.name_zh != row.name_en
     assert [made.name, *(name(made, lang) for lang in ("en", "zh"))] == [

@@ -4,6 +4,7 @@
 -- written last is the same in every order that the capture allows, and for every drive object that a request
 -- may have reached.
 
+local dictionary = require("ds47.profidrive.dictionary")
 local drive_objects = require("ds47.profidrive.drive_objects")
 local formats = require("ds47.profidrive.formats")
 local json = require("ds47.support.json")
@@ -162,8 +163,7 @@ function ReadBack:asked(job)
     if tables.known.recomputing[address.pnu] then
       self:_device(access.device).recomputing[job] = true
     end
-    local row = tables.parameters[address.pnu]
-    if not (row and row.volatile) then
+    if not dictionary.changes_itself(address.pnu, job.peer.vendor_id, job.peer.family) then
       note(self, told, access, number, address, block, half.frame)
     end
   end

@@ -126,7 +126,7 @@ local function class_of(address, peer)
   local known = dictionary.listed(address.pnu, siemens and SIEMENS or nil, of)
   class = {
     pnu = address.pnu, subindex = address.subindex, attribute = address.attribute_name,
-    element_count = address.element_count, listed = known ~= nil, unit = known and known.unit or nil,
+    element_count = address.element_count, listed = known, unit = known and known.unit or nil,
     values = NONE, siemens = siemens, family = of, in_format = {},
   }
   class.class, class.__index = class, class
@@ -141,6 +141,7 @@ local function class_in_format(class, block)
   if found == nil then
     found = {format = block.format_name}
     for key, value in pairs(class) do found[key] = value end
+    found.unit = dictionary.unit_of(found.listed, found.format)
     found.__index = found
     class.in_format[of_block] = found
   end

@@ -37,11 +37,11 @@ local function parameter(relation, asked, told)
   -- On PROFIBUS the family alone says whose parameters these are.
   local maker = not relations.station(relation) and relation.vendor_id or nil
   local known = siemens and dictionary.listed(asked.pnu, maker, relation.family) or nil
+  -- the number of elements is no value of the parameter
+  local format_name = value ~= nil and access ~= "count" and format_of(source) or nil
   return {
     pnu = asked.pnu, subindex = asked.subindex, attribute = ATTRIBUTES[access] or "value",
-    listed = known ~= nil, unit = known and known.unit or nil,
-    -- the number of elements is no value of the parameter
-    format = value ~= nil and access ~= "count" and format_of(source) or nil,
+    listed = known, unit = dictionary.unit_of(known, format_name), format = format_name,
     value_count = value ~= nil and 1 or nil, values = {value}, error = failed,
   }
 end

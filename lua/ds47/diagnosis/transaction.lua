@@ -185,12 +185,12 @@ function Diagnoses:_repair(job, refused)
   if half == nil or half.missing ~= 0 then
     return nil
   end
-  local device, errors = job.peer.device, {}
+  local peer, errors = job.peer, {}
   for _, each in ipairs(refused) do
     errors[each.number] = each.code
   end
   local function is_known(pnu)
-    return tables.parameters[pnu] ~= nil or self.anywhere:get(device, pnu) ~= nil
+    return dictionary.is_known(pnu, peer.vendor_id, peer.family) or self.anywhere:get(peer.device, pnu) ~= nil
   end
   local function format_of(pnu)
     return self:_format(job, pnu)

@@ -11,17 +11,18 @@ local bit = require("ds47.support.bits").bit
 local description = require("ds47.profidrive.description")
 local drive_objects = require("ds47.profidrive.drive_objects")
 local formats = require("ds47.profidrive.formats")
+local lookup = require("ds47.spec.lookup")
 local ordered = require("ds47.support.ordered")
 local tables = require("ds47.spec.tables")
 
-local abs, find, format = math.abs, string.find, string.format
+local abs, find, format, match = math.abs, string.find, string.format, string.match
 
 local M = {}
 
 --- PROFINET vendor id of the drives whose own parameters the list names.
 M.SIEMENS = 0x002A
 
-local BOTH = "siemens" -- the family of what SINAMICS and MICROMASTER have in common
+local UNKNOWN = "unknown" -- the type of a parameter of which no source says it
 local WHOLE = 0 -- the subindex of a whole description
 local WAYS = 16 -- ways in which a parameter was described; of more the oldest is forgotten
 local NO_TYPES = { [0x00] = true, [0x40] = true, [0x44] = true } -- codes that are the type of no parameter
@@ -34,17 +35,43 @@ local NONE = {}
 -- What is remembered of a description: its keys; `relevant` and `variable` are made of several.
 local KEPT = { "type", "name", "factor", "low", "high" }
 
---- The row of a parameter in the list, where it speaks of a device of this vendor; nil of any other. On
+--- The row of a parameter in the tables that speaks of a device of this vendor; nil where none does. On
 -- PROFINET a device of Siemens is no MICROMASTER.
 -- @param family of the parameters of the device, where PROFIBUS says it; nil elsewhere
 function M.listed(pnu, vendor_id, family)
-  local known = pnu and tables.parameters[pnu]
-  if not known or known.family == "profile" then
-    return known
-  elseif family then
-    return (known.family == family or known.family == BOTH) and known or nil
+  if pnu == nil then
+    return nil
   end
-  return vendor_id == M.SIEMENS and known.family ~= "micromaster" and known or nil
+  return lookup.parameter(pnu, family or vendor_id == M.SIEMENS and "sinamics" or "profile")
+end
+
+--- The unit that the tables give to values in a format; nil where the tables say another type.
+function M.unit_of(row, format_name)
+  if row == nil or format_name == nil then
+    return row and row.unit
+  end
+  local own = match(row.type, "^[^%[]*")
+  if own == UNKNOWN then
+    own = "Float32"
+  end
+  return (format_name == own or format_name == UNSIGNED[own]) and row.unit or nil
+end
+
+--- Whether a drive may change a parameter itself: by any table, of another make by that of the profile.
+function M.changes_itself(pnu, vendor_id, family)
+  if vendor_id == nil or vendor_id == M.SIEMENS or family then
+    return tables.changing[pnu] ~= nil
+  end
+  local row = lookup.parameter(pnu, "profile")
+  return row ~= nil and row.volatile
+end
+
+--- Whether there is such a parameter on a device; of an unknown make on any.
+function M.is_known(pnu, vendor_id, family)
+  if vendor_id == nil and family == nil then
+    return tables.parameters[pnu] ~= nil or tables.drives[pnu] ~= nil
+  end
+  return M.listed(pnu, vendor_id, family) ~= nil
 end
 
 local Dictionary = {}

@@ -1,7 +1,7 @@
 -- How the number of a parameter is written (Python: ds47.profidrive.naming).
 --
 -- The letter is a habit of Siemens, as are the four digits: `p` may be written, `r` may only be read. On the
--- wire there is the number alone; which parameters may only be read is in spec/parameters.toml.
+-- wire there is the number alone; which parameters may only be read is in the tables of spec, and any other is a `p`.
 
 local tables = require("ds47.spec.tables")
 
@@ -11,8 +11,7 @@ local M = {}
 
 --- A number as it is printed: `p0010`, `r0945`, `p50303`.
 function M.spelling(number)
-  local known = tables.parameters[number]
-  return format("%s%04d", known and known.letter or "p", number)
+  return format(tables.read_only[number] and "r%04d" or "p%04d", number)
 end
 
 --- One element of a parameter: `r0945[0]`.

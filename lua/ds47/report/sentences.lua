@@ -190,7 +190,7 @@ end
 --- As the drive calls it; else the name of a listed parameter; nil of any other.
 function M.name(item, lang)
   if item.described and item.described.name then return item.described.name end
-  local known = item.listed and tables.parameters[item.pnu]
+  local known = item.listed
   return known and (lang == "zh" and known.name_zh or known.name_en) or nil
 end
 

@@ -14,6 +14,21 @@ local CACHED = 4096
 
 local filling -- what a template is filled with; here so that no call makes a function
 
+local function first(rows, families)
+  for _, family in ipairs(rows and families or {}) do
+    if rows[family] then return rows[family] end
+  end
+  return nil
+end
+
+--- What a number is on drives of a family: "sinamics", "micromaster" or, of all others, "profile"; nil where
+-- no table says it.
+function M.parameter(number, family)
+  local families = tables.families[family]
+  local found = family ~= "profile" and first(tables.drives[number], families) or nil
+  return found or first(tables.parameters[number], families)
+end
+
 local function field(name, digits)
   local value = filling[name]
   if value == nil then return nil end

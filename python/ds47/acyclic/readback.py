@@ -15,9 +15,9 @@ from typing import Any, Final
 
 from ds47.acyclic.pairing import Job
 from ds47.profidrive import Address, Block, Request, Response
+from ds47.profidrive.dictionary import changes_itself
 from ds47.profidrive.drive_objects import DO_IDENTIFICATION, Access, DriveObjects, access
 from ds47.profidrive.model import VALUE, Value
-from ds47.spec import parameters
 from ds47.spec.semantics import known
 
 _NEGATIVE: Final = 0x80
@@ -97,8 +97,7 @@ class ReadBack:
         for number, (address, block) in enumerate(pairs):
             if address.pnu in known().recomputing:
                 self._device(reached.device).recomputing.add(job)
-            row = parameters().get(address.pnu)
-            if row and row.volatile:
+            if changes_itself(address.pnu, job.peer.vendor_id, job.peer.family):
                 continue
             for element, raw, value in elements(address, block):
                 key = reached.device, address.pnu, element

@@ -11,7 +11,7 @@ from ds47.acyclic.judge import is_mismatch
 from ds47.acyclic.pairing import Job
 from ds47.model import Frames, Parameter, ParameterError, Read, Transaction
 from ds47.profidrive import Address, Block
-from ds47.profidrive.dictionary import explain, listed
+from ds47.profidrive.dictionary import explain, listed, unit_of
 from ds47.profidrive.family import NOT_SUPPORTED
 from ds47.profinet.records import NIL_UUID, NO_API, Half
 from ds47.spec import request_ids, response_ids
@@ -152,13 +152,13 @@ def _parameter(
         pnu, subindex, elements = address.pnu, address.subindex, address.element_count
         attribute = address.attribute_name
         known = listed(pnu, job.peer.vendor_id, job.peer.family)
-    unit = None if known is None else known.unit
-    result = Parameter(pnu, subindex, attribute, elements, known is not None, unit)
+    result = Parameter(pnu, subindex, attribute, elements, known)
     if value is not None and value.error is None:
         result.format = value.format_name
         result.value_count = value.value_count
         result.values = list(value.values)
         result.scaled = value.scaled
+    result.unit = unit_of(known, result.format)
     if answer is not None and answer.error is not None:
         failed = answer.error
         result.error = ParameterError(failed.code, failed.info, job.peer.vendor_id)

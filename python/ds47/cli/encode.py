@@ -148,7 +148,8 @@ def _assumed(asked: RequestLine) -> Iterator[Both]:
 
     request = asked.request
     for place in asked.taken:
-        known = spec.parameters()[request.addresses[place].pnu]
+        known = spec.usual(request.addresses[place].pnu)
+        assert known is not None
         key = f"family_{known.family}"
         yield say(
             "encode_known_type",
@@ -178,7 +179,7 @@ def _remarks(request: Request) -> Iterator[Both]:
             if len(item.values) > 1:
                 yield Both.same(formatting.parameter(item, written=True))
             continue
-        known = spec.parameters().get(at.pnu)
+        known = spec.usual(at.pnu)
         if at.element_count == 0 and at.attribute == VALUE and known and known.type.endswith("]"):
             yield say("encode_no_elements", name=naming.spelling(at.pnu))
 

@@ -9,7 +9,7 @@ from ds47.cyclic import handshake, pkw
 from ds47.cyclic.handshake import Job
 from ds47.cyclic.relations import SIEMENS, Relation
 from ds47.model import PKW, Frames, Parameter, ParameterError, Transaction
-from ds47.profidrive.dictionary import listed
+from ds47.profidrive.dictionary import listed, unit_of
 from ds47.spec import cyclic
 from ds47.spec.units import uuid_text
 
@@ -69,14 +69,15 @@ def _parameter(
     known = None
     if relation.vendor_id == SIEMENS:
         known = listed(asked.pnu, relation.maker, relation.family)
+    format_name = None if value is None or count else _format(source, value)
     return Parameter(
         pnu=asked.pnu,
         subindex=asked.subindex,
         attribute=_ATTRIBUTES.get(access, "value"),
         element_count=None,
-        listed=known is not None,
-        unit=known.unit if known else None,
-        format=None if value is None or count else _format(source, value),
+        listed=known,
+        unit=unit_of(known, format_name),
+        format=format_name,
         value_count=None if value is None else 1,
         values=[] if value is None else [value],
         error=error,

@@ -22,11 +22,11 @@ from ds47.diagnosis.targets import Reach, reach_of
 from ds47.findings.remark import Corrected, Remark
 from ds47.model import SIEMENS
 from ds47.profidrive import Options, Request, decode_request
-from ds47.profidrive.dictionary import listed
+from ds47.profidrive.dictionary import is_known, listed
 from ds47.profidrive.drive_objects import LOCAL, put
 from ds47.profidrive.model import VALUE, Block
 from ds47.profinet.records import Record
-from ds47.spec import formats, parameters
+from ds47.spec import formats
 from ds47.spec.semantics import known
 
 if TYPE_CHECKING:
@@ -148,10 +148,9 @@ class Diagnoses:
             return None
         from ds47.diagnosis import repair  # only here: most captures need no repair
 
-        device = job.peer.device
         errors = {each.number: each.code for each in refused}
         return repair.find(
-            half.data, message, errors, partial(self._is_known, device),
+            half.data, message, errors, partial(self._is_known, job.peer),
             partial(self._format, job), replace(self._codec, vendor_id=job.peer.vendor_id),
         )  # fmt: skip
 
@@ -327,8 +326,9 @@ class Diagnoses:
         if axis not in before:
             put(memory, device, before | {axis})
 
-    def _is_known(self, device: str, pnu: int) -> bool:
-        return pnu in parameters() or (device, pnu) in self._anywhere
+    def _is_known(self, peer: Peer, pnu: int) -> bool:
+        found = is_known(pnu, peer.vendor_id, peer.family)
+        return found or (peer.device, pnu) in self._anywhere
 
     def _seen(self, job: Job, pnu: int) -> Seen | None:
         """How the parameter was read in the way in which a request goes."""

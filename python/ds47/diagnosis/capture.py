@@ -18,11 +18,11 @@ from ds47.diagnosis.saving import Unsaved
 from ds47.diagnosis.targets import target_of
 from ds47.findings.remark import Remark
 from ds47.profidrive import Request, Response, decode_request
+from ds47.profidrive.dictionary import changes_itself
 from ds47.profidrive.drive_objects import LOCAL
 from ds47.profidrive.family import NOT_SUPPORTED
 from ds47.profidrive.model import Address
 from ds47.profinet.records import Record
-from ds47.spec import parameters
 from ds47.spec.semantics import known
 from ds47.spec.statuses import status_hex
 
@@ -332,7 +332,13 @@ class WholeCapture:
         if message is None or asked is None or job.write_refused:
             return
         outcome = _outcome(message, None if is_mismatch(job) else job.response)
-        effect = _effect(tuple((each.pnu, done) for each, done in outcome))
+        who = job.peer
+        effect = _effect(
+            tuple(
+                (each.pnu, done, changes_itself(each.pnu, who.vendor_id, who.family))
+                for each, done in outcome
+            )
+        )
         if not (effect.saves or effect.changes):
             return
         unsaved = self._unsaved_of(job.peer.device)
@@ -416,19 +422,18 @@ class _Effect(NamedTuple):
 
 
 @lru_cache(maxsize=4096)
-def _effect(parts: tuple[tuple[int, bool | None], ...]) -> _Effect:
-    """Of the numbers of parameters, in their order, and their outcomes."""
-    saving, whole, rows = known().saving, known().saving_all, parameters()
+def _effect(parts: tuple[tuple[int, bool | None, bool], ...]) -> _Effect:
+    """Of the numbers of parameters, in their order, their outcomes, and whether the drive changes them itself."""
+    saving, whole = known().saving, known().saving_all
     saves: set[tuple[bool, bool]] = set()
     changes: set[bool] = set()
-    for pnu, done in parts:
-        row = rows.get(pnu)
+    for pnu, done, changing in parts:
         if done is False:
             continue
         if pnu in saving:
             saves.add((pnu == whole, bool(done)))
             changes = set() if done or not changes else {False}
-        elif not (row and row.volatile):
+        elif not changing:
             changes.add(bool(done))
     return _Effect(tuple(sorted(saves)), tuple(sorted(changes)))
 

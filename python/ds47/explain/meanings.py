@@ -527,29 +527,30 @@ def _cyclic_word(name: str, value: int, lang: str) -> Meaning:
 
 def _parameter(number: int, lang: str) -> Meaning:
     """A parameter by its number: name, type, unit, and on which drives it has them."""
-    words, known = explanations.words(lang), spec.parameters().get(number)
+    words, known = explanations.words(lang), spec.of_families(number)
     code, entry = spelling(number), explanations.of_number(PARAMETER, number)
     assert entry is not None
     values = {"code": code, "hex": f"{number:04X}", "value": str(number)}
-    if known is None:
+    if not known:
         plain = words["plain_parameter"].format_map(values)
         title = f"{plain}{words['separator']}{words['unknown_parameter']}"
     else:
-        name = known.name_zh if lang == "zh" else known.name_en
-        about = [
-            name,
-            *([known.type] if known.type != "unknown" else []),
-            *filter(None, [known.unit]),
-        ]
-        family = words["bracket"].format(text=words[f"family_{known.family}"])
-        text = words["list_separator"].join(about) + family
+        text = words["part_separator"].join(_listed(row, lang) for row in known)
         title = words["parameter"].format_map(values | {"text": text})
     meaning = _meaning(
-        PARAMETER, code, f"{explanations.kind_word(PARAMETER)} {number}", title, known is not None, entry, lang,
+        PARAMETER, code, f"{explanations.kind_word(PARAMETER)} {number}", title, bool(known), entry, lang,
         rank=PARAMETER, filter_name=entry.filter, values=values,
         advice=None if known else words["parameter_advice"].format_map(values),
     )  # fmt: skip
     return replace(meaning, plc=_filled(meaning.plc, values))
+
+
+def _listed(row: spec.Pnu, lang: str) -> str:
+    """`Maximum speed, Float32, rpm (SINAMICS)`."""
+    words, name = explanations.words(lang), row.name_zh if lang == "zh" else row.name_en
+    kind = None if row.type == "unknown" else row.type
+    family = words["bracket"].format(text=words[f"family_{row.family}"])
+    return words["list_separator"].join(filter(None, (name, kind, row.unit))) + family
 
 
 def _filled(blocks: tuple[Block, ...], values: Mapping[str, str]) -> tuple[Block, ...]:

@@ -1,9 +1,10 @@
 """What a parameter is called, in what it is measured, and of which type it is: one door to all that says so.
 
 Sources, of each thing the first that says it: what the drive itself has said in this capture (descriptions,
-attribute 0x20; docs/protocol.md C), then the list in spec/parameters.toml, where it speaks of the maker of the
-device. A description holds for the drive object that was asked, as far as `drive_objects` proves that another
-request reaches the same one. Which responses are believed is decided in `ds47.acyclic.learning`; no words here.
+attribute 0x20; docs/protocol.md C), then the tables in spec/parameters.toml and drives.toml, where they speak of
+the maker of the device. A description holds for the drive object that was asked, as far as `drive_objects`
+proves that another request reaches the same one. Which responses are believed is decided in
+`ds47.acyclic.learning`; no words here.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ from ds47.profidrive.description import Description, describe
 from ds47.profidrive.drive_objects import Access, DriveObjects, access_of
 from ds47.spec import descriptions
 
-_BOTH: Final = "siemens"
-"""The family of what SINAMICS and MICROMASTER have in common."""
+_UNKNOWN: Final = "unknown"
+"""The type of a parameter of which no source says it."""
 _WHOLE: Final = 0
 """The subindex of a whole description."""
 _WAYS: Final = 16
@@ -55,7 +56,7 @@ class Meaning(NamedTuple):
     """What is known of a parameter; None what no source says.
 
     Attributes:
-        listed: its row in spec/parameters.toml, where that speaks of this device.
+        listed: its row in the tables, where one speaks of this device.
         name: as the drive calls it.
         type: name of its data type, as the drive says.
         measure: how the drive says that a value of this type is measured.
@@ -83,17 +84,38 @@ class Meaning(NamedTuple):
 
 
 def listed(pnu: int | None, vendor_id: int | None, family: str | None = None) -> spec.Pnu | None:
-    """The row of a parameter in spec/parameters.toml, where it speaks of a device of this vendor.
+    """The row of a parameter in spec/parameters.toml and drives.toml that speaks of a device of this vendor.
 
     On PROFINET a device of Siemens is no MICROMASTER, whose numbers mean other things: 1082 is a frequency there
     and a speed on SINAMICS. On PROFIBUS the ident number says the family.
     """
-    known = None if pnu is None else spec.parameters().get(pnu)
-    if known is None or known.family == "profile":
-        return known
-    if family is not None:
-        return known if known.family in (family, _BOTH) else None
-    return known if vendor_id == SIEMENS and known.family != "micromaster" else None
+    if pnu is None:
+        return None
+    return spec.parameter(pnu, family or ("sinamics" if vendor_id == SIEMENS else "profile"))
+
+
+def unit_of(row: spec.Pnu | None, format_name: str | None) -> str | None:
+    """The unit that the tables give to values in a format; None where the tables say another type."""
+    if row is None or format_name is None:
+        return None if row is None else row.unit
+    own = row.type.partition("[")[0]
+    fits = "Float32" if own == _UNKNOWN else own
+    return row.unit if format_name in (fits, _UNSIGNED.get(fits)) else None
+
+
+def changes_itself(pnu: int, vendor_id: int | None, family: str | None = None) -> bool:
+    """Whether a drive may change a parameter itself: by any table, of another make by that of the profile."""
+    if vendor_id in (None, SIEMENS) or family is not None:
+        return spec.changes_itself(pnu)
+    row = spec.parameter(pnu)
+    return row is not None and row.volatile
+
+
+def is_known(pnu: int, vendor_id: int | None, family: str | None = None) -> bool:
+    """Whether there is such a parameter on a device; of an unknown make on any."""
+    if vendor_id is None and family is None:
+        return pnu in spec.parameters()
+    return listed(pnu, vendor_id, family) is not None
 
 
 class Dictionary:

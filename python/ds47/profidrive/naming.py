@@ -1,7 +1,7 @@
 """How people write the number of a parameter: p0945, r945[0], P700, PNU 945, 61000.
 
 The letter is a habit of Siemens, as are the four digits: `p` may be written, `r` may only be read. On the wire
-there is the number alone; which parameters may only be read is in spec/parameters.toml, and any other is a `p`.
+there is the number alone; which parameters may only be read is in the tables of spec, and any other is a `p`.
 """
 
 from __future__ import annotations
@@ -45,8 +45,7 @@ def spelled(text: str) -> Spelled | None:
 
 def spelling(number: int) -> str:
     """A number as it is printed: `p0010`, `r0945`, `p50303`; lua/ds47/profidrive/naming.lua does the same."""
-    known = spec.parameters().get(number)
-    return f"{known.letter if known else 'p'}{number:04}"
+    return f"{'r' if number in spec.read_only() else 'p'}{number:04}"
 
 
 def element(number: int, subindex: int) -> str:

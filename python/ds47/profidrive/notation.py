@@ -154,7 +154,7 @@ def _with_format(token: str) -> str:
 
 def _known_format(match: re.Match[str]) -> spec.Format | None:
     """The format of a parameter that is in the table."""
-    known = spec.parameters().get(int(match["pnu"]))
+    known = spec.usual(int(match["pnu"]))
     return spec.format_named(known.type.partition("[")[0]) if known else None
 
 

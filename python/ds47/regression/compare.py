@@ -299,7 +299,9 @@ class Comparison:
         if was == is_now and type(was) is type(is_now):
             return True
         pnu = parameter.get("pnu")
-        if not self._same_file and self._config.masked(device, pnu, subindex):
+        if not self._same_file and self._config.masked(
+            device, pnu, subindex, parameter.get("name")
+        ):
             return True
         if not _number(was) or not _number(is_now):
             return False

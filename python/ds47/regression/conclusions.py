@@ -141,8 +141,7 @@ def _of_pair(pair: Pair, operation: str) -> str:
 def _of_values(row: Row) -> str:
     if row.operation == "change":
         return WRITTEN
-    known = spec.parameters().get(row.element.pnu) if row.name else None
-    if known is not None and known.volatile:
+    if spec.is_changing(row.element.pnu, row.name):
         return CHANGING
     return LAST_VALUES if row.operation == LAST else VALUES
 

@@ -103,10 +103,14 @@ class Config:
             for known in self.ignores
         )
 
-    def masked(self, device: str, pnu: int | None, subindex: int | None) -> bool:
-        """Whether the values of a parameter change by themselves (a clock, an actual value)."""
-        known = None if pnu is None else spec.parameters().get(pnu)
-        if known is not None and known.volatile:
+    def masked(
+        self, device: str, pnu: int | None, subindex: int | None, name: str | None = None
+    ) -> bool:
+        """Whether the values of a parameter change by themselves (a clock, an actual value).
+
+        `name` is what the parameter is called, None where nothing names it.
+        """
+        if pnu is not None and spec.is_changing(pnu, name):
             return True
         return any(
             mask.pnu == pnu

@@ -17,7 +17,7 @@ from ds47.report import descriptions
 from ds47.report.bilingual import LANGUAGES
 from ds47.report.filters import display_filter
 from ds47.report.sentences import error_words, message, name, sentence
-from ds47.spec import cyclic, parameters, profibus, s7
+from ds47.spec import cyclic, parameter, parameters, profibus, s7
 from ds47.spec.units import duration, nanoseconds, timestamp
 
 Tell = Callable[[Any, str], Any]
@@ -219,16 +219,24 @@ def _maybe_error(item: dict[str, Any] | None, vendor_id: int | None) -> model.Pa
     return None if item is None else error(item, vendor_id)
 
 
+def _named(name_: str | None, vendor_id: int | None) -> tuple[str | None, int | None]:
+    return name_, vendor_id
+
+
 def _parameter(**arguments: Any) -> model.Parameter:
-    """A parameter; a name that is not the one of spec/parameters.toml is that of the drive, or of a list."""
-    name_, frames = arguments.pop("name"), arguments.pop("described_in", None)
-    known = parameters().get(arguments["pnu"])
-    own = known is not None and name_ in (known.name_en, known.name_zh)
-    given = None if own else name_
+    """A parameter; a name that no table has is that of the drive, or of a list."""
+    (name_, vendor_id), frames = arguments.pop("name"), arguments.pop("described_in", None)
+    pnu = arguments["pnu"]
+    row = own = None
+    if pnu is not None and name_ is not None:
+        row = parameter(pnu, "sinamics" if vendor_id == model.SIEMENS else "profile")
+        rows = parameters().get(pnu, {}).values() if row is None else (row,)
+        own = next((each for each in rows if name_ in (each.name_en, each.name_zh)), None)
+    given = name_ if own is None else None
     described = None
     if frames or given is not None:
         described = model.Described(given, tuple(frames or ()))
-    return model.Parameter(**arguments, listed=own, described=described)
+    return model.Parameter(**arguments, listed=own or row, described=described)
 
 
 # The objects
@@ -295,7 +303,8 @@ PARAMETER = Shape("parameter", (
     Key("attribute", {"anyOf": [{"type": "null"}, ref("attribute")]},
         column="Which part of the parameter: value, description, text, or a number."),
     Key("element_count", BYTE, column="Number of elements asked for."),
-    Key("name", MAYBE_TEXT, tell=name, column="Name of the parameter, as the drive calls it or the list."),
+    Key("name", MAYBE_TEXT, tell=name, take=_named,
+        column="Name of the parameter, as the drive calls it or the list."),
     Key("unit", MAYBE_TEXT, column="Unit of the values, of the scaled ones where there are any."),
     Key("format", MAYBE_TEXT,
         column="Format of the values, 0x7F for one that has no name; null for an error."),

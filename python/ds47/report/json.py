@@ -30,6 +30,7 @@ from ds47.model import (
 )
 from ds47.report import SCHEMA, Options, contract, write_all
 from ds47.report import Writer as _Writer
+from ds47.spec import Pnu
 from ds47.spec.units import milliseconds as milliseconds
 from ds47.spec.units import status as status
 from ds47.spec.units import timestamp as timestamp
@@ -166,7 +167,7 @@ def _parameter_head(
     subindex: int | None,
     attribute: str | None,
     element_count: int | None,
-    listed: bool,
+    listed: Pnu | None,
     unit: str | None,
     format_: str | None,
     value_count: int | None,

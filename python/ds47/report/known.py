@@ -60,11 +60,17 @@ def _is_message(text: str) -> bool:
 
 
 def _shipped(number: int, lang: str) -> Iterator[Known]:
-    row = spec.parameters().get(number)
-    if row is not None:
-        name = row.name_zh if lang == "zh" else row.name_en
+    """What the tables say of a number, on each family of drives."""
+    places = spec.parameter_sources()
+    for row in spec.parameters().get(number, {}).values():
+        name, texts = row.name_en, row.values_en
+        if lang == "zh":
+            name, texts = row.name_zh, row.values_zh
         source = explanations.words(lang)[f"family_{row.family}"]
-        yield Known("parameter", None, number, name, row.unit, row.type, {}, source)
+        source = "; ".join((source, *(places[each] for each in row.sources)))
+        values = {str(value): text for value, text in texts.items()}
+        kind = None if row.type == "unknown" else row.type
+        yield Known("parameter", row.access, number, name, row.unit, kind, values, source)
 
 
 def _of_lists(catalogue: Catalogue, number: int, lang: str) -> Iterator[Known]:

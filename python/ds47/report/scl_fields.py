@@ -227,7 +227,7 @@ def _list(parts: Iterable[str]) -> str:
 
 def _asked(number: int, name: str, address: Address) -> Field:
     elements = address.element_count
-    known = spec.parameters().get(address.pnu) if address.attribute == VALUE else None
+    known = spec.usual(address.pnu) if address.attribute == VALUE else None
     row = spec.format_named(known.type.partition("[")[0]) if known else None
     if address.attribute != VALUE:
         return Field(number, name, address, BYTES, None, None, _MOST)

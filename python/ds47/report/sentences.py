@@ -112,7 +112,7 @@ def name(item: Parameter, lang: str = "en") -> str | None:
     """As the drive calls it; else the name of a listed parameter; None of any other."""
     if item.described is not None and item.described.name is not None:
         return item.described.name
-    known = item.known
+    known = item.listed
     if known is None:
         return None
     return known.name_zh if lang == "zh" else known.name_en

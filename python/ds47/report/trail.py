@@ -13,9 +13,9 @@ from typing import Final, NamedTuple
 
 from ds47.model import S7, CaptureResult, Frames, Parameter, Transaction, Value
 from ds47.profidrive import decode_request
+from ds47.profidrive.dictionary import changes_itself
 from ds47.profidrive.drive_objects import Access, DriveObjects, Identity, access_of
 from ds47.profidrive.elements import is_whole, split
-from ds47.spec import parameters
 from ds47.spec.semantics import known
 
 ACCEPTED: Final = "accepted"
@@ -114,6 +114,7 @@ class _Walk:
         self._connects = [(each.device, each.frame) for each in result.relations if each.frame]
         self._objects = DriveObjects.of(self._items)
         self._devices: dict[str, _Device] = {}
+        self._vendors = {each.ip: each.vendor_id for each in result.devices}
         self._ars: dict[str, set[str]] = {}
         self._pending: dict[int, list[tuple[Change, Cell]]] = {}
         self._found = Trail()
@@ -169,8 +170,9 @@ class _Walk:
                 each.open += 1
 
     def _old(self, device: str, pnu: int, cell: Cell) -> Known | None:
-        state, row = self._device(device), parameters().get(pnu)
-        if cell.open or state.open or not cell.certain or (row and row.volatile):
+        state = self._device(device)
+        changing = changes_itself(pnu, self._vendors.get(device))
+        if cell.open or state.open or not cell.certain or changing:
             return None
         if cell.last is None or cell.last.frame <= state.forgotten:
             return None

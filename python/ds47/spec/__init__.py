@@ -104,7 +104,7 @@ class Status(Row):
 
 
 class Pnu(Row):
-    """A well-known parameter (docs/protocol.md D).
+    """A well-known parameter (docs/protocol.md D; parameters.toml, drives.toml).
 
     `volatile`: the drive itself changes the value, so that reading back another one than was
     written is no finding. `family` says on which drives the number has this meaning; "profile" is
@@ -118,8 +118,18 @@ class Pnu(Row):
     unit: str | None
     volatile: bool
     family: str
-    letter: str
-    """"p"; "r" of one that may only be read."""
+    access: str | None = None
+    """"p" may be written, "r" is only read; None where that is not known, or drives differ."""
+    connects: str | None = None
+    """The value says where a signal comes from: "bit" (binector input) or "index" (connector input)."""
+    values_en: Mapping[int, str] = MappingProxyType({})
+    values_zh: Mapping[int, str] = MappingProxyType({})
+    """What values mean, as far as they are known."""
+    sources: tuple[str, ...] = ()
+    """Where it was read: keys of `parameter_sources`."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _row, (self.number, self.family)  # another process has the same tables
 
 
 class InstructionParameter(Row):
@@ -367,23 +377,93 @@ def status(lang: str = "en") -> Status:
     )
 
 
+FAMILIES: Mapping[str, tuple[str, ...]] = {
+    "sinamics": ("sinamics", "sinamics-dcm", "siemens", "encoder", "profile"),
+    "micromaster": ("micromaster", "siemens", "profile"),
+    "profile": ("profile",),
+}
+"""Which rows speak of a drive of a family, the one that counts most first."""
+
+
 @cache
-def parameters() -> Mapping[int, Pnu]:
-    """The well-known parameters by number."""
-    table: dict[int, Pnu] = {}
-    for row in _load("parameters.toml")["parameter"]:
+def parameters() -> Mapping[int, Mapping[str, Pnu]]:
+    """The well-known parameters by number, then by family: one number means other things on other drives."""
+    table: dict[int, dict[str, Pnu]] = {}
+    for row in (*_load("parameters.toml")["parameter"], *_load("drives.toml")["parameter"]):
         for number in range(row["number"], row.get("last", row["number"]) + 1):
-            table[number] = Pnu(
-                number=number,
-                name_en=row["en"],
-                name_zh=row["zh"],
-                type=row["type"],
-                unit=row.get("unit"),
-                volatile=row.get("volatile", False),
-                family=row.get("family", "profile"),
-                letter=row.get("letter", "p"),
-            )
+            made = _pnu(number, row)
+            table.setdefault(number, {})[made.family] = made
     return MappingProxyType(table)
+
+
+def _pnu(number: int, row: Mapping[str, Any]) -> Pnu:
+    values = row.get("values", ())
+    return Pnu(
+        number=number,
+        name_en=row["en"],
+        name_zh=row["zh"],
+        type=row["type"],
+        unit=row.get("unit"),
+        volatile=row.get("volatile", False),
+        family=row.get("family", "profile"),
+        access=row.get("access"),
+        connects=row.get("connects"),
+        values_en=MappingProxyType({value: en for value, en, _ in values}),
+        values_zh=MappingProxyType({value: zh for value, _, zh in values}),
+        sources=tuple(row.get("sources", ())),
+    )
+
+
+def _row(number: int, family: str) -> Pnu:
+    return parameters()[number][family]
+
+
+def parameter(number: int, family: str = "profile") -> Pnu | None:
+    """What a number is on drives of a family: "sinamics", "micromaster" or, of all others, "profile"."""
+    rows = parameters().get(number)
+    if rows is None:
+        return None
+    return next((rows[each] for each in FAMILIES[family] if each in rows), None)
+
+
+def of_families(number: int) -> list[Pnu]:
+    """What a number is on each family of drives, that of most drives first."""
+    rows = parameters().get(number, {})
+    order = ("profile", *FAMILIES["sinamics"], *FAMILIES["micromaster"])
+    return [rows[name] for name in dict.fromkeys(order) if name in rows]
+
+
+def usual(number: int) -> Pnu | None:
+    """What a number is where no drive is named: the row of most drives, before that one that has a type."""
+    rows = of_families(number)
+    return next((row for row in rows if row.type != "unknown"), rows[0] if rows else None)
+
+
+@cache
+def changes_itself(number: int) -> bool:
+    """Whether the drives of any family change a parameter themselves."""
+    return any(row.volatile for row in parameters().get(number, {}).values())
+
+
+@cache
+def read_only() -> frozenset[int]:
+    """The numbers that may only be read, on every make of drive of which a table says it."""
+    told = {number: {row.access for row in rows.values()} for number, rows in parameters().items()}
+    return frozenset(number for number, access in told.items() if access - {None} == {"r"})
+
+
+def is_changing(number: int, name: str | None) -> bool:
+    """Whether the drive changes a parameter itself that has this name: None where no table speaks of its drive."""
+    rows = parameters().get(number, {}).values()
+    meant = [row for row in rows if row.family == "profile" or name in (row.name_en, row.name_zh)]
+    if not meant and name is not None:
+        return changes_itself(number)  # the drive, or a list of a user, calls it so
+    return any(row.volatile for row in meant)
+
+
+def parameter_sources() -> Mapping[str, str]:
+    """Where the parameters of drives.toml were read, by their keys."""
+    return cast("Mapping[str, str]", _load("drives.toml")["sources"])
 
 
 @cache

@@ -116,8 +116,9 @@ def statuses() -> Flat:
 def flat() -> dict[str, Any]:
     """Every entry of the tables: key -> text, number or truth."""
     lines = [*semantic(), *wire(), *errors(), *statuses()]
-    for number, row in spec.parameters().items():
-        lines += fields(f"parameters.{number}", row)
+    for number, families in spec.parameters().items():
+        for family, row in families.items():
+            lines += fields(f"parameters.{number}.{family}", row)
     for rule, told in spec.rules().items():
         lines += fields(f"rules.{rule}", told)
     assert len(dict(lines)) == len(lines)
@@ -126,7 +127,9 @@ def flat() -> dict[str, Any]:
 
 def explaining(key: str) -> bool:
     """Whether the Lua tables leave a key out; among the codes there are words of such names."""
-    return key.rpartition(".")[2] in EXPLAINING and not key.startswith("codes.")
+    if key.startswith("codes."):
+        return False
+    return key.rpartition(".")[2] in EXPLAINING or ".sources." in key
 
 
 def text() -> str:

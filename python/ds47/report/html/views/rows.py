@@ -61,7 +61,7 @@ def packed_rows(result: CaptureResult, most: int, targets: Targets | None = None
         "states": STATES,
         "sizes": _sizes(),
         "global_pnus": sorted(known().global_pnus),
-        "read_only": [row.number for row in spec.parameters().values() if row.letter == "r"],
+        "read_only": sorted(spec.read_only()),
         **tables.lists(),
     }
 
@@ -161,7 +161,7 @@ def _failed(error: ParameterError) -> list[Any]:
 
 def _address(
     pnu: int | None, subindex: int | None, attribute: str | None, count: int | None,
-    listed: bool, unit: str | None, format_name: str | None, described: Described | None,
+    listed: spec.Pnu | None, unit: str | None, format_name: str | None, described: Described | None,
 ) -> list[Any]:  # fmt: skip
     item = Parameter(
         pnu, subindex, attribute, count, listed, unit, format_name, described=described
