@@ -186,6 +186,16 @@ def test_links_of_pages_from_elsewhere_are_turned_and_code_is_not() -> None:
     assert files == {"captures/x.pcapng": "files/captures/x.pcapng"}
 
 
+def test_the_id_of_a_rule_leads_to_the_rule() -> None:
+    text = "# DS410\n\nDS410, `DS410`, [DS410](a.md), DS4 and DS4xx; see DS101 to DS103.\n"
+    linked = assemble.written("how-to/x.md", text.replace("(a.md)", "(../a.md)"), {})
+    assert re.findall(r"\[(DS\d+)\]\(\.\./reference/rules\.md#ds(\d+)\)", linked) == [
+        ("DS410", "410"), ("DS101", "101"), ("DS103", "103"),
+    ]  # fmt: skip
+    assert linked.startswith("# DS410\n")
+    assert "`DS410`, [DS410](../a.md), DS4 and DS4xx" in linked
+
+
 def test_a_list_gets_its_blank_line_and_a_bar_in_code_stays_one() -> None:
     text = "so:\n* a\n  b\n* c\n\n| `x \\| y` |\n\n```\nso:\n* a\n```\n"
     expected = "so:\n\n* a\n  b\n* c\n\n| `x | y` |\n\n```\nso:\n* a\n```\n"

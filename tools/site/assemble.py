@@ -33,6 +33,9 @@ _FENCE = re.compile(
 )
 _COMMENT = re.compile(r"<!--.*?-->\n?", re.DOTALL)
 _LINK = re.compile(r"(\]\()([^()\s]+)(\))")
+_RULE = re.compile(r"!?\[[^\]]*\]\([^)]*\)|^#.*$|(?<![\w/-])(DS[1-9]\d\d)(?![\w-])", re.MULTILINE)
+"""The id of a rule in a sentence; links and headings, which are left alone, come first."""
+_RULES = "reference/rules.md"
 _CODE = re.compile(r"`[^`]+`")
 _ITEM = re.compile(r"^(?:[*+-]|\d+\.) ")
 
@@ -69,11 +72,14 @@ def written(name: str, text: str, files: dict[str, str]) -> str:
     """A page as mkdocs gets it: without comments, its links within the site.
 
     Args:
-        name: its place below docs/.
+        name: its place below docs/; ids of rules lead from there to the list of rules.
         text: as it stands in the checkout.
         files: gets the files of the checkout that it links to: by their place there, their place in the site.
     """
     text = _outside_code(text, lambda part: _within(_COMMENT.sub("", part), name, files))
+    if name not in (_RULES, *ALSO.values()):
+        rules = posixpath.relpath(_RULES, posixpath.dirname(name))
+        text = _outside_code(text, lambda part: _RULE.sub(lambda match: _rule(match, rules), part))
     return _spaced(text)
 
 
@@ -90,6 +96,10 @@ def _within(text: str, name: str, files: dict[str, str]) -> str:
         return f"{match[1]}{posixpath.relpath(f'docs/{place}', here)}{hash_}{anchor}{match[3]}"
 
     return _LINK.sub(turned, text)
+
+
+def _rule(match: re.Match[str], rules: str) -> str:
+    return f"[{match[1]}]({rules}#{match[1].lower()})" if match[1] else match[0]
 
 
 def _outside_code(text: str, change: Callable[[str], str]) -> str:

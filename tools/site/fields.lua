@@ -2,8 +2,9 @@
 --
 --   lua tools/site/fields.lua ROOT
 --
--- Runs dissector/ds47_ws/fields.lua with a ProtoField of its own, so that what the plugin registers is what is
--- printed. Needs no Wireshark.
+-- Runs dissector/ds47_ws/fields.lua with a ProtoField of its own, so that what the plugin registers is
+-- what is printed. Needs no Wireshark.
+
 
 local root = arg[1]
 package.path = root .. "/dissector/?.lua;" .. root .. "/lua/?.lua;" .. package.path
@@ -25,6 +26,8 @@ local function words(values)
   return table.concat(found, ";")
 end
 
+-- What Wireshark has.
+-- luacheck: globals base frametype expert ProtoExpert ProtoField
 base, frametype = names(), names()
 expert = { group = names(), severity = names() }
 ProtoExpert = { new = function() return {} end }
