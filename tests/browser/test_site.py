@@ -176,6 +176,17 @@ def test_the_search_works_in_a_folder(site, browser, query, words):
     assert asked == []
 
 
+def test_what_is_copied_of_a_console_is_the_command(site, browser):
+    browser.driver.get((site / "tutorial.html").as_uri())
+    assert set(browser.texts(".language-console .gp")) == {"$"}
+    copied = browser.run(
+        "const code = document.querySelector('.language-console code');"
+        "code.setAttribute('data-md-copying', '');"
+        "const text = code.innerText; code.removeAttribute('data-md-copying'); return text"
+    )
+    assert copied.strip() == "ds47 report captures/tour-machine.pcapng"
+
+
 def test_the_chinese_page_is_chinese_throughout(site, browser):
     browser.driver.get((site / "zh" / "index.html").as_uri())
     assert browser.run("return document.documentElement.lang") == "zh"
