@@ -30,3 +30,6 @@ files["dissector"] = {
     "USER_DIR", "DATA_DIR", "critical", "warn", "message", "info", "Struct", "bit",
   },
 }
+
+-- Plays Wireshark's part, so that what the plugin registers can be printed.
+files["tools/site/fields.lua"] = {globals = {"base", "frametype", "expert", "ProtoExpert", "ProtoField"}}
