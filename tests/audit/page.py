@@ -35,7 +35,7 @@ _TIMES = re.compile(r" \(([\d,]+) times?(?: in ([\d,]+) frames?)?\)$")
 _REST = re.compile(
     r"^  (DS\d{3}) [a-z0-9-]+: ([\d,]+) more causes? of this kind, ([\d,]+) times? in all$"
 )
-_LOOK = re.compile(r"^look at frame (\d+)(?:.*?)(?: \(#(\d+), ([^)]*)\))?: (frame\.number.*)$")
+_LOOK = re.compile(r"^look at frame (\d+)(?:.*?)(?: \((?:#(\d+), )?([^)]*)\))?: (frame\.number.*)$")
 _START = re.compile(
     r"(\d{4}-\d\d-\d\d) (\d\d:\d\d:\d\d\.\d{3}) \+00:00 \(UTC\) first frame(?:, (.*) last frame, ([\d.,]+ (?:ms|s|min)))?"
 )
@@ -300,8 +300,13 @@ def _latency(text: str, reading: Reading) -> Iterator[str]:
         if times:
             yield f"{text!r}, but there are {len(times)} times"
         return
-    true = {"p50": rank(times, 50), "p95": rank(times, 95), "max": times[-1] if times else None}
-    for name, told in re.findall(r"(p50|p95|max) ([\d.,]+ (?:ms|s|min|us))", text):
+    true = {
+        "p50": rank(times, 50),
+        "p95": rank(times, 95),
+        "p99": rank(times, 99),
+        "max": times[-1] if times else None,
+    }
+    for name, told in re.findall(r"(p50|p95|p99|max) ([\d.,]+ (?:ms|s|min|us))", text):
         if not near(told, true[name]):
             yield f"{name} {told} is {true[name]} ms"
 
@@ -431,6 +436,17 @@ def headlines(lines: list[str]) -> list[Headline]:
     return found
 
 
+def _timed(item: Headline, reading: Reading) -> Iterator[str]:
+    """The time behind "look at": that of the transaction, else that of the frame."""
+    if not item.time:
+        return
+    if item.job in reading.by_id:
+        if item.time != clock(reading.by_id[item.job], reading):
+            yield f"#{item.job} did not begin at {item.time}"
+    elif item.job is None and item.time != _of_frame(item.frame, reading):
+        yield f"frame {item.frame} was not at {item.time}"
+
+
 def headline(item: Headline, reading: Reading) -> Iterator[str]:
     try:
         frames = set().union(*map(shown, item.filters))
@@ -463,12 +479,7 @@ def headline(item: Headline, reading: Reading) -> Iterator[str]:
         yield f"{item.times} times, and {len(mine)} findings are so: {item.text[:90]}"
     if item.job is not None and item.job not in {each.transaction for each in mine}:
         yield f"#{item.job} has no such finding"
-    if (
-        item.time
-        and item.job in reading.by_id
-        and item.time != clock(reading.by_id[item.job], reading)
-    ):
-        yield f"#{item.job} did not begin at {item.time}"
+    yield from _timed(item, reading)
     yield from _state(item, mine, reading)
     yield from _answering(item, reading)
 

@@ -213,6 +213,7 @@ def test_a_sentence_of_other_arguments_is_noticed() -> None:
         (r"1 drive,", "2 drives,"),
         (r"latency p50 ", "latency p50 1"),
         (r"p95 ", "p95 1"),
+        (r"p99 ", "p99 1"),
         (r"max ", "max 1"),
         (r" transactions: 79 ok", " transactions: 78 ok"),
         (r" findings: 134 error", " findings: 130 error"),

@@ -256,7 +256,7 @@ def test_text_has_the_line_of_the_contract():
     assert line in content.splitlines()
     assert "line 1.pcapng: 1,234 frames" in content
     assert '192.168.133.33  00:0e:8c:00:00:01  "drive1"  vendor 0x002A  device 0x0501' in content
-    assert "latency p50 12.4 ms, p95 12.4 ms, max 12.4 ms" in content
+    assert "latency p50 12.4 ms, p95 12.4 ms, p99 12.4 ms, max 12.4 ms" in content
     assert content.isascii()
 
 
@@ -329,8 +329,8 @@ def test_percentile_is_a_measured_value():
     times = [number * 1_000_000 for number in range(1, 101)]
     counted = Latency(times[50:])
     counted.update(Latency(times[:50]))
-    assert counted.text() == "latency p50 50.0 ms, p95 95.0 ms, max 100.0 ms"
-    assert Latency([1]).text() == "latency p50 0.000 ms, p95 0.000 ms, max 0.000 ms"
+    assert counted.text() == "latency p50 50.0 ms, p95 95.0 ms, p99 99.0 ms, max 100.0 ms"
+    assert Latency([1]).text() == "latency p50 0.000 ms, p95 0.000 ms, p99 0.000 ms, max 0.000 ms"
     assert percentile([7], 50) == 7
 
 

@@ -479,7 +479,7 @@ def test_the_lines_below_the_opening_are_chinese_too(captures: Path, capsys):
         "汇总",
         "  8 个任务：4 正常，1 部分失败，1 错误，1 被拒绝，1 无应答；4 读，4 修改",
         "  9 个结论：5 错误，2 警告，2 提示",
-        "  耗时 p50 3.0 ms，p95 27.0 ms，最长 27.0 ms",
+        "  耗时 p50 3.0 ms，p95 27.0 ms，p99 27.0 ms，最长 27.0 ms",
     ]
 
 

@@ -88,17 +88,17 @@ def test_a_time_counts_as_often_as_it_was() -> None:
     one, other = Latency([MS] * 9 + [3 * MS]), Latency([2 * MS] * 9 + [3 * MS])
     one.update(other)
     assert one.text() == Latency([2 * MS, *[MS] * 9, *[2 * MS] * 8, 3 * MS, 3 * MS]).text()
-    assert one.text() == "latency p50 2.0 ms, p95 3.0 ms, max 3.0 ms"
+    assert one.text() == "latency p50 2.0 ms, p95 3.0 ms, p99 3.0 ms, max 3.0 ms"
 
 
 def test_a_clock_set_back_leaves_times_that_are_only_counted() -> None:
     """0 is a time; of none nothing is said."""
     assert Latency().text() == ""
-    assert Latency([0]).text() == "latency p50 0.000 ms, p95 0.000 ms, max 0.000 ms"
+    assert Latency([0]).text() == "latency p50 0.000 ms, p95 0.000 ms, p99 0.000 ms, max 0.000 ms"
     assert Latency([-1, -5 * MS]).text() == "latency unknown (2 negative times left out)"
     both = Latency([MS, -1])
     both.update(Latency([-1]))
-    told = "latency p50 1.0 ms, p95 1.0 ms, max 1.0 ms (2 negative times left out)"
+    told = "latency p50 1.0 ms, p95 1.0 ms, p99 1.0 ms, max 1.0 ms (2 negative times left out)"
     assert both.text() == told
 
 

@@ -584,8 +584,8 @@ def test_durations_are_kept_by_number_of_digits() -> None:
         item.duration_ns = 3_000_000 + number * 17
         tally.transaction(item)
     assert len(tally._latency._times) < 40
-    assert "p50 3.2 ms, p95 3.3 ms, max 3.3 ms" in tally.lines(0, "en")[-1]
-    assert tally.lines(0, "zh")[-1] == "  耗时 p50 3.2 ms，p95 3.3 ms，最长 3.3 ms"
+    assert "p50 3.2 ms, p95 3.3 ms, p99 3.3 ms, max 3.3 ms" in tally.lines(0, "en")[-1]
+    assert tally.lines(0, "zh")[-1] == "  耗时 p50 3.2 ms，p95 3.3 ms，p99 3.3 ms，最长 3.3 ms"
 
 
 # dumpcap

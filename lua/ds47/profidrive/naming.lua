@@ -1,7 +1,8 @@
 -- How the number of a parameter is written (Python: ds47.profidrive.naming).
 --
 -- The letter is a habit of Siemens, as are the four digits: `p` may be written, `r` may only be read. On the
--- wire there is the number alone; which parameters may only be read is in the tables of spec, and any other is a `p`.
+-- wire there is the number alone; which parameters may only be read is in the tables of spec, and any other
+-- is a `p`.
 
 local tables = require("ds47.spec.tables")
 

@@ -158,9 +158,10 @@ local function look(add, context, item)
   end
   local filter, left_out = filters.display_filter(frames)
   local values = { frame = words.integer(frames[1]), filter = filter, job = job and words.integer(job) }
-  values.time = job and context.clock:moment(context.starts[job] or 0)
+  local time = job and (context.starts[job] or 0) or context.times[frames[1]]
+  values.time = time and context.clock:moment(time)
   left_out = left_out + item.frames_left_out
-  add("    " .. say(lang, job and "look_at_job" or "look_at", values)
+  add("    " .. say(lang, job and "look_at_job" or time and "look_at_time" or "look_at", values)
     .. (left_out > 0 and "  " .. say(lang, "frames_more", { n = left_out }) or ""))
 end
 
@@ -301,8 +302,9 @@ function M.lines(add, result, counts, context)
   local diagnoses = result.diagnoses or {}
   local rest = todo.uncovered(result)
   context.several, context.transactions = counts.drives > 1, result.transactions
-  context.findings, context.starts = result.findings, {}
+  context.findings, context.starts, context.times = result.findings, {}, {}
   for _, each in ipairs(result.transactions) do context.starts[each.id] = each.start_ns end
+  for _, each in ipairs(result.findings) do context.times[each.frame] = each.time_ns end
   if #diagnoses > 0 or #rest > 0 then
     to_do(add, context, diagnoses, rest)
   end

@@ -48,8 +48,8 @@ local function frame_count(frames)
   return count
 end
 
---- Count, smallest, mean, median, 95th percentile and largest of times in ns; negative ones, which a clock
--- set back leaves, are only counted. A percentile is the nearest rank: always one that was measured.
+--- Count, smallest, mean, median, 95th and 99th percentile and largest of times in ns; negative ones, which a
+-- clock set back leaves, are only counted. A percentile is the nearest rank: always one that was measured.
 function M.distribution(durations)
   local ordered, sum = {}, 0
   for _, each in ipairs(durations) do
@@ -68,7 +68,7 @@ function M.distribution(durations)
   end
   return {
     timed = timed, negative = #durations - timed, min = ordered[1], mean = sum / timed,
-    p50 = percentile(50), p95 = percentile(95), max = ordered[timed],
+    p50 = percentile(50), p95 = percentile(95), p99 = percentile(99), max = ordered[timed],
   }
 end
 
@@ -485,6 +485,7 @@ local function latency(transactions, lang)
   return noted(lang, say(lang, "latency", {
     half = duration(times.p50),
     most = duration(times.p95),
+    nearly = duration(times.p99),
     longest = duration(times.max),
   }), note)
 end

@@ -47,8 +47,8 @@ class Latency:
         told = say("latency_unknown")
         if self._times:
             ordered = sorted(self._times, key=self._nanoseconds.__getitem__)
-            half, most = self._percentile(ordered, 50), self._percentile(ordered, 95)
-            told = say("latency", half=half, most=most, longest=ordered[-1])
+            half, most, nearly = (self._percentile(ordered, each) for each in (50, 95, 99))
+            told = say("latency", half=half, most=most, nearly=nearly, longest=ordered[-1])
         if self._negative:
             told = told.joined(say("negative_times", n=self._negative))
         return told.text(lang)

@@ -46,6 +46,8 @@ class Opening:
         self._width = min(WIDTH, options.width)
         self._clock = Clock(options.zone, None)
         self._starts: dict[int, int] = {}
+        self._seen_at: dict[int, int] = {}
+        """When the frames of findings were, by number."""
 
     def verdict(self, counts: Counts) -> str:
         """`NOT OK: 1 drive, 452 transactions, 412 refused`."""
@@ -55,6 +57,8 @@ class Opening:
         """Everything behind the verdict, each part with an empty line before it; no line is to be broken."""
         self._clock = clock
         self._starts = {each.id: each.start_ns for each in result.transactions}
+        told = ((each.frame, each.time_ns) for each in result.findings)
+        self._seen_at = {frame: time_ns for frame, time_ns in told if time_ns is not None}
         yield from self._drives(result)
         serious = [each for each in result.diagnoses if each.severity != "note"]
         rest = uncovered(result)
@@ -209,7 +213,10 @@ class Opening:
         if jobs:
             values["job"] = str(jobs[0])
             values["time"] = self._clock.moment(self._starts.get(jobs[0], 0))
-        line = self._say("look_at_job" if jobs else "look_at", **values)
+        elif frames[0] in self._seen_at:
+            values["time"] = self._clock.moment(self._seen_at[frames[0]])
+        timed = "look_at_time" if "time" in values else "look_at"
+        line = self._say("look_at_job" if jobs else timed, **values)
         left_out += item.frames_left_out
         yield "    " + self._paint("dim", line) + self._left_out(left_out)
         for file, numbers in others:
