@@ -169,7 +169,7 @@ def long_description(readme: str) -> str:
 
 
 def _named(link: re.Match[str]) -> str:
-    return link[2] if link[1] == link[2] else f"{link[1]} ({link[2]})"
+    return link[2] if link[1] == link[2] else f"{link[1]} [{link[2]}]"
 
 
 try:

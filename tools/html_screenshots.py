@@ -42,9 +42,10 @@ def report(target: Path, *arguments: str) -> Path:
 def pictures(browser: Browser, pages: dict[str, Path]) -> dict[str, bytes]:
     """Every picture by its name."""
     made: dict[str, bytes] = {}
-    browser.look()
+    browser.look((DESKTOP[0], 700))
     browser.open(pages["tour"])
     made["report"] = browser.picture()
+    browser.look()
     browser.open(pages["tour"], "#job-1-6")
     browser.wait("return !!document.querySelector('tr.detail svg')")
     made["report-job"] = browser.picture()
@@ -64,7 +65,7 @@ def pictures(browser: Browser, pages: dict[str, Path]) -> dict[str, bytes]:
     browser.open(pages["bus"])
     browser.run("document.querySelector('#bus-1').scrollIntoView()")
     made["profibus"] = browser.picture()
-    browser.look()
+    browser.look((DESKTOP[0], 700))
     browser.open(pages["zh"])
     made["report-zh"] = browser.picture()
     return made

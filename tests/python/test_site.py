@@ -231,6 +231,6 @@ def test_the_long_description_is_the_readme_without_what_leads_out_of_it() -> No
     assert not re.search(r"!\[|\]\(|<!--", re.sub(r"```.*?```", "", text, flags=re.DOTALL))
     for pattern in (r"^#+ .*", r"^\$ .*", r"^\*\*[^*]+\*\*", r"^\| `\w+` \|"):
         assert re.findall(pattern, text, re.MULTILINE) == re.findall(pattern, readme, re.MULTILINE)
-    for path in re.findall(r"\((docs/[\w/.-]+)\)", text):
+    for path in re.findall(r"[(\[](docs/[\w/.-]+)[)\]]", text):
         assert (ROOT / path).is_file()
-    assert "(docs/tutorial.md)" in text
+    assert "[docs/tutorial.md]" in text
