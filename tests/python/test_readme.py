@@ -110,14 +110,24 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return copy
 
 
+@pytest.fixture(scope="module")
+def done() -> dict[str, tuple[int, str, str]]:
+    """What each line came to: on the stored captures, which do not change, it comes to the same again."""
+    return {}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "command",
     [command for page in PAGES for command in read_commands(page.read_text("utf-8"))],
     ids=lambda c: c.line,
 )
-def test_command_of_the_readme(command: Command, folder: Path) -> None:
-    status, output, errors = run(command, folder)
+def test_command_of_the_readme(
+    command: Command, folder: Path, done: dict[str, tuple[int, str, str]]
+) -> None:
+    if command.line not in done or " captures" not in command.line:
+        done[command.line] = run(command, folder)
+    status, output, errors = done[command.line]
     assert status == command.status, errors
     assert "Traceback" not in errors
     if PLACEHOLDER not in command.output:
