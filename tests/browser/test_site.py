@@ -8,6 +8,7 @@ import sys
 import zipfile
 from collections import Counter
 from html.parser import HTMLParser
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -57,10 +58,14 @@ ELEMENTS = re.compile(r"<(li|tr|td|th|pre|h[1-4]|img)\b")
 def site():
     """The folder of the built site."""
     if not (BUILT / "html" / "index.html").is_file():
-        if os.environ.get("DS47_CI") == "1":
-            pytest.fail("the site is not built (make site), and DS47_CI=1 says that it must be")
-        pytest.skip("the site is not built (make site)")
+        missing("the built site (make site)")
     return BUILT / "html"
+
+
+def missing(what):
+    if os.environ.get("DS47_CI") == "1":
+        pytest.fail(f"{what} is missing, and DS47_CI=1 says that it must be there", pytrace=False)
+    pytest.skip(f"{what} is missing")
 
 
 @pytest.fixture(scope="module")
@@ -174,6 +179,18 @@ def test_the_search_works_in_a_folder(site, browser, query, words):
     assert any(words in each for each in browser.run(FOUND))
     asked = [each for each in browser.requested() if not each.startswith(("file:", "data:"))]
     assert asked == []
+
+
+def test_the_search_works_in_firefox_too(site):
+    import firefox
+
+    if find_spec("websocket") is None or firefox.program() is None:
+        missing("firefox-esr or websocket-client")
+    with firefox.Firefox() as other:
+        other.open(site / "index.html")
+        other.run("(location.search = '?q=two-users')")
+        count = FOUND.removeprefix("return ")
+        other.wait(f"{count}.some((each) => each.includes('DS705'))")
 
 
 def test_what_is_copied_of_a_console_is_the_command(site, browser):

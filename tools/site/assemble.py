@@ -160,4 +160,7 @@ def assemble(target: Path, root: Path = ROOT) -> Mapping[str, str]:
 
 
 if __name__ == "__main__":
-    assemble(Path(sys.argv[1]))
+    try:
+        assemble(Path(sys.argv[1]))
+    except FileNotFoundError as problem:
+        sys.exit(str(problem))
