@@ -123,8 +123,10 @@ build/site/env/.installed: tools/site/requirements.txt
 
 site: $(STAMP) build/site/env/.installed
 	$(BIN)/python -m tools.site.assemble build/site/pages
-	NO_MKDOCS_2_WARNING=1 build/site/env/bin/mkdocs build --quiet --strict -f tools/site/mkdocs.yml
-	$(BIN)/python -m tools.site.pack build/site/html dist/ds47-$$($(BIN)/python -c "import ds47; print(ds47.__version__)")-docs.zip
+	@version=$$($(BIN)/python -c "import ds47; print(ds47.__version__)") && set -x && \
+	NO_MKDOCS_2_WARNING=1 DS47_FOOT="ds47 $$version" \
+		build/site/env/bin/mkdocs build --quiet --strict -f tools/site/mkdocs.yml && \
+	$(BIN)/python -m tools.site.pack build/site/html dist/ds47-$$version-docs.zip
 
 release: $(STAMP) site
 	$(BIN)/python tools/release/make_release.py

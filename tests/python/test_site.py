@@ -181,19 +181,28 @@ def test_every_link_of_the_site_leads_to_a_page_or_a_file(tmp_path: Path) -> Non
 def test_links_of_pages_from_elsewhere_are_turned_and_code_is_not() -> None:
     files: dict[str, str] = {}
     text = "[a](../captures/x.pcapng) [b](report.md#c) `[d](../e)`\n\n```\n[f](../g)\n```\n"
-    turned = assemble.written("how-to/x.md", text.replace("../cap", "../../cap"), files)
+    turned = assemble.written("zh/x.md", text.replace("../cap", "../../cap"), files)
     assert turned == text.replace("../captures", "../files/captures")
     assert files == {"captures/x.pcapng": "files/captures/x.pcapng"}
 
 
 def test_the_id_of_a_rule_leads_to_the_rule() -> None:
     text = "# DS410\n\nDS410, `DS410`, [DS410](a.md), DS4 and DS4xx; see DS101 to DS103.\n"
-    linked = assemble.written("how-to/x.md", text.replace("(a.md)", "(../a.md)"), {})
+    linked = assemble.written("zh/x.md", text.replace("(a.md)", "(../a.md)"), {})
     assert re.findall(r"\[(DS\d+)\]\(\.\./reference/rules\.md#ds(\d+)\)", linked) == [
         ("DS410", "410"), ("DS101", "101"), ("DS103", "103"),
     ]  # fmt: skip
     assert linked.startswith("# DS410\n")
     assert "`DS410`, [DS410](../a.md), DS4 and DS4xx" in linked
+
+
+def test_what_is_asked_most_is_found_first() -> None:
+    assert assemble.written("how-to/x.md", "# x\n", {}) == "---\nsearch:\n  boost: 2\n---\n\n# x\n"
+    for start in assemble.SOONER:
+        assert any(
+            name.startswith(start)
+            for name in (*committed(), *assemble.ALSO.values(), *reference.PAGES)
+        )
 
 
 def test_a_list_gets_its_blank_line_and_a_bar_in_code_stays_one() -> None:

@@ -26,8 +26,11 @@ ALSO = {
     "captures/profibus/README.md": "captures-profibus.md",
 }
 """Pages of the site that stand elsewhere in the checkout: by their place there, their place below docs/."""
-_LATER = "---\nsearch:\n  boost: 0.4\n---\n\n"
-"""A head for these: what is found there is shown after what is found elsewhere."""
+SOONER = {
+    "start/": 2, "tutorial": 2, "how-to/": 2, "diagnoses": 2, "reference/rules": 2,
+    "changelog": 0.1, "captures-": 0.1,
+}  # fmt: skip
+"""What counts more or less than other pages where several have what was searched for, by how their names begin."""
 _FENCE = re.compile(
     r"(^(?P<fence>```+|~~~+).*?^(?P=fence)\s*?$|`[^`\n]+`)", re.MULTILINE | re.DOTALL
 )
@@ -80,7 +83,9 @@ def written(name: str, text: str, files: dict[str, str]) -> str:
     if name not in (_RULES, *ALSO.values()):
         rules = posixpath.relpath(_RULES, posixpath.dirname(name))
         text = _outside_code(text, lambda part: _RULE.sub(lambda match: _rule(match, rules), part))
-    return _spaced(text)
+    weight = next((SOONER[start] for start in SOONER if name.startswith(start)), 1)
+    head = "" if weight == 1 else f"---\nsearch:\n  boost: {weight}\n---\n\n"
+    return head + _spaced(text)
 
 
 def _within(text: str, name: str, files: dict[str, str]) -> str:
