@@ -19,8 +19,7 @@
 #   make try-release  try what that wrote in bare systems without network: page, pyz, wheelhouse, container (root, Debian)
 #   make captures   let the lab write captures/ again
 #   make tables     write lua/ds47/spec/tables.lua from python/ds47/spec/*.toml again, and the JSON Schemas
-#   make screenshot take the pictures of Wireshark again, and those of reports, page and site
-#   make readme     put present output into README.md, README.zh.md and the pages of docs/ that are read first
+# make surface write what a version promises to keep, tests/vectors/surface.txt screenshot take the pictures of Wireshark again again, and docs/questions.md those of reports, page and site # make readme put present output into README.md README.md, README.zh.md and the pages of docs/ that are read first
 #   make oracles    record the two S7 stacks anew and compare what they did with what is said of it (Linux)
 #   make constraints  resolve constraints.txt anew
 #   make clean      remove what the targets above made
@@ -54,7 +53,7 @@ export PYTHONUTF8 := 1
 .DEFAULT_GOAL := report
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: report test test-all audit lint format matrix pythons windows bench dist pyz page wheelhouse site release try-release captures tables screenshot readme oracles constraints clean \
+.PHONY: report test test-all audit lint format matrix pythons windows bench dist pyz page wheelhouse site release try-release captures tables surface screenshot readme oracles constraints clean \
   system venv FORCE
 
 report: $(RUN)
@@ -140,6 +139,9 @@ captures: $(STAMP)
 tables: $(STAMP)
 	$(BIN)/python tools/make_tables.py
 	$(BIN)/python tools/make_schemas.py
+
+surface: $(STAMP)
+	$(BIN)/python tools/make_surface.py
 
 screenshot: $(STAMP)
 	$(BIN)/python tools/screenshots.py
