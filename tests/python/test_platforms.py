@@ -178,3 +178,21 @@ def test_nothing_is_asked_of_python_that_windows_does_not_have(
     assert (there.returncode, there.stderr) == (here.returncode, here.stderr)
     assert there.returncode == 0
     assert there.stdout == here.stdout
+
+
+@pytest.mark.skipif(sys.platform != "win32", reason="elsewhere a file that is open is replaced")
+def test_a_report_that_somebody_reads_stays(captures: Path, tmp_path: Path, capsys: Any) -> None:
+    target = tmp_path / "report.csv"
+    target.write_text("the old one", "utf-8")
+    with target.open("rb"):
+        assert main(["report", "-f", "csv", "-o", str(target), str(captures / TOUR)]) == 2
+    assert "(is it open in another program?)" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == [target.name]
+
+
+@pytest.mark.skipif(sys.platform != "win32", reason="elsewhere it is a name as any other")
+def test_a_list_with_the_name_of_a_device_is_kept(tmp_path: Path, monkeypatch: Any) -> None:
+    monkeypatch.setenv("DS47_PARAMS", str(tmp_path / "lists"))
+    (tmp_path / "list.csv").write_text("number,name\n50304,Upper carriage\n", "utf-8")
+    assert main(["params", "import", "--name", "aux.v2", str(tmp_path / "list.csv")]) == 0
+    assert [path.name for path in (tmp_path / "lists").iterdir()] == ["aux-.v2.toml"]
