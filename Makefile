@@ -19,7 +19,9 @@
 #   make try-release  try what that wrote in bare systems without network: page, pyz, wheelhouse, container (root, Debian)
 #   make captures   let the lab write captures/ again
 #   make tables     write lua/ds47/spec/tables.lua from python/ds47/spec/*.toml again, and the JSON Schemas
-# make surface write what a version promises to keep, tests/vectors/surface.txt screenshot take the pictures of Wireshark again again, and docs/questions.md those of reports, page and site # make readme put present output into README.md README.md, README.zh.md and the pages of docs/ that are read first
+#   make surface    write what a version promises to keep, tests/vectors/surface.txt
+#   make screenshot take the pictures of Wireshark again, and those of reports, page and site
+#   make readme     put present output into README.md, README.zh.md and the pages of docs/ that are read first
 #   make oracles    record the two S7 stacks anew and compare what they did with what is said of it (Linux)
 #   make constraints  resolve constraints.txt anew
 #   make clean      remove what the targets above made

@@ -1,16 +1,17 @@
-"""Build hook of the wheel: compiles what every frame and every call goes through, where that is possible.
+"""Build hook of the wheel: where DS47_COMPILE=1 asks for it, compiles what every frame and call goes through.
 
-Two compilers, each optional, each fed with the plain Python files themselves:
+Otherwise everything stays plain Python: the same answers, slower, and installed in seconds. Two compilers,
+each fed with the plain Python files themselves:
 
 * Cython takes the files that look at the bytes of frames (BYTES), each with the types in the `.pxd`
   beside it;
 * mypyc takes the record path (RECORD_PATH), whose annotations the type checker has proved.
 
-Where one of them, or the C compiler, is missing or fails, its part stays plain Python: same answers,
-slower. The wheel always gets the tables of `ds47/spec` as JSON too, because TOML takes longer to
-parse than a small capture to analyse. DS47_COMPILE=0 switches the compilers off.
+They are fetched only then. Where one of them or the C compiler fails, the build fails and says why. The wheel
+always gets the tables of `ds47/spec` as JSON too, because TOML takes longer to parse than a small capture to
+analyse.
 
-`python hatch_build.py FOLDER` compiles the copy of `ds47` in FOLDER in place.
+`python hatch_build.py FOLDER PART` compiles a part of the copy of `ds47` in FOLDER in place.
 
 The long description of the package is README.md without what leads out of it: an index of packages has neither its
 pictures nor the files that it links to.
@@ -64,6 +65,7 @@ DIRECTIVES = {
     "initializedcheck": False,
 }
 MOST_SECONDS = 1800
+COMPILERS = ["Cython>=3.1", "mypy>=1.15", "setuptools>=77"]
 _FLAGS = [] if sys.platform == "win32" else ["-O3", "-g0"]
 
 
@@ -94,26 +96,28 @@ def compiled(sources: Path, work: Path) -> Path:
     """A folder in `work` with the package `sources` and the extension modules made of it.
 
     That of the same sources is used again: a checkout is often built more than once.
+
+    Raises RuntimeError with the reason where something does not compile.
     """
     folder = work / digest(sources)
     if not folder.exists():
         draft = work / f"draft-{os.getpid()}"
         shutil.copytree(sources, draft / "ds47", ignore=shutil.ignore_patterns("*.so", "*.pyd"))
-        whole = True
-        for part in (*BYTES, "record-path"):
-            command = [sys.executable, __file__, str(draft), part]
-            done = subprocess.run(command, capture_output=True, text=True, timeout=MOST_SECONDS)
-            if done.returncode:
-                whole = False
-                reason = _reason(done.stderr or done.stdout)
-                sys.stderr.write(f"ds47: {part} stays plain Python: {reason}\n")
-        shutil.rmtree(draft / "build", ignore_errors=True)
-        if not whole:  # the next build shall try again
-            return draft
-        if folder.exists():  # another build was faster
-            shutil.rmtree(draft)
-        else:
-            draft.rename(folder)
+        try:
+            for part in (*BYTES, "record-path"):
+                sys.stderr.write(f"ds47: compiling {part}, up to some minutes ...\n")
+                command = [sys.executable, __file__, str(draft), part]
+                done = subprocess.run(command, capture_output=True, text=True, timeout=MOST_SECONDS)
+                if done.returncode:
+                    reason = _reason(done.stderr or done.stdout)
+                    raise RuntimeError(
+                        f"{part} does not compile: {reason}. Without DS47_COMPILE=1 nothing is compiled."
+                    )
+            shutil.rmtree(draft / "build", ignore_errors=True)
+            if not folder.exists():  # else another build was faster
+                draft.rename(folder)
+        finally:
+            shutil.rmtree(draft, ignore_errors=True)
     return folder
 
 
@@ -188,8 +192,17 @@ class CustomMetadataHook(MetadataHookInterface):
         metadata["readme"] = {"content-type": "text/markdown", "text": long_description(text)}
 
 
+def wanted() -> bool:
+    """Whether somebody asked for compiled parts."""
+    return os.environ.get("DS47_COMPILE") == "1"
+
+
 class CustomBuildHook(BuildHookInterface):  # type: ignore[type-arg]
     """Adds extension modules and tables.ndjson to a wheel; an editable install stays plain."""
+
+    def dependencies(self) -> list[str]:
+        """What the build needs besides: the compilers, where they are asked for."""
+        return COMPILERS if self.target_name == "wheel" and wanted() else []
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Called by hatchling before a wheel is put together."""
@@ -199,13 +212,15 @@ class CustomBuildHook(BuildHookInterface):  # type: ignore[type-arg]
         work = Path(self.root, "build", "compiled")
         work.mkdir(parents=True, exist_ok=True)
         included = build_data["force_include"]
-        if os.environ.get("DS47_COMPILE") != "0":
+        if wanted():
             folder = compiled(sources, work)
             suffix = sysconfig.get_config_var("EXT_SUFFIX")
             for file in sorted(folder.rglob(f"*{suffix}")):
                 included[str(file)] = file.relative_to(folder).as_posix()
                 build_data["pure_python"] = False
                 build_data["infer_tag"] = True
+        else:
+            sys.stderr.write("ds47: plain Python; DS47_COMPILE=1 compiles its hot path\n")
         target = work.with_name("tables.ndjson")
         target.write_text(tables(sources / "spec"), encoding="utf-8")
         included[str(target)] = "ds47/spec/tables.ndjson"

@@ -409,11 +409,13 @@ def main() -> None:
     packages: dict[str, Path] = {}
     checks: dict[str, Callable[[Path], bool]] = {"plain": lambda _: True, "compiled": is_compiled}
     for kind, check in checks.items():
-        package = installed(kind)
+        try:
+            package = installed(kind)
+        except subprocess.CalledProcessError:  # pip has said why
+            print(f"{kind}: not there (no compiler, or no Cython and mypy)", file=sys.stderr)
+            continue
         if check(package):
             packages[kind] = package
-        else:
-            print(f"{kind}: not there (no compiler, or no Cython and mypy)", file=sys.stderr)
     parts = []
     for section in sections(Programs(packages), arguments.small):
         parts.append(table(section, measure(section, arguments.n)))

@@ -1,10 +1,16 @@
 """What is installed is complete, and what installs it is pinned."""
 
+import importlib.util
+import os
 import re
+import subprocess
+import sys
 import tomllib
 from importlib import metadata
 from importlib.resources import files
 from pathlib import Path
+
+import pytest
 
 import ds47
 from ds47.spec.extras import install
@@ -77,3 +83,48 @@ def test_what_the_command_needs_is_pinned_to_the_same_versions(repository: Path)
 
 def _read(repository: Path, name: str) -> str:
     return (repository / name).read_text("utf-8")
+
+
+def _wheel(repository: Path, folder: Path, compiling: str) -> subprocess.CompletedProcess[str]:
+    """What builds a wheel, where no compiler is on the PATH."""
+    environment = {**os.environ, "DS47_COMPILE": compiling, "PATH": os.devnull, "CC": "no-compiler"}
+    command = [
+        sys.executable,
+        "-m",
+        "hatchling",
+        "build",
+        "--target",
+        "wheel",
+        "--directory",
+        folder,
+    ]
+    return subprocess.run(command, cwd=repository, env=environment, capture_output=True, text=True)
+
+
+def test_nothing_is_compiled_unless_it_is_asked_for(repository: Path, tmp_path: Path) -> None:
+    done = _wheel(repository, tmp_path, "")
+    assert done.returncode == 0, done.stderr
+    assert "ds47: plain Python; DS47_COMPILE=1 compiles its hot path" in done.stderr
+    assert [each.name for each in tmp_path.iterdir()] == [
+        f"ds47-{ds47.__version__}-py3-none-any.whl"
+    ]
+
+
+def test_what_was_asked_for_and_cannot_be_compiled_is_said(
+    repository: Path, tmp_path: Path
+) -> None:
+    hook = importlib.util.spec_from_file_location("hatch_build", repository / "hatch_build.py")
+    assert hook is not None
+    assert hook.loader is not None
+    module = importlib.util.module_from_spec(hook)
+    hook.loader.exec_module(module)
+    sources = tmp_path / "sources"
+    (sources / "capture").mkdir(parents=True)
+    (sources / "capture" / "scan.py").write_text("def broken(:\n", "utf-8")
+    (tmp_path / "work").mkdir()
+    with pytest.raises(
+        RuntimeError,
+        match=r"scan does not compile: .+\. Without DS47_COMPILE=1 nothing is compiled",
+    ):
+        module.compiled(sources, tmp_path / "work")
+    assert not list((tmp_path / "work").iterdir())
