@@ -15,11 +15,12 @@
 #   make page       write the analyzer as one page for a browser without network, dist/ds47.html (needs npm)
 #   make wheelhouse  write what a computer without internet installs from, dist/ds47-VERSION-wheelhouse.zip
 #   make site       build the documentation as a site that needs no network, build/site/html, and as a zip into dist/
-#   make release    write all of these, wheels, bill of materials and checksums into dist/
+#   make release    write all of these, wheels, bill of materials and checksums into dist/, and check each
 #   make try-release  try what that wrote in bare systems without network: page, pyz, wheelhouse, container (root, Debian)
 #   make captures   let the lab write captures/ again
 #   make tables     write lua/ds47/spec/tables.lua from python/ds47/spec/*.toml again, and the JSON Schemas
 #   make surface    write what a version promises to keep, tests/vectors/surface.txt
+#   make man        write the manual pages from the help of the commands, man/
 #   make screenshot take the pictures of Wireshark again, and those of reports, page and site
 #   make readme     put present output into README.md, README.zh.md and the pages of docs/ that are read first
 #   make oracles    record the two S7 stacks anew and compare what they did with what is said of it (Linux)
@@ -27,7 +28,8 @@
 #   make clean      remove what the targets above made
 #
 # PYTHON=... chooses the interpreter, ARGS=... goes to pytest, which runs in one process with PARALLEL= (empty);
-# MATRIX=trixie chooses of the matrix, PYTHONS=forky of the Pythons, TRY=firefox of the bare systems.
+# MATRIX=trixie chooses of the matrix, PYTHONS=forky of the Pythons, TRY=firefox of the bare systems;
+# WITH="python3.12 python3.13" are further Pythons that `make release` compiles wheels for.
 # ORACLES=... is where `make oracles` puts captures: captures/s7-stacks takes them over.
 # LUACHECK=must, MATRIX=--must and PYTHONS=--must fail where what they need is missing; otherwise they say so and go on.
 
@@ -40,6 +42,8 @@ SEED ?= 1
 MATRIX ?=
 PYTHONS ?=
 TRY ?=
+WITH ?=
+DIST := $(CURDIR)/dist
 LUACHECK ?=
 ORACLES ?= build/oracles/captures
 UV_VERSION := 0.13.9
@@ -55,7 +59,7 @@ export PYTHONUTF8 := 1
 .DEFAULT_GOAL := report
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: report test test-all audit lint format matrix pythons windows bench dist pyz page wheelhouse site release try-release captures tables surface screenshot readme oracles constraints clean \
+.PHONY: report test test-all audit lint format matrix pythons windows bench dist pyz page wheelhouse site release try-release captures tables surface man screenshot readme oracles constraints clean \
   system venv FORCE
 
 report: $(RUN)
@@ -130,7 +134,7 @@ site: $(STAMP) build/site/env/.installed
 	$(BIN)/python -m tools.site.pack build/site/html dist/ds47-$$version-docs.zip
 
 release: $(STAMP) site
-	$(BIN)/python tools/release/make_release.py
+	$(BIN)/python tools/release/make_release.py $(DIST) $(WITH)
 
 try-release: $(STAMP)
 	$(BIN)/python tools/release/try_release.py $(TRY)
@@ -144,6 +148,9 @@ tables: $(STAMP)
 
 surface: $(STAMP)
 	$(BIN)/python tools/make_surface.py
+
+man: $(RUN)
+	$(BIN)/python tools/make_man.py
 
 screenshot: $(STAMP)
 	$(BIN)/python tools/screenshots.py

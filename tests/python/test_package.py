@@ -128,3 +128,16 @@ def test_what_was_asked_for_and_cannot_be_compiled_is_said(
     ):
         module.compiled(sources, tmp_path / "work")
     assert not list((tmp_path / "work").iterdir())
+
+
+def test_classifiers_are_known_and_name_the_pythons(repository: Path) -> None:
+    trove = pytest.importorskip("trove_classifiers")
+    project = tomllib.loads(_read(repository, "pyproject.toml"))["project"]
+    assert set(project["classifiers"]) <= trove.classifiers
+    named = {
+        each.rpartition(" :: ")[2] for each in project["classifiers"] if ":: Python :: 3." in each
+    }
+    first = project["requires-python"].removeprefix(">=")
+    assert min(named, key=lambda each: int(each[2:])) == first
+    assert f"3.{sys.version_info.minor}" in named
+    assert "urls" not in project, "until an owner names one"

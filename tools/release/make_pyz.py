@@ -43,7 +43,7 @@ if __name__ == "__main__":
 
 def wanted(name: str) -> bool:
     """Whether a file of a wheel belongs into the archive."""
-    if name.endswith(COMPILED):
+    if name.endswith(COMPILED) or ".data/" in name:  # manual pages
         return False
     if name.startswith("bokeh"):
         in_use = name.endswith(SCRIPTS) and "/js/" in name
