@@ -30,6 +30,7 @@ local ds47_fields = require("ds47_ws.fields")
 local encapsulations = require("ds47_ws.encapsulations")
 local info = require("ds47_ws.info")
 local later = require("ds47.support.later").module
+local lists = require("ds47_ws.lists")
 local passes = require("ds47_ws.passes")
 local preferences = require("ds47_ws.preferences")
 local tables = require("ds47.spec.tables")
@@ -42,6 +43,7 @@ set_plugin_info({
 
 local ds47 = Proto("ds47", "DS47 (PROFIdrive parameter channel)")
 preferences.define(ds47)
+lists.configure(folder)
 local ds47_words = Proto("ds47_pzd", "DS47 PZD (control and status word of a drive)")
 local ds47_bus = Proto("ds47_profibus", "PROFIBUS DP")
 local ds47_s7 = Proto("ds47_s7", "DS47 S7 (jobs of S7 communication)")

@@ -72,7 +72,17 @@ ATTRIBUTE = ("code", "name", "zh")
 REQUEST_ID = ("code", "name", "operation", "body", "positive", "negative", "vendor")
 RESPONSE_ID = ("code", "name", "body", "vendor", "negative")
 ERROR = ("code", "en", "zh", "info")
-PARAMETER = ("name_en", "name_zh", "type", "unit", "volatile", "family", "access", "connects")
+PARAMETER = (
+    "name_en",
+    "name_zh",
+    "type",
+    "unit",
+    "volatile",
+    "family",
+    "access",
+    "connects",
+    "buffer",
+)
 """Without the number: one entry may hold for many."""
 OF_ALL = ("profile", "encoder")
 """Families whose parameters do not stand with those of makers."""

@@ -36,7 +36,7 @@ local FIELDS = {
   { "described_in", "Described in frame", "framenum" },
   { "format", "Format", "uint8", "HEX", "formats" },
   { "value_count", "Number of values", "uint8", "DEC" },
-  { "meaning", "Meaning", "string" }, -- of the values of a parameter of the profile
+  { "meaning", "Meaning", "string" }, -- of the values of a parameter
   -- in a response: what its request wrote
   { "written.format", "Format written", "uint8", "HEX", "formats" },
   { "written.value_count", "Number of values written", "uint8", "DEC" },

@@ -2,6 +2,7 @@
 --
 -- Registers nothing by itself: `define` is given the protocol by the entry file.
 
+local lists = require("ds47_ws.lists")
 local named = require("ds47.cyclic.named")
 local ppo = require("ds47.cyclic.ppo")
 local s7 = require("ds47.s7.choices")
@@ -57,6 +58,9 @@ function M.define(proto)
     "A read has to bring what was written last (DS916); programs write, too")
   prefs.every_cyclic = Pref.bool("Look at every frame of a cyclic channel", false,
     "Slow; for captures from which frames without news were left out")
+  prefs.lists = Pref.string("Lists of parameters", "",
+    "The file of ds47 params export, where it does not stand beside the plugin: names, units and texts of "
+    .. "values of lists of yours")
   prefs.language = Pref.enum("Language of the texts", ENGLISH,
     "Texts of error numbers and findings",
     { { 1, "en", ENGLISH }, { 2, "zh", CHINESE } }, true)
@@ -106,6 +110,7 @@ end
 --- The preferences as they are now: the options of `ds47.analysis`, and the language of the texts.
 function M.options(proto)
   local prefs = proto.prefs
+  lists.take(prefs.lists or "")
   local set = indices(prefs.indices)
   if prefs.index_47 == ALWAYS then
     set[INDEX_47] = true

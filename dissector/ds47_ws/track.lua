@@ -660,7 +660,7 @@ function PARTS.parameters(view)
   if view.role ~= "write_request" or not item.frames.read_response then
     return item.parameters
   end
-  local peer = { vendor_id = item.vendor_id, family = item.family }
+  local peer = { vendor_id = item.vendor_id, device_id = item.device_id, family = item.family }
   local job = { message = view.message, peer = peer, meanings = item.meanings }
   return transactions.parameters(job)
 end

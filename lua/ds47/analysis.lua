@@ -11,6 +11,7 @@
 local later = require("ds47.support.later").module
 
 local bus = require("ds47.profibus.bus")
+local lists = require("ds47.parameters.naming")
 local idents = require("ds47.profibus.idents")
 local bus_judge = require("ds47.profibus.judge")
 local bus_stations = require("ds47.profibus.stations")
@@ -331,6 +332,7 @@ function Analysis:cyclic_touched()
     end
     local item = pkw.build(each.relation, job, layout)
     self.dictionary:explain(item)
+    lists.explain(item)
     found[number] = {item = item, role = each.role, findings = certain}
   end
   return found
@@ -590,6 +592,7 @@ function Analysis:exchanged(relation, job)
   job.order = job.order or self.pairing:number()
   local item = pkw.build(relation, job, layout)
   self.dictionary:explain(item)
+  lists.explain(item)
   self.finished_jobs:add_made(item)
   for _, remark in ipairs(self.conclusions:exchanged(relation, job, layout)) do
     remark.order = job.order

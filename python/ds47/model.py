@@ -6,6 +6,7 @@ Plain values only: no decoding, no pairing and no formatting lives here.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple
 
@@ -125,6 +126,8 @@ class Parameter(_Plain):
     scaled: list[Value] | None
     error: ParameterError | None
     described: Described | None
+    told: Mapping[int | None, str] | None
+    """What lists of the user say of single values; under None all that a stored result says of its values."""
 
     def __init__(
         self,
@@ -140,6 +143,7 @@ class Parameter(_Plain):
         scaled: list[Value] | None = None,
         error: ParameterError | None = None,
         described: Described | None = None,
+        told: Mapping[int | None, str] | None = None,
     ) -> None:
         self.pnu = pnu
         self.subindex = subindex
@@ -153,6 +157,7 @@ class Parameter(_Plain):
         self.scaled = scaled
         self.error = error
         self.described = described
+        self.told = told
 
     @property
     def name(self) -> str | None:

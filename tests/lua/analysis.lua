@@ -18,6 +18,7 @@ local analysis = require("ds47.analysis")
 local formats = require("ds47.profidrive.formats")
 local json = require("ds47.support.json")
 local unhex = require("ds47.support.bytes").unhex
+local formatting = require("ds47.report.formatting")
 local named = require("ds47.cyclic.named")
 local ppo = require("ds47.cyclic.ppo")
 local s7_words = require("ds47.spec.s7")
@@ -77,6 +78,7 @@ local function parameter(item)
   result.description = described.of(item)
   result.texts = described.texts(item)
   result.described_in = item.described and item.described.frames
+  result.meaning = formatting.meaning(item, language)
   return result
 end
 

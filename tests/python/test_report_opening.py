@@ -467,7 +467,7 @@ def test_the_lines_below_the_opening_are_chinese_too(captures: Path, capsys):
     lines = capsys.readouterr().out.splitlines()
     (place,) = (number for number, line in enumerate(lines) if line == "任务")
     assert lines[place + 3].endswith(":= 100.0 s  8 帧 27.0 ms，轮询 2 次")
-    assert lines[place + 8].endswith(
+    assert lines[place + 9].endswith(
         "p50076[1] := 100.0 错误 0x6B：控制器使能时无修改权限  [错误]  4 帧 3.0 ms"
     )
     (place,) = (number for number, line in enumerate(lines) if line == "结论")

@@ -5,6 +5,7 @@
 
 local dictionary = require("ds47.profidrive.dictionary")
 local family = require("ds47.profidrive.family")
+local naming = require("ds47.parameters.naming")
 local parameter = require("ds47.profidrive.parameter")
 local records = require("ds47.profinet.records")
 local rules = require("ds47.acyclic.judge")
@@ -157,6 +158,19 @@ local function explain(result, meaning)
   return setmetatable(result, own)
 end
 
+-- Puts into a parameter what lists of the user say of it, in the same way.
+local function named(result, peer)
+  local told = naming.explained(result, peer.vendor_id, peer.device_id)
+  if told == nil then
+    return result
+  end
+  local own = {}
+  for key, value in pairs(getmetatable(result)) do own[key] = value end
+  own.unit, own.described, own.class, own.__index = told.unit, told.described, own, own
+  result.told = told.told
+  return setmetatable(result, own)
+end
+
 -- One parameter: `value` is the block with the values, `answer` the one that may hold an error, `meaning`
 -- what the drive has said of it; each may be nil.
 local function shown(job, address, value, answer, meaning)
@@ -173,7 +187,10 @@ local function shown(job, address, value, answer, meaning)
     result.error = {code = answer.error.code, info = answer.error.info, vendor_id = job.peer.vendor_id}
   end
   setmetatable(result, class)
-  return meaning and address and explain(result, meaning) or result
+  if meaning and address then
+    explain(result, meaning)
+  end
+  return address and naming.is_used() and named(result, job.peer) or result
 end
 
 --- The parameters of a job as a report shows them (docs/pairing.md P37, P43): an array of {pnu, subindex,
@@ -295,7 +312,7 @@ local KEYS = {
   stray = function(_, job) return is_mismatch(job) end, -- its response is the one of another request
 }
 
-for _, key in ipairs({"controller", "device", "vendor_id", "vendor_assumed", "station", "family"}) do
+for key in ("controller device vendor_id device_id vendor_assumed station family"):gmatch("%S+") do
   KEYS[key] = function(_, job) return job.peer[key] end
 end
 

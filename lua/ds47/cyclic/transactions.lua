@@ -53,7 +53,7 @@ function M.asked(item, operation)
     pnu = item.pnu, subindex = item.subindex, attribute = item.attribute, listed = item.listed,
     unit = item.unit, format = written and item.format or nil,
     value_count = written and item.value_count or nil, values = written and item.values or NONE,
-    scaled = written and item.scaled or nil, described = item.described,
+    scaled = written and item.scaled or nil, described = item.described, told = written and item.told or nil,
   }
 end
 

@@ -1,10 +1,11 @@
 --- Words of the reports: numbers, values and addresses as a person reads them (Python: ds47.report.words).
 -- Also the little of UTF-8 that fixed-width text needs. No layout here, no file is opened.
 
+local later = require("ds47.support.later").entries
 local naming = require("ds47.profidrive.naming")
 local tables = require("ds47.spec.tables")
 local descriptions = require("ds47.report.descriptions")
-local profile = require("ds47.report.profile")
+local meanings = require("ds47.report.values")
 local formats = require("ds47.profidrive.formats")
 local sentences = require("ds47.report.sentences")
 
@@ -241,17 +242,27 @@ end
 --- `Maximum speed`; as the drive calls it in quotes, `"Max_frequency"`; nil where it has no name.
 function M.name(item, lang)
   local name = sentences.name(item, lang)
-  if name and item.described and item.described.name then
-    return M.value(name, "VisibleString")
+  if name and item.described and item.described.name then -- of the drive, or of a list of the user
+    return item.described.frames and M.value(name, "VisibleString") or M.escape(name)
   end
   return name
 end
 
---- What the values of a parameter of the profile mean; nil where they say it themselves.
+-- What values.lua and profile.lua need of the words of a language.
+local words_in = later(function(lang)
+  return {
+    lang = lang,
+    escape = M.escape,
+    say = function(key, values) return M.say(lang, key, values) end,
+    noted = function(text, note) return M.joined(lang, { text, note }, ": ", "：") end,
+    joined = function(parts, en, zh) return M.joined(lang, parts, en, zh) end,
+    quoted = function(text) return M.value(text, "VisibleString") end,
+  }
+end)
+
+--- What the values of a parameter mean; nil where they say it themselves.
 function M.meaning(item, lang)
-  local parts = profile.parts(item, function(key, values) return M.say(lang, key, values) end,
-    function(text, note) return M.joined(lang, { text, note }, ": ", "：") end,
-    function(text) return M.value(text, "VisibleString") end)
+  local parts = meanings.parts(item, words_in[lang])
   return parts and M.joined(lang, parts) or nil
 end
 

@@ -113,17 +113,12 @@ local function address(pnu, value, quoted)
   return { quoted(text) }
 end
 
---- What the values of a parameter mean: an array of texts; nil where they say it themselves.
--- @param say    gives a word of the report: (key, values)
--- @param noted  puts a text behind another one: (text, note)
--- @param quoted puts a text in quotes
-function M.parts(item, say, noted, quoted)
-  local pnu, values = item.pnu, item.values
-  if item.attribute ~= "value" or not pnu or not item.subindex or not values or values[1] == nil then
-    return nil
-  elseif item.error then
-    return nil
-  end
+--- What the values of a parameter of the profile mean: an array of texts; nil where they say it.
+-- @param item  a parameter with values
+--- What the values of a parameter of the profile mean: an array of texts; nil where they say it.
+--   puts one in quotes
+function M.parts(item, words)
+  local pnu, values, say, noted, quoted = item.pnu, item.values, words.say, words.noted, words.quoted
   if pnu == 964 or pnu == 974 or pnu == 975 then return elements(pnu, item.subindex, values, say) end
   if pnu == 922 then return telegram(values[1], say, noted) end
   if pnu == 965 then return profile(values, say) end

@@ -6,6 +6,7 @@ name is known, 2 wrong use, 3 a list that cannot be read.
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -220,6 +221,69 @@ def _plain(path: Path, found: ParameterList) -> dict[str, Any]:
         "firmware": found.firmware, "source": found.source, "parameters": len(found.rows),
         "messages": len(found.messages), "path": str(path),
     }  # fmt: skip
+
+
+@command.command("export")
+@click.argument(
+    "path",
+    metavar="[FILE]",
+    required=False,
+    type=click.Path(path_type=Path, dir_okay=False, allow_dash=True),
+)
+@click.option(
+    "--wireshark", is_flag=True, help="Beside the installed plugin, which reads it there."
+)
+@click.option(
+    "--folder",
+    type=click.Path(path_type=Path, file_okay=False),
+    metavar="DIR",
+    help="With --wireshark: the plugins folder, instead of the one that Wireshark names.",
+)
+@lang_option
+def export(path: Path | None, wireshark: bool, folder: Path | None, lang: str) -> int:
+    """Write the lists that were taken in as one file for the Wireshark plugin."""
+    from ds47.parameters import lists, store, table
+
+    if (path is None) != wireshark:
+        raise click.UsageError(say("params_export_where").text(lang))
+    try:
+        kept = [found for _, found in store.kept()]
+    except lists.ListError as problem:
+        warn(str(problem))
+        return _UNREADABLE
+    if wireshark:
+        path = _beside_plugin(folder, lang)
+    if path is None:
+        return 1
+    text, stream = table.text(kept), stdout()
+    if str(path) == "-":
+        stream.write(text)
+        return 0
+    try:
+        path.write_text(text, "utf-8", newline="\n")
+    except OSError as problem:
+        warn(f"{path}: {problem.strerror or problem}")
+        return _UNREADABLE
+    stream.write(say("params_exported", n=len(kept), place=str(path)).text(lang) + "\n")
+    return 0
+
+
+def _beside_plugin(folder: Path | None, lang: str) -> Path | None:
+    """Where the plugin looks for lists; None, and said, where it is not installed."""
+    from ds47.wireshark import install
+    from ds47.wireshark.locate import NoWiresharkError, find
+
+    if folder is None:
+        try:
+            folder = find(os.environ.get("DS47_TSHARK") or None).folders.personal_lua
+        except NoWiresharkError as problem:
+            warn(f"{problem} (--folder DIR names the plugins folder)")
+            return None
+    place = folder / install.FOLDER
+    if install.read_marker(place) is None:
+        warn(say("params_no_plugin", folder=str(place)).text(lang))
+        return None
+    return place / install.LISTS
 
 
 @command.command("remove")

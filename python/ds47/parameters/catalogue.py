@@ -43,6 +43,11 @@ class Catalogue:
         """Whether there is no list."""
         return not self._lists
 
+    @property
+    def lists(self) -> list[ParameterList]:
+        """Its lists, those that are made for devices most closely first."""
+        return self._lists
+
     def numbers(self) -> set[int]:
         """The numbers of all parameters that a list has."""
         return {number for rows in self._rows for number in rows}
@@ -72,6 +77,20 @@ class Catalogue:
             for key, each in texts.items():
                 if key[1] == number and letter in (None, key[0]):
                     yield each, found
+
+    def message(
+        self, number: int, letter: str, vendor_id: int | None, device_id: int | None
+    ) -> Message | None:
+        """The text of a message on a device: one with this letter before any other one of its number.
+
+        Args:
+            number: of the fault or alarm.
+            letter: "F" or "A".
+            vendor_id: PROFINET vendor id, None where it is not known.
+            device_id: PROFINET device id, None where it is not known.
+        """
+        told = [each for each, found in self.messages(number) if fits(found, vendor_id, device_id)]
+        return next((each for each in told if each.letter == letter), next(iter(told), None))
 
 
 def fits(found: ParameterList, vendor_id: int | None, device_id: int | None) -> bool:

@@ -1,20 +1,31 @@
-"""What lists of a user say of the parameters of a transaction: name and unit, where the drive says none itself."""
+"""What lists of a user say of parameters: name and unit, where the drive says none itself, and texts of values."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
 
 from ds47.model import Described, Parameter, Transaction
 from ds47.parameters.catalogue import Catalogue
 from ds47.parameters.lists import Row
 
+_MESSAGES: Final = {945: "F", 947: "F", 2131: "F", 2122: "A", 2132: "A"}
+"""Parameters whose values are numbers of messages -> the letter of those that are meant first."""
+
 
 def explain(
     item: Transaction, catalogue: Catalogue, vendor_id: int | None, device_id: int | None
 ) -> Transaction:
-    """Gives the parameters of a transaction the names of lists; the transaction is the same one."""
+    """Gives the parameters of a transaction what lists say of them; the transaction is the same one."""
     for each in item.parameters:
-        entry = None if each.pnu is None else catalogue.row(each.pnu, vendor_id, device_id)
+        if each.pnu is None:
+            continue
+        entry = catalogue.row(each.pnu, vendor_id, device_id)
         if entry is not None:
             _name(each, entry.row)
+        if each.attribute == "value":
+            row = None if entry is None else entry.row
+            each.told = _texts(each, row, catalogue, vendor_id, device_id) or None
     return item
 
 
@@ -25,3 +36,25 @@ def _name(item: Parameter, row: Row) -> None:
         item.described = Described(row.name, ())
     elif said.name is None:
         item.described = Described(row.name, said.frames)
+
+
+def _texts(
+    item: Parameter,
+    row: Row | None,
+    catalogue: Catalogue,
+    vendor_id: int | None,
+    device_id: int | None,
+) -> Mapping[int | None, str]:
+    """Texts of the values of a parameter; of numbers of messages those of the messages."""
+    found: dict[int | None, str] = {}
+    letter = _MESSAGES.get(item.pnu or 0)
+    for value in item.values:
+        if not isinstance(value, int) or isinstance(value, bool):
+            continue
+        if row is not None and value in row.values:
+            found[value] = row.values[value]
+        elif letter is not None and value:
+            message = catalogue.message(value, letter, vendor_id, device_id)
+            if message is not None:
+                found[value] = f"{message.letter}{message.number:05} {message.text}"
+    return found

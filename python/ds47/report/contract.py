@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 from ds47 import model
 from ds47.report import descriptions
+from ds47.report import values as meanings
 from ds47.report.bilingual import LANGUAGES
 from ds47.report.filters import display_filter
 from ds47.report.sentences import error_words, message, name, sentence
@@ -219,6 +220,11 @@ def _maybe_error(item: dict[str, Any] | None, vendor_id: int | None) -> model.Pa
     return None if item is None else error(item, vendor_id)
 
 
+def _meaning(item: model.Parameter, lang: str) -> str | None:
+    told = meanings.meaning(item)
+    return None if told is None else told.text(lang)
+
+
 def _named(name_: str | None, vendor_id: int | None) -> tuple[str | None, int | None]:
     return name_, vendor_id
 
@@ -236,7 +242,11 @@ def _parameter(**arguments: Any) -> model.Parameter:
     described = None
     if frames or given is not None:
         described = model.Described(given, tuple(frames or ()))
-    return model.Parameter(**arguments, listed=own or row, described=described)
+    meant = arguments.pop("meaning", None)
+    item = model.Parameter(**arguments, listed=own or row, described=described)
+    if meant is not None and meant not in (_meaning(item, "en"), _meaning(item, "zh")):
+        item.told = {None: meant}  # by a list of the user
+    return item
 
 
 # The objects
@@ -319,6 +329,8 @@ PARAMETER = Shape("parameter", (
         tell=lambda item, _: descriptions.entries(item), into="", rare=True),
     Key("described_in", many(NUMBER, 1),
         "Frames of the descriptions of the drive (attribute 0x20) that say its name or unit.", rare=True),
+    Key("meaning", TEXT, "What the values mean, where the tables or a list of the user say it.",
+        tell=_meaning, rare=True),
 ), _parameter)  # fmt: skip
 
 _BYTES = Shape("", (

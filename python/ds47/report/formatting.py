@@ -9,7 +9,8 @@ from collections.abc import Sequence
 
 from ds47.model import Parameter, ParameterError, Value
 from ds47.profidrive.naming import spelling
-from ds47.report import descriptions, is_text, profile
+from ds47.report import descriptions, is_text
+from ds47.report import values as meanings
 from ds47.report.bilingual import Both, say
 from ds47.report.escaping import escape as escape
 from ds47.report.escaping import quoted
@@ -99,6 +100,6 @@ def _told(item: Parameter, lang: str) -> str:
         return ""
     unit = f" {escape(item.unit)}" if item.unit else ""
     scaled = f" ({values(item.scaled, item.format, lang)}{unit})" if item.scaled else unit
-    meant = profile.meaning(item)
+    meant = meanings.meaning(item)
     told = values(item.values, item.format, lang) + scaled
     return told if meant is None else say("parameter_meant", value=told, text=meant).text(lang)

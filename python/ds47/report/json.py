@@ -30,6 +30,7 @@ from ds47.model import (
 )
 from ds47.report import SCHEMA, Options, contract, write_all
 from ds47.report import Writer as _Writer
+from ds47.report import values as meanings
 from ds47.spec import Pnu
 from ds47.spec.units import milliseconds as milliseconds
 from ds47.spec.units import status as status
@@ -138,7 +139,7 @@ def _hex(data: bytes | None) -> str:
 
 
 def _parameter_text(item: Parameter, lang: str) -> str:
-    if item.attribute not in _PLAIN or item.described is not None:
+    if item.attribute not in _PLAIN or item.described is not None or meanings.may_mean(item):
         return text(contract.PARAMETER.plain(item, lang))
     error = item.error
     failed = _NULL

@@ -62,7 +62,7 @@ def _is_message(text: str) -> bool:
 def _shipped(number: int, lang: str) -> Iterator[Known]:
     """What the tables say of a number, on each family of drives."""
     places = spec.parameter_sources()
-    for row in spec.parameters().get(number, {}).values():
+    for row in spec.of_families(number):
         name, texts = row.name_en, row.values_en
         if lang == "zh":
             name, texts = row.name_zh, row.values_zh

@@ -14,6 +14,8 @@ from ds47.report.escaping import quoted
 from ds47.spec import cyclic
 
 _PROFILES = {0x03: "profile_profidrive", 0x3D: "profile_of_encoders"}
+NUMBERS = frozenset((922, 964, 965, 974, 975, 61000, 61001, 61002, 61003, 61004))
+"""Parameters whose values are told here."""
 _MOST_NAME = 240
 """Characters of a name of station."""
 

@@ -122,6 +122,8 @@ class Pnu(Row):
     """"p" may be written, "r" is only read; None where that is not known, or drives differ."""
     connects: str | None = None
     """The value says where a signal comes from: "bit" (binector input) or "index" (connector input)."""
+    buffer: str | None = None
+    """It is a buffer of "faults" or "alarms", eight places of each situation."""
     values_en: Mapping[int, str] = MappingProxyType({})
     values_zh: Mapping[int, str] = MappingProxyType({})
     """What values mean, as far as they are known."""
@@ -408,6 +410,7 @@ def _pnu(number: int, row: Mapping[str, Any]) -> Pnu:
         family=row.get("family", "profile"),
         access=row.get("access"),
         connects=row.get("connects"),
+        buffer=row.get("buffer"),
         values_en=MappingProxyType({value: en for value, en, _ in values}),
         values_zh=MappingProxyType({value: zh for value, _, zh in values}),
         sources=tuple(row.get("sources", ())),
@@ -429,8 +432,9 @@ def parameter(number: int, family: str = "profile") -> Pnu | None:
 def of_families(number: int) -> list[Pnu]:
     """What a number is on each family of drives, that of most drives first."""
     rows = parameters().get(number, {})
-    order = ("profile", *FAMILIES["sinamics"], *FAMILIES["micromaster"])
-    return [rows[name] for name in dict.fromkeys(order) if name in rows]
+    order = dict.fromkeys(("profile", *FAMILIES["sinamics"], *FAMILIES["micromaster"]))
+    found = {(row.name_en, row.type): row for name in reversed(order) if (row := rows.get(name))}
+    return list(found.values())[::-1]
 
 
 def usual(number: int) -> Pnu | None:

@@ -30,6 +30,8 @@ MARKER = "ds47-installed.json"
 WINDOW_STATE = frozenset({"recent"})
 """Files of a profile that Wireshark itself writes whenever it is used: no change by the user."""
 
+LISTS = "ds47-parameters.tsv"
+"""Lists of parameters of the user, which `ds47 params export --wireshark` writes beside the plugin."""
 _BUNDLE = re.compile(r"ds47([-_ (].*)?\.lua", re.IGNORECASE)
 _NEW, _OLD = ".ds47-new-", ".ds47-old-"
 
@@ -152,7 +154,7 @@ def changed(folder: Path, marker: Marker, missing: bool = True) -> list[str]:
 
 def foreign(folder: Path, marker: Marker | None) -> list[str]:
     """Files in `folder` that we did not write."""
-    ours = {MARKER, *WINDOW_STATE, *(marker.files if marker else ())}
+    ours = {MARKER, LISTS, *WINDOW_STATE, *(marker.files if marker else ())}
     return [name for name in _files(folder) if name not in ours]
 
 
@@ -232,6 +234,7 @@ def _put(
     present = set(_files(folder))
     ours = set(marker.files) if marker else set()
     state = WINDOW_STATE & present
+    state |= {LISTS} & present
     others = sorted(present - ours - set(files) - state - {MARKER})
     names = sorted(set(files) - set(kept) - state)
     outcome = Outcome(folder, len(names), 0, marker.version if marker else None, kept, others)
@@ -349,7 +352,7 @@ def _remove_own(folder: Path, marker: Marker) -> int:
             (folder / name).unlink()
             removed += 1
     if not foreign(folder, marker):
-        for name in WINDOW_STATE:
+        for name in (LISTS, *WINDOW_STATE):
             (folder / name).unlink(missing_ok=True)
     (folder / MARKER).unlink(missing_ok=True)
     for path in (*reversed(_below(folder)[0]), folder):

@@ -21,7 +21,8 @@ from ds47.model import (
     Transaction,
 )
 from ds47.profidrive.drive_objects import Identity
-from ds47.report import descriptions, plc, profile, s7
+from ds47.report import descriptions, plc, s7
+from ds47.report import values as meanings
 from ds47.report.bilingual import LANGUAGES
 from ds47.report.clock import Clock
 from ds47.report.formatting import address, escape, value
@@ -238,7 +239,7 @@ def _parameter(item: Parameter, tables: _Tables) -> list[Any]:
         len(described) if described else len(item.values),
     ]
     scaled = None if item.scaled is None else [str(each) for each in item.scaled[:VALUES]]
-    if meant := profile.meaning(item):
+    if meant := meanings.meaning(item):
         return [*row, scaled or 0, None, list(meant)]
     if item.error is not None:
         of = item.error

@@ -1,0 +1,110 @@
+-- What values mean, in words: of the profile, those that the tables list, connections, buffers of faults.
+-- Python: ds47.report.values, where it is explained.
+
+local lookup = require("ds47.spec.lookup")
+local profile = require("ds47.report.profile")
+
+local floor, format = math.floor, string.format
+
+local M = {}
+
+local MOST = 8 -- values of one parameter that are told one by one
+local OWN = 63 -- the drive object of a connection that stays within its own
+local NONE = {}
+
+local function are_whole(values)
+  for _, value in ipairs(values) do
+    if type(value) ~= "number" or value ~= floor(value) then return false end
+  end
+  return true
+end
+
+local function listed(row, lang)
+  return row and (lang == "zh" and row.values_zh or row.values_en) or NONE
+end
+
+-- The text of each value; a value without one stays a number, and none at all is told.
+local function texts(row, values, told, words)
+  local known, found, any = listed(row, words.lang), {}, false
+  if #values > MOST then return nil end
+  for number, value in ipairs(values) do
+    local text = told[value] and words.escape(told[value]) or known[value]
+    any = any or text ~= nil
+    found[number] = text or format("%d", value)
+  end
+  return any and found or nil
+end
+
+-- `from r0722.2`, of the 32 bits that name a signal of the same drive object; nil of any others.
+local function connection(kind, values, words)
+  local value = values[1]
+  if #values ~= 1 or value <= 0xFFFF or value > 0xFFFFFFFF then return nil end
+  local number, place = floor(value / 0x10000), value % 0x400
+  if floor(value / 0x400) % 0x40 ~= OWN then return nil end
+  local row = lookup.parameter(number, "sinamics")
+  local source = row and row.access and format("%s%04d", row.access, number) or format("%d", number)
+  source = source .. format(kind == "bit" and ".%d" or "[%d]", place)
+  local told = words.say("value_from", { source = source })
+  local name = row and (words.lang == "zh" and row.name_zh or row.name_en)
+  return { name and words.joined({ told, name }) or told }
+end
+
+-- The entries of a buffer that are not empty, by what they belong to: eight places each.
+local function buffer(kind, first, values, told, words)
+  local found, active, situation, entries, gone = {}, false, nil, nil, {}
+  local function close()
+    if entries == nil then return end
+    local list = words.joined(entries)
+    if situation == 0 then
+      active = true
+      found[#found + 1] = words.noted(words.say("value_active"), list)
+    elseif kind == "faults" then
+      local past = words.say("value_acknowledged", { n = format("%d", situation) })
+      found[#found + 1] = words.noted(past, list)
+    else
+      gone[#gone + 1] = list
+    end
+    entries = nil
+  end
+  for number, value in ipairs(values) do
+    local of = floor((first + number - 1) / 8)
+    if of ~= situation then
+      close()
+      situation = of
+    end
+    if value ~= 0 then
+      entries = entries or {}
+      entries[#entries + 1] = told[value] and words.escape(told[value]) or format("%d", value)
+    end
+  end
+  close()
+  if gone[1] then found[#found + 1] = words.noted(words.say("value_gone"), words.joined(gone)) end
+  if first == 0 and not active then
+    table.insert(found, 1, words.say(kind == "faults" and "value_no_faults" or "value_no_alarms"))
+  end
+  return found[1] and { words.joined(found, "; ", "；") } or nil
+end
+
+--- What the values of a parameter mean: an array of texts; nil where they say it themselves.
+-- @param item  a parameter; `told` is what lists of the user say of single values
+-- @param words of a language: `lang`, `say`, `noted`, `joined`, `quoted` and `escape` (formatting.lua)
+function M.parts(item, words)
+  local pnu, values, row = item.pnu, item.values, item.listed
+  if item.attribute ~= "value" or not pnu or not item.subindex or not values or values[1] == nil then
+    return nil
+  elseif item.error or item.format and item.format:find("^Float") then
+    return nil
+  end
+  local told = item.told or NONE
+  local found = profile.parts(item, words)
+  if found or not are_whole(values) then
+    return found
+  elseif row and row.buffer then
+    return buffer(row.buffer, item.subindex, values, told, words)
+  elseif row and row.connects and not item.told then
+    return connection(row.connects, values, words)
+  end
+  return texts(row, values, told, words)
+end
+
+return M

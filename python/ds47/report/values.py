@@ -1,0 +1,129 @@
+"""What values mean, in words: those of the profile, those that the tables list, connections, buffers of faults.
+
+Stands behind the values in a line. What lists of a user say of a value comes before what the tables say; what
+neither says is left out. docs/protocol.md D has the layouts. lua/ds47/report/values.lua says the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Final
+
+from ds47 import spec
+from ds47.model import Parameter, Value
+from ds47.report import profile
+from ds47.report.bilingual import Both, joined, say
+from ds47.report.escaping import escape
+
+_MOST: Final = 8
+"""Values of one parameter that are told one by one."""
+_OWN: Final = 63
+"""The drive object of a connection that stays within its own."""
+_FAULTS, _ALARMS = "faults", "alarms"
+
+
+def meaning(item: Parameter) -> Both | None:
+    """What the values of a parameter mean; None where they say it themselves.
+
+    Args:
+        item: with the values that were read or written.
+    """
+    if item.attribute != "value" or item.pnu is None or item.subindex is None or not item.values:
+        return None
+    if item.error is not None:
+        return None
+    told, row = item.told or {}, item.listed
+    if None in told:
+        return Both.same(escape(told[None]))
+    found = profile.meaning(item)
+    if found is not None or not all(map(_is_whole, item.values)):
+        return found
+    if row is not None and row.buffer is not None:
+        return _buffer(row.buffer, item.subindex, item.values, told)
+    if row is not None and row.connects is not None and not told:
+        return _connection(row.connects, item)
+    return _texts(row, item.values, told)
+
+
+def may_mean(item: Parameter) -> bool:
+    """Whether there may be anything to say of the values of a parameter."""
+    row = item.listed
+    if item.told or item.pnu in profile.NUMBERS:
+        return True
+    return row is not None and bool(row.values_en or row.connects or row.buffer)
+
+
+def _is_whole(value: Value) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+def _texts(
+    row: spec.Pnu | None, values: list[Value], told: Mapping[int | None, str]
+) -> Both | None:
+    """The text of each value; a value without one stays a number, and none at all is told."""
+    english: Mapping[int, str] = row.values_en if row is not None else {}
+    chinese: Mapping[int, str] = row.values_zh if row is not None else {}
+    if len(values) > _MOST:
+        return None
+    known = [value in told or value in english for value in values]
+    if not any(known):
+        return None
+    return joined([_text(int(value), told, english, chinese) for value in values])
+
+
+def _text(
+    value: int,
+    told: Mapping[int | None, str],
+    english: Mapping[int, str],
+    chinese: Mapping[int, str],
+) -> Both:
+    if value in told:
+        return Both.same(escape(told[value]))
+    return Both(english[value], chinese[value]) if value in english else Both.same(str(value))
+
+
+def _connection(kind: str, item: Parameter) -> Both | None:
+    """`from r0722.2`, of the 32 bits that name a signal of the same drive object; None of any others."""
+    value = item.values[0]
+    if len(item.values) != 1 or not isinstance(value, int) or not 0xFFFF < value <= 0xFFFFFFFF:
+        return None
+    number, place = value >> 16, value & 0x3FF
+    if value >> 10 & 0x3F != _OWN:
+        return None
+    row = spec.parameter(number, "sinamics")
+    letter = (row.access if row is not None else None) or ""
+    source = f"{letter}{number:04}" if letter else str(number)
+    source += f".{place}" if kind == "bit" else f"[{place}]"
+    told = say("value_from", source=source)
+    return told if row is None else told.joined(Both(row.name_en, row.name_zh), ", ", "，")
+
+
+def _buffer(
+    kind: str, first: int, values: list[Value], told: Mapping[int | None, str]
+) -> Both | None:
+    """The entries of a buffer that are not empty, by what they belong to: eight places each."""
+    places: dict[int, list[Both]] = {}
+    for place, value in enumerate(values, first):
+        if value:
+            places.setdefault(place // 8, []).append(_entry(int(value), told))
+    found = list(_situations(kind, first, places))
+    return joined(found, "; ", "；") if found else None
+
+
+def _entry(value: int, told: Mapping[int | None, str]) -> Both:
+    return Both.same(escape(told[value]) if value in told else str(value))
+
+
+def _situations(kind: str, first: int, places: Mapping[int, list[Both]]) -> Iterator[Both]:
+    if 0 not in places and first == 0:
+        yield say("value_no_faults" if kind == _FAULTS else "value_no_alarms")
+    gone: list[Both] = []
+    for situation, entries in places.items():
+        if situation == 0:
+            yield say("value_active").joined(joined(entries), ": ", "：")
+        elif kind == _FAULTS:
+            yield say("value_acknowledged", n=str(situation)).joined(joined(entries), ": ", "：")
+        else:
+            gone += entries
+    if gone:
+        yield say("value_gone").joined(joined(gone), ": ", "：")
