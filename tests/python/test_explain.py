@@ -690,6 +690,26 @@ def test_a_name_of_a_format_that_is_a_parameter_too_has_both() -> None:
     assert meanings[1] == explain("format R2")[0]
 
 
+@pytest.mark.parametrize("text", ["r0722.2", "R722.02", "p722[2]", "p 722.2"])
+def test_a_bit_or_an_element_is_that_of_its_parameter(text: str) -> None:
+    (meaning,) = explain(text)
+    assert (
+        meaning.title == "p722 = 16#02D2: parameter: Digital inputs, state, Unsigned32 (SINAMICS)"
+    )
+
+
+@pytest.mark.parametrize(
+    ("lang", "label", "text"),
+    [("en", "Values", "1 = induction motor"), ("zh", "取值", "1 = 异步电机")],
+)
+def test_the_values_of_a_parameter_are_told(lang: str, label: str, text: str) -> None:
+    meanings = explain("p300", lang)
+    assert [(each.value, each.name) for each in meanings[0].parts][:2] == [("0", "="), ("1", "=")]
+    printed = "\n".join(_lines(meanings, lang))
+    assert label in printed
+    assert text in printed
+
+
 def test_a_parameter_of_two_families_is_told_of_both() -> None:
     (meaning,) = explain("p1082")
     both = "Maximum speed, Float32, rpm (SINAMICS) · Maximum frequency, Float32, Hz (MICROMASTER 4)"

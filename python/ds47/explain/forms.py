@@ -24,7 +24,7 @@ _PAIRS = re.compile(r"[0-9A-F]{2}(?:[ :,\-][0-9A-F]{2})+")
 _HEX = re.compile(r"[0-9A-F]+")
 _RULE = re.compile(r"DS([0-9]{3})")
 _STATUS_DIGITS = 8
-_PARAMETER = re.compile(r"(?:P|R|PNU) ?([0-9]{1,5})(?:\[[0-9]{1,5}\])?")
+_PARAMETER = re.compile(r"(?:P|R|PNU) ?([0-9]{1,5})(?:\[[0-9]{1,5}\]|\.[0-9]{1,2})?")
 _MESSAGE = re.compile(r"([FA])([0-9]{4,5})")
 _WHOLE = re.compile(r"([0-9]{1,5})(\[[0-9]{1,5}\])?")
 

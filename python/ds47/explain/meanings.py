@@ -539,10 +539,18 @@ def _parameter(number: int, lang: str) -> Meaning:
         title = words["parameter"].format_map(values | {"text": text})
     meaning = _meaning(
         PARAMETER, code, f"{explanations.kind_word(PARAMETER)} {number}", title, bool(known), entry, lang,
-        rank=PARAMETER, filter_name=entry.filter, values=values,
+        rank=PARAMETER, filter_name=entry.filter, values=values, parts=_values(known, lang),
         advice=None if known else words["parameter_advice"].format_map(values),
     )  # fmt: skip
     return replace(meaning, plc=_filled(meaning.plc, values))
+
+
+def _values(rows: list[spec.Pnu], lang: str) -> tuple[Part, ...]:
+    """What values of a parameter mean, on the drives of which that is known."""
+    texts = next(
+        (row.values_zh if lang == "zh" else row.values_en for row in rows if row.values_en), {}
+    )
+    return tuple(Part(str(value), "=", text) for value, text in texts.items())
 
 
 def _listed(row: spec.Pnu, lang: str) -> str:

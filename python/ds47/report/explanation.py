@@ -7,6 +7,7 @@ screen and begins with the answer.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Final
 
 from ds47.explain import Block, Meaning, Reason
 from ds47.report.wrap import columns, wrap
@@ -15,6 +16,9 @@ from ds47.spec import explanations
 WIDTH = 100
 _LABEL = 12
 _WITH_CAUSE = 2
+
+_LABELS: Final[Mapping[str, str]] = {"format": "names", "parameter": "values"}
+"""Kinds of codes -> the word before their parts, where these are something of their own."""
 
 
 def lines(meanings: Sequence[Meaning], lang: str, width: int = WIDTH) -> Iterator[str]:
@@ -45,7 +49,7 @@ def _full(meaning: Meaning, words: Mapping[str, str], width: int) -> Iterator[st
     yield from wrap(meaning.title, width, 2)
     if meaning.parts:
         parts = (" ".join(filter(None, (p.value, p.name, p.text))) for p in meaning.parts)
-        label = words["names" if meaning.kind == "format" else "parts"]
+        label = words[_LABELS.get(meaning.kind, "parts")]
         yield from _labelled(label, words["part_separator"].join(parts), width)
     for label, block in zip([words["plc"], "", ""], meaning.plc, strict=False):
         yield from _labelled(label, _block(block, words), width, 2)
