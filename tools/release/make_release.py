@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Writes everything that a release consists of into dist/, with a bill of materials and checksums.
+"""Writes everything that a release consists of into dist/, with a bill of materials and checksums, and checks it.
 
-    python tools/release/make_release.py [FOLDER]        (make release)
+    python tools/release/make_release.py [FOLDER] [PYTHON...]        (make release WITH="python3.12 python3.13")
 
 The page, the file for Python, the wheelhouse, the plugin as one Lua file, the pure wheel, one that is compiled for
-this machine (its name says for which), and the source archive.
+this Python and each that is named, and the source archive. What an earlier run left in the folder goes.
 """
 
 from __future__ import annotations
@@ -18,26 +18,30 @@ from email.parser import Parser
 from pathlib import Path
 from typing import Any
 
+import check_release
 import make_page
 import make_pyz
+import make_wheels
 import pins
 
 HERE = Path(__file__).resolve().parent
-STEPS = ("make_pyz.py", "make_page.py", "make_wheelhouse.py")
 
 
-def build(folder: Path) -> None:
+def build(folder: Path, programs: list[str]) -> None:
     """All files but the bill and the checksums."""
-    for name in STEPS:
-        subprocess.run([sys.executable, str(HERE / name), str(folder)], check=True)
-    subprocess.run(
-        [sys.executable, str(pins.ROOT / "tools" / "make_bundle.py"), str(folder)], check=True
-    )
+
+    def make(tool: Path, *words: Path) -> None:
+        subprocess.run([sys.executable, *map(str, (tool, folder, *words))], check=True)
+
+    compiled = make_wheels.make(folder, programs)
+    make(HERE / "make_pyz.py")
+    make(HERE / "make_page.py")
+    make(HERE / "make_wheelhouse.py", *compiled)
+    make(pins.ROOT / "tools" / "make_bundle.py")
     pure = pins.own()
     (folder / pure.name).write_bytes(pure.read_bytes())
     command = [sys.executable, "-m", "hatchling", "build", "--directory", str(folder)]
-    for target in ("wheel", "sdist"):
-        subprocess.run([*command, "--target", target], check=True, cwd=pins.ROOT)
+    subprocess.run([*command, "--target", "sdist"], check=True, cwd=pins.ROOT)
 
 
 def bill() -> dict[str, Any]:
@@ -70,9 +74,11 @@ def _component(wheel: Path) -> dict[str, Any]:
 
 
 def main() -> int:
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else pins.ROOT / "dist"
+    folder, programs = Path(sys.argv[1] if len(sys.argv) > 1 else pins.ROOT / "dist"), sys.argv[2:]
     folder.mkdir(parents=True, exist_ok=True)
-    build(folder)
+    for old in (*folder.glob("ds47*"), *folder.glob("SHA256SUMS")):
+        old.unlink()
+    build(folder, programs)
     name = f"ds47-{pins.version()}.cdx.json"
     (folder / name).write_text(json.dumps(bill(), indent=1, sort_keys=True) + "\n", "utf-8")
     files = sorted(
@@ -80,6 +86,7 @@ def main() -> int:
     )
     sums = (f"{hashlib.sha256(each.read_bytes()).hexdigest()}  {each.name}\n" for each in files)
     (folder / "SHA256SUMS").write_text("".join(sums), "utf-8")
+    check_release.check(folder, programs)
     print(f"{folder}: {len(files)} files, listed in SHA256SUMS")
     return 0
 

@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 """Writes what a computer without internet installs from: dist/ds47-VERSION-wheelhouse.zip.
 
-    python tools/release/make_wheelhouse.py [FOLDER]        (make wheelhouse)
+    python tools/release/make_wheelhouse.py [FOLDER [WHEEL...]]        (make wheelhouse)
 
-In it are our wheel (pure Python), those of the libraries for the systems and Pythons below, a list of them with
-their digests, the line that installs them, and a description of a container that is built from the same files.
+In it are our wheel (pure Python), those that are named (compiled ones, of which pip takes what fits), those of the
+libraries for the systems and Pythons below, a list of them with their digests, the line that installs them, and a
+description of a container that is built from the same files.
 """
 
 from __future__ import annotations
@@ -33,9 +34,10 @@ CONDITIONS = {
 }
 
 
-def wheels() -> Iterator[Path]:
+def wheels(compiled: list[Path]) -> Iterator[Path]:
     """All files, ours first."""
     yield pins.own()
+    yield from compiled
     yield from pins.download(PURE, pins.BUILD / "wheels")
     for name, minors in COMPILED.items():
         for minor in minors:
@@ -63,7 +65,7 @@ def requirements(files: list[Path]) -> str:
 
 def main() -> int:
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else pins.ROOT / "dist"
-    files = list(wheels())
+    files = list(wheels([Path(each) for each in sys.argv[2:]]))
     version = pins.version()
     top = f"ds47-{version}-wheelhouse"
     held = {f"{top}/wheels/{each.name}": each.read_bytes() for each in files}
