@@ -196,3 +196,18 @@ def test_a_list_with_the_name_of_a_device_is_kept(tmp_path: Path, monkeypatch: A
     (tmp_path / "list.csv").write_text("number,name\n50304,Upper carriage\n", "utf-8")
     assert main(["params", "import", "--name", "aux.v2", str(tmp_path / "list.csv")]) == 0
     assert [path.name for path in (tmp_path / "lists").iterdir()] == ["aux-.v2.toml"]
+
+
+@pytest.mark.parametrize(
+    ("platform", "shown"),
+    [("win32", '"line 3.pcapng"'), ("linux", "'line 3.pcapng'"), ("darwin", "'line 3.pcapng'")],
+)
+def test_a_command_that_is_offered_has_the_quotes_of_the_shell(
+    platform: str, shown: str, captures: Path, tmp_path: Path, monkeypatch: Any, capsys: Any
+) -> None:
+    """cmd.exe takes single quotes for letters."""
+    shutil.copy(captures / TOUR, tmp_path / "line 3.pcapng")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "platform", platform)
+    assert main(["line 3.pcapng"]) == 2
+    assert f"ds47 report {shown}" in capsys.readouterr().err

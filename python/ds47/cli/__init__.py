@@ -109,12 +109,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _meant(word: str) -> str:
     """The report of a capture that was named without a command, or the commands of a similar name."""
-    import shlex
     from difflib import get_close_matches
     from pathlib import Path
 
+    from ds47.cli.common import shell_word
+
     if word == "-" or Path(word).exists():
-        return f" For a report of it: ds47 report {shlex.quote(word)}"
+        return f" For a report of it: ds47 report {shell_word(word)}"
     near = get_close_matches(word.lower(), COMMANDS)
     return f" Did you mean: ds47 {', ds47 '.join(near)}?" if near else ""
 

@@ -92,6 +92,15 @@ def color(stream: TextIO) -> bool:
     return True
 
 
+def shell_word(text: str) -> str:
+    """A word as the shell of this system takes it, in quotes where it needs some; cmd.exe knows only double ones."""
+    if sys.platform == "win32":
+        from subprocess import list2cmdline
+
+        return list2cmdline([text])
+    return shlex.quote(text)
+
+
 def warn(text: str) -> None:
     """One line on stderr; results alone go to stdout."""
     from ds47.report.formatting import escape
@@ -106,7 +115,7 @@ def tell_no_plots(lang: str) -> None:
     from ds47.spec.extras import install
 
     if plots.library() is None:
-        command = f"{shlex.quote(sys.executable)} -m {install('plots')}"
+        command = f"{shell_word(sys.executable)} -m {install('plots')}"
         warn(say("no_plots", command=command).text(lang))
 
 

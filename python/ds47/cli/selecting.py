@@ -6,7 +6,6 @@ Here: from words to a `Selection`. What a selection means is `ds47.report.select
 from __future__ import annotations
 
 import re
-import shlex
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta, timezone
@@ -14,6 +13,7 @@ from typing import Any, TypeVar
 
 import click
 
+from ds47.cli.common import shell_word
 from ds47.cli.options import known_rules
 from ds47.model import STATES
 from ds47.report.selection import Selection
@@ -150,7 +150,7 @@ def chosen(
         ("--pnu", pnus), ("--station", stations), ("--state", states), ("--from", [start] if start else ()),
         ("--to", [end] if end else ()),
     )  # fmt: skip
-    words = [f"{name} {shlex.quote(str(each))}" for name, values in typed for each in values]
+    words = [f"{name} {shell_word(str(each))}" for name, values in typed for each in values]
     return Choice(
         selection, _moment("--from", start, where), _moment("--to", end, where), where, " ".join(words)
     )  # fmt: skip
