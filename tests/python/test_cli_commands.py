@@ -16,6 +16,7 @@ import pytest
 
 from ds47 import __version__, spec
 from ds47.cli import COMMANDS, encode, main
+from ds47.cli.common import shell_word
 from ds47.model import OPERATIONS, STATES
 from ds47.report import schema
 from ds47.spec.reporting import command_words, report_words
@@ -96,7 +97,10 @@ def test_wrong_use_is_2(capsys, arguments):
     [
         ("reprot", "No such command 'reprot'. Did you mean: ds47 report, ds47 export?"),
         ("DECODE", "No such command 'DECODE'. Did you mean: ds47 decode, ds47 encode, ds47 demo?"),
-        ("a b.PCAP", "No such command 'a b.PCAP'. For a report of it: ds47 report 'a b.PCAP'"),
+        (
+            "a b.PCAP",
+            "No such command 'a b.PCAP'. For a report of it: ds47 report " + shell_word("a b.PCAP"),
+        ),
         ("sub", "No such command 'sub'. For a report of it: ds47 report sub"),
         ("-", "No such command '-'. For a report of it: ds47 report -"),
         ("frobnicate", "No such command 'frobnicate'."),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from copy import copy
 from pathlib import Path
 
@@ -85,3 +86,33 @@ def test_what_the_first_transaction_of_a_connection_reads_is_known(captures, cap
     assert [(each["frame"], each["old"], each["old_frame"]) for each in told["changes"]] == [
         (22, 10.0, 5), (34, 10.0, 33),
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("options", "parameters"),
+    [
+        ([], ["p50304[0]", "p50303[0]", "p50076[1]", "p50303[0]"]),
+        (["--from", "08:00:00.7"], ["p50303[0]", "p50076[1]", "p50303[0]"]),
+        (["--to", "0.5"], ["p50304[0]"]),
+        (["--state", "ok", "--state", "error"], ["p50304[0]", "p50076[1]"]),
+        (["--rule", "DS719"], ["p50076[1]"]),
+        (["--device", "PRESS-1-DRIVE", "--pnu", "50303"], ["p50303[0]", "p50303[0]"]),
+        (["-t", "5-6"], ["p50303[0]", "p50076[1]"]),
+    ],
+)
+def test_it_is_narrowed_as_a_report_is(
+    captures: Path, capsys: pytest.CaptureFixture[str], options: list[str], parameters: list[str]
+) -> None:
+    assert main(["trail", str(captures / "tour-machine.pcapng"), "--tz", "UTC", *options]) == 0
+    out, err = capsys.readouterr()
+    assert re.findall(r"\b[pr]\d+\[\d+\]", out) == parameters
+    assert err == ""
+
+
+def test_where_no_change_matches_it_says_what_there_is(
+    captures: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["trail", str(captures / "tour-machine.pcapng"), "--device", "nobody"]) == 0
+    assert capsys.readouterr().err == (
+        "ds47: no change matches --device nobody; there are 192.168.133.33 (press-1-drive)\n"
+    )

@@ -93,7 +93,7 @@ def color(stream: TextIO) -> bool:
 
 
 def shell_word(text: str) -> str:
-    """A word as the shell of this system takes it, in quotes where it needs some; cmd.exe knows only double ones."""
+    """A word as the shell of this system takes it, quoted where needed; cmd.exe knows only double quotes."""
     if sys.platform == "win32":
         from subprocess import list2cmdline
 

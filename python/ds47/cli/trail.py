@@ -13,6 +13,7 @@ import click
 from ds47.capture.names import about
 from ds47.cli.common import Misses, format_option, output, warn
 from ds47.cli.options import analysis_options, options_from, tz_option, zone_for_paths
+from ds47.cli.selecting import CRITERIA, chosen, selection_options
 from ds47.cli.series import series_option, tasks, tell_lacking
 from ds47.report.bilingual import say
 from ds47.report.formatting import escape
@@ -23,10 +24,7 @@ from ds47.report.zones import Zone
 @click.argument("paths", metavar="PATH...", nargs=-1, required=True)
 @format_option("text", "csv", "json")
 @click.option("-o", "--output", "output_name", metavar="FILE", default="-", help="Write to a file.")
-@click.option("--device", metavar="NAME", help="Only this device: IP address or name of station.")
-@click.option("--do", "drive_object", type=int, metavar="N", help="Only this drive object.")
-@click.option("--pnu", type=int, metavar="N", help="Only this parameter.")
-@click.option("--controller", metavar="NAME", help="Only what this controller wrote.")
+@selection_options
 @tz_option
 @series_option
 @analysis_options
@@ -34,10 +32,6 @@ def command(
     paths: Sequence[str],
     format_name: str,
     output_name: str,
-    device: str | None,
-    drive_object: int | None,
-    pnu: int | None,
-    controller: str | None,
     where: Zone,
     series: bool,
     lang: str,
@@ -46,25 +40,35 @@ def command(
     """Show who changed which parameter, when, from where, from which value to which."""
     from ds47.capture import CaptureError
     from ds47.regression.run import readable
-    from ds47.report.changes import Wanted, Writer
+    from ds47.report.changes import Writer
+    from ds47.report.selection import names, there_are
 
     where = zone_for_paths(where, paths)
+    choice = chosen(where, **{name: options.pop(name) for name in CRITERIA})
     analysis = options_from(**options)
     misses = Misses()
-    wanted = Wanted(device, drive_object, pnu, controller)
+    devices: dict[str, None] = {}
+    changes = 0
     with output(output_name) as stream:
-        writer = Writer(stream, format_name, wanted, lang, where)
+        writer = Writer(stream, format_name, lang, where)
         for task in tasks(paths, series, misses):
             try:
                 result = readable(task, analysis)
             except CaptureError as problem:
                 misses(about(task.path, str(problem)))
                 continue
-            if left := writer.capture(result):
-                told = say("trail_unproved", path=escape(result.path), n=left, do=str(drive_object))
+            found, left = writer.capture(result, choice.of(result.start_ns, result.end_ns))
+            changes += found
+            devices |= dict.fromkeys(names(result))
+            if left:
+                asked = ", ".join(map(str, choice.selection.drive_objects))
+                told = say("trail_unproved", path=escape(result.path), n=left, do=asked)
                 warn(told.text(lang))
             if not result.complete:
                 misses(about(task.path, result.problem or ""))
             tell_lacking(task.path, result.missing_files, result.lacking, misses)
         writer.close()
+    if choice and not changes:
+        there = there_are(list(devices))
+        warn(say("trail_nothing", criteria=choice.criteria, devices=there).text(lang))
     return 3 if misses else 0

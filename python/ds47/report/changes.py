@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, NamedTuple, TextIO
+from collections.abc import Iterator, Sequence
+from typing import Any, TextIO
 
-from ds47.model import PKW, CaptureResult
+from ds47.model import PKW, CaptureResult, Finding
 from ds47.profidrive.drive_objects import Identity
 from ds47.profidrive.naming import element
 from ds47.report.bilingual import say
@@ -17,6 +17,7 @@ from ds47.report.formatting import escape
 from ds47.report.formatting import value as value_text
 from ds47.report.json import timestamp
 from ds47.report.parameters import plain
+from ds47.report.selection import Selection, Wanted
 from ds47.report.targets import Targets, slot
 from ds47.report.trail import Change, trail
 from ds47.report.wrap import columns, padded
@@ -35,35 +36,25 @@ COLUMNS = (
 negative response, `status` that of a refused Write call."""
 
 
-class Wanted(NamedTuple):
-    """Which changes; None is any. `device` and `controller` are IP addresses or names of stations."""
-
-    device: str | None = None
-    drive_object: int | None = None
-    pnu: int | None = None
-    controller: str | None = None
-
-
-def _chosen(all_: Iterable[dict[str, Any]], wanted: Wanted) -> Iterator[dict[str, Any]]:
-    """The changes that are wanted, with the keys COLUMNS."""
-    return ({name: row[name] for name in COLUMNS} for row in all_ if _is_wanted(row, wanted))
-
-
-def _unproved(all_: Iterable[dict[str, Any]], wanted: Wanted) -> int:
-    """Changes that may have reached the drive object that is wanted, of which the capture does not prove it."""
-    if wanted.drive_object is None:
-        return 0
-    others = wanted._replace(drive_object=None)
-    whole = known().global_pnus  # of the device, whatever drive object is asked
-    there = (row for row in all_ if row["drive_object"] is None and row["pnu"] not in whole)
-    return sum(_is_wanted(row, others) for row in there)
-
-
-def _all(result: CaptureResult) -> Iterator[dict[str, Any]]:
-    targets = Targets(result.evidence)
+def _chosen(result: CaptureResult, selection: Selection) -> tuple[list[dict[str, Any]], int]:
+    """The changes that are wanted, with the keys COLUMNS; how many more may be: their drive object is unproved."""
+    wanted, targets = Wanted(result, selection), Targets(result.evidence)
     stations = {each.ip: each.station for each in result.devices}
+    told: dict[int | None, list[Finding]] = {}
+    for each in result.findings:
+        told.setdefault(each.transaction, []).append(each)
+    whole = known().global_pnus  # of the device, whatever drive object is asked
+    found, unproved = [], 0
     for change in trail(result).changes:
-        yield _row(change, targets, stations) | {"path": result.path}
+        item = change.transaction
+        if selection.pnus and change.pnu not in selection.pnus:
+            continue
+        row = _row(change, targets, stations) | {"path": result.path}
+        if selection.drive_objects and row["drive_object"] is None:
+            unproved += change.pnu not in whole and wanted.unproved(item, told.get(item.id, ()))
+        elif wanted.transaction(item, told.get(item.id, ())):
+            found.append({name: row[name] for name in COLUMNS})
+    return found, unproved
 
 
 def _row(change: Change, targets: Targets, stations: dict[str, str | None]) -> dict[str, Any]:
@@ -94,32 +85,23 @@ def way(change: Change) -> str:
     return " ".join(filter(None, (index, slot(item))))
 
 
-def _is_wanted(row: dict[str, Any], wanted: Wanted) -> bool:
-    return (
-        wanted.device in (None, row["device"], row["station"])
-        and wanted.controller in (None, row["controller"], row["controller_station"])
-        and wanted.drive_object in (None, row["drive_object"])
-        and wanted.pnu in (None, row["pnu"])
-    )
-
-
 class Writer:
     """Writes the changes of captures in one of FORMATS."""
 
-    def __init__(
-        self, stream: TextIO, format_name: str, wanted: Wanted, lang: str, zone: Zone = UNIVERSAL
-    ) -> None:
-        self._stream, self._format, self._wanted, self._lang = stream, format_name, wanted, lang
-        self._zone = zone
+    def __init__(self, stream: TextIO, format_name: str, lang: str, zone: Zone = UNIVERSAL) -> None:
+        self._stream, self._format, self._lang, self._zone = stream, format_name, lang, zone
         self._captures: list[dict[str, Any]] = []
         self._csv = csv.writer(Lines(stream), lineterminator="\r\n")
         if format_name == "csv":
             self._csv.writerow(COLUMNS)
 
-    def capture(self, result: CaptureResult) -> int:
-        """Takes one complete result; how many changes may be wanted, too: their drive object is not proved."""
-        all_ = list(_all(result))
-        found = list(_chosen(all_, self._wanted))
+    def capture(self, result: CaptureResult, selection: Selection) -> tuple[int, int]:
+        """Takes one complete result.
+
+        Returns:
+            How many changes were written, and how many more may be wanted: their drive object is not proved.
+        """
+        found, unproved = _chosen(result, selection)
         if self._format == "csv":
             self._csv.writerows([_cell(each, name) for name in COLUMNS] for each in found)
         elif self._format == "json":
@@ -129,7 +111,7 @@ class Writer:
             clock = Clock.of(result, self._zone)
             told = lines(result.path, found, self._lang, clock)
             self._stream.writelines(f"{line}\n" for line in told)
-        return _unproved(all_, self._wanted)
+        return len(found), unproved
 
     def close(self) -> None:
         """Ends the output. The stream stays open: it belongs to the caller."""
