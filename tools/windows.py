@@ -62,14 +62,17 @@ def python() -> Path:
     subprocess.run([*fetch, f"-DoutputDirectory={WORK}"], check=True)
     if hashlib.sha256(jar.read_bytes()).hexdigest() != DIGEST:
         sys.exit(f"{jar} is not the one that is pinned")
+    draft = WORK / "python.part"
+    shutil.rmtree(draft, ignore_errors=True)
     with zipfile.ZipFile(jar) as packed:
         for each in packed.infolist():
             if each.filename.startswith(PLACE) and not each.is_dir():
-                target = folder / each.filename.removeprefix(PLACE)
+                target = draft / each.filename.removeprefix(PLACE)
                 target.parent.mkdir(parents=True, exist_ok=True)
                 target.write_bytes(packed.read(each))
-    for each in (folder / "lib").glob("vcruntime*.dll"):
-        shutil.copy(each, folder)
+    for each in (draft / "lib").glob("vcruntime*.dll"):
+        shutil.copy(each, draft)
+    draft.rename(folder)
     return folder
 
 
@@ -99,8 +102,10 @@ def equip(folder: Path) -> None:
     subprocess.run([*install, "--no-index", str(pins.own())], check=True)
     # scapy builds frames here and sends none; what it asks Windows of its interfaces, Wine does not know
     consts = site / "scapy" / "consts.py"
-    told = consts.read_text("utf-8").replace('platform.startswith("win32")', "False")
-    consts.write_text(f"{told}\nimport socket\nsocket.IPPROTO_GRE = 47\n", "utf-8")
+    told = consts.read_text("utf-8")
+    if 'platform.startswith("win32")' in told:
+        told = told.replace('platform.startswith("win32")', "False")
+        consts.write_text(f"{told}\nimport socket\nsocket.IPPROTO_GRE = 47\n", "utf-8")
 
 
 def wine(folder: Path) -> list[str]:
