@@ -117,6 +117,8 @@ def options(command: click.Command, context: click.Context) -> Iterator[tuple[st
     """The options with what their help says."""
     for each in command.get_params(context):
         record = each.get_help_record(context)
+        if "--help" in each.opts:  # click keeps the names of the context that asked first
+            record = ("-h, --help", each.help or "") if isinstance(each, click.Option) else record
         if record is not None and isinstance(each, click.Option):
             yield record
 

@@ -33,7 +33,9 @@ def commands() -> Iterator[str]:
     """Commands, their arguments, and their options with the words that they take."""
     from ds47.cli import group
 
-    yield from _command("ds47", group, click.Context(group, info_name="ds47"))
+    yield from _command(
+        "ds47", group, click.Context(group, info_name="ds47", **group.context_settings)
+    )
 
 
 def _command(name: str, command: click.Command, context: click.Context) -> Iterator[str]:
@@ -41,6 +43,8 @@ def _command(name: str, command: click.Command, context: click.Context) -> Itera
         choices = each.type.choices if isinstance(each.type, click.Choice) else ()
         if isinstance(each, click.Argument):
             yield f"command {name} {each.make_metavar(context)}"
+            continue
+        if "--help" in each.opts:  # click's own: it has the names of the context that asked first
             continue
         for option in (*each.opts, *each.secondary_opts):
             yield f"command {name} {option}"
