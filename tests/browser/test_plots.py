@@ -55,7 +55,7 @@ def test_a_parameter_to_plot_is_searched(browser, long):
 
 def test_what_was_not_accepted_does_not_set_the_scale(browser, write):
     def job(number, value, state="ok", error=None):
-        parameter = Parameter(1120, 0, "value", 1, False, None, "Float32", 1, [value], error=error)
+        parameter = Parameter(1120, 0, "value", 1, None, None, "Float32", 1, [value], error=error)
         return handmade.transaction(
             id=number, operation="change", state=state, start_ns=number * 10**9, parameters=[parameter]
         )  # fmt: skip

@@ -509,7 +509,7 @@ def make(number, **changes):
         response=bytes.fromhex("01010101080144bb8000"),
         write_status=0,
         read_status=0,
-        parameters=[Parameter(21, 0, "value", 1, False, None, "Float32", 1, [1500.0])],
+        parameters=[Parameter(21, 0, "value", 1, None, None, "Float32", 1, [1500.0])],
         id=number,
     )
     return replace(item, **changes)
@@ -525,10 +525,10 @@ def make(number, **changes):
     ],
 )  # fmt: skip
 def test_a_parameter_is_found_as_siemens_writes_it(browser, write, query, found):
-    values = [Parameter(945, 0, "value", 4, False, None, "Unsigned16", 4, [1, 2, 3, 4])]
+    values = [Parameter(945, 0, "value", 4, None, None, "Unsigned16", 4, [1, 2, 3, 4])]
     jobs = [
         make(1, parameters=values),
-        make(2, parameters=[Parameter(10, 0, "value", 1, False, None, "Integer16", 1, [7])]),
+        make(2, parameters=[Parameter(10, 0, "value", 1, None, None, "Integer16", 1, [7])]),
         make(3, device="10.0.0.3"),
     ]
     devices = [Device("10.0.0.3", station="r2d2")]
@@ -547,7 +547,7 @@ def test_a_parameter_is_found_as_siemens_writes_it(browser, write, query, found)
 @pytest.mark.slow
 def test_hostile_text_stays_text(browser, write):
     evil = "<img src=x onerror=alert(1)><script>alert(1)</script>\"'><b>"
-    parameter = Parameter(1, 0, "value", 1, False, evil, "VisibleString", 1, [evil])
+    parameter = Parameter(1, 0, "value", 1, None, evil, "VisibleString", 1, [evil])
     result = CaptureResult(
         path=evil, frames=4, problem=evil, devices=[Device("10.0.0.2", evil, evil, 1, 1)],
         transactions=[make(1, parameters=[parameter], operation="change", controller=evil)],

@@ -513,7 +513,7 @@ def test_encode_says_what_it_understood(capsys):
     assert (status, err) == (0, "ds47: p1120[0..1] := 10.0, 5.0\n")
     assert "#length := 20;" in out
     _, _, err = run(capsys, "encode", "change axis 1 p1=Float32:0.1 p2[3]=UINT:1,16#10")
-    assert err == "ds47: p0002[3..4] := 1, 16\n"
+    assert err == "ds47: r0002[3..4] := 1, 16\n"
 
 
 def test_encode_takes_the_type_of_a_parameter_that_it_knows(capsys):

@@ -100,8 +100,8 @@ def test_a_read_is_never_compared_with_a_change():
     assert told(capture(asked(20, 7)), capture(refused)) == [
         "No parameter element is shown by both captures: there is nothing to compare.",
         "asked for in both captures, read or changed in one only: 1 element",
-        "  10.0.0.2 slot 1.1 axis 2 p0020[0] change  A: none; B: 1 x negative response 0x01 text 1",
-        "  10.0.0.2 slot 1.1 axis 2 p0020[0] read  A: 1 x = 7; B: none",
+        "  10.0.0.2 slot 1.1 axis 2 r0020[0] change  A: none; B: 1 x negative response 0x01 text 1",
+        "  10.0.0.2 slot 1.1 axis 2 r0020[0] read  A: 1 x = 7; B: none",
     ]
 
 
@@ -110,7 +110,7 @@ def test_one_negative_response_is_not_what_a_parameter_became():
     assert told(one, capture(*[asked(2, 10)] * 3)) == [
         "The 1 parameter element that both captures show is the same in both.",
         "the same last value in both; failures beside it are within chance:",
-        "  10.0.0.2 slot 1.1 axis 2 p0002[0] read  A: 27 x = 10, 1 x negative response 0x01 text 1; B: 3 x = 10",
+        "  10.0.0.2 slot 1.1 axis 2 r0002[0] read  A: 27 x = 10, 1 x negative response 0x01 text 1; B: 3 x = 10",
     ]
 
 
@@ -120,7 +120,7 @@ def test_values_that_differ_are_told_with_their_counts():
     assert told(one, other) == [
         "1 of 2 parameter elements that both captures show differs.",
         "parameter elements that differ:",
-        "  10.0.0.2 slot 1.1 axis 2 p0002[0] read  A: 2 x, 2 different values, the last 10; B: 1 x = 11",
+        "  10.0.0.2 slot 1.1 axis 2 r0002[0] read  A: 2 x, 2 different values, the last 10; B: 1 x = 11",
     ]
 
 
@@ -128,7 +128,7 @@ def test_elements_that_follow_one_another_are_one_line():
     other = asked(2, 1, 2, 7, 8, 9)
     assert told(capture(asked(2, 1, 2, 3, 4, 5)), capture(other))[1:] == [
         "parameter elements that differ:",
-        "  10.0.0.2 slot 1.1 axis 2 p0002[2..4] read  A: 1 x = 3, 4, 5; B: 1 x = 7, 8, 9",
+        "  10.0.0.2 slot 1.1 axis 2 r0002[2..4] read  A: 1 x = 3, 4, 5; B: 1 x = 7, 8, 9",
     ]
 
 
@@ -204,10 +204,10 @@ def test_other_requests_may_have_other_outcomes():
     assert told(one, other) == [
         "No parameter element is shown by both captures: there is nothing to compare.",
         "other negative responses, but to other requests:",
-        "  10.0.0.2 slot 1.1 axis 2 p0046[0] read  A: 1 x negative response 0x03 text 3; B: 1 x = 1",
+        "  10.0.0.2 slot 1.1 axis 2 r0046[0] read  A: 1 x negative response 0x03 text 3; B: 1 x = 1",
         "  10.0.0.2 slot 1.1 axis 2 p0047[0] change  A: 1 x negative response 0x02 text 2; B: 1 x accepted := 9",
         "asked for in one capture only: 4 elements in A",
-        "  10.0.0.2 slot 1.1 axis 2 p0046[1..4] read  A: 1 x negative response 0x03 text 3; B: none",
+        "  10.0.0.2 slot 1.1 axis 2 r0046[1..4] read  A: 1 x negative response 0x03 text 3; B: none",
     ]
     same = asked(46, 1, code=0x03), asked(46, 1)
     assert "differs" in told(*map(capture, same))[0]
@@ -420,7 +420,7 @@ def test_it_opens_with_what_is_otherwise_the_worst_first():
     assert concluded(one, other) == [
         f"  {place}: changes that A shows accepted fail in B: p0005[0] (0x11 text 17)",
         f"  {place}: reads that brought a value in A fail in B: p0006[0] (STATUS DF80B600)",
-        f"  {place}: other values read: p0002[0] 10 -> 11",
+        f"  {place}: other values read: r0002[0] 10 -> 11",
         f"  {place}: the same requests (read) fail in both, in B with: p0008[0] (0x03 text 3)",
         f"  {place}: reads that failed in A bring a value in B: p0009[0] (0x00 text 0)",
         f"  {place}: other values of parameters that the drive changes by itself: r0021[0] 50 -> 51",

@@ -653,9 +653,9 @@ def test_lengths_of_ppo_are_told_where_the_length_is_wrong() -> None:
 )  # fmt: skip
 def test_a_parameter_in_every_spelling(text: str) -> None:
     (meaning,) = explain(text)
-    assert (meaning.kind, meaning.code, meaning.known) == ("parameter", "p945", True)
+    assert (meaning.kind, meaning.code, meaning.known) == ("parameter", "r0945", True)
     assert (
-        meaning.title == "p945 = 16#03B1: parameter: Fault code, Unsigned16[] (PROFIdrive profile)"
+        meaning.title == "r0945 = 16#03B1: parameter: Fault code, Unsigned16[] (PROFIdrive profile)"
     )
     assert meaning.plugin_filter == "ds47.pnu == 945"
     assert explain(meaning.name) == [meaning]
@@ -694,7 +694,7 @@ def test_a_name_of_a_format_that_is_a_parameter_too_has_both() -> None:
 def test_a_bit_or_an_element_is_that_of_its_parameter(text: str) -> None:
     (meaning,) = explain(text)
     assert (
-        meaning.title == "p722 = 16#02D2: parameter: Digital inputs, state, Unsigned32 (SINAMICS)"
+        meaning.title == "r0722 = 16#02D2: parameter: Digital inputs, state, Unsigned32 (SINAMICS)"
     )
 
 

@@ -89,7 +89,7 @@ def test_what_differs_is_not_named():
     assert told.args["subindex"] is None
     assert told.args["pnu"] == 2902
     assert sentence(told) == (
-        "p2902 with several subindices or numbers of elements has negative responses: 0x03 Invalid subindex"
+        "r2902 with several subindices or numbers of elements has negative responses: 0x03 Invalid subindex"
     )
     assert sentence(told, "zh") == "p2902（多个下标或元素数量）得到否定应答：0x03 错误的子索引"
 
@@ -100,7 +100,7 @@ def test_what_nothing_names_may_differ():
     (told,) = grouped(refused(5), other)
     assert told.differs == ["vendor_id"]
     assert sentence(told).startswith(
-        "p2902[6] with number of elements 1 has a negative response: 0x03 "
+        "r2902[6] with number of elements 1 has a negative response: 0x03 "
     )
 
 

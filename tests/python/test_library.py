@@ -22,7 +22,7 @@ EXAMPLE = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 REQUEST, RESPONSE = "03010201 1001C47F0000", "03010201 080141200000"
 
 
-DIFFERENT = {"corrected", "message"}
+DIFFERENT = {"corrected", "message", "meaning"}
 """Keys of the JSON that are no attribute with that value: docs/python.md tells where else they are."""
 
 
@@ -108,6 +108,8 @@ def test_it_says_what_the_report_says(
         assert item.duration_ms == plain["duration_ms"]
         assert item.status._asdict() == plain["status"]
         assert item.bytes._asdict() == plain["bytes"]
+        told = [each.get("meaning") for each in plain["parameters"]]
+        assert [result.meaning(each) for each in item.parameters] == told
         assert [each._asdict() for each in item.frames.polls] == plain["frames"]["polls"]
 
 

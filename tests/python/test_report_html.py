@@ -85,7 +85,7 @@ def parameter(pnu=50303, subindex=0, values=(10.0,), **changes):
         subindex,
         "value",
         max(1, len(values)),
-        False,
+        None,
         None,
         "Float32",
         len(values),
@@ -401,7 +401,7 @@ def test_a_diagnosis_is_told_in_both_languages_with_what_to_do(lang):
     item = diagnosis(corrected=bytes.fromhex("030102011001004c0001"))
     findings = [finding(rule, "error", 9, 2, 4, **RUNNING) for rule in ("DS410", "DS719")]
     (found,) = problems(capture(transaction(2), findings=findings, diagnoses=[item]))
-    assert found.what.en.startswith("p0076[1] cannot be changed now: 0x6B No change access while")
+    assert found.what.en.startswith("r0076[1] cannot be changed now: 0x6B No change access while")
     assert found.what.zh.endswith("0x6B " + spec.error_text(0x6B, "zh", 0x2A))
     assert (found.count, found.frame, found.job) == (3, 9, 2)
     assert found.filter == "frame.number == 9 or frame.number == 13 or frame.number == 15"
@@ -443,9 +443,9 @@ def test_the_words_that_fill_a_diagnosis_are_of_its_language():
     ("number", "told"),
     [
         (1, "p0001 DO 2"),
-        (4, "p0001 DO 2, p0002 DO 2, p0003 DO 2, p0004 DO 2"),
-        (5, "p0001 DO 2, p0002 DO 2, p0003 DO 2, p0004 DO 2, and 1 more"),
-        (7, "p0001 DO 2, p0002 DO 2, p0003 DO 2, p0004 DO 2, and 3 more"),
+        (4, "p0001 DO 2, r0002 DO 2, p0003 DO 2, p0004 DO 2"),
+        (5, "p0001 DO 2, r0002 DO 2, p0003 DO 2, p0004 DO 2, and 1 more"),
+        (7, "p0001 DO 2, r0002 DO 2, p0003 DO 2, p0004 DO 2, and 3 more"),
     ],
 )
 def test_a_problem_names_four_places_and_counts_the_others(number, told):

@@ -104,7 +104,7 @@ def value(format_name: str, *values: Any, scaled: Any = None, **more: Any) -> Pa
         2,
         "value",
         len(values),
-        False,
+        None,
         None,
         format_name,
         len(values),

@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ds47 import spec
 from ds47.acyclic.index47 import Index47
 from ds47.acyclic.pairing import Pairing
 from ds47.acyclic.record_events import RecordEvents
@@ -182,9 +183,10 @@ values = st.lists(
     st.one_of(st.integers(-(2**53), 2**53), st.floats(allow_nan=False, allow_infinity=False), st.text(max_size=5)),
     max_size=4,
 )  # fmt: skip
+rows = [row for all_ in spec.parameters().values() for row in all_.values()]
 errors = st.one_of(st.none(), st.builds(ParameterError, numbers, numbers, numbers, texts))
 parameters_ = st.builds(
-    Parameter, numbers, numbers, texts, numbers, st.booleans(), texts, texts, numbers, values,
+    Parameter, numbers, numbers, texts, numbers, st.sampled_from([None, *rows]), texts, texts, numbers, values,
     st.one_of(st.none(), values), errors,
 )  # fmt: skip
 pairs = st.lists(st.builds(Read, numbers, numbers), max_size=2)

@@ -50,5 +50,5 @@ def test_a_changed_byte_is_named(tmp_path: Path) -> None:
     outcome = check(plan([str(path)], series=False)[0])
     assert outcome.failed
     assert [change.text for change in outcome.changes] == [
-        "transaction 1: p2902[5] was 100.0, is 100.5"
+        "transaction 1: r2902[5] was 100.0, is 100.5"
     ]

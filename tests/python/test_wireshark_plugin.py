@@ -801,7 +801,7 @@ SENTENCES = [
     "0x02 Below or above the value limit",
     "read request ref 0x05, DO 2: p0001[2..4]",
     "write refused ref 0x05: DF80B700 write: access: invalid range",
-    "read request ref 0x06, DO 2: p0001[0], p0002[0], p0003[0], p0004[0], p0005[0], p0006[0], ... and 14 more",
+    "read request ref 0x06, DO 2: p0001[0], r0002[0], p0003[0], p0004[0], p0005[0], p0006[0], ... and 14 more",
     "write accepted ref 0x06",
     "fetch response ref 0x06, DO 2",
     "read partial, DO 2: p0001[0] = 7, "

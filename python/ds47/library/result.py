@@ -29,6 +29,7 @@ from ds47.model import (
 )
 from ds47.profidrive import Options
 from ds47.report import contract, csv, json
+from ds47.report import values as meanings
 from ds47.report.filters import display_filter
 from ds47.report.sentences import error_words, message, sentence
 from ds47.report.targets import Targets
@@ -220,6 +221,11 @@ class Result:
         if isinstance(item, ParameterError):
             return error_words(item, lang)
         return message(item, lang) if isinstance(item, Finding) else sentence(item, lang)
+
+    def meaning(self, item: Parameter, lang: str = "en") -> str | None:
+        """What the values of a parameter mean, where tables or lists say it: `F07900 Motor blocked`."""
+        told = meanings.meaning(item)
+        return None if told is None else told.text(lang)
 
     def filter(self, item: Finding | Diagnosis) -> str:
         """A Wireshark display filter that shows the frames of a finding or a diagnosis."""
