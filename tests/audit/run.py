@@ -14,6 +14,7 @@ from tests.audit import (
     deals,
     described,
     html,
+    meant,
     page,
     pkw,
     pzd,
@@ -57,6 +58,7 @@ def complaints(item: Reading, drives: dict[str, Drive] | None = None) -> Iterato
     memory = Memory(item)
     yield from deals.check(item)
     yield from described.check(item, memory)
+    yield from meant.check(item)
     yield from pkw.check(item)
     yield from pzd.check(item)
     for finding in item.findings:

@@ -60,11 +60,25 @@ local function with_source(side, receiver)
   end
 end
 
+-- Values with texts are keys of a row, and of what a list says: numbers, which JSON has no keys of.
+local function with_values(item)
+  for _, holder in ipairs({ item.listed or {}, item }) do
+    for _, key in ipairs({ "values_en", "values_zh", "told" }) do
+      local texts = {}
+      for value, text in pairs(holder[key] or {}) do
+        texts[tonumber(value)] = text
+      end
+      holder[key] = holder[key] and texts
+    end
+  end
+end
+
 -- Messages and blocks of diagnosis are bytes in a result, and hexadecimal digits in JSON; arguments keep the
 -- point of a float.
 local function as_result(result)
   for _, each in ipairs(result.transactions) do
     each.request, each.response = each.request and unhex(each.request), each.response and unhex(each.response)
+    for _, item in ipairs(each.parameters or {}) do with_values(item) end
     for _, item in ipairs(each.items or {}) do item.value = item.value and unhex(item.value) end
   end
   for _, each in ipairs(result.connections or {}) do

@@ -84,7 +84,10 @@ def learned() -> dict[int, list[str]]:
             scaled = str(item.scaled[0]) if item.scaled and not asked else ""
             number = scaled and shown(float(scaled))
             told = [str(item.described_in[0])] if item.described_in else [""]
-            found[frame] = [item.name or "", item.unit or "", scaled, number, *told]
+            unit = item.unit
+            if asked and item.listed is not None and not item.described_in:
+                unit = item.listed.unit  # whatever type the values of the response have
+            found[frame] = [item.name or "", unit or "", scaled, number, *told]
     return found
 
 

@@ -262,7 +262,7 @@ end)
 
 --- What the values of a parameter mean; nil where they say it themselves.
 function M.meaning(item, lang)
-  local parts = meanings.parts(item, words_in[lang])
+  local parts = meanings.parts(item, words_in[lang or "en"])
   return parts and M.joined(lang, parts) or nil
 end
 

@@ -288,6 +288,7 @@ def _parameter(item: Element, place: str | None) -> dict[str, Any]:
         "error": _error(seen),
         **described.read(item, name),
         **({"described_in": frames} if frames else {}),
+        **({"meaning": seen["meaning"]} if "meaning" in seen else {}),
     }
 
 
