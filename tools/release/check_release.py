@@ -89,11 +89,12 @@ def versions(folder: Path) -> None:
             sys.exit(f"{path} is not of version {version}")
     pyz = run(sys.executable, "-I", "-S", folder / "ds47.pyz", "--version").split()
     bill = json.loads(next(folder.glob("*.cdx.json")).read_text("utf-8"))
+    page = (folder / "ds47.html").read_text("utf-8")[
+        :200_000
+    ]  # its head, in which the version stands once
     told = {
         "ds47.pyz": pyz[1],
-        "ds47.html": _first(
-            r'"version" ?: ?"([\d.]+)"|>([\d.]+)</span>', folder / "ds47.html", version
-        ),
+        "ds47.html": ", ".join(re.findall(r">(\d+\.\d+\.\d+)</span>", page)),
         "bill of materials": bill["metadata"]["component"]["version"],
     }
     for name, found in told.items():
@@ -101,12 +102,6 @@ def versions(folder: Path) -> None:
             sys.exit(f"{name} says version {found}, not {version}")
     if len(bill["components"]) < 5:
         sys.exit("the bill of materials lists too little")
-
-
-def _first(pattern: str, path: Path, version: str) -> str:
-    """The version among all that look like one in a text; else the first."""
-    found = ["".join(each) for each in re.findall(pattern, path.read_text("utf-8")[:200_000])]
-    return version if version in found else (found or ["none"])[0]
 
 
 def wheels(folder: Path, programs: list[str], say: Said) -> None:
@@ -120,9 +115,7 @@ def wheels(folder: Path, programs: list[str], say: Said) -> None:
             tag = re.search(r"-cp3(\d+)-", path.name)
             program = by_series.get(f"3.{tag[1]}") if tag else sys.executable
             if program is None:
-                say(
-                    f"{path.name}: no Python 3.{tag[1] if tag else ''} was named, so it was not installed"
-                )
+                say(f"{path.name}: not installed, no Python of that version was named")
                 continue
             place = Path(scratch, path.stem)
             run(program, "-m", "venv", place)
