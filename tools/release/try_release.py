@@ -209,14 +209,16 @@ def released(names: list[str]) -> None:
         "python": "ds47.pyz", "chromium": "ds47.html", "firefox": "ds47.html",
         "wheelhouse": "ds47-*-wheelhouse.zip", "container": "ds47-*-wheelhouse.zip",
     }  # fmt: skip
-    for pattern in {wanted[name] for name in names}:
-        if len([*DIST.glob(pattern)]) != 1:
-            sys.exit(f"{DIST}: no {pattern}, or several; make release writes it")
     sums = DIST / "SHA256SUMS"
-    for line in sums.read_text("utf-8").splitlines() if sums.exists() else ():
-        digest, name = line.split("  ")
-        if hashlib.sha256((DIST / name).read_bytes()).hexdigest() != digest:
-            sys.exit(f"{DIST / name} is not what {sums.name} says")
+    told = sums.read_text("utf-8").splitlines() if sums.exists() else []
+    listed = dict(reversed(line.split("  ")) for line in told)
+    for pattern in {wanted[name] for name in names}:
+        found = [*DIST.glob(pattern)]
+        if len(found) != 1:
+            sys.exit(f"{DIST}: no {pattern}, or several; make release writes it")
+        digest = hashlib.sha256(found[0].read_bytes()).hexdigest()
+        if told and listed.get(found[0].name) != digest:
+            sys.exit(f"{found[0]} is not what {sums.name} says")
 
 
 def shut_in(names: list[str], roots: Roots) -> int:
