@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from ds47.profidrive import Options
     from ds47.wireshark.tshark import NotReadyError
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"
 __all__ = [
     "Access", "CaptureError", "CaptureFile", "Device", "Diagnosis", "Element", "Finding", "Frames", "LastValue",
     "Message", "MessageFinding", "NotReadyError", "Options", "Parameter", "ParameterError", "Result",
