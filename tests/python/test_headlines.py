@@ -91,7 +91,7 @@ def test_what_differs_is_not_named():
     assert sentence(told) == (
         "r2902 with several subindices or numbers of elements has negative responses: 0x03 Invalid subindex"
     )
-    assert sentence(told, "zh") == "p2902（多个下标或元素数量）得到否定应答：0x03 错误的子索引"
+    assert sentence(told, "zh") == "r2902（多个下标或元素数量）得到否定应答：0x03 错误的子索引"
 
 
 def test_what_nothing_names_may_differ():

@@ -28,6 +28,7 @@ from ds47.lab import message
 from ds47.lab.client import Client
 from ds47.lab.stage import Stage
 from ds47.model import Finding
+from ds47.profidrive.naming import element
 from ds47.report import json as report
 from ds47.report.html.views.findings import groups
 from ds47.report.sentences import sentence
@@ -805,7 +806,9 @@ SENTENCES = [
     "write accepted ref 0x06",
     "fetch response ref 0x06, DO 2",
     "read partial, DO 2: p0001[0] = 7, "
-    + "".join(f"p{n:04}[0]: 0x01 Parameter value cannot be changed (info 2), " for n in range(2, 7))
+    + "".join(
+        f"{element(n, 0)}: 0x01 Parameter value cannot be changed (info 2), " for n in range(2, 7)
+    )
     + "... and 14 more",
 ]
 
