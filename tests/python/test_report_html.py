@@ -9,7 +9,6 @@ import io
 import json
 import os
 import re
-import shlex
 import string
 import sys
 from dataclasses import replace
@@ -24,6 +23,7 @@ from ds47 import spec
 from ds47.analysis import analyze
 from ds47.batch import settings
 from ds47.cli import main
+from ds47.cli.common import shell_word
 from ds47.model import (
     Bus,
     BusStation,
@@ -1028,7 +1028,7 @@ def test_without_the_library_stderr_says_how_this_python_gets_it(
         monkeypatch.setattr(plots, "library", lambda known=None if missing else known: known)
         assert main(words) == 0
         err = capsys.readouterr().err
-        hint = f"{shlex.quote(sys.executable)} -m pip install bokeh"
+        hint = f"{shell_word(sys.executable)} -m pip install bokeh"
         assert (hint in err) is missing
 
 
