@@ -662,7 +662,7 @@ def test_a_limit_that_the_plugin_cannot_have(slow_ms: float) -> None:
 
 
 def test_preferences_are_complete() -> None:
-    """Each preference of the plugin can be given; `ignore` is applied to both engines afterwards."""
+    """Each preference of the plugin can be given; `ignore` and lists are applied to both engines afterwards."""
     text = (ROOT / "dissector/ds47_ws/preferences.lua").read_text(encoding="utf-8")
     there = set(re.findall(r"^  prefs\.(\w+) = Pref", text, re.MULTILINE))
     layouts = (("192.168.0.5", "uss"),)
@@ -680,7 +680,10 @@ def test_preferences_are_complete() -> None:
         ),
     )
     given = engine.preferences(options)
-    assert {each.split(":")[0].removeprefix("ds47.") for each in given} == there - {"ignore"}
+    assert {each.split(":")[0].removeprefix("ds47.") for each in given} == there - {
+        "ignore",
+        "lists",
+    }
     assert "ds47.cyclic:00:1b:1b:11:22:33@8000:0:pkw 00:1f:f8:11:22:33@8001:4:pkw" in given
     assert "ds47.ppos:3=ppo1 4=ppo3" in given
     assert {

@@ -177,15 +177,17 @@ def test_beside_the_plugin_it_is_ours(taken: Path, capsys: pytest.CaptureFixture
 
 
 def shown(path: Path | None, plugin: Path = PLUGIN) -> tuple[list[list[str]], str]:
-    """Names, units and Info of all frames of ds47, and what tshark says beside that."""
+    """Names, units and line of all frames of ds47, and what tshark says beside that."""
     assert TSHARK is not None
     more = [] if path is None else ["-o", f"ds47.lists:{path}"]
-    result = subprocess.run(
-        [TSHARK, "-X", f"lua_script:{plugin}", *more, "-r", str(CAPTURE), "-Y", "ds47", "-T", "fields",
-         "-e", "ds47.name", "-e", "ds47.unit", "-e", "_ws.col.Info"],
-        capture_output=True, encoding="utf-8", check=True,
-    )  # fmt: skip
-    return [line.split("\t") for line in result.stdout.splitlines()], result.stderr
+    command = [TSHARK, "-X", f"lua_script:{plugin}", *more, "-r", str(CAPTURE), "-Y", "ds47"]
+    fields = ["-T", "fields", "-e", "ds47.name", "-e", "ds47.unit"]
+    result, lines = (
+        subprocess.run(each, capture_output=True, encoding="utf-8", check=True)
+        for each in ([*command, *fields], command)  # fields of columns are before plugins in 4.4
+    )
+    rows = zip(result.stdout.splitlines(), lines.stdout.splitlines(), strict=True)
+    return [[*told.split("\t"), line] for told, line in rows], result.stderr
 
 
 @needs_tshark
