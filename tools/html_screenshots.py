@@ -1,8 +1,8 @@
-"""Takes the pictures of the HTML report, the page and the site in docs/images, with the browser of tests/browser.
+"""Takes the pictures of the HTML report, on paper too, the page and the site in docs/images, with Chromium.
 
-Usage: html_screenshots.py [FOLDER]. Needs Chromium with its driver, selenium, bokeh, pngquant and a font with
-Chinese (Debian: chromium, chromium-driver, pngquant, fonts-noto-cjk); for the pictures of page and site
-dist/ds47.html (`make page`) and build/site/html (`make site`).
+Usage: html_screenshots.py [FOLDER]. Needs Chromium with its driver, selenium, bokeh, pngquant, pdftoppm and a font
+with Chinese (Debian: chromium, chromium-driver, pngquant, poppler-utils, fonts-noto-cjk); for the pictures of page
+and site dist/ds47.html (`make page`) and build/site/html (`make site`).
 """
 
 import os
@@ -22,10 +22,21 @@ from ds47.cli import main as ds47  # noqa: E402
 TOUR = "captures/tour-machine.pcapng"
 DRIVE = "captures/cyclic-changed-after-off1.pcapng"
 BUS = "captures/profibus-ppo3-and-records.pcapng"
+STACK = "captures/real-stacks/o1_profinetpy062_be.pcapng"
 LONG = "captures/real-stacks/o3_two_controllers.pcapng"
+TITLE = (
+    "--title",
+    "Press 1",
+    "--order",
+    "4711",
+    "--customer",
+    "Example Press Works",
+    "--author",
+    "A. Engineer",
+)
 PAGE = ROOT / "dist" / "ds47.html"
 SITE = ROOT / "build" / "site" / "html"
-PROGRAMS = {"pngquant": "pngquant", "fc-list": "fontconfig"}
+PROGRAMS = {"pngquant": "pngquant", "pdftoppm": "poppler-utils", "fc-list": "fontconfig"}
 """What is needed besides the browser, with Debian's packages."""
 
 
@@ -69,6 +80,17 @@ def pictures(browser: Browser, pages: dict[str, Path]) -> dict[str, bytes]:
     browser.open(pages["zh"])
     made["report-zh"] = browser.picture()
     return made
+
+
+def on_paper(browser: Browser, page: Path) -> bytes:
+    """The first page of a report as it is printed, A4."""
+    browser.look()
+    browser.open(page)
+    browser.plots()
+    return subprocess.run(
+        ["pdftoppm", "-r", "90", "-png", "-f", "1", "-l", "1", "-"],
+        input=browser.pdf(), capture_output=True, check=True,
+    ).stdout  # fmt: skip
 
 
 def of_the_page(browser: Browser) -> dict[str, bytes]:
@@ -128,9 +150,10 @@ def main() -> int:
             "long": report(Path(work, "long.html"), LONG),
             "drive": report(Path(work, "drive.html"), DRIVE),
             "bus": report(Path(work, "bus.html"), BUS),
+            "stack": report(Path(work, "stack.html"), *TITLE, STACK),
             "zh": report(Path(work, "zh.html"), "--lang", "zh", TOUR),
         }
-        made = pictures(browser, pages)
+        made = pictures(browser, pages) | {"paper": on_paper(browser, pages["stack"])}
         for there, take in ((PAGE, of_the_page), (SITE / "index.html", of_the_site)):
             if there.exists():
                 made |= take(browser)
