@@ -28,6 +28,7 @@ from ds47.capture.scan import ETHERNET, SLL, SLL2
 from ds47.capture.writer import PcapngWriter
 from ds47.cyclic.named import parse
 from ds47.model import CaptureResult, Finding, Transaction
+from ds47.parameters.lists import ParameterList, Row
 from ds47.profibus.bus import PROFIBUS_DL, USER0
 from ds47.profidrive import Options
 from ds47.report import contract, load
@@ -662,7 +663,7 @@ def test_a_limit_that_the_plugin_cannot_have(slow_ms: float) -> None:
 
 
 def test_preferences_are_complete() -> None:
-    """Each preference of the plugin can be given; `ignore` and lists are applied to both engines afterwards."""
+    """Each preference of the plugin can be given; `ignore` comes afterwards, lists with a capture."""
     text = (ROOT / "dissector/ds47_ws/preferences.lua").read_text(encoding="utf-8")
     there = set(re.findall(r"^  prefs\.(\w+) = Pref", text, re.MULTILINE))
     layouts = (("192.168.0.5", "uss"),)
@@ -692,6 +693,23 @@ def test_preferences_are_complete() -> None:
     } <= set(given)  # fmt: skip
     assert {"ds47.indices:3,45104", f"ds47.slow_ms:{limits().slow_ns // 10**6}"} <= set(given)
     assert all(each.split(":")[1] for each in engine.preferences(AnalysisOptions()))
+
+
+def test_lists_of_the_user_count(ready: Callable[..., Engine]) -> None:
+    rows = [
+        Row(21, "Speed now", None, "1/min", None, {}),
+        Row(945, "Faults", None, None, None, {7900: "stalled"}),
+    ]
+    options = AnalysisOptions(lists=(ParameterList("mine", rows=rows),))
+    for name in ("conversation-partial-read", "tour-machine"):
+        path = CAPTURES / f"{name}.pcapng"
+        native = analyze(path, options)
+        wanted = [report.transaction(each) for each in native.transactions]
+        assert any("Speed now" in str(each) or "stalled" in str(each) for each in wanted)
+        for kind in ("tshark", "both"):
+            found = ready(kind, options).analyze(path)
+            assert "DS601" not in {each.rule for each in found.findings}
+            assert [report.transaction(each) for each in found.transactions] == wanted
 
 
 def test_settings_of_the_user_do_not_count(

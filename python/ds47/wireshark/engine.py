@@ -25,6 +25,7 @@ from ds47.capture.writer import PcapngWriter, nearest
 from ds47.findings.collection import Findings
 from ds47.findings.times import FrameTimes
 from ds47.model import SIEMENS, CaptureResult, Finding, Read, Transaction
+from ds47.parameters import table
 from ds47.profibus.bus import LINK_TYPES, PROFIBUS_DL, proves
 from ds47.profibus.telegram import decode
 from ds47.regression.compare import Change, compare
@@ -122,14 +123,19 @@ class Engine:
         result = replace(native, transactions=[], findings=whole, summary={"transactions": 0})
         if not capture.numbers:
             return result, []
-        answer = tshark.ask(self._tshark, extract, self._preferences)
+        chosen = list(self._preferences)
+        if self._options.lists:
+            lists = extract.with_name("parameters.tsv")
+            lists.write_text(table.text(self._options.lists), "utf-8", newline="\n")
+            chosen.append(f"ds47.lists:{lists}")
+        answer = tshark.ask(self._tshark, extract, chosen)
         original = _Original(capture, native)
-        chosen = _of_channels(answer.fields, self._options.channels)
-        findings = [original.finding(each) for each in chosen.findings]
+        shown = _of_channels(answer.fields, self._options.channels)
+        findings = [original.finding(each) for each in shown.findings]
         findings = [each for each in findings if self._findings.wanted(each.rule)]
         result.findings = sorted(findings + whole, key=_place)
         summary, about = {"transactions": 0}, _by_transaction(whole)
-        for item in chosen.transactions:
+        for item in shown.transactions:
             transaction = original.transaction(item)
             known = filter(self._findings.wanted, transaction.findings)
             transaction.findings = sorted({*known, *about.get(transaction.id, ())})
