@@ -5,20 +5,15 @@ It is spoken to by WebDriver BiDi itself, which needs no driver beside it. What 
 
 from __future__ import annotations
 
+import base64
 import json
 import re
 import shutil
-import subprocess
-import tempfile
-from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
-from browser import until
+from spoken import Spoken
 
-PATIENCE = 120.0
-_LISTENS = re.compile(r"WebDriver BiDi listening on (ws://[\d.]+:\d+)")
 _OFFLINE = """\
 user_pref("network.proxy.type", 1);
 user_pref("network.proxy.http", "127.0.0.1");
@@ -37,26 +32,19 @@ def program() -> str | None:
     return shutil.which("firefox-esr") or shutil.which("firefox")
 
 
-class Firefox:
-    """One window without a screen, a network or a profile, of this machine's Firefox or another."""
+class Firefox(Spoken):
+    """A window of this machine's Firefox or another."""
+
+    NAME = "Firefox"
+    LISTENS = re.compile(r"WebDriver BiDi listening on (ws://[\d.]+:\d+)")
 
     def __init__(self, command: list[str] | None = None) -> None:
-        from websocket import create_connection
-
-        found = command or [str(program())]
-        self._profile = tempfile.TemporaryDirectory(prefix="ds47-firefox-")
-        folder = Path(self._profile.name)
-        (folder / "user.js").write_text(_OFFLINE, "utf-8")
-        self._log = (folder / "log").open("w+")
-        self._process = subprocess.Popen(
-            [*found, "--headless", "--no-remote", "--remote-debugging-port", "0", "--profile", str(folder)],
-            stderr=self._log, stdout=subprocess.DEVNULL,
+        super().__init__()
+        (self.folder / "user.js").write_text(_OFFLINE, "utf-8")
+        self.start(
+            [*(command or [str(program())]), "--headless", "--no-remote", "--remote-debugging-port", "0",
+             "--profile", str(self.folder)], "/session",
         )  # fmt: skip
-        self._asked = 0
-        address = self.until(self._address, "Firefox listens")
-        self._socket = create_connection(
-            f"{address}/session", timeout=PATIENCE, suppress_origin=True
-        )
         self.ask("session.new", capabilities={})
         (self._window,) = (
             each["context"] for each in self.ask("browsingContext.getTree")["contexts"]
@@ -65,32 +53,11 @@ class Firefox:
     def __enter__(self) -> Firefox:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._socket.close()
-        self._process.terminate()
-        self._process.wait(30)
-        self._log.close()
-        self._profile.cleanup()
-
-    def _address(self) -> str | None:
-        assert self._process.poll() is None, "Firefox ended"
-        found = _LISTENS.search(Path(self._profile.name, "log").read_text("utf-8", "replace"))
-        return found and found[1]
-
     def ask(self, method: str, **params: Any) -> Any:
         """A command of WebDriver BiDi, and its result."""
-        self._asked += 1
-        self._socket.send(json.dumps({"id": self._asked, "method": method, "params": params}))
-        while True:
-            heard = json.loads(self._socket.recv())
-            if heard.get("id") == self._asked:
-                assert heard["type"] == "success", f"{method}: {heard.get('message')}"
-                return heard["result"]
+        heard = self.answer(method, params)
+        assert heard["type"] == "success", f"{method}: {heard.get('message')}"
+        return heard["result"]
 
     def open(self, page: Path) -> None:
         """Opens a file."""
@@ -117,17 +84,7 @@ class Firefox:
             files=[str(path) for path in paths],
         )  # fmt: skip
 
-    def wait(self, script: str) -> Any:
-        """Waits until an expression is something true."""
-        return self.until(lambda: self.run(script), script)
-
-    def until(self, condition: Callable[[], Any], what: str) -> Any:
-        """Waits for a condition."""
-        return until(condition, what, PATIENCE)
-
     def picture(self, path: Path) -> None:
         """What the window shows."""
-        import base64
-
         told = self.ask("browsingContext.captureScreenshot", context=self._window)
         path.write_bytes(base64.b64decode(told["data"]))

@@ -12,7 +12,7 @@ from ds47.model import CaptureResult, Parameter, Report
 from ds47.report import Options
 from ds47.report import text as text_report
 from ds47.report.formatting import parameter
-from ds47.report.profile import meaning
+from ds47.report.values import meaning
 
 __all__ = ["lua"]  # the fixture
 MEANT = [

@@ -21,14 +21,12 @@ _MOST_NAME = 240
 
 
 def meaning(item: Parameter) -> Both | None:
-    """What the values of a parameter mean; None where they say it themselves.
+    """What values of the profile mean; None of any other parameter, or where they say it themselves.
 
     Args:
-        item: with the values that were read or written.
+        item: with a number, a subindex and values, and no error.
     """
-    if item.attribute != "value" or item.pnu is None or item.subindex is None or not item.values:
-        return None
-    if item.error is not None:
+    if item.pnu not in NUMBERS or item.subindex is None:
         return None
     if item.pnu in (964, 974, 975):
         found = list(_elements(item.pnu, item.subindex, item.values))
