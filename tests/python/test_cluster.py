@@ -23,6 +23,7 @@ from typing import Any
 import pytest
 from batch_products import Names
 
+from ds47 import __version__
 from ds47.analysis import analyze
 from ds47.batch.cluster import Cluster as Runner
 from ds47.batch.tasks import Source, Task
@@ -325,7 +326,7 @@ def test_workers_of_another_version(
     status, _, problems = run(capsys, folder, "--scheduler", cluster.address)
     assert status == 2
     assert len(problems) == 1
-    assert "has ds47 0." in problems[0]
+    assert f"has ds47 {__version__}" in problems[0]
     assert "this is 99.0: install the same version there" in problems[0]
 
 
@@ -336,7 +337,7 @@ def test_a_worker_that_comes_later_with_another_version(
     monkeypatch.setattr("ds47.batch.cluster.Cluster._check_workers", lambda *_: None)
     status, _, problems = run(capsys, folder, "--scheduler", cluster.address)
     assert status == 2
-    assert problems[-1].startswith("Error: a Dask worker has no ds47 99.0: there is 0.")
+    assert problems[-1].startswith(f"Error: a Dask worker has no ds47 99.0: there is {__version__}")
 
 
 def test_without_dask(capsys: Any, folder: Path, monkeypatch: Any) -> None:
