@@ -23,7 +23,8 @@ NUMBERS = sorted({0, 7, 999, 1000, 9999, 10000, LARGEST, *spec.parameters()})
         (964, "r0964"),
         (922, "p0922"),
         (1120, "p1120"),
-        (61000, "p61000"),
+        (61000, "61000"),
+        (59999, "p59999"),
     ],
 )
 def test_numbers_are_printed_as_manuals_have_them(number, text):
@@ -36,7 +37,7 @@ def test_what_is_printed_is_read_back(number):
     text = spelling(number)
     found = spelled(text)
     assert found is not None
-    assert (found.number, found.letter) == (number, text[0])
+    assert (found.number, found.letter) == (number, text[0] if number < 60000 else None)
     forms = (text, text.upper(), f"p{number}", f"r{number}", f"PNU{number}", str(number))
     assert {parse_request_line(f"read {each}").addresses[0].pnu for each in forms} == {number}
 

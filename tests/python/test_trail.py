@@ -96,7 +96,7 @@ def test_what_the_first_transaction_of_a_connection_reads_is_known(captures, cap
         (["--to", "0.5"], ["p50304[0]"]),
         (["--state", "ok", "--state", "error"], ["p50304[0]", "p50076[1]"]),
         (["--rule", "DS719"], ["p50076[1]"]),
-        (["--device", "PRESS-1-DRIVE", "--pnu", "50303"], ["p50303[0]", "p50303[0]"]),
+        (["--device", "PRESS-1-DRIVE", "--pnu", "p50303[0]"], ["p50303[0]", "p50303[0]"]),
         (["-t", "5-6"], ["p50303[0]", "p50076[1]"]),
     ],
 )

@@ -10,8 +10,11 @@ local format = string.format
 
 local M = {}
 
---- A number as it is printed: `p0010`, `r0945`, `p50303`.
+local BARE = 60000 -- from here on numbers are those of profiles, which have no letter
+
+--- A number as it is printed: `p0010`, `r0945`, `p50303`, `61000`.
 function M.spelling(number)
+  if number >= BARE then return format("%d", number) end
   return format(tables.read_only[number] and "r%04d" or "p%04d", number)
 end
 

@@ -16,6 +16,7 @@ import click
 from ds47.cli.common import shell_word
 from ds47.cli.options import known_rules
 from ds47.model import STATES
+from ds47.profidrive import naming
 from ds47.report.selection import Selection
 from ds47.report.zones import Zone
 from ds47.spec.units import SECOND_NS
@@ -24,6 +25,19 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 _DAY = 86_400
 _DAYS = 366
 """Days of a capture in which a time of day is looked for."""
+
+
+class _Number(click.ParamType):  # type: ignore[type-arg]  # no generic before click 8.2
+    """The number of a parameter in any spelling; an index behind it, as reports have it, means nothing."""
+
+    name = "parameter"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        found = naming.spelled(str(value))
+        if found is None:
+            self.fail(f"{value!r} is no parameter such as 1120, p1120 or r0945", param, ctx)
+        return found.number
+
 
 _OPTIONS = (
     click.option(
@@ -43,7 +57,8 @@ _OPTIONS = (
         help="Number of a drive object, where the capture proves which one is asked.",
     ),
     click.option(
-        "--pnu", "pnus", multiple=True, type=click.IntRange(0, 0xFFFF), metavar="N", help="Number of a parameter."
+        "--pnu", "pnus", multiple=True, type=_Number(), metavar="N",
+        help="A parameter: 1120, p1120 or r0945, with or without an index.",
     ),
     click.option(
         "--station", "--controller", "stations", multiple=True, metavar="STATION",

@@ -12,6 +12,8 @@ from typing import NamedTuple
 from ds47 import spec
 
 LARGEST = 0xFFFF
+BARE = 60000
+"""From here on numbers are those of profiles, which have no letter."""
 _FORM = re.compile(
     r"(?:(?P<letter>[pr])|pnu\.?)? ?0*(?P<number>\d{1,5})"
     r"(?:[\[.](?P<subindex>\d{1,5})(?:(?:\.\.\.?|-)[\w-]*)?\]?)?",
@@ -44,7 +46,9 @@ def spelled(text: str) -> Spelled | None:
 
 
 def spelling(number: int) -> str:
-    """A number as it is printed: `p0010`, `r0945`, `p50303`; lua/ds47/profidrive/naming.lua does the same."""
+    """A number as it is printed: `p0010`, `r0945`, `p50303`, `61000` (also lua/ds47/profidrive/naming.lua)."""
+    if number >= BARE:
+        return str(number)
     return f"{'r' if number in spec.read_only() else 'p'}{number:04}"
 
 

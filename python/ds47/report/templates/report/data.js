@@ -79,8 +79,9 @@ class Capture {
     return us === undefined ? "" : this.clock.at(us) || `${this.clock.since(us)} s`;
   }
 
-  /** The number of a parameter as it is printed: `p0010`, `r0945`. */
+  /** The number of a parameter as it is printed: `p0010`, `r0945`, `61000`. */
   spelling(pnu) {
+    if (pnu >= 60000) return String(pnu);
     return (this.read_only.includes(pnu) ? "r" : "p") + String(pnu).padStart(4, "0");
   }
 
