@@ -29,7 +29,8 @@ GLOBAL = {964, 974, 976, 977, 978, 61000, 61001, 61002, 61003, 61004}
 STRINGS = {"VisibleString": 1, "OctetString": 2, "BitString": 2, "OctetString_S": 2}
 LINE = re.compile(
     r"  (?P<device>\S+(?: / \S+)?)(?: DO (?P<do>\d+))?(?: slot (?P<slot>\d+)\.(?P<subslot>\d+))?"
-    r"(?: axis (?P<axis>\d+))?(?P<local> \(0xB02E\))? [pr]0*(?P<pnu>\d+)\[(?P<first>\d+)(?:\.\.(?P<last>\d+))?\]"
+    r"(?: axis (?P<axis>\d+))?(?P<local> \(0xB02E\))?"
+    r" (?:[pr]0*)?(?P<pnu>\d+)\[(?P<first>\d+)(?:\.\.(?P<last>\d+))?\]"
     r" (?P<operation>read|change)  A: (?P<a>.*); B: (?P<b>.*)"
 )
 VALUES = re.compile(r"(\d+) x(?: accepted)?(?:, (\d+) different values, the last)? :?=? ?(.*)")
@@ -341,8 +342,8 @@ CONCLUSION = re.compile(
     r"(?: axis (?P<axis>\d+))?(?P<local> \(0xB02E\))?: (?P<claim>[^:]+): (?P<parameters>.*)"
 )
 NAMED = re.compile(
-    r"[pr]0*(?P<pnu>\d+)\[(?P<first>\d+)(?:\.\.(?P<last>\d+))?\]"
-    r" (?P<about>.*?)(?=, [pr]\d+\[|, \d+ more elements?$|$)"
+    r"(?:[pr]0*)?(?P<pnu>\d+)\[(?P<first>\d+)(?:\.\.(?P<last>\d+))?\]"
+    r" (?P<about>.*?)(?=, [pr]?\d+\[|, \d+ more elements?$|$)"
 )
 CLAIMS = {
     "changes that A shows accepted fail in B": ("change", True, False),

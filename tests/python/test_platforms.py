@@ -137,7 +137,7 @@ sys.exit(main(sys.argv[1:]))
 GONE = (
     "fork", "forkpty", "geteuid", "getuid", "getgid", "getegid", "getgroups", "setsid", "getpgrp", "tcgetpgrp",
     "sched_getaffinity", "statvfs", "mkfifo", "uname", "killpg", "chown", "lchown", "getloadavg", "sysconf",
-    "O_NOFOLLOW", "O_CLOEXEC", "O_NONBLOCK", "ST_RDONLY", "posix_fadvise", "POSIX_FADV_SEQUENTIAL",
+    "O_NOFOLLOW", "O_CLOEXEC", "ST_RDONLY", "posix_fadvise", "POSIX_FADV_SEQUENTIAL",
     "pread", "preadv", "sendfile", "fchmod", "wait4", "openpty", "ttyname",
 )  # fmt: skip
 SIGNALS = (
