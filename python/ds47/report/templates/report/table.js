@@ -205,12 +205,13 @@ class Table {
 function finder(part) {
   const [, pnu, rest] = /^[pr]0*(\d+)(.*)$/.exec(part) || [];
   if (pnu === undefined) return (text) => text.includes(part);
+  const number = `\\b[pr]${Number(pnu) < 60000 ? "" : "?"}0*${pnu}`;
   const [, element] = /^\[0*(\d+)\]$/.exec(rest) || [];
   if (element === undefined) {
-    const spelled = new RegExp(`\\b[pr]?0*${pnu}${rest.replace(/[^\w ]/g, "\\$&")}`);
+    const spelled = new RegExp(`${number}${rest.replace(/[^\w ]/g, "\\$&")}`);
     return (text) => text.includes(part) || spelled.test(text);
   }
-  const runs = new RegExp(`\\b[pr]?0*${pnu}\\[(\\d+)(?:\\.\\.(\\d+))?\\]`, "g");
+  const runs = new RegExp(`${number}\\[(\\d+)(?:\\.\\.(\\d+))?\\]`, "g");
   const has = ([, from, to = from]) => Number(from) <= Number(element) && Number(element) <= Number(to);
   return (text) => text.includes(part) || [...text.matchAll(runs)].some(has);
 }
