@@ -69,17 +69,9 @@ def built(program: str) -> Path:
         python = environment(pins.BUILD / f"python-{version}", program, "\n".join(lines) + "\n")
     folder = pins.BUILD / f"compiled-{version}"
     shutil.rmtree(folder, ignore_errors=True)
-    command = [
-        str(python),
-        "-m",
-        "hatchling",
-        "build",
-        "--target",
-        "wheel",
-        "--directory",
-        str(folder),
-    ]
-    subprocess.run(command, check=True, cwd=pins.ROOT, env={**os.environ, "DS47_COMPILE": "1"})
+    subprocess.run(
+        pins.building(python, folder), check=True, cwd=pins.ROOT, env={**os.environ, "DS47_COMPILE": "1"}
+    )  # fmt: skip
     return pins.wheel(folder, "ds47")
 
 

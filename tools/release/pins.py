@@ -75,13 +75,10 @@ def wheel(folder: Path, name: str) -> Path:
     return found[-1]
 
 
-def own() -> Path:
-    """Our wheel of this checkout, in which nothing is compiled: it runs wherever Python does."""
-    folder = BUILD / "own"
-    for old in folder.glob("*.whl"):
-        old.unlink()
-    command = [
-        sys.executable,
+def building(python: str | Path, folder: Path) -> list[str]:
+    """The command that builds the wheel of this checkout into a folder."""
+    return [
+        str(python),
         "-m",
         "hatchling",
         "build",
@@ -90,8 +87,16 @@ def own() -> Path:
         "--directory",
         str(folder),
     ]
+
+
+def own() -> Path:
+    """Our wheel of this checkout, in which nothing is compiled: it runs wherever Python does."""
+    folder = BUILD / "own"
+    for old in folder.glob("*.whl"):
+        old.unlink()
     done = subprocess.run(
-        command, cwd=ROOT, capture_output=True, text=True, env={**os.environ, "DS47_COMPILE": "0"}
+        building(sys.executable, folder), cwd=ROOT, capture_output=True, text=True,
+        env={**os.environ, "DS47_COMPILE": "0"},
     )  # fmt: skip
     if done.returncode:
         sys.exit(f"the wheel was not built:\n{done.stderr}")

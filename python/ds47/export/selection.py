@@ -55,13 +55,10 @@ def choose(
     wanted, targets = Wanted(result, selection), Targets(result.transactions)
     wanted.check()
     chosen = Chosen(ips=wanted.ips, macs=wanted.macs)
-    findings: dict[int | None, list[Finding]] = {}
-    for finding in result.findings:
-        findings.setdefault(finding.transaction, []).append(finding)
     for transaction in result.transactions:
-        own = findings.get(transaction.id, [])
-        if not selection.by_frame and not wanted.transaction(transaction, own):
+        if not selection.by_frame and not wanted.transaction(transaction):
             continue
+        own = wanted.findings.get(transaction.id, [])
         chosen.transactions.append(transaction)
         _note_transaction(chosen, transaction, targets.place(transaction))
         _note_findings(chosen, own, names)
@@ -71,7 +68,7 @@ def choose(
             chosen.frames.update(each.frame for each in own)
     if not selection.by_frame:
         _add_descriptions(result, chosen)
-    _lonely(chosen, findings.get(None, []), selection, names)
+    _lonely(chosen, wanted.findings.get(None, []), selection, names)
     return chosen
 
 

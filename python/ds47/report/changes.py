@@ -7,7 +7,7 @@ import json
 from collections.abc import Iterator, Sequence
 from typing import Any, TextIO
 
-from ds47.model import PKW, CaptureResult, Finding
+from ds47.model import PKW, CaptureResult
 from ds47.profidrive.drive_objects import Identity
 from ds47.profidrive.naming import element
 from ds47.report.bilingual import say
@@ -40,9 +40,6 @@ def _chosen(result: CaptureResult, selection: Selection) -> tuple[list[dict[str,
     """The changes that are wanted, with the keys COLUMNS; how many more may be: their drive object is unproved."""
     wanted, targets = Wanted(result, selection), Targets(result.evidence)
     stations = {each.ip: each.station for each in result.devices}
-    told: dict[int | None, list[Finding]] = {}
-    for each in result.findings:
-        told.setdefault(each.transaction, []).append(each)
     whole = known().global_pnus  # of the device, whatever drive object is asked
     found, unproved = [], 0
     for change in trail(result).changes:
@@ -51,8 +48,8 @@ def _chosen(result: CaptureResult, selection: Selection) -> tuple[list[dict[str,
             continue
         row = _row(change, targets, stations) | {"path": result.path}
         if selection.drive_objects and row["drive_object"] is None:
-            unproved += change.pnu not in whole and wanted.unproved(item, told.get(item.id, ()))
-        elif wanted.transaction(item, told.get(item.id, ())):
+            unproved += change.pnu not in whole and wanted.unproved(item)
+        elif wanted.transaction(item):
             found.append({name: row[name] for name in COLUMNS})
     return found, unproved
 

@@ -13,12 +13,13 @@ from operator import attrgetter
 from typing import Any, NamedTuple
 
 from ds47 import model
+from ds47.profidrive.dictionary import listed
 from ds47.report import descriptions
 from ds47.report import values as meanings
 from ds47.report.bilingual import LANGUAGES
 from ds47.report.filters import display_filter
 from ds47.report.sentences import error_words, message, name, sentence
-from ds47.spec import cyclic, parameter, parameters, profibus, s7
+from ds47.spec import cyclic, parameters, profibus, s7
 from ds47.spec.units import duration, nanoseconds, timestamp
 
 Tell = Callable[[Any, str], Any]
@@ -235,7 +236,7 @@ def _parameter(**arguments: Any) -> model.Parameter:
     pnu = arguments["pnu"]
     row = own = None
     if pnu is not None and name_ is not None:
-        row = parameter(pnu, "sinamics" if vendor_id == model.SIEMENS else "profile")
+        row = listed(pnu, vendor_id)
         rows = parameters().get(pnu, {}).values() if row is None else (row,)
         own = next((each for each in rows if name_ in (each.name_en, each.name_zh)), None)
     given = name_ if own is None else None

@@ -36,15 +36,12 @@ def narrowed(result: CaptureResult, selection: Selection, criteria: str) -> Capt
         criteria: the same in words, as options of the command line.
     """
     wanted = Wanted(result, selection)
-    own: dict[int | None, list[Finding]] = {}
-    for each in result.findings:
-        own.setdefault(each.transaction, []).append(each)
     transactions, unproved = [], 0
     for item in result.transactions:
-        if wanted.transaction(item, own.get(item.id, [])):
+        if wanted.transaction(item):
             transactions.append(item)
         else:
-            unproved += wanted.unproved(item, own.get(item.id, []))
+            unproved += wanted.unproved(item)
     part = _Part(result, selection, wanted, transactions)
     findings = part.findings()
     return replace(

@@ -77,6 +77,10 @@ class Wanted:
 
     def __init__(self, result: CaptureResult, selection: Selection) -> None:
         self._result, self._selection = result, selection
+        self.findings: dict[int | None, list[Finding]] = {}
+        """By transaction; under None those of no transaction."""
+        for each in result.findings:
+            self.findings.setdefault(each.transaction, []).append(each)
         self._partners = _partners(result)
         self.ips: set[str] = set()
         """Of the devices; empty for all."""
@@ -121,25 +125,25 @@ class Wanted:
         """What there is: `there are 192.168.0.5 (press-1), 192.168.0.6`."""
         return there_are(names(self._result))
 
-    def transaction(self, item: Transaction, findings: Iterable[Finding]) -> bool:
-        """Whether a transaction with these findings is wanted."""
-        return self._fits(item, findings) and (
+    def transaction(self, item: Transaction) -> bool:
+        """Whether a transaction is wanted."""
+        return self._fits(item) and (
             self._targets is None
             or self._targets.drive_object(item) in self._selection.drive_objects
         )
 
-    def unproved(self, item: Transaction, findings: Iterable[Finding]) -> bool:
+    def unproved(self, item: Transaction) -> bool:
         """Whether it would be wanted if its drive object were the one that is; nothing proves which it is."""
         return (
             self._targets is not None
             and item.channel != S7
             and self._targets.drive_object(item) is None
-            and self._fits(item, findings)
+            and self._fits(item)
         )
 
-    def _fits(self, item: Transaction, findings: Iterable[Finding]) -> bool:
+    def _fits(self, item: Transaction) -> bool:
         """Whether all but the drive object is as it is wanted."""
-        asked = self._selection
+        asked, findings = self._selection, self.findings.get(item.id, ())
         return (
             (
                 not asked.transactions

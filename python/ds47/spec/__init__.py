@@ -423,10 +423,17 @@ def _row(number: int, family: str) -> Pnu:
 
 def parameter(number: int, family: str = "profile") -> Pnu | None:
     """What a number is on drives of a family: "sinamics", "micromaster" or, of all others, "profile"."""
-    rows = parameters().get(number)
-    if rows is None:
-        return None
-    return next((rows[each] for each in FAMILIES[family] if each in rows), None)
+    return _of_family(family).get(number)
+
+
+@cache
+def _of_family(family: str) -> Mapping[int, Pnu]:
+    """What numbers are on drives of a family."""
+    found: dict[int, Pnu] = {}
+    for number, rows in parameters().items():
+        if row := next((rows[each] for each in FAMILIES[family] if each in rows), None):
+            found[number] = row
+    return MappingProxyType(found)
 
 
 def of_families(number: int) -> list[Pnu]:
@@ -443,10 +450,15 @@ def usual(number: int) -> Pnu | None:
     return next((row for row in rows if row.type != "unknown"), rows[0] if rows else None)
 
 
-@cache
 def changes_itself(number: int) -> bool:
     """Whether the drives of any family change a parameter themselves."""
-    return any(row.volatile for row in parameters().get(number, {}).values())
+    return number in _changing()
+
+
+@cache
+def _changing() -> frozenset[int]:
+    rows = ((number, row) for number, all_ in parameters().items() for row in all_.values())
+    return frozenset(number for number, row in rows if row.volatile)
 
 
 @cache

@@ -2,6 +2,7 @@
 
 const root = document.documentElement;
 const SVG = "http://www.w3.org/2000/svg";
+const BARE = 60000; // from here on numbers of parameters have no letter (ds47.profidrive.naming)
 
 /** An element with attributes and children; text always becomes text, never markup. */
 function el(name, attributes = {}, ...children) {

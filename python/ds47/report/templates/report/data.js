@@ -81,7 +81,7 @@ class Capture {
 
   /** The number of a parameter as it is printed: `p0010`, `r0945`, `61000`. */
   spelling(pnu) {
-    if (pnu >= 60000) return String(pnu);
+    if (pnu >= BARE) return String(pnu);
     return (this.read_only.includes(pnu) ? "r" : "p") + String(pnu).padStart(4, "0");
   }
 

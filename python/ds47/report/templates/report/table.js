@@ -205,7 +205,7 @@ class Table {
 function finder(part) {
   const [, pnu, rest] = /^[pr]0*(\d+)(.*)$/.exec(part) || [];
   if (pnu === undefined) return (text) => text.includes(part);
-  const number = `\\b[pr]${Number(pnu) < 60000 ? "" : "?"}0*${pnu}`;
+  const number = `\\b[pr]${Number(pnu) < BARE ? "" : "?"}0*${pnu}`;
   const [, element] = /^\[0*(\d+)\]$/.exec(rest) || [];
   if (element === undefined) {
     const spelled = new RegExp(`${number}${rest.replace(/[^\w ]/g, "\\$&")}`);
