@@ -35,7 +35,7 @@
 
 PYTHON ?= $(shell tools/find-python.sh)
 ARGS ?=
-PARALLEL ?= -n auto --dist loadfile
+PARALLEL ?= -n auto --dist loadfile --no-loadscope-reorder
 BENCH ?=
 N ?= 300
 SEED ?= 1

@@ -9,7 +9,8 @@ each fed with the plain Python files themselves:
 
 They are fetched only then. Where one of them or the C compiler fails, the build fails and says why. The wheel
 always gets the tables of `ds47/spec` as JSON too, because TOML takes longer to parse than a small capture to
-analyse.
+analyse. DS47_COMPILE_LEVEL=0 tells the C compiler of the record path not to optimise, which takes half the time:
+for tests, which ask whether both packages say the same.
 
 `python hatch_build.py FOLDER PART` compiles a part of the copy of `ds47` in FOLDER in place.
 
@@ -69,6 +70,11 @@ COMPILERS = ["Cython>=3.1", "mypy>=1.15", "setuptools>=77"]
 _FLAGS = [] if sys.platform == "win32" else ["-O3", "-g0"]
 
 
+def level() -> str:
+    """What the C compiler of the record path is told by -O: 0 to 3."""
+    return os.environ.get("DS47_COMPILE_LEVEL", "2")
+
+
 def tables(spec: Path) -> str:
     """The tables of `ds47/spec`, a line for each file: `{"NAME": CONTENT}`. Nobody needs all of them."""
     lines = [
@@ -84,7 +90,7 @@ def tables(spec: Path) -> str:
 
 def digest(sources: Path) -> str:
     """A name for what the compilers would make of the package `sources`."""
-    found = hashlib.sha256(sysconfig.get_platform().encode() + sys.version.encode())
+    found = hashlib.sha256(f"{sysconfig.get_platform()} {sys.version} {level()}".encode())
     for pattern in READ:
         for file in sorted(sources.glob(pattern)):
             found.update(file.read_bytes())
@@ -145,7 +151,10 @@ def compile_part(folder: Path, part: str) -> None:
         os.environ["MYPYPATH"] = str(folder)
         # what else they import is the type checker's business, not the build's
         extensions = mypycify(
-            ["--follow-imports=silent", *paths], opt_level="2", debug_level="0", group_name="ds47"
+            ["--follow-imports=silent", *paths],
+            opt_level=level(),
+            debug_level="0",
+            group_name="ds47",
         )
     setup(
         name="ds47-compiled",

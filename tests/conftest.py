@@ -9,6 +9,7 @@ import shutil
 import signal
 import subprocess
 import time
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,8 +17,9 @@ import pytest
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 
-# Wheels that tests build stay plain Python: compiling takes minutes, and CI does it once.
+# Wheels that tests build stay plain Python: compiling takes minutes, and CI does it once, without optimising.
 os.environ.setdefault("DS47_COMPILE", "0")
+os.environ.setdefault("DS47_COMPILE_LEVEL", "0")
 
 # Times of day are those of this machine unless somebody asks for others: tests have one machine.
 os.environ["TZ"] = "UTC"
@@ -40,6 +42,25 @@ def pytest_runtest_teardown() -> None:
     if not gc.isenabled():
         gc.unfreeze()
         gc.enable()
+
+
+LONG = (
+    "test_compiled.py", "test_wireshark_vectors.py", "test_lua_analysis.py", "test_one_page.py",
+    "test_cyclic_scenes.py", "test_engine.py", "test_wheelhouse.py", "test_audit.py", "test_lua_s7.py",
+    "test_folders.py", "test_profibus_master.py", "test_wireshark_s7_plugin.py",
+)  # fmt: skip
+"""Files that take the longest, the longest first."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Long files first, then those of many tests: at the end no core waits for another's long file."""
+    many = Counter(item.path for item in items)
+
+    def rank(item: pytest.Item) -> tuple[int, int]:
+        name = item.path.name
+        return (LONG.index(name) if name in LONG else len(LONG)), -many[item.path]
+
+    items.sort(key=rank)
 
 
 def _missing(what: str) -> None:
