@@ -17,11 +17,20 @@ import pytest
 from ds47.capture import scan
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
+import shares
 
 # Lists that whoever runs the tests took in name no parameter here.
 os.environ["DS47_PARAMS"] = str(Path(__file__).with_name("no lists"))
 
 SOURCE = Path(scan.__file__).with_name("scan.py")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Where a run takes a part of the captures (tools/matrix.py), the tests of the others are left out."""
+    kept = shares.own(items) if shares.parts() > 1 else items
+    if len(kept) < len(items):
+        config.hook.pytest_deselected(items=[item for item in items if item not in set(kept)])
+        items[:] = kept
 
 
 @pytest.fixture(scope="session")

@@ -12,7 +12,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-from shares import parts, share
+from shares import MANY, parts, share
 
 posix = pytest.mark.skipif(os.name != "posix", reason="shell scripts")
 
@@ -168,3 +168,31 @@ def test_the_parts_of_the_matrix_are_the_whole(monkeypatch: pytest.MonkeyPatch, 
         assert parts() == of
         found += share(items)
     assert sorted(found) == items
+
+
+def test_tests_of_many_captures_are_divided_and_no_others(repository: Path) -> None:
+    file = "tests/python/test_wireshark_packet_menu.py"
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "--collect-only",
+        "-p",
+        "no:cacheprovider",
+        file,
+    ]
+
+    def collected(part: str) -> set[str]:
+        environment = os.environ | {"DS47_SHARE": part}
+        run = subprocess.run(
+            command, cwd=repository, env=environment, capture_output=True, text=True, check=True
+        )
+        return {line for line in run.stdout.splitlines() if "::" in line}
+
+    whole, several = collected("0/1"), [collected(f"{part}/3") for part in range(3)]
+    assert set.union(*several) == whole
+    divided = {test for test in whole if "test_filters_show_what_they_say[" in test}
+    assert len(divided) >= MANY
+    assert set.intersection(*several) == whole - divided
+    assert sum(len(part & divided) for part in several) == len(divided)
