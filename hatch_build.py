@@ -9,8 +9,8 @@ each fed with the plain Python files themselves:
 
 They are fetched only then. Where one of them or the C compiler fails, the build fails and says why. The wheel
 always gets the tables of `ds47/spec` as JSON too, because TOML takes longer to parse than a small capture to
-analyse. DS47_COMPILE_LEVEL=0 tells the C compiler of the record path not to optimise, which takes half the time:
-for tests, which ask whether both packages say the same.
+analyse. DS47_COMPILE_LEVEL=0 tells the C compiler not to optimise, which takes half the time: for tests, which ask
+whether both packages say the same.
 
 `python hatch_build.py FOLDER PART` compiles a part of the copy of `ds47` in FOLDER in place.
 
@@ -67,12 +67,11 @@ DIRECTIVES = {
 }
 MOST_SECONDS = 1800
 COMPILERS = ["Cython>=3.1", "mypy>=1.15", "setuptools>=77"]
-_FLAGS = [] if sys.platform == "win32" else ["-O3", "-g0"]
 
 
-def level() -> str:
-    """What the C compiler of the record path is told by -O: 0 to 3."""
-    return os.environ.get("DS47_COMPILE_LEVEL", "2")
+def level(usual: str) -> str:
+    """How much the C compiler optimises, 0 to 3: as usual, or as somebody asks for."""
+    return os.environ.get("DS47_COMPILE_LEVEL", usual)
 
 
 def tables(spec: Path) -> str:
@@ -90,7 +89,7 @@ def tables(spec: Path) -> str:
 
 def digest(sources: Path) -> str:
     """A name for what the compilers would make of the package `sources`."""
-    found = hashlib.sha256(f"{sysconfig.get_platform()} {sys.version} {level()}".encode())
+    found = hashlib.sha256(f"{sysconfig.get_platform()} {sys.version} {level('')}".encode())
     for pattern in READ:
         for file in sorted(sources.glob(pattern)):
             found.update(file.read_bytes())
@@ -142,7 +141,8 @@ def compile_part(folder: Path, part: str) -> None:
 
         path = f"ds47/{BYTES[part]}.py"
         module = f"ds47.{BYTES[part].replace('/', '.')}"
-        extension = Extension(module, [path], extra_compile_args=_FLAGS)
+        flags = [] if sys.platform == "win32" else [f"-O{level('3')}", "-g0"]
+        extension = Extension(module, [path], extra_compile_args=flags)
         extensions = cythonize([extension], compiler_directives=DIRECTIVES, quiet=True)
     else:
         from mypyc.build import mypycify
@@ -152,7 +152,7 @@ def compile_part(folder: Path, part: str) -> None:
         # what else they import is the type checker's business, not the build's
         extensions = mypycify(
             ["--follow-imports=silent", *paths],
-            opt_level=level(),
+            opt_level=level("2"),
             debug_level="0",
             group_name="ds47",
         )

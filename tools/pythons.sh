@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Run the tests of the analyzer on newer Pythons than the one that everything else runs on. Those of the plugin
-# (test_wireshark_*, test_lua_*), of pages in a browser, of the auditor and of the documentation are left out: what
+# (test_wireshark_*, test_lua_*), of pages in a browser, of the auditor, the documentation and the tools are left out: what
 # they look at does not depend on the Python that starts them, or is compared byte for byte by the others.
 #
 #   tools/pythons.sh [--must] [SUITE...] [-- what pytest is told]
@@ -68,7 +68,7 @@ while read -r version program; do
     echo "== Python $version"
     make --no-print-directory VENV="$venv" PYTHON="$program" venv
     left_out=()
-    for pattern in wireshark_ lua_ audit readme site diagnoses.py; do left_out+=("--ignore-glob=*/test_$pattern*"); done
+    for pattern in wireshark_ lua_ audit readme site diagnoses.py upstream matrix_tools house; do left_out+=("--ignore-glob=*/test_$pattern*"); done
     "$venv/bin/python" -m pytest --ignore=tests/browser "${left_out[@]}" "$@" || failed=1
 done <<<"$lines"
 exit "$failed"

@@ -5,10 +5,13 @@ And the scan twice, whatever is installed: plain and compiled.
 
 from __future__ import annotations
 
+import hashlib
 import importlib.util
 import os
+import shutil
 import subprocess
 import sys
+import sysconfig
 from pathlib import Path
 from types import ModuleType
 
@@ -44,28 +47,38 @@ def compiled_scan(repository: Path, tmp_path_factory: pytest.TempPathFactory) ->
     """scan.py compiled: as it is installed, or made here where there is a compiler."""
     if scan.COMPILED:
         return scan
-    folder = tmp_path_factory.mktemp("compiled")
-    (folder / "ds47" / "capture").mkdir(parents=True)
-    for part in ("__init__.py", "capture/scan.py", "capture/scan.pxd"):
-        content = (
-            b""
-            if part.endswith("__init__.py")
-            else SOURCE.parent.parent.joinpath(part).read_bytes()
-        )
-        (folder / "ds47" / part).write_bytes(content)
-    (folder / "ds47" / "capture" / "__init__.py").touch()
+    sources = (repository / "hatch_build.py", SOURCE, SOURCE.with_suffix(".pxd"))
+    about = (
+        f"{sysconfig.get_platform()} {sys.version} {os.environ.get('DS47_COMPILE_LEVEL')}".encode()
+    )
+    digest = hashlib.sha256(b"".join([about, *(each.read_bytes() for each in sources)])).hexdigest()
+    kept = repository / "build" / "scan" / digest[:16]
+    if not kept.exists():
+        made = _compile(repository, tmp_path_factory.mktemp("compiled"))
+        if not kept.exists():  # else another process was faster
+            kept.parent.mkdir(parents=True, exist_ok=True)
+            shutil.move(made, kept)
+    (library,) = (each for each in kept.iterdir() if each.suffix in (".so", ".pyd"))
+    module = _load("ds47.capture.scan", library)
+    assert module.COMPILED
+    return module
+
+
+def _compile(repository: Path, folder: Path) -> Path:
+    """The folder with the library that is made of scan.py in `folder`; the test is skipped where there is none."""
+    place = folder / "ds47" / "capture"
+    place.mkdir(parents=True)
+    for empty in (place.parent, place):
+        (empty / "__init__.py").touch()
+    for source in (SOURCE, SOURCE.with_suffix(".pxd")):
+        shutil.copy(source, place)
     command = [sys.executable, str(repository / "hatch_build.py"), str(folder), "scan"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
-    made = [
-        each for each in (folder / "ds47" / "capture").iterdir() if each.suffix in (".so", ".pyd")
-    ]
-    if not made:
+    if not any(each.suffix in (".so", ".pyd") for each in place.iterdir()):
         if os.environ.get("DS47_CI") == "1":
             pytest.fail(f"scan.py does not compile: {done.stderr[-2000:]}", pytrace=False)
         pytest.skip("no Cython or no C compiler")
-    module = _load("ds47.capture.scan", made[0])
-    assert module.COMPILED
-    return module
+    return place
 
 
 def _load(name: str, path: Path) -> ModuleType:
