@@ -172,7 +172,7 @@ end
 -- Words of PKW in a frame in which none of them changed, where somebody looks at it.
 local function show_standing(tvb, number, tree, frame, place)
   for _, each in ipairs(track.standing(number, frame, place)) do
-    words_of.standing(tree, tvb:range(each.offset, 8), each.answer, each.layout, track.lang)
+    words_of.standing(tree, tvb:range(each.offset, 8), each, track.lang)
   end
 end
 

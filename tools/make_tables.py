@@ -536,7 +536,10 @@ def generate() -> str:
         later("parameters", _parameters("M.parameters", makers=False)),
         later("drives", _parameters("M.drives", makers=True)),
         _families(),
-        table("M.read_only", dict.fromkeys(spec.read_only(), True), key="{}"),
+        block(
+            "M.read_only",
+            {family or "any": spec.read_only(family) for family in (None, *spec.FAMILIES)},
+        ),
         _experts(),
         later("rules", _rules()),
         _known(),

@@ -33,6 +33,7 @@ local FIELDS = {
   { "element_count", "Number of elements", "uint8", "DEC" },
   { "name", "Name", "string" },
   { "unit", "Unit", "string" },
+  { "family", "Family of drives", "string" }, -- whose parameter it is, where the vendor does not say it
   { "described_in", "Described in frame", "framenum" },
   { "format", "Format", "uint8", "HEX", "formats" },
   { "value_count", "Number of values", "uint8", "DEC" },

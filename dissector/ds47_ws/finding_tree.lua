@@ -60,7 +60,7 @@ local function add_instead(put, parent, finding)
   if not finding.corrected then
     return
   end
-  local shown = suggest.corrected(finding.corrected)
+  local shown = suggest.corrected(finding.corrected, finding.args.family)
   local item = parent
   if put.wanted("finding.instead") then
     item = put.point(parent, "finding.instead", put.elsewhere(finding.corrected, "Send instead"))

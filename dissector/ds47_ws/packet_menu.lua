@@ -204,8 +204,9 @@ function M.copied(items, kind, lang)
       if kind == "scl" then
         text = suggest.scl(item.request)
       else
-        text = item.channel == "pkw" and suggest.pkw_command(item.request, item.layout)
-          or item.channel ~= "pkw" and suggest.encode_command(item.request)
+        local family = item.parameters[1] and item.parameters[1].family
+        text = item.channel == "pkw" and suggest.pkw_command(item.request, item.layout, family)
+          or item.channel ~= "pkw" and suggest.encode_command(item.request, family)
       end
       if text then
         texts[#texts + 1] = text

@@ -131,6 +131,7 @@ local function add_parameter(put, root, view, told, record, lang)
   put.derive(shown, "attribute", ATTRIBUTES[item.attribute])
   put.derive(shown, "name", sentences.name(item, lang))
   put.derive(shown, "unit", item.unit)
+  put.derive(shown, "family", words.family(item))
   for _, frame in ipairs(item.described and item.described.frames or {}) do
     put.derive(shown, "described_in", frame)
   end
@@ -163,12 +164,15 @@ function M.add(put, root, view, record, lang)
 end
 
 -- What words say that stand there unchanged, in one line.
-local function line_of(told, lang)
+local function line_of(told, family, lang)
   local text = cyclic.meaning(told.ak, told.answer, lang)
   if told.ak == 0 then
     return text
   end
-  local parameter = told.pnu and naming.element(told.pnu, told.subindex) or format("p?[%d]", told.subindex)
+  local parameter = format("p?[%d]", told.subindex)
+  if told.pnu then
+    parameter = naming.element(told.pnu, told.subindex, family)
+  end
   text = format("AK %d %s: %s", told.ak, text, parameter)
   if told.error then
     return text .. ": " .. error_text(told, lang)
@@ -180,10 +184,12 @@ end
 -- filter finds the frames in which something happened.
 -- @param tree the tree of the frame
 -- @param range the TvbRange of the eight bytes
--- @param answer whether the drive says them
-function M.standing(tree, range, answer, layout, lang)
-  local told = pkw.decode(range:bytes():raw(), answer, layout)
-  tree:add(range, format("DS47 PKW %s: %s", answer and "response" or "request", line_of(told, lang)))
+-- @param standing whether the drive says them (`answer`), their `layout` and the `family` of the drive
+function M.standing(tree, range, standing, lang)
+  local answer = standing.answer
+  local told = pkw.decode(range:bytes():raw(), answer, standing.layout)
+  local text = line_of(told, standing.family, lang)
+  tree:add(range, format("DS47 PKW %s: %s", answer and "response" or "request", text))
 end
 
 return M

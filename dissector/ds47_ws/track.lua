@@ -15,6 +15,7 @@ local parameter = require("ds47.profidrive.parameter")
 local pkw = require("ds47.cyclic.transactions")
 local plc = require("ds47.report.plc")
 local profibus = require("ds47.report.profibus")
+local drives_of = require("ds47.cyclic.relations").drives
 local rpc = require("ds47.profinet.rpc")
 local source_on_bus = require("ds47.cyclic.ppo").source
 local telegram = require("ds47.profibus.telegram")
@@ -743,7 +744,7 @@ function M.bus_place(item)
 end
 
 --- Where words of PKW stand in a cyclic frame, changed or not: array of {offset of the eight bytes, answer,
--- layout}. None of a relation that is not proven yet.
+-- layout, family}. None of a relation that is not proven yet.
 -- @param place as `cyclic_place` gives it
 function M.standing(number, frame, place)
   local found = {}
@@ -753,7 +754,8 @@ function M.standing(number, frame, place)
     local shown = relation.channel == "pkw" and relation.certainty ~= "lengths"
     if shown and offset + each.side.length <= #frame then
       local layout = current:pkw_layout(relation.device)
-      found[#found + 1] = { offset = offset, answer = not each.sent, layout = layout }
+      local family = drives_of(relation)
+      found[#found + 1] = { offset = offset, answer = not each.sent, layout = layout, family = family }
     end
   end
   return found

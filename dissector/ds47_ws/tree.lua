@@ -281,6 +281,9 @@ local function add_address(parent, item, address, asked, record)
   if wants.unit then
     derive(parent, "unit", item.unit)
   end
+  if wants.family then
+    derive(parent, "family", words.family(item))
+  end
   for _, frame in ipairs(wants.described_in and item.described and item.described.frames or NONE) do
     derive(parent, "described_in", frame)
   end
@@ -431,9 +434,9 @@ local HEADERS = {
 
 -- All that stands below the header of a message.
 local OF_PARAMETERS = {
-  "pnu", "parameter", "subindex", "attribute", "element_count", "name", "unit", "described_in", "format",
-  "value_count", "meaning", "written.format", "written.value_count", "error.code", "error.text", "error.info",
-  "raw",
+  "pnu", "parameter", "subindex", "attribute", "element_count", "name", "unit", "family", "described_in",
+  "format", "value_count", "meaning", "written.format", "written.value_count", "error.code", "error.text",
+  "error.info", "raw",
 }
 for _, key in ipairs(OF_VALUES) do
   OF_PARAMETERS[#OF_PARAMETERS + 1] = key

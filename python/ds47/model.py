@@ -128,6 +128,8 @@ class Parameter(_Plain):
     described: Described | None
     told: Mapping[int | None, str] | None
     """What lists of the user say of single values; under None all that a stored result says of its values."""
+    family: str | None
+    """Whose parameters the drive has: "sinamics", "micromaster" or "profile"; None where no drive is named."""
 
     def __init__(
         self,
@@ -144,6 +146,7 @@ class Parameter(_Plain):
         error: ParameterError | None = None,
         described: Described | None = None,
         told: Mapping[int | None, str] | None = None,
+        family: str | None = None,
     ) -> None:
         self.pnu = pnu
         self.subindex = subindex
@@ -158,6 +161,7 @@ class Parameter(_Plain):
         self.error = error
         self.described = described
         self.told = told
+        self.family = family
 
     @property
     def name(self) -> str | None:

@@ -47,7 +47,7 @@ _PARTS = re.compile(r"->|instead of|send instead|these respond|look at")
 """How lines begin that are neither words nor status word."""
 _DEVICE = re.compile(r"^(\d+\.\d+\.\d+\.\d+|dp\d+): ")
 _MORE = re.compile(r"^(.*?)\s+\(and (\d+) frames? more\)$")
-_PNU = re.compile(r"\b(?:[pr]0*(?=[\d?])|(?=6\d{4}\b))(\d+|\?)(?:\[(\d+)(?:\.\.(\d+))?\])?")
+_PNU = re.compile(r"\b(?:[prP]0*(?=[\d?])|(?=6\d{4}\b))(\d+|\?)(?:\[(\d+)(?:\.\.(\d+))?\])?")
 
 
 def sections(text: str) -> dict[str, list[str]]:

@@ -14,6 +14,7 @@ from tests.audit import (
     deals,
     described,
     html,
+    letters,
     meant,
     page,
     pkw,
@@ -64,6 +65,7 @@ def complaints(item: Reading, drives: dict[str, Drive] | None = None) -> Iterato
     for finding in item.findings:
         yield from of_finding(finding, item, memory)
         yield from words.check(finding, item)
+        yield from letters.check(finding, item)
     yield from causes.diagnoses(item)
     yield from corrected.check(item, memory, drives or {})
     yield from page.check(item)

@@ -13,7 +13,7 @@ from typing import Any
 from tests.audit.reading import Complaint, Finding, Reading
 
 NUMBER = r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?"
-PARAMETER = r"(?:[pr]0*)?(?P<pnu>\d+|\?)\[(?P<subindex>\d+|\?)\]"
+PARAMETER = r"(?:[prP]0*)?(?P<pnu>\d+|\?)\[(?P<subindex>\d+|\?)\]"
 CODE = r"(?P<code>0x[0-9A-F]{2,4}|no error number)"
 STATUS = r"status (?P<status>[0-9A-F]{8}|-)"
 DRIVE = r"(?P<device>[\d.]+|dp\d+)(?: slot (?P<slot>\d+))?"
@@ -56,8 +56,8 @@ SAYS: dict[str, str] = {
     "DS405": r"ID (?P<got>0x[0-9A-F]{2}) .*request ID (?P<sent>0x[0-9A-F]{2})",
     "DS406": r"sent (?P<sent>\d+), got (?P<got>\d+)",
     "DS407": r"asked for (?P<sent>\d+), got (?P<got>\d+)",
-    "DS408": r"Parameter (?:[pr]0*)?(?P<pnu>\d+|\?)\D.* (?P<got>\d+) of (?P<asked>\d+)",
-    "DS409": r"Parameter (?:[pr]0*)?(?P<pnu>\d+|\?)\D.* (?P<got>\d+) instead of (?P<asked>\d+)",
+    "DS408": r"Parameter (?:[prP]0*)?(?P<pnu>\d+|\?)\D.* (?P<got>\d+) of (?P<asked>\d+)",
+    "DS409": r"Parameter (?:[prP]0*)?(?P<pnu>\d+|\?)\D.* (?P<got>\d+) instead of (?P<asked>\d+)",
     "DS410": rf"{PARAMETER} has a negative response: {CODE} (.* )?\(info (?P<info>\d+|-)\)",
     "DS413": r"frame (?P<request>\d+) .*frame (?P<by>\d+)",
     "DS414": r"frame (?P<request>\d+) .*frame (?P<by>\d+)",
@@ -182,8 +182,8 @@ CLAUSES: dict[str, dict[str, str]] = {
     "DS713": {"too_long": rf", {PARAMETER} has a negative response 0x15 ", "left_out": rf", {PARAMETER} and what follows",
               "room_stated": r"; PNU 974\[0\] of the device is (?P<limit>\d+) bytes$",
               "room_seen": r"; the capture shows a response of the device with (?P<limit>\d+) bytes$"},
-    "DS714": {"format_read": rf"; [pr]\d+ is read as {_BETTER} in frame (?P<seen>\d+), ",
-              "format_described": rf"; the drive describes [pr]\d+ as {_BETTER} in frame (?P<seen>\d+), ",
+    "DS714": {"format_read": rf"; [prP]\d+ is read as {_BETTER} in frame (?P<seen>\d+), ",
+              "format_described": rf"; the drive describes [prP]\d+ as {_BETTER} in frame (?P<seen>\d+), ",
               "format_listed": rf"; by the list of parameters it is {_BETTER}, ",
               "format_bits": rf"; as {_BETTER} it would make sense, ",
               "bits_same": "the same bits are (?P<meant>.*) there$", "number_same": "the same number is (?P<meant>.*) there$",
@@ -191,7 +191,7 @@ CLAUSES: dict[str, dict[str, str]] = {
     "DS715": {"all_bytes": "of every word are", "fields": "of PNU, subindex and values are", "values": "of the values are"},
     "DS716": {"zeros": "without the zeros between the bytes:", "even_offsets": "without the fill bytes after single bytes:"},
     "DS720": {"no_source": r", (?P<format>\w+) (?P<value>\S+) is the number of no source:",
-              "source_refused": r", its source [pr]0*(?P<source>\d+) was not accepted:"},
+              "source_refused": r", its source [prP]0*(?P<source>\d+) was not accepted:"},
     "DS721": {"unsaved": r" on (?P<device>[\d.]+|dp\d+) that no", "all_known": "; no other change is in doubt$",
               "unsaved_targets": r" on (?P<device>[\d.]+|dp\d+), addressed in (?P<targets>\d+) ways \(",
               "some_unknown": r"; of (?P<unknown>\d+) more it is not known"},
@@ -240,13 +240,13 @@ MANY: dict[str, str] = {
     "DS711": "^Requests end before their last byte$",
     "DS712": "^Reads ask for fewer bytes than the response needs$",
     "DS713": "^Responses did not bring all parameters that their requests asked for$",
-    "DS714": rf"^[pr]0*(?P<pnu>\d+) is written as (?P<format>\w+), not as {_BETTER}$",
+    "DS714": rf"^[prP]0*(?P<pnu>\d+) is written as (?P<format>\w+), not as {_BETTER}$",
     "DS715": "^Requests make sense when the bytes of (?P<what>.*) are swapped$",
     "DS716": "^Requests make sense without (?P<what>.*)$",
-    "DS717": rf"^[pr]0*(?P<pnu>\d+) with several subindices or numbers of elements has negative responses: {CODE} ",
-    "DS718": rf"^[pr]0*(?P<pnu>\d+) \(several subindices\) can be changed only with (?P<state>.*?): {CODE} ",
-    "DS719": rf"^[pr]0*(?P<pnu>\d+) \(several subindices\) cannot be changed now: {CODE} ",
-    "DS720": rf"^[pr]0*(?P<pnu>\d+) is an interconnection, and what was written to it was not accepted: {CODE} ",
+    "DS717": rf"^[prP]0*(?P<pnu>\d+) with several subindices or numbers of elements has negative responses: {CODE} ",
+    "DS718": rf"^[prP]0*(?P<pnu>\d+) \(several subindices\) can be changed only with (?P<state>.*?): {CODE} ",
+    "DS719": rf"^[prP]0*(?P<pnu>\d+) \(several subindices\) cannot be changed now: {CODE} ",
+    "DS720": rf"^[prP]0*(?P<pnu>\d+) is an interconnection, and what was written to it was not accepted: {CODE} ",
     "DS721": r"^Changes on (?P<device>\S+) that no p0971",
     "DS722": "^The connection ended while requests were open$",
     "DS723": r"^Equal changes were written again and again to (?P<device>\S+)$",
@@ -261,7 +261,7 @@ MANY_CASES = {
 """The case of DS705 -> what its sentence of several cases says."""
 FREE: dict[str, str] = {}
 """Rules whose sentence has no one form; their numbers are looked at all the same."""
-SILENT = {"vendor_id", "dropped", "place", "other", "device", "frames"}
+SILENT = {"vendor_id", "family", "dropped", "place", "other", "device", "frames"}
 """Arguments that no number in the sentence shows."""
 QUIET = {
     "DS106": {"length", "completed"},

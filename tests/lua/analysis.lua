@@ -79,6 +79,7 @@ local function parameter(item)
   result.texts = described.texts(item)
   result.described_in = item.described and item.described.frames
   result.meaning = formatting.meaning(item, language)
+  result.family = formatting.family(item)
   return result
 end
 

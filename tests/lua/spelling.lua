@@ -1,4 +1,5 @@
--- Prints how each number on stdin is written, a line each (tests/python/test_spelling.py).
+-- Prints how each number on stdin is written, a number, behind it a family of drives
+-- (tests/python/test_spelling.py).
 
 local here = arg[0]:match("^(.*)[/\\]") or "."
 package.path = here .. "/../../lua/?.lua;" .. package.path
@@ -6,5 +7,6 @@ package.path = here .. "/../../lua/?.lua;" .. package.path
 local naming = require("ds47.profidrive.naming")
 
 for line in io.lines() do
-  print(naming.spelling(tonumber(line)))
+  local number, family = line:match("^(%d+) ?(.*)$")
+  print(naming.spelling(tonumber(number), family ~= "" and family or nil))
 end

@@ -47,7 +47,7 @@ def asked(number: int, *values: Any, code: int | None = None, **changes: Any) ->
 
 def capture(*items: dict[str, Any], station: str | None = None) -> dict[str, Any]:
     return {
-        "devices": [{"ip": "10.0.0.2", "station": station}],
+        "devices": [{"ip": "10.0.0.2", "station": station, "vendor_id": 0x2A}],
         "transactions": [item | {"id": n} for n, item in enumerate(items, 1)],
         "findings": [],
     }

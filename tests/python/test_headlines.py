@@ -17,6 +17,7 @@ import pytest
 from test_report_opening import DRIVE, capture, opening
 
 from ds47 import spec
+from ds47.acyclic.pairing import Peer
 from ds47.analysis import analyze
 from ds47.diagnosis import refusal
 from ds47.findings.grouping import Grouping, cause, headlines
@@ -218,7 +219,7 @@ def test_two_parameters_that_are_refused_alike_are_two():
     """One of them would not be counted otherwise; a drive object that does not exist is told once."""
 
     def told(code, addresses):
-        peer = SimpleNamespace(vendor_id=0x2A, device=DRIVE)
+        peer = Peer("192.168.133.2", DRIVE, vendor_id=0x2A)
         found = [
             refusal.Refusal(
                 n, code, Address(0x10, 1, pnu, subindex), SimpleNamespace(offset=4 + 6 * n), None

@@ -13,6 +13,7 @@ from ds47.profidrive.naming import LARGEST, element, spelled, spelling
 from ds47.profidrive.notation import parse_request_line
 
 NUMBERS = sorted({0, 7, 999, 1000, 9999, 10000, LARGEST, *spec.parameters()})
+FAMILIES = (None, *spec.FAMILIES)
 
 
 @pytest.mark.parametrize(
@@ -42,11 +43,44 @@ def test_what_is_printed_is_read_back(number):
     assert {parse_request_line(f"read {each}").addresses[0].pnu for each in forms} == {number}
 
 
+@pytest.mark.parametrize(
+    ("number", "family", "text"),
+    [
+        (700, "micromaster", "P0700"),
+        (22, "micromaster", "P0022"),
+        (21, "micromaster", "r0021"),
+        (947, "micromaster", "r0947"),
+        (918, "micromaster", "P0918"),
+        (61000, "micromaster", "61000"),
+        (700, "sinamics", "p0700"),
+        (21, "sinamics", "r0021"),
+        (21, "profile", "p0021"),
+        (722, "profile", "p0722"),
+        (947, "profile", "r0947"),
+        (21, None, "r0021"),
+    ],
+)
+def test_the_letter_is_that_of_the_family(number, family, text):
+    assert spelling(number, family) == text
+
+
+@pytest.mark.parametrize("family", spec.FAMILIES)
+def test_a_letter_of_a_family_is_the_access_that_its_tables_say(family):
+    for number in NUMBERS:
+        known = spec.parameter(number, family)
+        if number < 60000 and known is not None and known.access is not None:
+            assert spelling(number, family)[0].lower() == known.access
+
+
 @pytest.mark.parametrize("lua", LUAS)
 def test_lua_writes_the_same(lua, repository: Path):
     done = subprocess.run(
         [lua_program(lua), "tests/lua/spelling.lua"],
-        input="".join(f"{number}\n" for number in NUMBERS),
+        input="".join(
+            f"{number} {family or ''}\n" for family in FAMILIES for number in NUMBERS
+        ),
         text=True, cwd=repository, capture_output=True, check=True,
     )  # fmt: skip
-    assert done.stdout.split() == [spelling(number) for number in NUMBERS]
+    assert done.stdout.split() == [
+        spelling(number, family) for family in FAMILIES for number in NUMBERS
+    ]

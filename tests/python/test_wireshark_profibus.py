@@ -325,7 +325,7 @@ def test_columns(tshark: Tshark, tmp_path: Path, way: tuple[int, tuple[str, ...]
         "||DP|short acknowledgement",
         "dp2|dp3|DP|data exchange: outputs, 12 bytes",
         "dp3|dp2|DP|data exchange: inputs, 12 bytes",
-        "dp2|dp3|DS47|read request ref 0x03, DO 2: p50303[0]",
+        "dp2|dp3|DS47|read request ref 0x03, DO 2: P50303[0]",
         "||DP|short acknowledgement",
         "dp2|dp3|DP|poll: the master asks for the answer",
         "||DP|short acknowledgement",
@@ -337,7 +337,7 @@ def test_columns(tshark: Tshark, tmp_path: Path, way: tuple[int, tuple[str, ...]
         "dp2|dp3|DS47|fetch response ref 0x03, DO 2",
         "||DP|short acknowledgement",
         "dp2|dp3|DP|poll: the master asks for the answer",
-        "dp3|dp2|DS47|read response ref 0x03, DO 2: p50303[0] = 10.0",
+        "dp3|dp2|DS47|read response ref 0x03, DO 2: P50303[0] = 10.0",
         "dp2|dp2|DP|token from 2 to 2",
         "dp2|dp3|DP|data exchange: outputs, 12 bytes",
         "dp3|dp2|DP|data exchange: inputs, 12 bytes, the slave asks for a diagnosis request (SAP 60); "

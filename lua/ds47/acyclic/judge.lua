@@ -7,6 +7,7 @@
 -- A remark is a finding in the making: {rule, frame, args, offset, job}. The args of each rule are in
 -- spec/rules.toml.
 
+local dictionary = require("ds47.profidrive.dictionary")
 local family = require("ds47.profidrive.family")
 local json = require("ds47.support.json")
 local ordered = require("ds47.support.ordered")
@@ -306,9 +307,13 @@ function Judge:_mirror(remarks, frame, job)
   end
 end
 
+local function family_of(peer)
+  return dictionary.family_of(peer.vendor_id, peer.family)
+end
+
 -- Fewer or more values than were asked for. Count 0 asks for the whole simple parameter, one value at least;
 -- a string has as many values as characters.
-local function put_count(remarks, frame, block, address)
+local function put_count(remarks, frame, job, block, address)
   local asked, got, rule = max(1, address.element_count), block.value_count, nil
   if got < asked then
     rule = "DS408"
@@ -316,7 +321,8 @@ local function put_count(remarks, frame, block, address)
     rule = "DS409"
   end
   if rule and address.attribute == VALUE then
-    put(remarks, rule, frame, {asked = asked, got = got, pnu = address.pnu}, block.offset)
+    local args = {asked = asked, got = got, pnu = address.pnu, family = family_of(job.peer)}
+    put(remarks, rule, frame, args, block.offset)
   end
 end
 
@@ -331,7 +337,7 @@ function Judge:_blocks(remarks, frame, job, stray)
     if block.error ~= nil and not told then
       put(remarks, "DS410", frame, self:_error_args(job, block, address), block.offset)
     elseif address and counted then
-      put_count(remarks, frame, block, address)
+      put_count(remarks, frame, job, block, address)
     end
   end
 end
@@ -343,6 +349,7 @@ function Judge:_error_args(job, block, address)
     subindex = address and address.subindex,
     code = code,
     vendor_id = job.peer.vendor_id,
+    family = family_of(job.peer),
     info = info,
   }
 end

@@ -332,6 +332,7 @@ function ReadBack:_compare(found, job, access, address, block)
         args = {
           pnu = address.pnu, subindex = subindex, read = argument(value, block),
           written = argument(last.value, last.block), by = last.asked,
+          family = dictionary.family_of(job.peer.vendor_id, job.peer.family),
         },
       }
     end

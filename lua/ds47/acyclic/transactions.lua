@@ -9,6 +9,7 @@ local naming = require("ds47.parameters.naming")
 local parameter = require("ds47.profidrive.parameter")
 local records = require("ds47.profinet.records")
 local rules = require("ds47.acyclic.judge")
+local lookup = require("ds47.spec.lookup")
 local tables = require("ds47.spec.tables")
 local uuid_text = require("ds47.spec.units").uuid_text
 
@@ -121,14 +122,15 @@ NAMELESS.__index = NAMELESS
 local function class_of(address, peer)
   local siemens, of = peer.vendor_id == SIEMENS, peer.family
   local class = address.class
-  if class and class.siemens == siemens and class.family == of then
+  if class and class.siemens == siemens and class.said == of then
     return class
   end
-  local known = dictionary.listed(address.pnu, siemens and SIEMENS or nil, of)
+  local whose = dictionary.family_of(siemens and SIEMENS or nil, of)
+  local known = lookup.parameter(address.pnu, whose)
   class = {
     pnu = address.pnu, subindex = address.subindex, attribute = address.attribute_name,
     element_count = address.element_count, listed = known, unit = known and known.unit or nil,
-    values = NONE, siemens = siemens, family = of, in_format = {},
+    values = NONE, siemens = siemens, said = of, family = whose, in_format = {},
   }
   class.class, class.__index = class, class
   address.class = class

@@ -27,7 +27,8 @@ local function habits_of(self, relation, layout)
   local place = relations.place(relation)
   local found = self.habits[place]
   if found == nil then
-    found = habits.new({device = relation.device, slot = relation.slot}, self.limits, layout)
+    local where = {device = relation.device, slot = relation.slot}
+    found = habits.new(where, self.limits, layout, relations.drives(relation))
     self.habits[place], self.habits[#self.habits + 1] = found, found
   end
   return found

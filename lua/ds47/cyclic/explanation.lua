@@ -45,7 +45,7 @@ function M.explain(item, drives)
   local recorder, first, last = drive.recorder, item.frames.write_request, item.frames.read_response
   local running = recorder:running(first, last)
   if running == nil then return nil end
-  local args = {pnu = parameter.pnu, subindex = parameter.subindex}
+  local args = {pnu = parameter.pnu, subindex = parameter.subindex, family = parameter.family}
   if running then
     args.since = recorder:running_since(first)
     args.what = args.since and "pzd_since" or "pzd_since_ever"

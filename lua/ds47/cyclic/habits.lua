@@ -19,9 +19,10 @@ Habits.__index = Habits
 -- @param where arguments of findings about the drive: {device, slot}
 -- @param limits the flat table of tables.lua
 -- @param layout of IND
-function M.new(where, limits, layout)
+-- @param family whose parameters it has
+function M.new(where, limits, layout, family)
   return setmetatable({
-    where = where, limits = limits, layout = layout,
+    where = where, limits = limits, layout = layout, family = family,
     double = {}, -- parameters that were answered as double words -> frame
     saved = {}, reads = {}, -- arrays of {pnu, subindex, count, newest frame}, and by parameter
     slow = 0, slowest = 0, slowest_frame = 0,
@@ -86,7 +87,7 @@ function Habits:take(job, took, remarks)
   if row.access == "change" and row.width == 16 and wrong and self.double[key] then
     remarks[#remarks + 1] = {
       rule = "DS507", frame = at,
-      args = {pnu = asked.pnu, subindex = asked.subindex, read = self.double[key]},
+      args = {pnu = asked.pnu, subindex = asked.subindex, read = self.double[key], family = self.family},
     }
   end
 end
@@ -99,7 +100,7 @@ end
 
 local function often(self, rule, entry, limit)
   return about(self, rule, entry.frame, {
-    pnu = entry.pnu, subindex = entry.subindex, count = entry.count, limit = limit,
+    pnu = entry.pnu, subindex = entry.subindex, count = entry.count, limit = limit, family = self.family,
   })
 end
 

@@ -18,8 +18,8 @@ local function put(remarks, rule, frame, args)
 end
 
 -- The arguments that name the parameter, and others.
-local function which(asked, more)
-  local args = {pnu = asked.pnu, subindex = asked.subindex}
+local function which(asked, family, more)
+  local args = {pnu = asked.pnu, subindex = asked.subindex, family = family}
   for name, value in pairs(more or {}) do args[name] = value end
   return args
 end
@@ -29,36 +29,36 @@ local function words(data)
   return (reader.hex(data):upper():gsub("%x%x%x%x", "%0 "):sub(1, -2))
 end
 
-local function of_request(remarks, job, asked)
+local function of_request(remarks, job, asked, family)
   local row = tables.pkw.requests[asked.ak]
-  if job.halves then put(remarks, "DS506", job.halves, which(asked)) end
+  if job.halves then put(remarks, "DS506", job.halves, which(asked, family)) end
   if row.access == "change" and row.width == 16 and asked.pwe1 ~= 0 then
-    put(remarks, "DS513", job.request.at.frame, which(asked, {pwe = asked.pwe1}))
+    put(remarks, "DS513", job.request.at.frame, which(asked, family, {pwe = asked.pwe1}))
   end
 end
 
-local function of_response(remarks, job, asked, told)
+local function of_response(remarks, job, asked, family, told)
   local frame = job.answer.at.frame
   if told.ak == pkw.ERROR then
-    put(remarks, "DS501", frame, which(asked, {code = told.error.code}))
+    put(remarks, "DS501", frame, which(asked, family, {code = told.error.code}))
   elseif told.ak == pkw.NO_RIGHTS then
-    put(remarks, "DS502", frame, which(asked))
+    put(remarks, "DS502", frame, which(asked, family))
   end
 end
 
 -- That of a request whose response did not come.
-local function of_end(remarks, job, asked)
+local function of_end(remarks, job, asked, family)
   local ended = job.ended
   if job.state == "mismatch" then
     local args = {request = words(job.request.data), response = words(job.odd.data)}
     put(remarks, "DS505", job.odd.at.frame, args)
   elseif job.state == "superseded" and ended then
     local args = {request = job.request.at.frame, by = ended.frame}
-    put(remarks, "DS504", ended.frame, which(asked, args))
+    put(remarks, "DS504", ended.frame, which(asked, family, args))
   elseif job.reason == "withdrawn" and ended then
     local stood_ns = ended.time - job.request.at.time
     if stood_ns >= 0 then -- else somebody set the clock meanwhile: how long it stood is not known
-      put(remarks, "DS503", ended.frame, which(asked, {milliseconds = json.float(stood_ns / 1e6)}))
+      put(remarks, "DS503", ended.frame, which(asked, family, {milliseconds = json.float(stood_ns / 1e6)}))
     end
   end
 end
@@ -69,11 +69,12 @@ function M.remarks(relation, job, layout)
   local remarks = {}
   if not relations.is_judged(relation) then return remarks end
   local asked, told = transactions.decoded(job, layout)
-  of_request(remarks, job, asked)
+  local family = relations.drives(relation)
+  of_request(remarks, job, asked, family)
   if told then
-    of_response(remarks, job, asked, told)
+    of_response(remarks, job, asked, family, told)
   else
-    of_end(remarks, job, asked)
+    of_end(remarks, job, asked, family)
   end
   return remarks
 end

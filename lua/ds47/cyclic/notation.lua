@@ -37,12 +37,12 @@ end
 --- The readable line of a request; nil where no line gives the same bytes.
 -- @param data the eight bytes
 -- @param layout "cyclic" or "uss"
-function M.line(data, layout)
+function M.line(data, layout, family)
   local message = pkw.decode(data, false, layout)
   local request = tables.pkw.requests[message.ak]
   local verb, pnu = VERBS[request.access], message.pnu
   if not verb or message.spm ~= 0 or not pnu or message.page ~= page_of(pnu) then return nil end
-  local parameter = naming.spelling(pnu)
+  local parameter = naming.spelling(pnu, family)
   if message.subindex > 0 or verb == "change" and request.array then
     parameter = format("%s[%d]", parameter, message.subindex)
   end

@@ -14,6 +14,7 @@
 -- known.
 
 local LENGTH = require("ds47.cyclic.pkw").LENGTH
+local dictionary = require("ds47.profidrive.dictionary")
 local tables = require("ds47.spec.tables")
 
 local M = {
@@ -172,6 +173,11 @@ end
 --- The slave on PROFIBUS; nil elsewhere.
 function M.station(relation)
   return M.is_bus(relation) and string.byte(relation.input.source, 1) or nil
+end
+
+--- Whose parameters its drive has, as far as is known; on PROFIBUS only the family says that.
+function M.drives(relation)
+  return dictionary.family_of(not M.is_bus(relation) and relation.vendor_id or nil, relation.family)
 end
 
 --- The stations and the slot as a key: PKW and PZD of one drive have them in common; on PROFIBUS there are

@@ -3,6 +3,7 @@
 
 local handshake = require("ds47.cyclic.handshake")
 local dictionary = require("ds47.profidrive.dictionary")
+local lookup = require("ds47.spec.lookup")
 local pkw = require("ds47.cyclic.pkw")
 local relations = require("ds47.cyclic.relations")
 local tables = require("ds47.spec.tables")
@@ -34,15 +35,15 @@ local function parameter(relation, asked, told)
   local source = access == "change" and asked or told
   local value
   if source and not (failed and access ~= "change") then value = source.value end
-  -- On PROFIBUS the family alone says whose parameters these are.
-  local maker = not relations.station(relation) and relation.vendor_id or nil
-  local known = siemens and dictionary.listed(asked.pnu, maker, relation.family) or nil
+  local family = relations.drives(relation)
+  local known = siemens and asked.pnu and lookup.parameter(asked.pnu, family) or nil
   -- the number of elements is no value of the parameter
   local format_name = value ~= nil and access ~= "count" and format_of(source) or nil
   return {
     pnu = asked.pnu, subindex = asked.subindex, attribute = ATTRIBUTES[access] or "value",
     listed = known, unit = dictionary.unit_of(known, format_name), format = format_name,
     value_count = value ~= nil and 1 or nil, values = {value}, error = failed,
+    family = family,
   }
 end
 
@@ -54,6 +55,7 @@ function M.asked(item, operation)
     unit = item.unit, format = written and item.format or nil,
     value_count = written and item.value_count or nil, values = written and item.values or NONE,
     scaled = written and item.scaled or nil, described = item.described, told = written and item.told or nil,
+    family = item.family,
   }
 end
 

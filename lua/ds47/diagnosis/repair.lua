@@ -202,12 +202,13 @@ local function settled(data, options)
 end
 
 -- The readable line; the bytes where there is none, as with dialects, which it does not know.
-local function line(data, message)
-  return notation.request_line(message) or (gsub(gsub(reader.hex(data), "..", "%0 "), " $", ""))
+local function line(data, message, options)
+  return notation.request_line(message, options and options.family)
+    or (gsub(gsub(reader.hex(data), "..", "%0 "), " $", ""))
 end
 
-local function repair(rule, what, message, data, number)
-  local args = {meant = line(data, message)}
+local function repair(rule, what, message, data, options, number)
+  local args = {meant = line(data, message, options)}
   return {rule = rule, what = what, request = data, args = args, number = number or 1}
 end
 
@@ -256,7 +257,7 @@ local function try_swapped(found, what, data, before, known_pnu, options)
     return
   end
   if what ~= "all_bytes" and is_worse(before, message) then return end
-  found[#found + 1] = repair("DS715", what, message, bytes)
+  found[#found + 1] = repair("DS715", what, message, bytes, options)
   found[bytes] = true
 end
 
@@ -276,7 +277,7 @@ local function try_layout(found, what, data, options)
   if not data or data == "" then return false end
   local message, bytes = settled(data, options)
   if not message or absurd_inside(message) then return false end
-  if not found[bytes] then found[#found + 1] = repair("DS716", what, message, bytes) end
+  if not found[bytes] then found[#found + 1] = repair("DS716", what, message, bytes, options) end
   return true
 end
 
@@ -411,7 +412,7 @@ local function values_swapped(job)
       if not first and is_wrong(job, number) and not may_be_connectors(old, longest) then first = number end
     end
   end
-  return first and {repair = repair("DS715", "values", fixed, data, first), digits = longest}
+  return first and {repair = repair("DS715", "values", fixed, data, job.options, first), digits = longest}
 end
 
 -- The same bits as a float instead of a whole number or the reverse, if all are plausible.
@@ -530,7 +531,8 @@ end
 -- @param errors number of the parameter, from 1 -> error number, of those that were refused
 -- @param known_pnu function(pnu): whether there is such a parameter
 -- @param known_format function(pnu): its format code, nil where it is not known
--- @param options {legacy_g120_formats, profile_v3_types, vendor_id} or nil
+-- @param options {legacy_g120_formats, profile_v3_types, vendor_id, family} or nil; the family is whose
+--   parameters the drive has, for the readable line
 -- @return {rule, what (key of tables.diagnosis_words, "" for DS714), request, args, number (from 1)}
 function M.find(request, message, errors, known_pnu, known_format, options)
   -- Twice the channel: data with a fill byte for each one. What is longer no program of a channel sends.

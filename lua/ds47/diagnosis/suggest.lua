@@ -55,15 +55,16 @@ local function quoted(text)
 end
 
 --- The `ds47 encode` line that gives exactly these bytes; nil if none does.
-function M.encode_command(data)
-  local line = notation.request_line(parameter.decode_request(data))
+-- @param family whose parameters the drive has; nil where no drive is named
+function M.encode_command(data, family)
+  local line = notation.request_line(parameter.decode_request(data), family)
   return line and "ds47 encode " .. quoted(line)
 end
 
 --- The same of the eight bytes of a request of PKW.
 -- @param layout "cyclic" or "uss"
-function M.pkw_command(data, layout)
-  local line = of_pkw.line(data, layout)
+function M.pkw_command(data, layout, family)
+  local line = of_pkw.line(data, layout, family)
   return line and "ds47 encode " .. (layout == "uss" and "--pkw-layout uss " or "") .. quoted(line)
 end
 
@@ -75,8 +76,8 @@ end
 
 --- A request in the forms in which it is shown: {hex, words (array), scl, encode (nil where there is none),
 -- block (whether that command makes a function block, too)}.
-function M.corrected(data)
-  local line = M.encode_command(data)
+function M.corrected(data, family)
+  local line = M.encode_command(data, family)
   return {
     hex = reader.hex(data), words = M.plc_words(data), scl = M.scl(data), encode = line,
     block = makes_block(data, line),

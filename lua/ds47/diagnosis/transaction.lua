@@ -144,8 +144,12 @@ function Diagnoses:closed(job)
       self:_cause(remarks, job)
     end
     for number = 1, #remarks do
-      remarks[number].job = job
-      self:_offer(job, remarks[number])
+      local remark = remarks[number]
+      remark.job = job
+      if tables.rules[remark.rule].args.family then
+        remark.args.family = dictionary.family_of(job.peer.vendor_id, job.peer.family)
+      end
+      self:_offer(job, remark)
     end
   end
   if job.response and job.message then
@@ -197,7 +201,7 @@ function Diagnoses:_repair(job, refused)
   end
   local options = {
     legacy_g120_formats = self.codec.legacy_g120_formats, profile_v3_types = self.codec.profile_v3_types,
-    vendor_id = job.peer.vendor_id,
+    vendor_id = job.peer.vendor_id, family = dictionary.family_of(peer.vendor_id, peer.family),
   }
   return repair.find(half.data, message, errors, is_known, format_of, options)
 end

@@ -35,14 +35,16 @@ local NONE = {}
 -- What is remembered of a description: its keys; `relevant` and `variable` are made of several.
 local KEPT = { "type", "name", "factor", "low", "high" }
 
---- The row of a parameter in the tables that speaks of a device of this vendor; nil where none does. On
+--- Whose parameters a device of this vendor has: "sinamics", "micromaster" or, of any other, "profile". On
 -- PROFINET a device of Siemens is no MICROMASTER.
 -- @param family of the parameters of the device, where PROFIBUS says it; nil elsewhere
+function M.family_of(vendor_id, family)
+  return family or vendor_id == M.SIEMENS and "sinamics" or "profile"
+end
+
+--- The row of a parameter in the tables that speaks of such a device; nil where none does.
 function M.listed(pnu, vendor_id, family)
-  if pnu == nil then
-    return nil
-  end
-  return lookup.parameter(pnu, family or vendor_id == M.SIEMENS and "sinamics" or "profile")
+  return pnu and lookup.parameter(pnu, M.family_of(vendor_id, family)) or nil
 end
 
 --- The unit that the tables give to values in a format; nil where the tables say another type.

@@ -60,11 +60,11 @@ local function show_block(block)
   return row.name .. ":" .. concat(parts, ",")
 end
 
-local function show_parameter(address, block)
+local function show_parameter(address, block, family)
   local plain = address.attribute == VALUE
   local indexed = address.subindex > 0 or plain and not block and address.element_count > 0
   local implied = block and block.value_count or (indexed or not plain) and 1 or 0
-  local text = naming.spelling(address.pnu)
+  local text = naming.spelling(address.pnu, family)
   if indexed then text = text .. format("[%d]", address.subindex) end
   if address.element_count ~= implied then text = text .. format("*%d", address.element_count) end
   if not plain then text = text .. "." .. address.attribute_name end
@@ -80,8 +80,9 @@ end
 
 --- The readable line of a request.
 -- @param request a decoded Request
+-- @param family whose parameters the drive has; nil where no drive is named
 -- @return string, or nil where no line gives the same bytes: cut, bytes left over, odd in its pads, dialects
-function M.request_line(request)
+function M.request_line(request, family)
   if not is_whole(request) then return nil end
   local addresses, blocks = request.addresses, request.blocks
   local bare = not blocks[1]
@@ -92,7 +93,7 @@ function M.request_line(request)
   for i, address in ipairs(addresses) do
     local shown = bare or show_block(blocks[i])
     if not shown then return nil end
-    parts[#parts + 1] = show_parameter(address, blocks[i]) .. (bare and "" or "=" .. shown)
+    parts[#parts + 1] = show_parameter(address, blocks[i], family) .. (bare and "" or "=" .. shown)
   end
   return concat(parts, " ")
 end

@@ -35,7 +35,7 @@ function M.number(value, format_name)
 end
 
 -- What needs no words of a language.
-local function plain(item, quoted)
+local function plain(item, family, quoted)
   local found = {}
   local function add(text)
     found[#found + 1] = text
@@ -50,7 +50,7 @@ local function plain(item, quoted)
   end
   if item.factor and item.factor ~= 1 then add("* " .. M.number(item.factor, "Float32")) end
   if item.full_scale then
-    local whole = item.reference and item.reference > 0 and naming.spelling(item.reference) or "100 %"
+    local whole = item.reference and item.reference > 0 and naming.spelling(item.reference, family) or "100 %"
     add(format("0x%04X = %s", item.full_scale, whole))
   end
   return found
@@ -78,7 +78,7 @@ function M.parts(item, words, lang)
     found[number] = quoted(each)
   end
   if described then
-    found = plain(described, quoted)
+    found = plain(described, item.family, quoted)
     for _, key in ipairs(marks(described)) do
       found[#found + 1] = words.say(lang, key)
     end

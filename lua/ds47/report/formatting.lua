@@ -14,6 +14,8 @@ local M = {}
 local format, find, gsub = string.format, string.find, string.gsub
 local concat = table.concat
 
+local MICROMASTER = "micromaster"
+
 M.VALUES_SHOWN = 8 -- a longer list of values is cut, and its length stated
 M.CHARACTER = "[\0-\127\192-\255][\128-\191]*" -- one UTF-8 character, as a pattern
 
@@ -181,7 +183,7 @@ function M.address(item)
   else
     attribute = "." .. attribute
   end
-  return naming.spelling(item.pnu) .. index .. attribute
+  return naming.spelling(item.pnu, item.family) .. index .. attribute
 end
 
 --- Whether a value that is a string is text from the drive (docs/protocol.md A.6).
@@ -259,6 +261,11 @@ local words_in = later(function(lang)
     quoted = function(text) return M.value(text, "VisibleString") end,
   }
 end)
+
+--- Whose parameter it is, where the vendor does not say it: "micromaster", else nil.
+function M.family(item)
+  return item.family == MICROMASTER and item.family or nil
+end
 
 --- What the values of a parameter mean; nil where they say it themselves.
 function M.meaning(item, lang)

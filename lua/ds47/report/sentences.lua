@@ -61,7 +61,6 @@ function M.record_index(index)
 end
 
 local SHOW = {
-  pnu = naming.spelling,
   hex = spec.error_hex,
   code = spec.error_hex,
   hex32 = function(number) return format("0x%08X", number) end,
@@ -169,6 +168,8 @@ function shown(name, rule, args, lang, many)
     return fill(key_words(value, lang, many), rule, args, lang, many)
   elseif kind == "place" then
     return place(value, lang)
+  elseif kind == "pnu" then
+    return naming.spelling(value, args.family)
   end
   return (SHOW[kind] or plain)(value)
 end

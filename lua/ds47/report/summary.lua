@@ -182,7 +182,7 @@ local function corrected(add, lang, item)
   if item.corrected == nil then
     return
   end
-  local better = suggest.corrected(item.corrected)
+  local better = suggest.corrected(item.corrected, item.args.family)
   if item.count > 1 and item.corrected_in then
     local job = words.integer(item.corrected_in)
     add("    " .. say(lang, "instead_of", { job = job, hex = better.hex }))

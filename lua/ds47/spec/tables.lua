@@ -987,68 +987,11 @@ M.families = {
 M.changing = {[2] = true, [9] = true, [10] = true, [20] = true, [21] = true, [22] = true, [24] = true, [25] = true, [26] = true, [27] = true, [31] = true, [32] = true, [34] = true, [35] = true, [36] = true, [37] = true, [39] = true, [41] = true, [44] = true, [46] = true, [50] = true, [51] = true, [60] = true, [61] = true, [62] = true, [63] = true, [68] = true, [70] = true, [72] = true, [76] = true, [77] = true, [78] = true, [79] = true, [80] = true, [81] = true, [82] = true, [106] = true, [479] = true, [721] = true, [722] = true, [747] = true, [755] = true, [836] = true, [837] = true, [898] = true, [899] = true, [900] = true, [901] = true, [902] = true, [903] = true, [904] = true, [905] = true, [906] = true, [907] = true, [908] = true, [909] = true, [910] = true, [911] = true, [912] = true, [944] = true, [945] = true, [947] = true, [948] = true, [949] = true, [952] = true, [953] = true, [954] = true, [955] = true, [956] = true, [957] = true, [967] = true, [968] = true, [969] = true, [970] = true, [971] = true, [972] = true, [976] = true, [977] = true, [990] = true, [991] = true, [992] = true, [993] = true, [994] = true, [995] = true, [996] = true, [997] = true, [998] = true, [999] = true, [1024] = true, [1025] = true, [1050] = true, [1073] = true, [1196] = true, [1407] = true, [1438] = true, [1538] = true, [1539] = true, [1651] = true, [1900] = true, [1960] = true, [2043] = true, [2050] = true, [2053] = true, [2060] = true, [2063] = true, [2065] = true, [2090] = true, [2109] = true, [2111] = true, [2114] = true, [2121] = true, [2122] = true, [2123] = true, [2124] = true, [2125] = true, [2130] = true, [2131] = true, [2132] = true, [2133] = true, [2134] = true, [2136] = true, [2139] = true, [2145] = true, [2969] = true, [3960] = true, [3996] = true, [9401] = true, [65001] = true}
 
 M.read_only = {
-  [2] = true,
-  [18] = true,
-  [39] = true,
-  [41] = true,
-  [44] = true,
-  [46] = true,
-  [68] = true,
-  [70] = true,
-  [72] = true,
-  [106] = true,
-  [203] = true,
-  [206] = true,
-  [297] = true,
-  [302] = true,
-  [479] = true,
-  [747] = true,
-  [755] = true,
-  [945] = true,
-  [1050] = true,
-  [1073] = true,
-  [1196] = true,
-  [1407] = true,
-  [1438] = true,
-  [1651] = true,
-  [2004] = true,
-  [2043] = true,
-  [2050] = true,
-  [2060] = true,
-  [2065] = true,
-  [2067] = true,
-  [2090] = true,
-  [2109] = true,
-  [2111] = true,
-  [2114] = true,
-  [2136] = true,
-  [2139] = true,
-  [2145] = true,
-  [2902] = true,
-  [2969] = true,
-  [3960] = true,
-  [3996] = true,
-  [9401] = true,
+  any = {[2] = true, [18] = true, [20] = true, [21] = true, [22] = true, [24] = true, [25] = true, [26] = true, [27] = true, [31] = true, [32] = true, [34] = true, [35] = true, [36] = true, [37] = true, [39] = true, [41] = true, [44] = true, [46] = true, [50] = true, [51] = true, [60] = true, [61] = true, [62] = true, [63] = true, [68] = true, [70] = true, [72] = true, [76] = true, [77] = true, [78] = true, [79] = true, [80] = true, [81] = true, [82] = true, [106] = true, [203] = true, [206] = true, [297] = true, [302] = true, [479] = true, [721] = true, [722] = true, [747] = true, [755] = true, [836] = true, [837] = true, [898] = true, [899] = true, [923] = true, [924] = true, [945] = true, [947] = true, [948] = true, [949] = true, [964] = true, [965] = true, [967] = true, [968] = true, [1024] = true, [1025] = true, [1050] = true, [1073] = true, [1196] = true, [1407] = true, [1438] = true, [1538] = true, [1539] = true, [1651] = true, [2004] = true, [2043] = true, [2050] = true, [2060] = true, [2065] = true, [2067] = true, [2074] = true, [2075] = true, [2090] = true, [2109] = true, [2111] = true, [2114] = true, [2121] = true, [2122] = true, [2123] = true, [2124] = true, [2125] = true, [2130] = true, [2131] = true, [2132] = true, [2133] = true, [2134] = true, [2136] = true, [2139] = true, [2145] = true, [2902] = true, [2969] = true, [3960] = true, [3996] = true, [9401] = true},
+  sinamics = {[2] = true, [18] = true, [20] = true, [21] = true, [22] = true, [24] = true, [25] = true, [26] = true, [27] = true, [31] = true, [32] = true, [34] = true, [35] = true, [36] = true, [37] = true, [39] = true, [41] = true, [44] = true, [46] = true, [50] = true, [51] = true, [60] = true, [61] = true, [62] = true, [63] = true, [68] = true, [70] = true, [72] = true, [76] = true, [77] = true, [78] = true, [79] = true, [80] = true, [81] = true, [82] = true, [106] = true, [203] = true, [206] = true, [297] = true, [302] = true, [479] = true, [721] = true, [722] = true, [747] = true, [755] = true, [836] = true, [837] = true, [898] = true, [899] = true, [923] = true, [924] = true, [945] = true, [947] = true, [948] = true, [949] = true, [964] = true, [965] = true, [967] = true, [968] = true, [1024] = true, [1025] = true, [1050] = true, [1073] = true, [1196] = true, [1407] = true, [1438] = true, [1538] = true, [1539] = true, [1651] = true, [2004] = true, [2043] = true, [2050] = true, [2060] = true, [2065] = true, [2067] = true, [2074] = true, [2075] = true, [2090] = true, [2109] = true, [2111] = true, [2114] = true, [2121] = true, [2122] = true, [2123] = true, [2124] = true, [2125] = true, [2130] = true, [2131] = true, [2132] = true, [2133] = true, [2134] = true, [2136] = true, [2139] = true, [2145] = true, [2902] = true, [2969] = true, [3960] = true, [3996] = true, [9401] = true},
+  micromaster = {[21] = true, [25] = true, [27] = true, [923] = true, [945] = true, [947] = true, [948] = true, [949] = true, [964] = true, [965] = true, [967] = true, [968] = true},
+  profile = {[923] = true, [945] = true, [947] = true, [948] = true, [949] = true, [964] = true, [965] = true, [967] = true, [968] = true},
 }
-spread(M.read_only, 20, 22, true)
-spread(M.read_only, 24, 27, true)
-spread(M.read_only, 31, 32, true)
-spread(M.read_only, 34, 37, true)
-spread(M.read_only, 50, 51, true)
-spread(M.read_only, 60, 63, true)
-spread(M.read_only, 76, 82, true)
-spread(M.read_only, 721, 722, true)
-spread(M.read_only, 836, 837, true)
-spread(M.read_only, 898, 899, true)
-spread(M.read_only, 923, 924, true)
-spread(M.read_only, 947, 949, true)
-spread(M.read_only, 964, 965, true)
-spread(M.read_only, 967, 968, true)
-spread(M.read_only, 1024, 1025, true)
-spread(M.read_only, 1538, 1539, true)
-spread(M.read_only, 2074, 2075, true)
-spread(M.read_only, 2121, 2125, true)
-spread(M.read_only, 2130, 2134, true)
 
 M.experts = {
   {id = "DS101", title = "Request without a response in the capture", severity = "warning", expert = "protocol"},
@@ -1368,30 +1311,30 @@ M.rules.DS404.args = {sent = "number", got = "number"}
 M.rules.DS405.args = {sent = "hex", got = "hex"}
 M.rules.DS406.args = {sent = "number", got = "number"}
 M.rules.DS407.args = {sent = "number", got = "number"}
-M.rules.DS408.args = {pnu = "pnu", asked = "number", got = "number"}
-M.rules.DS409.args = {pnu = "pnu", asked = "number", got = "number"}
+M.rules.DS408.args = {pnu = "pnu", asked = "number", got = "number", family = "family"}
+M.rules.DS409.args = {pnu = "pnu", asked = "number", got = "number", family = "family"}
 M.rules.DS410.group = {"code"}
-M.rules.DS410.args = {pnu = "pnu", subindex = "number", code = "code", vendor_id = "vendor", info = "info"}
+M.rules.DS410.args = {pnu = "pnu", subindex = "number", code = "code", vendor_id = "vendor", info = "info", family = "family"}
 M.rules.DS413.args = {request = "frame", by = "frame"}
 M.rules.DS414.args = {request = "frame", by = "frame"}
 M.rules.DS415.args = {reference = "number", first = "frame"}
 M.rules.DS416.args = {milliseconds = "ms", limit = "number"}
-M.rules.DS417.args = {pnu = "pnu", subindex = "number", read = "value", written = "value", by = "frame"}
+M.rules.DS417.args = {pnu = "pnu", subindex = "number", read = "value", written = "value", by = "frame", family = "family"}
 M.rules.DS418.args = {id = "hex"}
 M.rules.DS501.group = {"code"}
-M.rules.DS501.args = {pnu = "pnu", subindex = "number", code = "pkw"}
-M.rules.DS502.args = {pnu = "pnu", subindex = "number"}
-M.rules.DS503.args = {pnu = "pnu", subindex = "number", milliseconds = "ms"}
-M.rules.DS504.args = {pnu = "pnu", subindex = "number", request = "frame", by = "frame"}
+M.rules.DS501.args = {pnu = "pnu", subindex = "number", code = "pkw", family = "family"}
+M.rules.DS502.args = {pnu = "pnu", subindex = "number", family = "family"}
+M.rules.DS503.args = {pnu = "pnu", subindex = "number", milliseconds = "ms", family = "family"}
+M.rules.DS504.args = {pnu = "pnu", subindex = "number", request = "frame", by = "frame", family = "family"}
 M.rules.DS505.args = {request = "text", response = "text"}
-M.rules.DS506.args = {pnu = "pnu", subindex = "number"}
-M.rules.DS507.args = {pnu = "pnu", subindex = "number", read = "frame"}
-M.rules.DS508.args = {device = "text", slot = "number", pnu = "pnu", subindex = "number", count = "number", limit = "number"}
-M.rules.DS509.args = {device = "text", slot = "number", pnu = "pnu", subindex = "number", count = "number", limit = "number"}
+M.rules.DS506.args = {pnu = "pnu", subindex = "number", family = "family"}
+M.rules.DS507.args = {pnu = "pnu", subindex = "number", read = "frame", family = "family"}
+M.rules.DS508.args = {device = "text", slot = "number", pnu = "pnu", subindex = "number", count = "number", limit = "number", family = "family"}
+M.rules.DS509.args = {device = "text", slot = "number", pnu = "pnu", subindex = "number", count = "number", limit = "number", family = "family"}
 M.rules.DS510.args = {device = "text", slot = "number", count = "number", layout = "text", other = "text"}
 M.rules.DS511.args = {device = "text", slot = "number", count = "number", limit = "ms", slowest = "ms"}
 M.rules.DS512.args = {device = "text", slot = "number"}
-M.rules.DS513.args = {pnu = "pnu", subindex = "number", pwe = "hex"}
+M.rules.DS513.args = {pnu = "pnu", subindex = "number", pwe = "hex", family = "family"}
 M.rules.DS520.group = {"what", "code"}
 M.rules.DS520.args = {device = "text", slot = "number", what = "key", code = "number"}
 M.rules.DS521.args = {device = "text", slot = "number", seconds = "s", limit = "s", what = "key"}
@@ -1405,8 +1348,8 @@ M.rules.DS528.group = {"what"}
 M.rules.DS528.args = {device = "text", slot = "number", what = "key"}
 M.rules.DS529.group = {"off"}
 M.rules.DS529.args = {device = "text", slot = "number", off = "text"}
-M.rules.DS530.args = {pnu = "pnu", subindex = "number", what = "key", since = "frame"}
-M.rules.DS531.args = {pnu = "pnu", subindex = "number", what = "key"}
+M.rules.DS530.args = {pnu = "pnu", subindex = "number", what = "key", since = "frame", family = "family"}
+M.rules.DS531.args = {pnu = "pnu", subindex = "number", what = "key", family = "family"}
 M.rules.DS601.args = {difference = "text"}
 M.rules.DS701.group = {"id", "code"}
 M.rules.DS701.args = {id = "hex", code = "code", vendor_id = "vendor", case = "key", polls = "number"}
@@ -1425,29 +1368,29 @@ M.rules.DS707.args = {index = "index", device = "text", status = "status"}
 M.rules.DS708.group = {"device", "place"}
 M.rules.DS708.args = {device = "text", place = "place", status = "status", other = "place"}
 M.rules.DS709.group = {"axis"}
-M.rules.DS709.args = {axis = "number", device = "text"}
+M.rules.DS709.args = {axis = "number", device = "text", family = "family"}
 M.rules.DS710.group = {"device", "place"}
 M.rules.DS710.args = {axes = "numbers", device = "text", place = "place"}
 M.rules.DS711.group = {}
-M.rules.DS711.args = {have = "number", need = "number", count = "number", fits = "number", case = "key"}
+M.rules.DS711.args = {have = "number", need = "number", count = "number", fits = "number", case = "key", family = "family"}
 M.rules.DS712.group = {}
-M.rules.DS712.args = {asked = "number", need = "number"}
+M.rules.DS712.args = {asked = "number", need = "number", family = "family"}
 M.rules.DS713.group = {"what"}
-M.rules.DS713.args = {parameters = "number", number = "number", what = "key", pnu = "pnu", subindex = "number", room = "key", limit = "number"}
+M.rules.DS713.args = {parameters = "number", number = "number", what = "key", pnu = "pnu", subindex = "number", room = "key", limit = "number", family = "family"}
 M.rules.DS714.group = {"pnu", "format", "better", "better_code"}
-M.rules.DS714.args = {pnu = "pnu", subindex = "number", format = "text", values = "values", case = "key", better = "text", better_code = "hex", seen = "frame", bits = "key", meant = "values", code = "code"}
+M.rules.DS714.args = {pnu = "pnu", subindex = "number", format = "text", values = "values", case = "key", better = "text", better_code = "hex", seen = "frame", bits = "key", meant = "values", code = "code", family = "family"}
 M.rules.DS715.group = {"what"}
-M.rules.DS715.args = {what = "key", meant = "line"}
+M.rules.DS715.args = {what = "key", meant = "line", family = "family"}
 M.rules.DS716.group = {"what"}
-M.rules.DS716.args = {what = "key", meant = "line"}
+M.rules.DS716.args = {what = "key", meant = "line", family = "family"}
 M.rules.DS717.group = {"pnu", "code"}
-M.rules.DS717.args = {pnu = "pnu", subindex = "number", elements = "number", code = "code", vendor_id = "vendor"}
+M.rules.DS717.args = {pnu = "pnu", subindex = "number", elements = "number", code = "code", vendor_id = "vendor", family = "family"}
 M.rules.DS718.group = {"pnu", "code", "state"}
-M.rules.DS718.args = {pnu = "pnu", subindex = "number", state = "text", code = "code", vendor_id = "vendor"}
+M.rules.DS718.args = {pnu = "pnu", subindex = "number", state = "text", code = "code", vendor_id = "vendor", family = "family"}
 M.rules.DS719.group = {"pnu", "code"}
-M.rules.DS719.args = {pnu = "pnu", subindex = "number", code = "code", vendor_id = "vendor"}
+M.rules.DS719.args = {pnu = "pnu", subindex = "number", code = "code", vendor_id = "vendor", family = "family"}
 M.rules.DS720.group = {"pnu", "code"}
-M.rules.DS720.args = {pnu = "pnu", subindex = "number", format = "text", value = "value", case = "key", source = "pnu", code = "code", vendor_id = "vendor"}
+M.rules.DS720.args = {pnu = "pnu", subindex = "number", format = "text", value = "value", case = "key", source = "pnu", code = "code", vendor_id = "vendor", family = "family"}
 M.rules.DS721.group = {"device"}
 M.rules.DS721.args = {count = "number", device = "text", case = "key", targets = "number", unknown = "number", more = "key", last = "frame"}
 M.rules.DS722.group = {}

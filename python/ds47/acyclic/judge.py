@@ -234,7 +234,7 @@ class Judge:
                 args = self._error_args(job, block, address)
                 remarks.append(Remark("DS410", frame, args, block.offset))
             elif address and read:
-                _count(frame, block, address, remarks)
+                _count(frame, job, block, address, remarks)
 
     def _error_args(self, job: Job, block: Block, address: Address | None) -> dict[str, Any]:
         assert block.error is not None
@@ -245,6 +245,7 @@ class Judge:
             "code": code,
             "vendor_id": job.peer.vendor_id,
             "info": info,
+            "family": job.peer.drives,
         }
 
     def _time(self, job: Job, remarks: list[Remark]) -> None:
@@ -315,7 +316,7 @@ def _is_change(job: Job) -> bool:
     return job.message is not None and job.message.operation == "change"
 
 
-def _count(frame: int, block: Block, address: Address, remarks: list[Remark]) -> None:
+def _count(frame: int, job: Job, block: Block, address: Address, remarks: list[Remark]) -> None:
     """Fewer or more values than were asked for.
 
     Count 0 asks for the whole simple parameter, one value at least; a string has as many as characters.
@@ -329,5 +330,5 @@ def _count(frame: int, block: Block, address: Address, remarks: list[Remark]) ->
         rule = "DS409"
     else:
         return
-    args = {"asked": asked, "got": got, "pnu": address.pnu}
+    args = {"asked": asked, "got": got, "pnu": address.pnu, "family": job.peer.drives}
     remarks.append(Remark(rule, frame, args, block.offset))

@@ -14,7 +14,7 @@ from itertools import islice
 from typing import Final, NamedTuple, TypeVar
 
 from ds47.profidrive import Request, Response
-from ds47.profidrive.dictionary import Meaning
+from ds47.profidrive.dictionary import Meaning, family_of
 from ds47.profidrive.family import kind_fits
 from ds47.profinet.records import Half, Record
 from ds47.spec.semantics import Limits, phases
@@ -40,6 +40,11 @@ class Peer(NamedTuple):
     """The address of the device on PROFIBUS; None on PROFINET."""
     family: str | None = None
     """Of its parameters, where PROFIBUS says it (`ds47.profibus.idents`)."""
+
+    @property
+    def drives(self) -> str:
+        """Whose parameters it has, as far as is known."""
+        return family_of(self.vendor_id, self.family)
 
 
 ChannelKey = tuple[str, str, bytes, int, int, int, int]

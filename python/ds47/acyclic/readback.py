@@ -177,10 +177,10 @@ class ReadBack:
             elif address.pnu == DO_IDENTIFICATION and address.attribute == VALUE:
                 self.objects.identified(reached, address.subindex, block.values)
             if address.pnu in self.pnus:
-                yield from self._compared(reached, asked.frame, address, block)
+                yield from self._compared(reached, job.peer.drives, asked.frame, address, block)
 
     def _compared(
-        self, reached: Access, asked: int, address: Address, block: Block
+        self, reached: Access, family: str, asked: int, address: Address, block: Block
     ) -> Iterator[dict[str, Any]]:
         device = self._device(reached.device)
         if device.recomputing:
@@ -197,7 +197,7 @@ class ReadBack:
                 there[:] = [each for each in there if each.until == NEVER]
                 yield {
                     "pnu": address.pnu, "subindex": element, "read": value,
-                    "written": last.value, "by": last.asked, "offset": block.offset,
+                    "written": last.value, "by": last.asked, "family": family, "offset": block.offset,
                 }  # fmt: skip
 
     def _last(self, key: Element, reached: Access, asked: int) -> Written | None:

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from itertools import zip_longest
 
+from ds47 import spec
 from ds47.acyclic.judge import is_mismatch
 from ds47.acyclic.pairing import Job
 from ds47.model import Frames, Parameter, ParameterError, Read, Transaction
 from ds47.profidrive import Address, Block
-from ds47.profidrive.dictionary import explain, listed, unit_of
+from ds47.profidrive.dictionary import explain, unit_of
 from ds47.profidrive.family import NOT_SUPPORTED
 from ds47.profinet.records import NIL_UUID, NO_API, Half
 from ds47.spec import request_ids, response_ids
@@ -147,12 +148,13 @@ def _parameters(job: Job, stray: bool) -> list[Parameter]:
 def _parameter(
     job: Job, address: Address | None, value: Block | None, answer: Block | None
 ) -> Parameter:
-    pnu = subindex = attribute = elements = known = None
+    pnu = subindex = attribute = elements = known = family = None
     if address is not None:
         pnu, subindex, elements = address.pnu, address.subindex, address.element_count
         attribute = address.attribute_name
-        known = listed(pnu, job.peer.vendor_id, job.peer.family)
-    result = Parameter(pnu, subindex, attribute, elements, known)
+        family = job.peer.drives
+        known = spec.parameter(pnu, family)
+    result = Parameter(pnu, subindex, attribute, elements, known, family=family)
     if value is not None and value.error is None:
         result.format = value.format_name
         result.value_count = value.value_count

@@ -153,7 +153,9 @@ def _assumed(asked: RequestLine) -> Iterator[Both]:
         key = f"family_{known.family}"
         yield say(
             "encode_known_type",
-            name=naming.spelling(known.number),
+            name=naming.spelling(
+                known.number, known.family if known.family in spec.FAMILIES else None
+            ),
             format=request.blocks[place].format_name,
             parameter=Both(known.name_en, known.name_zh),
             family=Both(explanations.words("en")[key], explanations.words("zh")[key]),

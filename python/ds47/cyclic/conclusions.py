@@ -65,7 +65,7 @@ class Conclusions:
 
     def _habits_of(self, relation: Relation) -> Habits:
         if relation.place not in self._habits:
-            where = {"device": relation.device, "slot": relation.slot}
+            where = {"device": relation.device, "slot": relation.slot, "family": relation.drives}
             layout = self._layout(relation.device)
             self._habits[relation.place] = Habits(where, self._bounds, layout)
         return self._habits[relation.place]

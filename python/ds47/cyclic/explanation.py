@@ -30,6 +30,8 @@ class TurnedDown:
     subindex: int | None
     request: int
     response: int
+    family: str | None
+    """Whose parameters the drive has."""
 
 
 def turned_down(item: Transaction) -> TurnedDown | None:
@@ -40,8 +42,9 @@ def turned_down(item: Transaction) -> TurnedDown | None:
     for each in item.parameters:
         if each.error is not None and each.error.code in cyclic.state_errors():
             return TurnedDown(
-                item.device, item.slot, item.index, each.pnu, each.subindex, first, last
-            )
+                item.device, item.slot, item.index, each.pnu, each.subindex, first, last,
+                each.family,
+            )  # fmt: skip
     return None
 
 
@@ -53,7 +56,7 @@ def explain(it: TurnedDown, drives: Sequence[Drive]) -> Remark | None:
     running = drive.recorder.running(it.request, it.response)
     if running is None:
         return None
-    which = {"pnu": it.pnu, "subindex": it.subindex}
+    which = {"pnu": it.pnu, "subindex": it.subindex, "family": it.family}
     if running:
         since = drive.recorder.running_since(it.request)
         what = "pzd_since_ever" if since is None else "pzd_since"

@@ -29,7 +29,7 @@ class Habits:
     """The requests of one relation, as far as they are remembered.
 
     Args:
-        where: arguments of findings about the drive: the device and its slot.
+        where: arguments of findings about the drive: the device, its slot and whose parameters it has.
         bounds: how much is too much.
         layout: of IND.
     """
@@ -73,7 +73,7 @@ class Habits:
         wrong = told.error is not None and told.error.code == _WRONG_TYPE
         if row.access == "change" and row.width == 16 and wrong and which in self._double:
             args = {"pnu": asked.pnu, "subindex": asked.subindex, "read": self._double[which]}
-            yield Remark("DS507", job.answer.at.frame, args)
+            yield Remark("DS507", job.answer.at.frame, self.where | args)
 
     def _has_room(self, kind: str, which: _Which) -> bool:
         return (kind, which) in self._newest or len(self._newest) < self.bounds.written_values

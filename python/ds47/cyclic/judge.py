@@ -21,7 +21,7 @@ def remarks(relation: Relation, job: Job, layout: str = pkw.CYCLIC) -> Iterator[
     if not relation.is_judged:
         return
     asked = pkw.decode(job.request.data, answer=False, layout=layout)
-    which = {"pnu": asked.pnu, "subindex": asked.subindex}
+    which = {"pnu": asked.pnu, "subindex": asked.subindex, "family": relation.drives}
     yield from _request(job, asked, which)
     if job.answer is not None:
         yield from _response(job.answer, which, layout)

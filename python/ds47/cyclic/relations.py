@@ -14,6 +14,7 @@ from typing import NamedTuple
 from ds47 import model
 from ds47.cyclic.pkw import LENGTH
 from ds47.model import LENGTHS, NAMED, REFUTED
+from ds47.profidrive.dictionary import family_of
 from ds47.profinet.connect import Connect, Data, Submodule
 from ds47.spec.cyclic import telegrams
 
@@ -113,6 +114,11 @@ class Relation:
     def maker(self) -> int | None:
         """The vendor whose parameters it has where no family is known; on PROFIBUS only the family says that."""
         return None if self.is_bus else self.vendor_id
+
+    @property
+    def drives(self) -> str:
+        """Whose parameters it has, as far as is known."""
+        return family_of(self.maker, self.family)
 
     @property
     def is_judged(self) -> bool:

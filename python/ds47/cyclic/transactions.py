@@ -5,11 +5,12 @@ What was wrong with it is not said here.
 
 from __future__ import annotations
 
+from ds47 import spec
 from ds47.cyclic import handshake, pkw
 from ds47.cyclic.handshake import Job
 from ds47.cyclic.relations import SIEMENS, Relation
 from ds47.model import PKW, Frames, Parameter, ParameterError, Transaction
-from ds47.profidrive.dictionary import listed, unit_of
+from ds47.profidrive.dictionary import unit_of
 from ds47.spec import cyclic
 from ds47.spec.units import uuid_text
 
@@ -66,9 +67,9 @@ def _parameter(
     source = asked if access == "change" else told
     value = None if source is None or (error and access != "change") else source.value
     count = access == "count"  # the number of elements is no value of the parameter
-    known = None
-    if relation.vendor_id == SIEMENS:
-        known = listed(asked.pnu, relation.maker, relation.family)
+    known, family = None, relation.drives
+    if relation.vendor_id == SIEMENS and asked.pnu is not None:
+        known = spec.parameter(asked.pnu, family)
     format_name = None if value is None or count else _format(source, value)
     return Parameter(
         pnu=asked.pnu,
@@ -81,6 +82,7 @@ def _parameter(
         value_count=None if value is None else 1,
         values=[] if value is None else [value],
         error=error,
+        family=family,
     )
 
 

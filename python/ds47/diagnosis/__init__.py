@@ -86,7 +86,7 @@ class Diagnoses:
             remarks += self._cause(job)
         self._learn(job)
         for remark in remarks:
-            remark.job = job
+            remark.job, remark.args["family"] = job, job.peer.drives
             if remark.corrected is not None:
                 remark.corrected = self._offer(job, remark.corrected)
         return remarks
@@ -152,6 +152,7 @@ class Diagnoses:
         return repair.find(
             half.data, message, errors, partial(self._is_known, job.peer),
             partial(self._format, job), replace(self._codec, vendor_id=job.peer.vendor_id),
+            job.peer.drives,
         )  # fmt: skip
 
     def _repaired(self, job: Job, found: Repair) -> Remark:

@@ -196,6 +196,7 @@ def _args(job: Job, rule: str, refusal: Refusal) -> dict[str, Any]:
         "state": known().commissioning.get(refusal.code),
         "code": refusal.code,
         "vendor_id": job.peer.vendor_id,
+        "family": job.peer.drives,
     }
     return {name: facts[name] for name in rules()[rule].args}
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from ds47 import spec
@@ -86,6 +86,7 @@ def find(
     known_pnu: Callable[[int], bool],
     known_format: Callable[[int], int | None],
     options: Options,
+    family: str | None = None,
 ) -> Repair | None:
     """The repair of a request, None if nothing is wrong or if it is not certain. Never raises.
 
@@ -96,6 +97,7 @@ def find(
         known_pnu: whether there is such a parameter, from a table or because it has answered.
         known_format: the format code of a parameter where it is known.
         options: dialects and vendor.
+        family: whose parameters the drive has, for the readable line.
     """
     # Twice the channel: data with a fill byte for each one. What is longer no program of a channel
     # sends, and the search would go over all of it several times.
@@ -105,11 +107,18 @@ def find(
         return None
     whole = _whole_message(request, message, known_pnu, options)
     if whole:
-        return whole[0] if len(whole) == 1 else None
+        return _read(whole[0], options, family) if len(whole) == 1 else None
     if message.request_id != _CHANGE or any(flaw.rule != "DS314" for flaw in message.flaws):
         return None
     job = _Change(request, message, errors, known_format, options)
-    return _meant(job.values_swapped(), job.other_format())
+    meant = _meant(job.values_swapped(), job.other_format())
+    return meant if meant is None or meant.each else _read(meant, options, family)
+
+
+def _read(found: Repair, options: Options, family: str | None) -> Repair:
+    """A repair of a whole request with its readable line."""
+    line = _line(found.request, decode_request(found.request, options), family)
+    return replace(found, args={"meant": line})
 
 
 # Numbers ----------------------------------------------------------------------------------------
@@ -177,7 +186,7 @@ def _whole_message(
             continue
         # With every word turned round the values stood elsewhere: there is nothing to compare.
         if what == "all_bytes" or not _worse(message, fixed[1]):
-            found.setdefault(fixed[0], _repair("DS715", what, *fixed))
+            found.setdefault(fixed[0], Repair("DS715", what, fixed[0], {}, 0))
     # Where each second byte is zero, that explains the fill bytes as well.
     layouts = _layouts("zeros", _without_zeros(request), options)
     layouts = layouts or _layouts("even_offsets", _without_fill_bytes(request, options), options)
@@ -195,16 +204,12 @@ def _settled(data: bytes, options: Options) -> tuple[bytes, Request] | None:
     return data, message
 
 
-def _repair(rule: str, what: str, data: bytes, message: Request, number: int = 0) -> Repair:
-    return Repair(rule, what, data, {"meant": _line(data, message)}, number)
-
-
-def _line(data: bytes, message: Request) -> str:
+def _line(data: bytes, message: Request, family: str | None) -> str:
     """The readable line; the bytes where there is none, as with dialects, which it does not know."""
     try:
         if any(block.meaning is not None for block in message.blocks):
             raise ValueError("a dialect has no line")
-        line = format_request_line(message)
+        line = format_request_line(message, family)
     except ValueError:
         line = data.hex(" ")
     return line
@@ -259,7 +264,9 @@ def _worse(before: Request, after: Request) -> bool:
 def _layouts(what: str, candidates: Iterable[bytes | None], options: Options) -> list[Repair]:
     settled = [_settled(data, options) for data in candidates if data]
     return [
-        _repair("DS716", what, *each) for each in settled if each and not _absurd_inside(each[1])
+        Repair("DS716", what, each[0], {}, 0)
+        for each in settled
+        if each and not _absurd_inside(each[1])
     ]
 
 
@@ -382,7 +389,7 @@ class _Change:
                 first = number
         if first is None:
             return None
-        return _Guess(_repair("DS715", "values", *fixed, first), max(digits, default=0))
+        return _Guess(Repair("DS715", "values", fixed[0], {}, first), max(digits, default=0))
 
     def other_format(self) -> _Guess | None:
         """The values that are absurd, or of a type that was refused, under another format."""

@@ -49,9 +49,9 @@ class Corrected:
     block: bool
 
 
-def corrected(request: bytes) -> Corrected:
-    """A request in the forms in which it is shown."""
-    line = encode_command(request)
+def corrected(request: bytes, family: str | None = None) -> Corrected:
+    """A request in the forms in which it is shown; `family`: whose parameters the drive has."""
+    line = encode_command(request, family)
     return Corrected(
         request.hex(), plc_words(request), scl(request), line, _makes_block(request, line)
     )
@@ -80,10 +80,10 @@ def scl(data: bytes) -> str:
     return "\n".join([*rows, f"#length := {len(data)};"])
 
 
-def encode_command(data: bytes) -> str | None:
+def encode_command(data: bytes, family: str | None = None) -> str | None:
     """The `ds47 encode` line that gives exactly these bytes, for a POSIX shell; None if none does."""
     try:
-        line = format_request_line(decode_request(data))
+        line = format_request_line(decode_request(data), family)
         same = encode_request(parse_request_line(line)) == data
     except ValueError:
         return None

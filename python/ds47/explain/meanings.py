@@ -528,7 +528,9 @@ def _cyclic_word(name: str, value: int, lang: str) -> Meaning:
 def _parameter(number: int, lang: str) -> Meaning:
     """A parameter by its number: name, type, unit, and on which drives it has them."""
     words, known = explanations.words(lang), spec.of_families(number)
-    code, entry = spelling(number), explanations.of_number(PARAMETER, number)
+    makers = {row.family for row in known}
+    code = spelling(number, spec.MICROMASTER if makers == {spec.MICROMASTER} else None)
+    entry = explanations.of_number(PARAMETER, number)
     assert entry is not None
     values = {"code": code, "hex": f"{number:04X}", "value": str(number)}
     if not known:

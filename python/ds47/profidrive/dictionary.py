@@ -83,15 +83,18 @@ class Meaning(NamedTuple):
         return format_name in (None, own) or _UNSIGNED.get(own) == format_name
 
 
-def listed(pnu: int | None, vendor_id: int | None, family: str | None = None) -> spec.Pnu | None:
-    """The row of a parameter in spec/parameters.toml and drives.toml that speaks of a device of this vendor.
+def family_of(vendor_id: int | None, family: str | None = None) -> str:
+    """Whose parameters a device of this vendor has: "sinamics", "micromaster" or, of any other, "profile".
 
     On PROFINET a device of Siemens is no MICROMASTER, whose numbers mean other things: 1082 is a frequency there
     and a speed on SINAMICS. On PROFIBUS the ident number says the family.
     """
-    if pnu is None:
-        return None
-    return spec.parameter(pnu, family or ("sinamics" if vendor_id == SIEMENS else "profile"))
+    return family or ("sinamics" if vendor_id == SIEMENS else "profile")
+
+
+def listed(pnu: int | None, vendor_id: int | None, family: str | None = None) -> spec.Pnu | None:
+    """The row of a parameter in spec/parameters.toml and drives.toml that speaks of a device of this vendor."""
+    return None if pnu is None else spec.parameter(pnu, family_of(vendor_id, family))
 
 
 def unit_of(row: spec.Pnu | None, format_name: str | None) -> str | None:

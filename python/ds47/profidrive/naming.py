@@ -1,19 +1,23 @@
 """How people write the number of a parameter: p0945, r945[0], P700, PNU 945, 61000.
 
-The letter is a habit of Siemens, as are the four digits: `p` may be written, `r` may only be read. On the wire
-there is the number alone; which parameters may only be read is in the tables of spec, and any other is a `p`.
+The letter is a habit of Siemens, as are the four digits: `p` may be written, `r` may only be read, and
+MICROMASTER has a capital `P`. On the wire there is the number alone; which parameters of a family of drives may
+only be read is in the tables of spec, and any other is a `p` (docs/protocol.md D.3).
 """
 
 from __future__ import annotations
 
 import re
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Final, NamedTuple
 
 from ds47 import spec
 
 LARGEST = 0xFFFF
 BARE = 60000
 """From here on numbers are those of profiles, which have no letter."""
+WRITABLE: Final[Mapping[str | None, str]] = {spec.MICROMASTER: "P"}
+"""The letter of what may be written, where it is no `p`."""
 _FORM = re.compile(
     r"(?:(?P<letter>[pr])|pnu\.?)? ?0*(?P<number>\d{1,5})"
     r"(?:[\[.](?P<subindex>\d{1,5})(?:(?:\.\.\.?|-)[\w-]*)?\]?)?",
@@ -45,13 +49,20 @@ def spelled(text: str) -> Spelled | None:
     )
 
 
-def spelling(number: int) -> str:
-    """A number as it is printed: `p0010`, `r0945`, `p50303`, `61000` (also lua/ds47/profidrive/naming.lua)."""
+def spelling(number: int, family: str | None = None) -> str:
+    """A number as it is printed: `p0010`, `r0945`, `P0700`, `61000` (also lua/ds47/profidrive/naming.lua).
+
+    Args:
+        number: of the parameter.
+        family: of the drive that has it (`ds47.profidrive.dictionary.family_of`); None where no drive is named.
+    """
     if number >= BARE:
         return str(number)
-    return f"{'r' if number in spec.read_only() else 'p'}{number:04}"
+    if number in spec.read_only(family):
+        return f"r{number:04}"
+    return f"{WRITABLE.get(family, 'p')}{number:04}"
 
 
-def element(number: int, subindex: int) -> str:
+def element(number: int, subindex: int, family: str | None = None) -> str:
     """One element of a parameter: `r0945[0]`."""
-    return f"{spelling(number)}[{subindex}]"
+    return f"{spelling(number, family)}[{subindex}]"

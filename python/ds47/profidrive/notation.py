@@ -158,8 +158,12 @@ def _known_format(match: re.Match[str]) -> spec.Format | None:
     return spec.format_named(known.type.partition("[")[0]) if known else None
 
 
-def format_request_line(request: Request) -> str:
+def format_request_line(request: Request, family: str | None = None) -> str:
     """The readable line of a request; `parse_request_line` gives the same bytes again.
+
+    Args:
+        request: what to write.
+        family: whose parameters the drive has; None where no drive is named.
 
     Raises:
         ValueError: the request cannot be written as a line: cut, with bytes left over, or odd in
@@ -179,7 +183,7 @@ def format_request_line(request: Request) -> str:
     operation = names.get(request.request_id or 0, f"0x{request.request_id:02X}")
     parts = [operation, f"ref {request.request_reference}", f"axis {request.axis}"]
     for number, address in enumerate(request.addresses):
-        parts.append(_show_parameter(address, blocks[number] if blocks else None))
+        parts.append(_show_parameter(address, blocks[number] if blocks else None, family))
     return " ".join(parts)
 
 
@@ -304,11 +308,11 @@ def _attribute(name: str) -> int:
     return int(name, 16)
 
 
-def _show_parameter(address: Address, block: Block | None) -> str:
+def _show_parameter(address: Address, block: Block | None, family: str | None) -> str:
     plain = address.attribute == VALUE
     indexed = address.subindex or (plain and block is None and address.element_count)
     implied = block.value_count if block else int(bool(indexed) or not plain)
-    text = spelling(address.pnu) + (f"[{address.subindex}]" if indexed else "")
+    text = spelling(address.pnu, family) + (f"[{address.subindex}]" if indexed else "")
     text += "" if address.element_count == implied else f"*{address.element_count}"
     text += "" if plain else f".{address.attribute_name}"
     return text if block is None else f"{text}={_show_block(block)}"

@@ -20,8 +20,10 @@ from typing import Any, NamedTuple
 
 from ds47 import spec
 from ds47.model import S7, SEVERITIES, CaptureFile
+from ds47.profidrive.dictionary import family_of
 from ds47.profidrive.naming import element, spelling
 from ds47.regression.config import Config, ParameterTolerance
+from ds47.regression.elements import vendor_of
 from ds47.report import contract, load
 from ds47.report.bilingual import LANGUAGES, Both, operation, say, state
 from ds47.report.places import Places
@@ -121,7 +123,7 @@ class Comparison:
         )
         self._old_places, self._new_places = _places(stored), _places(now)
         self._vendors = {
-            each["ip"]: _vendor(each)
+            each["ip"]: vendor_of(each)
             for result in (stored, now)
             for each in result.get("devices", [])
         }
@@ -251,7 +253,8 @@ class Comparison:
     ) -> Iterator[Change]:
         pnu, first = new.get("pnu"), new.get("subindex") or 0
         about = about | {"pnu": pnu}
-        name = "value" if pnu is None else spelling(pnu)
+        family = family_of(self._vendors.get(about["device"]), new.get("family"))
+        name = "value" if pnu is None else spelling(pnu, family)
         learned = ("described_in" in old) != ("described_in" in new)  # by one of two versions
         for key in (*_ADDRESS, "name", "unit", "format", "value_count"):
             if not (learned and key in _DESCRIBED) and _fact(key, old) != _fact(key, new):
@@ -326,7 +329,7 @@ class Comparison:
     def _alone(self, kind: str, old: int | None, new: int | None, item: Json) -> Change:
         asked = ", ".join(
             [
-                *map(_address, item["parameters"][:3]),
+                *(self._address(item, each) for each in item["parameters"][:3]),
                 *(each["address"] or "?" for each in item.get("items", ())[:3]),
             ]
         )
@@ -407,7 +410,7 @@ class Comparison:
         """What else tells findings of the same file apart. Sentences never do: a better one is no change."""
         if not self._same_file:
             return ()
-        args = _frozen(finding["args"]) if self._with_args else None
+        args = _frozen(_compared(finding["args"])) if self._with_args else None
         return finding["frame"], args
 
     def _finding(
@@ -431,6 +434,12 @@ class Comparison:
                       device=item["device"] if item else None)  # fmt: skip
 
     # Words
+
+    def _address(self, item: Json, parameter: Json) -> str:
+        """`p2900[0]`; `p?` where no request names it."""
+        pnu, subindex = parameter["pnu"], parameter["subindex"]
+        family = family_of(self._vendors.get(item["device"]), parameter.get("family"))
+        return "p?" if pnu is None else element(pnu, subindex, family)
 
     def _field(
         self, kind: str, where: _Where, path: tuple[str | int, ...], old: Json, new: Json,
@@ -526,23 +535,16 @@ def _fact(key: str, parameter: Json) -> Any:
     return (value["code"], value.get("info")) if key == "error" and value else value
 
 
+def _compared(args: Mapping[str, Any]) -> dict[str, Any]:
+    """The arguments without whose parameters a drive has: that is its spelling, and results of 1.0 lack it."""
+    return {name: value for name, value in args.items() if name != "family"}
+
+
 def _frozen(item: Any) -> Any:
     """Something of JSON that can be counted; equal where it is equal."""
     if isinstance(item, dict):
         return tuple(sorted((key, _frozen(value)) for key, value in item.items()))
     return tuple(map(_frozen, item)) if isinstance(item, list) else item
-
-
-def _address(parameter: Json) -> str:
-    """`p2900[0]`; `p?` where no request names it."""
-    pnu, subindex = parameter["pnu"], parameter["subindex"]
-    return "p?" if pnu is None else element(pnu, subindex)
-
-
-def _vendor(device: Json) -> int | None:
-    """Whose a device is: as the capture shows it, else as it was assumed."""
-    shown: int | None = device.get("vendor_id")
-    return device.get("assumed_vendor_id") if shown is None else shown
 
 
 def _outcome(parameter: Json, vendor_id: int | None) -> Both:

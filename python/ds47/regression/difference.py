@@ -67,6 +67,8 @@ class Row(NamedTuple):
     b: Outcomes | None
     name: str | None
     unit: str | None
+    family: str | None = None
+    """Whose parameters the drive has; None where no side says it."""
 
 
 Took = tuple[str | None, float]
@@ -232,11 +234,18 @@ def _unique(stations: Mapping[str, str | None]) -> dict[str, str]:
     return {ip: (often[name] == 1 and name) or ip for ip, name in stations.items()}
 
 
+def _family(*sides: History | None) -> str | None:
+    """Whose parameters the drive has: that of a maker where one side shows it."""
+    known = {each.family for each in sides if each is not None}
+    return next(iter(known - {"profile"}), "profile")
+
+
 def _rows(a: Shown, b: Shown, places: Places) -> Iterator[Row]:
     near = _near(a), _near(b)
     for element in sorted(a.elements.keys() | b.elements.keys(), key=_sort_key):
         mine, theirs = a.elements.get(element), b.elements.get(element)
         name, unit = _about(mine, theirs)
+        family = _family(mine, theirs)
         for operation in OPERATIONS:
             one = None if mine is None else mine.of(operation)
             other = None if theirs is None else theirs.of(operation)
@@ -249,7 +258,7 @@ def _rows(a: Shown, b: Shown, places: Places) -> Iterator[Row]:
             else:
                 lacking = near[1] if one else near[0]
                 result = _one_sided(element, lacking[element[1:]], places)
-            yield Row(element, operation, result, one, other, name, unit)
+            yield Row(element, operation, result, one, other, name, unit, family)
 
 
 def compare(a: Outcomes, b: Outcomes) -> str:

@@ -251,7 +251,7 @@ def element_text(run: Run) -> str:
     """The same without the place: `p2900[0]`, `r2902[2..5]`."""
     first, last = (run.rows[place].element.subindex for place in (0, -1))
     index = f"{first}" if first == last else f"{first}..{last}"
-    return f"{spelling(run.first.element.pnu)}[{index}]"
+    return f"{spelling(run.first.element.pnu, run.first.family)}[{index}]"
 
 
 def side_text(run: Run, side: str, found: Difference) -> Both:

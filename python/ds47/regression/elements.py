@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
 
 from ds47.profidrive import decode_request
+from ds47.profidrive.dictionary import family_of
 from ds47.profidrive.drive_objects import LOCAL
 from ds47.profidrive.elements import is_whole, split
 from ds47.regression.places import Json, Place, Places, access_of
@@ -22,6 +23,12 @@ OPERATIONS: Final = ("read", "change")
 VALUE: Final = "value"
 _DOUBTFUL: Final = frozenset({"DS106", "DS309", "DS315"})
 """Findings of a response that is not all there: what it does not say is not known."""
+
+
+def vendor_of(device: Json) -> int | None:
+    """Whose a device of a report is: as the capture shows it, else as it was assumed."""
+    shown: int | None = device.get("vendor_id")
+    return device.get("assumed_vendor_id") if shown is None else shown
 
 
 class Element(NamedTuple):
@@ -92,6 +99,8 @@ class History:
     change: Outcomes = field(default_factory=Outcomes)
     name: str | None = None
     unit: str | None = None
+    family: str | None = None
+    """Whose parameters the drive has, as far as the report says it."""
 
     def of(self, operation: str) -> Outcomes | None:
         """The outcomes of "read" or "change"; None where there was none."""
@@ -115,7 +124,9 @@ class Shown:
 def shown(capture: Json, names: Mapping[str, str], places: Places) -> Shown:
     """What a capture object of `ds47.report/1` or `/2` shows; `names`: of its devices, by IP address."""
     found = Shown()
+    vendors = {each["ip"]: vendor_of(each) for each in capture.get("devices", ())}
     for item in capture["transactions"]:
+        vendor = vendors.get(item["device"])
         access = access_of(item, names)
         parameters, whole = _asked(item)
         found.unknown += not whole
@@ -126,7 +137,13 @@ def shown(capture: Json, names: Mapping[str, str], places: Places) -> Shown:
             if each["error"] is not None:
                 key = access.device, each["error"]["code"]
                 found.texts.setdefault(key, each["error"]["text"])
-            _note(found, place, item, position, each)
+            _note(
+                found,
+                place,
+                item,
+                position,
+                each | {"family": family_of(vendor, each.get("family"))},
+            )
     return found
 
 
@@ -170,6 +187,7 @@ def _note(found: Shown, place: Place, item: Json, position: int, each: Json) -> 
         unit = (
             None if each.get("scaled") else each["unit"]
         )  # the values shown are those that were sent
+        history.family = each["family"]
         history.name, history.unit = each["name"] or history.name, unit or history.unit
         if operation not in OPERATIONS:
             continue  # asked for, but neither read nor changed

@@ -37,7 +37,10 @@ negative response, `status` that of a refused Write call."""
 
 
 def _chosen(result: CaptureResult, selection: Selection) -> tuple[list[dict[str, Any]], int]:
-    """The changes that are wanted, with the keys COLUMNS; how many more may be: their drive object is unproved."""
+    """The changes that are wanted, with the keys COLUMNS and `parameter` as it is printed; how many more may be.
+
+    Of those the drive object is not proved.
+    """
     wanted, targets = Wanted(result, selection), Targets(result.evidence)
     stations = {each.ip: each.station for each in result.devices}
     whole = known().global_pnus  # of the device, whatever drive object is asked
@@ -50,7 +53,7 @@ def _chosen(result: CaptureResult, selection: Selection) -> tuple[list[dict[str,
         if selection.drive_objects and row["drive_object"] is None:
             unproved += change.pnu not in whole and wanted.unproved(item)
         elif wanted.transaction(item):
-            found.append({name: row[name] for name in COLUMNS})
+            found.append(row)
     return found, unproved
 
 
@@ -63,6 +66,7 @@ def _row(change: Change, targets: Targets, stations: dict[str, str | None]) -> d
         "device": item.device, "station": stations.get(item.device),
         "target": "" if of_device else targets.words(item),
         "drive_object": None if of_device else targets.drive_object(item),
+        "parameter": element(change.pnu, change.subindex, change.parameter.family),
         "way": way(change), "pnu": change.pnu, "subindex": change.subindex,
         "name": change.parameter.name, "unit": change.parameter.unit,
         "old": None if old is None else old.value, "old_known": None if old is None else old.how,
@@ -102,7 +106,8 @@ class Writer:
         if self._format == "csv":
             self._csv.writerows([_cell(each, name) for name in COLUMNS] for each in found)
         elif self._format == "json":
-            changes = [{key: each[key] for key in COLUMNS if key != "path"} for each in found]
+            keys = [key for key in COLUMNS if key != "path"]
+            changes = [{key: each[key] for key in keys} for each in found]
             self._captures.append({"path": result.path, "changes": changes})
         else:
             clock = Clock.of(result, self._zone)
@@ -169,5 +174,5 @@ def _texts(row: dict[str, Any], lang: str) -> list[str]:
         outcome += f" {row['status']}"
     return [
         str(row["frame"]), escape(who), escape(" ".join(filter(None, (device, row["target"])))),
-        row["way"], element(row["pnu"], row["subindex"]), f"{old} -> {new}", outcome,
+        row["way"], row["parameter"], f"{old} -> {new}", outcome,
     ]  # fmt: skip

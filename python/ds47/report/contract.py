@@ -13,13 +13,13 @@ from operator import attrgetter
 from typing import Any, NamedTuple
 
 from ds47 import model
-from ds47.profidrive.dictionary import listed
+from ds47.profidrive.dictionary import family_of
 from ds47.report import descriptions
 from ds47.report import values as meanings
 from ds47.report.bilingual import LANGUAGES
 from ds47.report.filters import display_filter
 from ds47.report.sentences import error_words, message, name, sentence
-from ds47.spec import cyclic, parameters, profibus, s7
+from ds47.spec import FAMILIES, MICROMASTER, SINAMICS, cyclic, parameter, parameters, profibus, s7
 from ds47.spec.units import duration, nanoseconds, timestamp
 
 Tell = Callable[[Any, str], Any]
@@ -233,18 +233,22 @@ def _named(name_: str | None, vendor_id: int | None) -> tuple[str | None, int | 
 def _parameter(**arguments: Any) -> model.Parameter:
     """A parameter; a name that no table has is that of the drive, or of a list."""
     (name_, vendor_id), frames = arguments.pop("name"), arguments.pop("described_in", None)
-    pnu = arguments["pnu"]
+    pnu, family = arguments["pnu"], arguments.pop("family", None)
+    if pnu is not None:
+        family = family_of(vendor_id, family)
     row = own = None
     if pnu is not None and name_ is not None:
-        row = listed(pnu, vendor_id)
+        row = parameter(pnu, family)
         rows = parameters().get(pnu, {}).values() if row is None else (row,)
         own = next((each for each in rows if name_ in (each.name_en, each.name_zh)), None)
+        if own is not None and own.family not in FAMILIES[family]:
+            family = SINAMICS  # a name of that table tells it, where the vendor does not
     given = name_ if own is None else None
     described = None
     if frames or given is not None:
         described = model.Described(given, tuple(frames or ()))
     meant = arguments.pop("meaning", None)
-    item = model.Parameter(**arguments, listed=own or row, described=described)
+    item = model.Parameter(**arguments, listed=own or row, described=described, family=family)
     if meant is not None and meant not in (_meaning(item, "en"), _meaning(item, "zh")):
         item.told = {None: meant}  # by a list of the user
     return item
@@ -320,6 +324,9 @@ PARAMETER = Shape("parameter", (
     Key("format", MAYBE_TEXT,
         column="Format of the values, 0x7F for one that has no name; null for an error."),
     Key("value_count", BYTE, column="Number of values, as the message says."),
+    Key("family", {"enum": [MICROMASTER]},
+        "Whose parameters it is one of, where the vendor does not say it: of MICROMASTER.",
+        tell=lambda item, _: MICROMASTER if item.family == MICROMASTER else None, rare=True),
     Key("values", VALUES),
     Key("scaled", MAYBE_VALUES),
     Key("error", ref("error"), tell=lambda item, lang: item.error and ERROR.plain(item.error, lang),
@@ -437,7 +444,7 @@ def _corrected(item: model.Diagnosis, _lang: str) -> dict[str, Any] | None:
         return None
     from ds47.diagnosis.suggest import corrected  # only here: most captures need no correction
 
-    shown = corrected(item.corrected)
+    shown = corrected(item.corrected, item.args.get("family"))
     return {
         "transaction": item.corrected_in, "request": shown.hex, "words": shown.words,
         "scl": shown.scl, "encode": shown.encode,

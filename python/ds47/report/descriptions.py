@@ -49,10 +49,10 @@ def _told(item: Parameter) -> tuple[list[str], Description | None]:
     if listed is not None:
         return [quoted(each) for each in listed], None
     described = of(item)
-    return ([] if described is None else _plain(described)), described
+    return ([] if described is None else _plain(described, item.family)), described
 
 
-def _plain(item: Description) -> list[str]:
+def _plain(item: Description, family: str | None) -> list[str]:
     found = [] if item.name is None else [quoted(item.name)]
     if item.type is not None:
         found.append(item.type + (f"[{item.elements}]" if item.elements else ""))
@@ -63,7 +63,7 @@ def _plain(item: Description) -> list[str]:
     if item.factor not in (None, 1.0):
         found.append(f"* {item.factor}")
     if item.full_scale is not None:
-        whole = spelling(item.reference) if item.reference else "100 %"
+        whole = spelling(item.reference, family) if item.reference else "100 %"
         found.append(f"0x{item.full_scale:04X} = {whole}")
     return found
 

@@ -35,7 +35,7 @@ def duration(nanoseconds: int) -> str:
 
 
 def address(item: Parameter) -> str:
-    """`p50303[0]`, `r2902[2..5]`, `r0944[0].text`; `p?` where no request names it."""
+    """`p50303[0]`, `r2902[2..5]`, `P0700[0]`, `r0944[0].text`; `p?` where no request names it."""
     if item.pnu is None:
         return "p?"
     first, elements = item.subindex, item.element_count or 0
@@ -43,7 +43,7 @@ def address(item: Parameter) -> str:
     if first is not None and elements > 1:
         index = f"[{first}..{first + elements - 1}]"
     attribute = "" if item.attribute in (None, "value") else f".{item.attribute}"
-    return f"{spelling(item.pnu)}{index}{attribute}"
+    return f"{spelling(item.pnu, item.family)}{index}{attribute}"
 
 
 def value(item: Value, format_name: str | None) -> str:

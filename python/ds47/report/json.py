@@ -158,7 +158,7 @@ def parameter_head(item: Parameter, lang: str) -> str:
     """A parameter up to its values."""
     return _parameter_head(
         item.pnu, item.subindex, item.attribute, item.element_count, item.listed, item.unit,
-        item.format, item.value_count, lang,
+        item.format, item.value_count, item.family, lang,
     )  # fmt: skip
 
 
@@ -172,9 +172,12 @@ def _parameter_head(
     unit: str | None,
     format_: str | None,
     value_count: int | None,
+    family: str | None,
     lang: str,
 ) -> str:
-    about = Parameter(pnu, subindex, attribute, element_count, listed, unit, format_, value_count)
+    about = Parameter(
+        pnu, subindex, attribute, element_count, listed, unit, format_, value_count, family=family
+    )
     head = parameter(about, lang)
     for key in ("values", "scaled", "error"):
         del head[key]

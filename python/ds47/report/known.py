@@ -8,7 +8,7 @@ from typing import NamedTuple
 from ds47 import spec
 from ds47.parameters.catalogue import Catalogue
 from ds47.parameters.lists import Message, ParameterList, Row
-from ds47.profidrive.naming import spelled
+from ds47.profidrive.naming import WRITABLE, spelled
 from ds47.report.bilingual import say
 from ds47.report.formatting import escape
 from ds47.spec import explanations
@@ -70,7 +70,8 @@ def _shipped(number: int, lang: str) -> Iterator[Known]:
         source = "; ".join((source, *(places[each] for each in row.sources)))
         values = {str(value): text for value, text in texts.items()}
         kind = None if row.type == "unknown" else row.type
-        yield Known("parameter", row.access, number, name, row.unit, kind, values, source)
+        letter = WRITABLE.get(row.family, row.access) if row.access == "p" else row.access
+        yield Known("parameter", letter, number, name, row.unit, kind, values, source)
 
 
 def _of_lists(catalogue: Catalogue, number: int, lang: str) -> Iterator[Known]:

@@ -175,6 +175,8 @@ class _Shown(dict[str, str]):
             return _key_words(value, self._lang, self._many).format_map(self)
         if kind == "place" and value is not None:
             return place(value, self._lang)
+        if kind == "pnu" and value is not None:
+            return spelling(value, self._args.get("family"))
         return shown(kind, value)
 
 
@@ -217,7 +219,6 @@ _ABSENT: Final = frozenset(("code", "pkw", "info", "status", "value", "values"))
 _SHOW: Final[Mapping[str, Callable[[Any], str]]] = {
     "hex": error_hex,
     "code": error_hex,
-    "pnu": spelling,
     "hex32": "0x{:08X}".format,
     "index": record_index,
     "ms": "{:.1f}".format,

@@ -233,7 +233,7 @@ class Opening:
             return
         from ds47.diagnosis.suggest import corrected  # not for captures without any
 
-        better = corrected(item.corrected)
+        better = corrected(item.corrected, item.args.get("family"))
         if item.count > 1 and item.corrected_in is not None:
             yield "    " + self._say("instead_of", job=str(item.corrected_in), hex=better.hex)
         else:

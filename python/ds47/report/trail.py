@@ -269,20 +269,21 @@ def _recomputes(item: Transaction) -> bool:
 def _written(item: Transaction) -> Iterator[tuple[Parameter, str]]:
     """The parameters of a change as its request has them, each with what came of it."""
     if item.state == "mismatch" and item.request is not None:
-        yield from ((each, SENT) for each in _of_request(item.request))
+        yield from ((each, SENT) for each in _of_request(item))
         return
     for position, each in enumerate(item.parameters):
         if each.pnu is not None and each.attribute == "value":
             yield each, _outcome(item, position, each)
 
 
-def _of_request(data: bytes) -> Iterator[Parameter]:
-    message = decode_request(data)
+def _of_request(item: Transaction) -> Iterator[Parameter]:
+    message = decode_request(item.request or b"")
+    family = next((each.family for each in item.parameters), None)
     for address, block in zip(message.addresses, message.blocks, strict=False):
         if address.attribute_name == "value":
             yield Parameter(
                 address.pnu, address.subindex, "value", address.element_count,
-                format=block.format_name, values=list(block.values),
+                format=block.format_name, values=list(block.values), family=family,
             )  # fmt: skip
 
 

@@ -6,7 +6,7 @@ state table of pairing are in `ds47.spec.semantics`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cache, lru_cache
 from json import loads
 from pathlib import Path
@@ -379,9 +379,10 @@ def status(lang: str = "en") -> Status:
     )
 
 
+SINAMICS, MICROMASTER = "sinamics", "micromaster"
 FAMILIES: Mapping[str, tuple[str, ...]] = {
-    "sinamics": ("sinamics", "sinamics-dcm", "siemens", "encoder", "profile"),
-    "micromaster": ("micromaster", "siemens", "profile"),
+    SINAMICS: (SINAMICS, "sinamics-dcm", "siemens", "encoder", "profile"),
+    MICROMASTER: (MICROMASTER, "siemens", "profile"),
     "profile": ("profile",),
 }
 """Which rows speak of a drive of a family, the one that counts most first."""
@@ -462,10 +463,27 @@ def _changing() -> frozenset[int]:
 
 
 @cache
-def read_only() -> frozenset[int]:
-    """The numbers that may only be read, on every make of drive of which a table says it."""
-    told = {number: {row.access for row in rows.values()} for number, rows in parameters().items()}
-    return frozenset(number for number, access in told.items() if access - {None} == {"r"})
+def read_only(family: str | None = None) -> frozenset[int]:
+    """The numbers that may only be read on drives of a family, as far as a table says it.
+
+    Without a family: where no drive is named those that every table which says it has so.
+    """
+    found = set()
+    for number, rows in parameters().items():
+        if family is None:
+            told = {row.access for row in rows.values()} - {None}
+        else:
+            told = {next((each for each in _accesses(rows, FAMILIES[family])), None)}
+        if told == {"r"}:
+            found.add(number)
+    return frozenset(found)
+
+
+def _accesses(rows: Mapping[str, Pnu], families: tuple[str, ...]) -> Iterator[str]:
+    """What rows say of the access, that of the nearest family first."""
+    for name in families:
+        if name in rows and (access := rows[name].access) is not None:
+            yield access
 
 
 def is_changing(number: int, name: str | None) -> bool:

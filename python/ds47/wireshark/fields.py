@@ -287,6 +287,7 @@ def _parameter(item: Element, place: str | None) -> dict[str, Any]:
         "scaled": _scaled(values, name),
         "error": _error(seen),
         **described.read(item, name),
+        **({"family": seen["family"]} if "family" in seen else {}),
         **({"described_in": frames} if frames else {}),
         **({"meaning": seen["meaning"]} if "meaning" in seen else {}),
     }

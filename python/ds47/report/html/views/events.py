@@ -61,7 +61,7 @@ def _buffers(result: CaptureResult, targets: Targets) -> list[Told]:
             if not now or each.pnu is None:
                 continue
             before = known.setdefault((targets.identity(item, each.pnu), each.pnu), {})
-            words = _news(each.pnu, before, now)
+            words = _news(spelling(each.pnu, each.family), before, now)
             before.update(now)
             if words is not None:
                 where = " ".join(filter(None, (item.device, targets.words(item))))
@@ -78,13 +78,13 @@ def _present(item: Parameter) -> dict[int, int]:
     return {at: each for at, each in placed if at in _PRESENT and isinstance(each, int)}
 
 
-def _news(pnu: int, before: dict[int, int], now: dict[int, int]) -> Both | None:
+def _news(parameter: str, before: dict[int, int], now: dict[int, int]) -> Both | None:
     appeared = [each for each in now.values() if each and each not in before.values()]
     if appeared:
         numbers = ", ".join(map(str, dict.fromkeys(appeared)))
-        return say("event_buffer_fault", parameter=spelling(pnu), numbers=numbers)
+        return say("event_buffer_fault", parameter=parameter, numbers=numbers)
     if any(before.values()) and not any((before | now).values()):
-        return say("event_buffer_empty", parameter=spelling(pnu))
+        return say("event_buffer_empty", parameter=parameter)
     return None
 
 

@@ -67,6 +67,8 @@ class Problem:
     """What the status word of the drive says of it."""
     request: bytes | None = None
     """The request as it should have been, where a diagnosis knows it."""
+    family: str | None = None
+    """Whose parameters its drive has."""
     request_of: int | None = None
     """The job whose request that is."""
 
@@ -110,7 +112,7 @@ class Problem:
             return None
         from ds47.diagnosis.suggest import corrected  # only here: most captures need no correction
 
-        return corrected(self.request)
+        return corrected(self.request, self.family)
 
     @property
     def where(self) -> Both | None:
@@ -156,6 +158,7 @@ def _diagnosed(result: CaptureResult, item: Diagnosis, links: Links) -> Problem:
         others=links.of(frame for frame in named if frame not in first),
         state=_state(result, item.transactions),
         request=item.corrected,
+        family=item.args.get("family"),
         request_of=item.corrected_in,
     )
 
@@ -237,7 +240,7 @@ def _place(item: Transaction, named: Mapping[str, Any], where: str) -> str:
     axis = f" {where}" if where else ""
     if named.get("pnu") is not None:
         index = f"[{named['subindex']}]" if named.get("subindex") is not None else ""
-        return f"{spelling(named['pnu'])}{index}{axis}"
+        return f"{spelling(named['pnu'], named.get('family'))}{index}{axis}"
     if item.parameters:
         return address(item.parameters[0]) + axis
     return item.device + axis

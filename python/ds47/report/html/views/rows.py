@@ -62,7 +62,6 @@ def packed_rows(result: CaptureResult, most: int, targets: Targets | None = None
         "states": STATES,
         "sizes": _sizes(),
         "global_pnus": sorted(known().global_pnus),
-        "read_only": sorted(spec.read_only()),
         **tables.lists(),
     }
 
@@ -163,9 +162,18 @@ def _failed(error: ParameterError) -> list[Any]:
 def _address(
     pnu: int | None, subindex: int | None, attribute: str | None, count: int | None,
     listed: spec.Pnu | None, unit: str | None, format_name: str | None, described: Described | None,
+    family: str | None,
 ) -> list[Any]:  # fmt: skip
     item = Parameter(
-        pnu, subindex, attribute, count, listed, unit, format_name, described=described
+        pnu,
+        subindex,
+        attribute,
+        count,
+        listed,
+        unit,
+        format_name,
+        described=described,
+        family=family,
     )
     row = [address(item), pnu, subindex, attribute, count, *messages.name(item), unit, format_name]
     return [*row, list(described.frames)] if described is not None and described.frames else row
@@ -225,7 +233,7 @@ def _parameter(item: Parameter, tables: _Tables) -> list[Any]:
     """Address, values, how many there are; then, where there are any, scaled values, error and meaning."""
     known = (
         item.pnu, item.subindex, item.attribute, item.element_count, item.listed, item.unit, item.format,
-        item.described,
+        item.described, item.family,
     )  # fmt: skip
     described = descriptions.parts(item)
     row: list[Any] = [

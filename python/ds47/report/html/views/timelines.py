@@ -552,7 +552,7 @@ def _short(job: Transaction, before: Value | None = None) -> str:
     if not job.parameters:
         return ""
     first = job.parameters[0]
-    number = "p?" if first.pnu is None else spelling(first.pnu)
+    number = "p?" if first.pnu is None else spelling(first.pnu, first.family)
     if first.error is not None:
         return f"{number}: {first.error.number or '?'}"
     if not first.values:

@@ -11,6 +11,7 @@ from typing import Any
 
 from ds47.model import CaptureResult
 from ds47.profidrive.drive_objects import Identity
+from ds47.profidrive.naming import spelling
 from ds47.report.changes import way
 from ds47.report.formatting import value
 from ds47.report.html import messages
@@ -73,10 +74,10 @@ class TrailView:
     def _row(self, change: Change) -> list[Any]:
         item, parameter = change.transaction, change.parameter
         unit = parameter.unit if parameter.scaled is None else None
-        reason = _reason(change)
+        number, reason = spelling(change.pnu, parameter.family), _reason(change)
         return [
             item.id, self._place("objects", self._object(change)), self._place("ways", way(change)),
-            change.pnu, change.subindex, self._place("names", (*messages.name(parameter), unit)),
+            change.pnu, change.subindex, self._place("names", (*messages.name(parameter), unit, number)),
             None if change.old is None else value(change.old.value, change.old.format),
             _from(change.old),
             None if change.new is None else value(change.new, parameter.format),

@@ -79,15 +79,11 @@ class Capture {
     return us === undefined ? "" : this.clock.at(us) || `${this.clock.since(us)} s`;
   }
 
-  /** The number of a parameter as it is printed: `p0010`, `r0945`, `61000`. */
+  /** A number as it is printed where it is asked for elsewhere, else as one of which nothing is known: `p0010`, `61000`. */
   spelling(pnu) {
-    if (pnu >= BARE) return String(pnu);
-    return (this.read_only.includes(pnu) ? "r" : "p") + String(pnu).padStart(4, "0");
-  }
-
-  /** One element of a parameter: `r0945[0]`. */
-  element(pnu, subindex) {
-    return `${this.spelling(pnu)}[${subindex}]`;
+    const known = this.addresses.find((address) => address[1] === pnu);
+    if (known) return known[0].match(/^\w+/)[0];
+    return pnu >= BARE ? String(pnu) : `p${String(pnu).padStart(4, "0")}`;
   }
 
   controller(row) {

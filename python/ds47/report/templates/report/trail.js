@@ -8,12 +8,12 @@ function changesOf(capture) {
   return rows.map((row, number) => {
     const change = Object.fromEntries(names.map((name, at) => [name, row[at]]));
     const [device, object, drive_object] = objects[change.object];
-    const [en, zh, unit] = parameters[change.name];
+    const [en, zh, unit, spelling] = parameters[change.name];
     const drive = (stations.get(device) || device) + (object ? ` ${object}` : "");
     return {
-      ...change, number, job: jobs.get(change.id), device, drive_object, drive, place: `${device}/${object}`, names: [en, zh], unit,
+      ...change, number, job: jobs.get(change.id), device, drive_object, drive, place: `${device}/${object}`, names: [en, zh], unit, spelling,
       way: ways[change.way], outcome: outcomes[change.outcome], reason: change.reason === null ? null : reasons[change.reason],
-      address: capture.element(change.pnu, change.subindex),
+      address: `${spelling}[${change.subindex}]`,
     };
   });
 }
@@ -64,7 +64,7 @@ function trailTable(place, capture) {
     ],
     filters: [
       { words: "drive", choices: () => choicesOf(changes, (change) => change.place, (change) => change.drive), fits: (change, value) => change.place === value },
-      { words: "col_parameter", choices: () => choicesOf(changes, (change) => change.pnu, (change) => `${capture.spelling(change.pnu)} ${either(change.names)}`.trim()), fits: (change, value) => String(change.pnu) === value },
+      { words: "col_parameter", choices: () => choicesOf(changes, (change) => change.pnu, (change) => `${change.spelling} ${either(change.names)}`.trim()), fits: (change, value) => String(change.pnu) === value },
       { words: "controller", choices: () => choicesOf(changes, who, who), fits: (change, value) => who(change) === value },
       { words: "outcome", choices: () => choicesOf(changes, (change) => change.outcome, outcomeText), fits: (change, value) => change.outcome === value },
     ],
