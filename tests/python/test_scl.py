@@ -400,7 +400,7 @@ def _answer(block: str) -> Plant:
 
 
 def test_texts_and_bytes_are_read():
-    assert run("read axis 2 p0919", _answer("0903414243"))["p0919"] == "ABC"
+    assert run("read axis 2 p0919", _answer("0903414243"))["r0919"] == "ABC"
     machine = run("read axis 2 p1082.text[0]", _answer("41054d6f746f72"))
     assert bytes(machine["p1082_Text"][: machine["p1082_TextLength"]]) == b"Motor"
     machine = run("read axis 2 p61001", _answer("2001c0a80002"))
@@ -425,7 +425,7 @@ HOSTILE = st.one_of(
     "line",
     [
         "change axis 2 p2900=REAL:10.0 p0922=UINT:3",
-        "read axis 2 p2900 p1999 r2902[1..3] p0919 p61001 p1082.text[0]",
+        "read axis 2 p2900 p1999 r2902[1..3] r0919 p61001 p1082.text[0]",
     ],
 )
 @settings(max_examples=300, deadline=None)

@@ -102,14 +102,15 @@ def test_what_a_number_usually_is() -> None:
 
 
 def test_every_parameter_of_a_maker_says_where_it_was_read() -> None:
-    """Sources that there are, none twice, and none that nobody names; the rows of the profile name none."""
+    """Sources that there are, none twice, and none that nobody names; those of the profile name that of the access."""
     rows = [row for families in spec.parameters().values() for row in families.values()]
     places = spec.parameter_sources()
     named = Counter(each for row in rows for each in set(row.sources))
     assert set(named) == set(places)
     for row in rows:
         assert len(set(row.sources)) == len(row.sources)
-        assert bool(row.sources) == (row.family not in ("profile", "encoder")), row.number
+        of_maker = row.family not in ("profile", "encoder")
+        assert bool(row.sources) == (of_maker or row.access is not None), row.number
         assert set(row.values_en) == set(row.values_zh)
         assert row.type == "unknown" or row.connects is None or row.type.startswith("Unsigned32")
         assert row.access in ("p", "r", None)
