@@ -82,6 +82,8 @@ PARAMETER = (
     "access",
     "connects",
     "buffer",
+    "entry",
+    "messages",
 )
 """Without the number: one entry may hold for many."""
 OF_ALL = ("profile", "encoder")

@@ -55,7 +55,7 @@ def problems(text: str, family: str) -> Iterator[str]:
 
 def expected(number: int, family: str) -> str:
     """`r` where the nearest table that says the access has it so, else the letter of what may be written."""
-    rows = _rows().get(number, [])
+    rows = rows_of(number)
     said = [
         row["access"]
         for name in FAMILIES[family]
@@ -65,6 +65,11 @@ def expected(number: int, family: str) -> str:
     if said[:1] == ["r"]:
         return "r"
     return "P" if family == "micromaster" else "p"
+
+
+def rows_of(number: int | None) -> list[dict[str, Any]]:
+    """What the tables say of a number, of each family."""
+    return [] if number is None else _rows().get(number, [])
 
 
 @cache

@@ -63,7 +63,7 @@ def _words(row: dict[str, Any], values: list[Any], first: int) -> str | None:
     if any(type(each) is not int for each in values):
         return None
     if "buffer" in row:
-        return _buffer(row["buffer"], values, first)
+        return _buffer(row, values, first)
     if "connects" in row:
         return _source(row["connects"], values)
     texts = {value: text for value, text, _ in row.get("values", ())}
@@ -87,10 +87,11 @@ def _source(kind: str, values: list[int]) -> str | None:
     return f"{text}, {usual[0]['en']}" if usual else text
 
 
-def _buffer(kind: str, values: list[int], first: int) -> str | None:
+def _buffer(row: dict[str, Any], values: list[int], first: int) -> str | None:
+    kind, leads = row["buffer"], row["entry"].endswith((".number", ".code"))
     there = [(place, value) for place, value in enumerate(values, first) if value]
     parts = []
-    if not first and all(place >= PLACES for place, _ in there):
+    if leads and not first and all(place >= PLACES for place, _ in there):
         parts.append(f"no active {kind.removesuffix('s')}")
     for situation in sorted({place // PLACES for place, _ in there}):
         entries = ", ".join(str(value) for place, value in there if place // PLACES == situation)

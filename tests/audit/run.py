@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 
 from tests.audit import (
+    buffers,
     causes,
     claims,
     corrected,
@@ -60,6 +61,7 @@ def complaints(item: Reading, drives: dict[str, Drive] | None = None) -> Iterato
     yield from deals.check(item)
     yield from described.check(item, memory)
     yield from meant.check(item)
+    yield from buffers.check(item)
     yield from pkw.check(item)
     yield from pzd.check(item)
     for finding in item.findings:

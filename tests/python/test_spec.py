@@ -102,7 +102,7 @@ def test_what_a_number_usually_is() -> None:
 
 
 def test_every_parameter_of_a_maker_says_where_it_was_read() -> None:
-    """Sources that there are, none twice, and none that nobody names; those of the profile name that of the access."""
+    """Sources that there are, none twice, and none that nobody names; of the profile those of the access."""
     rows = [row for families in spec.parameters().values() for row in families.values()]
     places = spec.parameter_sources()
     named = Counter(each for row in rows for each in set(row.sources))

@@ -55,6 +55,9 @@ SAID = [
     (2122, [7991, *[0] * 7, 7920, 7921, *[0] * 6, 7922], "active: 7991; gone: 7920, 7921, 7922",
      "当前：7991；已消失：7920，7921，7922"),
     (2122, EMPTY, "no active alarm", "无当前报警"),
+    (949, [0, 5, *[0] * 7, 3], "active: 5; acknowledged situation 1: 3", "当前：5；已应答的第 1 次故障事件：3"),
+    (949, EMPTY, None, None),  # a fault may have the value 0
+    (948, [1234, *[0] * 7], "active: 1234", "当前：1234"),
     (722, [5], None, None),
 ]  # fmt: skip
 

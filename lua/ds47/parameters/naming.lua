@@ -4,9 +4,6 @@
 
 local M = {}
 
--- Parameters whose values are numbers of messages -> the letter of those that are meant first.
-local MESSAGES = { [945] = "F", [947] = "F", [2131] = "F", [2122] = "A", [2132] = "A" }
-
 local catalogue
 
 --- Takes a catalogue (catalogue.lua), or none.
@@ -21,7 +18,7 @@ end
 
 local function texts(item, row, vendor_id, device_id)
   local found
-  local letter = MESSAGES[item.pnu]
+  local letter = item.listed and item.listed.messages
   if item.attribute ~= "value" or item.format and item.format:find("^Float") then return nil end
   for _, value in ipairs(item.values or {}) do
     local text = row and row.values[value]

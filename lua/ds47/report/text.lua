@@ -4,6 +4,7 @@
 -- lines in summary.lua; how values are written in formatting.lua. Opens no file.
 
 local all_frames = require("ds47.acyclic.transactions").all_frames
+local buffers = require("ds47.report.buffers")
 local bus = require("ds47.report.bus")
 local clocks = require("ds47.report.clock")
 local communication = require("ds47.report.s7")
@@ -259,6 +260,15 @@ local function events(add, result, options)
       add("  " .. say(lang, "more", { number = integer(#rows - M.EVENTS_LISTED) }))
     end
     if timeline.left_out > 0 then add("  " .. say(lang, "timeline_left_out", { n = timeline.left_out })) end
+  end
+end
+
+--- The entries of fault buffers, where more is known of them than their numbers.
+local function fault_buffers(add, result, lang)
+  for _, each in ipairs(buffers.of(result.transactions, targets.new(result.transactions))) do
+    add("")
+    add(buffers.head(each, lang))
+    for _, line in ipairs(aligned(buffers.rows(each, lang))) do add("  " .. line) end
   end
 end
 
@@ -543,6 +553,7 @@ function M.report(result, given)
   relations(add, result.relations or {}, options.lang)
   events(add, result, options)
   connections(add, result, options)
+  fault_buffers(add, result, options.lang)
   transaction_table(add, result, options)
   findings(add, result.findings, rules, options)
   add("")

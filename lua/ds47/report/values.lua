@@ -12,6 +12,9 @@ local MOST = 8 -- values of one parameter that are told one by one
 local OWN = 63 -- the drive object of a connection that stays within its own
 local NONE = {}
 
+M.PLACES = 8 -- of one situation in a buffer
+M.LEADING = { number = true, code = true } -- what of an entry says that there is one
+
 local function are_whole(values)
   for _, value in ipairs(values) do
     if type(value) ~= "number" or value ~= floor(value) then return false end
@@ -49,8 +52,10 @@ local function connection(kind, values, words)
   return { name and words.joined({ told, name }) or told }
 end
 
--- The entries of a buffer that are not empty, by what they belong to: eight places each.
-local function buffer(kind, first, values, told, words)
+-- The entries of a buffer that are not 0, by what they belong to: eight places each. Only a number or a code
+-- says that there is no fault, as a value may be 0.
+local function buffer(row, first, values, told, words)
+  local kind, column = row.buffer, row.entry and row.entry[2]
   local found, active, situation, entries, gone = {}, false, nil, nil, {}
   local function close()
     if entries == nil then return end
@@ -67,7 +72,7 @@ local function buffer(kind, first, values, told, words)
     entries = nil
   end
   for number, value in ipairs(values) do
-    local of = floor((first + number - 1) / 8)
+    local of = floor((first + number - 1) / M.PLACES)
     if of ~= situation then
       close()
       situation = of
@@ -79,7 +84,7 @@ local function buffer(kind, first, values, told, words)
   end
   close()
   if gone[1] then found[#found + 1] = words.noted(words.say("value_gone"), words.joined(gone)) end
-  if first == 0 and not active then
+  if first == 0 and not active and M.LEADING[column] then
     table.insert(found, 1, words.say(kind == "faults" and "value_no_faults" or "value_no_alarms"))
   end
   return found[1] and { words.joined(found, "; ", "；") } or nil
@@ -100,7 +105,7 @@ function M.parts(item, words)
   if found or not are_whole(values) then
     return found
   elseif row and row.buffer then
-    return buffer(row.buffer, item.subindex, values, told, words)
+    return buffer(row, item.subindex, values, told, words)
   elseif row and row.connects and not item.told then
     return connection(row.connects, values, words)
   end

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Final
 
 from ds47.model import Described, Parameter, Transaction
 from ds47.parameters.catalogue import Catalogue
 from ds47.parameters.lists import Row
-
-_MESSAGES: Final = {945: "F", 947: "F", 2131: "F", 2122: "A", 2132: "A"}
-"""Parameters whose values are numbers of messages -> the letter of those that are meant first."""
 
 
 def explain(
@@ -47,7 +43,7 @@ def _texts(
 ) -> Mapping[int | None, str]:
     """Texts of the values of a parameter; of numbers of messages those of the messages."""
     found: dict[int | None, str] = {}
-    letter = _MESSAGES.get(item.pnu or 0)
+    letter = None if item.listed is None else item.listed.messages
     for value in item.values:
         if not isinstance(value, int) or isinstance(value, bool):
             continue

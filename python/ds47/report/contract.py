@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from ds47 import model
 from ds47.profidrive.dictionary import family_of
-from ds47.report import descriptions
+from ds47.report import buffers, descriptions
 from ds47.report import values as meanings
 from ds47.report.bilingual import LANGUAGES
 from ds47.report.filters import display_filter
@@ -649,6 +649,54 @@ NARROWED = Shape("narrowed", (
     Key("unproved", COUNT, "Transactions that may be of the drive object that is asked for; nothing proves it."),
 ), model.Narrowed, "What a report that was narrowed leaves out; docs/report.md.")  # fmt: skip
 
+_CELL: dict[str, Any] = {
+    "type": ["object", "null"], "additionalProperties": False, "required": ["value", "frame"],
+    "properties": {
+        "value": {"type": ["integer", "number", "string"]}, "frame": COUNT,
+        "text": {"type": "string", "description": "What a list of the user says of the number."},
+    },
+}  # fmt: skip
+BUFFER_SCHEMA: dict[str, Any] = {
+    "type": "object", "additionalProperties": False,
+    "required": ["kind", "device", "target", "frames", "entries"],
+    "properties": {
+        "kind": {"enum": ["faults", "alarms"]}, "device": TEXT,
+        "target": TEXT | {"description": "The drive object, or the way to it."},
+        "frames": {"type": "array", "items": COUNT, "description": "Frames of the responses that show it."},
+        "entries": {"type": "array", "items": {
+            "type": "object", "additionalProperties": False,
+            "required": ["subindex", "situation", *buffers.COLUMNS],
+            "properties": {
+                "subindex": COUNT,
+                "situation": {"type": ["integer", "null"], "minimum": 0,
+                    "description": "0 is the present one; null where the drive is of another make."},
+                **dict.fromkeys(buffers.COLUMNS, _CELL),
+            },
+        }},
+    },
+}  # fmt: skip
+
+
+def _told_buffer(item: buffers.Buffer) -> dict[str, Any]:
+    return {
+        "kind": item.kind, "device": item.sample.device, "target": item.target, "frames": item.frames,
+        "entries": [
+            {
+                "subindex": each.subindex, "situation": each.situation,
+                **{name: _told_cell(each.cells.get(name)) for name in buffers.COLUMNS},
+            }
+            for each in item.entries
+        ],
+    }  # fmt: skip
+
+
+def _told_cell(cell: buffers.Cell | None) -> dict[str, Any] | None:
+    if cell is None:
+        return None
+    text = {} if cell.text is None else {"text": cell.text}
+    return {"value": cell.value, "frame": cell.frame, **text}
+
+
 HEAD = (
     Key("path", TEXT),
     Key("sha256", SHA256),
@@ -676,6 +724,8 @@ HEAD = (
     Key("connections", many(ref("connection"), 1), "Only where there is S7 communication.", shape=CONNECTION,
         required=False),
     Key("connections_left_out", NUMBER, "Further connections, for which there was no room.", required=False),
+    Key("buffers", many(BUFFER_SCHEMA, 1), "Only where more of faults or alarms was read than their numbers.",
+        tell=lambda item, _: [_told_buffer(each) for each in buffers.buffers(item)], into="", required=False),
     Key("narrowed", ref("narrowed"), "Only where a part of the capture is shown.", shape=NARROWED, required=False),
 )  # fmt: skip
 LISTS = (

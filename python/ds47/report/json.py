@@ -224,6 +224,7 @@ def _without_empty(plain: dict[str, Any]) -> dict[str, Any]:
 
 _RARE: Final = (
     "files", "relations", "timelines", "senders", "bus", "connections", "connections_left_out",
+    "buffers",
     "narrowed",
 )  # fmt: skip
 

@@ -28,7 +28,7 @@ from ds47.model import (
     Sender,
     Transaction,
 )
-from ds47.report import Options, causes, plc, timelines, write_all
+from ds47.report import Options, buffers, causes, plc, timelines, write_all
 from ds47.report import Writer as _Writer
 from ds47.report import bus as stations
 from ds47.report import json as contract
@@ -136,6 +136,7 @@ class Writer(_Writer):
         self._senders(result.senders)
         self._timelines(result)
         self._connections(result)
+        self._buffers(result)
         self._table(result)
         self._findings(result.findings, Places(result.files))
 
@@ -323,6 +324,15 @@ class Writer(_Writer):
         unlisted = sum(not self._is_listed(each) for each in result.transactions)
         if unlisted:
             self._line("  " + self._say("s7_unlisted", n=unlisted))
+
+    def _buffers(self, result: CaptureResult) -> None:
+        """The entries of fault buffers, where more is known of them than their numbers."""
+        for each in buffers.buffers(result):
+            self._line()
+            self._title(buffers.head(each).text(self.options.lang))
+            table = [[cell.text(self.options.lang) for cell in row] for row in buffers.rows(each)]
+            for line in aligned(table):
+                self._line("  " + line)
 
     def _files(self, files: Sequence[CaptureFile]) -> None:
         """Of a series: which file has which frames, and which are missing."""

@@ -20,6 +20,10 @@ _MOST: Final = 8
 _OWN: Final = 63
 """The drive object of a connection that stays within its own."""
 _FAULTS, _ALARMS = "faults", "alarms"
+PLACES: Final = 8
+"""Places of one situation in a buffer."""
+LEADING: Final = ("number", "code")
+"""What of an entry says that there is one."""
 
 
 def meaning(item: Parameter) -> Both | None:
@@ -39,7 +43,7 @@ def meaning(item: Parameter) -> Both | None:
     if found is not None or not all(map(_is_whole, item.values)):
         return found
     if row is not None and row.buffer is not None:
-        return _buffer(row.buffer, item.subindex, item.values, told)
+        return _buffer(row, item.subindex, item.values, told)
     if row is not None and row.connects is not None and not told:
         return _connection(row.connects, item)
     return _texts(row, item.values, told)
@@ -99,14 +103,14 @@ def _connection(kind: str, item: Parameter) -> Both | None:
 
 
 def _buffer(
-    kind: str, first: int, values: list[Value], told: Mapping[int | None, str]
+    row: spec.Pnu, first: int, values: list[Value], told: Mapping[int | None, str]
 ) -> Both | None:
-    """The entries of a buffer that are not empty, by what they belong to: eight places each."""
+    """The entries of a buffer that are not 0, by what they belong to: eight places each."""
     places: dict[int, list[Both]] = {}
     for place, value in enumerate(values, first):
         if value:
-            places.setdefault(place // 8, []).append(_entry(int(value), told))
-    found = list(_situations(kind, first, places))
+            places.setdefault(place // PLACES, []).append(_entry(int(value), told))
+    found = list(_situations(row, first, places))
     return joined(found, "; ", "；") if found else None
 
 
@@ -114,8 +118,10 @@ def _entry(value: int, told: Mapping[int | None, str]) -> Both:
     return Both.same(escape(told[value]) if value in told else str(value))
 
 
-def _situations(kind: str, first: int, places: Mapping[int, list[Both]]) -> Iterator[Both]:
-    if 0 not in places and first == 0:
+def _situations(row: spec.Pnu, first: int, places: Mapping[int, list[Both]]) -> Iterator[Both]:
+    """What belongs together; only a number or a code says that there is no fault, as a value may be 0."""
+    kind = row.buffer
+    if 0 not in places and first == 0 and row.entry is not None and row.entry[1] in LEADING:
         yield say("value_no_faults" if kind == _FAULTS else "value_no_alarms")
     gone: list[Both] = []
     for situation, entries in places.items():

@@ -124,6 +124,10 @@ class Pnu(Row):
     """The value says where a signal comes from: "bit" (binector input) or "index" (connector input)."""
     buffer: str | None = None
     """It is a buffer of "faults" or "alarms", eight places of each situation."""
+    entry: tuple[str, str] | None = None
+    """What it is of the entries of "faults" or "alarms": "number", "code", "time", "value" or "gone"."""
+    messages: str | None = None
+    """Its values are numbers of messages, first of all of faults ("F") or alarms ("A")."""
     values_en: Mapping[int, str] = MappingProxyType({})
     values_zh: Mapping[int, str] = MappingProxyType({})
     """What values mean, as far as they are known."""
@@ -399,6 +403,13 @@ def parameters() -> Mapping[int, Mapping[str, Pnu]]:
     return MappingProxyType(table)
 
 
+def _entry(text: str | None) -> tuple[str, str] | None:
+    if text is None:
+        return None
+    kind, _, column = text.partition(".")
+    return kind, column
+
+
 def _pnu(number: int, row: Mapping[str, Any]) -> Pnu:
     values = row.get("values", ())
     return Pnu(
@@ -412,6 +423,8 @@ def _pnu(number: int, row: Mapping[str, Any]) -> Pnu:
         access=row.get("access"),
         connects=row.get("connects"),
         buffer=row.get("buffer"),
+        entry=_entry(row.get("entry")),
+        messages=row.get("messages"),
         values_en=MappingProxyType({value: en for value, en, _ in values}),
         values_zh=MappingProxyType({value: zh for value, _, zh in values}),
         sources=tuple(row.get("sources", ())),

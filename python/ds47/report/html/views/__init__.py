@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from markupsafe import Markup
 
 from ds47.model import CaptureResult
-from ds47.report import bus, causes, json
+from ds47.report import buffers, bus, causes, json
 from ds47.report.clock import Clock
 from ds47.report.formatting import escape
 from ds47.report.html import messages
@@ -120,6 +120,13 @@ class BusView(NamedTuple):
         )
 
 
+class BufferView(NamedTuple):
+    """A buffer of faults or alarms, as `report.buffers` words it."""
+
+    head: Both
+    rows: list[list[Both]]
+
+
 @dataclass(slots=True)
 class CaptureView:
     """All that the page shows of one capture; its transactions are in `data`."""
@@ -145,6 +152,7 @@ class CaptureView:
     elements_left_out: int
     bus: BusView | None
     s7: S7View | None
+    buffers: list[BufferView]
     timelines: list[TimelineView]
     plots: bool
     median: int | None
@@ -203,6 +211,10 @@ def capture_view(
         elements_left_out=left_out,
         bus=BusView.of(result),
         s7=S7View.of(result),
+        buffers=[
+            BufferView(buffers.head(each), buffers.rows(each))
+            for each in buffers.buffers(result, targets)
+        ],
         timelines=timelines.views(result, reference, clock),
         plots=bool(result.transactions),
         median=percentile(durations, 50) if durations else None,
