@@ -21,6 +21,8 @@ from fake_tshark import real_tshark
 from ds47 import spec
 from ds47.cli import main
 from ds47.explain import Meaning, Reading, UnknownFormError, explain, find_vendor, read
+from ds47.model import Parameter
+from ds47.report import values
 from ds47.report.explanation import lines as _lines
 from ds47.report.wrap import columns
 from ds47.spec import explanations
@@ -796,3 +798,18 @@ def test_drives_without_descriptions_and_texts_are_named(code: str, lang: str) -
         if "SINAMICS DCM" in each.text and "MICROMASTER 4" in each.text
     ]
     assert [each.basis for each in told] == ["documented"]
+
+
+@pytest.mark.parametrize(
+    ("code", "source", "value"),
+    [("p0840", "r0722.2", 0x02D2FC02), ("p1070", "r2050[1]", 0x0802FC01)],
+)
+def test_a_connection_says_how_its_value_is_read(code, source, value):
+    """The example is one that a report would word so."""
+    (parts,) = [each.parts for each in explain(code) if each.parts]
+    assert (parts[1].value, parts[1].text) == (f"for example 16#{value:08X}", source)
+    row = spec.parameter(int(code[1:]), "sinamics")
+    item = Parameter(row.number, 0, "value", 1, row, values=[value], format="Unsigned32")
+    assert source in values.meaning(item).en
+    (parts,) = [each.parts for each in explain(code, "zh") if each.parts]
+    assert parts[1].value.startswith("例如")

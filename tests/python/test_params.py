@@ -407,6 +407,10 @@ def test_explain_says_what_lists_have(tmp_path, capsys):
         "0": "U/f linear",
         "20": "Drehzahlregelung",
     }
+    assert main(["explain", "7900"]) == 0  # a word of a status, or what is in r0945
+    assert capsys.readouterr().out.startswith(
+        "F07900  Antrieb: Motor blockiert\n      list g120: from g120.csv\nword 0x7900 = 30976: "
+    )
     assert main(["explain", "47", "-f", "json"]) == 0
     assert "lists" not in json.loads(capsys.readouterr().out)
     assert main(["explain", "F7901", "-f", "json"]) == 0

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 _OF_LISTS = ("parameter", "fault")
 """Kinds of meanings that lists may say more of."""
+_LONGEST = 5
+"""Digits of the number of a fault or an alarm."""
 
 
 @click.command("explain", context_settings={"ignore_unknown_options": True})
@@ -37,7 +39,11 @@ def command(code: Sequence[str], vendor: str | None, lang: str, format_name: str
         if word.startswith("-") and not word[1:].isdigit():
             raise click.NoSuchOption(word)
     meanings = _explained(text, vendor, lang)
-    listed = _listed(text, lang) if meanings[0].kind in _OF_LISTS else []
+    plain = text.strip()
+    bare = plain.isascii() and plain.isdecimal() and len(plain) <= _LONGEST
+    listed = []
+    if bare or meanings[0].kind in _OF_LISTS:
+        listed = _listed(text, int(plain) if bare else None, lang)
     stream = stdout()
     if format_name == "json":
         from ds47.report.json import text as json_text
@@ -55,8 +61,14 @@ def command(code: Sequence[str], vendor: str | None, lang: str, format_name: str
         stream.write("\n".join([*known.lines(listed), *lines(meanings, lang)]) + "\n")
 
 
-def _listed(text: str, lang: str) -> list[Known]:
-    """What the lists that the user took in say of a parameter, a fault or an alarm."""
+def _listed(text: str, number: int | None, lang: str) -> list[Known]:
+    """What the lists that the user took in say of a parameter or a message; of a bare number as of a message.
+
+    Args:
+        text: what is explained.
+        number: the same where it is a number alone.
+        lang: "en" or "zh".
+    """
     from ds47.parameters import lists, store
     from ds47.parameters.catalogue import Catalogue
     from ds47.report import known
@@ -66,6 +78,8 @@ def _listed(text: str, lang: str) -> list[Known]:
     except lists.ListError as problem:
         warn(str(problem))
         return []
+    if number is not None:
+        return known.messages(number, catalogue, lang)
     return known.listed(text, catalogue, lang)
 
 

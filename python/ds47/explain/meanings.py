@@ -547,8 +547,21 @@ def _parameter(number: int, lang: str) -> Meaning:
     return replace(meaning, plc=_filled(meaning.plc, values))
 
 
+_SOURCES = {"bit": ("r0722.2", 0x02D2FC02), "index": ("r2050[1]", 0x0802FC01)}
+"""A signal of each kind, and the value of a connection that takes it (docs/protocol.md D.2)."""
+
+
 def _values(rows: list[spec.Pnu], lang: str) -> tuple[Part, ...]:
-    """What values of a parameter mean, on the drives of which that is known."""
+    """What values of a parameter mean, on the drives of which that is known; how one that connects is read."""
+    words = explanations.words(lang)
+    connects = next((row.connects for row in rows if row.connects is not None), None)
+    if connects is not None:
+        source, value = _SOURCES[connects]
+        example = words["connection_example"].format(value=f"16#{value:08X}")
+        return (
+            Part("U32", "=", words[f"connection_{connects}"]),
+            Part(example, "=", source),
+        )
     texts = next(
         (row.values_zh if lang == "zh" else row.values_en for row in rows if row.values_en), {}
     )

@@ -54,6 +54,11 @@ def listed(text: str, catalogue: Catalogue, lang: str = "en") -> list[Known]:
     return [_message(each, found, lang) for each, found in told]
 
 
+def messages(number: int, catalogue: Catalogue, lang: str = "en") -> list[Known]:
+    """What lists say of a number as that of a fault or an alarm."""
+    return [_message(each, found, lang) for each, found in catalogue.messages(number)]
+
+
 def _is_message(text: str) -> bool:
     digits = text[1:].strip()
     return text[:1].upper() in ("F", "A", "C", "N") and digits.isdecimal() and len(digits) <= 6
