@@ -44,6 +44,7 @@ set_plugin_info({
 local ds47 = Proto("ds47", "DS47 (PROFIdrive parameter channel)")
 preferences.define(ds47)
 lists.configure(folder)
+require("ds47_ws.profile").configure(folder)
 local ds47_words = Proto("ds47_pzd", "DS47 PZD (control and status word of a drive)")
 local ds47_bus = Proto("ds47_profibus", "PROFIBUS DP")
 local ds47_s7 = Proto("ds47_s7", "DS47 S7 (jobs of S7 communication)")
@@ -147,7 +148,8 @@ local ON_BUS = {
   end,
 }
 
-local context = { request_of = track.request_of } -- for the tree of the newest frame, which does not keep it
+-- For the tree of the newest frame, which does not keep it.
+local context = { request_of = track.request_of, findings_of = track.findings_of }
 
 -- Adds to the tree and sets the columns, where there are some. `finders` as above; the data of the frame
 -- begins at `at`. `whole`: somebody wants our fields.

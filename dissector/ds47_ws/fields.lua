@@ -18,6 +18,7 @@ local M = {}
 -- Key, label, kind. A kind is the constructor of ProtoField, with what it takes behind the label; "code" is
 -- the number of a word, with its table in spec/codes.toml.
 local FIELDS = {
+  { "info", "Info", "string" }, -- the sentence of the Info column
   -- the message
   { "request_reference", "Request reference", "uint8", "HEX" },
   { "request_id", "Request ID", "uint8", "HEX", "request_ids" },
@@ -124,6 +125,7 @@ local FIELDS = {
   { "finding.instead.encode", "Made by", "string" },
   { "finding.frame", "Frame of the finding", "framenum" },
   { "finding.request_in", "Request of the transaction in frame", "framenum", "REQUEST" },
+  { "finding.elsewhere", "Finding of the transaction in frame", "framenum" },
   { "finding.offset", "Offset in the message", "uint32", "DEC" },
   { "finding.transaction", "Transaction of the finding", "uint32", "DEC" },
   -- what happened to a drive

@@ -29,6 +29,16 @@ local function label(finding, row, lang)
   })
 end
 
+-- The same with the parameter that it is about, `... for a parameter: p1437[0]`: a response may have several.
+local function label_of_one(finding, row, lang)
+  local text, args = label(finding, row, lang), finding.args
+  if type(args.pnu) ~= "number" then
+    return text
+  end
+  local subindex = type(args.subindex) == "number" and args.subindex or nil
+  return words.joined(lang, { text, words.address({ pnu = args.pnu, subindex = subindex }) }, ": ", "：")
+end
+
 -- What the rule says of all its findings, its "cause" or "advice". It may be longer than Wireshark shows in
 -- one line (240 bytes): the rest stands in lines below it.
 -- @param word the word of the report that the line has
@@ -84,6 +94,16 @@ local function add_frames(put, parent, finding, request)
   end
 end
 
+--- Adds a link to a finding that another frame has.
+function M.add_elsewhere(put, parent, finding, lang)
+  local item = put.derive(parent, "finding.elsewhere", finding.frame)
+  if item then
+    item:set_text(words.say(lang, finding.corrected and "finding_elsewhere_instead" or "finding_elsewhere", {
+      frame = words.integer(finding.frame), title = label(finding, tables.rules[finding.rule], lang),
+    }))
+  end
+end
+
 --- Adds a finding.
 -- @param parent the tree of its transaction, or of the frame
 -- @param experts as fields.lua makes them
@@ -93,7 +113,7 @@ function M.add(put, parent, finding, experts, request, lang)
   local row = tables.rules[finding.rule]
   local shown = put.derive(parent, "finding", finding.rule)
   if shown then
-    shown:set_text(label(finding, row, lang))
+    shown:set_text(label_of_one(finding, row, lang))
   end
   shown = shown or parent
   shown:add_proto_expert_info(experts[finding.rule], own_experts.of_finding(finding, lang))

@@ -9,16 +9,26 @@ local M = {}
 --- Its name beside the plugin.
 M.NAME = "ds47-parameters.tsv"
 
+local WINDOW = gui_enabled()
+
 local folder, taken
+local complaint -- what is wrong with the file that is taken, nil where nothing is
 
 --- Says where the plugin is.
 function M.configure(place)
   folder = place
 end
 
--- One line where Wireshark was started; the plugin works without the file.
+-- One line: in the window as a message, because nobody sees where it was started; else on stderr. The plugin
+-- works without the file.
 local function complain(path, problem)
-  io.stderr:write(("ds47: %s %s; ds47 params export --wireshark writes it anew\n"):format(path, problem))
+  complaint = problem .. "; ds47 params export --wireshark writes it anew"
+  local text = ("ds47: %s %s"):format(path, complaint)
+  if WINDOW then
+    report_failure(text)
+  else
+    io.stderr:write(text, "\n")
+  end
 end
 
 local function lists_of(path, named)
@@ -40,9 +50,17 @@ end
 function M.take(name)
   local path = name ~= "" and name or folder and folder .. "/" .. M.NAME or nil
   if path == nil or path == taken then return end
-  taken = path
+  taken, complaint = path, nil
   local lists = lists_of(path, name ~= "")
   naming.use(lists and lists[1] and catalogue.new(lists) or nil)
+end
+
+--- The file that is used, and what is wrong with it; nil where none is there and no preference names one.
+function M.state()
+  if taken and (complaint or naming.is_used()) then
+    return taken, complaint
+  end
+  return nil
 end
 
 return M

@@ -1,9 +1,11 @@
---- Statistics > DS47 Statistics, DS47 Drives; Tools > DS47: the same, save a report, check the installation,
--- about.
+--- Statistics > DS47 Statistics, DS47 Drives; Tools > DS47: the same, save a report, add the profile, check
+-- the installation, about.
 -- The texts come from ds47.statistics, ds47.report_text and ds47.report_csv (through ds47_ws.stats). Does
 -- nothing when loaded, only when called.
 
 local frame_clock = require("ds47_ws.clock")
+local lists = require("ds47_ws.lists")
+local profile = require("ds47_ws.profile")
 local saving = require("ds47_ws.saving")
 local say = require("ds47.report.formatting").say
 local stats = require("ds47_ws.stats")
@@ -179,6 +181,20 @@ local function about_superuser(add)
   add("                    From 4.4 on it silently loads no personal plugin as root.")
 end
 
+-- The profile, and the user's lists of parameters where there are some.
+local function about_settings(add)
+  if profile.is_there() then
+    add("Profile DS47        " .. profile.path())
+  else
+    add("Profile DS47        none: Tools > DS47 > Add profile DS47 puts it there")
+  end
+  local path, problem = lists.state()
+  if path then
+    add("Lists               " .. path)
+    add(problem and "                    " .. problem or nil)
+  end
+end
+
 local function about_capture(add, track)
   local result = track.result()
   local rpc = result.rpc or {}
@@ -205,6 +221,7 @@ function M.check(track, info)
   about_version(add)
   about_copies(add, info)
   about_superuser(add)
+  about_settings(add)
   about_capture(add, track)
   add("")
   add("From outside `ds47 plugin doctor` sees more.")
@@ -218,16 +235,23 @@ Decodes the parameter channel of PROFIdrive over PROFINET (record
 index 47 = DS47, 0xB02E, 0xB02F), names every value, measures every
 transaction, and says what was wrong with the conversation.
 
-Filters     ds47
-            ds47.pnu == 50303
-            ds47.state == "refused"
-            ds47.error.code
-            ds47.finding
-            ds47.pzd.event
-            ds47.pzd.stw1.on == 1
-Profile     DS47: columns, colours, filter buttons
-            (at the right end of the status bar)
-tshark      -q -X lua_script:ds47.lua -X lua_script1:statistics
+Profile     Tools > DS47 > Add profile DS47: columns, colours and
+            filter buttons. Choose it at the right end of the
+            status bar.
+Filters     ds47                 frames of the parameter channel
+            ds47.finding         what is wrong: cause and advice
+                                 stand in the tree of the frame
+            ds47.error.code      what a drive did not accept
+            ds47.state != "ok"   transactions that went wrong
+            ds47.pnu == 50303    one parameter, asked and answered
+            ds47.pzd.event       what happened to drives
+Links       A double click on a blue line goes to that frame.
+Menu        A right click on a packet of the list > DS47: only this
+            transaction, its request to paste, its status in words
+            (Wireshark 4.4 and later)
+Expert      Analyze > Expert Information counts the findings.
+Report      Tools > DS47 > Save report writes all of it as text and
+            as a table, to send to somebody.
 
 MIT licence
 ]]
@@ -247,7 +271,7 @@ function M.register(track, info)
     show_text(track, "statistics", "DS47 statistics")
   end
   local function drives()
-    show_text(track, "drives", "DS47: " .. DRIVES)
+    show_text(track, "drives", "DS47 drives")
   end
   -- Before 4.6 the menu Statistics has no submenus of scripts: a name with a slash stands there as it is.
   register_menu("DS47 Statistics", statistics, MENU_STAT_UNSORTED)
@@ -257,6 +281,12 @@ function M.register(track, info)
   entry("Save report", function()
     ask_and_save(track)
   end)
+  if profile.files() then
+    entry("Add profile DS47", function()
+      local lang = stats.options(track).lang
+      show(say(lang, "menu_profile"), table.concat(profile.add(lang), "\n") .. "\n")
+    end)
+  end
   entry("Check installation", function()
     show("DS47: check installation", M.check(track, info))
   end)

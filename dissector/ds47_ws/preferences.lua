@@ -58,7 +58,7 @@ function M.define(proto)
     "A read has to bring what was written last (DS916); programs write, too")
   prefs.every_cyclic = Pref.bool("Look at every frame of a cyclic channel", false,
     "Slow; for captures from which frames without news were left out")
-  prefs.lists = Pref.string("Lists of parameters", "",
+  prefs.lists = Pref.string("File of parameter lists", "",
     "The file of ds47 params export, where it does not stand beside the plugin: names, units and texts of "
     .. "values of lists of yours")
   prefs.language = Pref.enum("Language of the texts", ENGLISH,

@@ -714,6 +714,25 @@ function M.complete_views(number)
   return views, findings or NONE, events or NONE
 end
 
+--- The findings of the transaction of a view, wherever they stand; none before all of the file is known.
+function M.findings_of(view)
+  if not view.complete then
+    return NONE
+  end
+  local all = the_complete()
+  if all.of_transactions == nil then
+    all.of_transactions = {}
+    for _, finding in ipairs(all.result.findings) do
+      local id = finding.transaction
+      if id then
+        all.of_transactions[id] = all.of_transactions[id] or {}
+        table.insert(all.of_transactions[id], finding)
+      end
+    end
+  end
+  return all.of_transactions[view.item.id] or NONE
+end
+
 --- The frame with the request of the transaction that a finding is about; nil where there is none, or where
 -- it is not known yet.
 function M.request_of(finding)

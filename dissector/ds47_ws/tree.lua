@@ -712,13 +712,25 @@ local function of_view(finding, view)
   return finding.order == view.item.order
 end
 
+-- The sentence of the Info column, which the root says already: for fields and filters. From Wireshark 4.4 on
+-- `_ws.col.info` is taken before a plugin comes.
+local function add_info(root, sentence)
+  local item = derive(root, "info", sentence)
+  if item then
+    item:set_hidden()
+  end
+end
+
 -- The tree of a view, and in it what is in the frame.
 local function add_root(tree, view, record)
   local s7 = view.item.channel == "s7"
-  local label = marked and "DS47 " .. (s7 and "S7 " .. s7_tree.label(view, language)
-    or info.sentence(view, language)) or "DS47"
+  local sentence = not s7 and (marked or wants.info) and info.sentence(view, language)
+  local label = marked and "DS47 " .. (sentence or "S7 " .. s7_tree.label(view, language)) or "DS47"
   local owner = s7 and of_s7 or protocol
   local root = record and tree:add(owner, record, label) or tree:add(owner, label)
+  if sentence then
+    add_info(root, sentence)
+  end
   if s7 then
     s7_tree.add(adding, root, view, is_main(view), duration, language)
     return root
@@ -731,6 +743,25 @@ local function add_root(tree, view, record)
   return root
 end
 
+-- Findings of the transaction that other frames have, each rule once a frame: a refused change is looked at
+-- in its response, and what to send instead may stand at its request.
+local function add_elsewhere(root, view, findings, context)
+  if not wants["finding.elsewhere"] then
+    return
+  end
+  local known = {}
+  for _, finding in ipairs(findings) do
+    known[finding] = true
+  end
+  for _, finding in ipairs(context.findings_of(view)) do
+    local key = finding.rule .. finding.frame
+    if not known[finding] and not known[key] then
+      known[key] = true
+      finding_tree.add_elsewhere(adding, root, finding, context.lang)
+    end
+  end
+end
+
 local function add_view(tree, view, findings, taken, record, context)
   local root = add_root(tree, view, record)
   add_second_pass(root, view)
@@ -741,6 +772,7 @@ local function add_view(tree, view, findings, taken, record, context)
       finding_tree.add(adding, root, finding, experts, nil, context.lang)
     end
   end
+  add_elsewhere(root, view, findings, context)
 end
 
 --- Adds all that a frame shows.
@@ -750,6 +782,7 @@ end
 --   this frame, or nil; word = the same of an event; bytes = a function of bytes that does the same}
 -- @param context {base_seconds = second since 1970 that the times are relative to, lang = "en" or "zh",
 --   request_of = a function that gives the frame of the request of a finding's transaction, or nil,
+--   findings_of = a function that gives all findings of the transaction of a view,
 --   answers = what M.answers gives, shared by frames whose trees answer the same, or nil}
 function M.add(tree, views, findings, events, finders, context)
   frame_tree, referenced, marked, language = tree, tree.referenced, tree.visible, context.lang

@@ -111,6 +111,22 @@ def test_the_bundle_loads_under_every_lua(bundle: Path, lua: str) -> None:
     assert result.stdout == __version__
 
 
+def test_the_bundle_has_the_profile(bundle: Path) -> None:
+    sources = plugin_sources()
+    script = (
+        "pcall(assert(loadfile(arg[1])))\n"
+        "for name, text in pairs(require('ds47_ws.profile_files')) do io.write(name, '\\0', text, '\\0') end"
+    )
+    driver = bundle.parent.parent / "profile.lua"
+    driver.write_text(script)
+    command = ["lua5.4", str(driver), str(bundle)]
+    done = subprocess.run(command, capture_output=True, encoding="utf-8", check=True)
+    parts = done.stdout.split("\0")
+    assert dict(zip(parts[0:-1:2], parts[1:-1:2], strict=True)) == {
+        name: path.read_text("utf-8") for name, path in sources.profile.items()
+    }
+
+
 def test_the_bundle_shows_what_the_checkout_shows(bundle, pdml, repository, captures) -> None:
     entry = repository / "dissector" / "ds47.lua"
     checkout, _ = pdml(captures / CAPTURE, "-X", f"lua_script:{entry}")

@@ -213,6 +213,19 @@ def test_a_profile_that_wireshark_has_written_to(shark, capsys) -> None:
     assert doctor.check_profile(doctor.Patient(shark)).state == "ok"
 
 
+def test_a_profile_that_the_plugin_added(shark, capsys) -> None:
+    profile = shark.folders.profile(install.PROFILE)
+    profile.mkdir(parents=True)
+    files = install.profile_files(doctor.Patient(shark).sources)
+    for name, content in files.items():
+        (profile / name).write_bytes(content)
+    told = doctor.check_profile(doctor.Patient(shark))
+    assert (told.state, told.text) == ("ok", f"{profile}; added by the plugin")
+    assert run(capsys, "install")[0] == 0
+    assert install.read_marker(profile) is not None
+    assert doctor.check_profile(doctor.Patient(shark)).text == str(profile)
+
+
 def test_a_profile_of_somebody_else_is_not_replaced(shark, capsys) -> None:
     profile = shark.folders.profile(install.PROFILE)
     profile.mkdir(parents=True)

@@ -94,7 +94,7 @@ def test_the_group_of_an_expert_info_is_that_of_the_rule(
 ) -> None:
     shown = below(tree(tshark, name), f"{rule} ")
     row = rules()[rule]
-    assert shown[0] == f"{rule} {row.severity}: {row.title}"
+    assert shown[0].startswith(f"{rule} {row.severity}: {row.title}")
     (group,) = [line for line in shown if line.startswith("Group: ")]
     assert group == f"Group: {GROUPS[row.expert]}"
 
@@ -120,7 +120,7 @@ def test_a_finding_says_its_cause_and_what_to_do(tshark: Tshark) -> None:
         assert shown[at : at + len(lines)] == lines
     assert not [line for line in shown if "[truncated]" in line or "\u2026" in line]
     chinese = below(tree(tshark, REFUSED, "-o", "ds47.language:zh"), "DS410 ")
-    assert chinese[0] == f"DS410 错误：{row.title_zh}"
+    assert chinese[0] == f"DS410 错误：{row.title_zh}：p2900[1]"
     assert wrap(f"原因：{row.cause_zh}", 76, 4)[0] in chinese
     (found,) = [each for each in analyze(CAPTURES[REFUSED]).findings if each.rule == "DS410"]
     said = at_offset(found.offset, sentence(found, "zh"), "zh")
@@ -174,6 +174,44 @@ def test_from_every_finding_a_link_leads_to_its_request(name: str, tshark: Tshar
     for each in told:
         request = requests[each.transaction or 0]
         assert request is None or str(request) in links[str(each.frame)]
+
+
+def test_a_finding_names_its_parameter(tshark: Tshark) -> None:
+    """A response may have the same finding for several."""
+    name = "o3_two_controllers.pcapng"
+    shown = tree(tshark, name, "-Y", "frame.number == 390")
+    titles = [line for line in shown if line.startswith("DS410 ")]
+    told = [each for each in analyze(CAPTURES[name]).findings if each.frame == 390]
+    numbers = [each.args["pnu"] for each in told if each.rule == "DS410"]
+    title = rules()["DS410"].title
+    assert len(numbers) == 4
+    for number, line in zip(numbers, titles, strict=True):
+        assert re.fullmatch(rf"DS410 error: {title}: p{number}\[\d+\]", line)
+
+
+def test_from_every_frame_links_lead_to_the_findings_of_its_transaction(tshark: Tshark) -> None:
+    """Whoever looks at the response to a refused change is led to what to send instead, at its request."""
+    name = "o3_two_controllers.pcapng"
+    result = analyze(CAPTURES[name])
+    asked = columns("frame.number", "ds47.finding.elsewhere")
+    told = {
+        int(row[0]): [int(each) for each in row[1].split(",") if each]
+        for row in rows(tshark("-r", CAPTURES[name], *COMPLETE, "-Y", "ds47", *asked))
+    }
+    linked = 0
+    for item in result.transactions:
+        found = {(each.rule, each.frame) for each in result.findings if each.transaction == item.id}
+        for frame in (item.frames.write_request, item.frames.read_response):
+            others = sorted(where for _, where in found if where != frame)
+            if frame is not None and frame in told:
+                assert sorted(told[frame]) == others, frame
+                linked += len(others)
+    assert linked > 100
+    lines = tree(tshark, name, "-Y", "frame.number == 390")
+    title = rules()["DS714"].title
+    assert f"In frame 387: DS714 error: {title}, with the request to send instead" in lines
+    lines = tree(tshark, name, "-Y", "frame.number == 390", "-o", "ds47.language:zh")
+    assert f"见帧 387：DS714 错误：{rules()['DS714'].title_zh}，附应改发的请求" in lines
 
 
 def test_a_status_has_its_words(tshark: Tshark) -> None:

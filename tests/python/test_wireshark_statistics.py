@@ -400,6 +400,68 @@ def test_check_installation_finds_another_copy(
     ]
 
 
+def add_profile(shark: Run, tmp_path: Path, *arguments: str | Path) -> str:
+    """What Tools > DS47 > Add profile DS47 says."""
+    script = tmp_path / "add.lua"
+    script.write_text(
+        "local listener = Listener.new('frame')\n"
+        "function listener.draw()\n"
+        "  print(table.concat(require('ds47_ws.profile').add('en'), '\\n'))\n"
+        "end\n"
+    )
+    return shark("-q", *arguments, "-X", f"lua_script:{script}").out
+
+
+@pytest.mark.parametrize("single", [False, True])
+def test_the_plugin_adds_the_profile(
+    single: bool, shark: Run, home: Path, tour: Path, repository: Path, tmp_path: Path
+) -> None:
+    """Of the checkout, and of the one file."""
+    entry = repository / "dissector" / "ds47.lua"
+    if single:
+        entry = tmp_path / "alone.lua"
+        entry.write_text(bundle(plugin_sources()), "utf-8")
+    arguments = ["-X", f"lua_script:{entry}", "-r", str(tour)]
+    text = check(shark, tmp_path, *arguments)
+    assert re.search(r"^Profile DS47 +none: Tools > DS47 > Add profile", text, re.MULTILINE), text
+    folder = home / ".config" / "wireshark" / "profiles" / "DS47"
+    folder.parent.mkdir(parents=True)
+    folder.parent.chmod(0o777)
+    assert add_profile(shark, tmp_path, *arguments).splitlines()[:1] == [
+        f"The profile DS47 is in {folder}."
+    ]
+    wanted = repository / "dissector" / "profile"
+    names = {path.name for path in wanted.iterdir()}
+    assert {path.name for path in folder.iterdir()} == names
+    assert all((folder / name).read_bytes() == (wanted / name).read_bytes() for name in names)
+    (folder / "colorfilters").unlink()
+    assert "is there already and stays as it is" in add_profile(shark, tmp_path, *arguments)
+    assert not (folder / "colorfilters").exists()
+    assert f"{folder}\n" in check(shark, tmp_path, *arguments)
+
+
+def test_a_profile_that_cannot_be_added(
+    shark: Run, plugin: list[str], home: Path, tour: Path, tmp_path: Path
+) -> None:
+    settings = home / ".config" / "wireshark"
+    settings.mkdir(parents=True)
+    (settings / "profiles").write_text("no folder")
+    said = add_profile(shark, tmp_path, *plugin, "-r", tour)
+    assert said.startswith(f"The profile was not added: {settings / 'profiles' / 'DS47'}")
+
+
+def test_check_installation_tells_of_lists(
+    shark: Run, plugin: list[str], tour: Path, tmp_path: Path
+) -> None:
+    text = check(shark, tmp_path, *plugin, "-r", tour)
+    assert "Lists  " not in text
+    missing = tmp_path / "köln.tsv"
+    text = check(shark, tmp_path, *plugin, "-o", f"ds47.lists:{missing}", "-r", tour)
+    assert re.search(
+        rf"^Lists +{missing}\n +cannot be read; ds47 params export", text, re.MULTILINE
+    ), text
+
+
 # The documentation
 
 

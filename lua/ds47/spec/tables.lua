@@ -1911,6 +1911,8 @@ M.report_words = {
   finding_cause = {en = "Cause: {text}", zh = "原因：{text}"},
   finding_advice = {en = "What to do: {text}", zh = "怎么处理：{text}"},
   finding_title = {en = "{rule} {severity}: {title}", zh = "{rule} {severity}：{title}"},
+  finding_elsewhere = {en = "In frame {frame}: {title}", zh = "见帧 {frame}：{title}"},
+  finding_elsewhere_instead = {en = "In frame {frame}: {title}, with the request to send instead", zh = "见帧 {frame}：{title}，附应改发的请求"},
   finding_offset = {en = "offset {offset}: {message}", zh = "偏移 {offset}：{message}"},
   frames_more = {en = "(and {n} frame more)|(and {n} frames more)", zh = "（另有 {n} 帧）"},
   summary_head = {en = "Summary", zh = "汇总"},
@@ -1927,6 +1929,11 @@ M.report_words = {
   menu_no_parameter = {en = "This packet names no parameter or no drive.", zh = "该帧没有参数或驱动器的信息。"},
   menu_no_request = {en = "The request of this transaction is not in the capture.", zh = "该任务的请求不在抓包中。"},
   menu_no_line = {en = "No line of ds47 encode gives these bytes: {bytes}", zh = "ds47 encode 没有对应这些字节的写法：{bytes}"},
+  menu_profile = {en = "DS47: add the profile", zh = "DS47：添加配置文件"},
+  menu_profile_added = {en = "The profile DS47 is in {path}.", zh = "配置文件 DS47 已写入 {path}。"},
+  menu_profile_there = {en = "The profile DS47 is there already and stays as it is: {path}. For a new one delete that folder first.", zh = "配置文件 DS47 已存在，保持不变：{path}。如需重新写入，请先删除该文件夹。"},
+  menu_profile_choose = {en = "To use it click on \"Profile:\" at the right end of the status bar and choose DS47.", zh = "使用方法：点击状态栏右端的“Profile:”（配置文件），选择 DS47。"},
+  menu_profile_failed = {en = "The profile was not added: {problem}", zh = "未添加配置文件：{problem}"},
   menu_was_there = {en = "{path} is there already and stays as it is.", zh = "{path} 已存在，保持不变。"},
 }
 ]=]

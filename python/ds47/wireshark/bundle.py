@@ -47,6 +47,8 @@ local function module(name, file, text)
 end
 """
 _BRACKET = "===="
+PROFILE_MODULE = "ds47_ws/profile_files.lua"
+"""The module of the single file that holds the profile; dissector/ds47_ws/profile.lua asks for it."""
 
 # Wireshark 4.4 and later load a plugin as a module: its arguments are its name and its path then.
 _START = """\
@@ -120,7 +122,10 @@ def bundle(sources: Sources) -> str:
     """The whole plugin as the text of one Lua file; equal sources give equal text."""
     modules = sorted(name for name in sources.modules if name != ENTRY)
     parts = [_header(sources), _OPEN]
-    parts += (_module(name, sources.modules[name]) for name in modules)
+    parts += (
+        _module(name, _text(sources.modules[name]), sources.modules[name]) for name in modules
+    )
+    parts += [_module(PROFILE_MODULE, _profile(sources), PROFILE_MODULE)]
     parts += ["end\n", "\n-- The entry.\nlocal function start(...)\n"]
     parts += [_text(sources.modules[ENTRY]), "end\n", _START]
     return "".join(parts)
@@ -132,11 +137,18 @@ def _header(sources: Sources) -> str:
     return HEADER.format(version=__version__, licence=licence)
 
 
-def _module(name: str, path: Path) -> str:
+def _profile(sources: Sources) -> str:
+    """The files of the profile as a module: who has only this file has the profile, too."""
+    files = ((name, _text(path)) for name, path in sorted(sources.profile.items()))
+    lines = (f'  ["{name}"] = [==[\n{text}]==],\n' for name, text in files)
+    return f"return {{\n{''.join(lines)}}}\n"
+
+
+def _module(name: str, text: str, source: object) -> str:
     """A module as text, to be compiled when asked for. ValueError where the text would end early."""
-    dotted, text = name.removesuffix(".lua").replace("/", "."), _text(path)
+    dotted = name.removesuffix(".lua").replace("/", ".")
     if f"]{_BRACKET}]" in text:
-        raise ValueError(f"{path}: contains ]{_BRACKET}]")
+        raise ValueError(f"{source}: contains ]{_BRACKET}]")
     # A line feed after the opening bracket is none of the text: lines keep their numbers.
     return f'\nmodule("{dotted}", "{name}", [{_BRACKET}[\n{text}]{_BRACKET}])\n'
 

@@ -268,7 +268,10 @@ def check_profile(patient: Patient) -> Check:
     folder = patient.folders.profile(install.PROFILE)
     marker = install.read_marker(folder)
     if marker is None:
-        lost = install.not_ours(folder, patient.sources.profile)
+        files = install.profile_files(patient.sources)
+        lost = install.not_ours(folder, files)
+        if not lost and all((folder / name).is_file() for name in files):
+            return Check("profile", "ok", f"{folder}; added by the plugin")
         text = f"{folder} is not of ds47" if lost else "not installed"
         mend = _installing(patient, folder) + (" --force replaces it" if lost else " puts it there")
         return Check("profile", "warning", text, mend)

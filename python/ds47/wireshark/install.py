@@ -173,12 +173,14 @@ def copies(folder: Path) -> list[Path]:
     return [path for path in _below(folder)[1] if is_entry(path)]
 
 
-def not_ours(folder: Path, files: Iterable[str]) -> list[str]:
+def not_ours(folder: Path, files: Mapping[str, bytes]) -> list[str]:
     """Which of `files` a folder has that we did not make: they would be replaced.
 
-    What Wireshark writes of itself whenever a profile is used is no loss.
+    No loss is what Wireshark writes of itself whenever a profile is used, and a file that is the same already:
+    the plugin itself adds the profile, too.
     """
-    return sorted((set(files) - WINDOW_STATE) & set(_files(folder)))
+    there = (set(files) - WINDOW_STATE) & set(_files(folder))
+    return sorted(name for name in there if _digest(folder / name) != _sha256(files[name]))
 
 
 def leftovers(folder: Path) -> list[Path]:
@@ -330,7 +332,7 @@ def _user_name(user: int) -> str:
         return str(user)
 
 
-def _found(folder: Path, files: Iterable[str], force: bool) -> Marker | None:
+def _found(folder: Path, files: Mapping[str, bytes], force: bool) -> Marker | None:
     """What is installed in a folder before `files` are put there; None where nothing is.
 
     Raises RefusedError where files that we did not make would be replaced (not with `force`).
