@@ -9,9 +9,30 @@ local arguments = { ... } -- of -X lua_script1:ARGUMENT
 local GUARD = "ds47_ws.loaded"
 
 local source = debug.getinfo(1, "S").source:gsub("^@", "")
+-- Whether a file is one of the user's own plugins, and not of -X lua_script or of everybody.
+local function is_installed(path)
+  local folder = Dir.personal_plugins_path():gsub("\\", "/")
+  return path:gsub("\\", "/"):sub(1, #folder) == folder
+end
+
+-- A newer file was put beside an older one, which goes on working: nobody would notice.
+local function tell_of_two(works, other)
+  if works == other or not (is_installed(works) and is_installed(other)) then
+    return
+  end
+  local text = "ds47: two copies of the plugin are installed, and only the first works: " .. works
+    .. "; not " .. other .. ". Delete the older one and start Wireshark again."
+  if gui_enabled() then
+    report_failure(text)
+  else
+    io.stderr:write(text, "\n")
+  end
+end
+
 if package.loaded[GUARD] then
   -- Another copy is loaded already: the first one works, and "Check installation" shows the others. An
   -- installed copy gets no arguments; those of a second one loaded with -X lua_script are meant for it.
+  tell_of_two(package.loaded[GUARD].path, source)
   require("ds47_ws.stats").register(require("ds47_ws.track"), arguments)
   return
 end

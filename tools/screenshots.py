@@ -23,9 +23,11 @@ TOUR = ROOT / "captures" / "tour-machine.pcapng"
 DRIVE = ROOT / "captures" / "cyclic-longer-ramp.pcapng"
 BUS = ROOT / "tools" / "screenshot-profibus.txt"
 REFUSED = 130  # a change that was refused: a negative response with findings
+WRONG_TYPE = 387  # a change of which the capture proves what should have been sent
 RUNNING = 29  # the same in the capture of the tutorial
 LIST = "gui.geometry_main_upper_pane: 330\ngui.geometry_main_lower_pane: 880\n"
 PACKET_MENU = 6  # entries of the menu of a packet up to ours
+SEND_INSTEAD = 11  # lines of that finding up to the bytes
 IO_GRAPHS = 6  # entries of the menu Statistics before this one
 
 
@@ -119,6 +121,17 @@ class Pictures:
         self.take(shown, name, window)
         shown.close_window(window)
 
+    def of_what_to_send(self) -> None:
+        """The request of a refused change: its finding with the bytes to send instead, in a tab of their own."""
+        with self.open(LONG, "-g", str(WRONG_TYPE)) as shown:
+            shown.focus(shown.main)
+            shown.click(300, 250, button=5, repeat=2)
+            shown.click(300, shown.size[1] - 60)
+            shown.keys("Home", "End", "Right")
+            shown.keys("End", "Up", "Up", "shift+Right")
+            shown.keys(*["Down"] * (SEND_INSTEAD + 2), "Up", "Up")  # the next two lines as well
+            self.take(shown, "wireshark-instead", shown.main)
+
     def of_the_tour(self) -> None:
         """The capture of the tutorial: a change that a running drive does not accept."""
         with self.open(TOUR, "-g", str(RUNNING)) as shown:
@@ -131,7 +144,7 @@ class Pictures:
             shown.focus(shown.main)
             shown.keys("alt+t")
             shown.keys("Up", "Up", "Right", "Up", "Up", "Up", "Return")
-            window = shown.window("Drives: control and status word")
+            window = shown.window("DS47 drives")
             time.sleep(1)
             self.take(shown, "wireshark-drives", window)
             shown.close_window(window)
@@ -165,6 +178,7 @@ def main() -> int:
     folder.mkdir(parents=True, exist_ok=True)
     pictures = Pictures(folder.resolve(), program)
     pictures.of_records()
+    pictures.of_what_to_send()
     pictures.of_the_tour()
     pictures.of_a_drive()
     pictures.of_a_bus()

@@ -146,6 +146,24 @@ def test_the_bundle_alone_in_the_plugins_folder(bundle, pdml, repository, captur
     assert ours(installed) == ours(checkout)
 
 
+def test_two_copies_are_told_in_one_line(bundle, pdml, captures, tmp_path):
+    """A newer file beside an older one: that one is loaded first, and goes on working."""
+    plugins = tmp_path / "two" / ".local" / "lib" / "wireshark" / "plugins"
+    plugins.mkdir(parents=True)
+    older, newer = plugins / "ds47-0_9_0.lua", plugins / bundle.name
+    shutil.copy(bundle, older)
+    shutil.copy(bundle, newer)
+    shown, errors = pdml(captures / CAPTURE, home="two")
+    assert len(ours(shown)) > 20
+    lines = [line for line in errors.splitlines() if "two copies" in line]
+    assert len(lines) == 1
+    assert lines[0].count(str(older)) == lines[0].count(str(newer)) == 1
+    older.unlink()
+    assert "two copies" not in pdml(captures / CAPTURE, home="two")[1]
+    shown, errors = pdml(captures / CAPTURE, "-X", f"lua_script:{bundle}", home="two")
+    assert "two copies" not in errors
+
+
 def test_the_wheel_installs_the_plugin(bundle: Path, repository: Path, tmp_path: Path) -> None:
     """Built and unpacked as pip would, the command finds the plugin without the checkout."""
     build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", tmp_path / "dist"]
