@@ -59,38 +59,42 @@ local function error_of(failed)
   return text
 end
 
--- The address of a parameter, remembered with what parameters of one address have in common.
-local function address(item)
-  local class = item.class
-  if class == nil then
-    return words.address(item)
+-- What a sentence says around the values of a parameter: {address, name (with the address), unit}. Remembered
+-- where parameters share what they are.
+local function words_of(item)
+  local found = item.words
+  if found and found.lang == language then
+    return found
   end
-  local text = class.text
-  if text == nil then
-    text = words.address(class)
-    class.text = text
+  local address, name = words.address(item), words.name(item, language)
+  found = {
+    lang = language, address = address, named = name and address .. " (" .. name .. ")" or address,
+    unit = item.unit and " " .. words.escape(item.unit) or "",
+    is_described = descriptions.is_about(item.attribute),
+  }
+  local class = getmetatable(item)
+  if class then
+    class.words = found
   end
-  return text
+  return found
 end
 
--- The same with the name of a known parameter: `p1082[0] (Maximum speed)`.
-local function named_address(item)
-  local name = words.name(item, language)
-  return name and address(item) .. " (" .. name .. ")" or address(item)
-end
-
--- One parameter: `p50303[0] = 10.0`, `:=` where the value was written, `: 0x02 ...` where it failed.
+-- One parameter: `p50303[0] = 10.0`, `:=` where the value was written, `: 0x02 ...` where it failed; with the
+-- name of a known one: `p1082[0] (Maximum speed)`.
 local function parameter(item, written, named)
-  local text = named and named_address(item) or address(item)
+  local around, values = words_of(item), item.values
+  local text = named and around.named or around.address
   if item.error then
     return text .. ": " .. error_of(item.error)
-  elseif #item.values == 0 then
+  elseif values[1] == nil then
     return text
   end
   text = text .. (written and " := " or " = ")
-  local described = descriptions.is_about(item.attribute) and descriptions.parts(item, words, language)
+  local described = around.is_described and descriptions.parts(item, words, language)
   if described then
     return text .. table.concat(described, ", ")
+  elseif values[2] == nil and item.scaled == nil then
+    return text .. words.value(values[1], item.format) .. around.unit
   end
   return text .. words.with_unit(item)
 end

@@ -443,7 +443,9 @@ local function live_view(number, job, role)
     view = setmetatable({ complete = false, item = nil, job = nil, role = nil }, LIVE)
     live_views[number] = view
   end
-  transactions.restore(job, current.codec) -- a Write response may come late
+  if job.response == nil then
+    transactions.restore(job, current.codec) -- a Write response may come late
+  end
   view.role, view.item, view.job = role, transactions.open(job, view.item), job
   view.message, view.response, view.parameters = job.message, job.response, nil
   return view

@@ -41,18 +41,30 @@ end
 
 local put = M.put
 
+-- Whether a response is none to a request, whatever its reference.
+local function is_other(request, response)
+  return response.axis ~= request.axis
+    or response.response_id == nil
+    or request.request_id == nil
+    or not family.family_fits(request.request_id, response.response_id)
+    or #response.blocks > #request.addresses
+end
+
 --- Whether the response cannot be the answer to the request (docs/pairing.md, states).
 function M.is_mismatch(job)
   local request, response = job.message, job.response
   if request == nil or response == nil then
     return false
+  elseif response.request_reference ~= request.request_reference then
+    return true
   end
-  return response.request_reference ~= request.request_reference
-    or response.axis ~= request.axis
-    or response.response_id == nil
-    or request.request_id == nil
-    or not family.family_fits(request.request_id, response.response_id)
-    or #response.blocks > #request.addresses
+  local layout = response.layout
+  if layout == nil then
+    return is_other(request, response)
+  elseif layout.is_other == nil then
+    layout.is_other = is_other(request, response)
+  end
+  return layout.is_other
 end
 
 local is_mismatch = M.is_mismatch
@@ -267,11 +279,18 @@ local function unasked(job)
   return job.repeats and "unasked_again" or "unasked_without_ar"
 end
 
+-- The layout of a response that is no other's; nil where it has none.
+local function own_layout(job, stray)
+  local response = job.response
+  return not stray and job.message and response and response.layout or nil
+end
+
 function Judge:_response(remarks, job, stray)
-  local half, response = job.read_response, job.response
-  if response == nil then
+  local half, response, layout = job.read_response, job.response, own_layout(job, stray)
+  if response == nil or layout and layout.is_silent then
     return
   end
+  local before = #remarks
   if response.flaws[1] then
     put_flaws(remarks, response.flaws, half, self:_most_parameters(job))
   end
@@ -283,6 +302,9 @@ function Judge:_response(remarks, job, stray)
     self:_mirror(remarks, half.frame, job)
   end
   self:_blocks(remarks, half.frame, job, stray)
+  if layout then -- what is said of one is said of all, and mostly nothing is
+    layout.is_silent = #remarks == before
+  end
 end
 
 local function put_if_other(remarks, rule, frame, sent, got)
@@ -386,13 +408,21 @@ function Judge:_learn_limit(job)
   if request == nil or response == nil or request.operation ~= "read" then
     return
   end
-  local addresses, blocks = request.addresses, response.blocks
+  local layout = response.layout
+  if layout and layout.has_no_limit then
+    return
+  end
+  local addresses, blocks, found = request.addresses, response.blocks, false
   for number = 1, #blocks do
     local address, block = addresses[number], blocks[number]
     if address.pnu == PNU_ACCESS_IDENTIFICATION and address.attribute == VALUE and not block.float then
+      found = true
       self:_learn(self.longest, job.peer.device, block.values[1 - address.subindex])
       self:_learn(self.most, job.peer.device, block.values[2 - address.subindex])
     end
+  end
+  if layout then
+    layout.has_no_limit = not found
   end
 end
 

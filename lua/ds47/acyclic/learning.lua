@@ -12,15 +12,27 @@ local READ = { [0x01] = true, [0x81] = true } -- response ids of a read, all of 
 -- Flaws of a response that is not decoded to its end: unknown format, bytes left over, bytes missing.
 local BROKEN = { DS309 = true, DS313 = true, DS315 = true }
 
--- Whether a request asks for a description.
-local function asks_for_one(request)
-  local addresses = request.addresses
+local function has_description(addresses)
   for number = 1, #addresses do
     if addresses[number].attribute == DESCRIPTION then
-      return request.operation == "read"
+      return true
     end
   end
   return false
+end
+
+-- Whether a request asks for a description.
+local function asks_for_one(request)
+  if request.operation ~= "read" then
+    return false
+  end
+  local question = request.question
+  if question == nil then
+    return has_description(request.addresses)
+  elseif question.describes == nil then
+    question.describes = has_description(request.addresses)
+  end
+  return question.describes
 end
 
 -- Whether the descriptions in a response count: it is the one to its request, and whole.

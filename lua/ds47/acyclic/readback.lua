@@ -45,6 +45,7 @@ function M.new(most, waits)
     open = {}, -- changes without a response -> array of {key, number, write}, number of the parameter from 1
     devices = ordered.new(), -- address -> {forgotten = frame, recomputing = set of jobs, count}
     pnus = {}, -- every PNU that was ever written: most reads ask for others
+    generation = {}, -- another table whenever there is another PNU: layouts that have none of them know it
   }, ReadBack)
 end
 
@@ -135,7 +136,9 @@ local function note(self, told, access, place, address, block, frame)
     told[#told + 1] = {key = key, number = place, write = write}
     remember(self, key, write)
   end
-  self.pnus[address.pnu] = true
+  if not self.pnus[address.pnu] then
+    self.pnus[address.pnu], self.generation = true, {}
+  end
 end
 
 -- Whether a message is not decoded to its end, for another reason than `but`.
@@ -345,13 +348,20 @@ function ReadBack:read(job)
   if request == nil or response == nil or request.operation ~= "read" then
     return NONE
   end
-  local found, access = {}, nil
-  for number = 1, #response.blocks do
-    local address, block = request.addresses[number], response.blocks[number]
+  local layout = response.layout
+  if layout and layout.unwritten == self.generation then
+    return NONE
+  end
+  local found, access, blocks = {}, nil, response.blocks
+  for number = 1, #blocks do
+    local address, block = request.addresses[number], blocks[number]
     if block.error or self.pnus[address.pnu] or address.pnu == DO_IDENTIFICATION then
       access = access or drive_objects.access(job)
       self:_look(found, job, access, address, block)
     end
+  end
+  if layout and access == nil then
+    layout.unwritten = self.generation
   end
   return found
 end

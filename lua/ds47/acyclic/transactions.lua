@@ -139,11 +139,12 @@ end
 
 -- The same of a parameter whose values have the format of a block.
 local function class_in_format(class, block)
-  local of_block = getmetatable(block) -- of which there is one for each format
+  local of_block = block.of_format
   local found = class.in_format[of_block]
   if found == nil then
     found = {format = block.format_name}
     for key, value in pairs(class) do found[key] = value end
+    found.words = nil
     found.unit = dictionary.unit_of(found.listed, found.format)
     found.__index = found
     class.in_format[of_block] = found
@@ -155,7 +156,7 @@ end
 local function explain(result, meaning)
   local told, class, own = dictionary.explained(result, meaning), getmetatable(result), {}
   for key, value in pairs(class) do own[key] = value end
-  own.unit, own.described, own.class, own.__index = told.unit, told.described, own, own
+  own.unit, own.described, own.class, own.words, own.__index = told.unit, told.described, own, nil, own
   result.scaled = told.scaled
   return setmetatable(result, own)
 end
@@ -168,7 +169,7 @@ local function named(result, peer)
   end
   local own = {}
   for key, value in pairs(getmetatable(result)) do own[key] = value end
-  own.unit, own.described, own.class, own.__index = told.unit, told.described, own, own
+  own.unit, own.described, own.class, own.words, own.__index = told.unit, told.described, own, nil, own
   result.told = told.told
   return setmetatable(result, own)
 end
@@ -195,10 +196,48 @@ local function shown(job, address, value, answer, meaning)
   return address and naming.is_used() and named(result, job.peer) or result
 end
 
+-- The classes of the parameters of a read, by the places of the layout of its response.
+local function classes_in(layout, request, peer)
+  local siemens, of = peer.vendor_id == SIEMENS, peer.family
+  local classes = layout.classes
+  if classes and classes.siemens == siemens and classes.family == of then
+    return classes
+  end
+  classes = {siemens = siemens, family = of}
+  for number, place in ipairs(layout.places) do
+    local class, in_format = {}, class_in_format(class_of(request.addresses[number], peer), place)
+    for key, value in pairs(in_format) do class[key] = value end
+    class.value_count, class.words, class.__index = place.value_count, nil, class
+    classes[number] = class
+  end
+  layout.classes = classes
+  return classes
+end
+
+-- The parameters of a read whose response has a layout; nil of all others, and where somebody has said of
+-- single parameters what they are.
+local function read_in_layout(job)
+  local request, response = job.message, job.response
+  local layout = response and request and request.operation == "read" and response.layout
+  if not layout or #layout.places ~= #request.addresses or job.meanings or naming.is_used()
+    or is_mismatch(job) then
+    return nil
+  end
+  local classes, blocks, result = classes_in(layout, request, job.peer), response.blocks, {}
+  for number = 1, #blocks do
+    local block = blocks[number]
+    result[number] = setmetatable({values = block.values, scaled = block.scaled}, classes[number])
+  end
+  return result
+end
+
 --- The parameters of a job as a report shows them (docs/pairing.md P37, P43): an array of {pnu, subindex,
 -- attribute, element_count, listed, unit, format, value_count, values, scaled, error, described}.
 function M.parameters(job)
-  local request = job.message
+  local found, request = read_in_layout(job), job.message
+  if found then
+    return found
+  end
   local blocks = job.response and job.response.blocks or NONE
   local stray = is_mismatch(job)
   local change = request ~= nil and request.operation == "change"
@@ -342,8 +381,8 @@ end
 -- How a record is called that says of parameters that they failed: "error", or "partial" where others did
 -- not; nil of one that says so of none. For who shows the record; no key of the report.
 function KEYS.failing(_, job)
-  local blocks = job.response and job.response.blocks or NONE
-  local failed = 0
+  local response = job.response
+  local blocks, failed = response and not response.layout and response.blocks or NONE, 0
   for number = 1, #blocks do
     if blocks[number].error then
       failed = failed + 1
@@ -398,10 +437,14 @@ end
 -- @param item  one that nobody needs any more, to become this one; nil for a new one
 function M.open(job, item)
   if item == nil then
-    item = setmetatable({channel = "ds47", job = nil}, Open)
+    item = setmetatable({
+      channel = "ds47", job = nil, operation = nil, request_reference = nil, axis = nil,
+    }, Open)
   end
-  item.job, item.parameters, item.state, item.frames = job, nil, nil, nil
-  item.operation, item.stray = nil, nil
+  local head = job.message or job.response
+  item.job, item.parameters, item.state, item.frames, item.stray = job, nil, nil, nil, nil
+  item.operation = M.operation(job) -- of these three every frame tells
+  item.request_reference, item.axis = head and head.request_reference, head and head.axis
   return item
 end
 

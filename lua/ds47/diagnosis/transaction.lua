@@ -39,6 +39,7 @@ local LOCAL = 0xB02E -- index of local access: the slot decides, not the axis by
 local SEVERAL = -1 -- in place of a format: a PNU is read in several
 local NONE = {}
 local ONLY = 0 -- second key of a memory that needs none
+local MOST_TOLD = 4096 -- layouts on channels that are known to teach nothing new
 local NO_END = 2 ^ 17 -- behind every subindex
 
 -- The format of a parameter by the list of parameters; nil where the list says nothing of this device.
@@ -89,6 +90,8 @@ function M.new(codec)
     missing = memory.new(tables.known.history),
     refused = memory.new(tables.known.history), -- what a device refused, by the keys of refusal.sign
     ends = memory.new(tables.known.history), -- device, PNU -> least end of subindices that was refused
+    -- layout -> set of the keys of channels on which all that it can teach is known
+    told = {}, told_count = 0, news = 0,
   }, Diagnoses)
 end
 
@@ -97,6 +100,16 @@ function Diagnoses:copied(known)
   for _, name in ipairs(MEMORIES) do
     known[self[name]] = self[name]:on_top()
   end
+  known[self.told] = {}
+end
+
+-- Whether a response has fewer parameters than were asked for.
+local function is_short(request, response)
+  local layout = response.layout
+  if layout == nil then
+    return #response.blocks < #request.addresses
+  end
+  return #layout.places < #request.addresses
 end
 
 -- Whether a job that was answered well may have something to be repaired all the same.
@@ -107,7 +120,7 @@ local function is_odd(job)
   elseif message.flaws[1] then
     return true
   elseif message.operation == "read" then -- the response may have been too long
-    return #job.response.blocks < #message.addresses
+    return is_short(message, job.response)
   end
   for _, block in ipairs(message.blocks) do
     local least = LEAST_NORMAL[block.format]
@@ -401,7 +414,11 @@ function Diagnoses:_learn_axis(job)
   end
   local kept = refused and self.missing or self.axes
   local before = kept:get(device, ONLY)
-  if before and before[axis] or rules.is_mismatch(job) then
+  if before and before[axis] then
+    return
+  end
+  self:_is_news()
+  if rules.is_mismatch(job) then
     return
   end
   local axes = {[axis] = true}
@@ -411,16 +428,43 @@ function Diagnoses:_learn_axis(job)
   kept:put(device, ONLY, axes)
 end
 
--- Nearly every answer tells what is known: one look for each block, and no more.
+-- Nearly every answer tells what is known: that a layout has told all on its channel is remembered.
 function Diagnoses:_learn(job)
   local request, response = job.message, job.response
   if not LEARNT[response.response_id] then
     return
   end
-  self:_learn_axis(job)
-  if request.operation ~= "read" then
+  local layout, key = response.layout, job.channel_key
+  local told = layout and key and self.told[layout]
+  if told and told[key] then
     return
   end
+  local news = self.news
+  self:_learn_axis(job)
+  if request.operation == "read" then
+    self:_learn_formats(job)
+  end
+  if layout and key and news == self.news then
+    self:_note_told(layout, key)
+  end
+end
+
+function Diagnoses:_note_told(layout, key)
+  if self.told_count >= MOST_TOLD then
+    self.told, self.told_count = {}, 0
+  end
+  local told = self.told[layout] or {}
+  told[key], self.told[layout], self.told_count = true, told, self.told_count + 1
+end
+
+-- Something was learnt, and something else may have been forgotten for it: what was told counts no more.
+function Diagnoses:_is_news()
+  self.news, self.told, self.told_count = self.news + 1, {}, 0
+end
+
+-- One look for each block, and no more.
+function Diagnoses:_learn_formats(job)
+  local request, response = job.message, job.response
   local from, addresses, blocks = way_of(job), request.addresses, response.blocks
   local known = self.formats:of(from)
   for number = 1, min(#addresses, #blocks) do
@@ -428,6 +472,7 @@ function Diagnoses:_learn(job)
     local pnu = address.pnu
     local seen = known[pnu]
     if not seen or seen.format ~= block.format or pnu == PNU_ACCESS_IDENTIFICATION then
+      self:_is_news()
       if rules.is_mismatch(job) then
         return
       end

@@ -6,14 +6,16 @@
 --   Flaw     {rule, offset, args}
 --   Address  {attribute, element_count, pnu, subindex, offset, attribute_name}
 --   Block    {format, value_count, values, scaled, error, raw, offset, pad, meaning, format_name,
---             float, scaled_float, sound_codec}   whether the numbers in `values` and `scaled` are floats;
---             the codec where the format byte alone tells it
+--             float, scaled_float, sound_codec, of_format}   whether the numbers in `values` and `scaled` are
+--             floats; the codec where the format byte alone tells it; the same table for each format
 --   error    {code, info, words}
 --   Request  {request_reference, request_id, axis, parameter_count, addresses, blocks, flaws, rest, length,
 --             operation, shaped}
---   Response {request_reference, response_id, axis, parameter_count, blocks, flaws, rest, length, shaped}
+--   Response {request_reference, response_id, axis, parameter_count, blocks, flaws, rest, length, shaped,
+--             layout}   layout (layouts.lua) where it is like an earlier one
 
 local formats = require("ds47.profidrive.formats")
+local layouts = require("ds47.profidrive.layouts")
 local reader = require("ds47.support.bytes")
 local tables = require("ds47.spec.tables")
 
@@ -48,7 +50,7 @@ local function choice(code, meaning, size)
     format = code, meaning = meaning, format_name = row and row.name or format("0x%02X", code), pad = "",
     float = codec and codec.float, scaled_float = codec and codec.scaled_float,
   }
-  class.__index = class
+  class.__index, class.of_format = class, class
   return {meaning = meaning, codec = codec, class = class}
 end
 
@@ -400,11 +402,34 @@ end
 
 local MOST_REMEMBERED, LONGEST_REMEMBERED = 1024, 240
 
+-- Gives the question of a request: a function of its bytes and of what was decoded. Nil of one whose addresses
+-- are not all there.
+local function questions_in(options)
+  local known, count = {}, 0
+  return function(data, request)
+    local addresses = #request.addresses
+    if addresses ~= request.parameter_count then
+      return nil
+    end
+    local key = sub(data, 2, HEADER + ADDRESS * addresses)
+    local question = known[key]
+    if question == nil then
+      if count >= MOST_REMEMBERED then
+        known, count = {}, 0
+      end
+      question = layouts.question(options)
+      known[key], count = question, count + 1
+    end
+    return question
+  end
+end
+
 --- `decode_request` that decodes equal requests once: a function of the data, with the options bound.
 -- Programs ask the same again and again, but for the reference. So all of a message but that is shared with
--- its equals, and stands in its metatable (`message.shared`).
+-- its equals, and stands in its metatable (`message.shared`). Requests that differ in their values, too, share
+-- what is known of their responses (`message.question`).
 function M.remembering(options)
-  local known, count = {}, 0
+  local known, count, question_of = {}, 0, questions_in(options)
   return function(data)
     local reference = byte(data, 1)
     if not reference or reference == 0 or #data > LONGEST_REMEMBERED then
@@ -414,7 +439,7 @@ function M.remembering(options)
     local class = known[behind]
     if class == nil then
       class = M.decode_request(data, options)
-      class.shared, class.__index = class, class
+      class.shared, class.__index, class.question = class, class, question_of(data, class)
       if count >= MOST_REMEMBERED then
         known, count = {}, 0
       end
@@ -456,14 +481,7 @@ local function response_body(response, data, known, request, options)
   if known and not unsupported then sign(response, known.negative) end
 end
 
---- Decodes the data of a Read record (docs/protocol.md A.2). Never raises.
--- @param data string: the record, without the 64-byte header of the record block
--- @param request the Request it answers, or nil. The error words in the answer to a vendor request are no
---   error numbers of the profile, unless the answer is that it is not supported. Reference, axis and count
---   are not compared here.
--- @param options {legacy_g120_formats, profile_v3_types} or nil: dialects
--- @return Response; header fields are nil where the message ends before them
-function M.decode_response(data, request, options)
+local function decode_response(data, request, options)
   local reference, id, axis, count = byte(data, 1, 4)
   local known = id and response_ids[id]
   local response = setmetatable({
@@ -479,6 +497,26 @@ function M.decode_response(data, request, options)
   response.shaped = is_shaped(known, response)
   if #response.flaws == 0 then
     spare_flaws, response.flaws = response.flaws, NONE
+  end
+  return response
+end
+
+--- Decodes the data of a Read record (docs/protocol.md A.2). Never raises.
+-- @param data string: the record, without the 64-byte header of the record block
+-- @param request the Request it answers, or nil. The error words in the answer to a vendor request are no
+--   error numbers of the profile, unless the answer is that it is not supported. Reference, axis and count
+--   are not compared here. One that is remembered (M.remembering) knows the layouts of its responses.
+-- @param options {legacy_g120_formats, profile_v3_types} or nil: dialects
+-- @return Response; header fields are nil where the message ends before them
+function M.decode_response(data, request, options)
+  local question = request and request.question
+  if question == nil or question.options ~= options then
+    return decode_response(data, request, options)
+  end
+  local response = layouts.find(question, data)
+  if response == nil then
+    response = decode_response(data, request, options)
+    layouts.learn(question, data, response)
   end
   return response
 end

@@ -179,6 +179,7 @@ function M.float_text(number)
   if number == math.huge then return "Infinity" end
   if number == -math.huge then return "-Infinity" end
   local text = format("%.15g", number)
+  if find(text, "^-?%d+%.%d+$") and tonumber(text) == number then return text end
   if find(text, "e", 1, true) or tonumber(text) ~= number then return fewest(number) end
   if not find(text, "%D", 2) then return text .. ".0" end
   return (gsub(text, ",", "."))
