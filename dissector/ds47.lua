@@ -94,6 +94,7 @@ local this_dissector, words_dissector, bus_dissector, s7_dissector
 local referenced -- the method of all trees that tells it: looking it up costs as much as asking
 local always_wanted -- whether words of drives are, in new frames; nil before the first
 local answers -- the same of fields: what trees of new frames said, and those of the second pass (tree.lua)
+local has_columns -- whether new frames have columns; nil before the first
 local on_bus = false -- whether this is a frame of PROFIBUS, which is shown already
 
 local NONE = {}
@@ -135,9 +136,17 @@ local function next_record(data)
 end
 
 -- The columns of a frame; nil where nobody sees them, as when a file is loaded or in the first of two passes.
-local function columns_of(pinfo)
-  local columns = pinfo.cols
-  return tostring(columns.info) ~= "(info)" and columns or nil
+-- Without a window the answer is the same for all new frames.
+local function columns_of(pinfo, is_new)
+  if has_columns == nil or WINDOW or not is_new then
+    local columns = pinfo.cols
+    local found = tostring(columns.info) ~= "(info)"
+    if is_new then
+      has_columns = found
+    end
+    return found and columns or nil
+  end
+  return has_columns and pinfo.cols or nil
 end
 
 -- Finds bytes in the frame, behind where its data begins; nil where it has them not.
@@ -175,10 +184,11 @@ local context = { request_of = track.request_of, findings_of = track.findings_of
 -- Adds to the tree and sets the columns, where there are some. `finders` as above; the data of the frame
 -- begins at `at`. `whole`: somebody wants our fields.
 local function show(views, findings, events, tvb, columns, tree, finders, at, whole, is_new)
-  if columns and #views + #events > 0 then
+  local is_shown = views[1] ~= nil or events[1] ~= nil
+  if columns and is_shown then
     columns.protocol, columns.info = "DS47", info.text(views, events, track.lang)
   end
-  if whole and #views + #findings + #events > 0 then
+  if whole and (is_shown or findings[1]) then
     context.base_seconds, context.lang = track.base_seconds(), track.lang
     if not WINDOW then
       context.answers = answers[is_new] or tree_of.answers()
@@ -187,7 +197,7 @@ local function show(views, findings, events, tvb, columns, tree, finders, at, wh
     shown.tvb, shown.bytes, shown.at, shown.from = tvb, nil, at, at
     tree_of.add(tree, views, findings, events, finders, context)
     shown.tvb = nil
-  elseif #findings + #events > 0 then
+  elseif findings[1] or events[1] then
     experts_of.add(tree, experts, findings, events, track.lang)
   end
 end
@@ -251,7 +261,7 @@ local function dissect_cyclic(tvb, pinfo, tree)
   local place = track.cyclic_place(frame)
   if views then
     local whole = tree:referenced(this_dissector)
-    local columns, at = columns_of(pinfo), place and place.at
+    local columns, at = columns_of(pinfo, is_new), place and place.at
     show(views, findings, events, tvb, columns, tree, OF_WORDS, at, whole, is_new)
   end
   if looked_at and place then
@@ -293,7 +303,7 @@ end
 local function show_copy(number, pinfo, tree, whole)
   local original = track.original(number, whole)
   if original then
-    local columns = columns_of(pinfo)
+    local columns = columns_of(pinfo, not whole)
     if columns then
       copies.set_columns(columns, original, track.lang)
     end
@@ -303,8 +313,8 @@ end
 
 -- Nothing behind a frame of PROFIBUS is dissected by others: all of it is taken, or it is none.
 function ds47_bus.dissector(tvb, pinfo, tree)
-  local columns, whole = columns_of(pinfo), tree:referenced(this_dissector)
   local number, is_new = pinfo.number, track.is_new(pinfo.number, pinfo)
+  local columns, whole = columns_of(pinfo, is_new), tree:referenced(this_dissector)
   local item, views, findings, events = look_at_bus(tvb, pinfo, is_new, columns ~= nil or whole)
   if not item then
     encapsulations.pass_on(tvb, pinfo, tree)
@@ -347,22 +357,27 @@ function ds47.dissector(tvb, pinfo, tree)
     local views, findings = track.complete_views(number)
     if views then -- columns of S7 are those of the dissector that is there
       local is_s7 = track.is_s7(views)
-      local columns = not is_s7 and columns_of(pinfo) or nil
+      local columns = not is_s7 and columns_of(pinfo, false) or nil
       whole = whole or is_s7 and tree:referenced(s7_dissector)
       show(views, findings, NONE, tvb, columns, tree, OF_RECORDS, offset, whole, false)
     end
     show_copy(number, pinfo, tree, true)
-  elseif track.feed(number, frame, offset, clock.now, pinfo.len) then
-    local columns = columns_of(pinfo)
+    return
+  end
+  local fed, is_copy = track.feed(number, frame, offset, clock.now, pinfo.len)
+  if fed then
+    local columns = columns_of(pinfo, true)
     local views, findings = track.live_views(columns ~= nil or whole)
     show(views, findings, NONE, tvb, columns, tree, OF_RECORDS, offset, whole, true)
-    show_copy(number, pinfo, tree, false)
-    passes.came(pinfo.visited)
+    if is_copy then
+      show_copy(number, pinfo, tree, false)
+    end
+    passes.came(pinfo)
   elseif track.feed_segment(number, frame, offset, clock.now) then
     whole = whole or tree:referenced(s7_dissector)
     local views, findings = track.live_s7_views(whole)
     show(views, findings, NONE, tvb, nil, tree, OF_RECORDS, offset, whole, true)
-    passes.came(pinfo.visited)
+    passes.came(pinfo)
   end
 end
 
@@ -371,7 +386,7 @@ function ds47_words.dissector() end
 function ds47_s7.dissector() end
 
 local function begin_anew()
-  always_wanted, answers, on_bus = nil, {}, false
+  always_wanted, has_columns, answers, on_bus = nil, nil, {}, false
   encapsulations.register(ds47_bus, preferences.takes_user0(ds47))
   clock.reset()
   passes.reset()

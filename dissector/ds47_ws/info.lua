@@ -94,7 +94,9 @@ local function parameter(item, written, named)
   if described then
     return text .. table.concat(described, ", ")
   elseif values[2] == nil and item.scaled == nil then
-    return text .. words.value(values[1], item.format) .. around.unit
+    local shown = words.value(values[1], item.format)
+    item.shown = shown -- the tree shows it, too
+    return text .. shown .. around.unit
   end
   return text .. words.with_unit(item)
 end
@@ -197,8 +199,9 @@ end
 
 --- The sentence of one view; error numbers in "en" or "zh".
 function M.sentence(view, lang)
+  local item = view.item
   language = lang
-  return view.item.channel == "pkw" and pkw_sentence(view) or sentences[view.role](view)
+  return item.job == nil and item.channel == "pkw" and pkw_sentence(view) or sentences[view.role](view)
 end
 
 --- What happened, in words.

@@ -9,11 +9,12 @@ local M = {}
 
 local partly -- whether a transaction was shown of which later frames may say more
 local again -- whether a frame came again
-local blind -- whether the frames came in a second pass for the first time: the first one had no fields
+local blind -- whether the frames came in a second pass for the first time: the first one had no fields; nil
+-- before the first
 
 --- Forgets all: another file.
 function M.reset()
-  partly, again, blind = false, false, false
+  partly, again, blind = false, false, nil
 end
 
 M.reset()
@@ -29,9 +30,11 @@ function M.came_again()
 end
 
 --- A new frame comes.
--- @param visited whether Wireshark has dissected it before, without fields
-function M.came(visited)
-  blind = blind or visited
+-- @param pinfo what Wireshark knows of it: whether it has dissected it before, without fields
+function M.came(pinfo)
+  if blind == nil then
+    blind = pinfo.visited
+  end
 end
 
 --- The capture is over: says what is missing above, if something is.

@@ -212,11 +212,14 @@ local the_complete -- below: the complete result by frames
 -- A whole UDP datagram at `at` (0-based, behind the IP header); false when it is no PROFINET RPC.
 local function udp_packet(frame, at, stop)
   local payload = at + 8
-  if stop - payload < RPC_HEADER or byte(frame, payload + 1) ~= 4
+  if stop - payload < RPC_HEADER
     or sub(frame, payload + INTERFACE_END - 7, payload + INTERFACE_END) ~= RPC_NODE then
     return false
   end
-  local high, low = byte(frame, at + 5, at + 6)
+  local high, low, _, _, version = byte(frame, at + 5, at + 9)
+  if version ~= 4 then
+    return false
+  end
   local length = high * 256 + low
   if length >= 8 and at + length < stop then
     stop = at + length
@@ -253,12 +256,9 @@ local function dissect(frame, offset)
   elseif not udp_packet(frame, at, stop) then
     return nil
   end
-  local made = part or packet
-  local addresses = sub(frame, offset + 13, offset + 20)
-  local texts = address_pairs[addresses]
+  local made, texts = part or packet, address_pairs[sub(frame, offset + 13, offset + 20)]
   made.src_ip, made.dst_ip = texts[1], texts[2]
-  made.ip_id = i1 * 256 + i2
-  made.src_mac = source_mac(frame, offset)
+  made.ip_id, made.src_mac = i1 * 256 + i2, source_mac(frame, offset)
   return made, part
 end
 
@@ -269,7 +269,7 @@ function M.is_new(number, pinfo)
   return number > last or (number == last and not pinfo.visited)
 end
 
---- Feeds a frame. True when it carried PROFINET RPC, or a fragment that might.
+--- Feeds a frame. True when it carried PROFINET RPC, or a fragment that might; and whether it is a copy.
 -- @param number, frame  its number and its bytes
 -- @param offset where its IP header begins
 -- @param clock a function of the analysis that gives its time (Analysis:time_ns)
@@ -279,7 +279,7 @@ function M.feed(number, frame, offset, clock, length)
   if made == nil then
     return false
   end
-  local live = the_analysis()
+  local live = current or the_analysis()
   complete, last = nil, number
   made.frame = number
   made.cut = length > #frame and { frame = number, captured = #frame, original = length } or nil
@@ -289,9 +289,14 @@ function M.feed(number, frame, offset, clock, length)
   else
     live:packet(packet)
   end
-  originals[number] = live.original
-  note_relations(live.cyclic.all)
-  return true
+  local original, relations = live.original, live.cyclic.all
+  if original then
+    originals[number] = original
+  end
+  if #relations ~= known_relations then
+    note_relations(relations)
+  end
+  return true, original ~= nil
 end
 
 --- The frame of which a frame is a mirror port's copy, where that is one of the parameter channel; else nil.
@@ -488,11 +493,13 @@ function M.live_views(seen)
     return NONE, current:findings_at(last)
   end
   note_ours(last)
-  local views, findings = emptied(some_views), emptied(some_findings)
+  local views, findings, shown = emptied(some_views), emptied(some_findings), 0
   for number = 1, count do
-    local job, role = touched[number].job, touched[number].role
+    local each = touched[number]
+    local job, role = each.job, each.role
     if seen and role ~= "empty_read" then -- of which nothing but its finding is shown
-      views[#views + 1] = live_view(#views + 1, job, role)
+      shown = shown + 1
+      views[shown] = live_view(shown, job, role)
     end
     if may_be_certain(job, role) then
       certain(findings, job)
@@ -592,7 +599,8 @@ end
 
 --- Whether views are those of a frame of S7.
 function M.is_s7(views)
-  return views[1] ~= nil and views[1].item.channel == "s7"
+  local item = views[1] and views[1].item
+  return item ~= nil and item.job == nil and item.channel == "s7"
 end
 
 local function put(places, frame, item, role)
@@ -684,9 +692,10 @@ function COMPLETE.__index(view, key)
 end
 
 local function complete_view(item, role)
-  if item.channel == "pkw" then
+  local channel = item.job == nil and item.channel
+  if channel == "pkw" then
     return pkw_view(item, role, true)
-  elseif item.channel == "s7" then
+  elseif channel == "s7" then
     return { role = role, item = item, complete = true }
   end
   return setmetatable({ role = role, item = item }, COMPLETE)

@@ -10,7 +10,7 @@
 -- field is wanted.
 
 local info = require("ds47_ws.info")
-local later = require("ds47.support.later").module
+local later, entries = require("ds47.support.later").module, require("ds47.support.later").entries
 local description_tree = later("ds47_ws.description_tree")
 local finding_tree = later("ds47_ws.finding_tree")
 local pkw_tree = later("ds47_ws.pkw_tree")
@@ -52,13 +52,24 @@ local codes = tables.codes
 
 local find_bytes -- what finds bytes in the frame
 local frame_tree, referenced -- the tree of the frame, and its method of that name
-local wants -- by field, or by an array of fields: whether somebody wants it, or one of them
+local wants -- by field, or by an array of fields: whether somebody wants it, or one of them; by a
+-- LIST: what of it
 local language -- of its texts, "en" or "zh"
 local marked -- whether it is seen where a value comes from
 
-local function ask(_, key)
+-- Lists of what an address, and a transaction, show: each {field = the field, or an array of fields, ...}.
+local ADDRESS, TRANSACTION
+local LISTS = {}
+
+local function ask(key)
   if type(key) == "string" then
     return referenced(frame_tree, fields[key])
+  elseif LISTS[key] then
+    local found = {}
+    for number = 1, #key do
+      found[#found + 1] = wants[key[number].field] and key[number] or nil
+    end
+    return found
   end
   for number = 1, #key do
     if wants[key[number]] then
@@ -68,15 +79,28 @@ local function ask(_, key)
   return false
 end
 
-local ASKED_EACH_TIME = setmetatable({}, { __index = ask })
+-- Keeps what a tree says, so that it is asked once.
+local KEEPING = {}
+
+function KEEPING.__index(answers, key)
+  local answer = ask(key)
+  answers[key] = answer
+  return answer
+end
 
 --- What `context.answers` of M.add is: what trees have said, which is asked once.
 function M.answers()
-  return setmetatable({}, { __index = function(answers, key)
-    local answer = ask(answers, key)
-    answers[key] = answer
-    return answer
-  end })
+  return setmetatable({}, KEEPING)
+end
+
+-- The same of one frame, where the next one's tree may say something else: one table, emptied.
+local of_frame = M.answers()
+
+local function asked_anew()
+  for key in next, of_frame do
+    of_frame[key] = nil
+  end
+  return of_frame
 end
 
 -- Whether somebody wants a field.
@@ -93,12 +117,12 @@ local function part(record, offset, size)
 end
 
 -- Adds a field; nothing where there is no value, or nobody wants it. Its bytes stand at an offset in the
--- record, if that is in the frame.
+-- record, if that is in the frame; where nobody sees the tree, nobody sees where they stand.
 local function add(parent, key, value, record, offset, size)
   if value == nil or not wants[key] then
     return nil
   end
-  local range = record and part(record, offset, size)
+  local range = marked and record and part(record, offset, size)
   if range then
     return parent:add(fields[key], range, value)
   end
@@ -119,8 +143,13 @@ end
 
 -- Adds a field whose value stands nowhere in the frame.
 local function derive(parent, key, value)
-  local item = add(parent, key, value)
-  mark_generated(item)
+  if value == nil or not wants[key] then
+    return nil
+  end
+  local item = parent:add(fields[key], value)
+  if marked then
+    item:set_generated()
+  end
   return item
 end
 
@@ -202,8 +231,9 @@ local NUMBERS = { number = true, float = true }
 
 -- The value as a number, whatever its format: of all formats but those of times, texts and octets.
 local function add_number(parent, kind, value, record, offset, size)
-  if NUMBERS[kind] and wants["value.number"] then
-    show(parent, "value.number", types.number(value), record, record, offset, size)
+  if NUMBERS[kind] then
+    show(parent, "value.number", type(value) == "number" and value or types.number(value), record, record,
+      offset, size)
   end
 end
 
@@ -227,68 +257,94 @@ end
 -- Text that is not shown as it is has its bytes as well, so that nothing of it is lost; `range` is where they
 -- stand.
 local function text_bytes(parent, item, value, range)
-  if type(value) ~= "string" or not words.is_text(item.format) or not wants["value.hex"] then
+  if type(value) ~= "string" or not words.is_text(item.format) then
     return
   elseif find(value, "[^ -~]") or find(value, '[\\"]') then
     point(parent, "value.hex", range or elsewhere(reader.from_latin1(value), "Text"))
   end
 end
 
+-- The row of a format by its name; false where it has none.
+local ROWS = entries(function(name)
+  return tables.formats[types.format_code(name)] or false
+end)
+
+local OF_TYPED = {
+  "value.signed", "value.unsigned", "value.float", "value.double", "value.string", "value.bytes",
+}
+
 -- One value of a parameter. `block` and `record` say where it stands; nil where it is not in this frame.
 local function add_value(parent, item, number, block, record)
-  local value = item.values[number]
-  local row = tables.formats[types.format_code(item.format)]
+  local values = item.values
+  local value = values[number]
+  local row = ROWS[item.format or ""]
   local kind = row and row.kind
-  local bytes, offset, size
+  local offset, size
   if block then
-    size = #item.values > 1 and floor(#block.raw / #item.values) or #block.raw
+    size = #values > 1 and floor(#block.raw / #values) or #block.raw
     offset = block.offset + 2 + (number - 1) * size
-    bytes = sub(block.raw, (number - 1) * size + 1, number * size)
   end
   local here = block and record or nil
   local shown = parent
   if wants.value then
-    shown = show(parent, "value", words.value(value, item.format), block, record, offset, size)
+    local text = item.shown or words.value(value, item.format)
+    shown = show(parent, "value", text, block, record, offset, size)
   end
-  if block and typed[kind] then
-    typed[kind](shown, row, value, bytes, record, offset)
+  if block and typed[kind] and wants[OF_TYPED] then
+    typed[kind](shown, row, value, sub(block.raw, (number - 1) * size + 1, number * size), record, offset)
   end
-  add_number(shown, kind, value, here, offset, size)
-  text_bytes(shown, item, value, here and part(here, offset, size))
-  physical(shown, kind, item, number)
+  if wants["value.number"] then
+    add_number(shown, kind, value, here, offset, size)
+  end
+  if wants["value.hex"] then
+    text_bytes(shown, item, value, here and part(here, offset, size))
+  end
+  if item.scaled then
+    physical(shown, kind, item, number)
+  end
 end
 
 -- Parameters
 
+-- What an address shows, in its order: a field, its value (of the parameter, and of the address in the
+-- request; nil: what the parameter has of that name), and the bytes of the address that have it; nil where it
+-- stands nowhere.
+ADDRESS = {
+  { field = "attribute", at = 0, size = 1, value = function(_, address)
+    return address and address.attribute
+  end },
+  { field = "element_count", at = 1, size = 1, value = nil },
+  { field = "pnu", at = 2, size = 2, value = nil },
+  { field = "subindex", at = 4, size = 2, value = nil },
+  { field = "name", value = function(item) return sentences.name(item, language) end },
+  { field = "unit", value = nil },
+  { field = "family", value = function(item) return words.family(item) end },
+  { field = "described_in", value = function(item) return item.described and item.described.frames end },
+  { field = "meaning", value = function(item) return words.meaning(item, language) end },
+}
+
+LISTS[ADDRESS] = true
+
 -- The address. It stands in a request; for a response it is that of its request.
 local function add_address(parent, item, address, asked, record)
-  local put, at = asked and add or derive, asked and address.offset or 0
-  if wants.attribute then
-    put(parent, "attribute", address and address.attribute, record, at, 1)
-  end
-  if wants.element_count then
-    put(parent, "element_count", item.element_count, record, at + 1, 1)
-  end
-  if wants.pnu then
-    put(parent, "pnu", item.pnu, record, at + 2, 2)
-  end
-  if wants.subindex then
-    put(parent, "subindex", item.subindex, record, at + 4, 2)
-  end
-  if wants.name then
-    derive(parent, "name", sentences.name(item, language))
-  end
-  if wants.unit then
-    derive(parent, "unit", item.unit)
-  end
-  if wants.family then
-    derive(parent, "family", words.family(item))
-  end
-  for _, frame in ipairs(wants.described_in and item.described and item.described.frames or NONE) do
-    derive(parent, "described_in", frame)
-  end
-  if wants.meaning then
-    derive(parent, "meaning", words.meaning(item, language))
+  local shown = wants[ADDRESS]
+  for number = 1, #shown do
+    local each = shown[number]
+    local value, at = each.value, each.at
+    if value then
+      value = value(item, address)
+    else
+      value = item[each.field]
+    end
+    if type(value) == "table" then
+      for place = 1, #value do
+        derive(parent, each.field, value[place])
+      end
+    elseif asked and at then
+      add(parent, each.field, value, record, address.offset + at, each.size)
+    else
+      derive(parent, each.field, value)
+    end
   end
 end
 
@@ -296,9 +352,6 @@ local OF_BLOCK = { "format", "value_count" }
 
 -- Format and number of values of a block, as they stand in the frame.
 local function add_block(parent, block, record)
-  if not wants[OF_BLOCK] then
-    return
-  end
   local shown = add(parent, "format", block.meaning or block.format, record, block.offset, 1)
   if shown and block.meaning then
     shown:append_text(format(", 0x%02X in the frame", block.format))
@@ -335,7 +388,9 @@ end
 
 -- A block that belongs to no parameter of the transaction.
 local function add_loose(parent, block, record)
-  add_block(parent, block, record)
+  if wants[OF_BLOCK] then
+    add_block(parent, block, record)
+  end
   if block.error then
     add_error(parent, block.error, nil, block, record)
   else
@@ -372,9 +427,6 @@ local OF_WRITTEN = { "written.format", "written.value_count" }
 
 -- What the request of a response wrote.
 local function add_written(parent, item)
-  if not wants[OF_WRITTEN] then
-    return
-  end
   derive(parent, "written.format", types.format_code(item.format))
   derive(parent, "written.value_count", item.value_count)
 end
@@ -386,9 +438,6 @@ local OF_VALUES = {
 }
 
 local function add_values(parent, item, block, record)
-  if not wants[OF_VALUES] then
-    return
-  end
   for place = 1, #item.values do
     add_value(parent, item, place, block, record)
   end
@@ -408,13 +457,15 @@ local function add_parameter(parent, view, item, address, block, here, record)
     end
   end
   add_address(shown, item, address, asked, record)
-  if block then
+  if block and wants[OF_BLOCK] then
     add_block(shown, block, record)
   end
-  if not here then
+  if not here and wants[OF_WRITTEN] then
     add_written(shown, item)
   end
-  add_values(shown, item, here and block or nil, record)
+  if wants[OF_VALUES] then
+    add_values(shown, item, here and block or nil, record)
+  end
   local attribute = item.attribute
   if attribute == "description" or attribute == "text" then
     description_tree.add(adding, shown, item, here and block or nil, record)
@@ -445,11 +496,35 @@ for _, row in ipairs(require("ds47_ws.description_fields")) do
   OF_PARAMETERS[#OF_PARAMETERS + 1] = row[1]
 end
 
+-- The same without what ADDRESS has.
+local BESIDE_ADDRESS = {}
+do
+  local of_address = {}
+  for _, each in ipairs(ADDRESS) do
+    of_address[each.field] = true
+  end
+  for _, key in ipairs(OF_PARAMETERS) do
+    BESIDE_ADDRESS[#BESIDE_ADDRESS + 1] = not of_address[key] and key or nil
+  end
+end
+
+local function add_addresses(parent, parameters, request, asked, record)
+  for number = 1, #parameters do
+    local item = parameters[number]
+    local address = request and item.pnu and request.addresses[number] or nil
+    add_address(parent, item, address, asked and address ~= nil, record)
+  end
+end
+
 local function add_parameters(parent, view, message, record)
   if not wants[OF_PARAMETERS] then
     return
   end
   local parameters, request = view.parameters, view.message
+  if not wants[BESIDE_ADDRESS] then
+    add_addresses(parent, parameters, request, view.role == "write_request", record)
+    return
+  end
   local blocks, most, here = places(view)
   for number = 1, #parameters do
     local item = parameters[number]
@@ -541,15 +616,6 @@ local function is_main(view)
 end
 
 local CHANNEL = { "vendor_assumed", "api", "slot", "subslot", "index" }
-local OF_TRANSACTION = {
-  "transaction", "channel", "operation", "state", "cycles", "request_reference", "axis", "polls", "start",
-  "duration_ms",
-  "bytes.request", "bytes.response", "status.write", "status.read", "plc", "frames.write_request",
-  "frames.write_response", "frames.read_request", "frames.read_response", "frames.poll.request",
-  "frames.poll.response", "frames.reread.request", "frames.reread.response", "controller",
-  "controller.mac", "master", "device", "device.mac", "vendor_assumed", "station",
-  "ar", "api", "slot", "subslot", "index",
-}
 local HALVES = {
   "frames.write_request", "frames.write_response", "frames.read_request", "frames.read_response",
 }
@@ -568,9 +634,6 @@ local OF_BYTES = { "bytes.request", "bytes.response" }
 
 -- The messages: one is the record of this frame, the other one stands in another frame.
 local function add_bytes(parent, view, record)
-  if not wants[OF_BYTES] then
-    return
-  end
   local item, main, asked = view.item, is_main(view), view.role == "write_request"
   if item.request and (main or asked) and wants["bytes.request"] then
     local name = types.source_name("Request", item.frames.write_request)
@@ -584,9 +647,6 @@ end
 
 -- What WRREC and RDREC showed, once it is known how the transaction ended.
 local function add_plc(parent, view, lang)
-  if not wants.plc then
-    return
-  end
   local item = view.item
   local over = view.complete or item.frames.read_response
   if item.channel == "ds47" and over and is_main(view) then
@@ -618,8 +678,7 @@ local function derive_key(parent, item, key)
 end
 
 -- A status with its words, as the Info column has them.
-local function add_status(parent, key, item, of_half)
-  local word = wants[key] and item[of_half]
+local function add_status(parent, key, word)
   local shown = word and derive(parent, key, word)
   if shown and marked then
     shown:append_text(format(" (%s)", status.status_text(word, language)))
@@ -632,9 +691,6 @@ local OF_CHANNEL = {
 }
 
 local function add_channel(parent, item)
-  if not wants[OF_CHANNEL] then
-    return
-  end
   types.add_peers(adding, parent, item)
   if item.ar and wants.ar then
     mark_generated(types.add_uuid(parent, fields.ar, item.ar, find_bytes))
@@ -644,40 +700,52 @@ local function add_channel(parent, item)
   end
 end
 
-local function add_transaction(parent, view, record, context)
-  if not wants[OF_TRANSACTION] then
-    return
-  end
-  local item = view.item
-  local shown = derive(parent, "transaction", view.complete and item.id or item.order) or parent
-  if wants.channel then
+-- What is shown of a transaction, in its order.
+TRANSACTION = {
+  { field = "channel", add = function(shown, item)
     derive(shown, "channel", codes.channels[item.channel])
-  end
-  if wants.operation then
+  end },
+  { field = "operation", add = function(shown, item)
     derive(shown, "operation", codes.operations[item.operation])
-  end
-  if wants.state and state_is_certain(view) then
-    derive(shown, "state", codes.states[item.state])
-  end
-  add_channel(shown, item)
-  if not HEADERS[view.role] and item.channel ~= "s7" then -- whose references have 16 bits
-    derive_key(shown, item, "request_reference")
-    derive_key(shown, item, "axis")
-  end
-  if wants[FRAMES] then
-    add_frames(shown, view)
-  end
-  if wants.start then
+  end },
+  { field = "state", add = function(shown, item, view)
+    derive(shown, "state", state_is_certain(view) and codes.states[item.state] or nil)
+  end },
+  { field = OF_CHANNEL, add = add_channel },
+  { field = { "request_reference", "axis" }, add = function(shown, item, view)
+    if not HEADERS[view.role] and item.channel ~= "s7" then -- whose references have 16 bits
+      derive_key(shown, item, "request_reference")
+      derive_key(shown, item, "axis")
+    end
+  end },
+  { field = FRAMES, add = function(shown, _, view) add_frames(shown, view) end },
+  { field = "start", add = function(shown, item, _, _, context)
     derive(shown, "start", csv.timestamp(context.base_seconds, item.start_ns))
+  end },
+  { field = "duration_ms", add = function(shown, item)
+    local nanoseconds = item.duration_ns
+    derive(shown, "duration_ms", nanoseconds and nanoseconds / 1000000)
+  end },
+  { field = "cycles", add = function(shown, item) derive(shown, "cycles", item.cycles) end },
+  { field = "status.write", add = function(shown, item)
+    add_status(shown, "status.write", item.write_status)
+  end },
+  { field = "status.read", add = function(shown, item)
+    add_status(shown, "status.read", item.read_status)
+  end },
+  { field = OF_BYTES, add = function(shown, _, view, record) add_bytes(shown, view, record) end },
+  { field = "plc", add = function(shown, _, view, _, context) add_plc(shown, view, context.lang) end },
+}
+LISTS[TRANSACTION] = true
+
+local function add_transaction(parent, view, record, context)
+  local item, shown, list = view.item, parent, wants[TRANSACTION]
+  if wants.transaction then
+    shown = derive(parent, "transaction", view.complete and item.id or item.order) or parent
   end
-  if wants.duration_ms and item.duration_ns then
-    derive(shown, "duration_ms", item.duration_ns / 1000000)
+  for number = 1, #list do
+    list[number].add(shown, item, view, record, context)
   end
-  derive_key(shown, item, "cycles")
-  add_status(shown, "status.write", item, "write_status")
-  add_status(shown, "status.read", item, "read_status")
-  add_bytes(shown, view, record)
-  add_plc(shown, view, context.lang)
 end
 
 -- Drives
@@ -697,7 +765,7 @@ end
 -- @param found as track.words gives them
 function M.add_words(tree, tvb, found, lang)
   frame_tree, referenced, marked, language = tree, tree.referenced, tree.visible, lang
-  wants = ASKED_EACH_TIME
+  wants = asked_anew()
   for _, place in ipairs(found) do
     pzd_tree.add(adding, tree, place, tvb:range(place.offset, place.length), lang)
   end
@@ -766,7 +834,8 @@ local function add_view(tree, view, findings, taken, record, context)
   local root = add_root(tree, view, record)
   add_second_pass(root, view)
   add_transaction(root, view, record, context)
-  for number, finding in ipairs(findings) do
+  for number = 1, #findings do
+    local finding = findings[number]
     if not taken[number] and of_view(finding, view) then
       taken[number] = true
       finding_tree.add(adding, root, finding, experts, nil, context.lang)
@@ -774,6 +843,8 @@ local function add_view(tree, view, findings, taken, record, context)
   end
   add_elsewhere(root, view, findings, context)
 end
+
+local NONE_TAKEN = {} -- of no findings
 
 --- Adds all that a frame shows.
 -- @param tree the tree of the frame
@@ -786,10 +857,10 @@ end
 --   answers = what M.answers gives, shared by frames whose trees answer the same, or nil}
 function M.add(tree, views, findings, events, finders, context)
   frame_tree, referenced, marked, language = tree, tree.referenced, tree.visible, context.lang
-  find_bytes, wants = finders.bytes, context.answers or ASKED_EACH_TIME
-  local taken = {}
-  for _, view in ipairs(views) do
-    local data
+  find_bytes, wants = finders.bytes, context.answers or asked_anew()
+  local taken = findings[1] and {} or NONE_TAKEN
+  for number = 1, #views do
+    local view, data = views[number], nil
     if view.role == "write_request" then
       data = view.item.request
     elseif HEADERS[view.role] then
@@ -801,7 +872,8 @@ function M.add(tree, views, findings, events, finders, context)
     add_events(tree, events, finders.word, context.lang)
   end
   local rest
-  for number, finding in ipairs(findings) do
+  for number = 1, #findings do
+    local finding = findings[number]
     if not taken[number] then
       rest = rest or tree:add(of_s7 and sub(finding.rule, 1, 3) == "DS9" and of_s7 or protocol, "DS47")
       finding_tree.add(adding, rest, finding, experts, context.request_of(finding), context.lang)

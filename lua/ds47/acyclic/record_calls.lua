@@ -192,22 +192,23 @@ function RecordCalls:request(call)
   if not OPERATIONS[opnum] then
     return
   end
-  local list = parse_request(pdu)
+  local list, events, peer = parse_request(pdu), self.events, peer_of(pdu, self.naming)
   call.context = list
   if list.multiple then
-    self.events:count(records.WRITE_MULTIPLE, true)
+    events:count(records.WRITE_MULTIPLE, true)
   end
   for number = 1, #list do
-    self.events:count(list[number].index, list[number].write)
-    self.pairing:goes_on(ar_key(peer_of(pdu, self.naming), list[number]))
+    local record = list[number]
+    events:count(record.index, record.write)
+    self.pairing:goes_on(ar_key(peer, record))
   end
   if list.nested then
     self.listener:remark({rule = "DS208", frame = pdu.frame, args = {}})
   end
   for number = 1, #list do
     local record = list[number]
-    if self.events:concerns(record.index) then
-      self.events:asked(placed(self, pdu), record)
+    if events:concerns(record.index) then
+      events:asked(pdu, record)
     end
   end
 end
@@ -265,17 +266,18 @@ function RecordCalls:response(call)
     return
   end
   local status, halves = parse_halves(pdu)
+  local events, origin = self.events, placed(self, pdu)
   for number = 1, #context do
     local record = context[number]
-    if self.events:concerns(record.index) then
+    if events:concerns(record.index) then
       -- without a block of its own the status of the NDR header counts
       local half = halves[number] or half_of(pdu.frame, pdu.time_ns, status)
       record.response = half
       if not half.status then
         local remark = {rule = "DS108", frame = pdu.frame, args = {}}
-        self.events:about_job(placed(self, pdu), record, remark)
+        events:about_job(origin, record, remark)
       end
-      self.events:answered(placed(self, pdu), record)
+      events:answered(origin, record)
     end
   end
 end

@@ -353,12 +353,13 @@ local KEYS = {
   stray = function(_, job) return is_mismatch(job) end, -- its response is the one of another request
 }
 
+-- Keys that a part of the job has under the same name.
+local PARTS = {slot = "record", index = "record", position = "record"}
 for key in ("controller device vendor_id device_id vendor_assumed station family"):gmatch("%S+") do
-  KEYS[key] = function(_, job) return job.peer[key] end
+  PARTS[key] = "peer"
 end
-
-for _, key in ipairs({"slot", "index", "position"}) do
-  KEYS[key] = function(_, job) return job.record[key] end
+for key, part in pairs(PARTS) do
+  KEYS[key] = function(_, job) return job[part][key] end
 end
 
 for _, key in ipairs({"api", "subslot"}) do
@@ -421,8 +422,10 @@ local KEPT = {parameters = true, state = true, frames = true, operation = true, 
 local Open = {}
 
 function Open.__index(item, key)
-  local make = KEYS[key]
-  if make == nil then
+  local part, make = PARTS[key], KEYS[key]
+  if part then
+    return item.job[part][key]
+  elseif make == nil then
     return nil
   end
   local value = make(item, item.job)
@@ -448,16 +451,18 @@ function M.open(job, item)
   return item
 end
 
--- What is made of the response, which a closed job has no more.
-local OF_RESPONSE = {operation = true, parameters = true, state = true, stray = true, failing = true}
-local KEPT_CLOSED = {state = true, frames = true, operation = true}
+-- What is made of the response, which a closed job has no more; without a request all of it is.
+local OF_RESPONSE = {parameters = true, state = true, stray = true, failing = true}
+local KEPT_CLOSED = {state = true, frames = true}
 
 -- The metatable of the transactions of closed jobs: each key is made when it is asked for.
 local function closed_class(codec)
   return {__index = function(item, key)
-    local make, job = KEYS[key], rawget(item, "job")
-    if make == nil or job == nil then
+    local part, make, job = PARTS[key], KEYS[key], key ~= "job" and item.job
+    if not job or make == nil then
       return nil
+    elseif part then
+      return job[part][key]
     elseif job.response == nil and (OF_RESPONSE[key] or job.message == nil) then
       restore_for_now(job, codec)
     end

@@ -2,10 +2,10 @@
 --
 -- A program asks the same again and again, and the drive answers in the same formats. So a response that was
 -- decoded without a flaw leaves its layout with the question, and the next one of that layout is known by one
--- look at its bytes; its values are decoded when somebody asks for them. What follows from question and layout
--- alone stands with the layout, where who finds it out keeps it (`response.layout`).
--- Only layouts of which the bytes tell all: no errors, no format that has two sizes. How a response is decoded
--- is in parameter.lua; here nothing is judged.
+-- look at its bytes; its values are decoded when somebody asks for them. What follows from question and
+-- layout alone stands with the layout, where who finds it out keeps it (`response.layout`).
+-- Only layouts of which the bytes tell all: no errors, no format that has two sizes. How a response is
+-- decoded is in parameter.lua; here nothing is judged.
 
 local byte, find, gsub, sub = string.byte, string.find, string.gsub, string.sub
 local rep = string.rep
@@ -56,7 +56,8 @@ local function layout_of(data, response)
       return nil
     end
     places[number] = place
-    pattern = pattern .. literal(sub(data, block.offset + 1, block.offset + 2)) .. rep(".", #block.raw) .. block.pad
+    local head = literal(sub(data, block.offset + 1, block.offset + 2))
+    pattern = pattern .. head .. rep(".", #block.raw) .. block.pad
   end
   local layout = {
     places = places, pattern = pattern .. "$", response_id = response.response_id, axis = response.axis,

@@ -402,8 +402,8 @@ end
 
 local MOST_REMEMBERED, LONGEST_REMEMBERED = 1024, 240
 
--- Gives the question of a request: a function of its bytes and of what was decoded. Nil of one whose addresses
--- are not all there.
+-- Gives the question of a request: a function of its bytes and of what was decoded. Nil of one whose
+-- addresses are not all there.
 local function questions_in(options)
   local known, count = {}, 0
   return function(data, request)
@@ -426,8 +426,8 @@ end
 
 --- `decode_request` that decodes equal requests once: a function of the data, with the options bound.
 -- Programs ask the same again and again, but for the reference. So all of a message but that is shared with
--- its equals, and stands in its metatable (`message.shared`). Requests that differ in their values, too, share
--- what is known of their responses (`message.question`).
+-- its equals, and stands in its metatable (`message.shared`). Requests that differ in their values, too,
+-- share what is known of their responses (`message.question`).
 function M.remembering(options)
   local known, count, question_of = {}, 0, questions_in(options)
   return function(data)

@@ -45,20 +45,15 @@ local function same_datagram(one, other)
     and one.source == other.source and one.destination == other.destination
 end
 
---- The key of a datagram and the same datagram from before, if it is remembered.
--- A number of 52 bits nearly always tells it apart; only where two have the same one, all goes into a text.
-local function find_datagram(self, pdu, ip_id)
-  local datagrams, seq = self.datagrams, pdu.seq
-  local key = ((seq % 65536 * 65536 + ip_id) * 65536 + pdu.fragment) * 16 + pdu.ptype
-  local before = datagrams[key]
+--- The same datagram from before, if it is remembered, and the key of this one: a number of 52 bits nearly
+-- always tells it apart; only where two have the same one, all goes into a text.
+local function find_datagram(self, key, before, pdu)
+  local datagrams = self.datagrams
   if before and same_datagram(before, pdu) then
     return key, before
   end
-  if not before and self.long_keys == 0 then
-    return key, nil
-  end
-  local long = ("%.0f"):format(key) .. pdu.activity .. seq .. "\0" .. pdu.source .. "\0" .. pdu.destination
-    .. "\0" .. pdu.body
+  local long = ("%.0f"):format(key) .. pdu.activity .. pdu.seq .. "\0" .. pdu.source .. "\0"
+    .. pdu.destination .. "\0" .. pdu.body
   local other = datagrams[long]
   if before or other then
     key = long
@@ -98,7 +93,12 @@ end
 -- @param ip_id the identification of its IP header
 -- @return that, and of a copy the frame of the first one
 function CallTracker:is_copy(pdu, ip_id)
-  local key, before = find_datagram(self, pdu, ip_id)
+  local datagrams = self.datagrams
+  local key = ((pdu.seq % 65536 * 65536 + ip_id) * 65536 + pdu.fragment) * 16 + pdu.ptype
+  local before = datagrams[key]
+  if before or self.long_keys > 0 then
+    key, before = find_datagram(self, key, before, pdu)
+  end
   if before then
     local passed, window = pdu.time_ns - before.time_ns, self.limits.copy_ns
     if passed <= window and -passed <= window then
@@ -113,7 +113,7 @@ function CallTracker:is_copy(pdu, ip_id)
   end
   local last = self.last + 1
   self.last, self.keys[last], self.pdus[last] = last, key, pdu
-  self.datagrams[key] = pdu
+  datagrams[key] = pdu
   if self.datagram_count > self.limits.datagrams then
     forget_oldest(self)
   end
@@ -121,7 +121,8 @@ function CallTracker:is_copy(pdu, ip_id)
 end
 
 local function count(self, name)
-  self.counts[name] = self.counts[name] + 1
+  local counts = self.counts
+  counts[name] = counts[name] + 1
 end
 
 --- Takes one whole message (not a copy, see `is_copy`).
@@ -184,9 +185,11 @@ function CallTracker:_request(pdu)
   count(self, "requests")
   local activities, seq = self.activities, pdu.seq
   local key = pdu.conversation
-  local activity = activities:get(key)
+  local activity = activities.values[key]
   if activity then
-    activities:move_to_end(key)
+    if activities.newest ~= key then
+      activities:move_to_end(key)
+    end
   else
     activity = {newest = seq, calls = ordered.new()}
     activities:set(key, activity)
@@ -194,7 +197,7 @@ function CallTracker:_request(pdu)
   end
   local calls = activity.calls
   self:_expire(calls, pdu.time_ns)
-  local call = calls:get(seq)
+  local call = calls.values[seq]
   if call then
     if self:_is_retransmission(activity, call, pdu) then
       count(self, "retransmissions")
@@ -224,14 +227,15 @@ function CallTracker:_is_retransmission(activity, call, pdu)
 end
 
 local function activity_of(self, pdu)
-  return self.activities:get(pdu.conversation)
+  return self.activities.values[pdu.conversation]
 end
 
 function CallTracker:_response(pdu)
   local activity, call = activity_of(self, pdu), nil
   if activity then
-    self:_expire(activity.calls, pdu.time_ns)
-    call = activity.calls:get(pdu.seq)
+    local calls = activity.calls
+    self:_expire(calls, pdu.time_ns)
+    call = calls.values[pdu.seq]
   end
   if not call then
     self.handlers:orphan_response(pdu, self.begun_requests:get(begun_key(pdu)) == nil)
@@ -254,13 +258,13 @@ end
 
 --- Gives up what is too old or too much. The usual case, that there is nothing, is on the way of every call.
 function CallTracker:_expire(calls, now)
-  local limits = self.limits
-  local _, oldest = calls:first()
-  if not oldest then
+  local oldest = calls.values[calls.oldest or false]
+  if oldest == nil then
     return
   end
+  local limits, length = self.limits, calls.length
   local most = limits.calls
-  if calls.length <= 2 * limits.answered_calls and calls.length <= most
+  if length <= 2 * limits.answered_calls and length <= most
     and now - oldest.request.time_ns <= limits.call_expiry_ns then
     return
   end

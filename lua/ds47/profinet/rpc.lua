@@ -9,7 +9,7 @@
 local ordered = require("ds47.support.ordered")
 local tables = require("ds47.spec.tables")
 
-local byte, char, sub = string.byte, string.char, string.sub
+local byte, char, find, sub = string.byte, string.char, string.find, string.sub
 
 local M = {}
 
@@ -46,9 +46,10 @@ local function swapped(data, at)
   return char(d, c, b, a, f, e, h, g) .. sub(data, at + 8, at + 15)
 end
 
--- What all PDUs of one kind have in common, by the first 64 bytes of their header: a conversation repeats
--- them, so they are read once. A head holds a copy of itself for each operation number, with that: the
--- metatable of its PDUs, which have but four keys of their own then. A capture made to have many must not
+-- What all PDUs of one kind have in common, by packet type and flags, and by the activity with what stands
+-- behind it: a conversation repeats the first 64 bytes of the header, so they are read once (of two that only
+-- differ elsewhere the newer one counts). A head holds a copy of itself for each operation number, with that:
+-- the metatable of its PDUs, which have but four keys of their own then. A capture made to have many must not
 -- fill memory.
 local heads, head_count, MOST_HEADS = {}, 0, 4096
 local MOST_OPERATIONS = 8 -- of one head; PROFINET has six
@@ -72,7 +73,7 @@ local function new_head(header, packet)
   end
   local activity = little and swapped(header, ACTIVITY + 1) or sub(header, ACTIVITY + 1, ACTIVITY + 16)
   local head = {
-    ptype = ptype, little = little, last = flags % 4 >= 2, fragmented = flags % 8 >= 4,
+    header = header, ptype = ptype, little = little, last = flags % 4 >= 2, fragmented = flags % 8 >= 4,
     object_uuid = little and swapped(header, OBJECT + 1) or sub(header, OBJECT + 1, INTERFACE),
     activity = activity,
     source = source, destination = destination, client = client, server = server,
@@ -96,15 +97,20 @@ local function class_of(head, opnum)
   return class
 end
 
-local function remember(header, packet)
+local function remember(header, kind, activity, packet)
   local head = new_head(header, packet)
-  if head and heads[header] == nil then
+  if head == nil then
+    return nil
+  end
+  local known = heads[kind]
+  if known == nil or known[activity] == nil then
     if head_count >= MOST_HEADS then
       heads, head_count = {}, 0
     end
-    head_count = head_count + 1
+    known, head_count = heads[kind] or {}, head_count + 1
+    heads[kind] = known
   end
-  heads[header] = head
+  known[activity] = head
   return head
 end
 
@@ -121,14 +127,19 @@ end
 function M.parse(packet)
   local data, at = packet.payload, packet.at or 0
   local stop = packet.stop or #data
-  if stop - at < SIZE or byte(data, at + 1) ~= VERSION then
+  if stop - at < SIZE then
     return nil
   end
-  local header = sub(data, at + 1, at + COMMON)
-  local head = heads[header]
-  if not head or head.source ~= packet.src_ip or head.destination ~= packet.dst_ip
-    or head.source_mac ~= packet.src_mac then
-    head = remember(header, packet)
+  local version, ptype, flags = byte(data, at + 1, at + 3)
+  if version ~= VERSION then
+    return nil
+  end
+  local kind, activity = ptype * 256 + flags, sub(data, at + ACTIVITY + 1, at + COMMON)
+  local known = heads[kind]
+  local head = known and known[activity]
+  if not head or find(data, head.header, at + 1, true) ~= at + 1 or head.source ~= packet.src_ip
+    or head.destination ~= packet.dst_ip or head.source_mac ~= packet.src_mac then
+    head = remember(sub(data, at + 1, at + COMMON), kind, activity, packet)
     if not head then
       return nil
     end
