@@ -435,3 +435,17 @@ def test_error_texts(lua: str) -> None:
 @pytest.mark.parametrize("lua", LUAS)
 def test_status_texts(lua: str) -> None:
     compare(lua, status_texts())
+
+
+@pytest.mark.parametrize("lua", LUAS)
+def test_a_remembered_layout_says_what_decoding_says(lua: str) -> None:
+    """Formats by chance, one request after the other, some damaged: with and without memory."""
+    run = subprocess.run(
+        [lua_program(lua), str(DRIVERS / "layouts.lua")],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 0, run.stdout + run.stderr
+    compared, known = map(int, run.stdout.split())
+    assert known > compared / 10
