@@ -307,7 +307,7 @@ function M.original(number, whole)
     return nil
   elseif whole then
     local all = the_complete()
-    return (all.places[original] or all.findings[original]) and original
+    return (all.places.items[original] or all.findings[original]) and original
   end
   return ours[original] and original
 end
@@ -603,22 +603,24 @@ function M.is_s7(views)
   return item ~= nil and item.job == nil and item.channel == "s7"
 end
 
+-- Where a transaction shows: mostly it is the only one in its frame. `places` is {items = by frame, roles =
+-- the same, more = frame -> {transaction, role, ...} of those behind the first}.
 local function put(places, frame, item, role)
   if frame == nil then
     return
+  elseif places.items[frame] == nil then
+    places.items[frame], places.roles[frame] = item, role
+    return
   end
-  local place = places[frame]
-  if place == nil then
-    places[frame] = { item, role }
-  else
-    place[#place + 1] = item
-    place[#place + 1] = role
-  end
+  local more = places.more[frame] or {}
+  more[#more + 1] = item
+  more[#more + 1] = role
+  places.more[frame] = more
 end
 
--- The complete result by frames: places[frame] = {transaction, role, transaction, role, ...}.
+-- The complete result by frames.
 local function by_frames(result)
-  local places, findings = {}, {}
+  local places, findings = { items = {}, roles = {}, more = {} }, {}
   for _, item in ipairs(result.transactions) do
     local frames = item.frames
     put(places, frames.write_request, item, "write_request")
@@ -698,7 +700,7 @@ local function complete_view(item, role)
   elseif channel == "s7" then
     return { role = role, item = item, complete = true }
   end
-  return setmetatable({ role = role, item = item }, COMPLETE)
+  return setmetatable({ role = role, item = item, complete = true, message = nil }, COMPLETE)
 end
 
 function the_complete()
@@ -714,13 +716,15 @@ function M.complete_views(number)
     return nil
   end
   local all = the_complete()
-  local place, findings, events = all.places[number], all.findings[number], all.drives.events[number]
-  if place == nil and findings == nil and events == nil then
+  local places = all.places
+  local item, findings, events = places.items[number], all.findings[number], all.drives.events[number]
+  if item == nil and findings == nil and events == nil then
     return nil
   end
-  local views = {}
-  for at = 1, place and #place or 0, 2 do
-    views[#views + 1] = complete_view(place[at], place[at + 1])
+  local views = { item and complete_view(item, places.roles[number]) or nil }
+  local more = places.more[number] or NONE
+  for at = 1, #more, 2 do
+    views[#views + 1] = complete_view(more[at], more[at + 1])
   end
   return views, findings or NONE, events or NONE
 end

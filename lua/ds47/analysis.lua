@@ -46,6 +46,8 @@ local tables = require("ds47.spec.tables")
 local new_time = require("ds47.support.times").new
 local transactions = require("ds47.acyclic.transactions")
 
+local parse = rpc.parse
+
 local M = {}
 
 local NONE = {}
@@ -170,11 +172,9 @@ end
 --- Takes one whole UDP datagram: {payload, frame, time_ns, src_ip, dst_ip, ip_id, src_mac, cut}, see rpc.lua.
 -- The table is not kept.
 function Analysis:packet(packet)
-  self.result, self.last_call, self.ms1.newest = nil, nil, nil
-  self.last_frame = packet.frame
-  self.pairing.touched_count = 0
-  self.original = nil
-  local pdu = rpc.parse(packet)
+  self.result, self.last_call, self.ms1.newest, self.original = nil, nil, nil, nil
+  self.last_frame, self.pairing.touched_count = packet.frame, 0
+  local pdu = parse(packet)
   if pdu == nil then
     return
   end
@@ -298,12 +298,16 @@ end
 -- "write_response", "read_request", "read_response", "poll", "reread", "empty_read".
 -- @return the array, and how many of it count; both only until this is called again
 function Analysis:touched()
-  local live, count = self.pairing, 0
+  local live, count, last = self.pairing, 0, self.last_frame
   for number = 1, live.touched_count do
-    if live.touched_frames[number] == self.last_frame then
+    if live.touched_frames[number] == last then
       count = count + 1
       tell_touched(count, live.touched_jobs[number], live.touched_roles[number])
     end
+  end
+  local call = self.last_call
+  if call and call.response ~= nil and not self.ms1.newest then
+    return touched, count -- nothing is asked for
   end
   local list, peer = asked_last(self)
   for number = 1, #list do

@@ -56,7 +56,7 @@ end
 
 --- Whether a message with the right shape would open the gate.
 function Gate:needs_proof(ar, index)
-  return not self.always[index] and not self.open:get(ar)
+  return not self.always[index] and not self.open.values[ar]
 end
 
 --- Whether anything waits that was asked of a device, perhaps a change of a parameter.
@@ -78,8 +78,10 @@ end
 -- A shaped message proves its AR: what waited for it runs first, through `runner`.
 function Gate:admit(ar, index, shaped, runner)
   local open = self.open
-  if open:get(ar) then
-    open:move_to_end(ar)
+  if open.values[ar] then
+    if open.newest ~= ar then
+      open:move_to_end(ar)
+    end
     return true
   end
   if self.always[index] then

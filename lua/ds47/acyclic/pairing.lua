@@ -21,6 +21,7 @@ M.MOST_READS = 4096
 local ar_key, channel_key = records.ar_key, records.channel_key
 local STATUS_NOT_READY, STATUS_IN_USE, MOST_READS = M.STATUS_NOT_READY, M.STATUS_IN_USE, M.MOST_READS
 local PHASES = tables.phases
+local max = math.max
 
 -- Jobs: the halves of the record calls of one transaction, and what pairing learnt of it.
 -- `response` is decoded by whoever is told of the answer; `message` is nil for an orphan.
@@ -328,21 +329,24 @@ end
 
 local function channel_of(self, peer, record, now)
   local key = channel_key(peer, record)
-  self:goes_on(ar_key(peer, record))
+  self.replaced[ar_key(peer, record)] = nil -- it goes on
   local channels, expiry = self.channels, self.limits.transaction_expiry_ns
-  local channel = channels:get(key)
+  local channel = channels.values[key]
   if channel ~= nil and now - channel.touched > expiry then
     close_channel(self, channel, "expired")
     channel = nil
   end
   channel = channel or new_channel(self, key, peer, record)
   channel.touched = now
-  channels:move_to_end(key)
+  if channels.newest ~= key then
+    channels:move_to_end(key)
+  end
   while true do
-    local oldest_key, oldest = channels:first()
+    local oldest_key = channels.oldest
     if oldest_key == key then
       return channel
     end
+    local oldest = channels.values[oldest_key]
     local old = now - oldest.touched > expiry
     if not old and channels.length <= self.limits.channels then
       return channel
@@ -364,7 +368,7 @@ end
 -- An accepted Write opens; it displaces what was open and ends the grace of a refused one.
 local function accept(self, channel, job)
   job.accepted = true
-  channel.accepted = math.max(channel.accepted, job.order)
+  channel.accepted = max(channel.accepted, job.order)
   if job.phase == "asked" then
     remove(channel.asked, job)
     local open = channel.open
@@ -608,7 +612,7 @@ function Pairing:write_response(job, response, fault)
   if job.phase == "closed" or (status == nil and not fault) then
     return
   end
-  local channel = self.channels:get(job.channel_key)
+  local channel = self.channels.values[job.channel_key]
   if channel == nil then
     return
   end
@@ -709,7 +713,7 @@ end
 --- The job that a Read request asks for, as far as is known before its response; nil for none.
 -- Changes nothing.
 function Pairing:expected(peer, record)
-  local channel = self.channels:get(channel_key(peer, record))
+  local channel = self.channels.values[channel_key(peer, record)]
   if channel == nil then
     return nil
   end

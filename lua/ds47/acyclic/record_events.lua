@@ -93,9 +93,12 @@ end
 
 --- A request.
 function RecordEvents:asked(origin, record)
-  self:_length(origin, record, record.request)
+  local half = record.request
+  if half.missing ~= 0 then
+    self:_length(origin, record, half)
+  end
   if record.write then
-    local message = self.decode_request(record.request.data)
+    local message = self.decode_request(half.data)
     self:_pass("_event_write_request", message.shaped, origin, record, message)
   else
     self:_pass("_event_read_request", false, origin, record)
@@ -136,9 +139,6 @@ end
 
 -- A record that is shorter than its stated length: cut by the capture, or wrong.
 function RecordEvents:_length(origin, record, half)
-  if half.missing == 0 then
-    return
-  end
   local cut = origin.missing ~= 0 and origin.cut
   if cut then
     half.cut = true -- by the capture
@@ -153,8 +153,10 @@ function RecordEvents:_length(origin, record, half)
 end
 
 function RecordEvents:_read_answered(origin, record, half)
-  self:_length(origin, record, half)
   local shaped = false
+  if half.missing ~= 0 then
+    self:_length(origin, record, half)
+  end
   if half.data ~= "" and half.missing == 0
     and self.gate:needs_proof(ar_key(origin.peer, record), record.index) then
     shaped = decode_response(half.data, nil, self.codec).shaped

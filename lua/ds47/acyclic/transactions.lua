@@ -13,6 +13,7 @@ local lookup = require("ds47.spec.lookup")
 local tables = require("ds47.spec.tables")
 local uuid_text = require("ds47.spec.units").uuid_text
 
+local huge, min = math.huge, math.min
 local is_mismatch, NOT_SUPPORTED = rules.is_mismatch, family.NOT_SUPPORTED
 
 local M = {}
@@ -223,10 +224,11 @@ local function read_in_layout(job)
     or is_mismatch(job) then
     return nil
   end
-  local classes, blocks, result = classes_in(layout, request, job.peer), response.blocks, {}
-  for number = 1, #blocks do
-    local block = blocks[number]
-    result[number] = setmetatable({values = block.values, scaled = block.scaled}, classes[number])
+  local classes, values, result = classes_in(layout, request, job.peer), response.value_lists, {}
+  local blocks = layout.is_scaled and response.blocks
+  for number = 1, #values do
+    local scaled = blocks and blocks[number].scaled or nil
+    result[number] = setmetatable({values = values[number], scaled = scaled}, classes[number])
   end
   return result
 end
@@ -300,13 +302,20 @@ function M.all_frames(frames)
   return list
 end
 
+local function first_of_reads(reads, first)
+  for number = 1, #reads do
+    local read = reads[number]
+    first = min(first, read.request or first, read.response or first)
+  end
+  return first
+end
+
 -- The first of them, 0 where there is none.
 local function first_frame(frames)
-  local first = math.huge
-  for _, frame in ipairs(M.all_frames(frames)) do
-    first = math.min(first, frame)
-  end
-  return first < math.huge and first or 0
+  local first = min(frames.write_request or huge, frames.write_response or huge, frames.read_request or huge,
+    frames.read_response or huge)
+  first = first_of_reads(frames.rereads or NONE, first_of_reads(frames.polls or NONE, first))
+  return first < huge and first or 0
 end
 
 local restored -- the closed job whose response was decoded last for its transaction

@@ -5,7 +5,7 @@
 -- look at its bytes; its values are decoded when somebody asks for them. What follows from question and
 -- layout alone stands with the layout, where who finds it out keeps it (`response.layout`).
 -- Only layouts of which the bytes tell all: no errors, no format that has two sizes. How a response is
--- decoded is in parameter.lua; here nothing is judged.
+-- decoded is in parameter.lua; here nothing is judged. Other than in Python, which remembers elsewhere.
 
 local byte, find, gsub, sub = string.byte, string.find, string.gsub, string.sub
 local rep = string.rep
@@ -34,41 +34,56 @@ local function place_of(block)
   return place
 end
 
-local function blocks_of(layout, data)
-  local blocks = {}
-  for number = 1, #layout.places do
-    local place = layout.places[number]
-    local codec, raw = place.sound_codec, sub(data, place.first, place.last)
-    local values = codec.decode(raw, place.value_count, codec.size)
-    local block = setmetatable({values = values, raw = raw}, place)
-    if codec.scale then block.scaled = codec.scale(values, raw, codec) end
+-- The values at all places, one array for each.
+local function values_of(layout, data)
+  local places, found = layout.places, {}
+  for number = 1, #places do
+    local place = places[number]
+    local codec = place.sound_codec
+    found[number] = codec.decode(sub(data, place.first, place.last), place.value_count, codec.size)
+  end
+  return found
+end
+
+local function blocks_of(layout, response)
+  local places, blocks, values = layout.places, {}, response.value_lists
+  for number = 1, #places do
+    local place = places[number]
+    local codec, raw = place.sound_codec, sub(response.data, place.first, place.last)
+    local block = setmetatable({values = values[number], raw = raw}, place)
+    if codec.scale then block.scaled = codec.scale(block.values, raw, codec) end
     blocks[number] = block
   end
   return blocks
 end
 
+-- What is made of a response when somebody asks for it, and kept.
+local MADE = {
+  value_lists = function(layout, response) return values_of(layout, response.data) end, blocks = blocks_of,
+}
+
 -- The layout of a response, the metatable of all that have it; nil where there is none.
 local function layout_of(data, response)
-  local places, pattern = {}, "^." .. literal(sub(data, 2, 4))
+  local places, is_scaled, pattern = {}, false, "^." .. literal(sub(data, 2, 4))
   for number, block in ipairs(response.blocks) do
     local place = place_of(block)
     if not place then
       return nil
     end
-    places[number] = place
+    places[number], is_scaled = place, is_scaled or place.sound_codec.scale and true
     local head = literal(sub(data, block.offset + 1, block.offset + 2))
     pattern = pattern .. head .. rep(".", #block.raw) .. block.pad
   end
   local layout = {
     places = places, pattern = pattern .. "$", response_id = response.response_id, axis = response.axis,
     parameter_count = response.parameter_count, flaws = response.flaws, rest = "", length = #data,
-    shaped = response.shaped,
+    shaped = response.shaped, is_scaled = is_scaled,
   }
   function layout.__index(made, key)
-    local value = layout[key]
-    if value == nil and key == "blocks" then
-      value = blocks_of(layout, made.data)
-      made.blocks = value
+    local value, make = layout[key], MADE[key]
+    if make then
+      value = make(layout, made)
+      made[key] = value
     end
     return value
   end
@@ -81,14 +96,16 @@ function M.question(options)
   return {options = options, layouts = {}}
 end
 
---- A response to a question in one of its layouts: as parameter.decode_response gives it, and `layout`. Nil
--- where it has none of them.
+--- A response to a question in one of its layouts: as parameter.decode_response gives it, with `layout` and
+-- `value_lists`, the values of its blocks. Nil where it has none of them.
 function M.find(question, data)
   local layouts = question.layouts
   for number = 1, #layouts do
     local layout = layouts[number]
     if find(data, layout.pattern) then
-      return setmetatable({request_reference = byte(data, 1), data = data, layout = layout}, layout)
+      return setmetatable({
+        request_reference = byte(data, 1), data = data, layout = layout, value_lists = nil,
+      }, layout)
     end
   end
   return nil
