@@ -33,3 +33,6 @@ files["dissector"] = {
 
 -- Plays Wireshark's part, so that what the plugin registers can be printed.
 files["tools/site/fields.lua"] = {globals = {"base", "frametype", "expert", "ProtoExpert", "ProtoField"}}
+
+-- Runs in tshark beside the plugin.
+files["bench/operations.lua"] = {read_globals = {"Listener"}}

@@ -8,7 +8,8 @@ matches nothing makes tshark dissect all and print nothing. Runs with and withou
 medians are compared. Each tshark
 under build/wireshark (`make matrix` puts them there) is measured, otherwise the one on the PATH.
 The full captures give the table in docs/benchmarks.md. `--window` measures the loading of a file in the
-window instead, with the profile, and writes nothing: see bench/window.py.
+window instead, with the profile, and writes nothing: see bench/window.py. `--operations` counts the
+operations of Lua a frame (bench/operations.lua), which other work of the machine does not change.
 Not a test: it fails where the plugin does not load or meets an error, not where it is slow. POSIX
 only (wait4).
 """
@@ -33,6 +34,7 @@ ROOT = HERE.parent
 DATA = HERE / "data"
 TSHARKS = ROOT / "build" / "wireshark"
 PLUGIN = ROOT / "dissector" / "ds47.lua"
+COUNTER = HERE / "operations.lua"
 PROFILE = ROOT / "dissector" / "profile" / "preferences"
 DOCUMENT = ROOT / "docs" / "benchmarks.md"
 BEGIN, END = "<!-- bench/plugin.py writes from here -->", "<!-- the plugin: to here -->"
@@ -180,6 +182,33 @@ def compare(program: str, capture: Path, mode: Mode, turns: int, home: str) -> t
     return statistics.median(without), statistics.median(including)
 
 
+def operations(program: str, capture: Path, mode: Mode, home: str) -> int:
+    """Operations of Lua while a capture is read with the plugin; SystemExit where none are told."""
+    command = [program, "-n", "-r", str(capture), "-X", f"lua_script:{COUNTER}"]
+    command += ["-X", f"lua_script1:{PLUGIN}", *mode.including]
+    environment = os.environ | {"HOME": home, "XDG_CONFIG_HOME": home, "LC_ALL": "C.UTF-8"}
+    run = subprocess.run(command, capture_output=True, text=True, env=environment, check=True)
+    told = re.search(r"^operations: (\d+)$", run.stderr, re.MULTILINE)
+    if told is None:
+        raise SystemExit(f"{' '.join(command)} counted nothing: {run.stderr}")
+    return int(told[1])
+
+
+def print_operations(
+    programs: dict[str, tuple[int, ...]], captures: dict[Load, Path], small: bool
+) -> None:
+    """A line for each program, capture and way of reading."""
+    with tempfile.TemporaryDirectory() as home:
+        Path(home).chmod(0o755)
+        for program, number in sorted(programs.items(), key=lambda item: item[1]):
+            for load, capture in captures.items():
+                frames = load.small if small else load.frames
+                for mode in MODES:
+                    each = operations(program, capture, mode, home) / frames
+                    name, title = ".".join(map(str, number)), f"{frames:,} {load.title}"
+                    print(f"{name:<9}{title:<34}{mode.title:<30}{each:>9,.0f}", flush=True)
+
+
 def loads_plugin(program: str, home: str) -> None:
     """SystemExit where this tshark does not know the plugin's protocol when it is told to load it."""
     capture = next((ROOT / "captures").glob("*.pcapng"))
@@ -194,6 +223,11 @@ def main() -> None:
     parser.add_argument("-n", type=int, default=3, help="runs of each (default 3)")
     parser.add_argument(
         "--window", action="store_true", help="loading in the window instead; writes nothing"
+    )
+    parser.add_argument(
+        "--operations",
+        action="store_true",
+        help="operations of Lua a frame instead; writes nothing",
     )
     parser.add_argument("--no-write", action="store_true", help="leave docs/benchmarks.md alone")
     parser.add_argument(
@@ -211,6 +245,9 @@ def main() -> None:
         print("No tshark: the cost of the plugin is not measured")
         return
     captures = {load: load.capture(arguments.small) for load in LOADS}
+    if arguments.operations:
+        print_operations(programs, captures, arguments.small)
+        return
     print(f"CPU seconds of tshark, median of {arguments.n}")
     columns = f"{'without':>9}{'with':>9}{'ratio':>8}"
     print(f"{'tshark':<9}{'capture':<34}{'read with':<30}{columns}")
