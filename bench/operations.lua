@@ -1,8 +1,8 @@
 -- Counts the operations of Lua that the plugin takes: unlike seconds they are the same on a machine that has
 -- other work. Loads the plugin itself, in tshark (bench/plugin.py --operations):
 --   tshark -r CAPTURE -X lua_script:bench/operations.lua -X lua_script1:dissector/ds47.lua
--- Prints how many there were, and with a second -X lua_script1:functions those in which most were, by the file
--- and the line where a function begins. Then the counting itself is counted, too: a third more, all over.
+-- Prints how many there were, and with a second -X lua_script1:functions those in which most were, by the
+-- file and the line where a function begins. Then the counting is counted, too: a third more, all over.
 
 local plugin, functions = ...
 local EVERY, MOST = functions and 97 or 1000, 40 -- a hook each so many operations; functions that are told

@@ -21,8 +21,9 @@ local CONVERSATIONS, RESPONSES = 300, 24
 local ERROR = 0x44
 local SAID = {
   "request_reference", "response_id", "axis", "parameter_count", "flaws", "rest", "length", "shaped",
-  "blocks", "format", "value_count", "values", "scaled", "error", "raw", "offset", "pad", "meaning", "format_name",
-  "float", "scaled_float", "rule", "args", "code", "info", "words", "need", "what", "count", "size",
+  "blocks", "format", "value_count", "values", "scaled", "error", "raw", "offset", "pad", "meaning",
+  "format_name", "float", "scaled_float", "rule", "args", "code", "info", "words", "need", "what", "count",
+  "size",
 }
 
 local codes = {}
