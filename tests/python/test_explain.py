@@ -719,6 +719,24 @@ def test_a_parameter_of_two_families_is_told_of_both() -> None:
 
 
 @pytest.mark.parametrize(
+    ("text", "code"), [("922", "p0922"), ("1120", "p1120"), ("61000", "61000"), ("2900", "p2900")]
+)
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_a_number_without_a_letter_is_that_of_a_parameter_too(
+    lang: str, text: str, code: str
+) -> None:
+    first, *others = explain(text, lang)
+    assert (first.kind, first.code, first.known) == ("parameter", code, True)
+    assert explain(first.name, lang) == [first]
+    assert not any(each.known for each in others)
+
+
+@pytest.mark.parametrize("text", ["45", "65535", "0922", "16#922", "922h", "status 922", "70000"])
+def test_other_numbers_are_no_parameters(text: str) -> None:
+    assert "parameter" not in {each.kind for each in explain(text)}
+
+
+@pytest.mark.parametrize(
     ("text", "code", "kind", "number"),
     [
         ("F7900", "F07900", "fault", 7900),

@@ -26,6 +26,8 @@ _RULE = re.compile(r"DS([0-9]{3})")
 _STATUS_DIGITS = 8
 _PARAMETER = re.compile(r"(?:P|R|PNU) ?([0-9]{1,5})(?:\[[0-9]{1,5}\]|\.[0-9]{1,2})?")
 _MESSAGE = re.compile(r"([FA])([0-9]{4,5})")
+_BARE = re.compile(r"[1-9][0-9]{2,4}")
+"""A number that may be that of a parameter; of two digits it is taken for an error number, a format, a byte."""
 _WHOLE = re.compile(r"([0-9]{1,5})(\[[0-9]{1,5}\])?")
 
 
@@ -81,6 +83,13 @@ def read(text: str) -> Code:
     alone = kind is None and not readings and digits.lower() not in explanations.kinds()
     if named is not None and (kind == FORMAT or alone):  # C4 alone is a byte
         return Code(code, FORMAT, (Reading(FORMAT, named.code), *readings))
+    if (
+        kind is None
+        and _BARE.fullmatch(code)
+        and int(code) <= 0xFFFF
+        and spec.of_families(int(code))
+    ):
+        readings += (Reading(PARAMETER, int(code), True),)
     if not readings:
         rule_id = spec.rule_prefix(digits)
         if rule_id is None or rule_id not in spec.rules():

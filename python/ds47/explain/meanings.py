@@ -127,9 +127,11 @@ def explain(text: str, lang: str = "en", vendor: Maker | None = None) -> list[Me
     if not found:  # a word in front that does not go with the number
         raise UnknownFormError(text)
     far = {f"0x{each.value:04X}" for each in code.readings if each.decimal and each.size == WORD}
-    some = any(each.known for each in found.values())
+    some, bare = any(each.known for each in found.values()), code.text.isdigit()
     kept = [each for each in found.values() if each.known or not some or each.code not in far]
-    return sorted(kept, key=lambda each: (not each.known, each.rank))
+    return sorted(
+        kept, key=lambda each: (not each.known, bare and each.kind == PARAMETER, each.rank)
+    )
 
 
 def _meanings(
