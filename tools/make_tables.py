@@ -133,6 +133,12 @@ def _key(key: int | str) -> str:
     return f"[{key}]"
 
 
+def _quoted_keys(texts: Mapping[str, str]) -> str:
+    """A table whose keys are no names."""
+    items = (f"[{literal(key)}] = {literal(text)}" for key, text in texts.items())
+    return "{" + ", ".join(items) + "}"
+
+
 def block(
     name: str, values: Mapping[str, object] | Mapping[int, object] | Sequence[object]
 ) -> Iterator[str]:
@@ -545,6 +551,7 @@ def generate() -> str:
         _experts(),
         later("rules", _rules()),
         _known(),
+        [f"M.message_parts = {_quoted_keys(semantics.parts())}"],
         later(
             "diagnosis_words",
             block("M.diagnosis_words", both(*map(semantics.diagnosis_words, LANGUAGES))),

@@ -29,7 +29,7 @@ from ds47.report.filters import display_filter
 from ds47.report.html.views.problems import problems
 from ds47.report.sentences import of_all, sentence
 from ds47.report.targets import Targets
-from ds47.spec.semantics import diagnosis_words, known
+from ds47.spec.semantics import diagnosis_words, known, parts
 
 ROOT = Path(__file__).resolve().parents[2]
 STACKS = ROOT.parent / "shared/captures/real-stacks"
@@ -92,7 +92,7 @@ def test_what_differs_is_not_named():
     assert sentence(told) == (
         "r2902 with several subindices or numbers of elements has negative responses: 0x03 Invalid subindex"
     )
-    assert sentence(told, "zh") == "r2902（多个下标或元素数量）得到否定应答：0x03 错误的子索引"
+    assert sentence(told, "zh") == "r2902（多个下标或元素数量）得到否定应答：0x03 错误的下标"
 
 
 def test_what_nothing_names_may_differ():
@@ -367,3 +367,28 @@ def _is_true(told: Diagnosis, mine: list[Finding]) -> None:
         numbers.update({int(one)} if one else range(int(first), int(last) + 1))
     assert len(numbers) + left_out == len(told.frames)
     assert numbers <= set(told.frames)
+
+
+@pytest.mark.parametrize(
+    ("what", "chinese"),
+    [
+        ("header", "报头"),
+        ("address 2 of 3", "第 2 个参数地址，共 3 个"),
+        ("value block 1 of 2", "第 1 个数值块，共 2 个"),
+        ("values of block 12", "第 12 个数据块的数值"),
+        ("block header", "数据块的格式和数量"),
+        ("nobody knows 7", "nobody knows 7"),
+    ],
+)
+def test_a_part_of_a_message_has_words_in_both_languages(what, chinese):
+    for lang, told in (("en", what), ("zh", chinese)):
+        assert f"{told}" in sentence(
+            Finding("DS315", "error", 1, args={"need": 3, "what": what}), lang
+        )
+
+
+def test_every_part_of_a_message_that_a_codec_names_is_in_chinese():
+    source = (ROOT / "python/ds47/profidrive/parameter.py").read_text(encoding="utf-8")
+    named = re.findall(r'(?:, |what = )f?"((?:header|block header|address|values?)[^"]*)"', source)
+    named = [re.sub(r"{[^}]*}", "{}", each) for each in named]
+    assert sorted(set(named)) == sorted({re.sub("{.}", "{}", each) for each in parts()})

@@ -34,7 +34,7 @@ def test_error_numbers_of_the_profile_are_complete() -> None:
 
 def test_error_texts() -> None:
     assert spec.error_text(0x15) == "Response too long for the transmission"
-    assert spec.error_text(0x03, "zh") == "错误的子索引"
+    assert spec.error_text(0x03, "zh") == "错误的下标"
     assert spec.error_text(0x6B, "zh", 0x002A) == "控制器使能时无修改权限"
     assert spec.error_text(0x6F, "en", 0x001A) == "Timeout"
     assert spec.error_text(0x6B, "en", 0x0493) == "Manufacturer-specific error 0x6B"

@@ -130,7 +130,8 @@ end
 
 local function reason(args, lang)
   local text = word(tables.reasons[args.reason], lang)
-  return args.dropped and text .. "; " .. word(tables.reasons.dropped, lang) or text
+  local between = lang == "zh" and "；" or "; "
+  return args.dropped and text .. between .. word(tables.reasons.dropped, lang) or text
 end
 
 -- A drive in cyclic frames: its device and slot; one that was named by hand has no slot.
@@ -151,6 +152,18 @@ local function place(where, lang)
   return (word(tables.diagnosis_words.place, lang):gsub("{(%w+)}", values_))
 end
 
+-- A part of a message, such as `value block 1 of 2`; what no table has stays as it is.
+local function part(text, lang)
+  local numbers = {}
+  local template = text:gsub("%d+", function(number)
+    numbers[#numbers + 1] = number
+    return #numbers == 1 and "{n}" or "{m}"
+  end)
+  local known = lang == "zh" and tables.message_parts[template]
+  if not known then return text end
+  return (known:gsub("{(%w)}", { n = numbers[1], m = numbers[2] }))
+end
+
 function shown(name, rule, args, lang, many)
   if name == "text" then
     return text_of(args, lang)
@@ -168,6 +181,8 @@ function shown(name, rule, args, lang, many)
     return fill(key_words(value, lang, many), rule, args, lang, many)
   elseif kind == "place" then
     return place(value, lang)
+  elseif kind == "part" then
+    return part(value, lang)
   elseif kind == "pnu" then
     return naming.spelling(value, args.family)
   end
@@ -201,7 +216,7 @@ function M.words(rule, args, lang)
   args = args or NONE
   local text = fill(lang == "zh" and row.message_zh or row.message, row, args, lang)
   if args.dropped and args.reason == nil then
-    return text .. " (" .. word(tables.reasons.dropped, lang) .. ")"
+    return text .. format(lang == "zh" and "（%s）" or " (%s)", word(tables.reasons.dropped, lang))
   end
   return text
 end

@@ -7,6 +7,7 @@ report, by `watch`, `check` and `decode`; lua/ds47/report/sentences.lua says the
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping
 from string import Formatter
 from typing import Any, Final
@@ -17,12 +18,13 @@ from ds47.profidrive.naming import spelling
 from ds47.report.bilingual import say
 from ds47.spec import Rule, error_hex, error_text, rules, s7
 from ds47.spec.cyclic import error_text as pkw_error_text
-from ds47.spec.semantics import diagnosis_words, reasons
+from ds47.spec.semantics import diagnosis_words, parts, reasons
 from ds47.spec.statuses import status_text
 
 VALUES_SHOWN: Final = 4
 """Values of a list that a sentence names."""
 _LINE: Final = 100
+_NUMBER: Final = re.compile(r"\d+")
 _FRAMES: Final = ("frame", "frames")
 
 
@@ -87,7 +89,8 @@ def words(rule: str, args: Mapping[str, Any], lang: str = "en") -> str:
     shown = _Shown(row, args, lang)
     text = template.format_map(shown)
     if args.get("dropped") and "reason" not in args:
-        text += f" ({reasons(lang)['dropped']})"
+        told = reasons(lang)["dropped"]
+        text += f"（{told}）" if lang == "zh" else f" ({told})"
     return text
 
 
@@ -170,11 +173,14 @@ class _Shown(dict[str, str]):
         if kind == "reason" and value is not None:
             known = reasons(self._lang)
             dropped = self._args.get("dropped")
-            return known[value] + (f"; {known['dropped']}" if dropped else "")
+            between = "；" if self._lang == "zh" else "; "
+            return known[value] + (between + known["dropped"] if dropped else "")
         if kind == "key" and value is not None:
             return _key_words(value, self._lang, self._many).format_map(self)
         if kind == "place" and value is not None:
             return place(value, self._lang)
+        if kind == "part" and value is not None:
+            return part(value, self._lang)
         if kind == "pnu" and value is not None:
             return spelling(value, self._args.get("family"))
         return shown(kind, value)
@@ -185,6 +191,16 @@ def drive(device: str, slot: int | None, lang: str) -> str:
     if slot is None:
         return device
     return diagnosis_words(lang)["drive"].format(device=device, slot=slot)
+
+
+def part(text: str, lang: str) -> str:
+    """A part of a message, such as `value block 1 of 2`; what no table has stays as it is."""
+    numbers = _NUMBER.findall(text)
+    names = iter("nm")
+    known = parts().get(_NUMBER.sub(lambda _: f"{{{next(names, '')}}}", text))
+    if lang != "zh" or known is None:
+        return text
+    return known.format(**dict(zip("nm", numbers, strict=False)))
 
 
 def place(where: Mapping[str, int], lang: str) -> str:

@@ -147,6 +147,12 @@ def never_written() -> tuple[tuple[range, ...], frozenset[tuple[int, int]]]:
 
 
 @cache
+def parts() -> dict[str, str]:
+    """The parts of a message, as the arguments of a finding have them, with what they are called in Chinese."""
+    return dict(_load("diagnoses.toml")["parts"])
+
+
+@cache
 def diagnosis_words(lang: str) -> dict[str, str]:
     """The words that the sentences of the diagnoses are filled with ("en" or "zh")."""
     return dict(_load("diagnoses.toml")["words"]["zh" if lang == "zh" else "en"])
