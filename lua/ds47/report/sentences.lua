@@ -181,7 +181,7 @@ function shown(name, rule, args, lang, many)
     return fill(key_words(value, lang, many), rule, args, lang, many)
   elseif kind == "place" then
     return place(value, lang)
-  elseif kind == "part" then
+  elseif kind == "text" and type(value) == "string" then
     return part(value, lang)
   elseif kind == "pnu" then
     return naming.spelling(value, args.family)

@@ -1302,7 +1302,7 @@ M.rules.DS310.args = {values = "number", elements = "number"}
 M.rules.DS312.args = {pad = "text"}
 M.rules.DS313.args = {count = "number"}
 M.rules.DS314.args = {count = "number"}
-M.rules.DS315.args = {need = "number", what = "part"}
+M.rules.DS315.args = {need = "number", what = "text"}
 M.rules.DS316.args = {length = "number", limit = "number"}
 M.rules.DS317.args = {format = "text", size = "number"}
 M.rules.DS318.args = {count = "number"}

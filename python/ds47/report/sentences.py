@@ -179,7 +179,7 @@ class _Shown(dict[str, str]):
             return _key_words(value, self._lang, self._many).format_map(self)
         if kind == "place" and value is not None:
             return place(value, self._lang)
-        if kind == "part" and value is not None:
+        if kind == "text" and isinstance(value, str):
             return part(value, self._lang)
         if kind == "pnu" and value is not None:
             return spelling(value, self._args.get("family"))
