@@ -599,6 +599,7 @@ local OF_LATER_FRAMES = {
   "bytes.response", "status.write", "status.read", "plc", "frames.write_response", "frames.read_request",
   "frames.read_response", "frames.poll.request", "frames.poll.response", "frames.reread.request",
   "frames.reread.response", "finding", "finding.severity", "finding.message", "finding.transaction",
+  "finding.elsewhere",
 }
 
 -- Says that later frames may say more of a transaction, where somebody wants what they say; in a window every
