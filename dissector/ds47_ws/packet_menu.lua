@@ -221,6 +221,24 @@ function M.copied(items, kind, lang)
   return concat(texts, "\n")
 end
 
+--- What to send instead of the requests of transactions, as SCL, where their findings prove something.
+-- @param findings of these transactions
+-- @return the text; or nil and what to say instead
+function M.instead(findings, lang)
+  local texts, seen = {}, {}
+  for _, finding in ipairs(findings) do
+    local better = finding.corrected
+    if better and not seen[better] then
+      seen[better] = true
+      texts[#texts + 1] = suggest.scl(better)
+    end
+  end
+  if texts[1] == nil then
+    return nil, say(lang, "menu_no_instead")
+  end
+  return concat(texts, "\n")
+end
+
 -- Statuses
 
 local function append(lines, more)
@@ -339,9 +357,9 @@ function M.register(track)
       end
     end)
   end
-  local function copy(name, kind)
+  local function copy(name, make)
     entry(name, OURS, function(views)
-      local text, problem = M.copied(M.transactions(views), kind, track.lang)
+      local text, problem = make(views)
       if text then
         copy_to_clipboard(text)
       else
@@ -354,8 +372,20 @@ function M.register(track)
     return M.parameter_filter(items, fields, track.result())
   end)
   filter("Only this drive", OURS, M.drive_filter)
-  copy("Copy request as ds47 encode line", "encode")
-  copy("Copy request as SCL", "scl")
+  copy("Copy request as ds47 encode line", function(views)
+    return M.copied(M.transactions(views), "encode", track.lang)
+  end)
+  copy("Copy request as SCL", function(views)
+    return M.copied(M.transactions(views), "scl", track.lang)
+  end)
+  copy("Copy what to send instead as SCL", function(views)
+    local findings, seen = {}, {}
+    for _, view in ipairs(views) do
+      append(findings, seen[view.item] and {} or track.findings_of(view))
+      seen[view.item] = true
+    end
+    return M.instead(findings, track.lang)
+  end)
   entry("Explain this status", OURS, function(views, fields)
     show(M.explained(views, own_status(fields), track.lang))
   end)

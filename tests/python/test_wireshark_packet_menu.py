@@ -59,6 +59,8 @@ end
 TRANSACTION, DRIVE = "Only this transaction", "Only this drive"
 PARAMETERS = "Only these parameters on this drive object"
 LINE, SCL, STATUS = "Copy request as ds47 encode line", "Copy request as SCL", "Explain this status"
+INSTEAD = "Copy what to send instead as SCL"
+NOTHING = "The capture proves no request to send instead of this one."
 
 Run = Callable[..., str]
 Said = dict[int, dict[str, str]]
@@ -201,6 +203,21 @@ def test_what_is_copied_gives_the_same_bytes(menu: Callable[[Path], Said], captu
             assert said[frame][SCL] == scl(item.request)
             copied += 1
     assert copied > 15
+
+
+def test_what_to_send_instead_is_copied(menu: Callable[[Path], Said], captures: Path) -> None:
+    """From each frame of the transaction, wherever its finding stands."""
+    capture = captures / "diagnosis-index-and-count.pcapng"
+    said, result, copied = menu(capture), analyze(capture), 0
+    better = {each.corrected_in: each.corrected for each in result.diagnoses if each.corrected}
+    assert better
+    for item in result.transactions:
+        wanted = better.get(item.id)
+        for frame in (item.frames.write_request, item.frames.read_response):
+            if frame is not None:
+                assert said[frame][INSTEAD] == (scl(wanted) if wanted else f"window: {NOTHING}\n")
+                copied += wanted is not None
+    assert copied > 1
 
 
 def test_a_request_of_pkw_is_copied_too(menu: Callable[[Path], Said], captures: Path) -> None:

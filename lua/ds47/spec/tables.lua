@@ -1930,6 +1930,7 @@ M.report_words = {
   menu_transaction = {en = "Transaction {number}: {state}. {about}", zh = "任务 {number}：{state}。{about}"},
   menu_no_parameter = {en = "This packet names no parameter or no drive.", zh = "该帧没有参数或驱动器的信息。"},
   menu_no_request = {en = "The request of this transaction is not in the capture.", zh = "该任务的请求不在抓包中。"},
+  menu_no_instead = {en = "The capture proves no request to send instead of this one.", zh = "抓包不能证明应改发什么请求。"},
   menu_no_line = {en = "No line of ds47 encode gives these bytes: {bytes}", zh = "ds47 encode 没有对应这些字节的写法：{bytes}"},
   menu_profile = {en = "DS47: add the profile", zh = "DS47：添加配置文件"},
   menu_profile_added = {en = "The profile DS47 is in {path}.", zh = "配置文件 DS47 已写入 {path}。"},
