@@ -43,17 +43,27 @@ end
 local function same_datagram(one, other)
   return one.body == other.body and one.activity == other.activity and one.seq == other.seq
     and one.source == other.source and one.destination == other.destination
+    and one.ptype == other.ptype and one.fragment == other.fragment
 end
 
---- The same datagram from before, if it is remembered, and the key of this one: a number of 52 bits nearly
--- always tells it apart; only where two have the same one, all goes into a text.
+-- A number of 52 bits that nearly always tells a datagram apart. The IP id is in it as it is.
+local function number_of(pdu, ip_id)
+  local fragment, seq = pdu.fragment, pdu.seq
+  if fragment ~= 0 then
+    seq = seq + 40503 * fragment
+  end
+  return (pdu.digest * 65536 + seq % 65536) * 65536 + ip_id
+end
+
+--- The same datagram from before, if it is remembered, and the key of this one: only where two have the same
+-- number, all goes into a text.
 local function find_datagram(self, key, before, pdu)
   local datagrams = self.datagrams
   if before and same_datagram(before, pdu) then
     return key, before
   end
   local long = ("%.0f"):format(key) .. pdu.activity .. pdu.seq .. "\0" .. pdu.source .. "\0"
-    .. pdu.destination .. "\0" .. pdu.body
+    .. pdu.destination .. "\0" .. pdu.ptype .. "\0" .. pdu.fragment .. "\0" .. pdu.body
   local other = datagrams[long]
   if before or other then
     key = long
@@ -94,7 +104,7 @@ end
 -- @return that, and of a copy the frame of the first one
 function CallTracker:is_copy(pdu, ip_id)
   local datagrams = self.datagrams
-  local key = ((pdu.seq % 65536 * 65536 + ip_id) * 65536 + pdu.fragment) * 16 + pdu.ptype
+  local key = number_of(pdu, ip_id)
   local before = datagrams[key]
   if before or self.long_keys > 0 then
     key, before = find_datagram(self, key, before, pdu)

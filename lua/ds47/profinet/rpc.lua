@@ -57,6 +57,15 @@ local COMMON = layout.RPC_SEQUENCE -- which is the first that changes from call 
 local OBJECT, INTERFACE, ACTIVITY = layout.RPC_OBJECT, layout.RPC_INTERFACE, layout.RPC_ACTIVITY
 local SIZE, VERSION, LITTLE = layout.RPC_SIZE, layout.RPC_VERSION_4, layout.RPC_LITTLE
 
+-- A number of 20 bits for a text: the same one always.
+local function digest_of(text)
+  local digest = 0
+  for place = 1, #text do
+    digest = (digest * 31 + byte(text, place)) % 1048573
+  end
+  return digest
+end
+
 -- The head for a header and the addresses of a packet; nil where it is not PNIO RPC.
 local function new_head(header, packet)
   local _, ptype, flags, _, order = byte(header, 1, 5)
@@ -78,6 +87,7 @@ local function new_head(header, packet)
     activity = activity,
     source = source, destination = destination, client = client, server = server,
     source_mac = packet.src_mac, conversation = client .. "\0" .. activity,
+    digest = digest_of(source .. "\0" .. destination .. "\0" .. activity), -- to know a datagram again
     fragment = 0, missing = 0, -- of most PDUs; the others have their own
     operations = {}, operation_count = 0,
   }
