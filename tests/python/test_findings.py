@@ -82,10 +82,12 @@ def test_dropped_frames_are_named_where_something_is_missing(lang: str) -> None:
     findings, said = Findings((), ()), reasons(lang)
     plain = sentence(findings.finding(Remark("DS403", 1)), lang)
     findings.frames_dropped = True
-    assert sentence(findings.finding(Remark("DS403", 1)), lang) == f"{plain} ({said['dropped']})"
+    note = f"（{said['dropped']}）" if lang == "zh" else f" ({said['dropped']})"
+    assert sentence(findings.finding(Remark("DS403", 1)), lang) == plain + note
     assert said["dropped"] not in sentence(findings.finding(Remark("DS404", 1)), lang)
     args = {"reason": "end", "dropped": True}
-    assert f"{said['end']}; {said['dropped']}" in words("DS401", args, lang)
+    between = "；" if lang == "zh" else "; "
+    assert f"{said['end']}{between}{said['dropped']}" in words("DS401", args, lang)
     assert said["dropped"] not in words("DS401", args | {"dropped": False}, lang)
 
 

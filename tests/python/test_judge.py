@@ -197,7 +197,14 @@ def test_a_response_without_a_request_says_how_it_comes_to_stand_alone(
 def test_the_errors_of_a_response_with_a_request_are_told_though_it_was_read_before() -> None:
     one = job(READ, message.answer(1, 0x81, 1, message.error(2, 7)), repeats=4)
     remark = only(judge().answered(one), "DS410")
-    expected = {"pnu": 1120, "subindex": 0, "code": 2, "info": 7, "vendor_id": 0x002A}
+    expected = {
+        "pnu": 1120,
+        "subindex": 0,
+        "code": 2,
+        "info": 7,
+        "vendor_id": 0x002A,
+        "family": "sinamics",
+    }
     assert (remark.args, remark.offset) == (expected, 4)
 
 
@@ -292,7 +299,9 @@ def test_as_many_values_as_were_asked_for(elements: int, got: int, rule: str | N
     ]
     assert rules(found) == ([] if rule is None else [rule])
     for remark in found:
-        assert remark.args == {"asked": elements or 1, "got": got, "pnu": 2000}
+        assert remark.args == {
+            "asked": elements or 1, "got": got, "pnu": 2000, "family": "sinamics",
+        }  # fmt: skip
         assert remark.offset == 4
 
 

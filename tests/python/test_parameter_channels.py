@@ -327,23 +327,28 @@ def proven() -> Machine:
 
 def test_a_negative_response() -> None:
     told = proven().ask(CHANGE).respond(REFUSED).ask(IDLE)
-    because = "DS531", {"pnu": 1082, "subindex": 0, "what": "pzd_S2"}
-    assert rules_of(told) == [("DS501", {"pnu": 1082, "subindex": 0, "code": 17}), because]
+    because = "DS531", {"pnu": 1082, "subindex": 0, "family": "sinamics", "what": "pzd_S2"}
+    assert rules_of(told) == [
+        ("DS501", {"pnu": 1082, "subindex": 0, "family": "sinamics", "code": 17}),
+        because,
+    ]
 
 
 def test_a_number_that_no_table_knows_is_none() -> None:
     told = proven().ask(CHANGE).respond("743a00000000ffff").ask(IDLE)
-    assert rules_of(told) == [("DS501", {"pnu": 1082, "subindex": 0, "code": None})]
+    assert rules_of(told) == [
+        ("DS501", {"pnu": 1082, "subindex": 0, "family": "sinamics", "code": None})
+    ]
 
 
 def test_no_right_to_change() -> None:
     told = proven().ask(CHANGE).respond("843a000000000000").ask(IDLE)
-    assert rules_of(told) == [("DS502", {"pnu": 1082, "subindex": 0})]
+    assert rules_of(told) == [("DS502", {"pnu": 1082, "subindex": 0, "family": "sinamics"})]
 
 
 def test_a_request_that_is_withdrawn() -> None:
     assert rules_of(proven().ask(OTHER[0], 5).ask(IDLE)) == [
-        ("DS503", {"pnu": 1083, "subindex": 0, "milliseconds": 20.0})
+        ("DS503", {"pnu": 1083, "subindex": 0, "family": "sinamics", "milliseconds": 20.0})
     ]
     assert rules_of(proven().ask(OTHER[0], 5).respond(OTHER[1]).ask(IDLE)) == []
 
@@ -356,7 +361,16 @@ def test_a_request_that_is_replaced() -> None:
     told = proven().ask(OTHER[0]).ask(READ).respond(FIFTY).ask(IDLE)
     frames = [each.frames.write_request for each in told.result().transactions]
     assert rules_of(told) == [
-        ("DS504", {"pnu": 1083, "subindex": 0, "request": frames[1], "by": frames[2]})
+        (
+            "DS504",
+            {
+                "pnu": 1083,
+                "subindex": 0,
+                "family": "sinamics",
+                "request": frames[1],
+                "by": frames[2],
+            },
+        )
     ]
 
 
@@ -369,14 +383,16 @@ def test_a_response_to_something_else() -> None:
 
 def test_a_change_that_comes_in_parts() -> None:
     parts = proven().ask("343a000000000000", 1).ask(CHANGE).respond("243a000042200000").ask(IDLE)
-    assert rules_of(parts) == [("DS506", {"pnu": 1082, "subindex": 0})]
+    assert rules_of(parts) == [("DS506", {"pnu": 1082, "subindex": 0, "family": "sinamics"})]
     whole = proven().ask(CHANGE).respond("243a000042200000").ask(IDLE)
     assert rules_of(whole) == []
 
 
 def test_a_word_in_the_wrong_place() -> None:
     wrong = proven().ask("22bc000000050000").respond("12bc000000000000").ask(IDLE)
-    assert rules_of(wrong) == [("DS513", {"pnu": 700, "subindex": 0, "pwe": 5})]
+    assert rules_of(wrong) == [
+        ("DS513", {"pnu": 700, "subindex": 0, "family": "sinamics", "pwe": 5})
+    ]
     right = proven().ask("22bc000000000005").respond("12bc000000000005").ask(IDLE)
     assert rules_of(right) == []
 

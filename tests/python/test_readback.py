@@ -84,7 +84,9 @@ def test_reads_back_differently_once(court: Court) -> None:
     assert court.change() == []
     (remark,) = court.back()
     assert (remark.rule, remark.frame) == ("DS417", 14)
-    assert remark.args == {"pnu": 1120, "subindex": 0, "written": 10.0, "read": 9.5, "by": 1}
+    assert remark.args == {
+        "pnu": 1120, "subindex": 0, "written": 10.0, "read": 9.5, "by": 1, "family": "sinamics",
+    }  # fmt: skip
     assert remark.job is not None
     assert court.back() == []  # told once
 

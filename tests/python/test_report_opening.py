@@ -570,6 +570,7 @@ def test_every_word_is_there_in_both_languages_and_used():
         "operation_",
         "certainty_",
         "bus_",
+        "buffer_",
         "ms1_",
         "s7_",
     )

@@ -86,6 +86,11 @@ class Capture {
     return pnu >= BARE ? String(pnu) : `p${String(pnu).padStart(4, "0")}`;
   }
 
+  /** One element of a parameter: `r0945[0]`. */
+  element(pnu, subindex) {
+    return `${this.spelling(pnu)}[${subindex}]`;
+  }
+
   controller(row) {
     return this.controllers[this.get(row, "controller")];
   }
