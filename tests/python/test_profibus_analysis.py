@@ -139,7 +139,7 @@ def told(item: Transaction, frames: dict[int, int] | None = None) -> dict[str, A
         {
             name: value
             for name, value in _plain(each).items()
-            if name not in ("listed", "unit", "scaled", "described")
+            if name not in ("listed", "unit", "scaled", "described", "family")
         }
         for each in item.parameters
     ]
