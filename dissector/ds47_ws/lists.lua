@@ -9,8 +9,6 @@ local M = {}
 --- Its name beside the plugin.
 M.NAME = "ds47-parameters.tsv"
 
-local WINDOW = gui_enabled()
-
 local folder, taken
 local complaint -- what is wrong with the file that is taken, nil where nothing is
 
@@ -24,7 +22,7 @@ end
 local function complain(path, problem)
   complaint = problem .. "; ds47 params export --wireshark writes it anew"
   local text = ("ds47: %s %s"):format(path, complaint)
-  if WINDOW then
+  if gui_enabled() then
     report_failure(text)
   else
     io.stderr:write(text, "\n")

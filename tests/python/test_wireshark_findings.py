@@ -211,7 +211,7 @@ def test_from_every_frame_links_lead_to_the_findings_of_its_transaction(tshark: 
     title = rules()["DS714"].title
     assert f"In frame 387: DS714 error: {title}, with the request to send instead" in lines
     lines = tree(tshark, name, "-Y", "frame.number == 390", "-o", "ds47.language:zh")
-    assert f"见帧 387：DS714 错误：{rules()['DS714'].title_zh}，附应改发的请求" in lines
+    assert f"见帧 387：DS714 错误：{rules()['DS714'].title_zh}，附应改为发送的请求" in lines
 
 
 def test_a_status_has_its_words(tshark: Tshark) -> None:
