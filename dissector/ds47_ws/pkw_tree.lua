@@ -135,6 +135,7 @@ local function add_parameter(put, root, view, told, record, lang)
   for _, frame in ipairs(item.described and item.described.frames or {}) do
     put.derive(shown, "described_in", frame)
   end
+  put.derive(shown, "meaning", words.meaning(item, lang))
   local written = change and answer -- what stands in the request
   put.derive(shown, written and "written.format" or "format", types.format_code(item.format))
   put.derive(shown, written and "written.value_count" or "value_count", item.value_count)

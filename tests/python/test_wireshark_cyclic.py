@@ -249,3 +249,14 @@ def test_both_engines_say_the_same(tmp_path: Path) -> None:
         both = Engine("both", options).analyze(path)
         assert report.capture(both) == report.capture(native)
         assert report.capture(Engine("tshark", options).analyze(path)) == report.capture(native)
+
+
+def test_a_value_says_what_it_means(tshark: Tshark, tmp_path: Path) -> None:
+    machine = Machine().connect().ask("139a000000000000").respond("139a000000000161")
+    path = saved(tmp_path, machine.ask(IDLE).respond(IDLE).capture())
+    (parameter,) = report.transaction(analyze(path).transactions[0])["parameters"]
+    assert "telegram 353" in parameter["meaning"]
+    found = tshark(
+        "-r", path, *COMPLETE, "-Y", "ds47.meaning", *columns("ds47.pnu", "ds47.meaning")
+    )
+    assert rows(found) == [["922", parameter["meaning"]]]
