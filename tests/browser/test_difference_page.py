@@ -53,7 +53,7 @@ def test_it_asks_for_nothing_and_opens_with_what_is_otherwise(browser, page):
     assert browser.requested() == [page.as_uri()]
     assert "differ" in browser.one("h1.verdict").text
     first = browser.texts(".remarks li")[0]
-    assert "other values read: r0025[0]" in first
+    assert "other values read: p0025[0]" in first
     assert " -> " in first
 
 
