@@ -30,7 +30,8 @@ def check(finding: Finding, reading: Reading) -> Iterator[Complaint]:
         return
     for text in _family(finding, reading):
         yield Complaint(finding.rule, f"frame {finding.frame}, family", text)
-    for text in problems(finding.message, finding.args["family"]):
+    known = finding.args["family"] in FAMILIES
+    for text in problems(finding.message, finding.args["family"]) if known else ():
         yield Complaint(finding.rule, f"frame {finding.frame}, sentence", text)
 
 

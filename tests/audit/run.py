@@ -67,7 +67,6 @@ def complaints(item: Reading, drives: dict[str, Drive] | None = None) -> Iterato
     for finding in item.findings:
         yield from of_finding(finding, item, memory)
         yield from words.check(finding, item)
-        yield from letters.check(finding, item)
     yield from causes.diagnoses(item)
     yield from corrected.check(item, memory, drives or {})
     yield from page.check(item)
@@ -85,6 +84,7 @@ def of_finding(finding: Finding, item: Reading, memory: Memory) -> Iterator[Comp
         yield Complaint(finding.rule, where, f"{text} [{finding.message}]")
     if set(finding.args) != declared()[finding.rule]:
         yield Complaint(finding.rule, where, f"carries {sorted(finding.args)}")
+    yield from letters.check(finding, item)
     if finding.frame not in finding.frames:
         yield Complaint(finding.rule, where, "its own frame is not among its frames")
     if not all(1 <= frame <= len(item.capture.frames) for frame in finding.frames):

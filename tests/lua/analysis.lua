@@ -137,7 +137,7 @@ local function diagnosis(item)
   result.frames, result.transactions = json.array(item.frames), json.array(item.transactions)
   result.corrected = json.null
   if item.corrected then
-    result.corrected = suggest.corrected(item.corrected)
+    result.corrected = suggest.corrected(item.corrected, item.args.family)
     result.corrected.request, result.corrected.hex = result.corrected.hex, nil
     result.corrected.block = nil
     result.corrected.encode = null(result.corrected.encode)

@@ -84,7 +84,7 @@ def test_every_transaction_alone(source: Path, tmp_path: Path) -> None:
                 for item in transaction.parameters + [
                     item for each in after for item in each.parameters
                 ]:
-                    item.listed = item.unit = None
+                    item.listed = item.unit = item.family = None
             assert transaction.parameters in [each.parameters for each in after]
 
 
