@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from tests.audit.letters import rows_of
+from tests.audit.meant import rows_of
 from tests.audit.reading import Complaint, Reading
 
 NUMBERS = ("number", "code")

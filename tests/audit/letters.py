@@ -7,12 +7,9 @@ number of the GSD, which is not looked at here, so that a family is asked for th
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Iterator
-from functools import cache
-from typing import Any
 
-from tests.audit.meant import SPEC, TABLES
+from tests.audit.meant import rows_of
 from tests.audit.reading import Complaint, Finding, Reading
 
 SIEMENS = 0x002A
@@ -66,18 +63,3 @@ def expected(number: int, family: str) -> str:
     if said[:1] == ["r"]:
         return "r"
     return "P" if family == "micromaster" else "p"
-
-
-def rows_of(number: int | None) -> list[dict[str, Any]]:
-    """What the tables say of a number, of each family."""
-    return [] if number is None else _rows().get(number, [])
-
-
-@cache
-def _rows() -> dict[int, list[dict[str, Any]]]:
-    found: dict[int, list[dict[str, Any]]] = {}
-    for name in TABLES:
-        for row in tomllib.loads((SPEC / name).read_text(encoding="utf-8"))["parameter"]:
-            for number in range(row["number"], row.get("last", row["number"]) + 1):
-                found.setdefault(number, []).append(row)
-    return found

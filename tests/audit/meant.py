@@ -49,6 +49,11 @@ def _parameter(told: dict[str, Any]) -> Iterator[str]:
         yield f"= {values} has no meaning, by the tables {possible}"
 
 
+def rows_of(number: int | None) -> list[dict[str, Any]]:
+    """What the tables say of a number, of each family."""
+    return [] if number is None else _rows().get(number, [])
+
+
 @cache
 def _rows() -> dict[int, list[dict[str, Any]]]:
     found: dict[int, list[dict[str, Any]]] = {}

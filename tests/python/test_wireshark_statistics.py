@@ -361,17 +361,20 @@ def test_filter_buttons(
 # What the menu shows of the installation
 
 
-def check(shark: Run, tmp_path: Path, *arguments: str | Path) -> str:
-    """The text of Tools > DS47 > Check installation, printed at the end of a run."""
-    script = tmp_path / "check.lua"
+def told(shark: Run, tmp_path: Path, expression: str, *arguments: str | Path) -> str:
+    """What an expression of Lua is worth at the end of a run of the plugin."""
+    script = tmp_path / "told.lua"
     script.write_text(
-        "local listener = Listener.new('frame')\n"
-        "function listener.draw()\n"
-        "  local info = { version = '1', path = package.loaded['ds47_ws.loaded'].path }\n"
-        "  print(require('ds47_ws.menu').check(require('ds47_ws.track'), info))\n"
-        "end\n"
+        f"local listener = Listener.new('frame')\nfunction listener.draw() print({expression}) end\n"
     )
     return shark("-q", *arguments, "-X", f"lua_script:{script}").out
+
+
+def check(shark: Run, tmp_path: Path, *arguments: str | Path) -> str:
+    """The text of Tools > DS47 > Check installation, printed at the end of a run."""
+    info = "{ version = '1', path = package.loaded['ds47_ws.loaded'].path }"
+    call = f"require('ds47_ws.menu').check(require('ds47_ws.track'), {info})"
+    return told(shark, tmp_path, call, *arguments)
 
 
 def test_check_installation(shark: Run, plugin: list[str], tour: Path, tmp_path: Path) -> None:
@@ -402,14 +405,8 @@ def test_check_installation_finds_another_copy(
 
 def add_profile(shark: Run, tmp_path: Path, *arguments: str | Path) -> str:
     """What Tools > DS47 > Add profile DS47 says."""
-    script = tmp_path / "add.lua"
-    script.write_text(
-        "local listener = Listener.new('frame')\n"
-        "function listener.draw()\n"
-        "  print(table.concat(require('ds47_ws.profile').add('en'), '\\n'))\n"
-        "end\n"
-    )
-    return shark("-q", *arguments, "-X", f"lua_script:{script}").out
+    call = "table.concat(require('ds47_ws.profile').add('en'), '\\n')"
+    return told(shark, tmp_path, call, *arguments)
 
 
 @pytest.mark.parametrize("single", [False, True])
