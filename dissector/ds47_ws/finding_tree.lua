@@ -36,7 +36,8 @@ local function label_of_one(finding, row, lang)
     return text
   end
   local subindex = type(args.subindex) == "number" and args.subindex or nil
-  return words.joined(lang, { text, words.address({ pnu = args.pnu, subindex = subindex }) }, ": ", "：")
+  local address = words.address({ pnu = args.pnu, subindex = subindex, family = args.family })
+  return words.joined(lang, { text, address }, ": ", "：")
 end
 
 -- What the rule says of all its findings, its "cause" or "advice". It may be longer than Wireshark shows in

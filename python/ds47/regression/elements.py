@@ -137,13 +137,8 @@ def shown(capture: Json, names: Mapping[str, str], places: Places) -> Shown:
             if each["error"] is not None:
                 key = access.device, each["error"]["code"]
                 found.texts.setdefault(key, each["error"]["text"])
-            _note(
-                found,
-                place,
-                item,
-                position,
-                each | {"family": family_of(vendor, each.get("family"))},
-            )
+            family = family_of(vendor, each.get("family"))
+            _note(found, place, item, position, each, family)
     return found
 
 
@@ -176,7 +171,7 @@ def _bytes(item: Json, kind: str) -> bytes:
         return b""
 
 
-def _note(found: Shown, place: Place, item: Json, position: int, each: Json) -> None:
+def _note(found: Shown, place: Place, item: Json, position: int, each: Json, family: str) -> None:
     first, values = each["subindex"] or 0, split(each["values"], each.get("format"))
     count = max(1, each["element_count"] or 0, len(values) if is_whole(each.get("format")) else 0)
     operation = item["operation"]
@@ -187,7 +182,7 @@ def _note(found: Shown, place: Place, item: Json, position: int, each: Json) -> 
         unit = (
             None if each.get("scaled") else each["unit"]
         )  # the values shown are those that were sent
-        history.family = each["family"]
+        history.family = family
         history.name, history.unit = each["name"] or history.name, unit or history.unit
         if operation not in OPERATIONS:
             continue  # asked for, but neither read nor changed

@@ -62,9 +62,15 @@ def buffers(result: CaptureResult, targets: Targets | None = None) -> list[Buffe
     """Those of which a capture shows more than the numbers, in the order in which they were seen first."""
     targets = targets or Targets(result.evidence)
     seen: dict[tuple[Identity, str], _Seen] = {}
-    for item in sorted(result.transactions, key=lambda each: each.frames.read_response or 0):
-        if item.operation == "read" and item.state in ANSWERED:
-            _take(item, seen, targets)
+    told = [
+        each
+        for each in result.transactions
+        if each.operation == "read"
+        and each.state in ANSWERED
+        and any(map(_is_part, each.parameters))
+    ]
+    for item in sorted(told, key=lambda each: each.frames.read_response or 0):
+        _take(item, seen, targets)
     found = (_buffer(kind, each, targets) for (_, kind), each in seen.items())
     return [each for each in found if each is not None]
 
