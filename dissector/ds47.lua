@@ -93,6 +93,7 @@ clock.configure(Field.new("frame.time_epoch"))
 local this_dissector, words_dissector, bus_dissector, s7_dissector
 local referenced -- the method of all trees that tells it: looking it up costs as much as asking
 local always_wanted -- whether words of drives are, in new frames; nil before the first
+local always_whole -- whether fields of ours are, in new frames; nil before the first
 local answers -- the same of fields: what trees of new frames said, and those of the second pass (tree.lua)
 local has_columns -- whether new frames have columns; nil before the first
 local on_bus = false -- whether this is a frame of PROFIBUS, which is shown already
@@ -202,6 +203,17 @@ local function show(views, findings, events, tvb, columns, tree, finders, at, wh
   end
 end
 
+-- Whether somebody wants fields of ours; a tree that is visible counts as well. Without a window the answer is
+-- the same for all new frames.
+local function is_wanted(tree, is_new)
+  if WINDOW or not is_new then
+    return tree:referenced(this_dissector)
+  elseif always_whole == nil then
+    always_whole = tree:referenced(this_dissector)
+  end
+  return always_whole
+end
+
 -- Words of PKW in a frame in which none of them changed, where somebody looks at it.
 local function show_standing(tvb, number, tree, frame, place)
   for _, each in ipairs(track.standing(number, frame, place)) do
@@ -248,7 +260,7 @@ local function dissect_cyclic(tvb, pinfo, tree)
   else
     frame = tvb:raw()
     if track.is_news(frame, number) then
-      clock.set(pinfo)
+      clock.set(pinfo, number)
       track.feed_cyclic(number, clock.now)
       views, findings, events = track.live_cyclic_views(true)
     end
@@ -260,7 +272,7 @@ local function dissect_cyclic(tvb, pinfo, tree)
   frame = frame or tvb:raw()
   local place = track.cyclic_place(frame)
   if views then
-    local whole = tree:referenced(this_dissector)
+    local whole = is_wanted(tree, is_new)
     local columns, at = columns_of(pinfo, is_new), place and place.at
     show(views, findings, events, tvb, columns, tree, OF_WORDS, at, whole, is_new)
   end
@@ -278,7 +290,7 @@ local function look_at_bus(tvb, pinfo, is_new, wanted)
   elseif not clock.is_ready() then
     return nil
   end
-  clock.set(pinfo)
+  clock.set(pinfo, number)
   local link_type = encapsulations.link_type(pinfo)
   local item = track.feed_bus(number, tvb:raw(), link_type, clock.now, pinfo.len)
   if item then
@@ -314,7 +326,7 @@ end
 -- Nothing behind a frame of PROFIBUS is dissected by others: all of it is taken, or it is none.
 function ds47_bus.dissector(tvb, pinfo, tree)
   local number, is_new = pinfo.number, track.is_new(pinfo.number, pinfo)
-  local columns, whole = columns_of(pinfo, is_new), tree:referenced(this_dissector)
+  local columns, whole = columns_of(pinfo, is_new), is_wanted(tree, is_new)
   local item, views, findings, events = look_at_bus(tvb, pinfo, is_new, columns ~= nil or whole)
   if not item then
     encapsulations.pass_on(tvb, pinfo, tree)
@@ -333,6 +345,19 @@ function ds47_bus.dissector(tvb, pinfo, tree)
   return tvb:len()
 end
 
+-- A frame with IP that was fed before: a second pass, or somebody looks at it.
+local function dissect_again(tvb, pinfo, tree, number, offset)
+  passes.came_again()
+  local views, findings = track.complete_views(number)
+  if views then -- columns of S7 are those of the dissector that is there
+    local is_s7 = track.is_s7(views)
+    local columns = not is_s7 and columns_of(pinfo, false) or nil
+    local whole = is_wanted(tree, false) or is_s7 and tree:referenced(s7_dissector)
+    show(views, findings, NONE, tvb, columns, tree, OF_RECORDS, offset, whole, false)
+  end
+  show_copy(number, pinfo, tree, true)
+end
+
 function ds47.dissector(tvb, pinfo, tree)
   collector.called()
   if on_bus then
@@ -349,21 +374,13 @@ function ds47.dissector(tvb, pinfo, tree)
     end
     return
   end
-  clock.set(pinfo)
-  local number, offset, frame = pinfo.number, ip.offset, tvb:raw()
-  local whole = tree:referenced(this_dissector) -- a tree that is visible counts as well
+  local number = pinfo.number
   if not track.is_new(number, pinfo) then
-    passes.came_again()
-    local views, findings = track.complete_views(number)
-    if views then -- columns of S7 are those of the dissector that is there
-      local is_s7 = track.is_s7(views)
-      local columns = not is_s7 and columns_of(pinfo, false) or nil
-      whole = whole or is_s7 and tree:referenced(s7_dissector)
-      show(views, findings, NONE, tvb, columns, tree, OF_RECORDS, offset, whole, false)
-    end
-    show_copy(number, pinfo, tree, true)
+    dissect_again(tvb, pinfo, tree, number, ip.offset)
     return
   end
+  clock.set(pinfo, number)
+  local offset, frame, whole = ip.offset, tvb:raw(), is_wanted(tree, true)
   local fed, is_copy = track.feed(number, frame, offset, clock.now, pinfo.len)
   if fed then
     local columns = columns_of(pinfo, true)
@@ -386,7 +403,7 @@ function ds47_words.dissector() end
 function ds47_s7.dissector() end
 
 local function begin_anew()
-  always_wanted, has_columns, answers, on_bus = nil, nil, {}, false
+  always_wanted, always_whole, has_columns, answers, on_bus = nil, nil, nil, {}, false
   encapsulations.register(ds47_bus, preferences.takes_user0(ds47))
   clock.reset()
   passes.reset()

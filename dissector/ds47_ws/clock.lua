@@ -14,9 +14,10 @@ local M = {}
 
 local EXACT_SECONDS, SAME_SECONDS = 1e6, 1e-6
 local MOST = tables.limits.frame_times
+local WINDOW = gui_enabled() -- where somebody may set another frame as the reference of times
 
 local field -- the extractor of frame.time_epoch
-local here -- what Wireshark knows of this frame
+local here, here_number -- what Wireshark knows of this frame, and its number
 local newest_ns -- a frame without a time has that of the frame before it
 local origin -- seconds since 1970 to which relative times are added, not exact; nil before the first
 local origin_ns -- the same as the analysis counts, exact
@@ -38,8 +39,9 @@ end
 
 --- Tells which frame is dissected.
 -- @param pinfo what Wireshark knows of it
-function M.set(pinfo)
-  here = pinfo
+-- @param number the same as pinfo.number, which costs as much as all else here
+function M.set(pinfo, number)
+  here, here_number = pinfo, number
 end
 
 --- Whether the time of this frame can be told: in the first of two passes there may be no fields.
@@ -92,11 +94,16 @@ function M.of(number)
 end
 
 local function time_of(analysis)
-  local absolute, relative = here.abs_ts, here.rel_ts
-  local gap = origin and absolute - relative - origin
-  if not gap or gap > SAME_SECONDS or gap < -SAME_SECONDS
-    or relative > EXACT_SECONDS or relative < -EXACT_SECONDS then
-    return exact(analysis, absolute, relative)
+  local relative = here.rel_ts
+  if WINDOW or not origin or relative == 0 then -- which a frame without a time has, too
+    local absolute = here.abs_ts
+    local gap = origin and absolute - relative - origin
+    if not gap or gap > SAME_SECONDS or gap < -SAME_SECONDS then
+      return exact(analysis, absolute, relative)
+    end
+  end
+  if relative > EXACT_SECONDS or relative < -EXACT_SECONDS then
+    return exact(analysis, here.abs_ts, relative)
   end
   newest_ns = origin_ns + floor(relative * 1e9 + 0.5)
   return newest_ns
@@ -104,7 +111,7 @@ end
 
 --- The time of the frame as an analysis counts it (Analysis:time_ns).
 function M.now(analysis)
-  local time, number = time_of(analysis), here.number
+  local time, number = time_of(analysis), here_number
   if asked[number] == nil and count < MOST then
     count = count + 1
     asked[number] = time

@@ -57,10 +57,13 @@ local mac_texts = entries(function(raw)
   return format("%02x:%02x:%02x:%02x:%02x:%02x", byte(raw, 1, 6))
 end, MOST_TEXTS)
 
--- Source and destination address of an IP header: an array of two texts.
+-- Source and destination address of an IP header: an array of two texts. With them stands the MAC address of
+-- the newest Ethernet frame between the two (`raw_mac`, `mac`), which is nearly always the same.
 local address_pairs = entries(function(raw)
   local a, b, c, d, e, f, g, h = byte(raw, 1, 8)
-  return { format("%d.%d.%d.%d", a, b, c, d), format("%d.%d.%d.%d", e, f, g, h) }
+  return {
+    format("%d.%d.%d.%d", a, b, c, d), format("%d.%d.%d.%d", e, f, g, h), raw_mac = nil, mac = nil,
+  }
 end, MOST_TEXTS)
 
 --- Tells where the options of an analysis, and the language of what is shown, come from: a function that is
@@ -209,23 +212,18 @@ local packet = {} -- the one of the newest frame; whoever takes it does not keep
 
 local the_complete -- below: the complete result by frames
 
--- A whole UDP datagram at `at` (0-based, behind the IP header); false when it is no PROFINET RPC.
-local function udp_packet(frame, at, stop)
-  local payload = at + 8
-  if stop - payload < RPC_HEADER
-    or sub(frame, payload + INTERFACE_END - 7, payload + INTERFACE_END) ~= RPC_NODE then
-    return false
+-- Where a whole UDP datagram at `at` (0-based, behind the IP header) ends; nil when it is no PROFINET RPC.
+local function end_of_rpc(frame, at, stop)
+  local node = at + 8 + INTERFACE_END
+  if stop - at < 8 + RPC_HEADER or sub(frame, node - 7, node) ~= RPC_NODE then
+    return nil
   end
   local high, low, _, _, version = byte(frame, at + 5, at + 9)
   if version ~= 4 then
-    return false
+    return nil
   end
   local length = high * 256 + low
-  if length >= 8 and at + length < stop then
-    stop = at + length
-  end
-  packet.payload, packet.at, packet.stop = frame, payload, stop
-  return true
+  return length >= 8 and at + length < stop and at + length or stop
 end
 
 local function fragment(frame, at, stop, wanted, flags)
@@ -237,28 +235,44 @@ local function fragment(frame, at, stop, wanted, flags)
   }
 end
 
+-- The texts of the addresses of a frame, and its source MAC address.
+local function addresses(frame, offset)
+  local texts = address_pairs[sub(frame, offset + 13, offset + 20)]
+  if offset ~= 14 then -- with a tag, or no Ethernet
+    return texts, source_mac(frame, offset)
+  end
+  local raw = sub(frame, 7, 12)
+  if raw ~= texts.raw_mac then
+    texts.raw_mac, texts.mac = raw, mac_texts[raw]
+  end
+  return texts, texts.mac
+end
+
 -- What a frame brings: a packet, or a fragment (then as second too); nothing when it is none of our business.
 local function dissect(frame, offset)
   local first, _, t1, t2, i1, i2, f1, f2, _, protocol = byte(frame, offset + 1, offset + 10)
   if protocol ~= UDP or first < 0x45 or first > 0x4F then
     return nil
   end
-  local present, total = #frame, t1 * 256 + t2
-  local at = offset + first % 16 * 4
+  local present, total, at = #frame, t1 * 256 + t2, offset + (first - 0x40) * 4
   local wanted = total > 0 and offset + total or present
   local stop = wanted < present and wanted or present
   if at > stop or stop < offset + 20 then
     return nil
   end
-  local flags, part = f1 * 256 + f2, nil
-  if flags % 0x4000 ~= 0 then
-    part = fragment(frame, at, stop, wanted, flags)
-  elseif not udp_packet(frame, at, stop) then
-    return nil
+  local made, part = packet, nil
+  if f2 ~= 0 or f1 % 0x40 ~= 0 then
+    part = fragment(frame, at, stop, wanted, f1 * 256 + f2)
+    made = part
+  else
+    stop = end_of_rpc(frame, at, stop)
+    if stop == nil then
+      return nil
+    end
+    made.payload, made.at, made.stop = frame, at + 8, stop
   end
-  local made, texts = part or packet, address_pairs[sub(frame, offset + 13, offset + 20)]
-  made.src_ip, made.dst_ip = texts[1], texts[2]
-  made.ip_id, made.src_mac = i1 * 256 + i2, source_mac(frame, offset)
+  local texts, mac = addresses(frame, offset)
+  made.src_ip, made.dst_ip, made.ip_id, made.src_mac = texts[1], texts[2], i1 * 256 + i2, mac
   return made, part
 end
 
@@ -448,7 +462,7 @@ local function live_view(number, job, role)
     view = setmetatable({ complete = false, item = nil, job = nil, role = nil }, LIVE)
     live_views[number] = view
   end
-  if job.response == nil then
+  if job.response == nil and job.phase == "closed" then
     transactions.restore(job, current.codec) -- a Write response may come late
   end
   view.role, view.item, view.job = role, transactions.open(job, view.item), job
@@ -466,14 +480,9 @@ local function certain(findings, job)
   end
 end
 
--- Whether a frame may show findings of a job that is open: those of its Write request, of a refusal, and of
--- Reads that brought nothing.
-local function may_be_certain(job, role)
-  if role == "write_response" then
-    return not job.response and job:write_refused()
-  end
-  return not job.response and role ~= "read_request" and role ~= "poll"
-end
+-- Roles in which a frame shows no findings of a job that is open: those are its Write request's, those of a
+-- refusal, and of Reads that brought nothing.
+local SHOWS_NONE = { read_request = true, poll = true, read_response = true }
 
 local some_views, some_findings = {}, {}
 
@@ -488,24 +497,23 @@ end
 -- @param seen  whether somebody sees views; else there are none, and findings alone
 -- @return two arrays, which count until this is called again
 function M.live_views(seen)
-  local touched, count = current:touched()
+  local jobs, roles, count = current:touched()
+  local there = current:findings_at(last)
   if count == 0 then
-    return NONE, current:findings_at(last)
+    return NONE, there
   end
   note_ours(last)
   local views, findings, shown = emptied(some_views), emptied(some_findings), 0
   for number = 1, count do
-    local each = touched[number]
-    local job, role = each.job, each.role
+    local job, role = jobs[number], roles[number]
     if seen and role ~= "empty_read" then -- of which nothing but its finding is shown
       shown = shown + 1
       views[shown] = live_view(shown, job, role)
     end
-    if may_be_certain(job, role) then
+    if not SHOWS_NONE[role] and not job.response and (role ~= "write_response" or job:write_refused()) then
       certain(findings, job)
     end
   end
-  local there = current:findings_at(last)
   for number = 1, #there do
     findings[#findings + 1] = there[number]
   end

@@ -99,6 +99,7 @@ function M.new(options)
     last_frame = nil,
     original = nil, -- the frame of which the last one is a mirror port's copy; nil of all others
     last_call = nil,
+    asks_again = false, -- whether the last call is one whose request came again
     result = nil,
   }, Analysis)
   self.pairing = pairing.new(limits, self)
@@ -268,57 +269,49 @@ end
 
 -- What the last packet did
 
--- What `touched` tells; the same tables each time, so that nothing is made for a frame.
-local touched = {}
-
-local function tell_touched(count, job, role)
-  local entry = touched[count]
-  if entry == nil then
-    entry = {}
-    touched[count] = entry
-  end
-  entry.job, entry.role = job, role
-end
-
--- The records that the last packet asks for, and who asks.
-local function asked_last(self)
-  local service = self.ms1.newest
+-- The jobs that the last packet asks for are behind the others then. The gate let the request of a record
+-- pass that knows one; only a request that came again may find another one, or one at last.
+local function add_asked(self, jobs, roles, count)
+  local service, call, context, peer = self.ms1.newest, self.last_call, nil, nil
   if service then
-    return {service.record}, ms1calls.peer(service.master, service.station)
+    context, peer = {service.record}, ms1calls.peer(service.master, service.station)
+  elseif call and call.response == nil and call.context then
+    context, peer = call.context, self.asks_again and recordcalls.peer(call.request, self.naming)
   end
-  local call = self.last_call
-  local context = call and call.response == nil and call.context
-  if not context then
-    return NONE
-  end
-  return context, recordcalls.peer(call.request, self.naming)
-end
-
---- The jobs that the last packet touched: array of {job, role}; role is one of "write_request",
--- "write_response", "read_request", "read_response", "poll", "reread", "empty_read".
--- @return the array, and how many of it count; both only until this is called again
-function Analysis:touched()
-  local live, count, last = self.pairing, 0, self.last_frame
-  for number = 1, live.touched_count do
-    if live.touched_frames[number] == last then
-      count = count + 1
-      tell_touched(count, live.touched_jobs[number], live.touched_roles[number])
+  for number = 1, context and #context or 0 do
+    local record = context[number]
+    if not record.write then
+      local job = record.job
+      if peer then
+        job = self:_is_ours(peer, record) and self.pairing:expected(peer, record)
+      end
+      if job then
+        count = count + 1
+        jobs[count], roles[count] = job, "read_request"
+      end
     end
   end
+  return count
+end
+
+--- The jobs that the last packet touched, and how; a role is one of "write_request", "write_response",
+-- "read_request", "read_response", "poll", "reread", "empty_read".
+-- @return an array of jobs, one of their roles, and how many of them count; only until the next packet
+function Analysis:touched()
+  local live, last, count = self.pairing, self.last_frame, 0
+  local jobs, roles, frames = live.touched_jobs, live.touched_roles, live.touched_frames
+  for number = 1, live.touched_count do
+    if frames[number] == last then -- and not one that waited for its AR to prove itself
+      count = count + 1
+      jobs[count], roles[count], frames[count] = jobs[number], roles[number], last
+    end
+  end
+  live.touched_count = count
   local call = self.last_call
   if call and call.response ~= nil and not self.ms1.newest then
-    return touched, count -- nothing is asked for
+    return jobs, roles, count -- nothing is asked for
   end
-  local list, peer = asked_last(self)
-  for number = 1, #list do
-    local record = list[number]
-    local job = not record.write and self:_is_ours(peer, record) and live:expected(peer, record)
-    if job then
-      count = count + 1
-      tell_touched(count, job, "read_request")
-    end
-  end
-  return touched, count
+  return jobs, roles, add_asked(self, jobs, roles, count)
 end
 
 --- The transactions of PKW that the last cyclic frame began or responded to, as far as they are proven:
@@ -470,7 +463,7 @@ end
 -- What the call tracker tells: passed on to the record calls, and remembered for `touched`
 
 function Analysis:request(call)
-  self.last_call = call
+  self.last_call, self.asks_again = call, false
   self.records:request(call)
 end
 
@@ -484,7 +477,7 @@ function Analysis:orphan_response(pdu, certain)
 end
 
 function Analysis:retransmission(call, pdu)
-  self.last_call = call
+  self.last_call, self.asks_again = call, true
   self.records:retransmission(call, pdu)
 end
 

@@ -180,20 +180,20 @@ end
 
 -- What is told of one step must be true in the end.
 local function look(run, frame, seen)
-  local list, count = run:touched()
+  local jobs, roles, count = run:touched()
   for number = 1, count do
-    local touched = list[number]
-    seen.touched[#seen.touched + 1] = {order = touched.job.order, role = touched.role, frame = frame}
-    local refused = touched.role == "write_response" and waits_refused(touched.job)
-    for _, finding in ipairs(run:peek(touched.job)) do
+    local job, role = jobs[number], roles[number]
+    seen.touched[#seen.touched + 1] = {order = job.order, role = role, frame = frame}
+    local refused = role == "write_response" and waits_refused(job)
+    for _, finding in ipairs(run:peek(job)) do
       seen.findings[#seen.findings + 1] = finding
       refused = refused and finding.rule ~= REFUSED
     end
     if refused then
       return "a refusal is not told while the job waits, in frame " .. frame
     end
-    local finished = run:finished(touched.job.order)
-    if (finished ~= nil) ~= (touched.job.phase == "closed") then
+    local finished = run:finished(job.order)
+    if (finished ~= nil) ~= (job.phase == "closed") then
       return "finished() and the phase of a job differ in frame " .. frame
     end
   end

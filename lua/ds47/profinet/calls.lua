@@ -46,15 +46,6 @@ local function same_datagram(one, other)
     and one.ptype == other.ptype and one.fragment == other.fragment
 end
 
--- A number of 52 bits that nearly always tells a datagram apart. The IP id is in it as it is.
-local function number_of(pdu, ip_id)
-  local fragment, seq = pdu.fragment, pdu.seq
-  if fragment ~= 0 then
-    seq = seq + 40503 * fragment
-  end
-  return (pdu.digest * 65536 + seq % 65536) * 65536 + ip_id
-end
-
 --- The same datagram from before, if it is remembered, and the key of this one: only where two have the same
 -- number, all goes into a text.
 local function find_datagram(self, key, before, pdu)
@@ -103,8 +94,12 @@ end
 -- @param ip_id the identification of its IP header
 -- @return that, and of a copy the frame of the first one
 function CallTracker:is_copy(pdu, ip_id)
-  local datagrams = self.datagrams
-  local key = number_of(pdu, ip_id)
+  -- A number of 52 bits that nearly always tells a datagram apart. The IP id is in it as it is.
+  local seq, fragment, datagrams = pdu.seq, pdu.fragment, self.datagrams
+  if fragment ~= 0 then
+    seq = seq + 40503 * fragment
+  end
+  local key = pdu.digest + seq % 0x10000 * 0x10000 + ip_id
   local before = datagrams[key]
   if before or self.long_keys > 0 then
     key, before = find_datagram(self, key, before, pdu)
@@ -137,11 +132,12 @@ end
 
 --- Takes one whole message (not a copy, see `is_copy`).
 function CallTracker:feed(pdu)
-  local ptype = pdu.ptype
+  local ptype, counts = pdu.ptype, self.counts
   if ptype == 0 then
+    counts.requests = counts.requests + 1
     self:_request(pdu)
   elseif ptype == 2 then
-    count(self, "responses")
+    counts.responses = counts.responses + 1
     self:_response(pdu)
   elseif ptype == 3 or ptype == 6 then
     count(self, ptype == 3 and "faults" or "rejects")
@@ -192,7 +188,6 @@ function CallTracker:finish()
 end
 
 function CallTracker:_request(pdu)
-  count(self, "requests")
   local activities, seq = self.activities, pdu.seq
   local key = pdu.conversation
   local activity = activities.values[key]
@@ -236,12 +231,8 @@ function CallTracker:_is_retransmission(activity, call, pdu)
   return pdu.time_ns - response.time_ns <= self.limits.retransmission_ns and activity.newest == pdu.seq
 end
 
-local function activity_of(self, pdu)
-  return self.activities.values[pdu.conversation]
-end
-
 function CallTracker:_response(pdu)
-  local activity, call = activity_of(self, pdu), nil
+  local activity, call = self.activities.values[pdu.conversation], nil
   if activity then
     local calls = activity.calls
     self:_expire(calls, pdu.time_ns)
@@ -258,7 +249,7 @@ function CallTracker:_response(pdu)
 end
 
 function CallTracker:_fault(pdu)
-  local activity = activity_of(self, pdu)
+  local activity = self.activities.values[pdu.conversation]
   local call = activity and activity.calls:get(pdu.seq)
   if call and not call.response then
     call.response = pdu

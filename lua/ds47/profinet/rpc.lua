@@ -57,13 +57,13 @@ local COMMON = layout.RPC_SEQUENCE -- which is the first that changes from call 
 local OBJECT, INTERFACE, ACTIVITY = layout.RPC_OBJECT, layout.RPC_INTERFACE, layout.RPC_ACTIVITY
 local SIZE, VERSION, LITTLE = layout.RPC_SIZE, layout.RPC_VERSION_4, layout.RPC_LITTLE
 
--- A number of 20 bits for a text: the same one always.
+-- A number of 20 bits for a text: the same one always. Times 2^32: a sequence number and an IP id go below it.
 local function digest_of(text)
   local digest = 0
   for place = 1, #text do
     digest = (digest * 31 + byte(text, place)) % 1048573
   end
-  return digest
+  return digest * 4294967296
 end
 
 -- The head for a header and the addresses of a packet; nil where it is not PNIO RPC.
