@@ -74,7 +74,7 @@ local function forget_oldest(self)
   end
   datagrams[key] = nil
   self.datagram_count = self.datagram_count - 1
-  if type(key) == "string" then
+  if self.long_keys > 0 and type(key) == "string" then
     self.long_keys = self.long_keys - 1
   end
   self.first = first + 1
@@ -103,6 +103,9 @@ function CallTracker:is_copy(pdu, ip_id)
   local before = datagrams[key]
   if before or self.long_keys > 0 then
     key, before = find_datagram(self, key, before, pdu)
+    if not before and type(key) == "string" then
+      self.long_keys = self.long_keys + 1
+    end
   end
   if before then
     local passed, window = pdu.time_ns - before.time_ns, self.limits.copy_ns
@@ -112,9 +115,6 @@ function CallTracker:is_copy(pdu, ip_id)
     end
   else
     self.datagram_count = self.datagram_count + 1
-    if type(key) == "string" then
-      self.long_keys = self.long_keys + 1
-    end
   end
   local last = self.last + 1
   self.last, self.keys[last], self.pdus[last] = last, key, pdu
@@ -259,18 +259,13 @@ end
 
 --- Gives up what is too old or too much. The usual case, that there is nothing, is on the way of every call.
 function CallTracker:_expire(calls, now)
-  local oldest = calls.values[calls.oldest or false]
-  if oldest == nil then
-    return
-  end
-  local limits, length = self.limits, calls.length
-  local most = limits.calls
-  if length <= 2 * limits.answered_calls and length <= most
+  local oldest, limits, length = calls.values[calls.oldest or false], self.limits, calls.length
+  if oldest == nil or length <= 2 * limits.answered_calls and length <= limits.calls
     and now - oldest.request.time_ns <= limits.call_expiry_ns then
     return
   end
   self:_expire_unanswered(calls, now)
-  while calls.length > most do
+  while calls.length > limits.calls do
     local _, call = calls:pop_first()
     if not call.response then
       self.handlers:pushed_out(call, "calls")

@@ -72,11 +72,15 @@ end
 
 --- Takes an RPC message: responses come from devices, a Connect names device and controller.
 function Naming:message(pdu)
-  if pdu.ptype == 2 then
-    if pdu.opnum ~= rpc.CONTROL then -- a controller answers ApplicationReady
+  local ptype = pdu.ptype
+  if ptype == 2 then
+    local known = self.servers.values[pdu.source]
+    if known and known.mac and known.vendor_id then
+      return -- nothing is left to learn
+    elseif pdu.opnum ~= rpc.CONTROL then -- a controller answers ApplicationReady
       self:_learn(pdu.source, pdu.source_mac, pdu.object_uuid)
     end
-  elseif pdu.ptype == 0 and pdu.opnum == rpc.CONNECT then
+  elseif ptype == 0 and pdu.opnum == rpc.CONNECT then
     self:_learn(pdu.destination, nil, pdu.object_uuid)
   end
 end
