@@ -5,6 +5,9 @@
 --
 -- A call is {request = pdu, response = pdu or nil, in_part = true where fragments of a response were seen,
 -- context = whatever the layer above keeps with it}.
+--
+-- An activity is {newest = sequence number of its newest request, by_seq = its calls, seqs = their sequence
+-- numbers in the order of their requests, from 1 to `count`}: calls are few, and are forgotten in lots.
 
 local ordered = require("ds47.support.ordered")
 
@@ -125,6 +128,37 @@ function CallTracker:is_copy(pdu, ip_id)
   return false
 end
 
+-- The call to which a PDU belongs; nil for none.
+local function call_of(self, pdu)
+  local activity = self.activities.values[pdu.conversation]
+  return activity and activity.by_seq[pdu.seq]
+end
+
+local function append(activity, seq, call)
+  local count = activity.count + 1
+  activity.count, activity.seqs[count], activity.by_seq[seq] = count, seq, call
+end
+
+-- Forgets the calls of which `is_over(call)` is true: an array of them, oldest first.
+local function sweep(activity, is_over)
+  local seqs, by_seq, kept, over = activity.seqs, activity.by_seq, 0, {}
+  for place = 1, activity.count do
+    local seq = seqs[place]
+    if is_over(by_seq[seq]) then
+      over[#over + 1] = by_seq[seq]
+      by_seq[seq] = nil
+    else
+      kept = kept + 1
+      seqs[kept] = seq
+    end
+  end
+  for place = kept + 1, activity.count do
+    seqs[place] = nil
+  end
+  activity.count = kept
+  return over
+end
+
 local function count(self, name)
   local counts = self.counts
   counts[name] = counts[name] + 1
@@ -160,8 +194,7 @@ function CallTracker:begun(pdu)
       begun:pop_first()
     end
   elseif pdu.ptype == 2 then
-    local activity = self.activities:get(pdu.conversation)
-    local call = activity and activity.calls:get(pdu.seq)
+    local call = call_of(self, pdu)
     if call then
       call.in_part = true
     end
@@ -170,8 +203,7 @@ end
 
 --- The call without a response to which a part of one belongs; nil for none.
 function CallTracker:open_call(pdu)
-  local activity = pdu.ptype == 2 and self.activities:get(pdu.conversation)
-  local call = activity and activity.calls:get(pdu.seq)
+  local call = pdu.ptype == 2 and call_of(self, pdu)
   return call and call.response == nil and call or nil
 end
 
@@ -179,7 +211,8 @@ end
 function CallTracker:finish()
   while self.activities.length > 0 do
     local _, activity = self.activities:pop_first()
-    for _, call in activity.calls:iterate() do
+    for place = 1, activity.count do
+      local call = activity.by_seq[activity.seqs[place]]
       if not call.response then
         self:_lose(call)
       end
@@ -196,13 +229,12 @@ function CallTracker:_request(pdu)
       activities:move_to_end(key)
     end
   else
-    activity = {newest = seq, calls = ordered.new()}
+    activity = {newest = seq, by_seq = {}, seqs = {}, count = 0}
     activities:set(key, activity)
     self:_make_room()
   end
-  local calls = activity.calls
-  self:_expire(calls, pdu.time_ns)
-  local call = calls.values[seq]
+  self:_expire(activity, pdu.time_ns)
+  local call = activity.by_seq[seq]
   if call then
     if self:_is_retransmission(activity, call, pdu) then
       count(self, "retransmissions")
@@ -212,11 +244,12 @@ function CallTracker:_request(pdu)
     if not call.response then
       self:_lose(call)
     end
-    calls:move_to_end(seq)
+    local former = call
+    sweep(activity, function(one) return one == former end)
   end
   activity.newest = seq
   call = {request = pdu, response = nil, context = nil}
-  calls:set(seq, call)
+  append(activity, seq, call)
   self.handlers:request(call)
 end
 
@@ -234,9 +267,8 @@ end
 function CallTracker:_response(pdu)
   local activity, call = self.activities.values[pdu.conversation], nil
   if activity then
-    local calls = activity.calls
-    self:_expire(calls, pdu.time_ns)
-    call = calls.values[pdu.seq]
+    self:_expire(activity, pdu.time_ns)
+    call = activity.by_seq[pdu.seq]
   end
   if not call then
     self.handlers:orphan_response(pdu, self.begun_requests:get(begun_key(pdu)) == nil)
@@ -249,8 +281,7 @@ function CallTracker:_response(pdu)
 end
 
 function CallTracker:_fault(pdu)
-  local activity = self.activities.values[pdu.conversation]
-  local call = activity and activity.calls:get(pdu.seq)
+  local call = call_of(self, pdu)
   if call and not call.response then
     call.response = pdu
     self.handlers:fault(call, pdu)
@@ -258,43 +289,55 @@ function CallTracker:_fault(pdu)
 end
 
 --- Gives up what is too old or too much. The usual case, that there is nothing, is on the way of every call.
-function CallTracker:_expire(calls, now)
-  local oldest, limits, length = calls.values[calls.oldest or false], self.limits, calls.length
-  if oldest == nil or length <= 2 * limits.answered_calls and length <= limits.calls
+function CallTracker:_expire(activity, now)
+  local limits, there = self.limits, activity.count
+  local oldest = activity.by_seq[activity.seqs[1]]
+  if oldest == nil or there <= 2 * limits.answered_calls and there <= limits.calls
     and now - oldest.request.time_ns <= limits.call_expiry_ns then
     return
   end
-  self:_expire_unanswered(calls, now)
-  while calls.length > limits.calls do
-    local _, call = calls:pop_first()
-    if not call.response then
-      self.handlers:pushed_out(call, "calls")
+  self:_expire_unanswered(activity, now)
+  local more = activity.count - limits.calls
+  if more > 0 then
+    local pushed = sweep(activity, function()
+      more = more - 1
+      return more >= 0
+    end)
+    for _, call in ipairs(pushed) do
+      if not call.response then
+        self.handlers:pushed_out(call, "calls")
+      end
     end
   end
 end
 
 --- Loses the unanswered calls that are too old and forgets all but the newest answered ones.
-function CallTracker:_expire_unanswered(calls, now)
-  local late, answered, expiry = {}, {}, self.limits.call_expiry_ns
-  for seq, call in calls:iterate() do
-    if call.response then
-      answered[#answered + 1] = seq
-    elseif now - call.request.time_ns > expiry then
-      late[#late + 1] = seq
+function CallTracker:_expire_unanswered(activity, now)
+  local expiry, spare = self.limits.call_expiry_ns, -self.limits.answered_calls
+  for place = 1, activity.count do
+    if activity.by_seq[activity.seqs[place]].response then
+      spare = spare + 1
     end
   end
-  for _, seq in ipairs(late) do
-    self:_lose(calls:pop(seq))
-  end
-  for number = 1, #answered - self.limits.answered_calls do
-    calls:pop(answered[number])
+  local over = sweep(activity, function(call)
+    if call.response then
+      spare = spare - 1
+      return spare >= 0
+    end
+    return now - call.request.time_ns > expiry
+  end)
+  for _, call in ipairs(over) do
+    if not call.response then
+      self:_lose(call)
+    end
   end
 end
 
 function CallTracker:_make_room()
   while self.activities.length > self.limits.activities do
     local _, activity = self.activities:pop_first()
-    for _, call in activity.calls:iterate() do
+    for place = 1, activity.count do
+      local call = activity.by_seq[activity.seqs[place]]
       if not call.response then
         self.handlers:pushed_out(call, "activities")
       end
