@@ -45,8 +45,38 @@ local function rounds_to(short, fraction, scale, narrow)
   return off > -0.5 and off < 0.5 or (off == 0.5 or off == -0.5) and fraction % 2 == 0
 end
 
--- The shortest decimal that gives the same Float32, as a double.
-local function shortest(number, fraction, scale, narrow)
+-- TENFOLD[exponent] is the least power of ten that brings nine digits or more of a Float32 of that exponent
+-- before its point; false where a double does not hold it exactly, or the Float32 has more of them.
+local TENFOLD = entries(function(exponent)
+  local least, power = POWER[exponent - 127], 1.0
+  while least * power < 1e8 do power = power * 10 end
+  return power <= 1e22 and exponent <= 156 and power
+end)
+
+local DOUBT = 1e-5 -- more than rounding can move a product of ten digits
+
+-- The shortest decimal that gives the same Float32, as a double; `power` is that of TENFOLD. Printing and
+-- reading would cost ten times as much. A whole number divided by a power of ten is exactly the double of that
+-- decimal. Nil where rounding leaves it in doubt: next to the middle between two decimals, or to the end of
+-- what rounds to the Float32.
+local function by_arithmetic(number, scale, power, narrow)
+  local scaled, reach, unit = number * power, scale * 0.5 * power, 1000.0
+  local most = reach + DOUBT
+  repeat
+    local off = scaled % unit
+    if off + off > unit then off = off - unit end
+    if off < most and off > -most then
+      local sure = (narrow and reach * 0.5 or reach) - DOUBT
+      if unit * 0.5 - DOUBT < sure then sure = unit * 0.5 - DOUBT end
+      return off < sure and off > -sure and (scaled - off) / power or nil
+    end
+    unit = unit / 10
+  until unit < 1
+  return nil
+end
+
+-- The same by printing and reading.
+local function by_printing(number, fraction, scale, narrow)
   for i = number >= NORMAL32 and 6 or 1, 8 do
     local text = format(SHORTER[i], number)
     local short = tonumber(text) + 0.0
@@ -71,7 +101,9 @@ function M.float32(data, offset)
   local scale = POWER[exponent - 150]
   local number = fraction * scale
   if number >= 16777216 or number % 1 ~= 0 then
-    number = shortest(number, fraction, scale, fraction == 8388608 and exponent > 1)
+    local power, narrow = TENFOLD[exponent], fraction == 8388608 and exponent > 1
+    number = power and by_arithmetic(number, scale, power, narrow)
+      or by_printing(number, fraction, scale, narrow)
   end
   if negative then return -number end
   return number
@@ -173,8 +205,33 @@ local function fewest(number)
   return layout(sign, first .. others, tonumber(exponent))
 end
 
+local PLACED = entries(function(places) return "%d.%0" .. places .. "d" end)
+
+-- The text of a positive number that has a fraction of few places, else nil: no other decimal of up to 15
+-- digits than the quotient of two whole numbers is the same double. Without printing and reading the double.
+local function few_places(number)
+  local places, power = 6, 1e6
+  if number < 1 then places, power = 9, 1e9 end
+  local digits = number * power + 0.5
+  digits = digits - digits % 1
+  if digits / power ~= number then return nil end
+  if digits % 1000 == 0 then digits, places, power = digits / 1000, places - 3, power / 1000 end
+  while digits % 10 == 0 do digits, places, power = digits / 10, places - 1, power / 10 end
+  local behind = digits % power
+  return format(PLACED[places], (digits - behind) / power, behind)
+end
+
 --- The text of a float: shortest that reads back the same, always with a point or an exponent (10.0, 1e-05).
 function M.float_text(number)
+  if number % 1 == 0 then
+    if number ~= 0 and number > -2147483648 and number < 2147483648 then return format("%d.0", number) end
+  elseif number >= 0.0001 and number < 1e9 then
+    local text = few_places(number)
+    if text then return text end
+  elseif number <= -0.0001 and number > -1e9 then
+    local text = few_places(-number)
+    if text then return "-" .. text end
+  end
   if number ~= number then return "NaN" end
   if number == math.huge then return "Infinity" end
   if number == -math.huge then return "-Infinity" end
