@@ -10,8 +10,11 @@ local descriptions = require("ds47.report.descriptions")
 local entries = require("ds47.support.later").entries
 local status = require("ds47.spec.statuses")
 local tables = require("ds47.spec.tables")
+local text_of = require("ds47.profidrive.formats").text_of
 local words = require("ds47.report.formatting")
 local error_texts = require("ds47.report.sentences")
+
+local concat, type = table.concat, type
 
 local M = {}
 
@@ -59,17 +62,13 @@ local function error_of(failed)
   return text
 end
 
--- What a sentence says around the values of a parameter: {address, name (with the address), unit}. Remembered
--- where parameters share what they are.
+-- What a sentence says around the values of a parameter: {address, named (address and name), unit,
+-- number_text (what makes the text of a number)}. Remembered where parameters share what they are.
 local function words_of(item)
-  local found = item.words
-  if found and found.lang == language then
-    return found
-  end
   local address, name = words.address(item), words.name(item, language)
-  found = {
+  local found = {
     lang = language, address = address, named = name and address .. " (" .. name .. ")" or address,
-    unit = item.unit and " " .. words.escape(item.unit) or "",
+    unit = item.unit and " " .. words.escape(item.unit) or "", number_text = text_of(item.format),
     is_described = descriptions.is_about(item.attribute),
   }
   local class = getmetatable(item)
@@ -79,46 +78,60 @@ local function words_of(item)
   return found
 end
 
--- One parameter: `p50303[0] = 10.0`, `:=` where the value was written, `: 0x02 ...` where it failed; with the
--- name of a known one: `p1082[0] (Maximum speed)`.
-local function parameter(item, written, named)
-  local around, values = words_of(item), item.values
+-- The text of a single value.
+local function shown_of(item, around)
+  local value = item.values[1]
+  local text = type(value) == "number" and around.number_text(value) or words.value(value, item.format)
+  item.shown = text -- the tree shows it, too
+  return text
+end
+
+-- One parameter: `p50303[0] = 10.0`, ` := ` as the sign where the value was written, `: 0x02 ...` where it
+-- failed; with the name of a known one: `p1082[0] (Maximum speed)`.
+local function parameter(item, sign, named)
+  local around, values, failed = item.words, item.values, item.error
+  if around == nil or around.lang ~= language then
+    around = words_of(item)
+  end
   local text = named and around.named or around.address
-  if item.error then
-    return text .. ": " .. error_of(item.error)
+  if failed then
+    return text .. ": " .. error_of(failed)
   elseif values[1] == nil then
     return text
   end
-  text = text .. (written and " := " or " = ")
   local described = around.is_described and descriptions.parts(item, words, language)
   if described then
-    return text .. table.concat(described, ", ")
+    return text .. sign .. table.concat(described, ", ")
   elseif values[2] == nil and item.scaled == nil then
-    local shown = words.value(values[1], item.format)
-    item.shown = shown -- the tree shows it, too
-    return text .. shown .. around.unit
+    return text .. sign .. shown_of(item, around) .. around.unit
   end
-  return text .. words.with_unit(item)
+  return text .. sign .. words.with_unit(item)
+end
+
+-- What stands before a value: whether it was written.
+local function sign_of(operation)
+  return operation == "change" and " := " or " = "
 end
 
 local parts = {}
 
--- What a sentence says of the parameters of a transaction; `written` as in `parameter`.
-local function list_of(parameters, written)
+-- What a sentence says of the parameters of a transaction that is called so.
+local function list_of(parameters, operation)
   local count = #parameters
   if count == 0 then
     return ""
   end
-  local shown = math.min(count, PARAMETERS_SHOWN)
+  local shown = count > PARAMETERS_SHOWN and PARAMETERS_SHOWN or count
+  local sign, named = sign_of(operation), count <= NAMES_SHOWN
   for number = 1, shown do
-    parts[number] = parameter(parameters[number], written, count <= NAMES_SHOWN)
+    parts[number] = parameter(parameters[number], sign, named)
   end
-  local more = count > shown and string.format(", ... and %d more", count - shown) or ""
-  return ": " .. table.concat(parts, ", ", 1, shown) .. more
+  local list = shown > 1 and concat(parts, ", ", 1, shown) or parts[1]
+  return count > shown and string.format(": %s, ... and %d more", list, count - shown) or ": " .. list
 end
 
 local function parameters_of(view)
-  return list_of(view.parameters, view.item.operation == "change")
+  return list_of(view.parameters, view.item.operation)
 end
 
 -- The same of a request, remembered where equal ones share it (parameter.remembering).
@@ -194,7 +207,7 @@ end
 -- A request or a response of PKW: `PKW read response p1082[0] = 50.0`.
 local function pkw_sentence(view)
   local kind, operation = view.role == "write_request" and " request " or " response ", view.item.operation
-  return "PKW " .. operation .. kind .. parameter(view.parameters[1], operation == "change", true)
+  return "PKW " .. operation .. kind .. parameter(view.parameters[1], sign_of(operation), true)
 end
 
 --- The sentence of one view; error numbers in "en" or "zh".

@@ -13,7 +13,7 @@ local lookup = require("ds47.spec.lookup")
 local tables = require("ds47.spec.tables")
 local uuid_text = require("ds47.spec.units").uuid_text
 
-local huge, min = math.huge, math.min
+local huge, min, setmetatable = math.huge, math.min, setmetatable
 local is_mismatch, NOT_SUPPORTED = rules.is_mismatch, family.NOT_SUPPORTED
 
 local M = {}
@@ -180,7 +180,8 @@ end
 local function shown(job, address, value, answer, meaning)
   local class, result = address and class_of(address, job.peer) or NAMELESS
   if value and value.error == nil then
-    result, class = {value_count = value.value_count, values = value.values}, class_in_format(class, value)
+    result = {value_count = value.value_count, values = value.values, shown = nil}
+    class = class_in_format(class, value)
     if value.scaled then
       result.scaled = value.scaled
     end
@@ -225,16 +226,19 @@ local function read_in_layout(job)
     return nil
   end
   local classes, values, result = classes_in(layout, request, job.peer), response.value_lists, {}
-  local blocks = layout.is_scaled and response.blocks
   for number = 1, #values do
-    local scaled = blocks and blocks[number].scaled or nil
-    result[number] = setmetatable({values = values[number], scaled = scaled}, classes[number])
+    result[number] = setmetatable({values = values[number], shown = nil}, classes[number])
+  end
+  local blocks = layout.is_scaled and response.blocks or NONE
+  for number = 1, #blocks do
+    result[number].scaled = blocks[number].scaled
   end
   return result
 end
 
 --- The parameters of a job as a report shows them (docs/pairing.md P37, P43): an array of {pnu, subindex,
--- attribute, element_count, listed, unit, format, value_count, values, scaled, error, described}.
+-- attribute, element_count, listed, unit, format, value_count, values, scaled, error, described}. In `shown`
+-- a place is kept for the text of a single value, which the plugin keeps there.
 function M.parameters(job)
   local found, request = read_in_layout(job), job.message
   if found then

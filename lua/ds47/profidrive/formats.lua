@@ -16,20 +16,21 @@ local DAY_MS = 86400000
 local MS_RANGE = 268435456 -- times of day use 28 of their 32 bits
 local DAYS_TO_1984 = 5113 -- from 1970-01-01
 
--- decode(raw, count, size) -> values: `raw` begins with `count` whole values. Here one after the other:
--- one(raw, offset, size) -> value.
+-- decode(raw, count, size, at) -> values: `count` whole values from the offset `at` on (nil: all of `raw`).
+-- Here one after the other: one(raw, offset, size) -> value.
 local function each(one, own_size)
-  return function(raw, count, size)
-    size = own_size or size
-    if count == 1 then return {(one(raw, 0, size))} end
+  return function(raw, count, size, at)
+    size, at = own_size or size, at or 0
+    if count == 1 then return {(one(raw, at, size))} end
     local values = {}
-    for i = 1, count do values[i] = one(raw, (i - 1) * size, size) end
+    for i = 1, count do values[i] = one(raw, at + (i - 1) * size, size) end
     return values
   end
 end
 
-local function bytes(raw, count)
-  return {byte(raw, 1, count)}
+local function bytes(raw, count, _, at)
+  at = at or 0
+  return {byte(raw, at + 1, at + count)}
 end
 
 local function i8(raw, at)
@@ -38,7 +39,8 @@ local function i8(raw, at)
 end
 
 local function i16(raw, at)
-  local value = reader.u16(raw, at)
+  local high, low = byte(raw, at + 1, at + 2)
+  local value = high * 0x100 + low
   return value < 0x8000 and value or value - 0x10000
 end
 
@@ -47,7 +49,11 @@ local function i32(raw, at)
   return value < 0x80000000 and value or value - 0x100000000
 end
 
-local decode = { -- by `pack`
+local ONE = { -- what decodes one value, by `pack`
+  b = i8, H = reader.u16, h = i16, I = reader.u32, i = i32, Q = numbers.unsigned, q = numbers.signed64,
+  f = float32, d = float64,
+}
+local decode = {
   B = bytes, b = each(i8, 1), H = each(reader.u16, 2), h = each(i16, 2), I = each(reader.u32, 4),
   i = each(i32, 4), Q = each(numbers.unsigned, 8), q = each(numbers.signed64, 8), f = each(float32, 4),
   d = each(float64, 8),
@@ -62,12 +68,16 @@ local octets = each(function(raw, at, size)
   return reader.hex(sub(raw, at + 1, at + size))
 end)
 
-local function whole_text(raw, count)
-  return count > 0 and {reader.latin1(raw)} or {}
+local function part(raw, count, size, at)
+  return at and sub(raw, at + 1, at + count * size) or raw
 end
 
-local function whole_octets(raw, count)
-  return count > 0 and {reader.hex(raw)} or {}
+local function whole_text(raw, count, size, at)
+  return count > 0 and {reader.latin1(part(raw, count, size, at))} or {}
+end
+
+local function whole_octets(raw, count, size, at)
+  return count > 0 and {reader.hex(part(raw, count, size, at))} or {}
 end
 
 local function nothing()
@@ -119,7 +129,9 @@ end)
 
 -- kind of tables.lua -> what of a codec does not stand in the row itself.
 local make = {
-  float = function(row) return {decode = decode[row.pack], float = true, pack = row.pack} end,
+  float = function(row)
+    return {decode = decode[row.pack], one = ONE[row.pack], float = true, pack = row.pack}
+  end,
   text = function(row) return {decode = row.whole and whole_text or texts} end,
   octets = function(row) return {decode = row.whole and whole_octets or octets} end,
   with_status = function(row)
@@ -133,8 +145,8 @@ local make = {
 
 function make.number(row)
   return {
-    decode = decode[row.pack], scale = row.divide and ratio, scaled_float = row.divide ~= nil,
-    pack = not row.divide and row.pack or nil,
+    decode = decode[row.pack], one = ONE[row.pack], scale = row.divide and ratio,
+    scaled_float = row.divide ~= nil, pack = not row.divide and row.pack or nil,
   }
 end
 
@@ -142,8 +154,8 @@ end
 -- @param code a code of tables.formats, dialects already resolved
 -- @param size bytes per value where the format has two sizes; its own otherwise
 -- @return {size, decode, scale (nil: the format has none), whole, float (values are floats), scaled_float,
---   pack (of plain numbers: a letter of string.unpack), multiply, divide}; decode(raw, count, size) and
---   scale(values, raw, codec) give arrays
+--   pack (of plain numbers: a letter of string.unpack), multiply, divide}; decode(raw, count, size, at) and
+--   scale(values, raw, codec) give arrays, one(raw, at, size) of numbers a single value
 function M.codec(code, size)
   local row = tables.formats[code]
   if not (row and row.size and make[row.kind]) then return nil end
@@ -151,22 +163,6 @@ function M.codec(code, size)
   codec.size, codec.whole = size or row.size, row.whole
   codec.multiply, codec.divide = row.multiply or 1, row.divide
   return codec
-end
-
-local floats -- format name -> {values, scaled}: whether they are floats
-local function is_float(format_name, scaled)
-  if not floats then
-    floats = {}
-    for _, row in pairs(tables.formats) do
-      local with_status = row.kind == "with_status" and row.pack == "f"
-      floats[row.name] = {
-        values = row.kind == "float",
-        scaled = row.kind == "number" or row.kind == "duration" or with_status, -- plain ones by a description
-      }
-    end
-  end
-  local known = floats[format_name]
-  return known and (scaled and known.scaled or not scaled and known.values)
 end
 
 --- The name of the format of a block, of a parameter of a transaction, or that name itself.
@@ -188,13 +184,38 @@ function M.code_of(name)
   return codes[name]
 end
 
---- A number as Python shows it: a float always with a point or an exponent, an integer never.
--- The format says which it is: Lua 5.2 has one kind of number only.
-function M.number_text(number, format_name, scaled)
-  if is_float(format_name, scaled) or floor(number) ~= number then
+local function whole_or_float(number)
+  if floor(number) ~= number then
     return numbers.float_text(number)
   end
-  return format("%.0f", number) -- "%d" of Lua 5.2 holds only 32 bits on Windows
+  return numbers.whole_text(number)
+end
+
+-- Name of a format -> what makes the text of a number of it, of a physical value; nil where it is no float.
+local float_texts, scaled_texts
+
+local function prepare_texts()
+  float_texts, scaled_texts = {}, {}
+  for _, row in pairs(tables.formats) do
+    local kind = row.kind
+    float_texts[row.name] = kind == "float" and numbers.float_text or nil
+    if kind == "number" or kind == "duration" or kind == "with_status" and row.pack == "f" then
+      scaled_texts[row.name] = numbers.float_text -- plain ones by a description
+    end
+  end
+end
+
+--- What makes the text of the numbers of a format: a function of a number. A float always has a point or an
+-- exponent there, an integer never, as in Python; the format says which it is: Lua 5.2 has one kind of number
+-- only.
+function M.text_of(format_name, scaled)
+  if not float_texts then prepare_texts() end
+  return (scaled and scaled_texts or float_texts)[format_name or ""] or whole_or_float
+end
+
+--- A number as Python shows it.
+function M.number_text(number, format_name, scaled)
+  return M.text_of(format_name, scaled)(number)
 end
 
 return M

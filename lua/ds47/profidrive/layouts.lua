@@ -30,6 +30,7 @@ local function place_of(block)
   for key, value in pairs(format) do place[key] = value end
   place.value_count, place.offset, place.pad = block.value_count, block.offset, block.pad
   place.first, place.last = block.offset + 3, block.offset + 2 + #block.raw
+  place.one = block.value_count == 1 and block.sound_codec.one
   place.__index = place
   return place
 end
@@ -39,8 +40,9 @@ local function values_of(layout, data)
   local places, found = layout.places, {}
   for number = 1, #places do
     local place = places[number]
-    local codec = place.sound_codec
-    found[number] = codec.decode(sub(data, place.first, place.last), place.value_count, codec.size)
+    local one, at, codec = place.one, place.first - 1, place.sound_codec
+    local size = codec.size
+    found[number] = one and {(one(data, at, size))} or codec.decode(data, place.value_count, size, at)
   end
   return found
 end

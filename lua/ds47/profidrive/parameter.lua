@@ -402,8 +402,8 @@ end
 
 local MOST_REMEMBERED, LONGEST_REMEMBERED = 1024, 240
 
--- Gives the question of a request: a function of its bytes and of what was decoded. Nil of one whose
--- addresses are not all there.
+-- Gives the question of a request: a function of its bytes and of what was decoded, which has the addresses
+-- of the question from then on. Nil of one whose addresses are not all there.
 local function questions_in(options)
   local known, count = {}, 0
   return function(data, request)
@@ -418,8 +418,10 @@ local function questions_in(options)
         known, count = {}, 0
       end
       question = layouts.question(options)
+      question.addresses = request.addresses
       known[key], count = question, count + 1
     end
+    request.addresses = question.addresses -- and with them what is known of parameters (transactions.lua)
     return question
   end
 end
