@@ -21,29 +21,29 @@ local M = {}
 local PARAMETERS_SHOWN = 6 -- more make the line long: they are counted
 local NAMES_SHOWN = 2 -- with more parameters than these the line has no names
 
--- The text of a byte. Whole sentences are not remembered: a collector would look through all of them.
-local DIGITS = entries(function(number)
-  return string.format("%d", number)
+-- The texts of bytes. Whole sentences are not remembered: a collector would look through all of them.
+local DRIVE_OBJECTS = entries(function(axis)
+  return string.format(", DO %d", axis)
 end)
 
 local REFERENCES = entries(function(number)
-  return string.format("0x%02X", number)
+  return string.format("ref 0x%02X", number)
 end)
 
--- The reference of a transaction; a message may be too short to have one, or an axis.
+-- `ref 0x03`, of a transaction; a message may be too short to have one, or an axis.
 local function reference(item)
   local number = item.request_reference
-  return number and REFERENCES[number] or "?"
+  return number and REFERENCES[number] or "ref ?"
 end
 
 -- `, DO 2`, of an axis; empty without one.
 local function drive_object(axis)
-  return axis and ", DO " .. DIGITS[axis] or ""
+  return axis and DRIVE_OBJECTS[axis] or ""
 end
 
 -- `ref 0x03, DO 2`.
 local function head(item)
-  return "ref " .. reference(item) .. drive_object(item.axis)
+  return reference(item) .. drive_object(item.axis)
 end
 
 local language -- of the texts of error numbers, "en" or "zh"
@@ -78,14 +78,6 @@ local function words_of(item)
   return found
 end
 
--- The text of a single value.
-local function shown_of(item, around)
-  local value = item.values[1]
-  local text = type(value) == "number" and around.number_text(value) or words.value(value, item.format)
-  item.shown = text -- the tree shows it, too
-  return text
-end
-
 -- One parameter: `p50303[0] = 10.0`, ` := ` as the sign where the value was written, `: 0x02 ...` where it
 -- failed; with the name of a known one: `p1082[0] (Maximum speed)`.
 local function parameter(item, sign, named)
@@ -93,19 +85,21 @@ local function parameter(item, sign, named)
   if around == nil or around.lang ~= language then
     around = words_of(item)
   end
-  local text = named and around.named or around.address
+  local text, value = named and around.named or around.address, values[1]
   if failed then
     return text .. ": " .. error_of(failed)
-  elseif values[1] == nil then
+  elseif value == nil then
     return text
   end
   local described = around.is_described and descriptions.parts(item, words, language)
   if described then
-    return text .. sign .. table.concat(described, ", ")
-  elseif values[2] == nil and item.scaled == nil then
-    return text .. sign .. shown_of(item, around) .. around.unit
+    return text .. sign .. concat(described, ", ")
+  elseif values[2] ~= nil or item.scaled then
+    return text .. sign .. words.with_unit(item)
   end
-  return text .. sign .. words.with_unit(item)
+  local shown = type(value) == "number" and around.number_text(value) or words.value(value, item.format)
+  item.shown = shown -- the tree shows it, too
+  return text .. sign .. shown .. around.unit
 end
 
 -- What stands before a value: whether it was written.
@@ -136,8 +130,10 @@ end
 
 -- The same of a request, remembered where equal ones share it (parameter.remembering).
 local function list_asked(view)
-  local shared, whose = view.message.shared, view.item.family or view.item.vendor_id or false
-  if shared == nil or view.item.meanings then -- which are those of one transaction
+  local shared, job = view.message.shared, view.item.job
+  local peer = job and job.peer or view.item
+  local whose = peer.family or peer.vendor_id or false
+  if shared == nil or (job or view.item).meanings then -- which are those of one transaction
     return parameters_of(view)
   elseif shared.listed_for ~= whose or shared.listed_in ~= language then -- names and units are of both
     shared.listed, shared.listed_for, shared.listed_in = parameters_of(view), whose, language
@@ -167,19 +163,19 @@ function sentences.write_response(view)
   local item = view.item
   local word = item.write_status
   if word == nil then
-    return "write failed ref " .. reference(item)
+    return "write failed " .. reference(item)
   elseif word == 0 then
-    return "write accepted ref " .. reference(item)
+    return "write accepted " .. reference(item)
   end
-  return "write refused ref " .. reference(item) .. ": " .. refusal(word)
+  return "write refused " .. reference(item) .. ": " .. refusal(word)
 end
 
 function sentences.read_request(view)
-  return "fetch response ref " .. reference(view.item) .. drive_object(view.item.axis)
+  return "fetch response " .. head(view.item)
 end
 
 function sentences.poll(view)
-  return "read poll ref " .. reference(view.item) .. ": not ready"
+  return "read poll " .. reference(view.item) .. ": not ready"
 end
 
 -- How a record of the drive is called: where parameters failed by the state that comes of it.
@@ -194,8 +190,9 @@ end
 
 function sentences.read_response(view)
   local item = view.item
-  if item.read_status and item.read_status ~= 0 then
-    return "read refused ref " .. reference(item) .. ": " .. refusal(item.read_status)
+  local word = item.read_status
+  if word and word ~= 0 then
+    return "read refused " .. reference(item) .. ": " .. refusal(word)
   end
   return outcome(view) .. parameters_of(view)
 end

@@ -216,19 +216,37 @@ local function classes_in(layout, request, peer)
   return classes
 end
 
+-- A parameter of each of these classes, with its values. An open transaction, the `owner`, has them until it
+-- becomes the one of another job: then the next one that has the same takes them over.
+local function items_in(classes, values, owner)
+  local items = classes.items
+  if owner and items and rawget(classes.owner, "parameters") ~= items then
+    for number = 1, #values do
+      local item = items[number]
+      item.values, item.shown, item.scaled = values[number], nil, nil
+    end
+  else
+    items = {nil, nil, nil, nil} -- so many places need not be added one by one
+    for number = 1, #values do
+      items[number] = setmetatable({values = values[number], shown = nil, scaled = nil}, classes[number])
+    end
+  end
+  if owner then
+    classes.items, classes.owner = items, owner
+  end
+  return items
+end
+
 -- The parameters of a read whose response has a layout; nil of all others, and where somebody has said of
 -- single parameters what they are.
-local function read_in_layout(job)
+local function read_in_layout(job, owner)
   local request, response = job.message, job.response
   local layout = response and request and request.operation == "read" and response.layout
   if not layout or #layout.places ~= #request.addresses or job.meanings or naming.is_used()
     or is_mismatch(job) then
     return nil
   end
-  local classes, values, result = classes_in(layout, request, job.peer), response.value_lists, {}
-  for number = 1, #values do
-    result[number] = setmetatable({values = values[number], shown = nil}, classes[number])
-  end
+  local result = items_in(classes_in(layout, request, job.peer), response.value_lists, owner)
   local blocks = layout.is_scaled and response.blocks or NONE
   for number = 1, #blocks do
     result[number].scaled = blocks[number].scaled
@@ -239,8 +257,9 @@ end
 --- The parameters of a job as a report shows them (docs/pairing.md P37, P43): an array of {pnu, subindex,
 -- attribute, element_count, listed, unit, format, value_count, values, scaled, error, described}. In `shown`
 -- a place is kept for the text of a single value, which the plugin keeps there.
-function M.parameters(job)
-  local found, request = read_in_layout(job), job.message
+-- @param owner the open transaction that they are for; nil where whoever asks may keep them
+function M.parameters(job, owner)
+  local found, request = read_in_layout(job, owner), job.message
   if found then
     return found
   end
@@ -351,13 +370,13 @@ local function restore_for_now(job, codec)
   end
 end
 
--- The keys of a transaction, and what each is: a function of the transaction, as far as it is made, and of
--- the job.
+-- The keys of a transaction, and what each is: a function of the transaction, as far as it is made, of the
+-- job, and of the transaction once more where it is an open one.
 local KEYS = {
   channel = function() return "ds47" end,
   order = function(_, job) return job.order end,
   operation = function(_, job) return M.operation(job) end,
-  parameters = function(_, job) return M.parameters(job) end,
+  parameters = function(_, job, owner) return M.parameters(job, owner) end,
   state = function(item, job) return M.state(job, item.parameters) end,
   frames = function(_, job) return frames_of(job) end,
   drive_ns = function(_, job) return rules.drive_time_ns(job) end, -- for the statistics; no key of the report
@@ -396,7 +415,10 @@ end
 -- not; nil of one that says so of none. For who shows the record; no key of the report.
 function KEYS.failing(_, job)
   local response = job.response
-  local blocks, failed = response and not response.layout and response.blocks or NONE, 0
+  if response == nil or response.layout then
+    return nil
+  end
+  local blocks, failed = response.blocks, 0
   for number = 1, #blocks do
     if blocks[number].error then
       failed = failed + 1
@@ -435,13 +457,11 @@ local KEPT = {parameters = true, state = true, frames = true, operation = true, 
 local Open = {}
 
 function Open.__index(item, key)
-  local part, make = PARTS[key], KEYS[key]
-  if part then
-    return item.job[part][key]
-  elseif make == nil then
+  local make = KEYS[key]
+  if make == nil then
     return nil
   end
-  local value = make(item, item.job)
+  local value = make(item, item.job, item)
   if KEPT[key] then
     item[key] = value
   end
@@ -457,9 +477,10 @@ function M.open(job, item)
       channel = "ds47", job = nil, operation = nil, request_reference = nil, axis = nil,
     }, Open)
   end
-  local head = job.message or job.response
+  local message = job.message
+  local head = message or job.response
   item.job, item.parameters, item.state, item.frames, item.stray = job, nil, nil, nil, nil
-  item.operation = M.operation(job) -- of these three every frame tells
+  item.operation = message and message.operation or M.operation(job) -- of these three every frame tells
   item.request_reference, item.axis = head and head.request_reference, head and head.axis
   return item
 end

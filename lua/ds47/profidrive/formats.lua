@@ -50,8 +50,8 @@ local function i32(raw, at)
 end
 
 local ONE = { -- what decodes one value, by `pack`
-  b = i8, H = reader.u16, h = i16, I = reader.u32, i = i32, Q = numbers.unsigned, q = numbers.signed64,
-  f = float32, d = float64,
+  b = i8, H = reader.u16, h = i16, I = reader.u32, i = i32, q = numbers.signed64, f = float32,
+  d = float64,
 }
 local decode = {
   B = bytes, b = each(i8, 1), H = each(reader.u16, 2), h = each(i16, 2), I = each(reader.u32, 4),
@@ -155,7 +155,7 @@ end
 -- @param size bytes per value where the format has two sizes; its own otherwise
 -- @return {size, decode, scale (nil: the format has none), whole, float (values are floats), scaled_float,
 --   pack (of plain numbers: a letter of string.unpack), multiply, divide}; decode(raw, count, size, at) and
---   scale(values, raw, codec) give arrays, one(raw, at, size) of numbers a single value
+--   scale(values, raw, codec) give arrays, one(raw, at) of most numbers a single value
 function M.codec(code, size)
   local row = tables.formats[code]
   if not (row and row.size and make[row.kind]) then return nil end

@@ -29,7 +29,7 @@ local function place_of(block)
   local place = {}
   for key, value in pairs(format) do place[key] = value end
   place.value_count, place.offset, place.pad = block.value_count, block.offset, block.pad
-  place.first, place.last = block.offset + 3, block.offset + 2 + #block.raw
+  place.at, place.last = block.offset + 2, block.offset + 2 + #block.raw
   place.one = block.value_count == 1 and block.sound_codec.one
   place.__index = place
   return place
@@ -37,12 +37,15 @@ end
 
 -- The values at all places, one array for each.
 local function values_of(layout, data)
-  local places, found = layout.places, {}
+  local places, found = layout.places, {nil, nil, nil, nil} -- so many places need not be added one by one
   for number = 1, #places do
     local place = places[number]
-    local one, at, codec = place.one, place.first - 1, place.sound_codec
-    local size = codec.size
-    found[number] = one and {(one(data, at, size))} or codec.decode(data, place.value_count, size, at)
+    local one, codec = place.one, place.sound_codec
+    if one then
+      found[number] = {(one(data, place.at))}
+    else
+      found[number] = codec.decode(data, place.value_count, codec.size, place.at)
+    end
   end
   return found
 end
@@ -51,7 +54,7 @@ local function blocks_of(layout, response)
   local places, blocks, values = layout.places, {}, response.value_lists
   for number = 1, #places do
     local place = places[number]
-    local codec, raw = place.sound_codec, sub(response.data, place.first, place.last)
+    local codec, raw = place.sound_codec, sub(response.data, place.at + 1, place.last)
     local block = setmetatable({values = values[number], raw = raw}, place)
     if codec.scale then block.scaled = codec.scale(block.values, raw, codec) end
     blocks[number] = block

@@ -45,42 +45,63 @@ local function rounds_to(short, fraction, scale, narrow)
   return off > -0.5 and off < 0.5 or (off == 0.5 or off == -0.5) and fraction % 2 == 0
 end
 
--- TENFOLD[exponent] is the least power of ten that brings nine digits or more of a Float32 of that exponent
--- before its point; false where a double does not hold it exactly, or the Float32 has more of them.
-local TENFOLD = entries(function(exponent)
+-- The least power of ten that brings nine digits or more of a Float32 of an exponent before its point; nil
+-- where a double does not hold it exactly, or the Float32 has more of them.
+local function tenfold(exponent)
   local least, power = POWER[exponent - 127], 1.0
   while least * power < 1e8 do power = power * 10 end
-  return power <= 1e22 and exponent <= 156 and power
-end)
+  return power <= 1e22 and exponent <= 156 and power or nil
+end
 
 local DOUBT = 1e-5 -- more than rounding can move a product of ten digits
 
--- The shortest decimal that gives the same Float32, as a double; `power` is that of TENFOLD. Printing and
--- reading would cost ten times as much. A whole number divided by a power of ten is exactly the double of
--- that decimal. Nil where rounding leaves it in doubt: next to the middle between two decimals, or to the end
--- of what rounds to the Float32.
-local function by_arithmetic(number, scale, power, narrow)
-  local scaled, reach, unit = number * power, scale * 0.5 * power, 1000.0
-  local most = reach + DOUBT
-  repeat
-    local off = scaled % unit
-    if off + off > unit then off = off - unit end
-    if off < most and off > -most then
-      local sure = (narrow and reach * 0.5 or reach) - DOUBT
-      if unit * 0.5 - DOUBT < sure then sure = unit * 0.5 - DOUBT end
-      return off < sure and off > -sure and (scaled - off) / power or nil
+-- What all Float32 with the same upper nine bits have in common: {negative, special (NaN and infinite),
+-- lift (what makes their fraction of the lower three bytes), scale (by which it is multiplied), least (the
+-- fraction that is a power of two), power (of ten), reach (by how much a decimal times it may be off), most
+-- (that and what may be in doubt)}.
+local function class_of(first, odd)
+  local exponent = first % 128 * 2 + (odd and 1 or 0)
+  local normal = exponent > 0 and 8388608 or 0
+  local scale, power = POWER[(exponent > 0 and exponent or 1) - 150], tenfold(exponent)
+  local reach = power and scale * 0.5 * power
+  return {
+    negative = first >= 128, special = exponent == 255, lift = normal - (odd and 8388608 or 0), scale = scale,
+    least = exponent > 1 and 8388608 or nil, power = power, reach = reach, most = reach and reach + DOUBT,
+  }
+end
+
+-- By the first byte: where the next one is less than 128, and where it is not.
+local EVEN = entries(function(first) return class_of(first, false) end)
+local ODD = entries(function(first) return class_of(first, true) end)
+
+-- The shortest decimal that gives the same Float32, as a double. Printing and reading would cost ten times as
+-- much. A whole number divided by a power of ten is exactly the double of that decimal. Nil where rounding
+-- leaves it in doubt: next to the middle between two decimals, or to the end of what rounds to the Float32.
+local function by_arithmetic(number, fraction, class)
+  local power = class.power
+  if power == nil then return nil end
+  local scaled, most, unit = number * power, class.most, 1000
+  local off = scaled % 1000
+  if off > most and 1000 - off > most then
+    off, unit = scaled % 100, 100
+    if off > most and 100 - off > most then
+      off, unit = scaled % 10, 10
+      if off > most and 10 - off > most then off, unit = scaled % 1, 1 end
     end
-    unit = unit / 10
-  until unit < 1
-  return nil
+  end
+  if off + off > unit then off = off - unit end
+  local sure = class.reach * (fraction == class.least and 0.5 or 1) - DOUBT
+  if unit * 0.5 - DOUBT < sure then sure = unit * 0.5 - DOUBT end
+  return off < sure and off > -sure and (scaled - off) / power or nil
 end
 
 -- The same by printing and reading.
-local function by_printing(number, fraction, scale, narrow)
+local function by_printing(number, fraction, class)
   for i = number >= NORMAL32 and 6 or 1, 8 do
     local text = format(SHORTER[i], number)
     local short = tonumber(text) + 0.0
-    if short < TOO_LARGE32 and rounds_to(short, fraction, scale, narrow) then return short end
+    local narrow = fraction == class.least
+    if short < TOO_LARGE32 and rounds_to(short, fraction, class.scale, narrow) then return short end
   end
   return tonumber(format("%.9g", number)) + 0.0
 end
@@ -89,23 +110,14 @@ end
 -- @param offset number of the first byte, from 0
 function M.float32(data, offset)
   local a, b, c, d = byte(data, offset + 1, offset + 4)
-  local negative = a >= 128
-  local exponent = a % 128 * 2 + (b >= 128 and 1 or 0)
-  local fraction = (b % 128 * 256 + c) * 256 + d
-  if exponent == 255 then return not_finite(fraction, negative) end
-  if exponent == 0 then
-    exponent = 1
-  else
-    fraction = fraction + 8388608
-  end
-  local scale = POWER[exponent - 150]
-  local number = fraction * scale
+  local class = b < 128 and EVEN[a] or ODD[a]
+  local fraction = (b * 256 + c) * 256 + d + class.lift
+  if class.special then return not_finite(fraction - 8388608, class.negative) end
+  local number = fraction * class.scale
   if number >= 16777216 or number % 1 ~= 0 then
-    local power, narrow = TENFOLD[exponent], fraction == 8388608 and exponent > 1
-    number = power and by_arithmetic(number, scale, power, narrow)
-      or by_printing(number, fraction, scale, narrow)
+    number = by_arithmetic(number, fraction, class) or by_printing(number, fraction, class)
   end
-  if negative then return -number end
+  if class.negative then return -number end
   return number
 end
 
@@ -205,32 +217,25 @@ local function fewest(number)
   return layout(sign, first .. others, tonumber(exponent))
 end
 
-local PLACED = entries(function(places) return "%d.%0" .. places .. "d" end)
-
--- The text of a positive number that has a fraction of few places, else nil: no other decimal of up to 15
--- digits than the quotient of two whole numbers is the same double. Without printing and reading the double.
-local function few_places(number)
-  local places, power = 6, 1e6
-  if number < 1 then places, power = 9, 1e9 end
-  local digits = number * power + 0.5
-  digits = digits - digits % 1
-  if digits / power ~= number then return nil end
-  if digits % 1000 == 0 then digits, places, power = digits / 1000, places - 3, power / 1000 end
-  while digits % 10 == 0 do digits, places, power = digits / 10, places - 1, power / 10 end
-  local behind = digits % power
-  return format(PLACED[places], (digits - behind) / power, behind)
-end
+-- PLACED[1000] is how a number with three places is written.
+local PLACED = entries(function(power) return "%d.%0" .. #format("%d", power) - 1 .. "d" end)
 
 --- The text of a float: shortest that reads back the same, always with a point or an exponent (10.0, 1e-05).
 function M.float_text(number)
-  if number % 1 == 0 then
-    if number ~= 0 and number > -2147483648 and number < 2147483648 then return format("%d.0", number) end
-  elseif number >= 0.0001 and number < 1e9 then
-    local text = few_places(number)
-    if text then return text end
-  elseif number <= -0.0001 and number > -1e9 then
-    local text = few_places(-number)
-    if text then return "-" .. text end
+  local size = number < 0 and -number or number
+  if size >= 0.0001 and size < 1e9 then
+    -- Without printing and reading a double where it has few places: no other decimal of up to 15 digits than
+    -- the quotient of two whole numbers is the same double.
+    local power = size < 1 and 1e9 or 1e6
+    local digits = size * power + 0.5
+    digits = digits - digits % 1
+    if digits / power == size then
+      while digits % 100 == 0 and power > 100 do digits, power = digits / 100, power / 100 end
+      if digits % 10 == 0 and power > 10 then digits, power = digits / 10, power / 10 end
+      local behind = digits % power
+      local text = format(PLACED[power], (digits - behind) / power, behind)
+      return number < 0 and "-" .. text or text
+    end
   end
   if number ~= number then return "NaN" end
   if number == math.huge then return "Infinity" end
