@@ -74,10 +74,10 @@ local function tell_pdu(pdu, kind)
 end
 
 local function tell_records(pdu)
-  local body = records.parse_request(pdu)
+  local body, multiple, nested = records.parse_request(pdu)
   local status, answers = records.parse_response(pdu)
   tell("records", {
-    multiple = body.multiple, nested = body.nested, requests = list_of(body), status = status,
+    multiple = multiple, nested = nested, requests = list_of(body), status = status,
     answers = list_of(answers), released = hex(records.released_ar(pdu)),
   })
 end

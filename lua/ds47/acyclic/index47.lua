@@ -41,7 +41,13 @@ function Gate.new(extra, waiting, forbid_47, waiting_ars, proven)
   if forbid_47 then
     always[SHARED_INDEX] = nil
   end
+  local ours = {}
+  for index in pairs(always) do
+    ours[index] = true
+  end
+  ours[SHARED_INDEX] = not forbid_47 or nil
   return setmetatable({
+    ours = ours, -- set of the record indices that can be ours at all
     always = always, forbid_47 = forbid_47 or false, waiting = waiting,
     most_events = waiting * (waiting_ars or tables.limits.waiting_ars),
     most_open = proven or tables.limits.proven_ars,
@@ -51,7 +57,7 @@ end
 
 --- Whether a record of this index can be ours at all.
 function Gate:concerns(index)
-  return self.always[index] or index == SHARED_INDEX and not self.forbid_47
+  return self.ours[index] or false
 end
 
 --- Whether a message with the right shape would open the gate.
@@ -78,10 +84,10 @@ end
 -- A shaped message proves its AR: what waited for it runs first, through `runner`.
 function Gate:admit(ar, index, shaped, runner)
   local open = self.open
-  if open.values[ar] then
-    if open.newest ~= ar then
-      open:move_to_end(ar)
-    end
+  if open.newest == ar then -- it spoke last
+    return true
+  elseif open.values[ar] then
+    open:move_to_end(ar)
     return true
   end
   if self.always[index] then

@@ -52,16 +52,20 @@ Job.accepted = false
 --   contested: true where a record that went to an older request may be the response to this one (P72)
 --   uncertain: true for an orphan whose request a limit may have pushed out
 
-local function new_job(peer, record, message, order)
+-- A job on a channel. A Write has the reference that was asked for before it there, and its frame.
+local function new_job(self, channel, peer, record, message, previous_reference, previous)
+  local order = self.count + 1
+  self.count = order
   return setmetatable({
     peer = peer, -- {controller, device, vendor_id, device_id}
     record = record,
     message = message,
     phase = "asked",
     order = order,
-    -- named here to be given room at once
-    channel_key = nil, write_response = nil, read_request = nil, read_response = nil, response = nil,
-    previous_reference = nil, previous = nil, accepted = nil,
+    channel_key = message and channel.key,
+    previous_reference = previous_reference,
+    previous = previous,
+    write_response = nil, -- a ninth: room for all that follow
   }, Job)
 end
 
@@ -167,6 +171,7 @@ Pairing.__index = Pairing
 function M.new(limits, listener)
   return setmetatable({
     limits = limits,
+    expiry_ns = limits.transaction_expiry_ns,
     listener = listener,
     channels = ordered.new(), -- channel key -> channel, the one that was touched last goes last
     of_ar = {}, -- AR key -> its channel keys, in the order of first sight
@@ -175,6 +180,7 @@ function M.new(limits, listener)
     connects = ordered.new(), -- AR key -> frame of its newest Connect
     connected_ars = ordered.new(), -- controller and device -> the newest AR of which they have one
     replaced = {}, -- key of an AR with open requests that a Connect seems to have replaced -> its frame
+    any_replaced = false, -- whether there may be one: seldom, and asked for every record
     forgot_requests = false, -- whether a limit pushed out requests whose responses may still come
     count = 0,
     -- What the caller's last step touched; he sets the count to 0 before it.
@@ -218,7 +224,9 @@ local function connected_since(self, job)
 end
 
 local function lose(self, job, reason, ended)
-  job.reason = reason
+  if reason ~= "" then
+    job.reason = reason
+  end
   if job.read_response == nil then
     job.ended = ended or connected_since(self, job)
   end
@@ -327,10 +335,18 @@ local function new_channel(self, key, peer, record)
   return channel
 end
 
+local function goes_on(self, ar)
+  local replaced = self.replaced
+  replaced[ar] = nil
+  self.any_replaced = next(replaced) ~= nil
+end
+
 local function channel_of(self, peer, record, now)
-  local key = channel_key(peer, record)
-  self.replaced[ar_key(peer, record)] = nil -- it goes on
-  local channels, expiry = self.channels, self.limits.transaction_expiry_ns
+  local key, place = channel_key(peer, record)
+  if self.any_replaced then
+    goes_on(self, place.ar_key)
+  end
+  local channels, expiry = self.channels, self.expiry_ns
   local channel = channels.values[key]
   if channel ~= nil and now - channel.touched > expiry then
     close_channel(self, channel, "expired")
@@ -359,10 +375,6 @@ end
 function Pairing:number()
   self.count = self.count + 1
   return self.count
-end
-
-local function make_job(self, peer, record, message)
-  return new_job(peer, record, message, self:number())
 end
 
 -- An accepted Write opens; it displaces what was open and ends the grace of a refused one.
@@ -583,15 +595,14 @@ end
 --- A Write that asks for something. Returns the job, for `write_response`.
 function Pairing:write_request(peer, record, message)
   local channel = channel_of(self, peer, record, record.request.time_ns)
-  local job = make_job(self, peer, record, message)
-  job.channel_key = channel.key
-  job.previous_reference, channel.reference = channel.reference, message.request_reference
-  job.previous, channel.written = channel.written, record.request.frame
-  local asked = channel.asked
-  asked[#asked + 1] = job
-  touch(self, job, "write_request", record.request)
+  local job = new_job(self, channel, peer, record, message, channel.reference, channel.written)
+  local asked, half = channel.asked, record.request
+  local count = #asked + 1
+  asked[count] = job
+  channel.reference, channel.written = message.request_reference, half.frame
+  touch(self, job, "write_request", half)
   self.listener:asked(job)
-  if #asked > self.limits.pending_writes then
+  if count > self.limits.pending_writes then
     push_out(self, table.remove(asked, 1), "pending_writes")
   end
   return job
@@ -604,7 +615,9 @@ function Pairing:write_response(job, response, fault)
     self.listener:late(job)
   end
   job.write_response = response
-  job.write_fault = fault or nil
+  if fault or job.write_fault then
+    job.write_fault = fault or nil
+  end
   if response then
     touch(self, job, "write_response", response)
   end
@@ -684,7 +697,7 @@ function Pairing:read_response(peer, record)
     reread(self, channel, last, record)
     return last
   end
-  job = make_job(self, peer, record, nil)
+  job = new_job(self, channel, peer, record, nil)
   job.phase, job.uncertain = "open", self.forgot_requests or nil
   if bytes(last) == half.data then
     job.repeats = last.read_response.frame
@@ -740,9 +753,13 @@ function Pairing:release(controller, device, ar, frame, index)
   end
 end
 
---- Something is said on an AR.
-function Pairing:goes_on(ar)
-  self.replaced[ar] = nil
+--- Something is said on the ARs of records.
+function Pairing:goes_on(peer, list)
+  if self.any_replaced then
+    for number = 1, #list do
+      goes_on(self, ar_key(peer, list[number]))
+    end
+  end
 end
 
 -- Whether nothing on a channel waits for a response or for the end of its grace.
@@ -759,7 +776,7 @@ local function replace(self, pair, ar, frame)
   end
   for key in siblings:iterate() do
     if not is_free(self.channels:get(key)) then
-      self.replaced[before] = frame
+      self.replaced[before], self.any_replaced = frame, true
       return
     end
   end

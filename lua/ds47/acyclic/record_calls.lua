@@ -10,12 +10,13 @@ local tables = require("ds47.spec.tables")
 
 local byte = string.byte
 local SHARED_INDEX = require("ds47.acyclic.index47").SHARED_INDEX
-local ar_key, half_of, parse_request = records.ar_key, records.half, records.parse_request
+local half_of, parse_request = records.half, records.parse_request
 local parse_halves, parse_response = records.parse_halves, records.parse_response
 
 local M = {}
 
 local OPERATIONS = {[rpc.READ] = "Read", [rpc.WRITE] = "Write", [rpc.READ_IMPLICIT] = "ReadImplicit"}
+local CONNECT, RELEASE = rpc.CONNECT, rpc.RELEASE
 
 -- Peers that were told, by what tells them apart.
 local peers, peer_count, MOST_PEERS = {}, 0, 4096
@@ -175,39 +176,44 @@ end
 
 -- Requests
 
-function RecordCalls:request(call)
-  local pdu = call.request
-  local opnum = pdu.opnum
-  if opnum == rpc.RELEASE then
+-- An AR begins or ends.
+function RecordCalls:_connection(pdu, opnum)
+  if opnum == RELEASE then
     local ar = records.released_ar(pdu)
     if ar then
       self.pairing:release(pdu.client, pdu.server, ar, pdu.frame)
       local of_ar = records.ar_text(pdu.client, pdu.server, ar)
       self.gate:follow(of_ar, self.events.event_of(placed(self, pdu), self, "_released", ar))
     end
-  elseif opnum == rpc.CONNECT then
+  elseif opnum == CONNECT then
     local ar, only = records.connected_ar(pdu), records.is_only_ar(pdu)
     self.pairing:connected(pdu.client, pdu.server, pdu.frame, ar, only)
   end
+end
+
+function RecordCalls:request(call)
+  local pdu = call.request
+  local opnum = pdu.opnum
   if not OPERATIONS[opnum] then
+    self:_connection(pdu, opnum)
     return
   end
-  local list, events, peer = parse_request(pdu), self.events, peer_of(pdu, self.naming)
+  local list, multiple, nested = parse_request(pdu)
+  local events, ours = self.events, self.gate.ours
   call.context = list
-  if list.multiple then
+  if multiple then
     events:count(records.WRITE_MULTIPLE, true)
   end
-  for number = 1, #list do
-    local record = list[number]
-    events:count(record.index, record.write)
-    self.pairing:goes_on(ar_key(peer, record))
-  end
-  if list.nested then
+  self.pairing:goes_on(pdu.peer or peer_of(pdu, self.naming), list)
+  if nested then
     self.listener:remark({rule = "DS208", frame = pdu.frame, args = {}})
   end
   for number = 1, #list do
     local record = list[number]
-    if events:concerns(record.index) then
+    local place = record.place
+    local index = place.index
+    events:count(index, place.write)
+    if ours[index] then
       events:asked(pdu, record)
     end
   end
@@ -259,25 +265,28 @@ end
 
 function RecordCalls:response(call)
   local pdu, context = call.response, call.context
-  if pdu.opnum == rpc.CONNECT then
+  if pdu.opnum == CONNECT then
     self.listener:set_up(call.request, pdu)
   end
   if not context then
     return
   end
   local status, halves = parse_halves(pdu)
-  local events, origin = self.events, placed(self, pdu)
+  local events, ours = self.events, self.gate.ours
+  if pdu.peer == nil then
+    peer_of(pdu, self.naming)
+  end
   for number = 1, #context do
     local record = context[number]
-    if events:concerns(record.index) then
+    if ours[record.index] then
       -- without a block of its own the status of the NDR header counts
       local half = halves[number] or half_of(pdu.frame, pdu.time_ns, status)
       record.response = half
       if not half.status then
         local remark = {rule = "DS108", frame = pdu.frame, args = {}}
-        events:about_job(origin, record, remark)
+        events:about_job(pdu, record, remark)
       end
-      events:answered(origin, record)
+      events:answered(pdu, record)
     end
   end
 end

@@ -4,10 +4,10 @@
 -- and the jobs (pairing.lua). Holds back what is not known to be ours yet (index47.lua), decodes a request
 -- once, and says where the length of a record or the order of the capture is wrong (DS106, DS107, DS202).
 --
--- What happens to a record is an event: one of the methods under "Events", with up to three arguments
+-- What happens to a record is an event: one of the functions under "Events", with up to three arguments
 -- (origin, record, detail). The origin says where it happens: {frame, time_ns, peer, missing, cut}, of RPC
--- the PDU. While the gate is open the method is called at once; a table is made only for an event that has to
--- wait. The record of a Write knows the job that was made of it (`record.job`).
+-- the PDU. While the gate is open the function is called at once; a table is made only for an event that has
+-- to wait. The record of a Write knows the job that was made of it (`record.job`).
 
 local json = require("ds47.support.json")
 local parameter = require("ds47.profidrive.parameter")
@@ -37,6 +37,74 @@ function RecordEvents.new(gate, pairing, codec, listener)
   }, RecordEvents)
 end
 
+-- Events: what happens to a record once it is known to be ours
+
+-- Time of the capture; a finding where it steps backwards.
+local function clock(self, origin)
+  local newest, before, now = self.newest_ns, self.newest_frame, origin.time_ns
+  if origin.frame < before then -- that of an AR that proved itself late
+    return
+  end
+  if newest and now < newest then
+    local args = {milliseconds = json.float((newest - now) / 1e6), first = before}
+    self.listener:remark({rule = "DS107", frame = origin.frame, args = args})
+  end
+  self.newest_ns, self.newest_frame = now, origin.frame
+end
+
+local function event_remark(self, _, _, remark)
+  self.listener:remark(remark)
+end
+
+local function event_run(_, origin, _, detail)
+  detail.target[detail.method](detail.target, detail.argument, origin)
+end
+
+local function event_job_remark(self, _, record, remark)
+  remark.job = record.job
+  self.listener:remark(remark)
+end
+
+local function event_read_request(self, origin, record)
+  clock(self, origin)
+  record.job = self.pairing:expected(origin.peer, record) -- for what is said of the call
+end
+
+local function event_write_request(self, origin, record, message)
+  clock(self, origin)
+  record.job = self.pairing:write_request(origin.peer, record, message)
+end
+
+local function event_read_lost(self, origin, record)
+  self.pairing:read_lost(origin.peer, record)
+end
+
+local function event_write_answered(self, origin, record)
+  clock(self, origin)
+  local job = record.job
+  if job then
+    self.pairing:write_response(job, record.response)
+  end
+end
+
+local function event_write_unasked(self, origin, record)
+  self.pairing:write_unasked(origin.peer, record)
+end
+
+local function event_read_answered(self, origin, record)
+  clock(self, origin)
+  self.pairing:read_response(origin.peer, record)
+end
+
+local function event_write_failed(self, origin, record)
+  local job = record.job
+  if job then
+    self.pairing:write_response(job, half_of(origin.frame, origin.time_ns, nil), true)
+  end
+end
+
+-- What is told
+
 --- Whether a record of this index can be ours at all.
 function RecordEvents:concerns(index)
   return self.gate:concerns(index)
@@ -49,46 +117,63 @@ function RecordEvents:count(index, write)
     counts = {read = 0, write = 0}
     self.counts[index] = counts
   end
-  local name = write and "write" or "read"
-  counts[name] = counts[name] + 1
+  if write then
+    counts.write = counts.write + 1
+  else
+    counts.read = counts.read + 1
+  end
 end
 
 -- Runs an event, now or when a shaped message of the same AR comes; never if none does.
--- `method`: the name of a method of this table.
-function RecordEvents:_pass(method, shaped, origin, record, detail)
-  local ar = ar_key(origin.peer, record)
-  if self.gate:admit(ar, record.index, shaped, self) then
-    self[method](self, origin, record, detail)
+-- `event`: a function under "Events". `is_shaped`: a function of the same arguments that says whether the
+-- message is shaped, asked only where that would open the gate; nil for an event that is none.
+local function pass(self, event, is_shaped, origin, record, detail)
+  local ar, place = ar_key(origin.peer, record)
+  local gate, index = self.gate, place.index
+  if gate:admit(ar, index, false, self)
+    or is_shaped and gate:admit(ar, index, is_shaped(self, origin, record, detail), self) then
+    event(self, origin, record, detail)
   else
-    self.gate:hold(ar, {method = method, origin = origin, record = record, detail = detail})
+    gate:hold(ar, {event = event, origin = origin, record = record, detail = detail})
   end
 end
 
 --- Runs an event that the gate held back.
-function RecordEvents:run(event)
-  self[event.method](self, event.origin, event.record, event.detail)
+function RecordEvents:run(held)
+  held.event(self, held.origin, held.record, held.detail)
 end
 
 --- A finding about a record that is ours, or will turn out to be.
 function RecordEvents:about(origin, record, remark)
-  self:_pass("_event_remark", false, origin, record, remark)
+  pass(self, event_remark, nil, origin, record, remark)
 end
 
 --- The same, about the job that the record belongs to, where there is one then.
 function RecordEvents:about_job(origin, record, remark)
-  self:_pass("_event_job_remark", false, origin, record, remark)
+  pass(self, event_job_remark, nil, origin, record, remark)
 end
 
 --- What else happens only if the record is ours: `target[method](target, argument, origin)`.
 function RecordEvents:then_run(origin, record, target, method, argument)
   local detail = {target = target, method = method, argument = argument}
-  self:_pass("_event_run", false, origin, record, detail)
+  pass(self, event_run, nil, origin, record, detail)
 end
 
 --- The same as an event that may wait (index47.lua) without a record of its own.
 function RecordEvents.event_of(origin, target, method, argument)
   local detail = {target = target, method = method, argument = argument}
-  return {method = "_event_run", origin = origin, detail = detail}
+  return {event = event_run, origin = origin, detail = detail}
+end
+
+local function is_shaped_request(_, _, _, message)
+  return message.shaped
+end
+
+-- Whether a Read that was answered shows the parameter channel, or brings once more what did.
+local function is_shaped_answer(self, origin, record)
+  local half = record.response
+  return half.data ~= "" and half.missing == 0 and (decode_response(half.data, nil, self.codec).shaped
+    or self.pairing:is_again(origin.peer, record))
 end
 
 --- A request.
@@ -98,17 +183,16 @@ function RecordEvents:asked(origin, record)
     self:_length(origin, record, half)
   end
   if record.write then
-    local message = self.decode_request(half.data)
-    self:_pass("_event_write_request", message.shaped, origin, record, message)
+    pass(self, event_write_request, is_shaped_request, origin, record, self.decode_request(half.data))
   else
-    self:_pass("_event_read_request", false, origin, record)
+    pass(self, event_read_request, nil, origin, record)
   end
 end
 
 --- The response to a request.
 function RecordEvents:answered(origin, record)
   if record.write then
-    self:_pass("_event_write_answered", false, origin, record)
+    pass(self, event_write_answered, nil, origin, record)
   else
     self:_read_answered(origin, record, record.response)
   end
@@ -117,7 +201,7 @@ end
 --- A response without its request.
 function RecordEvents:unasked(origin, record)
   if record.write then
-    self:_pass("_event_write_unasked", false, origin, record)
+    pass(self, event_write_unasked, nil, origin, record)
   else
     self:_read_answered(origin, record, record.response)
   end
@@ -126,14 +210,14 @@ end
 --- A request that was turned away before anybody looked at its record.
 function RecordEvents:failed(origin, record)
   if record.write then
-    self:_pass("_event_write_failed", false, origin, record)
+    pass(self, event_write_failed, nil, origin, record)
   end
 end
 
 --- A request whose response does not come any more.
 function RecordEvents:lost(origin, record)
   if not record.write then
-    self:_pass("_event_read_lost", false, origin, record)
+    pass(self, event_read_lost, nil, origin, record)
   end
 end
 
@@ -153,82 +237,10 @@ function RecordEvents:_length(origin, record, half)
 end
 
 function RecordEvents:_read_answered(origin, record, half)
-  local shaped = false
   if half.missing ~= 0 then
     self:_length(origin, record, half)
   end
-  if half.data ~= "" and half.missing == 0
-    and self.gate:needs_proof(ar_key(origin.peer, record), record.index) then
-    shaped = decode_response(half.data, nil, self.codec).shaped
-      or self.pairing:is_again(origin.peer, record)
-  end
-  self:_pass("_event_read_answered", shaped, origin, record)
-end
-
--- Events: what happens to a record once it is known to be ours
-
--- Time of the capture; a finding where it steps backwards.
-local function clock(self, origin)
-  local newest, before, now = self.newest_ns, self.newest_frame, origin.time_ns
-  if origin.frame < before then -- that of an AR that proved itself late
-    return
-  end
-  if newest and now < newest then
-    local args = {milliseconds = json.float((newest - now) / 1e6), first = before}
-    self.listener:remark({rule = "DS107", frame = origin.frame, args = args})
-  end
-  self.newest_ns, self.newest_frame = now, origin.frame
-end
-
-function RecordEvents:_event_remark(_, _, remark)
-  self.listener:remark(remark)
-end
-
-function RecordEvents:_event_run(origin, _, detail)
-  detail.target[detail.method](detail.target, detail.argument, origin)
-end
-
-function RecordEvents:_event_job_remark(_, record, remark)
-  remark.job = record.job
-  self.listener:remark(remark)
-end
-
-function RecordEvents:_event_read_request(origin, record)
-  clock(self, origin)
-  record.job = self.pairing:expected(origin.peer, record) -- for what is said of the call
-end
-
-function RecordEvents:_event_write_request(origin, record, message)
-  clock(self, origin)
-  record.job = self.pairing:write_request(origin.peer, record, message)
-end
-
-function RecordEvents:_event_read_lost(origin, record)
-  self.pairing:read_lost(origin.peer, record)
-end
-
-function RecordEvents:_event_write_answered(origin, record)
-  clock(self, origin)
-  local job = record.job
-  if job then
-    self.pairing:write_response(job, record.response)
-  end
-end
-
-function RecordEvents:_event_write_unasked(origin, record)
-  self.pairing:write_unasked(origin.peer, record)
-end
-
-function RecordEvents:_event_read_answered(origin, record)
-  clock(self, origin)
-  self.pairing:read_response(origin.peer, record)
-end
-
-function RecordEvents:_event_write_failed(origin, record)
-  local job = record.job
-  if job then
-    self.pairing:write_response(job, half_of(origin.frame, origin.time_ns, nil), true)
-  end
+  pass(self, event_read_answered, is_shaped_answer, origin, record)
 end
 
 return M

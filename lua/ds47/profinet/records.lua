@@ -15,7 +15,8 @@
 local rpc = require("ds47.profinet.rpc")
 local layout = require("ds47.spec.tables").layouts
 
-local byte, find, sub = string.byte, string.find, string.sub
+local byte, char, find, sub = string.byte, string.char, string.find, string.sub
+local floor = math.floor
 
 local M = {}
 
@@ -28,25 +29,37 @@ M.WRITE_MULTIPLE, M.NIL_UUID = WRITE_MULTIPLE, NIL_UUID
 M.NO_API = -1 -- where there is neither API nor subslot: on PROFIBUS
 
 local WRITE, READ_IMPLICIT = rpc.WRITE, rpc.READ_IMPLICIT
+
+-- The blocks of an operation in one direction: the first two bytes of each, and those that were seen by what
+-- they say from the AR to the record data length (`new_block`): one look at 32 bytes gives place and length.
+local function blocks_of(type)
+  return {type = char(floor(type / 256), type % 256), known = {}}
+end
+
 local REQUEST_BLOCKS = {
-  [rpc.READ] = layout.BLOCK_READ_REQUEST, [READ_IMPLICIT] = layout.BLOCK_READ_REQUEST,
-  [WRITE] = layout.BLOCK_WRITE_REQUEST,
+  [rpc.READ] = blocks_of(layout.BLOCK_READ_REQUEST), [READ_IMPLICIT] = blocks_of(layout.BLOCK_READ_REQUEST),
+  [WRITE] = blocks_of(layout.BLOCK_WRITE_REQUEST),
 }
 local RESPONSE_BLOCKS = {
-  [rpc.READ] = layout.BLOCK_READ_RESPONSE, [READ_IMPLICIT] = layout.BLOCK_READ_RESPONSE,
-  [WRITE] = layout.BLOCK_WRITE_RESPONSE,
+  [rpc.READ] = blocks_of(layout.BLOCK_READ_RESPONSE), [READ_IMPLICIT] = blocks_of(layout.BLOCK_READ_RESPONSE),
+  [WRITE] = blocks_of(layout.BLOCK_WRITE_RESPONSE),
 }
+local block_count, MOST_BLOCKS = 0, 16384
 local AR_BLOCK = layout.BLOCK_AR_REQUEST
 local ONLY_ARS = {[0x0001] = true, [0x0010] = true}
 local RELEASE_BLOCKS = {[layout.BLOCK_RELEASE_REQUEST] = true, [layout.BLOCK_RELEASE_OF_RSI] = true}
 local FIRST_AR = NDR + layout.BLOCK_AR -- where the AR stands in a Connect or Release
 
-local HALF = {data = "", stated = 0, missing = 0}
-HALF.__index = HALF
+local NO_ERROR = ("\0"):rep(4)
 
--- Those of a response to a Read without an error.
-local GOOD = {data = "", stated = 0, missing = 0, status = 0}
-GOOD.__index = GOOD
+-- What halves have in common of which a block states the length.
+local function half_class(stated)
+  local class = {data = "", stated = stated, missing = 0}
+  class.__index = class
+  return class
+end
+
+local HALF = half_class(0)
 
 --- A half that carries no data.
 function M.half(frame, time_ns, status)
@@ -83,14 +96,13 @@ local function new_place(opnum, key)
   })
 end
 
--- The place of the block at the 0-based offset.
-local function place_at(opnum, data, offset)
+-- The place that the bytes from the AR to the index name.
+local function place_of(opnum, key)
   local known = places[opnum]
   if known == nil then
     known = {}
     places[opnum] = known
   end
-  local key = sub(data, offset + AR + 1, offset + INDEX + 2)
   local place = known[key]
   if place == nil then
     place = new_place(opnum, key)
@@ -101,6 +113,42 @@ local function place_at(opnum, data, offset)
     end
   end
   return place
+end
+
+local function forget_blocks()
+  for _, all in ipairs({REQUEST_BLOCKS, RESPONSE_BLOCKS}) do
+    for _, blocks in pairs(all) do
+      blocks.known = {}
+    end
+  end
+  block_count = 0
+end
+
+-- What a block says: {place, stated, half = the metatable of its halves}. Big-endian always (P13).
+-- nil where it is not whole.
+local function new_block(blocks, opnum, key)
+  if #key < HEAD - AR then
+    return nil
+  end
+  local l1, l2, l3, l4 = byte(key, -4, -1)
+  local stated = ((l1 * 256 + l2) * 256 + l3) * 256 + l4
+  local block = {
+    place = place_of(opnum, sub(key, 1, INDEX + 2 - AR)), stated = stated, half = half_class(stated),
+  }
+  if block_count >= MOST_BLOCKS then
+    forget_blocks()
+  end
+  blocks.known[key], block_count = block, block_count + 1
+  return block
+end
+
+-- The block at the 0-based offset; nil where it is not whole or not of the expected type.
+local function block_at(blocks, opnum, data, offset)
+  if blocks == nil or sub(data, offset + 1, offset + 2) ~= blocks.type then
+    return nil
+  end
+  local key = sub(data, offset + AR + 1, offset + HEAD)
+  return blocks.known[key] or new_block(blocks, opnum, key)
 end
 
 --- What names an AR: controller, device, AR UUID (nil UUID for ReadImplicit).
@@ -120,156 +168,135 @@ local function know_peer(place, peer)
   place.channel_key = place.text .. names
 end
 
---- What names the AR of a record, between two peers: its `ar_text`.
+--- What names the AR of a record, between two peers: its `ar_text`. Second the place of the record.
 function M.ar_key(peer, record)
   local place = record.place
   if place.peer ~= peer then
     know_peer(place, peer)
   end
-  return place.ar_key
+  return place.ar_key, place
 end
 
---- What names the channel of a record (docs/pairing.md P14).
+--- What names the channel of a record (docs/pairing.md P14). Second the place of the record.
 function M.channel_key(peer, record)
   local place = record.place
   if place.peer ~= peer then
     know_peer(place, peer)
   end
-  return place.channel_key
+  return place.channel_key, place
 end
 
---- The index and the stated data length of the block at the 0-based offset.
--- nil where the block is not whole or not of the expected type. Blocks are big-endian always (P13).
-local function head(data, offset, expected)
-  local t1, t2 = byte(data, offset + 1, offset + 2)
-  if not t2 or t1 * 256 + t2 ~= expected or #data < offset + HEAD then
-    return nil
+-- The record that a block of a request asks for: with the data behind the block in a Write, with the wanted
+-- length alone in a Read.
+local function asked(pdu, opnum, block, data, start)
+  if opnum ~= WRITE then
+    return new_record(block.place, setmetatable({frame = pdu.frame, time_ns = pdu.time_ns}, block.half))
   end
-  local i1, i2, l1, l2, l3, l4 = byte(data, offset + INDEX + 1, offset + HEAD)
-  return i1 * 256 + i2, ((l1 * 256 + l2) * 256 + l3) * 256 + l4
-end
-
---- The record whose block stands at the 0-based offset, with one half or the other.
-local function record_at(pdu, data, offset, position, request, response)
-  local record = new_record(place_at(pdu.opnum, data, offset), request, response)
-  if position ~= 0 then
-    record.position = position
+  local stated = block.stated
+  local payload = sub(data, start + 1, start + stated)
+  local half = setmetatable({frame = pdu.frame, time_ns = pdu.time_ns, data = payload}, block.half)
+  if #payload < stated then
+    half.missing = stated - #payload
   end
-  return record
+  return new_record(block.place, half)
 end
 
---- The half of a request: what follows the block in a Write, only the wanted length in a Read.
-local function asked(pdu, data, start, stated)
-  local half = {frame = pdu.frame, time_ns = pdu.time_ns, stated = stated, data = nil}
-  if pdu.opnum == WRITE then
-    local payload = sub(data, start + 1, start + stated)
-    half.data = payload
-    if #payload < stated then
-      half.missing = stated - #payload
-    end
+-- The records of an IODWriteMultiple.
+local function parse_multiple(pdu, blocks, inner)
+  local result, offset, nested = {}, 0, false
+  local block = block_at(blocks, WRITE, inner, 0)
+  while block do
+    nested = nested or block.place.index == WRITE_MULTIPLE
+    local position = #result + 1
+    local record = asked(pdu, WRITE, block, inner, offset + SIZE)
+    record.position, result[position] = position, record
+    offset = offset + SIZE + block.stated + -block.stated % 4
+    block = block_at(blocks, WRITE, inner, offset)
   end
-  return setmetatable(half, HALF)
+  return result, true, nested
 end
-
--- The records of one request.
-local Body = {multiple = false, nested = false}
-Body.__index = Body
 
 --- The records of a Read, Write or ReadImplicit request; what does not parse is absent.
--- @return array of them, with the keys multiple and nested: `nested` when an IODWriteMultiple stands inside
---   another, whose records are not opened (P18)
+-- @return array of them; whether they are those of an IODWriteMultiple, and whether another one stands inside
+--   it, whose records are not opened (P18)
 function M.parse_request(pdu)
-  local body, result = pdu.body, setmetatable({nil}, Body) -- given room for one at once
-  local expected = REQUEST_BLOCKS[pdu.opnum]
-  local index, stated = head(body, NDR, expected)
-  if not index then
-    return result
+  local body, opnum = pdu.body, pdu.opnum
+  local blocks = REQUEST_BLOCKS[opnum]
+  local block = block_at(blocks, opnum, body, NDR)
+  if not block then
+    return {}, false, false
+  elseif opnum == WRITE and block.place.index == WRITE_MULTIPLE then
+    return parse_multiple(pdu, blocks, sub(body, NDR + SIZE + 1, NDR + SIZE + block.stated))
   end
-  if index ~= WRITE_MULTIPLE or pdu.opnum ~= WRITE then
-    result[1] = record_at(pdu, body, NDR, 0, asked(pdu, body, NDR + SIZE, stated))
-    return result
-  end
-  result.multiple = true
-  local inner = sub(body, NDR + SIZE + 1, NDR + SIZE + stated)
-  local offset, position = 0, 1
-  index, stated = head(inner, 0, expected)
-  while index do
-    if index == WRITE_MULTIPLE then
-      result.nested = true
-    end
-    local half = asked(pdu, inner, offset + SIZE, stated)
-    result[position] = record_at(pdu, inner, offset, position, half)
-    offset = offset + SIZE + stated + -stated % 4
-    position = position + 1
-    index, stated = head(inner, offset, expected)
-  end
-  return result
+  return {asked(pdu, opnum, block, body, NDR + SIZE)}, false, false
 end
 
---- The PNIOStatus, the first four bytes of the NDR header; nil where they are not there.
-local function status_of(pdu)
-  local a, b, c, d = byte(pdu.body, 1, 4)
+-- The PNIOStatus, four bytes of a body; nil where they are not there.
+local function status_at(body, offset, little)
+  if sub(body, offset + 1, offset + 4) == NO_ERROR then
+    return 0
+  end
+  local a, b, c, d = byte(body, offset + 1, offset + 4)
   if not d then
     return nil
   end
-  if pdu.little then
+  if little then
     a, b, c, d = d, c, b, a
   end
   return ((a * 256 + b) * 256 + c) * 256 + d
 end
 
---- The response of one block. The status of a Write is its own, unless the whole call failed.
-local function answer(pdu, offset, stated, ndr_status)
-  local body = pdu.body
-  if pdu.opnum == WRITE then
-    local status = ndr_status
-    if ndr_status == 0 then
-      local a, b, c, d = byte(body, offset + STATUS + 1, offset + STATUS + 4)
-      status = d and ((a * 256 + b) * 256 + c) * 256 + d
+-- The response of one block. The status of a Write is its own, unless the whole call failed.
+local function answer(pdu, opnum, block, body, offset, status)
+  if opnum == WRITE then
+    if status == 0 then
+      status = status_at(body, offset + STATUS, false)
     end
-    return M.half(pdu.frame, pdu.time_ns, status)
+    return setmetatable({frame = pdu.frame, time_ns = pdu.time_ns, status = status}, HALF)
   end
+  local stated = block.stated
   local data = sub(body, offset + SIZE + 1, offset + SIZE + stated)
-  local half = {frame = pdu.frame, time_ns = pdu.time_ns, data = data, stated = stated}
+  local half = {frame = pdu.frame, time_ns = pdu.time_ns, data = data, status = status}
   if #data < stated then
     half.missing = stated - #data
   end
-  if ndr_status == 0 then
-    return setmetatable(half, GOOD)
+  return setmetatable(half, block.half)
+end
+
+-- The halves of the blocks of a Write response, one behind the other.
+local function answers(pdu, blocks, block, status)
+  local halves, body, offset = {}, pdu.body, NDR
+  while block do
+    halves[#halves + 1] = answer(pdu, WRITE, block, body, offset, status)
+    offset = offset + SIZE
+    block = block_at(blocks, WRITE, body, offset)
   end
-  half.status = ndr_status
-  return setmetatable(half, HALF)
+  return halves
 end
 
 --- The halves of a response, in the order of its blocks.
 -- @return the PNIOStatus of the NDR header (nil for an empty body); an array of halves; whether it is that of
 --   an IODWriteMultiple, of which only the inner halves are told
 function M.parse_halves(pdu)
-  local body, halves = pdu.body, {nil} -- given room for one at once
-  local ndr_status = status_of(pdu)
-  if #body < NDR then
-    return ndr_status, halves, false
+  local body, opnum = pdu.body, pdu.opnum
+  local status, blocks = status_at(body, 0, pdu.little), RESPONSE_BLOCKS[opnum]
+  local block = block_at(blocks, opnum, body, NDR)
+  if not block then
+    return status, {}, false
   end
-  local write, expected = pdu.opnum == WRITE, RESPONSE_BLOCKS[pdu.opnum]
-  local offset, count = NDR, 0
-  local index, stated = head(body, offset, expected)
-  local multiple = write and index == WRITE_MULTIPLE
-  while index do
-    count = count + 1
-    halves[count] = answer(pdu, offset, stated, ndr_status)
-    offset = offset + SIZE
-    index = nil
-    if write then -- a Read has one block, and its data behind it
-      index, stated = head(body, offset, expected)
-    end
+  local multiple = opnum == WRITE and block.place.index == WRITE_MULTIPLE
+  if opnum ~= WRITE or #body < NDR + SIZE + HEAD and not multiple then -- one block; a Read has its data there
+    return status, {answer(pdu, opnum, block, body, NDR, status)}, false
   end
-  if multiple then
-    local outer = table.remove(halves, 1)
-    if count == 1 and outer.status and outer.status ~= 0 then
-      ndr_status = outer.status
-    end
+  local halves = answers(pdu, blocks, block, status)
+  if not multiple then
+    return status, halves, false
   end
-  return ndr_status, halves, multiple
+  local outer = table.remove(halves, 1)
+  if not halves[1] and outer.status and outer.status ~= 0 then
+    status = outer.status
+  end
+  return status, halves, true
 end
 
 --- The PNIOStatus of the NDR header (nil for an empty body) and the response blocks as records.
@@ -283,7 +310,12 @@ function M.parse_response(pdu)
     offset, position = offset + SIZE, 1
   end
   for number, half in ipairs(halves) do
-    records[number] = record_at(pdu, pdu.body, offset, position, nil, half)
+    local block = block_at(RESPONSE_BLOCKS[pdu.opnum], pdu.opnum, pdu.body, offset)
+    local record = new_record(block.place, nil, half)
+    if position ~= 0 then
+      record.position = position
+    end
+    records[number] = record
     offset, position = offset + SIZE, position + 1
   end
   return ndr_status, records
