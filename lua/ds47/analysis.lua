@@ -46,7 +46,7 @@ local tables = require("ds47.spec.tables")
 local new_time = require("ds47.support.times").new
 local transactions = require("ds47.acyclic.transactions")
 
-local parse = rpc.parse
+local parse, decode_response = rpc.parse, parameter.decode_response
 
 local M = {}
 
@@ -59,7 +59,7 @@ Analysis.__index = Analysis
 -- Fields whose values never change once they are made: a copy of the open state refers to the same ones.
 local UNCHANGING = {
   message = true, peer = true, request = true, response = true, meanings = true,
-  read_request = true, read_response = true, write_response = true,
+  read_request = true, read_response = true, write_response = true, place = true,
   split = true, -- of S7: what is newest counts in older results, too
   superseding = true, rival = true, -- jobs that are looked at, with what is certain of them
 }
@@ -94,7 +94,6 @@ function M.new(options)
     naming = naming.Naming.new(nil, options.vendor_id),
     fragments = rpc.Fragments.new(limits.fragment_expiry_ns),
     reassembly = ip.Reassembly.new(limits),
-    answers = {}, -- job -> its remarks, from the answer until the job is closed
     finished_jobs = transactions.store(codec),
     last_frame = nil,
     original = nil, -- the frame of which the last one is a mirror port's copy; nil of all others
@@ -272,14 +271,13 @@ end
 -- The jobs that the last packet asks for are behind the others then. The gate let the request of a record
 -- pass that knows one; only a request that came again may find another one, or one at last.
 local function add_asked(self, jobs, roles, count)
-  local service, call, context, peer = self.ms1.newest, self.last_call, nil, nil
+  local service, call, record, peer = self.ms1.newest, self.last_call, nil, nil
   if service then
-    context, peer = {service.record}, ms1calls.peer(service.master, service.station)
-  elseif call and call.response == nil and call.context then
-    context, peer = call.context, self.asks_again and recordcalls.peer(call.request, self.naming)
+    record, peer = service.record, ms1calls.peer(service.master, service.station)
+  elseif call and call.response == nil then
+    record, peer = call.context, self.asks_again and recordcalls.peer(call.request, self.naming)
   end
-  for number = 1, context and #context or 0 do
-    local record = context[number]
+  while record do
     if not record.write then
       local job = record.job
       if peer then
@@ -290,6 +288,7 @@ local function add_asked(self, jobs, roles, count)
         jobs[count], roles[count] = job, "read_request"
       end
     end
+    record = record.following
   end
   return count
 end
@@ -366,7 +365,7 @@ end
 --- What is certain of a job that has no answer yet: array of findings, none of them kept.
 -- An answered job has none: `findings_at` knows them.
 function Analysis:peek(job)
-  local remarks = job.phase ~= "closed" and not self.answers[job] and self.judge:certain(job) or NONE
+  local remarks = job.phase ~= "closed" and not job.remarks and self.judge:certain(job) or NONE
   if #remarks == 0 then
     return NONE
   end
@@ -524,43 +523,51 @@ end
 function Analysis:answered(job)
   local half = job.read_response
   if half ~= nil and half.data ~= "" then
-    job.response = parameter.decode_response(half.data, job.message, self.codec)
+    job.response = decode_response(half.data, job.message, self.codec)
   end
   local remarks = self.judge:answered(job)
-  self.answers[job] = remarks
+  job.remarks = remarks
   learning.answered(self.dictionary, job)
-  self.findings:foresee(remarks)
+  if remarks[1] then
+    self.findings:foresee(remarks)
+  end
 end
 
 --- Nothing more can come for a job.
 function Analysis:closed(job)
-  local remarks = self.answers[job]
-  learning.closed(self.dictionary, job)
+  local remarks, kept = job.remarks, self.findings
+  if job.response == nil then
+    learning.ask(self.dictionary, job)
+  end
   if remarks then
-    self.answers[job] = nil
+    job.remarks = nil
   else
     remarks = self.judge:unanswered(job, self.findings.frames_dropped)
     if job.limit and job:write_request() then
       self.records:limit_reached(job.limit, job:write_request())
     end
-    self.findings:foresee(remarks)
+    kept:foresee(remarks)
   end
-  self.findings:keep(remarks)
-  local refused = self.judge:closed(job)
+  if remarks[1] then
+    kept:keep(remarks)
+  end
+  local accepted = job.write_response
+  local refused = accepted and accepted.status ~= 0 and self.judge:closed(job)
   if refused then
-    self.findings:add(refused)
+    kept:add(refused)
   end
   local diagnoses = self.diagnoses:closed(job)
   for number = 1, #diagnoses do
-    self.findings:add(diagnoses[number])
+    kept:add(diagnoses[number])
   end
   self.finished_jobs:add(job)
-  self:_explain(job.order)
+  if self.cyclic:has_drives() then
+    self:_explain(job.order)
+  end
 end
 
 -- Whether the state of its drive explains the transaction of this order, which is over.
 function Analysis:_explain(order)
-  if #self.cyclic:drives() == 0 then return end
   local remark = self.conclusions:transaction(self.finished_jobs:by_order(order))
   if remark then
     remark.order = order
@@ -596,7 +603,9 @@ function Analysis:exchanged(relation, job)
     remark.order = job.order
     self.findings:add(remark)
   end
-  self:_explain(job.order)
+  if self.cyclic:has_drives() then
+    self:_explain(job.order)
+  end
 end
 
 --- A job of S7 is over.

@@ -51,6 +51,7 @@ end
 local function half(told)
   if told then
     told.data = unhex(told.data)
+    told.missing = told.missing ~= 0 and told.missing or nil
   end
   return told
 end

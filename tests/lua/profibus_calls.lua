@@ -38,8 +38,8 @@ end
 local function half_of(half)
   if not half then return json.null end
   return {
-    frame = half.frame, time_ns = half.time_ns, data = reader.hex(half.data), stated = half.stated,
-    missing = half.missing, status = or_null(half.status),
+    frame = half.frame, time_ns = half.time_ns, data = reader.hex(half.data), stated = half.stated or 0,
+    missing = half.missing or 0, status = or_null(half.status),
   }
 end
 

@@ -39,9 +39,10 @@ local function tell(kind, content)
 end
 
 local function half_of(half)
+  local data = half and half.data or ""
   return half and {
-    frame = half.frame, time_ns = half.time_ns, data = hex(half.data), stated = half.stated,
-    missing = half.missing, status = half.status,
+    frame = half.frame, time_ns = half.time_ns, data = hex(data), stated = half.stated or #data,
+    missing = half.missing or 0, status = half.status,
   }
 end
 
@@ -53,10 +54,10 @@ local function record_of(record)
   }
 end
 
-local function list_of(list)
+local function list_of(record)
   local result = json.array({})
-  for number, record in ipairs(list) do
-    result[number] = record_of(record)
+  while record do
+    result[#result + 1], record = record_of(record), record.following
   end
   return result
 end
@@ -74,10 +75,10 @@ local function tell_pdu(pdu, kind)
 end
 
 local function tell_records(pdu)
-  local body, multiple, nested = records.parse_request(pdu)
+  local first, multiple, nested = records.parse_request(pdu)
   local status, answers = records.parse_response(pdu)
   tell("records", {
-    multiple = multiple, nested = nested, requests = list_of(body), status = status,
+    multiple = multiple, nested = nested, requests = list_of(first), status = status,
     answers = list_of(answers), released = hex(records.released_ar(pdu)),
   })
 end

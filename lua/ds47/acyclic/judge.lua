@@ -72,8 +72,9 @@ local is_mismatch = M.is_mismatch
 --- The drive's share of the duration, nanoseconds: without the pause the program made before its first Read.
 -- nil where that is not known: the duration, when the Write was accepted, when the first Read was asked for.
 function M.drive_time_ns(job)
-  local write, accepted, read = job:write_request(), job.write_response, job.read_response
-  if write == nil or accepted == nil or read == nil then
+  local accepted, read = job.write_response, job.read_response
+  local write = job.message and job.record.request
+  if not write or accepted == nil or read == nil then
     return nil
   end
   local first, poll = job.read_request, job.polls[1]
@@ -88,6 +89,8 @@ function M.drive_time_ns(job)
   end
   return read.time_ns - write.time_ns
 end
+
+local drive_time_ns = M.drive_time_ns
 
 -- What is wrong inside a message; what the capture cut off is no fault of it.
 -- `most`: how many parameters the device has shown to take; nil for the usual number.
@@ -134,7 +137,7 @@ end
 -- The remarks in `blank`, as those of the job.
 local function owned(self, job)
   local remarks = self.blank
-  if #remarks == 0 then
+  if remarks[1] == nil then
     return NONE
   end
   self.blank = {}
@@ -144,92 +147,10 @@ local function owned(self, job)
   return remarks
 end
 
-local function is_change(job)
-  return job.message ~= nil and job.message.operation == "change"
-end
-
---- A Write request asks for something. To be called in the order of the capture.
-function Judge:asked(job)
-  self.written:asked(job)
-end
-
---- A Write was refused.
-function Judge:refused(job)
-  if is_change(job) then
-    self.written:settled(job, false)
-  end
-end
-
---- A Connect to a device.
-function Judge:connected(device, frame)
-  self.written:connected(device, frame)
-end
-
---- What its response, and the values in it, say of a job: an array of remarks.
--- To be called in the order of the capture.
-function Judge:answered(job)
-  local remarks, stray = self.blank, is_mismatch(job)
-  self:_request(remarks, job)
-  self:_reads(remarks, job)
-  self:_response(remarks, job, stray)
-  self:_time(remarks, job)
-  if is_change(job) then
-    self.written:settled(job, stray)
-  elseif job.message == nil then
-    self.written:unasked(job)
-  end
-  if not stray then
-    self:_read_back(remarks, job)
-    self:_learn_limit(job)
-  end
-  return owned(self, job)
-end
-
---- What is to be said of a job that is closed without a response: an array of remarks.
--- @param dropped  whether the capture says that frames are missing
-function Judge:unanswered(job, dropped)
-  local remarks = self.blank
-  self:_request(remarks, job)
-  self:_reads(remarks, job)
-  if is_change(job) then
-    self.written:settled(job, false)
-  end
-  local write = job:write_request()
-  if write and not job:write_refused() and not job.contested then
-    local change = is_change(job)
-    if job.superseded_by ~= nil then
-      local args = {request = write.frame, by = job.superseded_by}
-      put(remarks, change and "DS414" or "DS413", job.superseded_by, args)
-    elseif not job.limit then -- else a response may have come later
-      local args = {reason = job.reason ~= "" and job.reason or nil, dropped = dropped}
-      put(remarks, change and "DS402" or "DS401", write.frame, args)
-    end
-  end
-  return owned(self, job)
-end
-
---- What is certain of a job that still waits: an array of remarks.
-function Judge:certain(job)
-  local remarks = self.blank
-  self:_request(remarks, job, huge) -- the drive may yet answer all of them
-  self:_reads(remarks, job)
-  remarks[#remarks + 1] = self:closed(job)
-  return owned(self, job)
-end
-
---- What its Write response says of a job: a remark or nil. It may come after the Read.
-function Judge:closed(job)
-  local half = job.write_response
-  if half == nil or half.status == nil or half.status == 0 then
-    return nil
-  end
-  local remark = M.remark("DS203", half.frame, {status = status.status_hex(half.status)})
-  remark.job = job
-  return remark
-end
+-- What is to be said of a job, by what it is about
 
 -- How many parameters of one request the device takes, as far as it has shown; nil: not at all.
-function Judge:_most_parameters(job)
+local function most_parameters(self, job)
   local request, response, most = job.message, job.response, self.most:get(job.peer.device)
   if request == nil or response == nil or is_mismatch(job) then
     return most
@@ -242,28 +163,31 @@ function Judge:_most_parameters(job)
 end
 
 -- `most`: how many parameters are not too many; nil: as many as the device has shown to take.
-function Judge:_request(remarks, job, most)
-  local half, message = job:write_request(), job.message
-  if half == nil then
+local function put_request(self, remarks, job, most)
+  local message = job.message
+  local half = message and job.record.request
+  if not half then
     return
   end
   if message.flaws[1] then
-    put_flaws(remarks, message.flaws, half, most or self:_most_parameters(job))
+    put_flaws(remarks, message.flaws, half, most or most_parameters(self, job))
   end
-  local limit = self.longest:get(job.peer.device)
+  local limit = self.longest.values[job.peer.device]
   if limit and #half.data > limit then
     put(remarks, "DS316", half.frame, {length = #half.data, limit = limit}, 0)
   end
-  if job.previous_reference ~= nil and job.previous_reference == message.request_reference then
+  local previous = job.previous_reference
+  if previous ~= nil and previous == message.request_reference then
     local args = {reference = message.request_reference, first = job.previous}
     put(remarks, "DS415", half.frame, args)
   end
 end
 
-function Judge:_reads(remarks, job)
+local function put_reads(remarks, job)
   local half = job.read_response
-  if half and half.status and half.status ~= 0 then
-    put(remarks, "DS201", half.frame, {status = status.status_hex(half.status)})
+  local code = half and half.status
+  if code and code ~= 0 then
+    put(remarks, "DS201", half.frame, {status = status.status_hex(code)})
   end
   local empty_reads = job.empty_reads
   for number = 1, #empty_reads do
@@ -279,41 +203,13 @@ local function unasked(job)
   return job.repeats and "unasked_again" or "unasked_without_ar"
 end
 
--- The layout of a response that is no other's; nil where it has none.
-local function own_layout(job, stray)
-  local response = job.response
-  return not stray and job.message and response and response.layout or nil
-end
-
-function Judge:_response(remarks, job, stray)
-  local half, response, layout = job.read_response, job.response, own_layout(job, stray)
-  if response == nil or layout and layout.is_silent then
-    return
-  end
-  local before = #remarks
-  if response.flaws[1] then
-    put_flaws(remarks, response.flaws, half, self:_most_parameters(job))
-  end
-  if job.message == nil then
-    if not job.uncertain then
-      put(remarks, "DS403", half.frame, {case = unasked(job)})
-    end
-  else
-    self:_mirror(remarks, half.frame, job)
-  end
-  self:_blocks(remarks, half.frame, job, stray)
-  if layout then -- what is said of one is said of all, and mostly nothing is
-    layout.is_silent = #remarks == before
-  end
-end
-
 local function put_if_other(remarks, rule, frame, sent, got)
   if sent ~= got and sent ~= nil and got ~= nil then
     put(remarks, rule, frame, {sent = sent, got = got})
   end
 end
 
-function Judge:_mirror(remarks, frame, job)
+local function put_mirror(remarks, frame, job)
   local request, response = job.message, job.response
   put_if_other(remarks, "DS404", frame, request.request_reference, response.request_reference)
   put_if_other(remarks, "DS406", frame, request.axis, response.axis)
@@ -348,23 +244,7 @@ local function put_count(remarks, frame, job, block, address)
   end
 end
 
-function Judge:_blocks(remarks, frame, job, stray)
-  local request, blocks = job.message, job.response.blocks
-  local addresses = request and not stray and request.addresses
-  local counted = addresses and request.operation == "read"
-  local told = request == nil and job.repeats ~= nil
-  for number = 1, #blocks do
-    local block = blocks[number]
-    local address = addresses and addresses[number] or nil
-    if block.error ~= nil and not told then
-      put(remarks, "DS410", frame, self:_error_args(job, block, address), block.offset)
-    elseif address and counted then
-      put_count(remarks, frame, job, block, address)
-    end
-  end
-end
-
-function Judge:_error_args(job, block, address)
+local function error_args(job, block, address)
   local code, info = block.error.code, block.error.info
   return {
     pnu = address and address.pnu,
@@ -376,49 +256,100 @@ function Judge:_error_args(job, block, address)
   }
 end
 
-function Judge:_time(remarks, job)
-  local half, polls = job.read_response, job.polls
+local function put_blocks(remarks, frame, job, stray)
+  local request, blocks = job.message, job.response.blocks
+  local addresses = request and not stray and request.addresses
+  local counted = addresses and request.operation == "read"
+  local told = request == nil and job.repeats ~= nil
+  for number = 1, #blocks do
+    local block = blocks[number]
+    local address = addresses and addresses[number] or nil
+    if block.error ~= nil and not told then
+      put(remarks, "DS410", frame, error_args(job, block, address), block.offset)
+    elseif address and counted then
+      put_count(remarks, frame, job, block, address)
+    end
+  end
+end
+
+-- The layout of a response to a request that is no other's; nil where it has none.
+local function own_layout(job)
+  local response = job.response
+  return job.message and response and response.layout
+end
+
+-- `layout`: that of the response, as `own_layout` tells it.
+local function put_response(self, remarks, job, stray, layout)
+  local half, response = job.read_response, job.response
+  if response == nil then
+    return
+  end
+  local before = #remarks
+  if response.flaws[1] then
+    put_flaws(remarks, response.flaws, half, most_parameters(self, job))
+  end
+  if job.message == nil then
+    if not job.uncertain then
+      put(remarks, "DS403", half.frame, {case = unasked(job)})
+    end
+  else
+    put_mirror(remarks, half.frame, job)
+  end
+  put_blocks(remarks, half.frame, job, stray)
+  if layout then -- what is said of one is said of all, and mostly nothing is
+    layout.is_silent = #remarks == before
+  end
+end
+
+local function put_polls(self, remarks, half, polls)
   if #polls >= self.limits.polls then
     put(remarks, "DS204", half.frame, {count = #polls})
   end
-  if polls[1] then
-    local since = half.time_ns - (polls[1].request or polls[1].response).time_ns
-    if since > self.limits.polling_ns then
-      local args = {milliseconds = json.float(since / 1e6), limit = floor(self.limits.polling_ns / 1000000)}
-      put(remarks, "DS205", half.frame, args)
-    end
+  local since = half.time_ns - (polls[1].request or polls[1].response).time_ns
+  if since > self.limits.polling_ns then
+    local args = {milliseconds = json.float(since / 1e6), limit = floor(self.limits.polling_ns / 1000000)}
+    put(remarks, "DS205", half.frame, args)
   end
-  local share = M.drive_time_ns(job)
+end
+
+local function put_time(self, remarks, job)
+  local half, polls = job.read_response, job.polls
+  if polls[1] then
+    put_polls(self, remarks, half, polls)
+  end
+  local share = drive_time_ns(job)
   if share ~= nil and share > self.slow_ns and half.data ~= "" then
     local args = {milliseconds = json.float(share / 1e6), limit = floor(self.slow_ns / 1000000)}
     put(remarks, "DS416", half.frame, args)
   end
 end
 
--- Compares what is read with what was written last.
-function Judge:_read_back(remarks, job)
-  local found = self.written:read(job)
+-- `found`: what is read that is not what was written last.
+local function put_read_back(remarks, job, found)
   for number = 1, #found do
     put(remarks, "DS417", job.read_response.frame, found[number].args, found[number].offset)
   end
 end
 
-function Judge:_learn_limit(job)
+-- Keeps a value of r0974 in one of the two memories of that.
+local function learn(self, memory, device, value)
+  if type(value) == "number" and value > 0 then
+    memory:keep(device, value, self.limits.longest_messages)
+  end
+end
+
+local function learn_limit(self, job)
   local request, response = job.message, job.response
-  if request == nil or response == nil or request.operation ~= "read" then
+  if response == nil then
     return
   end
-  local layout = response.layout
-  if layout and layout.has_no_limit then
-    return
-  end
-  local addresses, blocks, found = request.addresses, response.blocks, false
+  local addresses, blocks, layout, found = request.addresses, response.blocks, response.layout, false
   for number = 1, #blocks do
     local address, block = addresses[number], blocks[number]
     if address.pnu == PNU_ACCESS_IDENTIFICATION and address.attribute == VALUE and not block.float then
       found = true
-      self:_learn(self.longest, job.peer.device, block.values[1 - address.subindex])
-      self:_learn(self.most, job.peer.device, block.values[2 - address.subindex])
+      learn(self, self.longest, job.peer.device, block.values[1 - address.subindex])
+      learn(self, self.most, job.peer.device, block.values[2 - address.subindex])
     end
   end
   if layout then
@@ -426,12 +357,97 @@ function Judge:_learn_limit(job)
   end
 end
 
--- Keeps a value of r0974 in one of the two memories of that.
-function Judge:_learn(memory, device, value)
-  if type(value) ~= "number" or value <= 0 then
-    return
+-- What is told
+
+local function is_change(job)
+  return job.message ~= nil and job.message.operation == "change"
+end
+
+--- A Write request asks for something. To be called in the order of the capture.
+function Judge:asked(job)
+  if job.message.operation == "change" then
+    self.written:asked(job)
   end
-  memory:keep(device, value, self.limits.longest_messages)
+end
+
+--- A Write was refused.
+function Judge:refused(job)
+  if is_change(job) then
+    self.written:settled(job, false)
+  end
+end
+
+--- A Connect to a device.
+function Judge:connected(device, frame)
+  self.written:connected(device, frame)
+end
+
+--- What its response, and the values in it, say of a job: an array of remarks.
+-- To be called in the order of the capture.
+function Judge:answered(job)
+  local remarks, stray, request = self.blank, is_mismatch(job), job.message
+  local layout = not stray and own_layout(job) or nil
+  put_request(self, remarks, job)
+  put_reads(remarks, job)
+  if not (layout and layout.is_silent) then
+    put_response(self, remarks, job, stray, layout)
+  end
+  put_time(self, remarks, job)
+  if request == nil then
+    self.written:unasked(job)
+  elseif request.operation == "change" then
+    self.written:settled(job, stray)
+  end
+  if not stray and request and request.operation == "read" then
+    put_read_back(remarks, job, self.written:read(job))
+    if not (layout and layout.has_no_limit) then
+      learn_limit(self, job)
+    end
+  end
+  return owned(self, job)
+end
+
+--- What is to be said of a job that is closed without a response: an array of remarks.
+-- @param dropped  whether the capture says that frames are missing
+function Judge:unanswered(job, dropped)
+  local remarks = self.blank
+  put_request(self, remarks, job)
+  put_reads(remarks, job)
+  if is_change(job) then
+    self.written:settled(job, false)
+  end
+  local write = job:write_request()
+  if write and not job:write_refused() and not job.contested then
+    local change = is_change(job)
+    if job.superseded_by ~= nil then
+      local args = {request = write.frame, by = job.superseded_by}
+      put(remarks, change and "DS414" or "DS413", job.superseded_by, args)
+    elseif not job.limit then -- else a response may have come later
+      local args = {reason = job.reason ~= "" and job.reason or nil, dropped = dropped}
+      put(remarks, change and "DS402" or "DS401", write.frame, args)
+    end
+  end
+  return owned(self, job)
+end
+
+--- What is certain of a job that still waits: an array of remarks.
+function Judge:certain(job)
+  local remarks = self.blank
+  put_request(self, remarks, job, huge) -- the drive may yet answer all of them
+  put_reads(remarks, job)
+  remarks[#remarks + 1] = self:closed(job)
+  return owned(self, job)
+end
+
+--- What its Write response says of a job: a remark or nil. It may come after the Read.
+function Judge:closed(job)
+  local half = job.write_response
+  if half == nil or half.status == nil or half.status == 0 then
+    return nil
+  end
+  local remark = M.remark("DS203", half.frame, {status = status.status_hex(half.status)})
+  remark.job = job
+  return remark
 end
 
 return M

@@ -23,22 +23,21 @@ end
 
 -- Whether a request asks for a description.
 local function asks_for_one(request)
-  if request.operation ~= "read" then
-    return false
-  end
   local question = request.question
-  if question == nil then
-    return has_description(request.addresses)
-  elseif question.describes == nil then
-    question.describes = has_description(request.addresses)
+  if question and question.describes ~= nil then
+    return question.describes
   end
-  return question.describes
+  local describes = request.operation == "read" and has_description(request.addresses)
+  if question then
+    question.describes = describes
+  end
+  return describes
 end
 
 -- Whether the descriptions in a response count: it is the one to its request, and whole.
 local function is_believed(job)
-  local request, response, half = job.message, job.response, job.read_response
-  if request == nil or not asks_for_one(request) or response == nil or half == nil then
+  local response, half = job.response, job.read_response
+  if response == nil or half == nil then
     return false
   end
   for _, flaw in ipairs(response.flaws) do
@@ -46,12 +45,13 @@ local function is_believed(job)
       return false
     end
   end
-  local whole = (half.missing or 0) == 0 and (half.status or 0) == 0
+  local whole = not half.missing and (half.status or 0) == 0
   return whole and READ[response.response_id] == true and not rules.is_mismatch(job)
 end
 
 --- What the drive has said up to now of the parameters whose values a job is about: `job.meanings`, by their
--- number; nil where it has said nothing of any.
+-- number; nil where it has said nothing of any. Asked when there is the request, when there is the response,
+-- and when a job is over without one.
 function M.ask(dictionary, job)
   if dictionary.is_empty or job.message == nil then
     return
@@ -68,9 +68,10 @@ end
 
 --- A job has its response: what it describes is learned, and what its parameters are is asked.
 function M.answered(dictionary, job)
-  if is_believed(job) then
+  local request = job.message
+  if request and asks_for_one(request) and is_believed(job) then
     local access = drive_objects.access(job)
-    for number, address in ipairs(job.message.addresses) do
+    for number, address in ipairs(request.addresses) do
       local block = job.response.blocks[number]
       if block and address.attribute == DESCRIPTION and address.element_count <= 1 and not block.error then
         dictionary:learn(access, address.pnu, address.subindex, block.format_name, block.values,
@@ -78,12 +79,7 @@ function M.answered(dictionary, job)
       end
     end
   end
-  M.ask(dictionary, job)
-end
-
---- A job is over: without a response it is asked only now what its parameters are.
-function M.closed(dictionary, job)
-  if job.response == nil then
+  if not dictionary.is_empty then
     M.ask(dictionary, job)
   end
 end

@@ -104,10 +104,7 @@ function Ms1Calls:asked(call)
   if record.write then
     self:_writing(call)
   end
-  self.events:count(record.index, record.write)
-  if self.events:concerns(record.index) then
-    self.events:asked(origin(self, call, record.request), record)
-  end
+  self.events:asked(origin(self, call, record.request), record)
 end
 
 function Ms1Calls:answered(call)

@@ -18,10 +18,10 @@ M.STATUS_IN_USE = 0xDF80B500
 --- Polls, re-reads and empty reads of one transaction that are kept, of each.
 M.MOST_READS = 4096
 
-local ar_key, channel_key = records.ar_key, records.channel_key
+local ar_key, channel_key, know_peer = records.ar_key, records.channel_key, records.know_peer
 local STATUS_NOT_READY, STATUS_IN_USE, MOST_READS = M.STATUS_NOT_READY, M.STATUS_IN_USE, M.MOST_READS
 local PHASES = tables.phases
-local max = math.max
+local setmetatable = setmetatable
 
 -- Jobs: the halves of the record calls of one transaction, and what pairing learnt of it.
 -- `response` is decoded by whoever is told of the answer; `message` is nil for an orphan.
@@ -50,6 +50,7 @@ Job.accepted = false
 --   limit: name of the limit that pushed it out: a response may still come
 --   passed: true for a Write that waited for its response when no request was said to be open (P28)
 --   contested: true where a record that went to an older request may be the response to this one (P72)
+--   remarks: what its answer says of it, until it is closed; whoever is told of the answer keeps it there
 --   uncertain: true for an orphan whose request a limit may have pushed out
 
 -- A job on a channel. A Write has the reference that was asked for before it there, and its frame.
@@ -149,7 +150,12 @@ local function keep(job, name, read)
 end
 
 local function remove(jobs, job)
-  for place = 1, #jobs do
+  local count = #jobs
+  if jobs[count] == job then -- mostly it is the newest
+    jobs[count] = nil
+    return
+  end
+  for place = 1, count do
     if jobs[place] == job then
       table.remove(jobs, place)
       return
@@ -210,8 +216,8 @@ end
 local function end_job(self, job, event)
   job.phase = PHASES[job.phase][event]
   self.listener:closed(job)
-  if job.superseding or job.rival then -- or a closed job would keep all that came after it
-    job.superseding, job.rival = nil, nil
+  if job.rival then -- or a closed job would keep all that came after it
+    job.rival = nil
   end
 end
 
@@ -342,7 +348,11 @@ local function goes_on(self, ar)
 end
 
 local function channel_of(self, peer, record, now)
-  local key, place = channel_key(peer, record)
+  local place = record.place
+  if place.peer ~= peer then
+    know_peer(place, peer)
+  end
+  local key = place.channel_key
   if self.any_replaced then
     goes_on(self, place.ar_key)
   end
@@ -380,7 +390,9 @@ end
 -- An accepted Write opens; it displaces what was open and ends the grace of a refused one.
 local function accept(self, channel, job)
   job.accepted = true
-  channel.accepted = max(channel.accepted, job.order)
+  if job.order > channel.accepted then
+    channel.accepted = job.order
+  end
   if job.phase == "asked" then
     remove(channel.asked, job)
     local open = channel.open
@@ -388,6 +400,7 @@ local function accept(self, channel, job)
       open.superseded_by = job.record.request and job.record.request.frame
       open.superseding = job
       end_job(self, open, "displaced")
+      open.superseding = nil -- for the same reason
     end
     if channel.refused then
       lose(self, channel.refused, "")
@@ -470,8 +483,12 @@ end
 
 -- The job a Read answers; a Write whose response was not seen counts when the answer fits.
 local function addressee(channel, event, record)
+  local open, asked = channel.open, channel.asked
+  if open and not asked[1] then
+    return open -- nothing else waits
+  end
   local data = record.response.data
-  local open, asked, reference = channel.open, channel.asked, data:byte(1)
+  local reference = data:byte(1)
   if event == "read_record" and not (open and open:reference() == reference) then
     for place = #asked, 1, -1 do
       local job = asked[place]
@@ -753,12 +770,11 @@ function Pairing:release(controller, device, ar, frame, index)
   end
 end
 
---- Something is said on the ARs of records.
-function Pairing:goes_on(peer, list)
-  if self.any_replaced then
-    for number = 1, #list do
-      goes_on(self, ar_key(peer, list[number]))
-    end
+--- Something is said on the ARs of a record and of those that follow it; needed where `any_replaced` says so.
+function Pairing:goes_on(peer, record)
+  while record do
+    goes_on(self, ar_key(peer, record))
+    record = record.following
   end
 end
 

@@ -189,7 +189,7 @@ end
 -- Whether the response does not say for sure what became of the parameters that it has blocks of.
 local function is_doubtful(job, response)
   local half = job.read_response
-  return is_broken(response, CUT) or half.missing ~= 0 or half.status ~= nil and half.status ~= 0
+  return is_broken(response, CUT) or half.missing or half.status ~= nil and half.status ~= 0
 end
 
 -- Which parameters, from 1, did not take effect (nil: all), and of how many, from the first, this is sure.
@@ -345,11 +345,10 @@ end
 --- What a read brings that is not what was written last: array of {offset, args of DS417}.
 function ReadBack:read(job)
   local request, response = job.message, job.response
-  if request == nil or response == nil or request.operation ~= "read" then
+  local layout = response and response.layout
+  if response == nil or layout and layout.unwritten == self.generation then
     return NONE
-  end
-  local layout = response.layout
-  if layout and layout.unwritten == self.generation then
+  elseif request == nil or request.operation ~= "read" then
     return NONE
   end
   local found, access, blocks = {}, nil, response.blocks

@@ -99,22 +99,25 @@ function RecordCalls:first_record(pdu)
   if pdu.fragment ~= 0 then
     return nil
   elseif pdu.ptype == 0 then
-    record = parse_request(pdu)[1]
+    record = parse_request(pdu)
   elseif pdu.ptype == 2 then
-    local _, answers = parse_response(pdu)
-    record = answers[1]
+    record = select(2, parse_response(pdu))
   end
   return record and self.events:concerns(record.index) and record or nil
 end
 
--- The first record that a call asks for and that can be ours; nil for none.
-function RecordCalls:_asked_by(call)
-  for _, record in ipairs(call and call.context or {}) do
-    if self.events:concerns(record.index) then
-      return record
-    end
+-- This one or the next of its call that can be ours; nil for none. `record` may be nil.
+local function ours_from(self, record)
+  local ours = self.gate.ours
+  while record and not ours[record.index] do
+    record = record.following
   end
-  return nil
+  return record
+end
+
+-- The same of a record that something happened to: the next one.
+local function ours_after(self, record)
+  return ours_from(self, record.following)
 end
 
 --- A message whose fragments did not become whole.
@@ -124,7 +127,7 @@ end
 -- @param limit name of the limit that pushed it out: the others may have come later; nil for none
 -- @param call  the call that it answers, as far as that is known; nil for none
 function RecordCalls:incomplete(pdu, have, kind, limit, call)
-  local record = self:first_record(pdu) or self:_asked_by(call)
+  local record = self:first_record(pdu) or ours_from(self, call and call.context)
   if not record then
     return
   end
@@ -133,7 +136,7 @@ function RecordCalls:incomplete(pdu, have, kind, limit, call)
     self.forgot_requests = self.forgot_requests or pdu.ptype == 0
   else
     local remark = {rule = "DS105", frame = pdu.frame, args = {have = have, kind = kind}}
-    local asked = call and call.context and not record.write and call.context[1]
+    local asked = call and not record.write and call.context
     if asked then
       self.events:about_job(placed(self, pdu), asked, remark)
     else
@@ -162,15 +165,9 @@ end
 
 --- A finding about an RPC call: once, and with the first job that it carries.
 function RecordCalls:_about_call(call, remark)
-  local context = call.context
-  if not context then
-    return
-  end
-  for _, record in ipairs(context) do
-    if self.events:concerns(record.index) then
-      self.events:about_job(placed(self, call.request), record, remark)
-      return
-    end
+  local record = ours_from(self, call.context)
+  if record then
+    self.events:about_job(placed(self, call.request), record, remark)
   end
 end
 
@@ -198,24 +195,24 @@ function RecordCalls:request(call)
     self:_connection(pdu, opnum)
     return
   end
-  local list, multiple, nested = parse_request(pdu)
-  local events, ours = self.events, self.gate.ours
-  call.context = list
+  local record, multiple, nested = parse_request(pdu)
+  local events, pairing = self.events, self.pairing
+  call.context = record
   if multiple then
-    events:count(records.WRITE_MULTIPLE, true)
+    events:wrote_multiple()
   end
-  self.pairing:goes_on(pdu.peer or peer_of(pdu, self.naming), list)
+  if pdu.peer == nil then
+    peer_of(pdu, self.naming)
+  end
+  if pairing.any_replaced then
+    pairing:goes_on(pdu.peer, record)
+  end
   if nested then
     self.listener:remark({rule = "DS208", frame = pdu.frame, args = {}})
   end
-  for number = 1, #list do
-    local record = list[number]
-    local place = record.place
-    local index = place.index
-    events:count(index, place.write)
-    if ours[index] then
-      events:asked(pdu, record)
-    end
+  while record do
+    events:asked(pdu, record)
+    record = record.following
   end
 end
 
@@ -239,48 +236,41 @@ end
 
 --- A call without a response that a limit pushed out: one may still come.
 function RecordCalls:pushed_out(call, limit)
-  local context, pdu = call.context, call.request
-  if not context then
-    return
+  local pdu, record = call.request, ours_from(self, call.context)
+  if record then
+    self.forgot_requests = true
+    self.events:then_run(placed(self, pdu), record, self, "limit_reached", limit)
   end
-  for _, record in ipairs(context) do
-    if self.events:concerns(record.index) then
-      self.forgot_requests = true
-      self.events:then_run(placed(self, pdu), record, self, "limit_reached", limit)
-      break
-    end
-  end
-  self:_reads_lost(pdu, context)
+  self:_reads_lost(pdu, record)
 end
 
-function RecordCalls:_reads_lost(pdu, context)
-  for _, record in ipairs(context) do
-    if self.events:concerns(record.index) then
-      self.events:lost(placed(self, pdu), record)
-    end
+function RecordCalls:_reads_lost(pdu, record)
+  record = ours_from(self, record)
+  while record do
+    self.events:lost(placed(self, pdu), record)
+    record = ours_after(self, record)
   end
 end
 
 -- Responses
 
 function RecordCalls:response(call)
-  local pdu, context = call.response, call.context
+  local pdu, record = call.response, call.context
   if pdu.opnum == CONNECT then
     self.listener:set_up(call.request, pdu)
   end
-  if not context then
+  if not record then
     return
   end
-  local status, halves = parse_halves(pdu)
+  local status, answered = parse_halves(pdu)
   local events, ours = self.events, self.gate.ours
   if pdu.peer == nil then
     peer_of(pdu, self.naming)
   end
-  for number = 1, #context do
-    local record = context[number]
-    if ours[record.index] then
+  while record do
+    if ours[record.place.index] then
       -- without a block of its own the status of the NDR header counts
-      local half = halves[number] or half_of(pdu.frame, pdu.time_ns, status)
+      local half = answered or half_of(pdu.frame, pdu.time_ns, status)
       record.response = half
       if not half.status then
         local remark = {rule = "DS108", frame = pdu.frame, args = {}}
@@ -288,6 +278,7 @@ function RecordCalls:response(call)
       end
       events:answered(pdu, record)
     end
+    record, answered = record.following, answered and answered.following
   end
 end
 
@@ -297,15 +288,14 @@ function RecordCalls:orphan_response(pdu, certain)
   if not operation then
     return
   end
-  local _, answers = parse_response(pdu)
-  for _, record in ipairs(answers) do
-    if self.events:concerns(record.index) then
-      if certain and not self.forgot_requests then
-        local remark = {rule = "DS102", frame = pdu.frame, args = {operation = operation}}
-        self.events:about(placed(self, pdu), record, remark)
-      end
-      self.events:unasked(placed(self, pdu), record)
+  local record = ours_from(self, (select(2, parse_response(pdu))))
+  while record do
+    if certain and not self.forgot_requests then
+      local remark = {rule = "DS102", frame = pdu.frame, args = {operation = operation}}
+      self.events:about(placed(self, pdu), record, remark)
     end
+    self.events:unasked(placed(self, pdu), record)
+    record = ours_after(self, record)
   end
 end
 
@@ -321,14 +311,10 @@ end
 function RecordCalls:fault(call, pdu)
   local args = {kind = rpc.PTYPES[pdu.ptype], fault = fault_code(pdu)}
   self:_about_call(call, {rule = "DS104", frame = pdu.frame, args = args})
-  local context = call.context
-  if not context then
-    return
-  end
-  for _, record in ipairs(context) do
-    if self.events:concerns(record.index) then
-      self.events:failed(placed(self, pdu), record)
-    end
+  local record = ours_from(self, call.context)
+  while record do
+    self.events:failed(placed(self, pdu), record)
+    record = ours_after(self, record)
   end
 end
 

@@ -4,17 +4,19 @@
 -- and the jobs (pairing.lua). Holds back what is not known to be ours yet (index47.lua), decodes a request
 -- once, and says where the length of a record or the order of the capture is wrong (DS106, DS107, DS202).
 --
--- What happens to a record is an event: one of the functions under "Events", with up to three arguments
--- (origin, record, detail). The origin says where it happens: {frame, time_ns, peer, missing, cut}, of RPC
--- the PDU. While the gate is open the function is called at once; a table is made only for an event that has
--- to wait. The record of a Write knows the job that was made of it (`record.job`).
+-- What happens to a record is an event: one of the functions under "Events", with up to four arguments
+-- (origin, record, detail, peer). The origin says where it happens: {frame, time_ns, peer, missing, cut}, of
+-- RPC the PDU; `peer` is the one there. While the gate is open the function is called at once; a table is
+-- made only for an event that has to wait. The record of a Write knows the job that was made of it
+-- (`record.job`).
 
 local json = require("ds47.support.json")
 local parameter = require("ds47.profidrive.parameter")
 local records = require("ds47.profinet.records")
 
-local ar_key, half_of = records.ar_key, records.half
+local half_of, know_peer = records.half, records.know_peer
 local decode_response = parameter.decode_response
+local admit = require("ds47.acyclic.index47").Gate.admit -- for every record
 
 local M = {}
 
@@ -65,18 +67,18 @@ local function event_job_remark(self, _, record, remark)
   self.listener:remark(remark)
 end
 
-local function event_read_request(self, origin, record)
+local function event_read_request(self, origin, record, _, peer)
   clock(self, origin)
-  record.job = self.pairing:expected(origin.peer, record) -- for what is said of the call
+  record.job = self.pairing:expected(peer, record) -- for what is said of the call
 end
 
-local function event_write_request(self, origin, record, message)
+local function event_write_request(self, origin, record, message, peer)
   clock(self, origin)
-  record.job = self.pairing:write_request(origin.peer, record, message)
+  record.job = self.pairing:write_request(peer, record, message)
 end
 
-local function event_read_lost(self, origin, record)
-  self.pairing:read_lost(origin.peer, record)
+local function event_read_lost(self, _, record, _, peer)
+  self.pairing:read_lost(peer, record)
 end
 
 local function event_write_answered(self, origin, record)
@@ -87,13 +89,13 @@ local function event_write_answered(self, origin, record)
   end
 end
 
-local function event_write_unasked(self, origin, record)
-  self.pairing:write_unasked(origin.peer, record)
+local function event_write_unasked(self, _, record, _, peer)
+  self.pairing:write_unasked(peer, record)
 end
 
-local function event_read_answered(self, origin, record)
+local function event_read_answered(self, origin, record, _, peer)
   clock(self, origin)
-  self.pairing:read_response(origin.peer, record)
+  self.pairing:read_response(peer, record)
 end
 
 local function event_write_failed(self, origin, record)
@@ -110,29 +112,30 @@ function RecordEvents:concerns(index)
   return self.gate:concerns(index)
 end
 
---- A record request, ours or not.
-function RecordEvents:count(index, write)
-  local counts = self.counts[index]
-  if not counts then
-    counts = {read = 0, write = 0}
-    self.counts[index] = counts
-  end
-  if write then
-    counts.write = counts.write + 1
-  else
-    counts.read = counts.read + 1
-  end
+local function new_counts(self, index)
+  local counts = {read = 0, write = 0}
+  self.counts[index] = counts
+  return counts
+end
+
+--- An IODWriteMultiple, whatever it holds.
+function RecordEvents:wrote_multiple()
+  local counts = self.counts[records.WRITE_MULTIPLE] or new_counts(self, records.WRITE_MULTIPLE)
+  counts.write = counts.write + 1
 end
 
 -- Runs an event, now or when a shaped message of the same AR comes; never if none does.
 -- `event`: a function under "Events". `is_shaped`: a function of the same arguments that says whether the
 -- message is shaped, asked only where that would open the gate; nil for an event that is none.
 local function pass(self, event, is_shaped, origin, record, detail)
-  local ar, place = ar_key(origin.peer, record)
-  local gate, index = self.gate, place.index
-  if gate:admit(ar, index, false, self)
-    or is_shaped and gate:admit(ar, index, is_shaped(self, origin, record, detail), self) then
-    event(self, origin, record, detail)
+  local peer, place, gate = origin.peer, record.place, self.gate
+  if place.peer ~= peer then
+    know_peer(place, peer)
+  end
+  local ar, index = place.ar_key, place.index
+  if admit(gate, ar, index, false, self)
+    or is_shaped and admit(gate, ar, index, is_shaped(self, origin, record, detail), self) then
+    event(self, origin, record, detail, peer)
   else
     gate:hold(ar, {event = event, origin = origin, record = record, detail = detail})
   end
@@ -140,7 +143,8 @@ end
 
 --- Runs an event that the gate held back.
 function RecordEvents:run(held)
-  held.event(self, held.origin, held.record, held.detail)
+  local origin = held.origin
+  held.event(self, origin, held.record, held.detail, origin.peer)
 end
 
 --- A finding about a record that is ours, or will turn out to be.
@@ -172,26 +176,40 @@ end
 -- Whether a Read that was answered shows the parameter channel, or brings once more what did.
 local function is_shaped_answer(self, origin, record)
   local half = record.response
-  return half.data ~= "" and half.missing == 0 and (decode_response(half.data, nil, self.codec).shaped
+  return half.data ~= "" and not half.missing and (decode_response(half.data, nil, self.codec).shaped
     or self.pairing:is_again(origin.peer, record))
 end
 
---- A request.
-function RecordEvents:asked(origin, record)
+-- A Write request that may be ours.
+local function asked_to_write(self, origin, record)
   local half = record.request
-  if half.missing ~= 0 then
+  if half.missing then
     self:_length(origin, record, half)
   end
-  if record.write then
-    pass(self, event_write_request, is_shaped_request, origin, record, self.decode_request(half.data))
+  pass(self, event_write_request, is_shaped_request, origin, record, self.decode_request(half.data))
+end
+
+--- A request, ours or not.
+function RecordEvents:asked(origin, record)
+  local place = record.place
+  local index = place.index
+  local counts, ours = self.counts[index] or new_counts(self, index), self.gate.ours[index]
+  if place.write then
+    counts.write = counts.write + 1
+    if ours then
+      asked_to_write(self, origin, record)
+    end
   else
-    pass(self, event_read_request, nil, origin, record)
+    counts.read = counts.read + 1
+    if ours then
+      pass(self, event_read_request, nil, origin, record)
+    end
   end
 end
 
 --- The response to a request.
 function RecordEvents:answered(origin, record)
-  if record.write then
+  if record.place.write then
     pass(self, event_write_answered, nil, origin, record)
   else
     self:_read_answered(origin, record, record.response)
@@ -237,7 +255,7 @@ function RecordEvents:_length(origin, record, half)
 end
 
 function RecordEvents:_read_answered(origin, record, half)
-  if half.missing ~= 0 then
+  if half.missing then
     self:_length(origin, record, half)
   end
   pass(self, event_read_answered, is_shaped_answer, origin, record)

@@ -116,8 +116,8 @@ local function half_of(seen, message)
   local asked, stated = message.kind == "request", message.length or 0
   local half = records.half(seen.frame, seen.time_ns, not asked and 0 or nil)
   if (message.code == ms1.WRITE) == asked then
-    half.data, half.stated = message.data, stated
-    half.missing = stated - #message.data -- never below 0: ms1.lua takes no more than is stated
+    local missing = stated - #message.data -- never below 0: ms1.lua takes no more than is stated
+    half.data, half.stated, half.missing = message.data, stated, missing > 0 and missing or nil
   elseif asked then
     half.stated = stated
   end

@@ -546,6 +546,7 @@ function M.store(codec)
   return setmetatable({
     codec = codec, closed = closed_class(codec),
     all = {}, -- transactions, or jobs of which nobody asked yet, in the order in which they were finished
+    count = 0, -- of them
     places = {}, -- order of a job -> place in `all`
     below = nil,
   }, Store)
@@ -560,17 +561,15 @@ end
 
 --- Takes a job that was just closed. Its `response` is decoded anew when it is needed.
 function Store:add(job)
-  local place = #self.all + 1
-  self.all[place] = job
-  self.places[job.order] = place
+  local place = self.count + 1
+  self.count, self.all[place], self.places[job.order] = place, job, place
   job.response = nil
 end
 
 --- Takes a transaction that is made already, one of a channel that is not paired from record calls.
 function Store:add_made(transaction)
-  local place = #self.all + 1
-  self.all[place] = transaction
-  self.places[transaction.order] = place
+  local place = self.count + 1
+  self.count, self.all[place], self.places[transaction.order] = place, transaction, place
 end
 
 local function transaction_at(self, place)

@@ -375,6 +375,11 @@ function Channels:drives()
   return found
 end
 
+--- Whether there is one of them.
+function Channels:has_drives()
+  return self.drives_[1] ~= nil and self:drives()[1] ~= nil
+end
+
 -- Whether the bytes of what might be PKW turned out to be the words of a drive.
 local function is_pzd(self, pkw)
   if pkw.certainty ~= LENGTHS then return false end

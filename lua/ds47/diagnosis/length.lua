@@ -69,7 +69,7 @@ end
 -- @param refused  the parameters that were refused, by refusal.lua
 function M.request_too_short(remarks, job, refused)
   local half, message = job:write_request(), job.message
-  if half == nil or half.missing ~= 0 then
+  if half == nil or half.missing then
     return
   end
   for _, each in ipairs(refused) do
@@ -127,7 +127,7 @@ function M.answer_cut(remarks, job, size_of)
   local need, status = 0, answer.status
   if answer.data ~= "" and job.response and #answer.data == asked.stated then
     local flaw = missing(job.response.flaws)
-    if flaw and answer.missing == 0 then
+    if flaw and not answer.missing then
       need = #answer.data + pads_missing(job.response.flaws, flaw.offset) + flaw.args.need
     end
   elseif status and status ~= 0 and status ~= STATUS_NOT_READY and job.message then
@@ -179,7 +179,7 @@ function M.answer_too_long(remarks, job, stated, longest, size_of)
   if half == nil or request == nil or response == nil or request.operation ~= "read" then
     return
   end
-  if half.missing ~= 0 or rules.is_mismatch(job) then
+  if half.missing or rules.is_mismatch(job) then
     return
   end
   longest = max(longest, #half.data)

@@ -135,16 +135,30 @@ local function is_odd(job)
   return false
 end
 
--- Whether a job has a response that nothing is to be said of, as nearly all have.
+-- Whether a response is one that nothing is to be said of, where the request is not odd.
+local function is_well(response)
+  return USUAL[response.response_id or 0] and not response.flaws[1]
+end
+
+-- Whether a job has a response that nothing is to be said of, as nearly all have. The layout of one to a read
+-- knows, as it belongs to the question.
 local function is_answered_well(job)
-  local response = job.response
-  return response and USUAL[response.response_id or 0] and not response.flaws[1] and not is_odd(job)
+  local message, response = job.message, job.response
+  local layout = response and response.layout
+  if not layout or not message or message.operation ~= "read" then
+    return response and is_well(response) and not is_odd(job)
+  elseif layout.is_well == nil then
+    layout.is_well = is_well(response) and not is_short(message, response) or false
+  end
+  return layout.is_well and not message.flaws[1]
 end
 
 --- What a closed job shows, and the findings it has, were caused by: an array of remarks, for reading only.
 function Diagnoses:closed(job)
-  if job.read_response then
-    self:_learn_length(job.peer.device, #job.read_response.data)
+  local read, device = job.read_response, job.peer.device
+  local longest = self.longest.values[device]
+  if read and #read.data > (longest and longest[ONLY] or 0) then
+    self:_learn_length(device, #read.data)
   end
   local in_order, well = order.is_usual(job), is_answered_well(job)
   local remarks = NONE
@@ -165,7 +179,7 @@ function Diagnoses:closed(job)
       self:_offer(job, remark)
     end
   end
-  if job.response and job.message then
+  if job.response and job.message and not self:_has_told(job) then
     self:_learn(job)
   end
   return remarks
@@ -199,7 +213,7 @@ end
 
 function Diagnoses:_repair(job, refused)
   local half, message = job:write_request(), job.message
-  if half == nil or half.missing ~= 0 then
+  if half == nil or half.missing then
     return nil
   end
   local peer, errors = job.peer, {}
@@ -429,17 +443,18 @@ function Diagnoses:_learn_axis(job)
 end
 
 -- Nearly every answer tells what is known: that a layout has told all on its channel is remembered.
+function Diagnoses:_has_told(job)
+  local layout = job.response.layout
+  local told = layout and self.told[layout]
+  return told and told[job.channel_key or false]
+end
+
 function Diagnoses:_learn(job)
   local request, response = job.message, job.response
   if not LEARNT[response.response_id] then
     return
   end
-  local layout, key = response.layout, job.channel_key
-  local told = layout and key and self.told[layout]
-  if told and told[key] then
-    return
-  end
-  local news = self.news
+  local layout, key, news = response.layout, job.channel_key, self.news
   self:_learn_axis(job)
   if request.operation == "read" then
     self:_learn_formats(job)

@@ -19,7 +19,7 @@ local layouts = require("ds47.profidrive.layouts")
 local reader = require("ds47.support.bytes")
 local tables = require("ds47.spec.tables")
 
-local byte, format, sub = string.byte, string.format, string.sub
+local byte, format, sub, setmetatable = string.byte, string.format, string.sub, setmetatable
 local floor, min = math.floor, math.min
 local only_zeros = reader.only_zeros
 local limits, request_ids, response_ids = tables.limits, tables.request_ids, tables.response_ids

@@ -3,20 +3,23 @@
 --
 -- Opens one level of IODWriteMultiple (0xE040). Knows nothing of DS47: `data` is opaque bytes here.
 --
--- A Half is {frame, time_ns, data, stated, missing, status}: `stated` is the RecordDataLength (in a Read
--- request the most that is wanted), `missing` what of it the capture cut off, `status` the PNIOStatus with
--- ErrorCode first (nil where the PDU carries none).
--- A Record is {write, implicit, ar, api, slot, subslot, index, position, request, response}; `position` is 0,
--- or the place inside an IODWriteMultiple; `request` and `response` are halves or nil.
+-- A Half is {frame, time_ns, data, stated, missing, status}. `data` is what a Write request or a Read
+-- response carries, `stated` the RecordDataLength, where that is another one than its length: in a Read
+-- request the most that is wanted, else with `missing`, how much of it the capture cut off. `status` is the
+-- PNIOStatus with ErrorCode first (nil where the PDU carries none).
+-- A Record is {write, implicit, ar, api, slot, subslot, index, position, request, response, following};
+-- `position` is 0, or the place inside an IODWriteMultiple; `request` and `response` are halves or nil.
+-- Nearly every call has one record. The others of an IODWriteMultiple hang on it: `following` is the next one
+-- of a call, nil of the last; the same of the halves of a response.
 --
--- What halves and records repeat stands in their metatables (`half.missing`, `record.place`): a table with a
--- few keys of its own is what the plugin can afford for a frame.
+-- What records repeat stands in their metatable, `record.place`: a table with a few keys of its own is what
+-- the plugin can afford for a frame. Halves have no metatable, and no key that says nothing.
 
 local rpc = require("ds47.profinet.rpc")
 local layout = require("ds47.spec.tables").layouts
 
 local byte, char, find, sub = string.byte, string.char, string.find, string.sub
-local floor = math.floor
+local floor, setmetatable = math.floor, setmetatable
 
 local M = {}
 
@@ -52,18 +55,9 @@ local FIRST_AR = NDR + layout.BLOCK_AR -- where the AR stands in a Connect or Re
 
 local NO_ERROR = ("\0"):rep(4)
 
--- What halves have in common of which a block states the length.
-local function half_class(stated)
-  local class = {data = "", stated = stated, missing = 0}
-  class.__index = class
-  return class
-end
-
-local HALF = half_class(0)
-
 --- A half that carries no data.
 function M.half(frame, time_ns, status)
-  return setmetatable({frame = frame, time_ns = time_ns, status = status}, HALF)
+  return {frame = frame, time_ns = time_ns, data = "", status = status}
 end
 
 -- The fields of a place are those of its records: `write` to `position`. With them stand `spot`, a text for
@@ -75,14 +69,14 @@ local places, place_count, MOST_PLACES = {}, 0, 4096
 function M.place(place)
   place.spot = "\0" .. place.slot * 65536 + place.subslot .. "\0" .. place.index .. "\0"
   place.text = place.api .. place.spot .. place.ar
-  place.place, place.__index = place, place
+  place.__index = place
   return place
 end
 
 --- A record at a place, with one half or the other.
 local function new_record(place, request, response)
-  -- the job that record_calls.lua puts there is named to be given room at once
-  return setmetatable({request = request, response = response, job = nil}, place)
+  -- the job that record_events.lua puts there is named to be given room at once
+  return setmetatable({request = request, response = response, job = nil, place = place}, place)
 end
 M.record = new_record
 
@@ -124,7 +118,7 @@ local function forget_blocks()
   block_count = 0
 end
 
--- What a block says: {place, stated, half = the metatable of its halves}. Big-endian always (P13).
+-- What a block says: {place, stated}. Big-endian always (P13).
 -- nil where it is not whole.
 local function new_block(blocks, opnum, key)
   if #key < HEAD - AR then
@@ -132,9 +126,7 @@ local function new_block(blocks, opnum, key)
   end
   local l1, l2, l3, l4 = byte(key, -4, -1)
   local stated = ((l1 * 256 + l2) * 256 + l3) * 256 + l4
-  local block = {
-    place = place_of(opnum, sub(key, 1, INDEX + 2 - AR)), stated = stated, half = half_class(stated),
-  }
+  local block = {place = place_of(opnum, sub(key, 1, INDEX + 2 - AR)), stated = stated}
   if block_count >= MOST_BLOCKS then
     forget_blocks()
   end
@@ -162,77 +154,90 @@ function M.is_of(ar, device)
   return at ~= nil and sub(ar, at + 1, at + #device + 1) == device .. "\0"
 end
 
-local function know_peer(place, peer)
+--- Gives a place its keys for a peer, where it has not got those already (`place.peer`): `ar_key`, `ar_text`
+-- of its AR, and `channel_key`, which names its channel (docs/pairing.md P14).
+function M.know_peer(place, peer)
   local names = peer.controller .. "\0" .. peer.device
   place.peer, place.ar_key = peer, M.ar_text(peer.controller, peer.device, place.ar)
   place.channel_key = place.text .. names
 end
 
---- What names the AR of a record, between two peers: its `ar_text`. Second the place of the record.
+local know_peer = M.know_peer
+
+--- What names the AR of a record, between two peers: its `ar_text`.
 function M.ar_key(peer, record)
   local place = record.place
   if place.peer ~= peer then
     know_peer(place, peer)
   end
-  return place.ar_key, place
+  return place.ar_key
 end
 
---- What names the channel of a record (docs/pairing.md P14). Second the place of the record.
+--- What names the channel of a record.
 function M.channel_key(peer, record)
   local place = record.place
   if place.peer ~= peer then
     know_peer(place, peer)
   end
-  return place.channel_key, place
+  return place.channel_key
+end
+
+-- Hangs something on the last one of its kind; the first and the last one then.
+local function chained(first, last, item)
+  if last then
+    last.following = item
+  end
+  return first or item, item
 end
 
 -- The record that a block of a request asks for: with the data behind the block in a Write, with the wanted
 -- length alone in a Read.
 local function asked(pdu, opnum, block, data, start)
-  if opnum ~= WRITE then
-    return new_record(block.place, setmetatable({frame = pdu.frame, time_ns = pdu.time_ns}, block.half))
-  end
   local stated = block.stated
+  if opnum ~= WRITE then
+    return new_record(block.place, {frame = pdu.frame, time_ns = pdu.time_ns, stated = stated})
+  end
   local payload = sub(data, start + 1, start + stated)
-  local half = setmetatable({frame = pdu.frame, time_ns = pdu.time_ns, data = payload}, block.half)
+  local half = {frame = pdu.frame, time_ns = pdu.time_ns, data = payload}
   if #payload < stated then
-    half.missing = stated - #payload
+    half.stated, half.missing = stated, stated - #payload
   end
   return new_record(block.place, half)
 end
 
 -- The records of an IODWriteMultiple.
 local function parse_multiple(pdu, blocks, inner)
-  local result, offset, nested = {}, 0, false
+  local first, last, offset, position, nested = nil, nil, 0, 1, false
   local block = block_at(blocks, WRITE, inner, 0)
   while block do
     nested = nested or block.place.index == WRITE_MULTIPLE
-    local position = #result + 1
     local record = asked(pdu, WRITE, block, inner, offset + SIZE)
-    record.position, result[position] = position, record
+    record.position, position = position, position + 1
+    first, last = chained(first, last, record)
     offset = offset + SIZE + block.stated + -block.stated % 4
     block = block_at(blocks, WRITE, inner, offset)
   end
-  return result, true, nested
+  return first, true, nested
 end
 
 --- The records of a Read, Write or ReadImplicit request; what does not parse is absent.
--- @return array of them; whether they are those of an IODWriteMultiple, and whether another one stands inside
---   it, whose records are not opened (P18)
+-- @return the first of them (`record.following` is the next), nil for none; whether they are those of an
+--   IODWriteMultiple, and whether another one stands inside it, whose records are not opened (P18)
 function M.parse_request(pdu)
   local body, opnum = pdu.body, pdu.opnum
   local blocks = REQUEST_BLOCKS[opnum]
   local block = block_at(blocks, opnum, body, NDR)
   if not block then
-    return {}, false, false
+    return nil, false, false
   elseif opnum == WRITE and block.place.index == WRITE_MULTIPLE then
     return parse_multiple(pdu, blocks, sub(body, NDR + SIZE + 1, NDR + SIZE + block.stated))
   end
-  return {asked(pdu, opnum, block, body, NDR + SIZE)}, false, false
+  return asked(pdu, opnum, block, body, NDR + SIZE), false, false
 end
 
--- The PNIOStatus, four bytes of a body; nil where they are not there.
-local function status_at(body, offset, little)
+-- The PNIOStatus, four bytes of a body at the 0-based offset; nil where they are not there. That of the NDR
+-- header is in the byte order of the PDU.
+local function status_at(pdu, body, offset)
   if sub(body, offset + 1, offset + 4) == NO_ERROR then
     return 0
   end
@@ -240,7 +245,7 @@ local function status_at(body, offset, little)
   if not d then
     return nil
   end
-  if little then
+  if offset < NDR and pdu.little then
     a, b, c, d = d, c, b, a
   end
   return ((a * 256 + b) * 256 + c) * 256 + d
@@ -250,75 +255,79 @@ end
 local function answer(pdu, opnum, block, body, offset, status)
   if opnum == WRITE then
     if status == 0 then
-      status = status_at(body, offset + STATUS, false)
+      status = status_at(pdu, body, offset + STATUS)
     end
-    return setmetatable({frame = pdu.frame, time_ns = pdu.time_ns, status = status}, HALF)
+    return {frame = pdu.frame, time_ns = pdu.time_ns, status = status}
   end
   local stated = block.stated
   local data = sub(body, offset + SIZE + 1, offset + SIZE + stated)
   local half = {frame = pdu.frame, time_ns = pdu.time_ns, data = data, status = status}
   if #data < stated then
-    half.missing = stated - #data
+    half.stated, half.missing = stated, stated - #data
   end
-  return setmetatable(half, block.half)
+  return half
 end
 
--- The halves of the blocks of a Write response, one behind the other.
-local function answers(pdu, blocks, block, status)
-  local halves, body, offset = {}, pdu.body, NDR
+-- The halves of the blocks of a Write response, from the one at the offset on.
+local function answers(pdu, blocks, offset, status)
+  local first, last, body = nil, nil, pdu.body
+  local block = block_at(blocks, WRITE, body, offset)
   while block do
-    halves[#halves + 1] = answer(pdu, WRITE, block, body, offset, status)
+    first, last = chained(first, last, answer(pdu, WRITE, block, body, offset, status))
     offset = offset + SIZE
     block = block_at(blocks, WRITE, body, offset)
   end
-  return halves
+  return first
 end
 
 --- The halves of a response, in the order of its blocks.
--- @return the PNIOStatus of the NDR header (nil for an empty body); an array of halves; whether it is that of
---   an IODWriteMultiple, of which only the inner halves are told
+-- @return the PNIOStatus of the NDR header (nil for an empty body); the first half (`half.following` is the
+--   next), nil for none; whether they are those of an IODWriteMultiple, of which only the inner ones are told
 function M.parse_halves(pdu)
   local body, opnum = pdu.body, pdu.opnum
-  local status, blocks = status_at(body, 0, pdu.little), RESPONSE_BLOCKS[opnum]
+  local status, blocks = status_at(pdu, body, 0), RESPONSE_BLOCKS[opnum]
   local block = block_at(blocks, opnum, body, NDR)
   if not block then
-    return status, {}, false
+    return status, nil, false
   end
-  local multiple = opnum == WRITE and block.place.index == WRITE_MULTIPLE
-  if opnum ~= WRITE or #body < NDR + SIZE + HEAD and not multiple then -- one block; a Read has its data there
-    return status, {answer(pdu, opnum, block, body, NDR, status)}, false
+  local half = answer(pdu, opnum, block, body, NDR, status)
+  if opnum ~= WRITE then -- it has one block, and its data behind it
+    return status, half, false
   end
-  local halves = answers(pdu, blocks, block, status)
-  if not multiple then
-    return status, halves, false
+  local others = #body >= NDR + SIZE + HEAD and answers(pdu, blocks, NDR + SIZE, status) or nil
+  if block.place.index ~= WRITE_MULTIPLE then
+    if others then
+      half.following = others
+    end
+    return status, half, false
   end
-  local outer = table.remove(halves, 1)
-  if not halves[1] and outer.status and outer.status ~= 0 then
-    status = outer.status
+  if not others and half.status and half.status ~= 0 then
+    status = half.status
   end
-  return status, halves, true
+  return status, others, true
 end
 
 --- The PNIOStatus of the NDR header (nil for an empty body) and the response blocks as records.
 --
 -- The blocks carry their own address, so that a response without its request can still be placed. An
 -- IODWriteMultiple gives its inner responses only.
+-- @return that, and the first record (`record.following` is the next), nil for none
 function M.parse_response(pdu)
-  local ndr_status, halves, multiple = M.parse_halves(pdu)
-  local records, offset, position = {}, NDR, 0
+  local status, half, multiple = M.parse_halves(pdu)
+  local first, last, offset, position = nil, nil, NDR, 0
   if multiple then
     offset, position = offset + SIZE, 1
   end
-  for number, half in ipairs(halves) do
+  while half do
     local block = block_at(RESPONSE_BLOCKS[pdu.opnum], pdu.opnum, pdu.body, offset)
     local record = new_record(block.place, nil, half)
     if position ~= 0 then
       record.position = position
     end
-    records[number] = record
-    offset, position = offset + SIZE, position + 1
+    first, last = chained(first, last, record)
+    half, offset, position = half.following, offset + SIZE, position + 1
   end
-  return ndr_status, records
+  return status, first
 end
 
 --- The AR that a Release request ends, nil where its block does not parse.

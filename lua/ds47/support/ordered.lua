@@ -104,10 +104,17 @@ end
 
 --- Keeps a value as the newest one; of more keys than `most` the oldest goes.
 function Ordered:keep(key, value, most)
-  self:set(key, value)
-  self:move_to_end(key)
-  if self.length > most then
-    self:pop_first()
+  local values = self.values
+  if values[key] == nil then
+    self:set(key, value)
+    if self.length > most then
+      self:pop_first()
+    end
+    return
+  end
+  values[key] = value
+  if self.newest ~= key then
+    self:move_to_end(key)
   end
 end
 
