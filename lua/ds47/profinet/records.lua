@@ -34,26 +34,28 @@ M.NO_API = -1 -- where there is neither API nor subslot: on PROFIBUS
 local WRITE, READ_IMPLICIT = rpc.WRITE, rpc.READ_IMPLICIT
 
 -- The blocks of an operation in one direction: the first two bytes of each, and those that were seen by what
--- they say from the AR to the record data length (`new_block`): one look at 32 bytes gives place and length.
-local function blocks_of(type)
-  return {type = char(floor(type / 256), type % 256), known = {}}
+-- they say from the AR up to the record data length or, where a block has one, the status (`new_block`). So
+-- one look at 32 or 40 bytes tells all of a block. `sound` are the beginnings of bodies up to that type in
+-- which there is no error.
+local function blocks_of(type, upto)
+  return {type = char(floor(type / 256), type % 256), upto = upto, known = {}, sound = {}}
 end
 
 local REQUEST_BLOCKS = {
-  [rpc.READ] = blocks_of(layout.BLOCK_READ_REQUEST), [READ_IMPLICIT] = blocks_of(layout.BLOCK_READ_REQUEST),
-  [WRITE] = blocks_of(layout.BLOCK_WRITE_REQUEST),
+  [rpc.READ] = blocks_of(layout.BLOCK_READ_REQUEST, HEAD),
+  [READ_IMPLICIT] = blocks_of(layout.BLOCK_READ_REQUEST, HEAD),
+  [WRITE] = blocks_of(layout.BLOCK_WRITE_REQUEST, HEAD),
 }
 local RESPONSE_BLOCKS = {
-  [rpc.READ] = blocks_of(layout.BLOCK_READ_RESPONSE), [READ_IMPLICIT] = blocks_of(layout.BLOCK_READ_RESPONSE),
-  [WRITE] = blocks_of(layout.BLOCK_WRITE_RESPONSE),
+  [rpc.READ] = blocks_of(layout.BLOCK_READ_RESPONSE, HEAD),
+  [READ_IMPLICIT] = blocks_of(layout.BLOCK_READ_RESPONSE, HEAD),
+  [WRITE] = blocks_of(layout.BLOCK_WRITE_RESPONSE, STATUS + 4),
 }
-local block_count, MOST_BLOCKS = 0, 16384
+local known_count, MOST_KNOWN = 0, 16384 -- of all blocks and beginnings
 local AR_BLOCK = layout.BLOCK_AR_REQUEST
 local ONLY_ARS = {[0x0001] = true, [0x0010] = true}
 local RELEASE_BLOCKS = {[layout.BLOCK_RELEASE_REQUEST] = true, [layout.BLOCK_RELEASE_OF_RSI] = true}
 local FIRST_AR = NDR + layout.BLOCK_AR -- where the AR stands in a Connect or Release
-
-local NO_ERROR = ("\0"):rep(4)
 
 --- A half that carries no data.
 function M.half(frame, time_ns, status)
@@ -109,38 +111,53 @@ local function place_of(opnum, key)
   return place
 end
 
-local function forget_blocks()
-  for _, all in ipairs({REQUEST_BLOCKS, RESPONSE_BLOCKS}) do
-    for _, blocks in pairs(all) do
-      blocks.known = {}
+local function remember(blocks, kind, key, value)
+  if known_count >= MOST_KNOWN then
+    for _, all in ipairs({REQUEST_BLOCKS, RESPONSE_BLOCKS}) do
+      for _, each in pairs(all) do each.known, each.sound = {}, {} end
     end
+    known_count = 0
   end
-  block_count = 0
+  blocks[kind][key], known_count = value, known_count + 1
 end
 
--- What a block says: {place, stated}. Big-endian always (P13).
--- nil where it is not whole.
+-- Four bytes at a 1-based place as a number, big-endian as in blocks (P13); nil where not all are there.
+local function number_at(data, at, little)
+  local a, b, c, d = byte(data, at, at + 3)
+  if little and d then
+    a, b, c, d = d, c, b, a
+  end
+  return d and ((a * 256 + b) * 256 + c) * 256 + d
+end
+
+-- What a block says: {place, stated, status (of a Write response), multiple (of IODWriteMultiple)}; nil where
+-- it is not whole.
 local function new_block(blocks, opnum, key)
-  if #key < HEAD - AR then
+  local stated = number_at(key, INDEX + 3 - AR)
+  if not stated then
     return nil
   end
-  local l1, l2, l3, l4 = byte(key, -4, -1)
-  local stated = ((l1 * 256 + l2) * 256 + l3) * 256 + l4
-  local block = {place = place_of(opnum, sub(key, 1, INDEX + 2 - AR)), stated = stated}
-  if block_count >= MOST_BLOCKS then
-    forget_blocks()
-  end
-  blocks.known[key], block_count = block, block_count + 1
+  local place = place_of(opnum, sub(key, 1, INDEX + 2 - AR))
+  local block = {
+    place = place, stated = stated, status = number_at(key, STATUS + 1 - AR),
+    multiple = opnum == WRITE and place.index == WRITE_MULTIPLE,
+  }
+  remember(blocks, "known", key, block)
   return block
 end
 
--- The block at the 0-based offset; nil where it is not whole or not of the expected type.
-local function block_at(blocks, opnum, data, offset)
-  if blocks == nil or sub(data, offset + 1, offset + 2) ~= blocks.type then
-    return nil
-  end
-  local key = sub(data, offset + AR + 1, offset + HEAD)
+-- The block at the 0-based offset, whose type is known; nil where it is not whole.
+local function typed_block(blocks, opnum, data, offset)
+  local key = sub(data, offset + AR + 1, offset + blocks.upto)
   return blocks.known[key] or new_block(blocks, opnum, key)
+end
+
+-- The same; nil too where it is not of the expected type.
+local function block_at(blocks, opnum, data, offset)
+  if blocks and sub(data, offset + 1, offset + 2) == blocks.type then
+    return typed_block(blocks, opnum, data, offset)
+  end
+  return nil
 end
 
 --- What names an AR: controller, device, AR UUID (nil UUID for ReadImplicit).
@@ -210,7 +227,7 @@ local function parse_multiple(pdu, blocks, inner)
   local first, last, offset, position, nested = nil, nil, 0, 1, false
   local block = block_at(blocks, WRITE, inner, 0)
   while block do
-    nested = nested or block.place.index == WRITE_MULTIPLE
+    nested = nested or block.multiple
     local record = asked(pdu, WRITE, block, inner, offset + SIZE)
     record.position, position = position, position + 1
     first, last = chained(first, last, record)
@@ -229,33 +246,17 @@ function M.parse_request(pdu)
   local block = block_at(blocks, opnum, body, NDR)
   if not block then
     return nil, false, false
-  elseif opnum == WRITE and block.place.index == WRITE_MULTIPLE then
+  elseif block.multiple then
     return parse_multiple(pdu, blocks, sub(body, NDR + SIZE + 1, NDR + SIZE + block.stated))
   end
   return asked(pdu, opnum, block, body, NDR + SIZE), false, false
-end
-
--- The PNIOStatus, four bytes of a body at the 0-based offset; nil where they are not there. That of the NDR
--- header is in the byte order of the PDU.
-local function status_at(pdu, body, offset)
-  if sub(body, offset + 1, offset + 4) == NO_ERROR then
-    return 0
-  end
-  local a, b, c, d = byte(body, offset + 1, offset + 4)
-  if not d then
-    return nil
-  end
-  if offset < NDR and pdu.little then
-    a, b, c, d = d, c, b, a
-  end
-  return ((a * 256 + b) * 256 + c) * 256 + d
 end
 
 -- The response of one block. The status of a Write is its own, unless the whole call failed.
 local function answer(pdu, opnum, block, body, offset, status)
   if opnum == WRITE then
     if status == 0 then
-      status = status_at(pdu, body, offset + STATUS)
+      status = block.status
     end
     return {frame = pdu.frame, time_ns = pdu.time_ns, status = status}
   end
@@ -266,6 +267,19 @@ local function answer(pdu, opnum, block, body, offset, status)
     half.stated, half.missing = stated, stated - #data
   end
   return half
+end
+
+-- The PNIOStatus of a response (nil for an empty body), and its first block, nil for none.
+local function beginning_of(pdu, blocks, opnum, body)
+  local beginning = sub(body, 1, NDR + 2)
+  if blocks and blocks.sound[beginning] then
+    return 0, typed_block(blocks, opnum, body, NDR)
+  end
+  local status, block = number_at(body, 1, pdu.little), block_at(blocks, opnum, body, NDR)
+  if status == 0 and block then
+    remember(blocks, "sound", beginning, true)
+  end
+  return status, block
 end
 
 -- The halves of the blocks of a Write response, from the one at the offset on.
@@ -285,8 +299,8 @@ end
 --   next), nil for none; whether they are those of an IODWriteMultiple, of which only the inner ones are told
 function M.parse_halves(pdu)
   local body, opnum = pdu.body, pdu.opnum
-  local status, blocks = status_at(pdu, body, 0), RESPONSE_BLOCKS[opnum]
-  local block = block_at(blocks, opnum, body, NDR)
+  local blocks = RESPONSE_BLOCKS[opnum]
+  local status, block = beginning_of(pdu, blocks, opnum, body)
   if not block then
     return status, nil, false
   end
@@ -295,7 +309,7 @@ function M.parse_halves(pdu)
     return status, half, false
   end
   local others = #body >= NDR + SIZE + HEAD and answers(pdu, blocks, NDR + SIZE, status) or nil
-  if block.place.index ~= WRITE_MULTIPLE then
+  if not block.multiple then
     if others then
       half.following = others
     end
