@@ -69,7 +69,8 @@ local function outcome(job, parameters)
   if response == nil or response.response_id == NOT_SUPPORTED then
     return "error"
   end
-  local blocks = response.blocks
+  local layout = response.layout -- whose places are those of blocks with values: blocks need not be made
+  local blocks = layout and layout.places or response.blocks
   local known = tables.response_ids[response.response_id or 0]
   local negative = known ~= nil and known.negative or false
   if #blocks == 0 and known and known.body ~= "blocks" and not negative then
