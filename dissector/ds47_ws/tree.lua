@@ -51,19 +51,27 @@ local codes = tables.codes
 -- Small things
 
 local find_bytes -- what finds bytes in the frame
-local frame_tree, referenced -- the tree of the frame, and its method of that name
-local wants -- by field, or by an array of fields: whether somebody wants it, or one of them; by a
--- LIST: what of it
+local frame_tree -- the tree of the frame
+local add_item, referenced -- methods of all trees: looking one up costs a quarter of what it does
+local wants -- by key of a field: the field where somebody wants it, else false; by an array of keys: whether
+-- one of them is wanted; by a LIST: what of it; by a protocol, and by VISIBLE: see `ask`
 local language -- of its texts, "en" or "zh"
 local marked -- whether it is seen where a value comes from
 
--- Lists of what an address, and a transaction, show: each {field = the field, or an array of fields, ...}.
-local ADDRESS, TRANSACTION
+-- Lists of what a parameter, and a transaction, show: each {field = the field, or an array of fields, ...}.
+local PARAMETER, TRANSACTION
 local LISTS = {}
+
+local VISIBLE = {}
+local UNKNOWN = "unknown" -- whether a protocol is made: see `own_tree`
 
 local function ask(key)
   if type(key) == "string" then
-    return referenced(frame_tree, fields[key])
+    return referenced(frame_tree, fields[key]) and fields[key]
+  elseif key == VISIBLE then
+    return frame_tree.visible
+  elseif type(key) == "userdata" then
+    return UNKNOWN
   elseif LISTS[key] then
     local found = {}
     for number = 1, #key do
@@ -103,6 +111,13 @@ local function asked_anew()
   return of_frame
 end
 
+-- Begins with the tree of a frame.
+local function begin(tree, answers, lang)
+  add_item, referenced = add_item or tree.add, referenced or tree.referenced
+  frame_tree, wants, language = tree, answers or asked_anew(), lang
+  marked = wants[VISIBLE]
+end
+
 -- Whether somebody wants a field.
 local function wanted(key)
   return wants[key]
@@ -119,20 +134,21 @@ end
 -- Adds a field; nothing where there is no value, or nobody wants it. Its bytes stand at an offset in the
 -- record, if that is in the frame; where nobody sees the tree, nobody sees where they stand.
 local function add(parent, key, value, record, offset, size)
-  if value == nil or not wants[key] then
+  local field = value ~= nil and wants[key]
+  if not field then
     return nil
   end
   local range = marked and record and part(record, offset, size)
   if range then
-    return parent:add(fields[key], range, value)
+    return add_item(parent, field, range, value)
   end
-  return parent:add(fields[key], value)
+  return add_item(parent, field, value)
 end
 
 -- Adds a field whose value is taken from its bytes, which have to be in the frame.
 local function take(parent, key, record, offset, size)
   local range = wants[key] and part(record, offset, size)
-  return range and parent:add(fields[key], range) or nil
+  return range and add_item(parent, fields[key], range) or nil
 end
 
 local function mark_generated(item)
@@ -141,12 +157,27 @@ local function mark_generated(item)
   end
 end
 
+-- The tree of a protocol. Where nobody sees the tree or asks for the protocol itself, Wireshark 4.6 makes
+-- none: it gives the tree of the frame instead, which has no length. The first record tells.
+local function own_tree(tree, owner, record, label)
+  local known = wants[owner]
+  if not known then
+    return tree
+  end
+  local root = record and add_item(tree, owner, record, label) or add_item(tree, owner, label)
+  if known == UNKNOWN and record and not marked then
+    wants[owner] = root.len > 0
+  end
+  return root
+end
+
 -- Adds a field whose value stands nowhere in the frame.
 local function derive(parent, key, value)
-  if value == nil or not wants[key] then
+  local field = value ~= nil and wants[key]
+  if not field then
     return nil
   end
-  local item = parent:add(fields[key], value)
+  local item = add_item(parent, field, value)
   if marked then
     item:set_generated()
   end
@@ -163,7 +194,7 @@ end
 
 -- Adds a field whose value is that of bytes, which need not be in the frame.
 local function point(parent, key, range)
-  local item = parent:add(fields[key], range)
+  local item = add_item(parent, fields[key], range)
   mark_generated(item)
   return item
 end
@@ -178,6 +209,54 @@ local adding = {
   wanted = wanted, add = add, take = take, derive = derive, show = show, point = point,
   elsewhere = elsewhere,
 }
+
+-- What stands together: of an array of keys it is asked at once whether one of them is wanted.
+
+-- Arrays of keys in one.
+local function joined(...)
+  local all = {}
+  for _, keys in ipairs({ ... }) do
+    for _, key in ipairs(keys) do
+      all[#all + 1] = key
+    end
+  end
+  return all
+end
+
+local OF_HEADER = { "request_reference", "request_id", "response_id", "axis", "parameter_count" }
+local OF_BLOCK = { "format", "value_count" }
+local OF_WRITTEN = { "written.format", "written.value_count" }
+local OF_TYPED = {
+  "value.signed", "value.unsigned", "value.float", "value.double", "value.string", "value.bytes",
+}
+-- A value, and all that stands below it.
+local OF_VALUES = joined(OF_TYPED, {
+  "value", "value.number", "value.time", "value.hex", "scaled", "scaled.number",
+})
+-- What needs the blocks of a message, or where they stand.
+local OF_BLOCKS = joined(OF_BLOCK, OF_WRITTEN, OF_TYPED, {
+  "value.hex", "error.code", "error.text", "error.info", "raw",
+})
+local OF_DESCRIPTION = {}
+for number, row in ipairs(require("ds47_ws.description_fields")) do
+  OF_DESCRIPTION[number] = row[1]
+end
+-- All that stands below the header of a message.
+local OF_PARAMETERS = joined(OF_BLOCKS, OF_VALUES, OF_DESCRIPTION, {
+  "parameter", "attribute", "element_count", "pnu", "subindex", "name", "unit", "family", "described_in",
+  "meaning",
+})
+-- What is shown of the bytes of a record.
+local OF_RECORD = { "raw", "value.bytes", "value.hex", "bytes.request", "bytes.response" }
+-- What later frames say of a transaction.
+local OF_LATER_FRAMES = {
+  "second_pass", "state", "response_in", "time", "transaction", "cycles", "polls", "duration_ms",
+  "bytes.response", "status.write", "status.read", "plc", "frames.write_response", "frames.read_request",
+  "frames.read_response", "frames.poll.request", "frames.poll.response", "frames.reread.request",
+  "frames.reread.response", "finding", "finding.severity", "finding.message", "finding.transaction",
+  "finding.elsewhere",
+}
+local OF_LINKS = { "request_in", "response_in", "time" }
 
 -- Values with the type of their format
 
@@ -220,22 +299,14 @@ end
 function typed.octets(parent, _, _, bytes, record, offset)
   local range = wants["value.bytes"] and part(record, offset, #bytes)
   if range then
-    parent:add(fields["value.bytes"], range)
+    add_item(parent, fields["value.bytes"], range)
   end
 end
 
 typed.with_status = typed.octets
 
 local TIMES = { date = true, time_of_day = true }
-local NUMBERS = { number = true, float = true }
-
--- The value as a number, whatever its format: of all formats but those of times, texts and octets.
-local function add_number(parent, kind, value, record, offset, size)
-  if NUMBERS[kind] then
-    show(parent, "value.number", type(value) == "number" and value or types.number(value), record, record,
-      offset, size)
-  end
-end
+local NUMBERS = { number = true, float = true } -- all but times, texts and octets
 
 -- The physical value, which is text for dates and times of day and a number for all others.
 local function physical(parent, kind, item, number)
@@ -269,23 +340,15 @@ local ROWS = entries(function(name)
   return tables.formats[types.format_code(name)] or false
 end)
 
-local OF_TYPED = {
-  "value.signed", "value.unsigned", "value.float", "value.double", "value.string", "value.bytes",
-}
-
--- One value of a parameter. `block` and `record` say where it stands; nil where it is not in this frame.
-local function add_value(parent, item, number, block, record)
-  local values = item.values
-  local value = values[number]
-  local row = ROWS[item.format or ""]
-  local kind = row and row.kind
-  local offset, size
+-- One value of a parameter, in a format of a row (false: of none). `block` and `record` say where it stands;
+-- nil where it is not in this frame.
+local function add_value(parent, item, number, row, block, record)
+  local values, kind = item.values, row and row.kind
+  local value, shown, offset, size = values[number], parent, nil, nil
   if block then
     size = #values > 1 and floor(#block.raw / #values) or #block.raw
     offset = block.offset + 2 + (number - 1) * size
   end
-  local here = block and record or nil
-  local shown = parent
   if wants.value then
     local text = item.shown or words.value(value, item.format)
     shown = show(parent, "value", text, block, record, offset, size)
@@ -293,11 +356,12 @@ local function add_value(parent, item, number, block, record)
   if block and typed[kind] and wants[OF_TYPED] then
     typed[kind](shown, row, value, sub(block.raw, (number - 1) * size + 1, number * size), record, offset)
   end
-  if wants["value.number"] then
-    add_number(shown, kind, value, here, offset, size)
+  if wants["value.number"] and NUMBERS[kind] then
+    local here = block and record
+    show(shown, "value.number", types.number(value), here, here, offset, size)
   end
   if wants["value.hex"] then
-    text_bytes(shown, item, value, here and part(here, offset, size))
+    text_bytes(shown, item, value, block and record and part(record, offset, size))
   end
   if item.scaled then
     physical(shown, kind, item, number)
@@ -305,50 +369,6 @@ local function add_value(parent, item, number, block, record)
 end
 
 -- Parameters
-
--- What an address shows, in its order: a field, its value (of the parameter, and of the address in the
--- request; nil: what the parameter has of that name), and the bytes of the address that have it; nil where it
--- stands nowhere.
-ADDRESS = {
-  { field = "attribute", at = 0, size = 1, value = function(_, address)
-    return address and address.attribute
-  end },
-  { field = "element_count", at = 1, size = 1, value = nil },
-  { field = "pnu", at = 2, size = 2, value = nil },
-  { field = "subindex", at = 4, size = 2, value = nil },
-  { field = "name", value = function(item) return sentences.name(item, language) end },
-  { field = "unit", value = nil },
-  { field = "family", value = function(item) return words.family(item) end },
-  { field = "described_in", value = function(item) return item.described and item.described.frames end },
-  { field = "meaning", value = function(item) return words.meaning(item, language) end },
-}
-
-LISTS[ADDRESS] = true
-
--- The address. It stands in a request; for a response it is that of its request.
-local function add_address(parent, item, address, asked, record)
-  local shown = wants[ADDRESS]
-  for number = 1, #shown do
-    local each = shown[number]
-    local value, at = each.value, each.at
-    if value then
-      value = value(item, address)
-    else
-      value = item[each.field]
-    end
-    if type(value) == "table" then
-      for place = 1, #value do
-        derive(parent, each.field, value[place])
-      end
-    elseif asked and at then
-      add(parent, each.field, value, record, address.offset + at, each.size)
-    else
-      derive(parent, each.field, value)
-    end
-  end
-end
-
-local OF_BLOCK = { "format", "value_count" }
 
 -- Format and number of values of a block, as they stand in the frame.
 local function add_block(parent, block, record)
@@ -363,7 +383,7 @@ end
 local function add_raw(parent, record, offset, size)
   local range = size > 0 and wants.raw and part(record, offset, size)
   if range then
-    parent:add(fields.raw, range)
+    add_item(parent, fields.raw, range)
   end
 end
 
@@ -423,57 +443,113 @@ local function places(view)
   return NONE, 0, not (change and message)
 end
 
-local OF_WRITTEN = { "written.format", "written.value_count" }
-
 -- What the request of a response wrote.
 local function add_written(parent, item)
   derive(parent, "written.format", types.format_code(item.format))
   derive(parent, "written.value_count", item.value_count)
 end
 
--- All that stands below a value, and it.
-local OF_VALUES = {
-  "value", "value.number", "value.signed", "value.unsigned", "value.float", "value.double", "value.string",
-  "value.bytes", "value.time", "value.hex", "scaled", "scaled.number",
-}
-
 local function add_values(parent, item, block, record)
-  for place = 1, #item.values do
-    add_value(parent, item, place, block, record)
+  local count = #item.values
+  local row = count > 0 and ROWS[item.format or ""]
+  for place = 1, count do
+    add_value(parent, item, place, row, block, record)
   end
 end
 
--- A parameter, its address in the request, its block in this frame, and whether that has its values; address
--- and block may be nil.
-local function add_parameter(parent, view, item, address, block, here, record)
-  local asked = address ~= nil and view.role == "write_request"
-  local shown = parent
-  if wants.parameter then
-    local place, size = asked and address or block, asked and 6 or block and 2 + #block.raw
-    local label = words.parameter(item, view.item.operation == "change", language)
-    shown = add(parent, "parameter", label, place and record, place and place.offset, size)
-    if not asked and not (block and here) then
-      mark_generated(shown)
-    end
+-- What an address shows. It stands in a request; for a response it is that of its request. `row` says what
+-- the value is (of the parameter, and of the address; nil: what the parameter has of that name), and which
+-- bytes of the address have it; nil where it stands nowhere.
+local function add_of_address(row, shown, item, address, asked, _, _, record)
+  local key, value = row.field, row.value
+  if value then
+    value = value(item, address)
+  else
+    value = item[key]
   end
-  add_address(shown, item, address, asked, record)
-  if block and wants[OF_BLOCK] then
-    add_block(shown, block, record)
+  if marked and asked and row.at then
+    add(shown, key, value, record, address.offset + row.at, row.size)
+  else
+    derive(shown, key, value)
   end
-  if not here and wants[OF_WRITTEN] then
-    add_written(shown, item)
+end
+
+local function add_described_in(_, shown, item)
+  local frames = item.described and item.described.frames or NONE
+  for number = 1, #frames do
+    derive(shown, "described_in", frames[number])
   end
-  if wants[OF_VALUES] then
-    add_values(shown, item, here and block or nil, record)
-  end
-  local attribute = item.attribute
-  if attribute == "description" or attribute == "text" then
-    description_tree.add(adding, shown, item, here and block or nil, record)
-  end
+end
+
+-- The error of a block, or its bytes where nothing else shows them.
+local function add_rest(_, shown, item, _, asked, block, here, record)
   if block and block.error and not asked then
     add_error(shown, block.error, item.error, block, record)
-  elseif block and wants.raw and not (here and #item.values > 0) then
+  elseif block and not (here and #item.values > 0) then
     add_raw(shown, record, block.offset + 2, #block.raw)
+  end
+end
+
+-- What is shown of a parameter, in its order: `add` is a function of the row, the tree, the parameter, its
+-- address in the request, whether that stands in this frame, its block in this frame, whether that has its
+-- values, and the record; address, block and record may be nil.
+PARAMETER = {
+  { field = "attribute", at = 0, size = 1, add = add_of_address, value = function(_, address)
+    return address and address.attribute
+  end },
+  { field = "element_count", at = 1, size = 1, add = add_of_address },
+  { field = "pnu", at = 2, size = 2, add = add_of_address },
+  { field = "subindex", at = 4, size = 2, add = add_of_address },
+  { field = "name", add = add_of_address, value = function(item) return sentences.name(item, language) end },
+  { field = "unit", add = add_of_address },
+  { field = "family", add = add_of_address, value = function(item) return words.family(item) end },
+  { field = "described_in", add = add_described_in },
+  { field = "meaning", add = add_of_address, value = function(item)
+    return words.meaning(item, language)
+  end },
+  { field = OF_BLOCK, add = function(_, shown, _, _, _, block, _, record)
+    if block then
+      add_block(shown, block, record)
+    end
+  end },
+  { field = OF_WRITTEN, add = function(_, shown, item, _, _, _, here)
+    if not here then
+      add_written(shown, item)
+    end
+  end },
+  { field = OF_VALUES, add = function(_, shown, item, _, _, block, here, record)
+    add_values(shown, item, here and block or nil, record)
+  end },
+  { field = OF_DESCRIPTION, add = function(_, shown, item, _, _, block, here, record)
+    if item.attribute == "description" or item.attribute == "text" then
+      description_tree.add(adding, shown, item, here and block or nil, record)
+    end
+  end },
+  { field = { "error.code", "error.text", "error.info", "raw" }, add = add_rest },
+}
+LISTS[PARAMETER] = true
+
+-- The line of a parameter, below which all else of it stands.
+local function add_label(parent, view, item, address, asked, block, here, record)
+  local place, size = asked and address or block, asked and 6 or block and 2 + #block.raw
+  local label = words.parameter(item, view.item.operation == "change", language)
+  local shown = add(parent, "parameter", label, place and record, place and place.offset, size)
+  if not asked and not (block and here) then
+    mark_generated(shown)
+  end
+  return shown
+end
+
+-- A parameter; arguments as those of the functions in PARAMETER.
+local function add_parameter(parent, view, item, address, block, here, record)
+  local asked = address ~= nil and view.role == "write_request"
+  local shown, list = parent, wants[PARAMETER]
+  if wants.parameter then
+    shown = add_label(parent, view, item, address, asked, block, here, record)
+  end
+  for number = 1, #list do
+    local row = list[number]
+    row.add(row, shown, item, address, asked, block, here, record)
   end
 end
 
@@ -483,65 +559,37 @@ local HEADERS = {
   write_request = "request_id", read_response = "response_id", reread = "response_id",
 }
 
--- All that stands below the header of a message.
-local OF_PARAMETERS = {
-  "pnu", "parameter", "subindex", "attribute", "element_count", "name", "unit", "family", "described_in",
-  "format", "value_count", "meaning", "written.format", "written.value_count", "error.code", "error.text",
-  "error.info", "raw",
-}
-for _, key in ipairs(OF_VALUES) do
-  OF_PARAMETERS[#OF_PARAMETERS + 1] = key
-end
-for _, row in ipairs(require("ds47_ws.description_fields")) do
-  OF_PARAMETERS[#OF_PARAMETERS + 1] = row[1]
+-- Blocks are made of the bytes of a message when they are asked for: not where nobody wants what stands in
+-- them alone.
+local function blocks_of(view)
+  if wants[OF_BLOCKS] then
+    return places(view)
+  end
+  return NONE, 0, false
 end
 
--- The same without what ADDRESS has.
-local BESIDE_ADDRESS = {}
-do
-  local of_address = {}
-  for _, each in ipairs(ADDRESS) do
-    of_address[each.field] = true
+-- What belongs to no parameter.
+local function add_others(parent, view, message, record)
+  for number = owned(view, message) + 1, #message.blocks do
+    add_loose(parent, message.blocks[number], record)
   end
-  for _, key in ipairs(OF_PARAMETERS) do
-    BESIDE_ADDRESS[#BESIDE_ADDRESS + 1] = not of_address[key] and key or nil
-  end
-end
-
-local function add_addresses(parent, parameters, request, asked, record)
-  for number = 1, #parameters do
-    local item = parameters[number]
-    local address = request and item.pnu and request.addresses[number] or nil
-    add_address(parent, item, address, asked and address ~= nil, record)
+  if record then
+    add_raw(parent, record, record:len() - #message.rest, #message.rest)
   end
 end
 
 local function add_parameters(parent, view, message, record)
-  if not wants[OF_PARAMETERS] then
-    return
-  end
   local parameters, request = view.parameters, view.message
-  if not wants[BESIDE_ADDRESS] then
-    add_addresses(parent, parameters, request, view.role == "write_request", record)
-    return
-  end
-  local blocks, most, here = places(view)
+  local blocks, most, here = blocks_of(view)
   for number = 1, #parameters do
     local item = parameters[number]
     local address = request and item.pnu and request.addresses[number] or nil
     add_parameter(parent, view, item, address, number <= most and blocks[number] or nil, here, record)
   end
-  if message then
-    for number = owned(view, message) + 1, #message.blocks do
-      add_loose(parent, message.blocks[number], record)
-    end
-    if record then
-      add_raw(parent, record, record:len() - #message.rest, #message.rest)
-    end
+  if message and wants[OF_BLOCKS] then
+    add_others(parent, view, message, record)
   end
 end
-
-local OF_HEADER = { "request_reference", "request_id", "response_id", "axis", "parameter_count" }
 
 local function add_message(parent, view, record)
   local id = HEADERS[view.role]
@@ -555,7 +603,9 @@ local function add_message(parent, view, record)
     add(parent, "axis", message.axis, record, 2, 1)
     add(parent, "parameter_count", message.parameter_count, record, 3, 1)
   end
-  add_parameters(parent, view, message, record)
+  if wants[OF_PARAMETERS] then
+    add_parameters(parent, view, message, record)
+  end
 end
 
 -- The other frames, and the transaction
@@ -567,12 +617,23 @@ local function duration(nanoseconds)
   return NSTime.new(sign * seconds, floor(sign * rest))
 end
 
+-- The number of the frame with a half of the transaction. Its job has it, as long as it is not complete: all
+-- the frames of a transaction are dear to make.
+local function frame_of(view, half)
+  local job = view.job
+  if job == nil then
+    return view.item.frames[half]
+  end
+  local found = job[half]
+  return found and found.frame
+end
+
 local function add_links(parent, view)
   if view.role ~= "write_request" and wants.request_in then
     derive(parent, "request_in", view.item.frames.write_request)
   end
   if view.role ~= "read_response" and wants.response_in then
-    derive(parent, "response_in", view.item.frames.read_response)
+    derive(parent, "response_in", frame_of(view, "read_response"))
   end
   if wants.time and view.item.duration_ns then
     derive(parent, "time", duration(view.item.duration_ns))
@@ -588,32 +649,35 @@ end
 
 -- Whether earlier frames prove the state: one pass does not know how an open transaction ends.
 local function state_is_certain(view)
-  local item = view.item
-  return view.complete or item.frames.read_response ~= nil or item.operation == "usend"
-    or (item.write_status ~= nil and item.write_status ~= 0)
+  local job, item = view.job, view.item
+  if view.complete or item.operation == "usend" or frame_of(view, "read_response") then
+    return true
+  end
+  local status_of_write
+  if job then -- see `frame_of`
+    status_of_write = job.write_response and job.write_response.status
+  else
+    status_of_write = item.write_status
+  end
+  return status_of_write ~= nil and status_of_write ~= 0
 end
-
--- What later frames say of a transaction.
-local OF_LATER_FRAMES = {
-  "second_pass", "state", "response_in", "time", "transaction", "cycles", "polls", "duration_ms",
-  "bytes.response", "status.write", "status.read", "plc", "frames.write_response", "frames.read_request",
-  "frames.read_response", "frames.poll.request", "frames.poll.response", "frames.reread.request",
-  "frames.reread.response", "finding", "finding.severity", "finding.message", "finding.transaction",
-  "finding.elsewhere",
-}
 
 -- Says that later frames may say more of a transaction, where somebody wants what they say; in a window every
 -- frame is shown again. Not where earlier frames prove how it ended.
-local function add_second_pass(parent, view)
-  if not WINDOW and not view.complete and wants[OF_LATER_FRAMES] and not state_is_certain(view) then
-    passes.shown_partly()
+local function add_second_pass(parent)
+  if WINDOW then
+    return
+  end
+  passes.shown_partly()
+  if wants.second_pass then
     derive(parent, "second_pass", words.say(language, "second_pass"))
   end
 end
 
 -- Whether a view shows all of its transaction.
 local function is_main(view)
-  return view.role == "read_response" or (view.role == "write_request" and not view.item.frames.read_response)
+  return view.role == "read_response"
+    or (view.role == "write_request" and not frame_of(view, "read_response"))
 end
 
 local CHANNEL = { "vendor_assumed", "api", "slot", "subslot", "index" }
@@ -649,7 +713,7 @@ end
 -- What WRREC and RDREC showed, once it is known how the transaction ended.
 local function add_plc(parent, view, lang)
   local item = view.item
-  local over = view.complete or item.frames.read_response
+  local over = view.complete or frame_of(view, "read_response")
   if item.channel == "ds47" and over and is_main(view) then
     local witness = view.witness or plc.witness_of(item, view.job)
     derive(parent, "plc", witness:text(item, lang))
@@ -709,8 +773,8 @@ TRANSACTION = {
   { field = "operation", add = function(shown, item)
     derive(shown, "operation", codes.operations[item.operation])
   end },
-  { field = "state", add = function(shown, item, view)
-    derive(shown, "state", state_is_certain(view) and codes.states[item.state] or nil)
+  { field = "state", add = function(shown, item, _, certain)
+    derive(shown, "state", certain and codes.states[item.state] or nil)
   end },
   { field = OF_CHANNEL, add = add_channel },
   { field = { "request_reference", "axis" }, add = function(shown, item, view)
@@ -720,12 +784,14 @@ TRANSACTION = {
     end
   end },
   { field = FRAMES, add = function(shown, _, view) add_frames(shown, view) end },
-  { field = "start", add = function(shown, item, _, _, context)
+  { field = "start", add = function(shown, item, _, _, _, context)
     derive(shown, "start", csv.timestamp(context.base_seconds, item.start_ns))
   end },
-  { field = "duration_ms", add = function(shown, item)
-    local nanoseconds = item.duration_ns
-    derive(shown, "duration_ms", nanoseconds and nanoseconds / 1000000)
+  { field = "duration_ms", add = function(shown, item, view)
+    if view.job == nil or view.job.read_response then
+      local nanoseconds = item.duration_ns
+      derive(shown, "duration_ms", nanoseconds and nanoseconds / 1000000)
+    end
   end },
   { field = "cycles", add = function(shown, item) derive(shown, "cycles", item.cycles) end },
   { field = "status.write", add = function(shown, item)
@@ -734,25 +800,32 @@ TRANSACTION = {
   { field = "status.read", add = function(shown, item)
     add_status(shown, "status.read", item.read_status)
   end },
-  { field = OF_BYTES, add = function(shown, _, view, record) add_bytes(shown, view, record) end },
-  { field = "plc", add = function(shown, _, view, _, context) add_plc(shown, view, context.lang) end },
+  { field = OF_BYTES, add = function(shown, _, view, _, record) add_bytes(shown, view, record) end },
+  { field = "plc", add = function(shown, _, view, _, _, context) add_plc(shown, view, context.lang) end },
 }
 LISTS[TRANSACTION] = true
 
-local function add_transaction(parent, view, record, context)
+local OF_TRANSACTION = { "transaction" }
+for _, each in ipairs(TRANSACTION) do
+  OF_TRANSACTION = joined(OF_TRANSACTION, type(each.field) == "table" and each.field or { each.field })
+end
+
+-- `certain`: whether the state of the transaction is.
+local function add_transaction(parent, view, certain, record, context)
   local item, shown, list = view.item, parent, wants[TRANSACTION]
   if wants.transaction then
-    shown = derive(parent, "transaction", view.complete and item.id or item.order) or parent
+    local number = view.complete and item.id or (view.job or item).order
+    shown = derive(parent, "transaction", number) or parent
   end
   for number = 1, #list do
-    list[number].add(shown, item, view, record, context)
+    list[number].add(shown, item, view, certain, record, context)
   end
 end
 
 -- Drives
 
 local function add_events(tree, events, find_word, lang)
-  local root = tree:add(of_drives, marked and "DS47 " .. info.events(events, lang) or "DS47 PZD")
+  local root = own_tree(tree, of_drives, nil, marked and "DS47 " .. info.events(events, lang) or "DS47 PZD")
   for _, each in ipairs(events) do
     local shown = pzd_tree.add_event(adding, root, each, find_word(each), lang)
     shown = shown or root
@@ -765,8 +838,7 @@ end
 -- @param tree the tree of the frame
 -- @param found as track.words gives them
 function M.add_words(tree, tvb, found, lang)
-  frame_tree, referenced, marked, language = tree, tree.referenced, tree.visible, lang
-  wants = asked_anew()
+  begin(tree, nil, lang)
   for _, place in ipairs(found) do
     pzd_tree.add(adding, tree, place, tvb:range(place.offset, place.length), lang)
   end
@@ -790,34 +862,37 @@ local function add_info(root, sentence)
   end
 end
 
--- The tree of a view, and in it what is in the frame.
+-- The tree of a view.
 local function add_root(tree, view, record)
   local s7 = view.item.channel == "s7"
   local sentence = not s7 and (marked or wants.info) and info.sentence(view, language)
   local label = marked and "DS47 " .. (sentence or "S7 " .. s7_tree.label(view, language)) or "DS47"
-  local owner = s7 and of_s7 or protocol
-  local root = record and tree:add(owner, record, label) or tree:add(owner, label)
+  local root = own_tree(tree, s7 and of_s7 or protocol, record, label)
   if sentence then
     add_info(root, sentence)
   end
-  if s7 then
+  return root
+end
+
+-- What is in the frame, and where the other half of it is.
+local function add_frame(root, view, record)
+  local channel = view.item.channel
+  if channel == "s7" then
     s7_tree.add(adding, root, view, is_main(view), duration, language)
-    return root
-  elseif view.item.channel == "pkw" then
+    return
+  elseif channel == "pkw" then
     pkw_tree.add(adding, root, view, record, language)
   else
     add_message(root, view, record)
   end
-  add_links(root, view)
-  return root
+  if wants[OF_LINKS] then
+    add_links(root, view)
+  end
 end
 
 -- Findings of the transaction that other frames have, each rule once a frame: a refused change is looked at
 -- in its response, and what to send instead may stand at its request.
 local function add_elsewhere(root, view, findings, context)
-  if not wants["finding.elsewhere"] then
-    return
-  end
   local known = {}
   for _, finding in ipairs(findings) do
     known[finding] = true
@@ -831,10 +906,30 @@ local function add_elsewhere(root, view, findings, context)
   end
 end
 
-local function add_view(tree, view, findings, taken, record, context)
+-- The record of a view in the frame, where somebody sees, or asks for, what is made of it.
+local function record_of(view, finders)
+  local item, data = view.item, nil
+  if item.channel == "ds47" and not wants[protocol] and not wants[OF_RECORD] then
+    return nil
+  elseif view.role == "write_request" then
+    data = item.request
+  elseif HEADERS[view.role] then
+    data = item.response
+  end
+  return data and finders.record(data, view)
+end
+
+local function add_view(tree, view, findings, taken, finders, context)
+  local record = record_of(view, finders)
   local root = add_root(tree, view, record)
-  add_second_pass(root, view)
-  add_transaction(root, view, record, context)
+  add_frame(root, view, record)
+  local certain = not wants[OF_LATER_FRAMES] or state_is_certain(view)
+  if not certain then
+    add_second_pass(root)
+  end
+  if wants[OF_TRANSACTION] then
+    add_transaction(root, view, certain, record, context)
+  end
   for number = 1, #findings do
     local finding = findings[number]
     if not taken[number] and of_view(finding, view) then
@@ -842,7 +937,9 @@ local function add_view(tree, view, findings, taken, record, context)
       finding_tree.add(adding, root, finding, experts, nil, context.lang)
     end
   end
-  add_elsewhere(root, view, findings, context)
+  if wants["finding.elsewhere"] then
+    add_elsewhere(root, view, findings, context)
+  end
 end
 
 local NONE_TAKEN = {} -- of no findings
@@ -857,17 +954,11 @@ local NONE_TAKEN = {} -- of no findings
 --   findings_of = a function that gives all findings of the transaction of a view,
 --   answers = what M.answers gives, shared by frames whose trees answer the same, or nil}
 function M.add(tree, views, findings, events, finders, context)
-  frame_tree, referenced, marked, language = tree, tree.referenced, tree.visible, context.lang
-  find_bytes, wants = finders.bytes, context.answers or asked_anew()
+  begin(tree, context.answers, context.lang)
+  find_bytes = finders.bytes
   local taken = findings[1] and {} or NONE_TAKEN
   for number = 1, #views do
-    local view, data = views[number], nil
-    if view.role == "write_request" then
-      data = view.item.request
-    elseif HEADERS[view.role] then
-      data = view.item.response
-    end
-    add_view(tree, view, findings, taken, data and finders.record(data, view), context)
+    add_view(tree, views[number], findings, taken, finders, context)
   end
   if #events > 0 then
     add_events(tree, events, finders.word, context.lang)
@@ -876,7 +967,8 @@ function M.add(tree, views, findings, events, finders, context)
   for number = 1, #findings do
     local finding = findings[number]
     if not taken[number] then
-      rest = rest or tree:add(of_s7 and sub(finding.rule, 1, 3) == "DS9" and of_s7 or protocol, "DS47")
+      local owner = of_s7 and sub(finding.rule, 1, 3) == "DS9" and of_s7 or protocol
+      rest = rest or own_tree(tree, owner, nil, "DS47")
       finding_tree.add(adding, rest, finding, experts, context.request_of(finding), context.lang)
     end
   end

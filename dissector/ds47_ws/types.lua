@@ -34,6 +34,9 @@ local FLOAT_WORDS = { NaN = 0 / 0, Infinity = 1 / 0, ["-Infinity"] = -1 / 0 }
 --- A value as a double: integers that have more digits than a double are texts, and lose the last ones.
 -- @return nil where it is no number
 function M.number(value)
+  if type(value) == "number" then
+    return value
+  end
   return FLOAT_WORDS[value] or tonumber(value)
 end
 
