@@ -101,12 +101,47 @@ function M.answers()
   return setmetatable({}, KEEPING)
 end
 
--- The same of one frame, where the next one's tree may say something else: one table, emptied.
-local of_frame = M.answers()
+-- The same in a window, where the tree of the next frame may say something else and mostly says the same. So
+-- the fields that were asked for are asked for again, in one go, and where one answer is another one all are
+-- forgotten.
+local of_frame, AGAIN = {}, {}
+local again, answered, again_count = {}, {}, 0 -- those fields, whether they were wanted, and their number
+local owners = {} -- the protocols, which each frame tells of anew
 
-local function asked_anew()
-  for key in next, of_frame do
-    of_frame[key] = nil
+function AGAIN.__index(answers, key)
+  local answer = ask(key)
+  answers[key] = answer
+  if type(key) == "string" then
+    again_count = again_count + 1
+    again[again_count], answered[again_count] = fields[key], answer ~= false
+  elseif type(key) == "userdata" then
+    owners[key] = true
+  end
+  return answer
+end
+
+setmetatable(of_frame, AGAIN)
+
+local function is_as_before()
+  local tree, is_wanted, asked, answers = frame_tree, referenced, again, answered
+  for number = 1, again_count do
+    if is_wanted(tree, asked[number]) ~= answers[number] then
+      return false
+    end
+  end
+  return true
+end
+
+local function asked_again()
+  local visible = frame_tree.visible -- then every field is wanted
+  if visible ~= of_frame[VISIBLE] or not (visible or is_as_before()) then
+    for key in next, of_frame do
+      of_frame[key] = nil
+    end
+    again_count = 0
+  end
+  for owner in next, owners do
+    of_frame[owner] = UNKNOWN
   end
   return of_frame
 end
@@ -114,7 +149,8 @@ end
 -- Begins with the tree of a frame.
 local function begin(tree, answers, lang)
   add_item, referenced = add_item or tree.add, referenced or tree.referenced
-  frame_tree, wants, language = tree, answers or asked_anew(), lang
+  frame_tree, language = tree, lang
+  wants = answers or asked_again()
   marked = wants[VISIBLE]
 end
 
