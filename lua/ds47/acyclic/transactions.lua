@@ -255,12 +255,32 @@ local function read_in_layout(job, owner)
   return result
 end
 
+-- The parameters of an open read that nobody has answered, which equal requests share; nil as above.
+local function read_asked(job, owner)
+  local request, peer = job.message, job.peer
+  local shared = owner and request and request.operation == "read" and not job.response and request.shared
+  if not shared or job.meanings or naming.is_used() then
+    return nil
+  end
+  local siemens, of = peer.vendor_id == SIEMENS, peer.family
+  local known = shared.asked
+  if known and known.siemens == siemens and known.family == of then
+    return known
+  end
+  known = {siemens = siemens, family = of}
+  for number, address in ipairs(request.addresses) do
+    known[number] = setmetatable({}, class_of(address, peer))
+  end
+  shared.asked = known
+  return known
+end
+
 --- The parameters of a job as a report shows them (docs/pairing.md P37, P43): an array of {pnu, subindex,
 -- attribute, element_count, listed, unit, format, value_count, values, scaled, error, described}. In `shown`
 -- a place is kept for the text of a single value, which the plugin keeps there.
 -- @param owner the open transaction that they are for; nil where whoever asks may keep them
 function M.parameters(job, owner)
-  local found, request = read_in_layout(job, owner), job.message
+  local found, request = read_in_layout(job, owner) or read_asked(job, owner), job.message
   if found then
     return found
   end
