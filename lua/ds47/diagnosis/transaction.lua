@@ -416,10 +416,11 @@ end
 -- What was seen before
 
 -- Keeps the axis of a request that was answered where the axis byte counts, or one that does not exist.
+-- @return whether the next answer of this layout may tell what this one does not: it is another's
 function Diagnoses:_learn_axis(job)
   local device, axis, refused = job.peer.device, job.message.axis, false
   if job.record.index == LOCAL or axis == nil then
-    return
+    return false
   end
   local blocks = job.response.blocks
   for number = 1, #blocks do
@@ -429,17 +430,17 @@ function Diagnoses:_learn_axis(job)
   local kept = refused and self.missing or self.axes
   local before = kept:get(device, ONLY)
   if before and before[axis] then
-    return
+    return false
+  elseif rules.is_mismatch(job) then
+    return true
   end
   self:_is_news()
-  if rules.is_mismatch(job) then
-    return
-  end
   local axes = {[axis] = true}
   for each in pairs(before or NONE) do
     axes[each] = true
   end
   kept:put(device, ONLY, axes)
+  return false
 end
 
 -- Nearly every answer tells what is known: that a layout has told all on its channel is remembered.
@@ -455,11 +456,11 @@ function Diagnoses:_learn(job)
     return
   end
   local layout, key, news = response.layout, job.channel_key, self.news
-  self:_learn_axis(job)
+  local again = self:_learn_axis(job)
   if request.operation == "read" then
-    self:_learn_formats(job)
+    again = self:_learn_formats(job) or again
   end
-  if layout and key and news == self.news then
+  if layout and key and not again and news == self.news then
     self:_note_told(layout, key)
   end
 end
@@ -478,22 +479,24 @@ function Diagnoses:_is_news()
 end
 
 -- One look for each block, and no more.
+-- @return whether the next answer of this layout may tell more: this is another's, or the value counts, too
 function Diagnoses:_learn_formats(job)
   local request, response = job.message, job.response
   local from, addresses, blocks = way_of(job), request.addresses, response.blocks
-  local known = self.formats:of(from)
+  local known, again = self.formats:of(from), false
   for number = 1, min(#addresses, #blocks) do
     local address, block = addresses[number], blocks[number]
     local pnu = address.pnu
     local seen = known[pnu]
     if not seen or seen.format ~= block.format or pnu == PNU_ACCESS_IDENTIFICATION then
-      self:_is_news()
       if rules.is_mismatch(job) then
-        return
+        return true
       end
+      again = again or pnu == PNU_ACCESS_IDENTIFICATION
       self:_learn_block(job.peer.device, from, address, block, job.read_response.frame)
     end
   end
+  return again
 end
 
 function Diagnoses:_learn_block(device, from, address, block, frame)
@@ -503,6 +506,7 @@ function Diagnoses:_learn_block(device, from, address, block, frame)
   end
   local seen = self.formats:get(from, pnu)
   if not seen or seen.format ~= block.format then
+    self:_is_news()
     self.formats:put(from, pnu, {format = block.format, frame = frame})
     local before = self.anywhere:get(device, pnu)
     self.anywhere:put(device, pnu, (not before or before == block.format) and block.format or SEVERAL)
