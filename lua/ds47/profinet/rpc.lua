@@ -57,7 +57,7 @@ local COMMON = layout.RPC_SEQUENCE -- which is the first that changes from call 
 local OBJECT, INTERFACE, ACTIVITY = layout.RPC_OBJECT, layout.RPC_INTERFACE, layout.RPC_ACTIVITY
 local SIZE, VERSION, LITTLE = layout.RPC_SIZE, layout.RPC_VERSION_4, layout.RPC_LITTLE
 
--- A number of 20 bits for a text: the same one always. Times 2^32: a sequence number and an IP id go below it.
+-- A number of 20 bits for a text, the same one always, times 2^32: a sequence number and an IP id go below.
 local function digest_of(text)
   local digest = 0
   for place = 1, #text do
