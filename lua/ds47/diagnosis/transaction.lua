@@ -135,7 +135,7 @@ local function is_odd(job)
   return false
 end
 
--- Whether a response is one that nothing is to be said of, where the request is not odd.
+-- Whether a response, or all of a layout, is one that nothing is to be said of, where the request is not odd.
 local function is_well(response)
   return USUAL[response.response_id or 0] and not response.flaws[1]
 end
@@ -146,11 +146,18 @@ local function is_answered_well(job)
   local message, response = job.message, job.response
   local layout = response and response.layout
   if not layout or not message or message.operation ~= "read" then
-    return response and is_well(response) and not is_odd(job)
+    return response and is_well(layout or response) and not is_odd(job)
   elseif layout.is_well == nil then
-    layout.is_well = is_well(response) and not is_short(message, response) or false
+    layout.is_well = is_well(layout) and not is_short(message, response) or false
   end
   return layout.is_well and not message.flaws[1]
+end
+
+-- Nearly every answer tells what is known: that a layout has told all on its channel is remembered.
+local function has_told(self, job)
+  local layout = job.response.layout
+  local told = layout and self.told[layout]
+  return told and told[job.channel_key or false]
 end
 
 --- What a closed job shows, and the findings it has, were caused by: an array of remarks, for reading only.
@@ -179,7 +186,7 @@ function Diagnoses:closed(job)
       self:_offer(job, remark)
     end
   end
-  if job.response and job.message and not self:_has_told(job) then
+  if job.response and job.message and not has_told(self, job) then
     self:_learn(job)
   end
   return remarks
@@ -443,13 +450,7 @@ function Diagnoses:_learn_axis(job)
   return false
 end
 
--- Nearly every answer tells what is known: that a layout has told all on its channel is remembered.
-function Diagnoses:_has_told(job)
-  local layout = job.response.layout
-  local told = layout and self.told[layout]
-  return told and told[job.channel_key or false]
-end
-
+-- Keeps what an answer tells, and whether its layout has told all.
 function Diagnoses:_learn(job)
   local request, response = job.message, job.response
   if not LEARNT[response.response_id] then

@@ -77,8 +77,8 @@ end
 
 --- A record at a place, with one half or the other.
 local function new_record(place, request, response)
-  -- the job that record_events.lua puts there is named to be given room at once
-  return setmetatable({request = request, response = response, job = nil, place = place}, place)
+  -- three keys, so that there is room for the job that record_events.lua puts there
+  return setmetatable({request = request, response = response, place = place}, place)
 end
 M.record = new_record
 
