@@ -3,10 +3,10 @@
 --
 -- Opens one level of IODWriteMultiple (0xE040). Knows nothing of DS47: `data` is opaque bytes here.
 --
--- A Half is {frame, time_ns, data, stated, missing, status}. `data` is what a Write request or a Read
--- response carries, `stated` the RecordDataLength, where that is another one than its length: in a Read
--- request the most that is wanted, else with `missing`, how much of it the capture cut off. `status` is the
--- PNIOStatus with ErrorCode first (nil where the PDU carries none).
+-- A Half is {frame, time_ns, data, stated, missing, status}. `data` is what a Write request or a response
+-- carries ("" for nothing), `stated` the RecordDataLength, where that is another one than its length: in a
+-- Read request the most that is wanted, else with `missing`, how much of it the capture cut off. `status` is
+-- the PNIOStatus with ErrorCode first (nil where the PDU carries none).
 -- A Record is {write, implicit, ar, api, slot, subslot, index, position, request, response, following};
 -- `position` is 0, or the place inside an IODWriteMultiple; `request` and `response` are halves or nil.
 -- Nearly every call has one record. The others of an IODWriteMultiple hang on it: `following` is the next one
@@ -258,7 +258,8 @@ local function answer(pdu, opnum, block, body, offset, status)
     if status == 0 then
       status = block.status
     end
-    return {frame = pdu.frame, time_ns = pdu.time_ns, status = status}
+    -- without data, but a Read may be answered so, too
+    return {frame = pdu.frame, time_ns = pdu.time_ns, data = "", status = status}
   end
   local stated = block.stated
   local data = sub(body, offset + SIZE + 1, offset + SIZE + stated)
