@@ -95,7 +95,7 @@ local referenced -- the method of all trees that tells it: looking it up costs a
 local always_wanted -- whether words of drives are, in new frames; nil before the first
 local always_whole -- whether fields of ours are, in new frames; nil before the first
 local answers -- the same of fields: what trees of new frames said, and those of the second pass (tree.lua)
-local has_columns -- whether new frames have columns; nil before the first
+local has_columns -- whether frames have columns, by whether they are new
 local on_bus = false -- whether this is a frame of PROFIBUS, which is shown already
 
 local NONE = {}
@@ -144,17 +144,16 @@ local function next_record(data)
 end
 
 -- The columns of a frame; nil where nobody sees them, as when a file is loaded or in the first of two passes.
--- Without a window the answer is the same for all new frames.
+-- Without a window the answer is the same for all new frames, and for all that come again.
 local function columns_of(pinfo, is_new)
-  if has_columns == nil or WINDOW or not is_new then
+  local found = has_columns[is_new]
+  if found == nil or WINDOW then
     local columns = pinfo.cols
-    local found = tostring(columns.info) ~= "(info)"
-    if is_new then
-      has_columns = found
-    end
+    found = tostring(columns.info) ~= "(info)"
+    has_columns[is_new] = found
     return found and columns or nil
   end
-  return has_columns and pinfo.cols or nil
+  return found and pinfo.cols or nil
 end
 
 -- Finds bytes in the frame, behind where its data begins; nil where it has them not.
@@ -410,7 +409,7 @@ function ds47_words.dissector() end
 function ds47_s7.dissector() end
 
 local function begin_anew()
-  always_wanted, always_whole, has_columns, answers, on_bus = nil, nil, nil, {}, false
+  always_wanted, always_whole, has_columns, answers, on_bus = nil, nil, {}, {}, false
   encapsulations.register(ds47_bus, preferences.takes_user0(ds47))
   clock.reset()
   passes.reset()

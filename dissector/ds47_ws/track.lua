@@ -666,8 +666,11 @@ end
 local PARTS = {}
 
 function PARTS.message(view)
-  local request = view.item.request
-  return request and current.events.decode_request(request)
+  local item = view.item
+  if item.job then
+    return item.job.message
+  end
+  return item.request and current.events.decode_request(item.request)
 end
 
 function PARTS.response(view)
