@@ -147,11 +147,12 @@ local function refusal(word)
 end
 
 local function asked(view)
-  local item, id = view.item, view.message and view.message.request_id
-  if item.operation == "read" or item.operation == "change" then
-    return item.operation
+  local operation = view.item.operation
+  if operation == "read" or operation == "change" then
+    return operation
   end
-  return id and string.format("%s 0x%02X", item.operation, id) or item.operation
+  local id = view.message and view.message.request_id
+  return id and string.format("%s 0x%02X", operation, id) or operation
 end
 
 local sentences = {}
