@@ -59,6 +59,7 @@ local language -- of its texts, "en" or "zh"
 local marked -- whether it is seen where a value comes from
 
 -- Lists of what a parameter, and a transaction, show: each {field = the field, or an array of fields, ...}.
+-- What is `rare` is asked for where there is something to show: in a window each question is one of many.
 local PARAMETER, TRANSACTION
 local LISTS = {}
 
@@ -75,7 +76,8 @@ local function ask(key)
   elseif LISTS[key] then
     local found = {}
     for number = 1, #key do
-      found[#found + 1] = wants[key[number].field] and key[number] or nil
+      local row = key[number]
+      found[#found + 1] = (WINDOW and row.rare or wants[row.field]) and row or nil
     end
     return found
   end
@@ -101,30 +103,37 @@ function M.answers()
   return setmetatable({}, KEEPING)
 end
 
--- The same in a window, where the tree of the next frame may say something else and mostly says the same. So
--- the fields that were asked for are asked for again, in one go, and where one answer is another one all are
--- forgotten.
-local of_frame, AGAIN = {}, {}
-local again, answered, again_count = {}, {}, 0 -- those fields, whether they were wanted, and their number
-local owners = {} -- the protocols, which each frame tells of anew
+-- The same in a window, where the tree of the next frame may say something else, and mostly says the same as
+-- that of the last one of its kind. So its fields are asked for again, in one go, and where one answer is
+-- another one all are forgotten. Frames of a kind ask for much the same fields.
+local AGAIN = {}
 
-function AGAIN.__index(answers, key)
-  local answer = ask(key)
-  answers[key] = answer
+-- What the trees of a kind of frames say; in `memories`, which fields they were asked for (`fields`, so many
+-- as `count`), whether those were wanted (`answers`), and for which protocols, which each frame tells of
+-- anew.
+local memories, kinds = {}, {}
+
+local function new_kind()
+  local of_kind = setmetatable({}, AGAIN)
+  memories[of_kind] = { fields = {}, answers = {}, count = 0, owners = {} }
+  return of_kind
+end
+
+function AGAIN.__index(of_kind, key)
+  local answer, memory = ask(key), memories[of_kind]
+  of_kind[key] = answer
   if type(key) == "string" then
-    again_count = again_count + 1
-    again[again_count], answered[again_count] = fields[key], answer ~= false
+    local count = memory.count + 1
+    memory.count, memory.fields[count], memory.answers[count] = count, fields[key], answer ~= false
   elseif type(key) == "userdata" then
-    owners[key] = true
+    memory.owners[key] = true
   end
   return answer
 end
 
-setmetatable(of_frame, AGAIN)
-
-local function is_as_before()
-  local tree, is_wanted, asked, answers = frame_tree, referenced, again, answered
-  for number = 1, again_count do
+local function is_as_before(memory)
+  local tree, is_wanted, asked, answers = frame_tree, referenced, memory.fields, memory.answers
+  for number = 1, memory.count do
     if is_wanted(tree, asked[number]) ~= answers[number] then
       return false
     end
@@ -132,25 +141,32 @@ local function is_as_before()
   return true
 end
 
-local function asked_again()
-  local visible = frame_tree.visible -- then every field is wanted
-  if visible ~= of_frame[VISIBLE] or not (visible or is_as_before()) then
-    for key in next, of_frame do
-      of_frame[key] = nil
+local function asked_again(kind)
+  local of_kind = kinds[kind]
+  if of_kind == nil then
+    of_kind = new_kind()
+    kinds[kind] = of_kind
+  end
+  wants = of_kind
+  local memory, visible = memories[of_kind], frame_tree.visible -- then every field is wanted
+  if visible ~= of_kind[VISIBLE] or not (visible or is_as_before(memory)) then
+    for key in next, of_kind do
+      of_kind[key] = nil
     end
-    again_count = 0
+    memory.count = 0
   end
-  for owner in next, owners do
-    of_frame[owner] = UNKNOWN
+  for owner in next, memory.owners do
+    of_kind[owner] = UNKNOWN
   end
-  return of_frame
+  return of_kind
 end
 
 -- Begins with the tree of a frame.
-local function begin(tree, answers, lang)
+-- @param answers what M.answers gives; nil where each frame is asked, by its kind
+local function begin(tree, answers, kind, lang)
   add_item, referenced = add_item or tree.add, referenced or tree.referenced
   frame_tree, language = tree, lang
-  wants = answers or asked_again()
+  wants = answers or asked_again(kind)
   marked = wants[VISIBLE]
 end
 
@@ -277,11 +293,10 @@ local OF_DESCRIPTION = {}
 for number, row in ipairs(require("ds47_ws.description_fields")) do
   OF_DESCRIPTION[number] = row[1]
 end
--- All that stands below the header of a message.
-local OF_PARAMETERS = joined(OF_BLOCKS, OF_VALUES, OF_DESCRIPTION, {
-  "parameter", "attribute", "element_count", "pnu", "subindex", "name", "unit", "family", "described_in",
-  "meaning",
-})
+-- All that stands below the header of a message; what the profile shows first, as the first one decides.
+local OF_PARAMETERS = joined({ "pnu", "value", "value.number" }, OF_BLOCKS, OF_VALUES, {
+  "parameter", "attribute", "element_count", "subindex", "name", "unit", "family", "described_in", "meaning",
+}, OF_DESCRIPTION)
 -- What is shown of the bytes of a record.
 local OF_RECORD = { "raw", "value.bytes", "value.hex", "bytes.request", "bytes.response" }
 -- What later frames say of a transaction.
@@ -556,8 +571,9 @@ PARAMETER = {
   { field = OF_VALUES, add = function(_, shown, item, _, _, block, here, record)
     add_values(shown, item, here and block or nil, record)
   end },
-  { field = OF_DESCRIPTION, add = function(_, shown, item, _, _, block, here, record)
-    if item.attribute == "description" or item.attribute == "text" then
+  { field = OF_DESCRIPTION, rare = true, add = function(_, shown, item, _, _, block, here, record)
+    local attribute = item.attribute
+    if (attribute == "description" or attribute == "text") and wants[OF_DESCRIPTION] then
       description_tree.add(adding, shown, item, here and block or nil, record)
     end
   end },
@@ -874,7 +890,7 @@ end
 -- @param tree the tree of the frame
 -- @param found as track.words gives them
 function M.add_words(tree, tvb, found, lang)
-  begin(tree, nil, lang)
+  begin(tree, nil, "words", lang)
   for _, place in ipairs(found) do
     pzd_tree.add(adding, tree, place, tvb:range(place.offset, place.length), lang)
   end
@@ -990,7 +1006,7 @@ local NONE_TAKEN = {} -- of no findings
 --   findings_of = a function that gives all findings of the transaction of a view,
 --   answers = what M.answers gives, shared by frames whose trees answer the same, or nil}
 function M.add(tree, views, findings, events, finders, context)
-  begin(tree, context.answers, context.lang)
+  begin(tree, context.answers, views[1] and not findings[1] and views[1].role or "other", context.lang)
   find_bytes = finders.bytes
   local taken = findings[1] and {} or NONE_TAKEN
   for number = 1, #views do
