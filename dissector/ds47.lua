@@ -387,7 +387,7 @@ function ds47.dissector(tvb, pinfo, tree)
   end
   clock.set(pinfo, number)
   local offset, frame, whole = ip.offset, tvb:raw(), is_wanted(tree, true)
-  local fed, is_copy = track.feed(number, frame, offset, clock.now, pinfo.len)
+  local fed, is_copy = track.feed(number, frame, offset, clock.now, pinfo)
   if fed then
     local columns = columns_of(pinfo, true)
     local views, findings = track.live_views(columns ~= nil or whole)

@@ -50,7 +50,7 @@ local ports -- those of S7, as soon as there was a segment of another one
 local bus_from -- number of the first frame of PROFIBUS that counts; nil while nothing proves one
 local unproven -- those before it
 local originals -- frame that is a mirror port's copy -> the frame of which it is one
-local ours, ours_count -- frames of the parameter channel, the newest ones: copies come at once
+local ours -- frames of the parameter channel, the newest ones in a ring: copies come at once
 
 -- Texts of addresses, by their bytes: a capture has few of them.
 local mac_texts = entries(function(raw)
@@ -79,7 +79,7 @@ function M.reset()
   M.has_drives = false -- whether there may be drives in them
   stations, newest_station, told = {}, 0, {}
   bus_from, unproven = nil, {}
-  originals, ours, ours_count = {}, {}, 0
+  originals, ours = {}, {}
 end
 
 M.reset()
@@ -208,7 +208,18 @@ end
 
 -- Feeding
 
-local packet = {} -- the one of the newest frame; whoever takes it does not keep it
+-- Of a frame that the capture cut what rpc.parse tells of it, else nil.
+local function cut_of(number, frame, pinfo)
+  local length = pinfo.len
+  return length > #frame and { frame = number, captured = #frame, original = length } or nil
+end
+
+-- The packet of the newest frame; whoever takes it does not keep it. Whether the frame was cut is asked where
+-- something is missing.
+local here -- what Wireshark knows of that frame
+local packet = setmetatable({}, { __index = function(packet, key)
+  return key == "cut" and cut_of(packet.frame, packet.payload, here) or nil
+end })
 
 local the_complete -- below: the complete result by frames
 
@@ -287,18 +298,17 @@ end
 -- @param number, frame  its number and its bytes
 -- @param offset where its IP header begins
 -- @param clock a function of the analysis that gives its time (Analysis:time_ns)
--- @param length bytes of the frame on the wire
-function M.feed(number, frame, offset, clock, length)
+-- @param pinfo what Wireshark knows of the frame
+function M.feed(number, frame, offset, clock, pinfo)
   local made, part = dissect(frame, offset)
   if made == nil then
     return false
   end
   local live = current or the_analysis()
-  complete, last = nil, number
-  made.frame = number
-  made.cut = length > #frame and { frame = number, captured = #frame, original = length } or nil
-  made.time_ns = clock(live)
+  complete, last, here = nil, number, pinfo
+  made.frame, made.time_ns = number, clock(live)
   if part then
+    part.cut = cut_of(number, frame, pinfo)
     live:fragment(part)
   else
     live:packet(packet)
@@ -323,14 +333,7 @@ function M.original(number, whole)
     local all = the_complete()
     return (all.places.items[original] or all.findings[original]) and original
   end
-  return ours[original] and original
-end
-
-local function note_ours(number)
-  if ours_count >= MOST_OURS then
-    ours, ours_count = {}, 0
-  end
-  ours[number], ours_count = true, ours_count + 1
+  return ours[original % MOST_OURS] == original and original
 end
 
 local segment = {} -- that of the newest frame; whoever takes it does not keep it
@@ -394,7 +397,8 @@ end
 -- from others that it does not know, all frames count as soon as one proves that it is; of USER0 those from
 -- that one on (docs/profibus.md).
 -- @param link_type as profibus/bus.lua has it
--- @param clock, length  as `feed` takes them
+-- @param clock  as `feed` takes it
+-- @param length bytes of the frame on the wire
 -- @return what telegram.lua decoded; nil of a frame that is none, as far as one knows
 function M.feed_bus(number, data, link_type, clock, length)
   local live, cut = the_analysis(), length > #data
@@ -502,7 +506,7 @@ function M.live_views(seen)
   if count == 0 then
     return NONE, there
   end
-  note_ours(last)
+  ours[last % MOST_OURS] = last
   local views, findings, shown = emptied(some_views), emptied(some_findings), 0
   for number = 1, count do
     local job, role = jobs[number], roles[number]

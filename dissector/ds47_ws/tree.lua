@@ -27,9 +27,11 @@ local csv = require("ds47.report.csv")
 local s7_tree = later("ds47_ws.s7_tree")
 local sentences = require("ds47.report.sentences")
 local types = require("ds47_ws.types")
+local wanted_fields = require("ds47_ws.wanted")
 
 local byte, find, format, sub = string.byte, string.find, string.format, string.sub
 local floor, huge = math.floor, math.huge
+local VISIBLE, UNKNOWN = wanted_fields.VISIBLE, wanted_fields.UNKNOWN
 
 local WINDOW = gui_enabled()
 
@@ -44,6 +46,7 @@ local of_s7 -- that of jobs of S7
 --- Tells the protocols, their fields and expert infos, as fields.lua makes them.
 function M.configure(the_protocol, the_words, the_fields, the_experts, s7)
   protocol, of_drives, fields, experts, of_s7 = the_protocol, the_words, the_fields, the_experts, s7
+  wanted_fields.configure(the_fields)
 end
 
 local codes = tables.codes
@@ -51,122 +54,17 @@ local codes = tables.codes
 -- Small things
 
 local find_bytes -- what finds bytes in the frame
-local frame_tree -- the tree of the frame
-local add_item, referenced -- methods of all trees: looking one up costs a quarter of what it does
-local wants -- by key of a field: the field where somebody wants it, else false; by an array of keys: whether
--- one of them is wanted; by a LIST: what of it; by a protocol, and by VISIBLE: see `ask`
+local add_item -- a method of all trees: looking it up costs a quarter of what it does
+local wants -- what somebody wants of the tree of the frame (wanted.lua)
 local language -- of its texts, "en" or "zh"
 local marked -- whether it is seen where a value comes from
 
--- Lists of what a parameter, and a transaction, show: each {field = the field, or an array of fields, ...}.
--- What is `rare` is asked for where there is something to show: in a window each question is one of many.
-local PARAMETER, TRANSACTION
-local LISTS = {}
-
-local VISIBLE = {}
-local UNKNOWN = "unknown" -- whether a protocol is made: see `own_tree`
-
-local function ask(key)
-  if type(key) == "string" then
-    return referenced(frame_tree, fields[key]) and fields[key]
-  elseif key == VISIBLE then
-    return frame_tree.visible
-  elseif type(key) == "userdata" then
-    return UNKNOWN
-  elseif LISTS[key] then
-    local found = {}
-    for number = 1, #key do
-      local row = key[number]
-      found[#found + 1] = (WINDOW and row.rare or wants[row.field]) and row or nil
-    end
-    return found
-  end
-  for number = 1, #key do
-    if wants[key[number]] then
-      return true
-    end
-  end
-  return false
-end
-
--- Keeps what a tree says, so that it is asked once.
-local KEEPING = {}
-
-function KEEPING.__index(answers, key)
-  local answer = ask(key)
-  answers[key] = answer
-  return answer
-end
-
 --- What `context.answers` of M.add is: what trees have said, which is asked once.
-function M.answers()
-  return setmetatable({}, KEEPING)
-end
+M.answers = wanted_fields.answers
 
--- The same in a window, where the tree of the next frame may say something else, and mostly says the same as
--- that of the last one of its kind. So its fields are asked for again, in one go, and where one answer is
--- another one all are forgotten. Frames of a kind ask for much the same fields.
-local AGAIN = {}
-
--- What the trees of a kind of frames say; in `memories`, which fields they were asked for (`fields`, so many
--- as `count`), whether those were wanted (`answers`), and for which protocols, which each frame tells of
--- anew.
-local memories, kinds = {}, {}
-
-local function new_kind()
-  local of_kind = setmetatable({}, AGAIN)
-  memories[of_kind] = { fields = {}, answers = {}, count = 0, owners = {} }
-  return of_kind
-end
-
-function AGAIN.__index(of_kind, key)
-  local answer, memory = ask(key), memories[of_kind]
-  of_kind[key] = answer
-  if type(key) == "string" then
-    local count = memory.count + 1
-    memory.count, memory.fields[count], memory.answers[count] = count, fields[key], answer ~= false
-  elseif type(key) == "userdata" then
-    memory.owners[key] = true
-  end
-  return answer
-end
-
-local function is_as_before(memory)
-  local tree, is_wanted, asked, answers = frame_tree, referenced, memory.fields, memory.answers
-  for number = 1, memory.count do
-    if is_wanted(tree, asked[number]) ~= answers[number] then
-      return false
-    end
-  end
-  return true
-end
-
-local function asked_again(kind)
-  local of_kind = kinds[kind]
-  if of_kind == nil then
-    of_kind = new_kind()
-    kinds[kind] = of_kind
-  end
-  wants = of_kind
-  local memory, visible = memories[of_kind], frame_tree.visible -- then every field is wanted
-  if visible ~= of_kind[VISIBLE] or not (visible or is_as_before(memory)) then
-    for key in next, of_kind do
-      of_kind[key] = nil
-    end
-    memory.count = 0
-  end
-  for owner in next, memory.owners do
-    of_kind[owner] = UNKNOWN
-  end
-  return of_kind
-end
-
--- Begins with the tree of a frame.
--- @param answers what M.answers gives; nil where each frame is asked, by its kind
+-- Begins with the tree of a frame; `answers` and `kind` as wanted.lua takes them.
 local function begin(tree, answers, kind, lang)
-  add_item, referenced = add_item or tree.add, referenced or tree.referenced
-  frame_tree, language = tree, lang
-  wants = answers or asked_again(kind)
+  add_item, language, wants = add_item or tree.add, lang, wanted_fields.of(tree, answers, kind)
   marked = wants[VISIBLE]
 end
 
@@ -544,7 +442,7 @@ end
 -- What is shown of a parameter, in its order: `add` is a function of the row, the tree, the parameter, its
 -- address in the request, whether that stands in this frame, its block in this frame, whether that has its
 -- values, and the record; address, block and record may be nil.
-PARAMETER = {
+local PARAMETER = wanted_fields.list({
   { field = "attribute", at = 0, size = 1, add = add_of_address, value = function(_, address)
     return address and address.attribute
   end },
@@ -578,8 +476,7 @@ PARAMETER = {
     end
   end },
   { field = { "error.code", "error.text", "error.info", "raw" }, add = add_rest },
-}
-LISTS[PARAMETER] = true
+})
 
 -- The line of a parameter, below which all else of it stands.
 local function add_label(parent, view, item, address, asked, block, here, record)
@@ -818,7 +715,7 @@ local function add_channel(parent, item)
 end
 
 -- What is shown of a transaction, in its order.
-TRANSACTION = {
+local TRANSACTION = wanted_fields.list({
   { field = "channel", add = function(shown, item)
     derive(shown, "channel", codes.channels[item.channel])
   end },
@@ -854,8 +751,7 @@ TRANSACTION = {
   end },
   { field = OF_BYTES, add = function(shown, _, view, _, record) add_bytes(shown, view, record) end },
   { field = "plc", add = function(shown, _, view, _, _, context) add_plc(shown, view, context.lang) end },
-}
-LISTS[TRANSACTION] = true
+})
 
 local OF_TRANSACTION = { "transaction" }
 for _, each in ipairs(TRANSACTION) do
