@@ -87,7 +87,7 @@ end)
 -- A frame of cyclic data costs one of these, as long as it has no parameter channel: it has no IP.
 local ip_field = Field.new("ip")
 local index_field = Field.new("pn_io.index")
-clock.configure(Field.new("frame.time_epoch"))
+clock.configure(Field.new("frame.time_epoch"), gui_enabled())
 
 -- To ask whether anybody wants fields of ours.
 local this_dissector, words_dissector, bus_dissector, s7_dissector

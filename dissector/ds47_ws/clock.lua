@@ -14,9 +14,9 @@ local M = {}
 
 local EXACT_SECONDS, SAME_SECONDS = 1e6, 1e-6
 local MOST = tables.limits.frame_times
-local WINDOW = gui_enabled() -- where somebody may set another frame as the reference of times
 
 local field -- the extractor of frame.time_epoch
+local has_window -- then somebody may set another frame as the reference of times
 local here, here_number -- what Wireshark knows of this frame, and its number
 local newest_ns -- a frame without a time has that of the frame before it
 local origin -- seconds since 1970 to which relative times are added, not exact; nil before the first
@@ -25,9 +25,9 @@ local start_ns -- time of the first frame, before somebody set another one as th
 local asked, count = {}, 0 -- the times that somebody asked for, by the numbers of the frames
 local last_number, last_absolute, last_relative = 0 -- of the last frame, where a Listener hears of all
 
---- Tells where the exact time comes from: an extractor of frame.time_epoch.
-function M.configure(extractor)
-  field = extractor
+--- Tells where the exact time comes from: an extractor of frame.time_epoch; and whether there is a window.
+function M.configure(extractor, window)
+  field, has_window = extractor, window
 end
 
 --- Forgets all times: another analysis counts from another second.
@@ -95,7 +95,7 @@ end
 
 local function time_of(analysis)
   local relative = here.rel_ts
-  if WINDOW or not origin or relative == 0 then -- which a frame without a time has, too
+  if has_window or not origin or relative == 0 then -- which a frame without a time has, too
     local absolute = here.abs_ts
     local gap = origin and absolute - relative - origin
     if not gap or gap > SAME_SECONDS or gap < -SAME_SECONDS then
