@@ -573,3 +573,19 @@ def test_without_fsspec(monkeypatch: Any) -> None:
     with pytest.raises(CaptureError, match=r"needs the package fsspec: pip install fsspec$"):
         open_capture("s3://bucket/x.pcap")
     assert remote.facts("s3://bucket/x.pcap") == (0, None)
+
+
+def test_what_the_loop_of_dask_says_while_it_ends_is_not_shown() -> None:
+    """A callback that fails after Ctrl-C is Tornado's to log; it would stand above our one line."""
+    program = (
+        "import logging; from ds47.batch import cluster; cluster._distributed();"
+        "logging.getLogger('tornado.application').error('Exception in callback')"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=True,
+    )
+    assert run.stderr == ""

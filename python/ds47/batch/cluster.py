@@ -151,10 +151,10 @@ def _distributed() -> Any:
         import distributed
     except ImportError as problem:
         raise Failed(f"--scheduler needs Dask: {install('cluster')}") from problem
-    for name in [
-        name for name in logging.root.manager.loggerDict if name.startswith("distributed")
-    ]:
-        logging.getLogger(name).setLevel(logging.CRITICAL)  # Dask sets that of each
+    # Dask sets the level of each. Tornado, in whose loop it runs, tells of what fails while Ctrl-C ends that.
+    for name in list(logging.root.manager.loggerDict):
+        if name.startswith(("distributed", "tornado")):
+            logging.getLogger(name).setLevel(logging.CRITICAL)
     return distributed
 
 
