@@ -87,19 +87,18 @@ end)
 -- A frame of cyclic data costs one of these, as long as it has no parameter channel: it has no IP.
 local ip_field = Field.new("ip")
 local index_field = Field.new("pn_io.index")
-clock.configure(Field.new("frame.time_epoch"), gui_enabled())
+local WINDOW = gui_enabled()
+clock.configure(Field.new("frame.time_epoch"), WINDOW)
 
 -- To ask whether anybody wants fields of ours.
 local this_dissector, words_dissector, bus_dissector, s7_dissector
 local referenced -- the method of all trees that tells it: looking it up costs as much as asking
-local always_wanted -- whether words of drives are, in new frames; nil before the first
-local always_whole -- whether fields of ours are, in new frames; nil before the first
+local always = {} -- by dissector: whether its fields are wanted in new frames
 local answers -- the same of fields: what trees of new frames said, and those of the second pass (tree.lua)
 local has_columns -- whether frames have columns, by whether they are new
 local on_bus = false -- whether this is a frame of PROFIBUS, which is shown already
 
 local NONE = {}
-local WINDOW = gui_enabled()
 local RECORD_HEADER, INDEX_IN_HEADER = 64, 34 -- bytes of a record block (docs/protocol.md E.4)
 
 -- A record in what the built-in put together from fragments: behind the header in which the index stands.
@@ -209,15 +208,20 @@ local function show(views, findings, events, tvb, columns, tree, finders, at, wh
   end
 end
 
--- Whether somebody wants fields of ours; a tree that is visible counts as well. Without a window the answer
--- is the same for all new frames.
-local function is_wanted(tree, is_new)
+-- Whether somebody wants fields of a protocol of ours; a tree that is visible counts as well. Asking costs as
+-- much as all else of a cyclic frame in which nothing changed. Without a window the answer is the same for
+-- all new frames.
+local function is_wanted(tree, dissector, is_new)
+  referenced = referenced or tree.referenced
   if WINDOW or not is_new then
-    return tree:referenced(this_dissector)
-  elseif always_whole == nil then
-    always_whole = tree:referenced(this_dissector)
+    return referenced(tree, dissector)
   end
-  return always_whole
+  local found = always[dissector]
+  if found == nil then
+    found = referenced(tree, dissector)
+    always[dissector] = found
+  end
+  return found
 end
 
 -- Words of PKW in a frame in which none of them changed, where somebody looks at it.
@@ -233,18 +237,6 @@ local function show_words(tvb, number, tree, frame, place, whole)
   if #places > 0 then
     tree_of.add_words(tree, tvb, places, track.lang)
   end
-end
-
--- Whether somebody wants words of drives; a tree that is visible counts as well. Asking costs as much as all
--- else of a frame in which nothing changed. Without a window the answer is the same for all new frames.
-local function is_looked_at(tree, is_new)
-  referenced = referenced or tree.referenced
-  if WINDOW or not is_new then
-    return referenced(tree, words_dissector)
-  elseif always_wanted == nil then
-    always_wanted = referenced(tree, words_dissector)
-  end
-  return always_wanted
 end
 
 -- The words in a frame, whether something happened in it or not.
@@ -271,14 +263,14 @@ local function dissect_cyclic(tvb, pinfo, tree)
       views, findings, events = track.live_cyclic_views(true)
     end
   end
-  local looked_at = is_looked_at(tree, is_new)
+  local looked_at = is_wanted(tree, words_dissector, is_new)
   if not views and not looked_at then
     return
   end
   frame = frame or tvb:raw()
   local place = track.cyclic_place(frame)
   if views then
-    local whole = is_wanted(tree, is_new)
+    local whole = is_wanted(tree, this_dissector, is_new)
     local columns, at = columns_of(pinfo, is_new), place and place.at
     show(views, findings, events, tvb, columns, tree, OF_WORDS, at, whole, is_new)
   end
@@ -332,7 +324,7 @@ end
 -- Nothing behind a frame of PROFIBUS is dissected by others: all of it is taken, or it is none.
 function ds47_bus.dissector(tvb, pinfo, tree)
   local number, is_new = pinfo.number, track.is_new(pinfo.number, pinfo)
-  local columns, whole = columns_of(pinfo, is_new), is_wanted(tree, is_new)
+  local columns, whole = columns_of(pinfo, is_new), is_wanted(tree, this_dissector, is_new)
   local item, views, findings, events = look_at_bus(tvb, pinfo, is_new, columns ~= nil or whole)
   if not item then
     encapsulations.pass_on(tvb, pinfo, tree)
@@ -344,7 +336,7 @@ function ds47_bus.dissector(tvb, pinfo, tree)
   if views then
     show(views, findings, events, tvb, columns, tree, ON_BUS, at, whole, is_new)
   end
-  if place and is_looked_at(tree, is_new) then
+  if place and is_wanted(tree, words_dissector, is_new) then
     local data = tvb:raw(0, at + #item.du) -- the check byte is none of it
     show_all_words(tvb, number, tree, data, place, is_new, views)
   end
@@ -358,7 +350,7 @@ local function dissect_again(tvb, pinfo, tree, number, offset)
   if views then -- columns of S7 are those of the dissector that is there
     local is_s7 = track.is_s7(views)
     local columns = not is_s7 and columns_of(pinfo, false) or nil
-    local whole = is_wanted(tree, false) or is_s7 and tree:referenced(s7_dissector)
+    local whole = is_wanted(tree, this_dissector, false) or is_s7 and tree:referenced(s7_dissector)
     show(views, findings, NONE, tvb, columns, tree, OF_RECORDS, offset, whole, false)
   end
   show_copy(number, pinfo, tree, true)
@@ -386,7 +378,7 @@ function ds47.dissector(tvb, pinfo, tree)
     return
   end
   clock.set(pinfo, number)
-  local offset, frame, whole = ip.offset, tvb:raw(), is_wanted(tree, true)
+  local offset, frame, whole = ip.offset, tvb:raw(), is_wanted(tree, this_dissector, true)
   local fed, is_copy = track.feed(number, frame, offset, clock.now, pinfo)
   if fed then
     local columns = columns_of(pinfo, true)
@@ -409,7 +401,7 @@ function ds47_words.dissector() end
 function ds47_s7.dissector() end
 
 local function begin_anew()
-  always_wanted, always_whole, has_columns, answers, on_bus = nil, nil, {}, {}, false
+  always, has_columns, answers, on_bus = {}, {}, {}, false
   encapsulations.register(ds47_bus, preferences.takes_user0(ds47))
   clock.reset()
   passes.reset()

@@ -43,8 +43,7 @@ end
 
 -- `ref 0x03, DO 2`.
 local function head(item)
-  local number, axis = item.request_reference, item.axis
-  return (number and REFERENCES[number] or "ref ?") .. (axis and DRIVE_OBJECTS[axis] or "")
+  return reference(item) .. drive_object(item.axis)
 end
 
 local language -- of the texts of error numbers, "en" or "zh"

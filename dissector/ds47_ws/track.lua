@@ -57,13 +57,10 @@ local mac_texts = entries(function(raw)
   return format("%02x:%02x:%02x:%02x:%02x:%02x", byte(raw, 1, 6))
 end, MOST_TEXTS)
 
--- Source and destination address of an IP header: an array of two texts. With them stands the MAC address of
--- the newest Ethernet frame between the two (`raw_mac`, `mac`), which is nearly always the same.
+-- Source and destination address of an IP header: an array of two texts.
 local address_pairs = entries(function(raw)
   local a, b, c, d, e, f, g, h = byte(raw, 1, 8)
-  return {
-    format("%d.%d.%d.%d", a, b, c, d), format("%d.%d.%d.%d", e, f, g, h), raw_mac = nil, mac = nil,
-  }
+  return { format("%d.%d.%d.%d", a, b, c, d), format("%d.%d.%d.%d", e, f, g, h) }
 end, MOST_TEXTS)
 
 --- Tells where the options of an analysis, and the language of what is shown, come from: a function that is
@@ -246,19 +243,6 @@ local function fragment(frame, at, stop, wanted, flags)
   }
 end
 
--- The texts of the addresses of a frame, and its source MAC address.
-local function addresses(frame, offset)
-  local texts = address_pairs[sub(frame, offset + 13, offset + 20)]
-  if offset ~= 14 then -- with a tag, or no Ethernet
-    return texts, source_mac(frame, offset)
-  end
-  local raw = sub(frame, 7, 12)
-  if raw ~= texts.raw_mac then
-    texts.raw_mac, texts.mac = raw, mac_texts[raw]
-  end
-  return texts, texts.mac
-end
-
 -- What a frame brings: a packet, or a fragment (then as second too); nothing when it is none of our business.
 local function dissect(frame, offset)
   local first, _, t1, t2, i1, i2, f1, f2, _, protocol = byte(frame, offset + 1, offset + 10)
@@ -282,8 +266,9 @@ local function dissect(frame, offset)
     end
     made.payload, made.at, made.stop = frame, at + 8, stop
   end
-  local texts, mac = addresses(frame, offset)
-  made.src_ip, made.dst_ip, made.ip_id, made.src_mac = texts[1], texts[2], i1 * 256 + i2, mac
+  local texts = address_pairs[sub(frame, offset + 13, offset + 20)]
+  made.src_ip, made.dst_ip = texts[1], texts[2]
+  made.ip_id, made.src_mac = i1 * 256 + i2, source_mac(frame, offset)
   return made, part
 end
 

@@ -48,7 +48,7 @@ function Gate.new(extra, waiting, forbid_47, waiting_ars, proven)
   ours[SHARED_INDEX] = not forbid_47 or nil
   return setmetatable({
     ours = ours, -- set of the record indices that can be ours at all
-    always = always, forbid_47 = forbid_47 or false, waiting = waiting,
+    always = always, waiting = waiting,
     most_events = waiting * (waiting_ars or tables.limits.waiting_ars),
     most_open = proven or tables.limits.proven_ars,
     open = ordered.new(), held = ordered.new(), events = 0,

@@ -55,14 +55,12 @@ Job.accepted = false
 
 -- A job on a channel. A Write has the reference that was asked for before it there, and its frame.
 local function new_job(self, channel, peer, record, message, previous_reference, previous)
-  local order = self.count + 1
-  self.count = order
   return setmetatable({
     peer = peer, -- {controller, device, vendor_id, device_id}
     record = record,
     message = message,
     phase = "asked",
-    order = order,
+    order = self:number(),
     channel_key = message and channel.key,
     previous_reference = previous_reference,
     previous = previous,

@@ -199,14 +199,23 @@ local function shown(job, address, value, answer, meaning)
   return address and naming.is_used() and named(result, job.peer) or result
 end
 
+-- What is remembered of parameters counts for drives of one make and family: a new memory for those of a
+-- peer, and whether one (or nil) is for them.
+local function memory_for(peer)
+  return {siemens = peer.vendor_id == SIEMENS, family = peer.family}
+end
+
+local function is_for(memory, peer)
+  return memory and memory.siemens == (peer.vendor_id == SIEMENS) and memory.family == peer.family
+end
+
 -- The classes of the parameters of a read, by the places of the layout of its response.
 local function classes_in(layout, request, peer)
-  local siemens, of = peer.vendor_id == SIEMENS, peer.family
   local classes = layout.classes
-  if classes and classes.siemens == siemens and classes.family == of then
+  if is_for(classes, peer) then
     return classes
   end
-  classes = {siemens = siemens, family = of}
+  classes = memory_for(peer)
   for number, place in ipairs(layout.places) do
     local class, in_format = {}, class_in_format(class_of(request.addresses[number], peer), place)
     for key, value in pairs(in_format) do class[key] = value end
@@ -262,12 +271,11 @@ local function read_asked(job, owner)
   if not shared or job.meanings or naming.is_used() then
     return nil
   end
-  local siemens, of = peer.vendor_id == SIEMENS, peer.family
   local known = shared.asked
-  if known and known.siemens == siemens and known.family == of then
+  if is_for(known, peer) then
     return known
   end
-  known = {siemens = siemens, family = of}
+  known = memory_for(peer)
   for number, address in ipairs(request.addresses) do
     known[number] = setmetatable({}, class_of(address, peer))
   end
