@@ -62,12 +62,6 @@ local marked -- whether it is seen where a value comes from
 --- What `context.answers` of M.add is: what trees have said, which is asked once.
 M.answers = wanted_fields.answers
 
--- Begins with the tree of a frame; `answers` and `kind` as wanted.lua takes them.
-local function begin(tree, answers, kind, lang)
-  add_item, language, wants = add_item or tree.add, lang, wanted_fields.of(tree, answers, kind)
-  marked = wants[VISIBLE]
-end
-
 -- Whether somebody wants a field.
 local function wanted(key)
   return wants[key]
@@ -81,18 +75,45 @@ local function part(record, offset, size)
   return record:range(offset, size)
 end
 
--- Adds a field; nothing where there is no value, or nobody wants it. Its bytes stand at an offset in the
--- record, if that is in the frame; where nobody sees the tree, nobody sees where they stand.
-local function add(parent, key, value, record, offset, size)
-  local field = value ~= nil and wants[key]
-  if not field then
-    return nil
+-- How fields are added, `see` tells: where somebody sees the tree, with the bytes that they stand at, or in
+-- brackets; where nobody does, all alike.
+local add, derive, show
+
+-- Adds a field; nothing where there is no value, or nobody wants it.
+local function put(parent, key, value)
+  if value ~= nil then
+    local field = wants[key]
+    if field then
+      return add_item(parent, field, value)
+    end
   end
-  local range = marked and record and part(record, offset, size)
+  return nil
+end
+
+-- The same, at its bytes: they stand at an offset in the record, if that is in the frame.
+local function put_at(parent, key, value, record, offset, size)
+  local range = value ~= nil and wants[key] and record and part(record, offset, size)
   if range then
-    return add_item(parent, field, range, value)
+    return add_item(parent, fields[key], range, value)
   end
-  return add_item(parent, field, value)
+  return put(parent, key, value)
+end
+
+-- The same of a value that stands nowhere in the frame.
+local function put_in_brackets(parent, key, value)
+  local item = put(parent, key, value)
+  if item then
+    item:set_generated()
+  end
+  return item
+end
+
+-- The same of a value that stands at its bytes where they are in this frame.
+local function put_either(parent, key, value, here, record, offset, size)
+  if here then
+    return put_at(parent, key, value, record, offset, size)
+  end
+  return put_in_brackets(parent, key, value)
 end
 
 -- Adds a field whose value is taken from its bytes, which have to be in the frame.
@@ -121,27 +142,6 @@ local function own_tree(tree, owner, record, label)
   return root
 end
 
--- Adds a field whose value stands nowhere in the frame.
-local function derive(parent, key, value)
-  local field = value ~= nil and wants[key]
-  if not field then
-    return nil
-  end
-  local item = add_item(parent, field, value)
-  if marked then
-    item:set_generated()
-  end
-  return item
-end
-
--- Adds a field at its bytes where they are in this frame, else in brackets.
-local function show(parent, key, value, here, record, offset, size)
-  if here then
-    return add(parent, key, value, record, offset, size)
-  end
-  return derive(parent, key, value)
-end
-
 -- Adds a field whose value is that of bytes, which need not be in the frame.
 local function point(parent, key, range)
   local item = add_item(parent, fields[key], range)
@@ -155,10 +155,25 @@ local function elsewhere(data, name)
 end
 
 -- For the trees of single things: pkw_tree.lua, finding_tree.lua and the like.
-local adding = {
-  wanted = wanted, add = add, take = take, derive = derive, show = show, point = point,
-  elsewhere = elsewhere,
-}
+local adding = { wanted = wanted, take = take, point = point, elsewhere = elsewhere }
+
+local function see(visible)
+  marked = visible
+  add, derive, show = put, put, put
+  if visible then
+    add, derive, show = put_at, put_in_brackets, put_either
+  end
+  adding.add, adding.derive, adding.show = add, derive, show
+end
+
+-- Begins with the tree of a frame; `answers` and `kind` as wanted.lua takes them.
+local function begin(tree, answers, kind, lang)
+  add_item, language, wants = add_item or tree.add, lang, wanted_fields.of(tree, answers, kind)
+  local visible = wants[VISIBLE]
+  if visible ~= marked then
+    see(visible)
+  end
+end
 
 -- What stands together: of an array of keys it is asked at once whether one of them is wanted.
 
@@ -187,6 +202,8 @@ local OF_VALUES = joined(OF_TYPED, {
 local OF_BLOCKS = joined(OF_BLOCK, OF_WRITTEN, OF_TYPED, {
   "value.hex", "error.code", "error.text", "error.info", "raw",
 })
+-- What needs to know where a parameter stands.
+local OF_PLACES = joined(OF_BLOCKS, { "attribute" })
 local OF_DESCRIPTION = {}
 for number, row in ipairs(require("ds47_ws.description_fields")) do
   OF_DESCRIPTION[number] = row[1]
@@ -305,9 +322,8 @@ local function add_value(parent, item, number, row, block, record)
   if block and typed[kind] and wants[OF_TYPED] then
     typed[kind](shown, row, value, sub(block.raw, (number - 1) * size + 1, number * size), record, offset)
   end
-  if wants["value.number"] and NUMBERS[kind] then
-    local here = block and record
-    show(shown, "value.number", types.number(value), here, here, offset, size)
+  if NUMBERS[kind] and wants["value.number"] then
+    show(shown, "value.number", types.number(value), block and record, record, offset, size)
   end
   if wants["value.hex"] then
     text_bytes(shown, item, value, block and record and part(record, offset, size))
@@ -379,8 +395,12 @@ local function owned(view, message)
 end
 
 -- What a frame holds of the parameters of a view: their blocks (of which the first `most` are theirs), and
--- whether these have the values of the transaction: those of a change stand in its request.
-local function places(view)
+-- whether these have the values of the transaction: those of a change stand in its request. Blocks are made of
+-- the bytes of a message when they are asked for: not where nobody wants what stands in them alone.
+local function blocks_of(view)
+  if not wants[OF_BLOCKS] then
+    return NONE, 0, false
+  end
   local message, change = view.message, view.item.operation == "change"
   if view.role == "write_request" then
     return message and message.blocks or NONE, huge, change
@@ -392,32 +412,51 @@ local function places(view)
   return NONE, 0, not (change and message)
 end
 
+local NOWHERE = {} -- the place of a parameter where nobody wants to know it
+
+-- Where the parameters of a view stand, as a function of a parameter and its number: {address = that of the
+-- request, asked = whether it stands in this frame, block = its block in this frame, here = whether such blocks
+-- have the values of the transaction, values = the block where it has, record}; all but `asked` and `here` may
+-- be nil.
+local function places(view, record)
+  local blocks, most, here = blocks_of(view)
+  local request, asking = view.message, view.role == "write_request"
+  return function(item, number)
+    local address = request and item.pnu and request.addresses[number] or nil
+    local block = number <= most and blocks[number] or nil
+    return {
+      address = address, asked = asking and address ~= nil,
+      block = block, here = here, values = here and block or nil, record = record,
+    }
+  end
+end
+
 -- What the request of a response wrote.
 local function add_written(parent, item)
   derive(parent, "written.format", types.format_code(item.format))
   derive(parent, "written.value_count", item.value_count)
 end
 
-local function add_values(parent, item, block, record)
+local function add_values(_, shown, item, place)
   local count = #item.values
   local row = count > 0 and ROWS[item.format or ""]
-  for place = 1, count do
-    add_value(parent, item, place, row, block, record)
+  for number = 1, count do
+    add_value(shown, item, number, row, place.values, place.record)
   end
 end
 
 -- What an address shows. It stands in a request; for a response it is that of its request. `row` says what
 -- the value is (of the parameter, and of the address; nil: what the parameter has of that name), and which
 -- bytes of the address have it; nil where it stands nowhere.
-local function add_of_address(row, shown, item, address, asked, _, _, record)
+local function add_of_address(row, shown, item, place)
   local key, value = row.field, row.value
   if value then
-    value = value(item, address)
+    value = value(item, place.address)
   else
     value = item[key]
   end
-  if marked and asked and row.at then
-    add(shown, key, value, record, address.offset + row.at, row.size)
+  if place.asked and row.at then
+    add(shown, key, value, place.record, place.address.offset + row.at, row.size)
   else
     derive(shown, key, value)
   end
@@ -431,17 +470,17 @@ local function add_described_in(_, shown, item)
 end
 
 -- The error of a block, or its bytes where nothing else shows them.
-local function add_rest(_, shown, item, _, asked, block, here, record)
-  if block and block.error and not asked then
+local function add_rest(_, shown, item, place)
+  local block, record = place.block, place.record
+  if block and block.error and not place.asked then
     add_error(shown, block.error, item.error, block, record)
-  elseif block and not (here and #item.values > 0) then
+  elseif block and not (place.values and #item.values > 0) then
     add_raw(shown, record, block.offset + 2, #block.raw)
   end
 end
 
--- What is shown of a parameter, in its order: `add` is a function of the row, the tree, the parameter, its
--- address in the request, whether that stands in this frame, its block in this frame, whether that has its
--- values, and the record; address, block and record may be nil.
+-- What is shown of a parameter, in its order: `add` is a function of the row, the tree, the parameter, and
+-- its place (see `places`).
 local PARAMETER = wanted_fields.list({
   { field = "attribute", at = 0, size = 1, add = add_of_address, value = function(_, address)
     return address and address.attribute
@@ -456,49 +495,46 @@ local PARAMETER = wanted_fields.list({
   { field = "meaning", add = add_of_address, value = function(item)
     return words.meaning(item, language)
   end },
-  { field = OF_BLOCK, add = function(_, shown, _, _, _, block, _, record)
-    if block then
-      add_block(shown, block, record)
+  { field = OF_BLOCK, add = function(_, shown, _, place)
+    if place.block then
+      add_block(shown, place.block, place.record)
     end
   end },
-  { field = OF_WRITTEN, add = function(_, shown, item, _, _, _, here)
-    if not here then
+  { field = OF_WRITTEN, add = function(_, shown, item, place)
+    if not place.here then
       add_written(shown, item)
     end
   end },
-  { field = OF_VALUES, add = function(_, shown, item, _, _, block, here, record)
-    add_values(shown, item, here and block or nil, record)
-  end },
-  { field = OF_DESCRIPTION, rare = true, add = function(_, shown, item, _, _, block, here, record)
+  { field = OF_VALUES, add = add_values },
+  { field = OF_DESCRIPTION, rare = true, add = function(_, shown, item, place)
     local attribute = item.attribute
     if (attribute == "description" or attribute == "text") and wants[OF_DESCRIPTION] then
-      description_tree.add(adding, shown, item, here and block or nil, record)
+      description_tree.add(adding, shown, item, place.values, place.record)
     end
   end },
   { field = { "error.code", "error.text", "error.info", "raw" }, add = add_rest },
 })
 
 -- The line of a parameter, below which all else of it stands.
-local function add_label(parent, view, item, address, asked, block, here, record)
-  local place, size = asked and address or block, asked and 6 or block and 2 + #block.raw
+local function add_label(parent, view, item, place)
+  local asked, block = place.asked, place.block
+  local from, size = asked and place.address or block, asked and 6 or block and 2 + #block.raw
   local label = words.parameter(item, view.item.operation == "change", language)
-  local shown = add(parent, "parameter", label, place and record, place and place.offset, size)
-  if not asked and not (block and here) then
+  local shown = add(parent, "parameter", label, from and place.record, from and from.offset, size)
+  if not asked and not place.values then
     mark_generated(shown)
   end
   return shown
 end
 
--- A parameter; arguments as those of the functions in PARAMETER.
-local function add_parameter(parent, view, item, address, block, here, record)
-  local asked = address ~= nil and view.role == "write_request"
+local function add_parameter(parent, view, item, place)
   local shown, list = parent, wants[PARAMETER]
   if wants.parameter then
-    shown = add_label(parent, view, item, address, asked, block, here, record)
+    shown = add_label(parent, view, item, place)
   end
   for number = 1, #list do
     local row = list[number]
-    row.add(row, shown, item, address, asked, block, here, record)
+    row.add(row, shown, item, place)
   end
 end
 
@@ -507,15 +543,6 @@ end
 local HEADERS = {
   write_request = "request_id", read_response = "response_id", reread = "response_id",
 }
-
--- Blocks are made of the bytes of a message when they are asked for: not where nobody wants what stands in
--- them alone.
-local function blocks_of(view)
-  if wants[OF_BLOCKS] then
-    return places(view)
-  end
-  return NONE, 0, false
-end
 
 -- What belongs to no parameter.
 local function add_others(parent, view, message, record)
@@ -528,12 +555,10 @@ local function add_others(parent, view, message, record)
 end
 
 local function add_parameters(parent, view, message, record)
-  local parameters, request = view.parameters, view.message
-  local blocks, most, here = blocks_of(view)
+  local parameters, place_of = view.parameters, wants[OF_PLACES] and places(view, record)
   for number = 1, #parameters do
     local item = parameters[number]
-    local address = request and item.pnu and request.addresses[number] or nil
-    add_parameter(parent, view, item, address, number <= most and blocks[number] or nil, here, record)
+    add_parameter(parent, view, item, place_of and place_of(item, number) or NOWHERE)
   end
   if message and wants[OF_BLOCKS] then
     add_others(parent, view, message, record)
