@@ -185,7 +185,9 @@ local ON_BUS = {
 }
 
 -- For the tree of the newest frame, which does not keep it.
-local context = { request_of = track.request_of, findings_of = track.findings_of }
+local context = {
+  request_of = track.request_of, findings_of = track.findings_of, base_seconds = track.base_seconds,
+}
 
 -- Adds to the tree and sets the columns, where there are some. `finders` as above; the data of the frame
 -- begins at `at`. `whole`: somebody wants our fields. `bytes`: those of the frame, where they are known.
@@ -195,7 +197,7 @@ local function show(views, findings, events, tvb, columns, tree, finders, at, wh
     columns.protocol, columns.info = "DS47", info.text(views, events, track.lang)
   end
   if whole and (is_shown or findings[1]) then
-    context.base_seconds, context.lang = track.base_seconds(), track.lang
+    context.lang = track.lang
     if not WINDOW then
       context.answers = answers[is_new] or tree_of.answers()
       answers[is_new] = context.answers

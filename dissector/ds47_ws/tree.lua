@@ -395,8 +395,8 @@ local function owned(view, message)
 end
 
 -- What a frame holds of the parameters of a view: their blocks (of which the first `most` are theirs), and
--- whether these have the values of the transaction: those of a change stand in its request. Blocks are made of
--- the bytes of a message when they are asked for: not where nobody wants what stands in them alone.
+-- whether these have the values of the transaction: those of a change stand in its request. Blocks are made
+-- of the bytes of a message when they are asked for: not where nobody wants what stands in them alone.
 local function blocks_of(view)
   if not wants[OF_BLOCKS] then
     return NONE, 0, false
@@ -415,9 +415,9 @@ end
 local NOWHERE = {} -- the place of a parameter where nobody wants to know it
 
 -- Where the parameters of a view stand, as a function of a parameter and its number: {address = that of the
--- request, asked = whether it stands in this frame, block = its block in this frame, here = whether such blocks
--- have the values of the transaction, values = the block where it has, record}; all but `asked` and `here` may
--- be nil.
+-- request, asked = whether it stands in this frame, block = its block in this frame, here = whether such
+-- blocks have the values of the transaction, values = the block where it has, record}; all but `asked` and
+-- `here` may be nil.
 local function places(view, record)
   local blocks, most, here = blocks_of(view)
   local request, asking = view.message, view.role == "write_request"
@@ -527,17 +527,6 @@ local function add_label(parent, view, item, place)
   return shown
 end
 
-local function add_parameter(parent, view, item, place)
-  local shown, list = parent, wants[PARAMETER]
-  if wants.parameter then
-    shown = add_label(parent, view, item, place)
-  end
-  for number = 1, #list do
-    local row = list[number]
-    row.add(row, shown, item, place)
-  end
-end
-
 -- The message in the frame
 
 local HEADERS = {
@@ -556,9 +545,15 @@ end
 
 local function add_parameters(parent, view, message, record)
   local parameters, place_of = view.parameters, wants[OF_PLACES] and places(view, record)
+  local list, has_label = wants[PARAMETER], wants.parameter
   for number = 1, #parameters do
     local item = parameters[number]
-    add_parameter(parent, view, item, place_of and place_of(item, number) or NOWHERE)
+    local place = place_of and place_of(item, number) or NOWHERE
+    local shown = has_label and add_label(parent, view, item, place) or parent
+    for row_number = 1, #list do
+      local row = list[row_number]
+      row.add(row, shown, item, place)
+    end
   end
   if message and wants[OF_BLOCKS] then
     add_others(parent, view, message, record)
@@ -658,8 +653,8 @@ local CHANNEL = { "vendor_assumed", "api", "slot", "subslot", "index" }
 local HALVES = {
   "frames.write_request", "frames.write_response", "frames.read_request", "frames.read_response",
 }
-local FRAMES = {
-  "frames.write_request", "frames.write_response", "frames.read_request", "frames.read_response", "polls",
+local FRAMES = joined(HALVES, { "polls" })
+local FRAMES_OF_READS = {
   "frames.poll.request", "frames.poll.response", "frames.reread.request", "frames.reread.response",
 }
 
@@ -674,11 +669,11 @@ local OF_BYTES = { "bytes.request", "bytes.response" }
 -- The messages: one is the record of this frame, the other one stands in another frame.
 local function add_bytes(parent, view, record)
   local item, main, asked = view.item, is_main(view), view.role == "write_request"
-  if item.request and (main or asked) and wants["bytes.request"] then
+  if (main or asked) and item.request and wants["bytes.request"] then
     local name = types.source_name("Request", item.frames.write_request)
     add_bytes_of(parent, "bytes.request", item.request, asked and record, name)
   end
-  if item.response and (main or view.role == "reread") and wants["bytes.response"] then
+  if (main or view.role == "reread") and item.response and wants["bytes.response"] then
     local name = types.source_name("Response", item.frames.read_response)
     add_bytes_of(parent, "bytes.response", item.response, not asked and record, name)
   end
@@ -688,7 +683,7 @@ end
 local function add_plc(parent, view, lang)
   local item = view.item
   local over = view.complete or frame_of(view, "read_response")
-  if item.channel == "ds47" and over and is_main(view) then
+  if item.channel == "ds47" and over and is_main(view) and wants.plc then
     local witness = view.witness or plc.witness_of(item, view.job)
     derive(parent, "plc", witness:text(item, lang))
   end
@@ -699,11 +694,14 @@ local function add_frames(parent, view)
   for number = 1, #HALVES do
     derive(parent, HALVES[number], frames[sub(HALVES[number], #"frames." + 1)])
   end
-  if view.item.channel ~= "ds47" then
-    return -- nothing is polled
+  if view.item.channel == "ds47" then -- nothing else is polled
+    derive(parent, "polls", #frames.polls)
   end
-  derive(parent, "polls", #frames.polls)
-  if is_main(view) then
+end
+
+local function add_frames_of_reads(parent, view)
+  if view.item.channel == "ds47" and is_main(view) and wants[FRAMES_OF_READS] then
+    local frames = view.item.frames
     add_reads(parent, "poll", frames.polls)
     add_reads(parent, "reread", frames.rereads)
   end
@@ -724,13 +722,9 @@ local function add_status(parent, key, word)
   end
 end
 
-local OF_CHANNEL = {
-  "controller", "controller.mac", "master", "device", "device.mac", "station", "ar", "vendor_assumed", "api",
-  "slot", "subslot", "index",
-}
+local PEERS = { "controller", "controller.mac", "master", "device", "device.mac", "station" }
 
 local function add_channel(parent, item)
-  types.add_peers(adding, parent, item)
   if item.ar and wants.ar then
     mark_generated(types.add_uuid(parent, fields.ar, item.ar, find_bytes))
   end
@@ -750,7 +744,8 @@ local TRANSACTION = wanted_fields.list({
   { field = "state", add = function(shown, item, _, certain)
     derive(shown, "state", certain and codes.states[item.state] or nil)
   end },
-  { field = OF_CHANNEL, add = add_channel },
+  { field = PEERS, rare = true, add = function(shown, item) types.add_peers(adding, shown, item) end },
+  { field = joined({ "ar" }, CHANNEL), add = add_channel },
   { field = { "request_reference", "axis" }, add = function(shown, item, view)
     if not HEADERS[view.role] and item.channel ~= "s7" then -- whose references have 16 bits
       derive_key(shown, item, "request_reference")
@@ -758,8 +753,11 @@ local TRANSACTION = wanted_fields.list({
     end
   end },
   { field = FRAMES, add = function(shown, _, view) add_frames(shown, view) end },
+  { field = FRAMES_OF_READS, rare = true, add = function(shown, _, view)
+    add_frames_of_reads(shown, view)
+  end },
   { field = "start", add = function(shown, item, _, _, _, context)
-    derive(shown, "start", csv.timestamp(context.base_seconds, item.start_ns))
+    derive(shown, "start", csv.timestamp(context.base_seconds(), item.start_ns))
   end },
   { field = "duration_ms", add = function(shown, item, view)
     if view.job == nil or view.job.read_response then
@@ -774,14 +772,13 @@ local TRANSACTION = wanted_fields.list({
   { field = "status.read", add = function(shown, item)
     add_status(shown, "status.read", item.read_status)
   end },
-  { field = OF_BYTES, add = function(shown, _, view, _, record) add_bytes(shown, view, record) end },
-  { field = "plc", add = function(shown, _, view, _, _, context) add_plc(shown, view, context.lang) end },
+  { field = OF_BYTES, rare = true, add = function(shown, _, view, _, record)
+    add_bytes(shown, view, record)
+  end },
+  { field = "plc", rare = true, add = function(shown, _, view, _, _, context)
+    add_plc(shown, view, context.lang)
+  end },
 })
-
-local OF_TRANSACTION = { "transaction" }
-for _, each in ipairs(TRANSACTION) do
-  OF_TRANSACTION = joined(OF_TRANSACTION, type(each.field) == "table" and each.field or { each.field })
-end
 
 -- `certain`: whether the state of the transaction is.
 local function add_transaction(parent, view, certain, record, context)
@@ -896,13 +893,11 @@ local function add_view(tree, view, findings, taken, finders, context)
   local record = record_of(view, finders)
   local root = add_root(tree, view, record)
   add_frame(root, view, record)
-  local certain = not wants[OF_LATER_FRAMES] or state_is_certain(view)
+  local certain = view.complete or not wants[OF_LATER_FRAMES] or state_is_certain(view)
   if not certain then
     add_second_pass(root)
   end
-  if wants[OF_TRANSACTION] then
-    add_transaction(root, view, certain, record, context)
-  end
+  add_transaction(root, view, certain, record, context)
   for number = 1, #findings do
     local finding = findings[number]
     if not taken[number] and of_view(finding, view) then
@@ -922,12 +917,14 @@ local NONE_TAKEN = {} -- of no findings
 -- @param views, findings, events as track.lua gives them
 -- @param finders {record = a function of a record and of the view that has it, which gives its TvbRange in
 --   this frame, or nil; word = the same of an event; bytes = a function of bytes that does the same}
--- @param context {base_seconds = second since 1970 that the times are relative to, lang = "en" or "zh",
+-- @param context {lang = "en" or "zh",
+--   base_seconds = a function that gives the second since 1970 that the times are relative to,
 --   request_of = a function that gives the frame of the request of a finding's transaction, or nil,
 --   findings_of = a function that gives all findings of the transaction of a view,
 --   answers = what M.answers gives, shared by frames whose trees answer the same, or nil}
 function M.add(tree, views, findings, events, finders, context)
-  begin(tree, context.answers, views[1] and not findings[1] and views[1].role or "other", context.lang)
+  local view = not findings[1] and views[1]
+  begin(tree, context.answers, view and view.role or "other", context.lang)
   find_bytes = finders.bytes
   local taken = findings[1] and {} or NONE_TAKEN
   for number = 1, #views do
