@@ -97,8 +97,6 @@ function M.new(options)
     finished_jobs = transactions.store(codec),
     last_frame = nil,
     original = nil, -- the frame of which the last one is a mirror port's copy; nil of all others
-    last_call = nil,
-    asks_again = false, -- whether the last call is one whose request came again
     result = nil,
   }, Analysis)
   self.pairing = pairing.new(limits, self)
@@ -107,7 +105,7 @@ function M.new(options)
   self.dictionary = dictionary.new(self.judge.written.objects, limits.described_parameters)
   self.events = recordevents.RecordEvents.new(self.gate, self.pairing, self.codec, self)
   self.records = recordcalls.RecordCalls.new(self.events, self.gate, self.pairing, self, self.naming)
-  self.calls = calls.CallTracker.new(limits, self)
+  self.calls = calls.CallTracker.new(limits, self.records)
   self.bus_judge = bus_judge.new(limits)
   self.bus_stations = bus_stations.new(self.bus_judge)
   local stations = idents.new()
@@ -172,7 +170,7 @@ end
 --- Takes one whole UDP datagram: {payload, frame, time_ns, src_ip, dst_ip, ip_id, src_mac, cut}, see rpc.lua.
 -- The table is not kept.
 function Analysis:packet(packet)
-  self.result, self.last_call, self.ms1.newest, self.original = nil, nil, nil, nil
+  self.result, self.calls.newest, self.ms1.newest, self.original = nil, nil, nil, nil
   self.last_frame, self.pairing.touched_count = packet.frame, 0
   local pdu = parse(packet)
   if pdu == nil then
@@ -188,14 +186,14 @@ function Analysis:packet(packet)
     whole = joined(self, pdu)
   end
   if whole ~= nil then
-    self.naming:message(whole)
+    self.naming:message(whole, packet)
     self.calls:feed(whole)
   end
 end
 
 --- Takes one IP fragment: {frame, time_ns, src_ip, dst_ip, ip_id, offset, more, data, cut}, see ip.lua.
 function Analysis:fragment(fragment)
-  self.result, self.last_call, self.ms1.newest = nil, nil, nil
+  self.result, self.calls.newest, self.ms1.newest = nil, nil, nil
   self.last_frame = fragment.frame
   self.pairing.touched_count = 0
   local packet = self.reassembly:feed(fragment)
@@ -230,7 +228,7 @@ end
 -- @param row, at as `cyclic_news` gives them
 -- @param number, time_ns  of the frame
 function Analysis:cyclic_frame(row, frame, at, number, time_ns)
-  self.result, self.last_call, self.ms1.newest = nil, nil, nil
+  self.result, self.calls.newest, self.ms1.newest = nil, nil, nil
   self.last_frame = number
   self.pairing.touched_count = 0
   self.cyclic:frame(row, frame, at, number, time_ns)
@@ -242,7 +240,7 @@ end
 -- @param cut  true: the recording has not all of it
 -- @return the frame as profibus/telegram.lua decodes it; nil where nothing proves that it is one
 function Analysis:bus_frame(link_type, data, number, time_ns, cut)
-  self.result, self.last_call, self.ms1.newest = nil, nil, nil
+  self.result, self.calls.newest, self.ms1.newest = nil, nil, nil
   self.last_frame = number
   self.pairing.touched_count = 0
   return self.bus:take(link_type, data, number, time_ns, cut)
@@ -253,7 +251,7 @@ end
 -- at.
 function Analysis:segment(packet)
   self.s7 = self.s7 or s7.new(self.s7_ports, self.options.s7, tables.limits, self)
-  self.result, self.last_call = nil, nil
+  self.result, self.calls.newest = nil, nil
   self.last_frame = packet.frame
   self.pairing.touched_count = 0
   self.s7:packet(packet)
@@ -271,11 +269,11 @@ end
 -- The jobs that the last packet asks for are behind the others then. The gate let the request of a record
 -- pass that knows one; only a request that came again may find another one, or one at last.
 local function add_asked(self, jobs, roles, count)
-  local service, call, record, peer = self.ms1.newest, self.last_call, nil, nil
+  local service, call, record, peer = self.ms1.newest, self.calls.newest, nil, nil
   if service then
     record, peer = service.record, ms1calls.peer(service.master, service.station)
   elseif call and call.response == nil then
-    record, peer = call.context, self.asks_again and recordcalls.peer(call.request, self.naming)
+    record, peer = call.context, self.calls.asks_again and recordcalls.peer(call.request, self.naming)
   end
   while record do
     if not record.write then
@@ -306,7 +304,7 @@ function Analysis:touched()
     end
   end
   live.touched_count = count
-  local call = self.last_call
+  local call = self.calls.newest
   if call and call.response ~= nil and not self.ms1.newest then
     return jobs, roles, count -- nothing is asked for
   end
@@ -457,40 +455,6 @@ function Analysis:_finish()
     connections = self.s7 and self.s7:told() or {},
     connections_left_out = self.s7 and self.s7:left_out() or 0,
   }
-end
-
--- What the call tracker tells: passed on to the record calls, and remembered for `touched`
-
-function Analysis:request(call)
-  self.last_call, self.asks_again = call, false
-  self.records:request(call)
-end
-
-function Analysis:response(call)
-  self.last_call = call
-  self.records:response(call)
-end
-
-function Analysis:orphan_response(pdu, certain)
-  self.records:orphan_response(pdu, certain)
-end
-
-function Analysis:retransmission(call, pdu)
-  self.last_call, self.asks_again = call, true
-  self.records:retransmission(call, pdu)
-end
-
-function Analysis:fault(call, pdu)
-  self.last_call = call
-  self.records:fault(call, pdu)
-end
-
-function Analysis:lost(call)
-  self.records:lost(call)
-end
-
-function Analysis:pushed_out(call, limit)
-  self.records:pushed_out(call, limit)
 end
 
 -- What pairing and the record calls tell

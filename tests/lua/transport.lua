@@ -380,11 +380,12 @@ local function test_copies()
     check("count", tracker.counts.copies, case[2] and 1 or 0)
   end
   local tracker = tracker_of()
-  for ip_id = 0, 256 do
+  for ip_id = 0, 511 do
     is_copy(tracker, {ip_id = ip_id})
   end
-  check("the oldest is forgotten", is_copy(tracker, {ip_id = 0}), false)
-  check("the others are known", is_copy(tracker, {ip_id = 2}), true)
+  for ip_id, copy in pairs({[0] = false, [255] = false, [256] = true, [511] = true}) do
+    check("those that are enough are known, and no older ones", is_copy(tracker, {ip_id = ip_id}), copy)
+  end
 end
 
 -- Datagrams with the same numbers that differ in their bodies.
@@ -395,16 +396,30 @@ local function test_alike_copies()
       check("alike but for the body", is_copy(tracker, {ip_id = 9, body = body}), copy)
     end
   end
-  check("two of them need a long key", tracker.long_keys, 2)
-  for ip_id = 1000, 1253 do
+  check("all are kept", tracker.recent_count, 3)
+  for ip_id = 1000, 1252 do
     is_copy(tracker, {ip_id = ip_id})
   end
-  check("the oldest is forgotten", tracker.datagram_count, 256)
-  for _, body in ipairs({"two", "three"}) do
-    check("the others are known", is_copy(tracker, {ip_id = 9, body = body}), true)
+  for ip_id = 2000, 2254 do
+    is_copy(tracker, {ip_id = ip_id})
   end
-  check("the oldest comes back", is_copy(tracker, {ip_id = 9, body = "one"}), false)
-  check("the next one went", tracker.long_keys, 1)
+  for _, body in ipairs({"two", "three"}) do
+    check("they are known", is_copy(tracker, {ip_id = 9, body = body}), true)
+  end
+  is_copy(tracker, {ip_id = 2255})
+  for _, body in ipairs({"one", "two", "three"}) do
+    check("and forgotten", is_copy(tracker, {ip_id = 9, body = body}), false)
+  end
+  tracker = tracker_of()
+  is_copy(tracker, {ip_id = 9, body = "one"})
+  for ip_id = 1000, 1254 do
+    is_copy(tracker, {ip_id = ip_id})
+  end
+  is_copy(tracker, {ip_id = 9, body = "two"})
+  for ip_id = 1000, 1254 do
+    is_copy(tracker, {ip_id = ip_id, body = "more"})
+  end
+  check("as long as those that are like them", is_copy(tracker, {ip_id = 9, body = "two"}), true)
 end
 
 local function test_retransmissions()

@@ -89,6 +89,16 @@ def test_a_copy_has_the_ip_id_and_comes_at_once() -> None:
         assert tracker.counts["copies"] == copy
 
 
+def test_copies_are_looked_for_among_the_latest_datagrams():
+    request = calls()[0]
+    most = LIMITS.datagrams
+    tracker = Heard().tracker
+    for ip_id in range(2 * most):
+        assert not tracker.is_copy(replace(request, ip_id=ip_id))
+    for ip_id, copy in ((0, False), (most - 1, False), (most, True), (2 * most - 1, True)):
+        assert tracker.is_copy(replace(request, ip_id=ip_id)) == copy
+
+
 def test_a_retransmission_of_an_unanswered_call_at_any_time_before_it_expires() -> None:
     request, response = calls()
     again = later(request, 30 * SECOND)

@@ -4,10 +4,11 @@
 -- carries is records.lua's business; what it means for the parameter channel is pairing.lua's.
 --
 -- A call is {request = pdu, response = pdu or nil, in_part = true where fragments of a response were seen,
--- context = whatever the layer above keeps with it}.
+-- context = whatever the layer above keeps with it, later = the next one of its activity}.
 --
--- An activity is {newest = sequence number of its newest request, by_seq = its calls, seqs = their sequence
--- numbers in the order of their requests, from 1 to `count`}: calls are few, and are forgotten in lots.
+-- An activity is {newest = sequence number of its newest request, by_seq = its calls, oldest and last = the
+-- ends of their chain, which is in the order of their requests, count = how many there are, answered = how
+-- many of them have a response}: calls are few, and are forgotten in lots.
 
 local ordered = require("ds47.support.ordered")
 
@@ -30,12 +31,13 @@ M.CallTracker = CallTracker
 function CallTracker.new(limits, handlers)
   return setmetatable({
     limits = limits, handlers = handlers, activities = ordered.new(),
+    many_calls = math.min(2 * limits.answered_calls, limits.calls), -- up to so many nothing is forgotten
     begun_requests = ordered.new(), -- requests of which fragments were seen, as far as is known
-    datagrams = {}, datagram_count = 0, -- the newest ones by a key (`find_datagram`)
-    -- Their keys and PDUs in the order in which they came, from `first` to `last`. A key that came again
-    -- stands there twice, and counts where its PDU is the newest one.
-    keys = {}, pdus = {}, first = 1, last = 0,
-    long_keys = 0, -- how many keys of `datagrams` are texts
+    -- The newest datagrams by a key (`is_copy`), and those before them: when there are so many new ones that
+    -- they are enough, the others are forgotten in one go.
+    recent = {}, earlier = {}, recent_count = 0,
+    newest = nil, -- the call of the newest message; whoever feeds may forget it
+    asks_again = false, -- whether that is one whose request came again
     counts = {
       requests = 0, responses = 0, faults = 0, rejects = 0, pings = 0, working = 0, others = 0,
       copies = 0, retransmissions = 0, unanswered = 0,
@@ -49,48 +51,10 @@ local function same_datagram(one, other)
     and one.ptype == other.ptype and one.fragment == other.fragment
 end
 
---- The same datagram from before, if it is remembered, and the key of this one: only where two have the same
--- number, all goes into a text.
-local function find_datagram(self, key, before, pdu)
-  local datagrams = self.datagrams
-  if before and same_datagram(before, pdu) then
-    return key, before
-  end
-  local long = ("%.0f"):format(key) .. pdu.activity .. pdu.seq .. "\0" .. pdu.source .. "\0"
+-- A key of all that tells a datagram apart, for one whose number is that of another one.
+local function long_key(number, pdu)
+  return ("%.0f"):format(number) .. pdu.activity .. pdu.seq .. "\0" .. pdu.source .. "\0"
     .. pdu.destination .. "\0" .. pdu.ptype .. "\0" .. pdu.fragment .. "\0" .. pdu.body
-  local other = datagrams[long]
-  if before or other then
-    key = long
-  end
-  return key, other
-end
-
-local PASSED = 1024 -- keys that are passed before the others move to the front of their array
-
-local function forget_oldest(self)
-  local datagrams, keys, pdus = self.datagrams, self.keys, self.pdus
-  local first = self.first
-  local key = keys[first]
-  while datagrams[key] ~= pdus[first] do
-    first = first + 1
-    key = keys[first]
-  end
-  datagrams[key] = nil
-  self.datagram_count = self.datagram_count - 1
-  if self.long_keys > 0 and type(key) == "string" then
-    self.long_keys = self.long_keys - 1
-  end
-  self.first = first + 1
-  if first < PASSED then
-    return
-  end
-  for place = first + 1, self.last do
-    keys[place - first], pdus[place - first] = keys[place], pdus[place]
-  end
-  for place = self.last - first + 1, self.last do
-    keys[place], pdus[place] = nil, nil
-  end
-  self.first, self.last = 1, self.last - first
 end
 
 --- Whether the same datagram with the same IP id was here within the copy window (P6).
@@ -98,17 +62,15 @@ end
 -- @return that, and of a copy the frame of the first one
 function CallTracker:is_copy(pdu, ip_id)
   -- A number of 52 bits that nearly always tells a datagram apart. The IP id is in it as it is.
-  local seq, fragment, datagrams = pdu.seq, pdu.fragment, self.datagrams
+  local seq, fragment, recent = pdu.seq, pdu.fragment, self.recent
   if fragment ~= 0 then
     seq = seq + 40503 * fragment
   end
-  local key = pdu.digest + seq % 0x10000 * 0x10000 + ip_id
-  local before = datagrams[key]
-  if before or self.long_keys > 0 then
-    key, before = find_datagram(self, key, before, pdu)
-    if not before and type(key) == "string" then
-      self.long_keys = self.long_keys + 1
-    end
+  local number = pdu.digest + seq % 0x10000 * 0x10000 + ip_id
+  local key, before, other = number, recent[number] or self.earlier[number], nil
+  if before and not same_datagram(before, pdu) then
+    key, other = long_key(number, pdu), before
+    before = recent[key] or self.earlier[key]
   end
   if before then
     local passed, window = pdu.time_ns - before.time_ns, self.limits.copy_ns
@@ -116,47 +78,62 @@ function CallTracker:is_copy(pdu, ip_id)
       self.counts.copies = self.counts.copies + 1
       return true, before.frame
     end
-  else
-    self.datagram_count = self.datagram_count + 1
   end
-  local last = self.last + 1
-  self.last, self.keys[last], self.pdus[last] = last, key, pdu
-  datagrams[key] = pdu
-  if self.datagram_count > self.limits.datagrams then
-    forget_oldest(self)
+  local count = self.recent_count
+  if recent[key] == nil then
+    count = count + 1
   end
+  recent[key] = pdu
+  if other then -- is known as long as this one: else nobody would look for a long key
+    recent[number] = other
+  end
+  if count >= self.limits.datagrams then
+    self.earlier, self.recent, count = recent, {}, 0
+  end
+  self.recent_count = count
   return false
 end
 
--- The call to which a PDU belongs; nil for none.
+-- The call to which a PDU belongs, nil for none, and its activity.
 local function call_of(self, pdu)
   local activity = self.activities.values[pdu.conversation]
-  return activity and activity.by_seq[pdu.seq]
+  return activity and activity.by_seq[pdu.seq], activity
 end
 
 local function append(activity, seq, call)
-  local count = activity.count + 1
-  activity.count, activity.seqs[count], activity.by_seq[seq] = count, seq, call
+  local last = activity.last
+  if last then
+    last.later = call
+  else
+    activity.oldest = call
+  end
+  activity.last, activity.by_seq[seq], activity.count = call, call, activity.count + 1
 end
 
--- Forgets the calls of which `is_over(call)` is true: an array of them, oldest first.
-local function sweep(activity, is_over)
-  local seqs, by_seq, kept, over = activity.seqs, activity.by_seq, 0, {}
-  for place = 1, activity.count do
-    local seq = seqs[place]
-    if is_over(by_seq[seq]) then
-      over[#over + 1] = by_seq[seq]
-      by_seq[seq] = nil
-    else
-      kept = kept + 1
-      seqs[kept] = seq
-    end
+-- Takes a call out of its activity; `before`: the one before it, nil for the oldest.
+local function take_out(activity, before, call)
+  local later = call.later
+  if before then
+    before.later = later
+  else
+    activity.oldest = later
   end
-  for place = kept + 1, activity.count do
-    seqs[place] = nil
+  if later == nil then
+    activity.last = before
   end
-  activity.count = kept
-  return over
+  activity.by_seq[call.request.seq], activity.count = nil, activity.count - 1
+  if call.response then
+    activity.answered = activity.answered - 1
+  end
+end
+
+-- Forgets a call, wherever it is.
+local function forget(activity, call)
+  local before, other = nil, activity.oldest
+  while other ~= call do
+    before, other = other, other.later
+  end
+  take_out(activity, before, call)
 end
 
 local function count(self, name)
@@ -211,11 +188,12 @@ end
 function CallTracker:finish()
   while self.activities.length > 0 do
     local _, activity = self.activities:pop_first()
-    for place = 1, activity.count do
-      local call = activity.by_seq[activity.seqs[place]]
+    local call = activity.oldest
+    while call do
       if not call.response then
         self:_lose(call)
       end
+      call = call.later
     end
   end
 end
@@ -229,7 +207,7 @@ function CallTracker:_request(pdu)
       activities:move_to_end(key)
     end
   else
-    activity = {newest = seq, by_seq = {}, seqs = {}, count = 0}
+    activity = {newest = seq, by_seq = {}, oldest = nil, last = nil, count = 0, answered = 0}
     activities:set(key, activity)
     self:_make_room()
   end
@@ -238,18 +216,19 @@ function CallTracker:_request(pdu)
   if call then
     if self:_is_retransmission(activity, call, pdu) then
       count(self, "retransmissions")
+      self.newest, self.asks_again = call, true
       self.handlers:retransmission(call, pdu)
       return
     end
     if not call.response then
       self:_lose(call)
     end
-    local former = call
-    sweep(activity, function(one) return one == former end)
+    forget(activity, call)
   end
   activity.newest = seq
-  call = {request = pdu, response = nil, context = nil}
+  call = {request = pdu, response = nil, context = nil, later = nil}
   append(activity, seq, call)
+  self.newest, self.asks_again = call, false
   self.handlers:request(call)
 end
 
@@ -273,74 +252,77 @@ function CallTracker:_response(pdu)
   if not call then
     self.handlers:orphan_response(pdu, self.begun_requests:get(begun_key(pdu)) == nil)
   elseif not call.response then
-    call.response = pdu
+    self:_answer(activity, call, pdu)
     self.handlers:response(call)
   elseif call.response.body ~= pdu.body then
     self.handlers:orphan_response(pdu, true)
   end
 end
 
+function CallTracker:_answer(activity, call, pdu)
+  call.response, activity.answered = pdu, activity.answered + 1
+  self.newest = call
+end
+
 function CallTracker:_fault(pdu)
-  local call = call_of(self, pdu)
+  local call, activity = call_of(self, pdu)
   if call and not call.response then
-    call.response = pdu
+    self:_answer(activity, call, pdu)
     self.handlers:fault(call, pdu)
   end
 end
 
 --- Gives up what is too old or too much. The usual case, that there is nothing, is on the way of every call.
 function CallTracker:_expire(activity, now)
-  local limits, there = self.limits, activity.count
-  local oldest = activity.by_seq[activity.seqs[1]]
-  if oldest == nil or there <= 2 * limits.answered_calls and there <= limits.calls
+  local limits, oldest = self.limits, activity.oldest
+  if oldest == nil or activity.count <= self.many_calls
     and now - oldest.request.time_ns <= limits.call_expiry_ns then
     return
   end
   self:_expire_unanswered(activity, now)
-  local more = activity.count - limits.calls
-  if more > 0 then
-    local pushed = sweep(activity, function()
-      more = more - 1
-      return more >= 0
-    end)
-    for _, call in ipairs(pushed) do
-      if not call.response then
-        self.handlers:pushed_out(call, "calls")
-      end
+  while activity.count > limits.calls do
+    local call = activity.oldest
+    take_out(activity, nil, call)
+    if not call.response then
+      self.handlers:pushed_out(call, "calls")
     end
   end
 end
 
 --- Loses the unanswered calls that are too old and forgets all but the newest answered ones.
 function CallTracker:_expire_unanswered(activity, now)
-  local expiry, spare = self.limits.call_expiry_ns, -self.limits.answered_calls
-  for place = 1, activity.count do
-    if activity.by_seq[activity.seqs[place]].response then
-      spare = spare + 1
-    end
-  end
-  local over = sweep(activity, function(call)
+  local expiry, spare = self.limits.call_expiry_ns, activity.answered - self.limits.answered_calls
+  local before, call, lost = nil, activity.oldest, {}
+  while call do
+    local is_over
     if call.response then
       spare = spare - 1
-      return spare >= 0
+      is_over = spare >= 0
+    else
+      is_over = now - call.request.time_ns > expiry
+      lost[#lost + 1] = is_over and call or nil
     end
-    return now - call.request.time_ns > expiry
-  end)
-  for _, call in ipairs(over) do
-    if not call.response then
-      self:_lose(call)
+    if is_over then
+      take_out(activity, before, call)
+    else
+      before = call
     end
+    call = call.later
+  end
+  for _, each in ipairs(lost) do
+    self:_lose(each)
   end
 end
 
 function CallTracker:_make_room()
   while self.activities.length > self.limits.activities do
     local _, activity = self.activities:pop_first()
-    for place = 1, activity.count do
-      local call = activity.by_seq[activity.seqs[place]]
+    local call = activity.oldest
+    while call do
       if not call.response then
         self.handlers:pushed_out(call, "activities")
       end
+      call = call.later
     end
   end
 end

@@ -6,7 +6,7 @@ carries is `records`' business; what it means for the parameter channel is `ds47
 
 from __future__ import annotations
 
-from collections import OrderedDict, deque
+from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -81,12 +81,12 @@ class CallTracker:
         self._activities: OrderedDict[tuple[str, bytes], Activity] = OrderedDict()
         """By client and activity UUID; the one that spoke last comes last."""
         self._most_datagrams = limits.datagrams
-        self._datagrams: dict[_DatagramKey, int] = {}
-        """The latest, and when they came."""
+        self._recent: dict[_DatagramKey, int] = {}
+        """The newest ones, and when they came; when they are enough, all that came before them is forgotten."""
+        self._earlier: dict[_DatagramKey, int] = {}
+        """Those before them."""
         self._begun: OrderedDict[tuple[str, bytes, int], None] = OrderedDict()
         """Requests of which fragments were seen, as far as is known."""
-        self._order: deque[_DatagramKey] = deque()
-        """The same, the oldest first; an `OrderedDict` costs twice as much, and here every frame comes by."""
         self.counts = dict.fromkeys(
             ("requests", "responses", "faults", "rejects", "pings", "working", "others",
              "copies", "retransmissions", "unanswered"), 0,
@@ -106,16 +106,16 @@ class CallTracker:
                 pdu.body,
             )
         )
-        datagrams, order, now = self._datagrams, self._order, pdu.time_ns
-        if key in datagrams:
-            if abs(now - datagrams[key]) <= self._limits.copy_ns:
-                self.counts["copies"] += 1
-                return True
-            order.remove(key)
-        datagrams[key] = now
-        order.append(key)
-        if len(datagrams) > self._most_datagrams:
-            del datagrams[order.popleft()]
+        recent, now = self._recent, pdu.time_ns
+        before = recent.get(key)
+        if before is None:
+            before = self._earlier.get(key)
+        if before is not None and abs(now - before) <= self._limits.copy_ns:
+            self.counts["copies"] += 1
+            return True
+        recent[key] = now
+        if len(recent) >= self._most_datagrams:
+            self._earlier, self._recent = recent, {}
         return False
 
     def feed(self, pdu: Pdu) -> None:
