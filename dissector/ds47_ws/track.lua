@@ -26,9 +26,8 @@ local byte, find, format, sub = string.byte, string.find, string.format, string.
 local M = {}
 
 local TCP, UDP = 6, 17
-local RPC_HEADER = rpc.HEADER_LENGTH
--- The end of the interface UUIDs of PROFINET (docs/protocol.md E.2), bytes 32 to 39 of the RPC header.
-local RPC_NODE, INTERFACE_END = rpc.NODE, rpc.INTERFACE_END
+local UDP_HEADER = 8
+local RPC_HEADER, RPC_VERSION, head_of = rpc.HEADER_LENGTH, rpc.VERSION, rpc.head
 local FIRST_DCP = 0xFEFC -- the first frame id of DCP
 local MOST_WAITING = 4096 -- frames that name stations and are not given to the analysis yet
 local MOST_TEXTS = 4096
@@ -211,31 +210,32 @@ local function cut_of(number, frame, pinfo)
   return length > #frame and { frame = number, captured = #frame, original = length } or nil
 end
 
--- The packet of the newest frame; whoever takes it does not keep it. Whether the frame was cut is asked where
--- something is missing.
-local here -- what Wireshark knows of that frame
+local here, here_offset -- what Wireshark knows of the newest frame, and where its IP header begins
+
+-- What few packets are asked for: it is made then.
+local SELDOM = {
+  cut = function(packet) return cut_of(packet.frame, packet.payload, here) end,
+  src_mac = function(packet) return source_mac(packet.payload, here_offset) end,
+}
+
+-- The packet of the newest frame; whoever takes it does not keep it.
 local packet = setmetatable({}, { __index = function(packet, key)
-  return key == "cut" and cut_of(packet.frame, packet.payload, here) or nil
+  local make = SELDOM[key]
+  return make and make(packet)
 end })
 
 local the_complete -- below: the complete result by frames
 
--- Where a whole UDP datagram at `at` (0-based, behind the IP header) ends; nil when it is no PROFINET RPC.
-local function end_of_rpc(frame, at, stop)
-  local node = at + 8 + INTERFACE_END
-  if stop - at < 8 + RPC_HEADER or sub(frame, node - 7, node) ~= RPC_NODE then
+-- A fragment of a datagram; its data begins at `at`, and ends at `wanted` or where the frame does.
+local function fragment(frame, offset, at, wanted)
+  local stop = wanted < #frame and wanted or #frame
+  if at > stop or stop < offset + 20 then
     return nil
   end
-  local high, low, _, _, version = byte(frame, at + 5, at + 9)
-  if version ~= 4 then
-    return nil
-  end
-  local length = high * 256 + low
-  return length >= 8 and at + length < stop and at + length or stop
-end
-
-local function fragment(frame, at, stop, wanted, flags)
+  local i1, i2, f1, f2 = byte(frame, offset + 5, offset + 8)
+  local flags, texts = f1 * 256 + f2, address_pairs[sub(frame, offset + 13, offset + 20)]
   return {
+    src_ip = texts[1], dst_ip = texts[2], ip_id = i1 * 256 + i2, src_mac = source_mac(frame, offset),
     offset = flags % 0x2000 * 8,
     more = flags % 0x4000 >= 0x2000,
     data = sub(frame, at + 1, stop),
@@ -250,26 +250,29 @@ local function dissect(frame, offset)
     return nil
   end
   local present, total, at = #frame, t1 * 256 + t2, offset + (first - 0x40) * 4
-  local wanted = total > 0 and offset + total or present
-  local stop = wanted < present and wanted or present
-  if at > stop or stop < offset + 20 then
+  local stop = total > 0 and offset + total or present
+  if f2 ~= 0 or f1 % 0x40 ~= 0 then
+    local part = fragment(frame, offset, at, stop)
+    return part, part
+  elseif stop > present then
+    stop = present
+  end
+  local high, low, _, _, version = byte(frame, at + 5, at + 9) -- the length, and the first byte behind UDP
+  if version ~= RPC_VERSION or stop - at < UDP_HEADER + RPC_HEADER then
     return nil
   end
-  local made, part = packet, nil
-  if f2 ~= 0 or f1 % 0x40 ~= 0 then
-    part = fragment(frame, at, stop, wanted, f1 * 256 + f2)
-    made = part
-  else
-    stop = end_of_rpc(frame, at, stop)
-    if stop == nil then
-      return nil
-    end
-    made.payload, made.at, made.stop = frame, at + 8, stop
-  end
   local texts = address_pairs[sub(frame, offset + 13, offset + 20)]
-  made.src_ip, made.dst_ip = texts[1], texts[2]
-  made.ip_id, made.src_mac = i1 * 256 + i2, source_mac(frame, offset)
-  return made, part
+  local head = head_of(frame, at + UDP_HEADER, texts[1], texts[2])
+  if head == nil then
+    return nil
+  end
+  local length = high * 256 + low
+  if length >= UDP_HEADER and at + length < stop then
+    stop = at + length
+  end
+  packet.payload, packet.at, packet.stop = frame, at + UDP_HEADER, stop
+  packet.head, packet.ip_id = head, i1 * 256 + i2
+  return packet
 end
 
 --- Whether a frame is to be fed: it is new. In the first of two passes a frame that a read filter drops
@@ -290,7 +293,7 @@ function M.feed(number, frame, offset, clock, pinfo)
     return false
   end
   local live = current or the_analysis()
-  complete, last, here = nil, number, pinfo
+  complete, last, here, here_offset = nil, number, pinfo, offset
   made.frame, made.time_ns = number, clock(live)
   if part then
     part.cut = cut_of(number, frame, pinfo)

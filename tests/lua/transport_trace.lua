@@ -62,7 +62,7 @@ local function list_of(record)
   return result
 end
 
-local function tell_pdu(pdu, kind)
+local function tell_pdu(pdu, kind, packet)
   local body = hex(pdu.body)
   local vendor_id, device_id = rpc.device_identity(pdu.object_uuid)
   tell(kind, {
@@ -70,7 +70,7 @@ local function tell_pdu(pdu, kind)
     seq = pdu.seq, opnum = pdu.opnum, fragment = pdu.fragment, last = pdu.last, fragmented = pdu.fragmented,
     body = body, missing = pdu.missing, frame = pdu.frame, time_ns = pdu.time_ns, source = pdu.source,
     destination = pdu.destination, client = pdu.client, server = pdu.server,
-    source_mac = pdu.source_mac, vendor_id = vendor_id, device_id = device_id,
+    source_mac = packet.src_mac, vendor_id = vendor_id, device_id = device_id,
   })
 end
 
@@ -187,7 +187,7 @@ local function feed(run, packet)
   if not pdu then
     return
   end
-  tell_pdu(pdu, "pdu")
+  tell_pdu(pdu, "pdu", packet)
   if run.calls:is_copy(pdu, packet.ip_id) then
     return
   end
@@ -195,10 +195,10 @@ local function feed(run, packet)
   local whole = run.fragments:feed(pdu)
   if whole then
     if fragmented then
-      tell_pdu(whole, "whole")
+      tell_pdu(whole, "whole", packet)
     end
     tell_records(whole)
-    run.naming:message(whole)
+    run.naming:message(whole, packet)
     run.calls:feed(whole)
   end
 end
@@ -213,7 +213,7 @@ local function finish(run)
     for _, part in ipairs(parts) do
       local pdu = rpc.parse(part.packet)
       if pdu then
-        tell_pdu(pdu, "unfinished")
+        tell_pdu(pdu, "unfinished", part.packet)
         run.records:incomplete(pdu, part.have, "IP", part.limit)
       end
     end

@@ -9,14 +9,13 @@
 local ordered = require("ds47.support.ordered")
 local tables = require("ds47.spec.tables")
 
-local byte, char, find, sub = string.byte, string.char, string.find, string.sub
+local byte, char, sub = string.byte, string.char, string.sub
 
 local M = {}
 
 local layout = tables.layouts
 
-M.HEADER_LENGTH = layout.RPC_SIZE
-M.INTERFACE_END = layout.RPC_ACTIVITY -- where the interface UUID ends
+M.HEADER_LENGTH, M.VERSION = layout.RPC_SIZE, layout.RPC_VERSION_4
 M.PTYPES = {
   [0] = "request", "ping", "response", "fault", "working", "nocall", "reject", "ack", "cancel", "fack",
   "cancel_ack",
@@ -28,13 +27,13 @@ local MOST_PTYPE = 10
 local FRAGMENT_END = layout.RPC_FRAGMENT + 2
 
 -- The end of every UUID of PROFINET, which has no byte order.
-M.NODE = "\x82\x71\x00\xa0\x24\x42\xdf\x7d"
+local NODE = "\x82\x71\x00\xa0\x24\x42\xdf\x7d"
 
 -- The interface UUIDs of a device, a controller, a supervisor and a parameter server, by byte order.
 local BIG_INTERFACES, LITTLE_INTERFACES = {}, {}
 for number = 1, 4 do
-  BIG_INTERFACES["\xde\xa0\x00" .. char(number) .. "\x6c\x97\x11\xd1" .. M.NODE] = true
-  LITTLE_INTERFACES[char(number) .. "\x00\xa0\xde\x97\x6c\xd1\x11" .. M.NODE] = true
+  BIG_INTERFACES["\xde\xa0\x00" .. char(number) .. "\x6c\x97\x11\xd1" .. NODE] = true
+  LITTLE_INTERFACES[char(number) .. "\x00\xa0\xde\x97\x6c\xd1\x11" .. NODE] = true
 end
 
 -- Whose calls it is: a request, ping, cancel or fack comes from the client.
@@ -46,11 +45,11 @@ local function swapped(data, at)
   return char(d, c, b, a, f, e, h, g) .. sub(data, at + 8, at + 15)
 end
 
--- What all PDUs of one kind have in common, by packet type and flags, and by the activity with what stands
--- behind it: a conversation repeats the first 64 bytes of the header, so they are read once (of two that only
--- differ elsewhere the newer one counts). A head holds a copy of itself for each operation number, with that:
--- the metatable of its PDUs, which have but four keys of their own then. A capture made to have many must not
--- fill memory.
+-- What the PDUs of a conversation in one direction have in common, by the first 64 bytes of the header, which
+-- they repeat, so that those are read once: by what stands before the activity, and by the rest (of two that
+-- only differ in their addresses the newer one counts). A head holds a copy of itself for each operation
+-- number, with that: the metatable of its PDUs, which have but four keys of their own then. A capture made to
+-- have many must not fill memory.
 local heads, head_count, MOST_HEADS = {}, 0, 4096
 local MOST_OPERATIONS = 8 -- of one head; PROFINET has six
 local COMMON = layout.RPC_SEQUENCE -- which is the first that changes from call to call
@@ -67,26 +66,26 @@ local function digest_of(text)
 end
 
 -- The head for a header and the addresses of a packet; nil where it is not PNIO RPC.
-local function new_head(header, packet)
-  local _, ptype, flags, _, order = byte(header, 1, 5)
+local function new_head(header, source, destination)
+  local version, ptype, flags, _, order = byte(header, 1, 5)
   ptype = ptype % 32
   local little = order % (2 * LITTLE) >= LITTLE
   local interface = sub(header, INTERFACE + 1, ACTIVITY)
-  if ptype > MOST_PTYPE or not (little and LITTLE_INTERFACES or BIG_INTERFACES)[interface] then
+  if version ~= VERSION or ptype > MOST_PTYPE
+    or not (little and LITTLE_INTERFACES or BIG_INTERFACES)[interface] then
     return nil
   end
-  local source, destination = packet.src_ip, packet.dst_ip
   local client, server = source, destination
   if not FROM_CLIENT[ptype] then
     client, server = destination, source
   end
   local activity = little and swapped(header, ACTIVITY + 1) or sub(header, ACTIVITY + 1, ACTIVITY + 16)
   local head = {
-    header = header, ptype = ptype, little = little, last = flags % 4 >= 2, fragmented = flags % 8 >= 4,
+    ptype = ptype, little = little, last = flags % 4 >= 2, fragmented = flags % 8 >= 4,
     object_uuid = little and swapped(header, OBJECT + 1) or sub(header, OBJECT + 1, INTERFACE),
     activity = activity,
     source = source, destination = destination, client = client, server = server,
-    source_mac = packet.src_mac, conversation = client .. "\0" .. activity,
+    conversation = client .. "\0" .. activity,
     digest = digest_of(source .. "\0" .. destination .. "\0" .. activity), -- to know a datagram again
     fragment = 0, missing = 0, -- of most PDUs; the others have their own
     operations = {}, operation_count = 0,
@@ -107,22 +106,36 @@ local function class_of(head, opnum)
   return class
 end
 
-local function remember(header, kind, activity, packet)
-  local head = new_head(header, packet)
+local function remember(header, source, destination)
+  local head = new_head(header, source, destination)
   if head == nil then
     return nil
   end
-  local known = heads[kind]
-  if known == nil or known[activity] == nil then
+  local beginning, rest = sub(header, 1, ACTIVITY), sub(header, ACTIVITY + 1)
+  local known = heads[beginning]
+  if known == nil or known[rest] == nil then
     if head_count >= MOST_HEADS then
       heads, head_count = {}, 0
     end
-    known, head_count = heads[kind] or {}, head_count + 1
-    heads[kind] = known
+    known, head_count = heads[beginning] or {}, head_count + 1
+    heads[beginning] = known
   end
-  known[activity] = head
+  known[rest] = head
   return head
 end
+
+--- What the PDUs have in common whose header begins at the 0-based offset `at`, of which 64 bytes are there,
+-- and that go from one address to another; nil where it is not PNIO RPC.
+function M.head(data, at, source, destination)
+  local known = heads[sub(data, at + 1, at + ACTIVITY)]
+  local head = known and known[sub(data, at + ACTIVITY + 1, at + COMMON)]
+  if head and head.source == source and head.destination == destination then
+    return head
+  end
+  return remember(sub(data, at + 1, at + COMMON), source, destination)
+end
+
+local head_of = M.head
 
 --- The PDU in a UDP packet; nil where it is not PNIO RPC or its header is cut off.
 --
@@ -130,29 +143,19 @@ end
 -- frame that the capture cut, if it did; else the header says more than the datagram holds. UUIDs are in
 -- network order whatever the PDU used; `little` tells the order of the NDR header; `conversation` names
 -- client and activity. What a conversation repeats stands in the metatable of the PDU.
--- @param packet {payload, frame, time_ns, src_ip, dst_ip, ip_id, src_mac, cut}: a whole UDP payload. `cut` is
---   nil, or {frame = number, captured = bytes, original = bytes} of a frame that the capture cut. Where
---   `payload` is more than that, `at` and `stop` are the 0-based offsets of its beginning and its end. It is
---   not kept.
+-- @param packet {payload, frame, time_ns, src_ip, dst_ip, cut}: a whole UDP payload. `cut` is nil, or {frame
+--   = number, captured = bytes, original = bytes} of a frame that the capture cut. Where `payload` is more
+--   than that, `at` and `stop` are the 0-based offsets of its beginning and its end. Whoever knows its `head`
+--   need not tell the addresses. It is not kept.
 function M.parse(packet)
   local data, at = packet.payload, packet.at or 0
   local stop = packet.stop or #data
   if stop - at < SIZE then
     return nil
   end
-  local version, ptype, flags = byte(data, at + 1, at + 3)
-  if version ~= VERSION then
+  local head = packet.head or head_of(data, at, packet.src_ip, packet.dst_ip)
+  if not head then
     return nil
-  end
-  local kind, activity = ptype * 256 + flags, sub(data, at + ACTIVITY + 1, at + COMMON)
-  local known = heads[kind]
-  local head = known and known[activity]
-  if not head or find(data, head.header, at + 1, true) ~= at + 1 or head.source ~= packet.src_ip
-    or head.destination ~= packet.dst_ip or head.source_mac ~= packet.src_mac then
-    head = remember(sub(data, at + 1, at + COMMON), kind, activity, packet)
-    if not head then
-      return nil
-    end
   end
   local s1, s2, s3, s4, o1, o2, _, _, _, _, l1, l2, f1, f2 = byte(data, at + COMMON + 1, at + FRAGMENT_END)
   local seq, opnum, length, fragment

@@ -327,10 +327,10 @@ class Partial:
         return traces
 
     def joined(self, newest: Pdu) -> Pdu:
-        """The whole message. Its frame and time are those of the fragment that completed it."""
+        """The whole message. Frame, time and sender are those of the fragment that completed it."""
         whole = join([self.parts[number] for number in sorted(self.parts)])
         whole.frame, whole.time_ns = newest.frame, newest.time_ns
-        whole.fragmented = False
+        whole.source_mac, whole.fragmented = newest.source_mac, False
         return whole
 
 
