@@ -14,6 +14,8 @@ local ordered = require("ds47.support.ordered")
 
 local M = {}
 
+local NONE = {}
+
 local CallTracker = {}
 CallTracker.__index = CallTracker
 M.CallTracker = CallTracker
@@ -34,8 +36,9 @@ function CallTracker.new(limits, handlers)
     many_calls = math.min(2 * limits.answered_calls, limits.calls), -- up to so many nothing is forgotten
     begun_requests = ordered.new(), -- requests of which fragments were seen, as far as is known
     -- The newest datagrams by a key (`is_copy`), and those before them: when there are so many new ones that
-    -- they are enough, the others are forgotten in one go.
-    recent = {}, earlier = {}, recent_count = 0,
+    -- they are enough (no `room` is left), the others are forgotten in one go.
+    recent = {}, earlier = {}, room = limits.datagrams,
+    alike = 0, -- how often they have to be forgotten until none has a long key
     newest = nil, -- the call of the newest message; whoever feeds may forget it
     asks_again = false, -- whether that is one whose request came again
     counts = {
@@ -67,10 +70,11 @@ function CallTracker:is_copy(pdu, ip_id)
     seq = seq + 40503 * fragment
   end
   local number = pdu.digest + seq % 0x10000 * 0x10000 + ip_id
-  local key, before, other = number, recent[number] or self.earlier[number], nil
-  if before and not same_datagram(before, pdu) then
-    key, other = long_key(number, pdu), before
-    before = recent[key] or self.earlier[key]
+  local key, before = number, recent[number] or self.earlier[number]
+  if before and not same_datagram(before, pdu) or not before and self.alike > 0 then
+    local long = long_key(number, pdu)
+    local other = recent[long] or self.earlier[long]
+    key, before = (before or other) and long or number, other
   end
   if before then
     local passed, window = pdu.time_ns - before.time_ns, self.limits.copy_ns
@@ -79,18 +83,18 @@ function CallTracker:is_copy(pdu, ip_id)
       return true, before.frame
     end
   end
-  local count = self.recent_count
-  if recent[key] == nil then
-    count = count + 1
-  end
+  local is_new = recent[key] == nil
   recent[key] = pdu
-  if other then -- is known as long as this one: else nobody would look for a long key
-    recent[number] = other
+  if key ~= number then
+    self.alike = 2
   end
-  if count >= self.limits.datagrams then
-    self.earlier, self.recent, count = recent, {}, 0
+  if is_new then
+    self.room = self.room - 1
+    if self.room == 0 then
+      self.earlier, self.recent, self.room = recent, {}, self.limits.datagrams
+      self.alike = math.max(self.alike - 1, 0)
+    end
   end
-  self.recent_count = count
   return false
 end
 
@@ -141,25 +145,167 @@ local function count(self, name)
   counts[name] = counts[name] + 1
 end
 
+local function lose(self, call)
+  count(self, "unanswered")
+  self.handlers:lost(call)
+end
+
+-- Forgets so many answered calls, the oldest first.
+local function forget_answered(activity, spare)
+  local before, call = nil, activity.oldest
+  while spare > 0 do
+    if call.response then
+      take_out(activity, before, call)
+      spare = spare - 1
+    else
+      before = call
+    end
+    call = call.later
+  end
+end
+
+-- Loses the unanswered calls that are too old.
+local function lose_old(self, activity, now)
+  local expiry, before, call, lost = self.limits.call_expiry_ns, nil, activity.oldest, nil
+  while call do
+    if not call.response and now - call.request.time_ns > expiry then
+      take_out(activity, before, call)
+      lost = lost or {}
+      lost[#lost + 1] = call
+    else
+      before = call
+    end
+    call = call.later
+  end
+  for _, each in ipairs(lost or NONE) do
+    lose(self, each)
+  end
+end
+
+-- Gives up what is too old or too much. The usual case, that there is nothing, is on the way of every call.
+local function expire(self, activity, now)
+  local limits, oldest = self.limits, activity.oldest
+  if oldest == nil or activity.count <= self.many_calls
+    and now - oldest.request.time_ns <= limits.call_expiry_ns then
+    return
+  end
+  forget_answered(activity, activity.answered - limits.answered_calls)
+  lose_old(self, activity, now)
+  while activity.count > limits.calls do
+    local call = activity.oldest
+    take_out(activity, nil, call)
+    if not call.response then
+      self.handlers:pushed_out(call, "calls")
+    end
+  end
+end
+
+local function make_room(self)
+  while self.activities.length > self.limits.activities do
+    local _, activity = self.activities:pop_first()
+    local call = activity.oldest
+    while call do
+      if not call.response then
+        self.handlers:pushed_out(call, "activities")
+      end
+      call = call.later
+    end
+  end
+end
+
+local function is_retransmission(self, activity, call, pdu)
+  local request, response = call.request, call.response
+  if request.opnum ~= pdu.opnum or request.body ~= pdu.body then
+    return false
+  end
+  if not response then
+    return true
+  end
+  return pdu.time_ns - response.time_ns <= self.limits.retransmission_ns and activity.newest == pdu.seq
+end
+
+local function request(self, pdu)
+  local activities, seq = self.activities, pdu.seq
+  local key = pdu.conversation
+  local activity = activities.values[key]
+  if activity then
+    if activities.newest ~= key then
+      activities:move_to_end(key)
+    end
+  else
+    activity = {newest = seq, by_seq = {}, oldest = nil, last = nil, count = 0, answered = 0}
+    activities:set(key, activity)
+    make_room(self)
+  end
+  expire(self, activity, pdu.time_ns)
+  local call = activity.by_seq[seq]
+  if call then
+    if is_retransmission(self, activity, call, pdu) then
+      count(self, "retransmissions")
+      self.newest, self.asks_again = call, true
+      self.handlers:retransmission(call, pdu)
+      return
+    end
+    if not call.response then
+      lose(self, call)
+    end
+    forget(activity, call)
+  end
+  activity.newest = seq
+  call = {request = pdu, response = nil, context = nil, later = nil}
+  append(activity, seq, call)
+  self.newest, self.asks_again = call, false
+  self.handlers:request(call)
+end
+
+local function begun_key(pdu)
+  return pdu.conversation .. pdu.seq
+end
+
+local function answer(self, activity, call, pdu)
+  call.response, activity.answered = pdu, activity.answered + 1
+  self.newest = call
+end
+
+local function response(self, pdu)
+  local activity, call = self.activities.values[pdu.conversation], nil
+  if activity then
+    expire(self, activity, pdu.time_ns)
+    call = activity.by_seq[pdu.seq]
+  end
+  if not call then
+    self.handlers:orphan_response(pdu, self.begun_requests:get(begun_key(pdu)) == nil)
+  elseif not call.response then
+    answer(self, activity, call, pdu)
+    self.handlers:response(call)
+  elseif call.response.body ~= pdu.body then
+    self.handlers:orphan_response(pdu, true)
+  end
+end
+
+local function fault(self, pdu)
+  local call, activity = call_of(self, pdu)
+  if call and not call.response then
+    answer(self, activity, call, pdu)
+    self.handlers:fault(call, pdu)
+  end
+end
+
 --- Takes one whole message (not a copy, see `is_copy`).
 function CallTracker:feed(pdu)
   local ptype, counts = pdu.ptype, self.counts
   if ptype == 0 then
     counts.requests = counts.requests + 1
-    self:_request(pdu)
+    request(self, pdu)
   elseif ptype == 2 then
     counts.responses = counts.responses + 1
-    self:_response(pdu)
+    response(self, pdu)
   elseif ptype == 3 or ptype == 6 then
     count(self, ptype == 3 and "faults" or "rejects")
-    self:_fault(pdu)
+    fault(self, pdu)
   else
     count(self, ptype == 1 and "pings" or ptype == 4 and "working" or "others")
   end
-end
-
-local function begun_key(pdu)
-  return pdu.conversation .. pdu.seq
 end
 
 --- Takes a fragment that completes no message: its call is not without request or response.
@@ -191,145 +337,11 @@ function CallTracker:finish()
     local call = activity.oldest
     while call do
       if not call.response then
-        self:_lose(call)
+        lose(self, call)
       end
       call = call.later
     end
   end
-end
-
-function CallTracker:_request(pdu)
-  local activities, seq = self.activities, pdu.seq
-  local key = pdu.conversation
-  local activity = activities.values[key]
-  if activity then
-    if activities.newest ~= key then
-      activities:move_to_end(key)
-    end
-  else
-    activity = {newest = seq, by_seq = {}, oldest = nil, last = nil, count = 0, answered = 0}
-    activities:set(key, activity)
-    self:_make_room()
-  end
-  self:_expire(activity, pdu.time_ns)
-  local call = activity.by_seq[seq]
-  if call then
-    if self:_is_retransmission(activity, call, pdu) then
-      count(self, "retransmissions")
-      self.newest, self.asks_again = call, true
-      self.handlers:retransmission(call, pdu)
-      return
-    end
-    if not call.response then
-      self:_lose(call)
-    end
-    forget(activity, call)
-  end
-  activity.newest = seq
-  call = {request = pdu, response = nil, context = nil, later = nil}
-  append(activity, seq, call)
-  self.newest, self.asks_again = call, false
-  self.handlers:request(call)
-end
-
-function CallTracker:_is_retransmission(activity, call, pdu)
-  local request, response = call.request, call.response
-  if request.opnum ~= pdu.opnum or request.body ~= pdu.body then
-    return false
-  end
-  if not response then
-    return true
-  end
-  return pdu.time_ns - response.time_ns <= self.limits.retransmission_ns and activity.newest == pdu.seq
-end
-
-function CallTracker:_response(pdu)
-  local activity, call = self.activities.values[pdu.conversation], nil
-  if activity then
-    self:_expire(activity, pdu.time_ns)
-    call = activity.by_seq[pdu.seq]
-  end
-  if not call then
-    self.handlers:orphan_response(pdu, self.begun_requests:get(begun_key(pdu)) == nil)
-  elseif not call.response then
-    self:_answer(activity, call, pdu)
-    self.handlers:response(call)
-  elseif call.response.body ~= pdu.body then
-    self.handlers:orphan_response(pdu, true)
-  end
-end
-
-function CallTracker:_answer(activity, call, pdu)
-  call.response, activity.answered = pdu, activity.answered + 1
-  self.newest = call
-end
-
-function CallTracker:_fault(pdu)
-  local call, activity = call_of(self, pdu)
-  if call and not call.response then
-    self:_answer(activity, call, pdu)
-    self.handlers:fault(call, pdu)
-  end
-end
-
---- Gives up what is too old or too much. The usual case, that there is nothing, is on the way of every call.
-function CallTracker:_expire(activity, now)
-  local limits, oldest = self.limits, activity.oldest
-  if oldest == nil or activity.count <= self.many_calls
-    and now - oldest.request.time_ns <= limits.call_expiry_ns then
-    return
-  end
-  self:_expire_unanswered(activity, now)
-  while activity.count > limits.calls do
-    local call = activity.oldest
-    take_out(activity, nil, call)
-    if not call.response then
-      self.handlers:pushed_out(call, "calls")
-    end
-  end
-end
-
---- Loses the unanswered calls that are too old and forgets all but the newest answered ones.
-function CallTracker:_expire_unanswered(activity, now)
-  local expiry, spare = self.limits.call_expiry_ns, activity.answered - self.limits.answered_calls
-  local before, call, lost = nil, activity.oldest, {}
-  while call do
-    local is_over
-    if call.response then
-      spare = spare - 1
-      is_over = spare >= 0
-    else
-      is_over = now - call.request.time_ns > expiry
-      lost[#lost + 1] = is_over and call or nil
-    end
-    if is_over then
-      take_out(activity, before, call)
-    else
-      before = call
-    end
-    call = call.later
-  end
-  for _, each in ipairs(lost) do
-    self:_lose(each)
-  end
-end
-
-function CallTracker:_make_room()
-  while self.activities.length > self.limits.activities do
-    local _, activity = self.activities:pop_first()
-    local call = activity.oldest
-    while call do
-      if not call.response then
-        self.handlers:pushed_out(call, "activities")
-      end
-      call = call.later
-    end
-  end
-end
-
-function CallTracker:_lose(call)
-  count(self, "unanswered")
-  self.handlers:lost(call)
 end
 
 return M
