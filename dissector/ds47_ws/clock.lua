@@ -93,17 +93,14 @@ function M.of(number)
   return asked[number]
 end
 
-local function time_of(analysis)
-  local relative = here.rel_ts
-  if has_window or not origin or relative == 0 then -- which a frame without a time has, too
-    local absolute = here.abs_ts
-    local gap = origin and absolute - relative - origin
-    if not gap or gap > SAME_SECONDS or gap < -SAME_SECONDS then
-      return exact(analysis, absolute, relative)
-    end
-  end
-  if relative > EXACT_SECONDS or relative < -EXACT_SECONDS then
-    return exact(analysis, here.abs_ts, relative)
+-- The same where the time since the first frame alone may not tell it: there is a window, or none was asked
+-- for before, or it is 0, as of a frame without a time, or is not exact any more.
+local function looked_up(analysis, relative)
+  local absolute = here.abs_ts
+  local gap = origin and absolute - relative - origin
+  if not gap or gap > SAME_SECONDS or gap < -SAME_SECONDS
+    or relative > EXACT_SECONDS or relative < -EXACT_SECONDS then
+    return exact(analysis, absolute, relative)
   end
   newest_ns = origin_ns + floor(relative * 1e9 + 0.5)
   return newest_ns
@@ -111,7 +108,14 @@ end
 
 --- The time of the frame as an analysis counts it (Analysis:time_ns).
 function M.now(analysis)
-  local time, number = time_of(analysis), here_number
+  local relative, number = here.rel_ts, here_number
+  local time
+  if has_window or not origin or relative == 0 or relative > EXACT_SECONDS or relative < -EXACT_SECONDS then
+    time = looked_up(analysis, relative)
+  else
+    time = origin_ns + floor(relative * 1e9 + 0.5)
+    newest_ns = time
+  end
   if asked[number] == nil and count < MOST then
     count = count + 1
     asked[number] = time

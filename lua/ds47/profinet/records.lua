@@ -55,6 +55,7 @@ local known_count, MOST_KNOWN = 0, 16384 -- of all blocks and beginnings
 local AR_BLOCK = layout.BLOCK_AR_REQUEST
 local ONLY_ARS = {[0x0001] = true, [0x0010] = true}
 local RELEASE_BLOCKS = {[layout.BLOCK_RELEASE_REQUEST] = true, [layout.BLOCK_RELEASE_OF_RSI] = true}
+local FIRST_END = NDR + SIZE -- where the first block ends
 local FIRST_AR = NDR + layout.BLOCK_AR -- where the AR stands in a Connect or Release
 
 --- A half that carries no data.
@@ -247,9 +248,9 @@ function M.parse_request(pdu)
   if not block then
     return nil, false, false
   elseif block.multiple then
-    return parse_multiple(pdu, blocks, sub(body, NDR + SIZE + 1, NDR + SIZE + block.stated))
+    return parse_multiple(pdu, blocks, sub(body, FIRST_END + 1, FIRST_END + block.stated))
   end
-  return asked(pdu, opnum, block, body, NDR + SIZE), false, false
+  return asked(pdu, opnum, block, body, FIRST_END), false, false
 end
 
 -- The response of one block. The status of a Write is its own, unless the whole call failed.
@@ -309,7 +310,7 @@ function M.parse_halves(pdu)
   if opnum ~= WRITE then -- it has one block, and its data behind it
     return status, half, false
   end
-  local others = #body >= NDR + SIZE + HEAD and answers(pdu, blocks, NDR + SIZE, status) or nil
+  local others = #body >= FIRST_END + HEAD and answers(pdu, blocks, FIRST_END, status) or nil
   if not block.multiple then
     if others then
       half.following = others
