@@ -27,7 +27,7 @@ local M = {}
 
 local TCP, UDP = 6, 17
 local UDP_HEADER = 8
-local RPC_HEADER, RPC_VERSION, head_of = rpc.HEADER_LENGTH, rpc.VERSION, rpc.head
+local RPC_HEADER, RPC_VERSION, head_of, new_pdu = rpc.HEADER_LENGTH, rpc.VERSION, rpc.head, rpc.pdu
 local FIRST_DCP = 0xFEFC -- the first frame id of DCP
 local MOST_WAITING = 4096 -- frames that name stations and are not given to the analysis yet
 local MOST_TEXTS = 4096
@@ -210,18 +210,19 @@ local function cut_of(number, frame, pinfo)
   return length > #frame and { frame = number, captured = #frame, original = length } or nil
 end
 
-local here, here_offset -- what Wireshark knows of the newest frame, and where its IP header begins
+-- The newest frame: what Wireshark knows of it, its bytes, and where its IP header begins.
+local here, here_bytes, here_offset
 
 -- What few packets are asked for: it is made then.
 local SELDOM = {
-  cut = function(packet) return cut_of(packet.frame, packet.payload, here) end,
-  src_mac = function(packet) return source_mac(packet.payload, here_offset) end,
+  cut = function() return cut_of(last, here_bytes, here) end,
+  src_mac = function() return source_mac(here_bytes, here_offset) end,
 }
 
 -- The packet of the newest frame; whoever takes it does not keep it.
-local packet = setmetatable({}, { __index = function(packet, key)
+local packet = setmetatable({}, { __index = function(_, key)
   local make = SELDOM[key]
-  return make and make(packet)
+  return make and make()
 end })
 
 local the_complete -- below: the complete result by frames
@@ -243,7 +244,8 @@ local function fragment(frame, offset, at, wanted)
   }
 end
 
--- What a frame brings: a packet, or a fragment (then as second too); nothing when it is none of our business.
+-- What a frame brings: of a datagram of RPC its head, where it begins, where it ends, and the id of IP; or a
+-- fragment, alone; nil when it is none of our business.
 local function dissect(frame, offset)
   local first, _, t1, t2, i1, i2, f1, f2, _, protocol = byte(frame, offset + 1, offset + 10)
   if protocol ~= UDP or first < 0x45 or first > 0x4F then
@@ -252,27 +254,23 @@ local function dissect(frame, offset)
   local present, total, at = #frame, t1 * 256 + t2, offset + (first - 0x40) * 4
   local stop = total > 0 and offset + total or present
   if f2 ~= 0 or f1 % 0x40 ~= 0 then
-    local part = fragment(frame, offset, at, stop)
-    return part, part
+    return fragment(frame, offset, at, stop)
   elseif stop > present then
     stop = present
   end
   local high, low, _, _, version = byte(frame, at + 5, at + 9) -- the length, and the first byte behind UDP
-  if version ~= RPC_VERSION or stop - at < UDP_HEADER + RPC_HEADER then
+  if version ~= RPC_VERSION then
     return nil
   end
-  local texts = address_pairs[sub(frame, offset + 13, offset + 20)]
-  local head = head_of(frame, at + UDP_HEADER, texts[1], texts[2])
-  if head == nil then
-    return nil
-  end
-  local length = high * 256 + low
+  local length, begin = high * 256 + low, at + UDP_HEADER
   if length >= UDP_HEADER and at + length < stop then
     stop = at + length
   end
-  packet.payload, packet.at, packet.stop = frame, at + UDP_HEADER, stop
-  packet.head, packet.ip_id = head, i1 * 256 + i2
-  return packet
+  if stop - begin < RPC_HEADER then
+    return nil
+  end
+  local texts = address_pairs[sub(frame, offset + 13, offset + 20)]
+  return head_of(frame, begin, texts[1], texts[2]), begin, stop, i1 * 256 + i2
 end
 
 --- Whether a frame is to be fed: it is new. In the first of two passes a frame that a read filter drops
@@ -282,24 +280,24 @@ function M.is_new(number, pinfo)
   return number > last or (number == last and not pinfo.visited)
 end
 
---- Feeds a frame. True when it carried PROFINET RPC, or a fragment that might; and whether it is a copy.
+--- Feeds a frame. True when it carried PROFINET RPC, or a fragment that might; and of a copy the frame of
+-- which it is one.
 -- @param number, frame  its number and its bytes
 -- @param offset where its IP header begins
 -- @param clock a function of the analysis that gives its time (Analysis:time_ns)
 -- @param pinfo what Wireshark knows of the frame
 function M.feed(number, frame, offset, clock, pinfo)
-  local made, part = dissect(frame, offset)
-  if made == nil then
+  local found, at, stop, ip_id = dissect(frame, offset)
+  if found == nil then
     return false
   end
   local live = current or the_analysis()
-  complete, last, here, here_offset = nil, number, pinfo, offset
-  made.frame, made.time_ns = number, clock(live)
-  if part then
-    part.cut = cut_of(number, frame, pinfo)
-    live:fragment(part)
+  complete, last, here, here_bytes, here_offset = nil, number, pinfo, frame, offset
+  if at then
+    live:datagram(new_pdu(found, frame, at, stop, number, clock(live), packet), ip_id, packet)
   else
-    live:packet(packet)
+    found.frame, found.time_ns, found.cut = number, clock(live), cut_of(number, frame, pinfo)
+    live:fragment(found)
   end
   local original, relations = live.original, live.cyclic.all
   if original then
@@ -308,7 +306,7 @@ function M.feed(number, frame, offset, clock, pinfo)
   if #relations ~= known_relations then
     note_relations(relations)
   end
-  return true, original ~= nil
+  return true, original
 end
 
 --- The frame of which a frame is a mirror port's copy, where that is one of the parameter channel; else nil.
@@ -434,56 +432,52 @@ end
 
 -- What a frame shows
 
+local function append(list, more)
+  for number = 1, #more do
+    list[#list + 1] = more[number]
+  end
+end
+
 -- A view of a transaction that is not complete: what is made of it is made when it is asked for.
 local LIVE = {}
 
 function LIVE.__index(view, key)
-  if key ~= "parameters" then
-    return nil
-  end
-  local found = view.item.parameters
-  view.parameters = found
-  return found
+  return key == "parameters" and view.item.parameters or nil
 end
 
-local live_views = {} -- the same tables for every frame
+local live_views = {} -- those of the newest frame: the same tables for every frame
 
 local function live_view(number, job, role)
   local view = live_views[number]
   if view == nil then
-    view = setmetatable({ complete = false, item = nil, job = nil, role = nil }, LIVE)
+    view = setmetatable({
+      complete = false, item = nil, job = nil, role = nil, message = nil, response = nil,
+    }, LIVE)
     live_views[number] = view
   end
   if job.response == nil and job.phase == "closed" then
     transactions.restore(job, current.codec) -- a Write response may come late
   end
   view.role, view.item, view.job = role, transactions.open(job, view.item), job
-  view.message, view.response, view.parameters = job.message, job.response, nil
-  return view
+  view.message, view.response = job.message, job.response
 end
 
--- Findings of an open job that are certain already, as far as they stand on the newest frame.
-local function certain(findings, job)
+-- Findings of an open job that are certain already, as far as they stand on the newest frame: behind those of
+-- other jobs, where there are some.
+local function add_certain(findings, job)
   local known = current:peek(job)
   for number = 1, #known do
     if known[number].frame == last then
+      findings = findings or {}
       findings[#findings + 1] = known[number]
     end
   end
+  return findings
 end
 
 -- Roles in which a frame shows no findings of a job that is open: those are its Write request's, those of a
 -- refusal, and of Reads that brought nothing.
 local SHOWS_NONE = { read_request = true, poll = true, read_response = true }
-
-local some_views, some_findings = {}, {}
-
-local function emptied(list)
-  for number = #list, 1, -1 do
-    list[number] = nil
-  end
-  return list
-end
 
 --- What earlier frames and the frame that was fed last prove: views, findings.
 -- @param seen  whether somebody sees views; else there are none, and findings alone
@@ -495,21 +489,24 @@ function M.live_views(seen)
     return NONE, there
   end
   ours[last % MOST_OURS] = last
-  local views, findings, shown = emptied(some_views), emptied(some_findings), 0
+  local shown, certain = 0, nil
   for number = 1, count do
     local job, role = jobs[number], roles[number]
     if seen and role ~= "empty_read" then -- of which nothing but its finding is shown
       shown = shown + 1
-      views[shown] = live_view(shown, job, role)
+      live_view(shown, job, role)
     end
     if not SHOWS_NONE[role] and not job.response and (role ~= "write_response" or job:write_refused()) then
-      certain(findings, job)
+      certain = add_certain(certain, job)
     end
   end
-  for number = 1, #there do
-    findings[#findings + 1] = there[number]
+  for number = #live_views, shown + 1, -1 do
+    live_views[number] = nil
   end
-  return views, findings
+  if certain then
+    append(certain, there)
+  end
+  return live_views, certain or there
 end
 
 -- A view of a transaction of PKW.
@@ -529,12 +526,6 @@ end
 
 local function pkw_view(item, role, is_complete)
   return setmetatable({ role = role, item = item, complete = is_complete }, PKW)
-end
-
-local function append(list, more)
-  for number = 1, #more do
-    list[#list + 1] = more[number]
-  end
 end
 
 -- Adds what the words in the frame that was fed last say; gives what happened to drives.

@@ -95,7 +95,6 @@ function M.new(options)
     fragments = rpc.Fragments.new(limits.fragment_expiry_ns),
     reassembly = ip.Reassembly.new(limits),
     finished_jobs = transactions.store(codec),
-    last_frame = nil,
     original = nil, -- the frame of which the last one is a mirror port's copy; nil of all others
     result = nil,
   }, Analysis)
@@ -137,6 +136,13 @@ function Analysis:time_ns(seconds, nanoseconds)
   return new_time(seconds - base, nanoseconds)
 end
 
+-- A frame comes: what the one before it did is forgotten.
+local function begin(self, frame)
+  local live = self.pairing
+  self.result, self.original, self.ms1.newest, self.calls.newest = nil, nil, nil, nil
+  live.frame, live.touched_count = frame, 0
+end
+
 -- What is given up is told at once; `kind` is "RPC" or "IP".
 local function tell_given_up(self, given_up, kind)
   for _, part in ipairs(given_up) do
@@ -167,16 +173,13 @@ local function joined(self, pdu)
   return whole
 end
 
---- Takes one whole UDP datagram: {payload, frame, time_ns, src_ip, dst_ip, ip_id, src_mac, cut}, see rpc.lua.
--- The table is not kept.
-function Analysis:packet(packet)
-  self.result, self.calls.newest, self.ms1.newest, self.original = nil, nil, nil, nil
-  self.last_frame, self.pairing.touched_count = packet.frame, 0
-  local pdu = parse(packet)
-  if pdu == nil then
-    return
-  end
-  local is_copy, original = self.calls:is_copy(pdu, packet.ip_id)
+--- Takes the PDU of a whole UDP datagram.
+-- @param ip_id  the identification of its IP header
+-- @param packet  what it came in: asked for its `src_mac` where that may tell something, and not kept
+function Analysis:datagram(pdu, ip_id, packet)
+  begin(self, pdu.frame)
+  local tracker = self.calls
+  local is_copy, original = tracker:is_copy(pdu, ip_id)
   if is_copy then
     self.original = original
     return
@@ -187,15 +190,24 @@ function Analysis:packet(packet)
   end
   if whole ~= nil then
     self.naming:message(whole, packet)
-    self.calls:feed(whole)
+    tracker:feed(whole)
+  end
+end
+
+--- Takes one whole UDP datagram: {payload, frame, time_ns, src_ip, dst_ip, ip_id, src_mac, cut}, see rpc.lua.
+-- The table is not kept.
+function Analysis:packet(packet)
+  local pdu = parse(packet)
+  if pdu ~= nil then
+    self:datagram(pdu, packet.ip_id, packet)
+  else
+    begin(self, packet.frame)
   end
 end
 
 --- Takes one IP fragment: {frame, time_ns, src_ip, dst_ip, ip_id, offset, more, data, cut}, see ip.lua.
 function Analysis:fragment(fragment)
-  self.result, self.calls.newest, self.ms1.newest = nil, nil, nil
-  self.last_frame = fragment.frame
-  self.pairing.touched_count = 0
+  begin(self, fragment.frame)
   local packet = self.reassembly:feed(fragment)
   self.original = self.reassembly.original
   local given_up = self.reassembly:take_given_up()
@@ -228,9 +240,7 @@ end
 -- @param row, at as `cyclic_news` gives them
 -- @param number, time_ns  of the frame
 function Analysis:cyclic_frame(row, frame, at, number, time_ns)
-  self.result, self.calls.newest, self.ms1.newest = nil, nil, nil
-  self.last_frame = number
-  self.pairing.touched_count = 0
+  begin(self, number)
   self.cyclic:frame(row, frame, at, number, time_ns)
 end
 
@@ -240,9 +250,7 @@ end
 -- @param cut  true: the recording has not all of it
 -- @return the frame as profibus/telegram.lua decodes it; nil where nothing proves that it is one
 function Analysis:bus_frame(link_type, data, number, time_ns, cut)
-  self.result, self.calls.newest, self.ms1.newest = nil, nil, nil
-  self.last_frame = number
-  self.pairing.touched_count = 0
+  begin(self, number)
   return self.bus:take(link_type, data, number, time_ns, cut)
 end
 
@@ -251,9 +259,7 @@ end
 -- at.
 function Analysis:segment(packet)
   self.s7 = self.s7 or s7.new(self.s7_ports, self.options.s7, tables.limits, self)
-  self.result, self.calls.newest = nil, nil
-  self.last_frame = packet.frame
-  self.pairing.touched_count = 0
+  begin(self, packet.frame)
   self.s7:packet(packet)
 end
 
@@ -295,16 +301,8 @@ end
 -- "read_request", "read_response", "poll", "reread", "empty_read".
 -- @return an array of jobs, one of their roles, and how many of them count; only until the next packet
 function Analysis:touched()
-  local live, last, count = self.pairing, self.last_frame, 0
-  local jobs, roles, frames = live.touched_jobs, live.touched_roles, live.touched_frames
-  for number = 1, live.touched_count do
-    if frames[number] == last then -- and not one that waited for its AR to prove itself
-      count = count + 1
-      jobs[count], roles[count], frames[count] = jobs[number], roles[number], last
-    end
-  end
-  live.touched_count = count
-  local call = self.calls.newest
+  local live, call = self.pairing, self.calls.newest
+  local jobs, roles, count = live.touched_jobs, live.touched_roles, live.touched_count
   if call and call.response ~= nil and not self.ms1.newest then
     return jobs, roles, count -- nothing is asked for
   end
@@ -315,13 +313,13 @@ end
 -- array of {item = transaction as far as it has got, role, findings that are certain on that frame}.
 function Analysis:cyclic_touched()
   local found = {}
-  for number, each in ipairs(self.cyclic:touched(self.last_frame)) do
+  for number, each in ipairs(self.cyclic:touched(self.pairing.frame)) do
     local job, layout = each.job, self:pkw_layout(each.relation.device)
     job.order = job.order or self.pairing:number()
     local certain = {}
     for _, remark in ipairs(job.state and NONE or pkw_judge.remarks(each.relation, job, layout)) do
       remark.order = job.order
-      if remark.frame == self.last_frame and self.findings:wanted(remark.rule) then
+      if remark.frame == self.pairing.frame and self.findings:wanted(remark.rule) then
         certain[#certain + 1] = self.findings:finding(remark)
       end
     end
@@ -342,7 +340,7 @@ function Analysis:s7_touched()
     local job, certain = each.job, {}
     job.order = job.order or self.pairing:number()
     for _, remark in ipairs(self.s7:certain(job)) do
-      if remark.frame == self.last_frame and self.findings:wanted(remark.rule) then
+      if remark.frame == self.pairing.frame and self.findings:wanted(remark.rule) then
         certain[#certain + 1] = self.findings:finding(remark)
       end
     end
@@ -353,7 +351,7 @@ end
 
 --- What happened to drives in the last cyclic frame: array of {relation, event (timeline.lua)}.
 function Analysis:cyclic_events()
-  return self.cyclic:happened(self.last_frame)
+  return self.cyclic:happened(self.pairing.frame)
 end
 
 function Analysis:_is_ours(peer, record)

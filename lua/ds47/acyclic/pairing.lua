@@ -187,11 +187,12 @@ function M.new(limits, listener)
     any_replaced = false, -- whether there may be one: seldom, and asked for every record
     forgot_requests = false, -- whether a limit pushed out requests whose responses may still come
     count = 0,
-    -- What the caller's last step touched; he sets the count to 0 before it.
+    -- What the caller's last step touched in its frame, and not in those of messages that waited for their AR
+    -- to prove itself; he tells that frame, and sets the count to 0, before it.
+    frame = nil,
     touched_count = 0,
     touched_jobs = {},
     touched_roles = {},
-    touched_frames = {},
   }, Pairing)
 end
 
@@ -204,11 +205,11 @@ end
 
 -- For `Analysis:touched`: in arrays of its own, so that nothing is made for it on the way of a frame.
 local function touch(self, job, role, half)
-  local count = self.touched_count + 1
-  self.touched_count = count
-  self.touched_jobs[count] = job
-  self.touched_roles[count] = role
-  self.touched_frames[count] = half.frame
+  if half.frame == self.frame then
+    local count = self.touched_count + 1
+    self.touched_count = count
+    self.touched_jobs[count], self.touched_roles[count] = job, role
+  end
 end
 
 local function end_job(self, job, event)

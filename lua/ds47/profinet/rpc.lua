@@ -135,28 +135,15 @@ function M.head(data, at, source, destination)
   return remember(sub(data, at + 1, at + COMMON), source, destination)
 end
 
-local head_of = M.head
-
---- The PDU in a UDP packet; nil where it is not PNIO RPC or its header is cut off.
+--- The PDU of a head.
 --
 -- `body` is what follows the 80-byte header, `missing` the bytes of it that are not there, and `cut` the
 -- frame that the capture cut, if it did; else the header says more than the datagram holds. UUIDs are in
 -- network order whatever the PDU used; `little` tells the order of the NDR header; `conversation` names
 -- client and activity. What a conversation repeats stands in the metatable of the PDU.
--- @param packet {payload, frame, time_ns, src_ip, dst_ip, cut}: a whole UDP payload. `cut` is nil, or {frame
---   = number, captured = bytes, original = bytes} of a frame that the capture cut. Where `payload` is more
---   than that, `at` and `stop` are the 0-based offsets of its beginning and its end. Whoever knows its `head`
---   need not tell the addresses. It is not kept.
-function M.parse(packet)
-  local data, at = packet.payload, packet.at or 0
-  local stop = packet.stop or #data
-  if stop - at < SIZE then
-    return nil
-  end
-  local head = packet.head or head_of(data, at, packet.src_ip, packet.dst_ip)
-  if not head then
-    return nil
-  end
+-- @param at, stop  0-based offsets of its beginning and its end in the data; all of its header is there
+-- @param packet what it came in: asked for its `cut` where something is missing, and not kept
+function M.pdu(head, data, at, stop, frame, time_ns, packet)
   local s1, s2, s3, s4, o1, o2, _, _, _, _, l1, l2, f1, f2 = byte(data, at + COMMON + 1, at + FRAGMENT_END)
   local seq, opnum, length, fragment
   if head.little then
@@ -166,10 +153,11 @@ function M.parse(packet)
     seq = ((s1 * 256 + s2) * 256 + s3) * 256 + s4
     opnum, length, fragment = o1 * 256 + o2, l1 * 256 + l2, f1 * 256 + f2
   end
-  local stated = at + SIZE + length
+  local begin = at + SIZE
+  local stated = begin + length
   local pdu = setmetatable({
-    seq = seq, body = sub(data, at + SIZE + 1, stated < stop and stated or stop),
-    frame = packet.frame, time_ns = packet.time_ns,
+    seq = seq, body = sub(data, begin + 1, stated < stop and stated or stop),
+    frame = frame, time_ns = time_ns,
   }, head.operations[opnum] or class_of(head, opnum))
   if stated > stop then
     pdu.missing, pdu.cut = stated - stop, packet.cut
@@ -178,6 +166,15 @@ function M.parse(packet)
     pdu.fragment = fragment
   end
   return pdu
+end
+
+--- The PDU in a UDP packet; nil where it is not PNIO RPC or its header is cut off.
+-- @param packet {payload, frame, time_ns, src_ip, dst_ip, cut}: a whole UDP payload. `cut` is nil, or {frame
+--   = number, captured = bytes, original = bytes} of a frame that the capture cut.
+function M.parse(packet)
+  local data = packet.payload
+  local head = #data >= SIZE and M.head(data, 0, packet.src_ip, packet.dst_ip)
+  return head and M.pdu(head, data, 0, #data, packet.frame, packet.time_ns, packet) or nil
 end
 
 --- Vendor id and device id out of an RPC object UUID (docs/protocol.md E.2); nil for a foreign one.
