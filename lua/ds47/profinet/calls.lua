@@ -114,9 +114,12 @@ local function append(activity, seq, call)
   activity.last, activity.by_seq[seq], activity.count = call, call, activity.count + 1
 end
 
--- Takes a call out of its activity; `before`: the one before it, nil for the oldest.
+-- Takes a call out of its activity; `before`: the one before it, nil for the oldest. Whoever still has the call
+-- does not keep those behind it alive.
+-- @return the one behind it
 local function take_out(activity, before, call)
   local later = call.later
+  call.later = nil
   if before then
     before.later = later
   else
@@ -129,6 +132,7 @@ local function take_out(activity, before, call)
   if call.response then
     activity.answered = activity.answered - 1
   end
+  return later
 end
 
 -- Forgets a call, wherever it is.
@@ -155,12 +159,10 @@ local function forget_answered(activity, spare)
   local before, call = nil, activity.oldest
   while spare > 0 do
     if call.response then
-      take_out(activity, before, call)
-      spare = spare - 1
+      call, spare = take_out(activity, before, call), spare - 1
     else
-      before = call
+      before, call = call, call.later
     end
-    call = call.later
   end
 end
 
@@ -169,13 +171,12 @@ local function lose_old(self, activity, now)
   local expiry, before, call, lost = self.limits.call_expiry_ns, nil, activity.oldest, nil
   while call do
     if not call.response and now - call.request.time_ns > expiry then
-      take_out(activity, before, call)
       lost = lost or {}
       lost[#lost + 1] = call
+      call = take_out(activity, before, call)
     else
-      before = call
+      before, call = call, call.later
     end
-    call = call.later
   end
   for _, each in ipairs(lost or NONE) do
     lose(self, each)
