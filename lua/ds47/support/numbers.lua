@@ -35,6 +35,8 @@ end
 
 local SHORTER = {"%.1g", "%.2g", "%.3g", "%.4g", "%.5g", "%.6g", "%.7g", "%.8g"}
 local NORMAL32 = POWER[-126] -- below it a Float32 has fewer digits
+local SMALLEST32 = POWER[-149] -- the scale of those
+local LEAST = 8388608 -- the fraction of a power of two
 local TOO_LARGE32 = POWER[128] - POWER[103] -- from here on a double is infinite as a Float32
 
 -- Whether a double rounds to the Float32 fraction * scale. `narrow`: a power of two, whose neighbour below
@@ -56,17 +58,17 @@ end
 local DOUBT = 1e-5 -- more than rounding can move a product of ten digits
 
 -- What all Float32 with the same upper nine bits have in common: {negative, special (NaN and infinite),
--- lift (what makes their fraction of the lower three bytes), scale (by which it is multiplied), least (the
--- fraction that is a power of two), power (of ten), reach (by how much a decimal times it may be off), most
--- (that and what may be in doubt)}.
+-- lift (what makes their fraction of the lower three bytes), scale (by which it is multiplied)}, and where
+-- arithmetic is exact {power (of ten), factor (scale and power, with the sign), reach (by how much a decimal
+-- times the power may be off)}.
 local function class_of(first, odd)
-  local exponent = first % 128 * 2 + (odd and 1 or 0)
-  local normal = exponent > 0 and 8388608 or 0
+  local exponent, negative = first % 128 * 2 + (odd and 1 or 0), first >= 128
+  local normal = exponent > 0 and LEAST or 0
   local scale, power = POWER[(exponent > 0 and exponent or 1) - 150], tenfold(exponent)
-  local reach = power and scale * 0.5 * power
+  local whole = power and scale * power
   return {
-    negative = first >= 128, special = exponent == 255, lift = normal - (odd and 8388608 or 0), scale = scale,
-    least = exponent > 1 and 8388608 or nil, power = power, reach = reach, most = reach and reach + DOUBT,
+    negative = negative, special = exponent == 255, lift = normal - (odd and LEAST or 0), scale = scale,
+    power = power, factor = whole and (negative and -whole or whole), reach = whole and whole * 0.5,
   }
 end
 
@@ -74,51 +76,47 @@ end
 local EVEN = entries(function(first) return class_of(first, false) end)
 local ODD = entries(function(first) return class_of(first, true) end)
 
--- The shortest decimal that gives the same Float32, as a double. Printing and reading would cost ten times as
--- much. A whole number divided by a power of ten is exactly the double of that decimal. Nil where rounding
--- leaves it in doubt: next to the middle between two decimals, or to the end of what rounds to the Float32.
-local function by_arithmetic(number, fraction, class)
-  local power = class.power
-  if power == nil then return nil end
-  local scaled, most, unit = number * power, class.most, 1000
-  local off = scaled % 1000
-  if off > most and 1000 - off > most then
-    off, unit = scaled % 100, 100
-    if off > most and 100 - off > most then
-      off, unit = scaled % 10, 10
-      if off > most and 10 - off > most then off, unit = scaled % 1, 1 end
-    end
-  end
-  if off + off > unit then off = off - unit end
-  local sure = class.reach * (fraction == class.least and 0.5 or 1) - DOUBT
-  if unit * 0.5 - DOUBT < sure then sure = unit * 0.5 - DOUBT end
-  return off < sure and off > -sure and (scaled - off) / power or nil
-end
-
--- The same by printing and reading.
-local function by_printing(number, fraction, class)
+-- The shortest decimal of a Float32 by printing and reading, without the sign.
+local function printed(fraction, class)
+  local number = fraction * class.scale
+  if number < 16777216 and number % 1 == 0 then return number end
   for i = number >= NORMAL32 and 6 or 1, 8 do
-    local text = format(SHORTER[i], number)
-    local short = tonumber(text) + 0.0
-    local narrow = fraction == class.least
+    local short = tonumber(format(SHORTER[i], number)) + 0.0
+    local narrow = fraction == LEAST and class.scale > SMALLEST32
     if short < TOO_LARGE32 and rounds_to(short, fraction, class.scale, narrow) then return short end
   end
   return tonumber(format("%.9g", number)) + 0.0
 end
 
+local function by_printing(fraction, class)
+  if class.special then return not_finite(fraction - LEAST, class.negative) end
+  local number = printed(fraction, class)
+  if class.negative then return -number end
+  return number
+end
+
 --- A Float32 as the shortest decimal that gives it again; "NaN", "Infinity" and "-Infinity" as text.
+-- Mostly by arithmetic: printing and reading would cost ten times as much. A whole number divided by a power
+-- of ten is exactly the double of that decimal. A multiple of ten is always in reach. By printing where
+-- rounding leaves it in doubt: next to the middle between two decimals, or to the end of what rounds to the
+-- Float32.
 -- @param offset number of the first byte, from 0
 function M.float32(data, offset)
   local a, b, c, d = byte(data, offset + 1, offset + 4)
   local class = b < 128 and EVEN[a] or ODD[a]
-  local fraction = (b * 256 + c) * 256 + d + class.lift
-  if class.special then return not_finite(fraction - 8388608, class.negative) end
-  local number = fraction * class.scale
-  if number >= 16777216 or number % 1 ~= 0 then
-    number = by_arithmetic(number, fraction, class) or by_printing(number, fraction, class)
+  local fraction, factor = (b * 256 + c) * 256 + d + class.lift, class.factor
+  if factor == nil then return by_printing(fraction, class) end
+  local scaled, reach = fraction * factor, class.reach
+  local off, unit, most = scaled % 1000, 1000, reach + DOUBT
+  if off > most and 1000 - off > most then
+    off, unit = scaled % 100, 100
+    if off > most and 100 - off > most then off, unit = scaled % 10, 10 end
   end
-  if class.negative then return -number end
-  return number
+  if off + off > unit then off = off - unit end
+  if fraction == LEAST then reach = reach * 0.5 end
+  if reach + reach > unit then reach = unit * 0.5 end
+  if off < reach - DOUBT and off > DOUBT - reach then return (scaled - off) / class.power end
+  return by_printing(fraction, class)
 end
 
 --- A Float64; "NaN", "Infinity" and "-Infinity" as text.
