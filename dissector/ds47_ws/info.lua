@@ -41,11 +41,6 @@ local function drive_object(axis)
   return axis and DRIVE_OBJECTS[axis] or ""
 end
 
--- `ref 0x03, DO 2`.
-local function head(item)
-  return reference(item) .. drive_object(item.axis)
-end
-
 local language -- of the texts of error numbers, "en" or "zh"
 
 -- `0x02 value outside limits`; the second word where it says something.
@@ -62,13 +57,24 @@ local function error_of(failed)
   return text
 end
 
--- What a sentence says around the values of a parameter: {address, named (address and name), unit,
--- number_text (what makes the text of a number)}. Remembered where parameters share what they are.
-local function words_of(item)
-  local address, name = words.address(item), words.name(item, language)
+-- How parameters are listed, by language, whether they were written, and whether with their names: {lang,
+-- named, sign = what stands before a value}.
+local STYLES = entries(function(lang)
+  local function with(sign)
+    return { [true] = { lang = lang, sign = sign, named = true }, [false] = { lang = lang, sign = sign } }
+  end
+  return { [true] = with(" := "), [false] = with(" = ") }
+end)
+
+-- What a sentence says around the values of a parameter: {style, address (with the name where names are
+-- given), before and behind (a value), number_text (what makes the text of a number)}. Remembered where
+-- parameters share what they are.
+local function words_of(item, style)
+  local address, name = words.address(item), style.named and words.name(item, style.lang)
+  address = name and address .. " (" .. name .. ")" or address
   local found = {
-    lang = language, address = address, named = name and address .. " (" .. name .. ")" or address,
-    unit = item.unit and " " .. words.escape(item.unit) or "", number_text = text_of(item.format),
+    style = style, address = address, before = address .. style.sign,
+    behind = item.unit and " " .. words.escape(item.unit) or "", number_text = text_of(item.format),
     is_described = descriptions.is_about(item.attribute),
   }
   local class = getmetatable(item)
@@ -78,65 +84,54 @@ local function words_of(item)
   return found
 end
 
--- One parameter: `p50303[0] = 10.0`, ` := ` as the sign where the value was written, `: 0x02 ...` where it
--- failed; with the name of a known one: `p1082[0] (Maximum speed)`.
-local function parameter(item, sign, named)
+-- One parameter in three parts: `p50303[0] = `, `10.0` and its unit; ` := ` as the sign where the value was
+-- written, `: ` and `0x02 ...` where it failed; with the name of a known one: `p1082[0] (Maximum speed)`.
+local function parameter(item, style)
   local around, values, failed = item.words, item.values, item.error
-  if around == nil or around.lang ~= language then
-    around = words_of(item)
+  if around == nil or around.style ~= style then
+    around = words_of(item, style)
   end
-  local text, value = named and around.named or around.address, values[1]
+  local value = values[1]
   if failed then
-    return text .. ": " .. error_of(failed)
+    return around.address, ": ", error_of(failed)
   elseif value == nil then
-    return text
+    return around.address, "", ""
   end
-  local described = around.is_described and descriptions.parts(item, words, language)
+  local described = around.is_described and descriptions.parts(item, words, style.lang)
   if described then
-    return text .. sign .. concat(described, ", ")
+    return around.before, concat(described, ", "), ""
   elseif values[2] ~= nil or item.scaled then
-    return text .. sign .. words.with_unit(item)
+    return around.before, words.with_unit(item), ""
   end
   local shown = type(value) == "number" and around.number_text(value) or words.value(value, item.format)
   item.shown = shown -- the tree shows it, too
-  return text .. sign .. shown .. around.unit
+  return around.before, shown, around.behind
 end
 
--- What stands before a value: whether it was written.
-local function sign_of(operation)
-  return operation == "change" and " := " or " = "
-end
-
-local parts = {}
-
--- What a sentence says of the parameters of a transaction that is called so.
-local function list_of(parameters, operation)
-  local count = #parameters
-  if count == 0 then
-    return ""
-  end
+-- A text, and behind it what a sentence says of the parameters of a transaction that is called so.
+local function with_list(text, parameters, operation)
+  local count, separator = #parameters, ": "
   local shown = count > PARAMETERS_SHOWN and PARAMETERS_SHOWN or count
-  local sign, named = sign_of(operation), count <= NAMES_SHOWN
+  local style = STYLES[language][operation == "change"][count <= NAMES_SHOWN]
   for number = 1, shown do
-    parts[number] = parameter(parameters[number], sign, named)
+    local before, value, behind = parameter(parameters[number], style)
+    text, separator = text .. separator .. before .. value .. behind, ", "
   end
-  local list = shown > 1 and concat(parts, ", ", 1, shown) or parts[1]
-  return count > shown and string.format(": %s, ... and %d more", list, count - shown) or ": " .. list
+  return count > shown and string.format("%s, ... and %d more", text, count - shown) or text
 end
 
-local function parameters_of(view)
-  return list_of(view.parameters, view.item.operation)
-end
-
--- The same of a request, remembered where equal ones share it (parameter.remembering).
+-- What a sentence says of the parameters of a request, remembered where equal ones share it
+-- (parameter.remembering).
 local function list_asked(view)
-  local shared, job = view.message.shared, view.item.job
-  local peer = job and job.peer or view.item
+  local item, shared = view.item, view.message.shared
+  local job = item.job
+  local peer = job and job.peer or item
   local whose = peer.family or peer.vendor_id or false
-  if shared == nil or (job or view.item).meanings then -- which are those of one transaction
-    return parameters_of(view)
+  if shared == nil or (job or item).meanings then -- which are those of one transaction
+    return with_list("", view.parameters, item.operation)
   elseif shared.listed_for ~= whose or shared.listed_in ~= language then -- names and units are of both
-    shared.listed, shared.listed_for, shared.listed_in = parameters_of(view), whose, language
+    shared.listed, shared.listed_for = with_list("", view.parameters, item.operation), whose
+    shared.listed_in = language
   end
   return shared.listed
 end
@@ -157,7 +152,8 @@ end
 local sentences = {}
 
 function sentences.write_request(view)
-  return asked(view) .. " request " .. head(view.item) .. list_asked(view)
+  local item = view.item
+  return asked(view) .. " request " .. reference(item) .. drive_object(item.axis) .. list_asked(view)
 end
 
 function sentences.write_response(view)
@@ -172,7 +168,8 @@ function sentences.write_response(view)
 end
 
 function sentences.read_request(view)
-  return "fetch response " .. head(view.item)
+  local item = view.item
+  return "fetch response " .. reference(item) .. drive_object(item.axis)
 end
 
 function sentences.poll(view)
@@ -184,7 +181,7 @@ local function outcome(view)
   local item = view.item
   local failing = item.failing
   if not failing then
-    return asked(view) .. " response " .. head(item)
+    return asked(view) .. " response " .. reference(item) .. drive_object(item.axis)
   end
   return asked(view) .. " " .. words.state("en", failing) .. drive_object(item.axis)
 end
@@ -195,17 +192,18 @@ function sentences.read_response(view)
   if word and word ~= 0 then
     return "read refused " .. reference(item) .. ": " .. refusal(word)
   end
-  return outcome(view) .. parameters_of(view)
+  return with_list(outcome(view), view.parameters, item.operation)
 end
 
 function sentences.reread(view)
-  return "read again: " .. outcome(view) .. parameters_of(view)
+  return with_list("read again: " .. outcome(view), view.parameters, view.item.operation)
 end
 
 -- A request or a response of PKW: `PKW read response p1082[0] = 50.0`.
 local function pkw_sentence(view)
   local kind, operation = view.role == "write_request" and " request " or " response ", view.item.operation
-  return "PKW " .. operation .. kind .. parameter(view.parameters[1], sign_of(operation), true)
+  local before, value, behind = parameter(view.parameters[1], STYLES[language][operation == "change"][true])
+  return "PKW " .. operation .. kind .. before .. value .. behind
 end
 
 --- The sentence of one view; error numbers in "en" or "zh".
