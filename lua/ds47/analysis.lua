@@ -362,7 +362,7 @@ end
 -- An answered job has none: `findings_at` knows them.
 function Analysis:peek(job)
   local remarks = job.phase ~= "closed" and not job.remarks and self.judge:certain(job) or NONE
-  if #remarks == 0 then
+  if remarks[1] == nil then
     return NONE
   end
   local result = {}
@@ -522,12 +522,13 @@ function Analysis:closed(job)
     kept:add(diagnoses[number])
   end
   self.finished_jobs:add(job)
-  self:_explain(job.order)
+  if self.cyclic:has_drives() then
+    self:_explain(job.order)
+  end
 end
 
 -- Whether the state of its drive explains the transaction of this order, which is over.
 function Analysis:_explain(order)
-  if not self.cyclic:has_drives() then return end
   local remark = self.conclusions:transaction(self.finished_jobs:by_order(order))
   if remark then
     remark.order = order
@@ -563,7 +564,9 @@ function Analysis:exchanged(relation, job)
     remark.order = job.order
     self.findings:add(remark)
   end
-  self:_explain(job.order)
+  if self.cyclic:has_drives() then
+    self:_explain(job.order)
+  end
 end
 
 --- A job of S7 is over.

@@ -272,13 +272,7 @@ local function put_blocks(remarks, frame, job, stray)
   end
 end
 
--- The layout of a response to a request that is no other's; nil where it has none.
-local function own_layout(job)
-  local response = job.response
-  return job.message and response and response.layout
-end
-
--- `layout`: that of the response, as `own_layout` tells it.
+-- `layout`: that of the response to a request that is no other's; nil where it has none.
 local function put_response(self, remarks, job, stray, layout)
   local half, response = job.read_response, job.response
   if response == nil then
@@ -313,12 +307,15 @@ local function put_polls(self, remarks, half, polls)
 end
 
 local function put_time(self, remarks, job)
-  local half, polls = job.read_response, job.polls
+  local half, polls, write = job.read_response, job.polls, job.message and job.record.request
   if polls[1] then
     put_polls(self, remarks, half, polls)
   end
+  if not write or half.time_ns - write.time_ns <= self.slow_ns or half.data == "" then
+    return -- the drive's share is never more
+  end
   local share = drive_time_ns(job)
-  if share ~= nil and share > self.slow_ns and half.data ~= "" then
+  if share ~= nil and share > self.slow_ns then
     local args = {milliseconds = json.float(share / 1e6), limit = floor(self.slow_ns / 1000000)}
     put(remarks, "DS416", half.frame, args)
   end
@@ -385,20 +382,20 @@ end
 --- What its response, and the values in it, say of a job: an array of remarks.
 -- To be called in the order of the capture.
 function Judge:answered(job)
-  local remarks, stray, request = self.blank, is_mismatch(job), job.message
-  local layout = not stray and own_layout(job) or nil
+  local remarks, stray, request, response = self.blank, is_mismatch(job), job.message, job.response
+  local layout = not stray and request and response and response.layout
   put_request(self, remarks, job)
   put_reads(remarks, job)
   if not (layout and layout.is_silent) then
     put_response(self, remarks, job, stray, layout)
   end
   put_time(self, remarks, job)
+  local operation = request and request.operation
   if request == nil then
     self.written:unasked(job)
-  elseif request.operation == "change" then
+  elseif operation == "change" then
     self.written:settled(job, stray)
-  end
-  if not stray and request and request.operation == "read" then
+  elseif operation == "read" and not stray then
     put_read_back(remarks, job, self.written:read(job))
     if not (layout and layout.has_no_limit) then
       learn_limit(self, job)
@@ -435,7 +432,9 @@ function Judge:certain(job)
   local remarks = self.blank
   put_request(self, remarks, job, huge) -- the drive may yet answer all of them
   put_reads(remarks, job)
-  remarks[#remarks + 1] = self:closed(job)
+  if job.write_response then
+    remarks[#remarks + 1] = self:closed(job)
+  end
   return owned(self, job)
 end
 

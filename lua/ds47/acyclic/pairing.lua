@@ -55,12 +55,14 @@ Job.accepted = false
 
 -- A job on a channel. A Write has the reference that was asked for before it there, and its frame.
 local function new_job(self, channel, peer, record, message, previous_reference, previous)
+  local order = self.count + 1
+  self.count = order
   return setmetatable({
     peer = peer, -- {controller, device, vendor_id, device_id}
     record = record,
     message = message,
     phase = "asked",
-    order = self:number(),
+    order = order,
     channel_key = message and channel.key,
     previous_reference = previous_reference,
     previous = previous,
@@ -530,7 +532,7 @@ local function answer(self, channel, job, record)
     return
   end
   if channel.last then
-    lose(self, channel.last, "")
+    end_job(self, channel.last, "lost") -- it has its response
   end
   channel.last = job
   if job.message and not job:write_refused() then
@@ -559,11 +561,10 @@ local function presume(self, channel, job)
 end
 
 local function read(self, channel, job, event, record)
-  local half = record.response
-  if event == "read_record" and job.phase == "refused" then
+  local half, phase = record.response, job.phase
+  if phase == "refused" and event == "read_record" then
     compare(channel.last, job, half)
-  end
-  if job.phase == "asked" and event ~= "read_empty" then
+  elseif phase == "asked" and event ~= "read_empty" then
     presume(self, channel, job)
   end
   job.phase = PHASES[job.phase][event]

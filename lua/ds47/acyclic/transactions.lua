@@ -233,7 +233,7 @@ local function items_in(classes, values, owner)
   if owner and items and rawget(classes.owner, "parameters") ~= items then
     for number = 1, #values do
       local item = items[number]
-      item.values, item.shown, item.scaled = values[number], nil, nil
+      item.values, item.shown = values[number], nil
     end
   else
     items = {nil, nil, nil, nil} -- so many places need not be added one by one
@@ -252,14 +252,15 @@ end
 local function read_in_layout(job, owner)
   local request, response = job.message, job.response
   local layout = response and request and request.operation == "read" and response.layout
-  if not layout or #layout.places ~= #request.addresses or job.meanings or naming.is_used()
+  if not layout or job.meanings or #layout.places ~= #request.addresses or naming.is_used()
     or is_mismatch(job) then
     return nil
   end
   local result = items_in(classes_in(layout, request, job.peer), response.value_lists, owner)
-  local blocks = layout.is_scaled and response.blocks or NONE
-  for number = 1, #blocks do
-    result[number].scaled = blocks[number].scaled
+  if layout.is_scaled then
+    for number, block in ipairs(response.blocks) do
+      result[number].scaled = block.scaled
+    end
   end
   return result
 end
@@ -480,8 +481,8 @@ function KEYS.response(_, job)
   return read and read.data ~= "" and read.data or nil
 end
 
--- What is dear to make, or asked for often; all else is made each time.
-local KEPT = {parameters = true, state = true, frames = true, operation = true, stray = true}
+-- What is dear to make, or asked for often, and is not made with the transaction; all else is made each time.
+local KEPT = {parameters = true, state = true, frames = true, stray = true}
 
 local Open = {}
 
@@ -492,7 +493,7 @@ function Open.__index(item, key)
   end
   local value = make(item, item.job, item)
   if KEPT[key] then
-    item[key] = value
+    item[key], item.has_more = value, true
   end
   return value
 end
@@ -503,12 +504,14 @@ end
 function M.open(job, item)
   if item == nil then
     item = setmetatable({
-      channel = "ds47", job = nil, operation = nil, request_reference = nil, axis = nil,
+      channel = "ds47", job = nil, operation = nil, request_reference = nil, axis = nil, has_more = false,
     }, Open)
+  elseif item.has_more then -- what another one was asked for
+    item.parameters, item.state, item.frames, item.stray, item.has_more = nil, nil, nil, nil, false
   end
   local message = job.message
   local head = message or job.response
-  item.job, item.parameters, item.state, item.frames, item.stray = job, nil, nil, nil, nil
+  item.job = job
   item.operation = message and message.operation or M.operation(job) -- of these three every frame tells
   item.request_reference, item.axis = head and head.request_reference, head and head.axis
   return item

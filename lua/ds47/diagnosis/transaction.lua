@@ -141,9 +141,8 @@ local function is_well(response)
 end
 
 -- Whether a job has a response that nothing is to be said of, as nearly all have. The layout of one to a read
--- knows, as it belongs to the question.
-local function is_answered_well(job)
-  local message, response = job.message, job.response
+-- knows, as it belongs to the question. `message` and `response` may be nil.
+local function is_answered_well(job, message, response)
   local layout = response and response.layout
   if not layout or not message or message.operation ~= "read" then
     return response and is_well(layout or response) and not is_odd(job)
@@ -153,21 +152,14 @@ local function is_answered_well(job)
   return layout.is_well and not message.flaws[1]
 end
 
--- Nearly every answer tells what is known: that a layout has told all on its channel is remembered.
-local function has_told(self, job)
-  local layout = job.response.layout
-  local told = layout and self.told[layout]
-  return told and told[job.channel_key or false]
-end
-
 --- What a closed job shows, and the findings it has, were caused by: an array of remarks, for reading only.
 function Diagnoses:closed(job)
-  local read, device = job.read_response, job.peer.device
+  local read, message, response, device = job.read_response, job.message, job.response, job.peer.device
   local longest = self.longest.values[device]
   if read and #read.data > (longest and longest[ONLY] or 0) then
     self:_learn_length(device, #read.data)
   end
-  local in_order, well = order.is_usual(job), is_answered_well(job)
+  local in_order, well = order.is_usual(job), is_answered_well(job, message, response)
   local remarks = NONE
   if not (in_order and well) then
     remarks = {}
@@ -186,8 +178,11 @@ function Diagnoses:closed(job)
       self:_offer(job, remark)
     end
   end
-  if job.response and job.message and not has_told(self, job) then
-    self:_learn(job)
+  if message and response then -- nearly every one tells what is known: that a layout has is remembered
+    local told = self.told[response.layout or false]
+    if not (told and told[job.channel_key]) then
+      self:_learn(job)
+    end
   end
   return remarks
 end

@@ -9,6 +9,7 @@ local times = require("ds47.support.times")
 
 local byte, floor, format, sub = string.byte, math.floor, string.format, string.sub
 local float32, float64 = numbers.float32, numbers.float64
+local float_text, whole_text = numbers.float_text, numbers.whole_text
 
 local M = {}
 
@@ -72,11 +73,11 @@ local function part(raw, count, size, at)
   return at and sub(raw, at + 1, at + count * size) or raw
 end
 
-local function whole_text(raw, count, size, at)
+local function one_text(raw, count, size, at)
   return count > 0 and {reader.latin1(part(raw, count, size, at))} or {}
 end
 
-local function whole_octets(raw, count, size, at)
+local function one_octets(raw, count, size, at)
   return count > 0 and {reader.hex(part(raw, count, size, at))} or {}
 end
 
@@ -132,8 +133,8 @@ local make = {
   float = function(row)
     return {decode = decode[row.pack], one = ONE[row.pack], float = true, pack = row.pack}
   end,
-  text = function(row) return {decode = row.whole and whole_text or texts} end,
-  octets = function(row) return {decode = row.whole and whole_octets or octets} end,
+  text = function(row) return {decode = row.whole and one_text or texts} end,
+  octets = function(row) return {decode = row.whole and one_octets or octets} end,
   with_status = function(row)
     return {decode = octets, scale = without_status, scaled_float = row.pack == "f"}
   end,
@@ -185,10 +186,10 @@ function M.code_of(name)
 end
 
 local function whole_or_float(number)
-  if floor(number) ~= number then
-    return numbers.float_text(number)
+  if number % 1 ~= 0 then
+    return float_text(number)
   end
-  return numbers.whole_text(number)
+  return whole_text(number)
 end
 
 -- Name of a format -> what makes the text of a number of it, of a physical value; nil where it is no float.
@@ -198,9 +199,9 @@ local function prepare_texts()
   float_texts, scaled_texts = {}, {}
   for _, row in pairs(tables.formats) do
     local kind = row.kind
-    float_texts[row.name] = kind == "float" and numbers.float_text or nil
+    float_texts[row.name] = kind == "float" and float_text or nil
     if kind == "number" or kind == "duration" or kind == "with_status" and row.pack == "f" then
-      scaled_texts[row.name] = numbers.float_text -- plain ones by a description
+      scaled_texts[row.name] = float_text -- plain ones by a description
     end
   end
 end
