@@ -84,38 +84,38 @@ local function words_of(item, style)
   return found
 end
 
--- One parameter in three parts: `p50303[0] = `, `10.0` and its unit; ` := ` as the sign where the value was
--- written, `: ` and `0x02 ...` where it failed; with the name of a known one: `p1082[0] (Maximum speed)`.
-local function parameter(item, style)
+-- A text with one more parameter: `p50303[0] = 10.0`, ` := ` as the sign where the value was written,
+-- `: 0x02 ...` where it failed; with the name of a known one: `p1082[0] (Maximum speed)`.
+-- @param separator what stands between the two
+local function with_parameter(text, separator, item, style)
   local around, values, failed = item.words, item.values, item.error
   if around == nil or around.style ~= style then
     around = words_of(item, style)
   end
   local value = values[1]
   if failed then
-    return around.address, ": ", error_of(failed)
+    return text .. separator .. around.address .. ": " .. error_of(failed)
   elseif value == nil then
-    return around.address, "", ""
+    return text .. separator .. around.address
   end
   local described = around.is_described and descriptions.parts(item, words, style.lang)
   if described then
-    return around.before, concat(described, ", "), ""
+    return text .. separator .. around.before .. concat(described, ", ")
   elseif values[2] ~= nil or item.scaled then
-    return around.before, words.with_unit(item), ""
+    return text .. separator .. around.before .. words.with_unit(item)
   end
   local shown = type(value) == "number" and around.number_text(value) or words.value(value, item.format)
   item.shown = shown -- the tree shows it, too
-  return around.before, shown, around.behind
+  return text .. separator .. around.before .. shown .. around.behind
 end
 
--- A text, and behind it what a sentence says of the parameters of a transaction that is called so.
+-- A text with what a sentence says of the parameters of a transaction that is called so.
 local function with_list(text, parameters, operation)
   local count, separator = #parameters, ": "
   local shown = count > PARAMETERS_SHOWN and PARAMETERS_SHOWN or count
   local style = STYLES[language][operation == "change"][count <= NAMES_SHOWN]
   for number = 1, shown do
-    local before, value, behind = parameter(parameters[number], style)
-    text, separator = text .. separator .. before .. value .. behind, ", "
+    text, separator = with_parameter(text, separator, parameters[number], style), ", "
   end
   return count > shown and string.format("%s, ... and %d more", text, count - shown) or text
 end
@@ -202,8 +202,8 @@ end
 -- A request or a response of PKW: `PKW read response p1082[0] = 50.0`.
 local function pkw_sentence(view)
   local kind, operation = view.role == "write_request" and " request " or " response ", view.item.operation
-  local before, value, behind = parameter(view.parameters[1], STYLES[language][operation == "change"][true])
-  return "PKW " .. operation .. kind .. before .. value .. behind
+  local style = STYLES[language][operation == "change"][true]
+  return with_parameter("PKW " .. operation, kind, view.parameters[1], style)
 end
 
 --- The sentence of one view; error numbers in "en" or "zh".
