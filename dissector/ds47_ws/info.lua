@@ -21,24 +21,18 @@ local M = {}
 local PARAMETERS_SHOWN = 6 -- more make the line long: they are counted
 local NAMES_SHOWN = 2 -- with more parameters than these the line has no names
 
--- The texts of bytes. Whole sentences are not remembered: a collector would look through all of them.
+-- The texts of bytes, false where a message is too short to have one: `, DO 2` of an axis, `ref 0x03` of a
+-- reference. Whole sentences are not remembered: a collector would look through all of them.
 local DRIVE_OBJECTS = entries(function(axis)
-  return string.format(", DO %d", axis)
+  return axis and string.format(", DO %d", axis) or ""
 end)
 
 local REFERENCES = entries(function(number)
-  return string.format("ref 0x%02X", number)
+  return number and string.format("ref 0x%02X", number) or "ref ?"
 end)
 
--- `ref 0x03`, of a transaction; a message may be too short to have one, or an axis.
 local function reference(item)
-  local number = item.request_reference
-  return number and REFERENCES[number] or "ref ?"
-end
-
--- `, DO 2`, of an axis; empty without one.
-local function drive_object(axis)
-  return axis and DRIVE_OBJECTS[axis] or ""
+  return REFERENCES[item.request_reference or false]
 end
 
 local language -- of the texts of error numbers, "en" or "zh"
@@ -153,7 +147,8 @@ local sentences = {}
 
 function sentences.write_request(view)
   local item = view.item
-  return asked(view) .. " request " .. reference(item) .. drive_object(item.axis) .. list_asked(view)
+  local number, axis = item.request_reference or false, item.axis or false
+  return asked(view) .. " request " .. REFERENCES[number] .. DRIVE_OBJECTS[axis] .. list_asked(view)
 end
 
 function sentences.write_response(view)
@@ -169,7 +164,7 @@ end
 
 function sentences.read_request(view)
   local item = view.item
-  return "fetch response " .. reference(item) .. drive_object(item.axis)
+  return "fetch response " .. REFERENCES[item.request_reference or false] .. DRIVE_OBJECTS[item.axis or false]
 end
 
 function sentences.poll(view)
@@ -179,11 +174,11 @@ end
 -- How a record of the drive is called: where parameters failed by the state that comes of it.
 local function outcome(view)
   local item = view.item
-  local failing = item.failing
+  local failing, axis = item.failing, item.axis or false
   if not failing then
-    return asked(view) .. " response " .. reference(item) .. drive_object(item.axis)
+    return asked(view) .. " response " .. REFERENCES[item.request_reference or false] .. DRIVE_OBJECTS[axis]
   end
-  return asked(view) .. " " .. words.state("en", failing) .. drive_object(item.axis)
+  return asked(view) .. " " .. words.state("en", failing) .. DRIVE_OBJECTS[axis]
 end
 
 function sentences.read_response(view)
