@@ -172,14 +172,12 @@ local function put_request(self, remarks, job, most)
   if message.flaws[1] then
     put_flaws(remarks, message.flaws, half, most or most_parameters(self, job))
   end
-  local limit = self.longest.values[job.peer.device]
+  local limit, reference = self.longest.values[job.peer.device], message.request_reference
   if limit and #half.data > limit then
     put(remarks, "DS316", half.frame, {length = #half.data, limit = limit}, 0)
   end
-  local previous = job.previous_reference
-  if previous ~= nil and previous == message.request_reference then
-    local args = {reference = message.request_reference, first = job.previous}
-    put(remarks, "DS415", half.frame, args)
+  if reference ~= nil and reference == job.previous_reference then
+    put(remarks, "DS415", half.frame, {reference = reference, first = job.previous})
   end
 end
 
@@ -396,7 +394,10 @@ function Judge:answered(job)
   elseif operation == "change" then
     self.written:settled(job, stray)
   elseif operation == "read" and not stray then
-    put_read_back(remarks, job, self.written:read(job))
+    local found = self.written:read(job)
+    if found[1] then
+      put_read_back(remarks, job, found)
+    end
     if not (layout and layout.has_no_limit) then
       learn_limit(self, job)
     end

@@ -79,7 +79,9 @@ function M.answered(dictionary, job)
       end
     end
   end
-  M.ask(dictionary, job)
+  if not dictionary.is_empty then
+    M.ask(dictionary, job)
+  end
 end
 
 return M
