@@ -114,7 +114,7 @@ local function append(activity, seq, call)
   activity.last, activity.by_seq[seq], activity.count = call, call, activity.count + 1
 end
 
--- Takes a call out of its activity; `before`: the one before it, nil for the oldest. Whoever still has the call
+-- Takes a call out of its activity; `before`: the one before it, nil for the oldest. Who still has the call
 -- does not keep those behind it alive.
 -- @return the one behind it
 local function take_out(activity, before, call)
