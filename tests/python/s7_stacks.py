@@ -167,8 +167,14 @@ def read_items(row: dict[str, str]) -> list[tuple[int, int, int, int]]:
     ]
 
 
+READ: dict[Path, list[Job]] = {}
+"""By capture: one run has one tshark, which takes half a second to start."""
+
+
 def read_jobs(tshark: Callable[..., str], path: Path) -> list[Job]:
     """The reads and writes of a capture by tshark: an answer belongs to the open request of its number."""
+    if path in READ:
+        return READ[path]
     found: list[Job] = []
     still: dict[tuple[int, int], Job] = {}
     streams: dict[int, int] = {}
@@ -191,6 +197,7 @@ def read_jobs(tshark: Callable[..., str], path: Path) -> list[Job]:
             job.codes = numbers(row["s7comm.data.returncode"])
             if not job.put:
                 job.values = split(row["s7comm.resp.data"])
+    READ[path] = found
     return found
 
 
