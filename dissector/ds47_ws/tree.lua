@@ -58,6 +58,7 @@ local add_item -- a method of all trees: looking it up costs a quarter of what i
 local wants -- what somebody wants of the tree of the frame (wanted.lua)
 local language -- of its texts, "en" or "zh"
 local marked -- whether it is seen where a value comes from
+local newest -- the item of the frame that was made last with a value; nil before the first
 
 --- What `context.answers` of M.add is: what trees have said, which is asked once.
 M.answers = wanted_fields.answers
@@ -84,7 +85,8 @@ local function put(parent, key, value)
   if value ~= nil then
     local field = wants[key]
     if field then
-      return add_item(parent, field, value)
+      newest = add_item(parent, field, value)
+      return newest
     end
   end
   return nil
@@ -128,18 +130,25 @@ local function mark_generated(item)
   end
 end
 
--- The tree of a protocol. Where nobody sees the tree or asks for the protocol itself, Wireshark 4.6 makes
--- none: it gives the tree of the frame instead, which has no length. The first record tells.
+-- The tree of a protocol; that of the frame where nobody wants the protocol itself.
 local function own_tree(tree, owner, record, label)
-  local known = wants[owner]
-  if not known then
+  if not wants[owner] then
     return tree
   end
-  local root = record and add_item(tree, owner, record, label) or add_item(tree, owner, label)
-  if known == UNKNOWN and record and not marked then
-    wants[owner] = root.len > 0
+  return record and add_item(tree, owner, record, label) or add_item(tree, owner, label)
+end
+
+-- The protocol in a tree that nobody sees, behind what is wanted of its fields. Where somebody asks for those
+-- alone, Wireshark makes none: before 4.6 only below another item. Then what it gives has no length, and is
+-- not asked for again. The first record tells.
+local function own_last(tree, owner, record)
+  local root = own_tree(newest or tree, owner, record, "DS47")
+  if record and wants[owner] == UNKNOWN then
+    local is_made = root.len > 0
+    if newest or not is_made then
+      wants[owner] = is_made
+    end
   end
-  return root
 end
 
 -- Adds a field whose value is that of bytes, which need not be in the frame.
@@ -169,6 +178,7 @@ end
 -- Begins with the tree of a frame; `answers` and `kind` as wanted.lua takes them.
 local function begin(tree, answers, kind, lang)
   add_item, language, wants = add_item or tree.add, lang, wanted_fields.of(tree, answers, kind)
+  newest = nil
   local visible = wants[VISIBLE]
   if visible ~= marked then
     see(visible)
@@ -832,12 +842,13 @@ local function add_info(root, sentence)
   end
 end
 
--- The tree of a view.
-local function add_root(tree, view, record)
-  local s7 = view.item.channel == "s7"
+-- The tree of a view, whose protocol is `owner`; that of the frame where nobody sees it.
+local function add_root(tree, view, owner, record)
+  local s7, root = owner == of_s7, tree
   local sentence = not s7 and (marked or wants.info) and info.sentence(view, language)
-  local label = marked and "DS47 " .. (sentence or "S7 " .. s7_tree.label(view, language)) or "DS47"
-  local root = own_tree(tree, s7 and of_s7 or protocol, record, label)
+  if marked then
+    root = own_tree(tree, owner, record, "DS47 " .. (sentence or "S7 " .. s7_tree.label(view, language)))
+  end
   if sentence then
     add_info(root, sentence)
   end
@@ -890,8 +901,8 @@ local function record_of(view, finders)
 end
 
 local function add_view(tree, view, findings, taken, finders, context)
-  local record = record_of(view, finders)
-  local root = add_root(tree, view, record)
+  local record, owner = record_of(view, finders), view.item.channel == "s7" and of_s7 or protocol
+  local root = add_root(tree, view, owner, record)
   add_frame(root, view, record)
   local certain = view.complete or not wants[OF_LATER_FRAMES] or state_is_certain(view)
   if not certain then
@@ -907,6 +918,9 @@ local function add_view(tree, view, findings, taken, finders, context)
   end
   if wants["finding.elsewhere"] then
     add_elsewhere(root, view, findings, context)
+  end
+  if not marked and wants[owner] then
+    own_last(tree, owner, record)
   end
 end
 
