@@ -94,6 +94,7 @@ def sent_and_shown(path: Path, wire: socket.socket, home: Path, *arguments: str)
         assert os.environ.get("DS47_CI") != "1", out
         pytest.skip("an ordinary user may not run dumpcap here")
     assert not any(word in out for word in BROKEN), out
+    assert shark.returncode == 0, f"tshark ended with {shark.returncode}: {out[-2000:]}"
     return out.splitlines()
 
 
