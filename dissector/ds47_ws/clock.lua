@@ -93,25 +93,19 @@ function M.of(number)
   return asked[number]
 end
 
--- The same where the time since the first frame alone may not tell it: there is a window, or none was asked
--- for before, or it is 0, as of a frame without a time, or is not exact any more.
-local function looked_up(analysis, relative)
-  local absolute = here.abs_ts
-  local gap = origin and absolute - relative - origin
-  if not gap or gap > SAME_SECONDS or gap < -SAME_SECONDS
-    or relative > EXACT_SECONDS or relative < -EXACT_SECONDS then
-    return exact(analysis, absolute, relative)
-  end
-  newest_ns = origin_ns + floor(relative * 1e9 + 0.5)
-  return newest_ns
+-- Whether the time of the frame is not the time since the first one, or nothing was asked for before.
+local function has_gap(relative)
+  local gap = origin and here.abs_ts - relative - origin
+  return not gap or gap > SAME_SECONDS or gap < -SAME_SECONDS
 end
 
 --- The time of the frame as an analysis counts it (Analysis:time_ns).
 function M.now(analysis)
   local relative, number = here.rel_ts, here_number
+  local doubtful = has_window or not origin or relative == 0 -- which a frame without a time has, too
   local time
-  if has_window or not origin or relative == 0 or relative > EXACT_SECONDS or relative < -EXACT_SECONDS then
-    time = looked_up(analysis, relative)
+  if relative > EXACT_SECONDS or relative < -EXACT_SECONDS or doubtful and has_gap(relative) then
+    time = exact(analysis, here.abs_ts, relative)
   else
     time = origin_ns + floor(relative * 1e9 + 0.5)
     newest_ns = time

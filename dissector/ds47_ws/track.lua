@@ -204,7 +204,7 @@ end
 
 -- Feeding
 
--- Of a frame that the capture cut what rpc.parse tells of it, else nil.
+-- Of a frame that the capture cut what a PDU tells of it, else nil.
 local function cut_of(number, frame, pinfo)
   local length = pinfo.len
   return length > #frame and { frame = number, captured = #frame, original = length } or nil

@@ -522,13 +522,12 @@ function Analysis:closed(job)
     kept:add(diagnoses[number])
   end
   self.finished_jobs:add(job)
-  if self.cyclic:has_drives() then
-    self:_explain(job.order)
-  end
+  self:_explain(job.order)
 end
 
 -- Whether the state of its drive explains the transaction of this order, which is over.
 function Analysis:_explain(order)
+  if not self.cyclic:has_drives() then return end
   local remark = self.conclusions:transaction(self.finished_jobs:by_order(order))
   if remark then
     remark.order = order
@@ -564,9 +563,7 @@ function Analysis:exchanged(relation, job)
     remark.order = job.order
     self.findings:add(remark)
   end
-  if self.cyclic:has_drives() then
-    self:_explain(job.order)
-  end
+  self:_explain(job.order)
 end
 
 --- A job of S7 is over.

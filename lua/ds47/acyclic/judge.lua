@@ -433,9 +433,7 @@ function Judge:certain(job)
   local remarks = self.blank
   put_request(self, remarks, job, huge) -- the drive may yet answer all of them
   put_reads(remarks, job)
-  if job.write_response then
-    remarks[#remarks + 1] = self:closed(job)
-  end
+  remarks[#remarks + 1] = self:closed(job)
   return owned(self, job)
 end
 

@@ -79,9 +79,7 @@ function M.answered(dictionary, job)
       end
     end
   end
-  if not dictionary.is_empty then
-    M.ask(dictionary, job)
-  end
+  M.ask(dictionary, job)
 end
 
 return M
