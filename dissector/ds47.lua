@@ -56,6 +56,7 @@ local passes = require("ds47_ws.passes")
 local preferences = require("ds47_ws.preferences")
 local tables = require("ds47.spec.tables")
 local track = require("ds47_ws.track")
+local wanted_fields = require("ds47_ws.wanted")
 
 set_plugin_info({
   version = tables.version,
@@ -93,9 +94,6 @@ clock.configure(Field.new("frame.time_epoch"), WINDOW)
 -- To ask whether anybody wants fields of ours.
 local this_dissector, words_dissector, bus_dissector, s7_dissector
 local referenced -- the method of all trees that tells it: looking it up costs as much as asking
-local always = {} -- by dissector: whether its fields are wanted in new frames
-local answers -- the same of fields: what trees of new frames said, and those of the second pass (tree.lua)
-local has_columns -- whether frames have columns, by whether they are new
 local on_bus = false -- whether this is a frame of PROFIBUS, which is shown already
 
 local NONE = {}
@@ -143,16 +141,16 @@ local function next_record(data)
 end
 
 -- The columns of a frame; nil where nobody sees them, as when a file is loaded or in the first of two passes.
--- Without a window the answer is the same for all new frames, and for all that come again.
-local function columns_of(pinfo, is_new)
-  local found = has_columns[is_new]
-  if found == nil or WINDOW then
-    local columns = pinfo.cols
-    found = tostring(columns.info) ~= "(info)"
-    has_columns[is_new] = found
-    return found and columns or nil
+local function columns_of(pinfo, reading)
+  if reading and reading.has_columns ~= nil then
+    return reading.has_columns and pinfo.cols or nil
   end
-  return found and pinfo.cols or nil
+  local columns = pinfo.cols
+  local found = tostring(columns.info) ~= "(info)"
+  if reading then
+    reading.has_columns = found
+  end
+  return found and columns or nil
 end
 
 -- Finds bytes in the frame, behind where its data begins; nil where it has them not.
@@ -191,17 +189,13 @@ local context = {
 
 -- Adds to the tree and sets the columns, where there are some. `finders` as above; the data of the frame
 -- begins at `at`. `whole`: somebody wants our fields. `bytes`: those of the frame, where they are known.
-local function show(views, findings, events, tvb, columns, tree, finders, at, whole, is_new, bytes)
+local function show(views, findings, events, tvb, columns, tree, finders, at, whole, reading, bytes)
   local is_shown = views[1] ~= nil or events[1] ~= nil
   if columns and is_shown then
     columns.protocol, columns.info = "DS47", info.text(views, events, track.lang)
   end
   if whole and (is_shown or findings[1]) then
-    context.lang = track.lang
-    if not WINDOW then
-      context.answers = answers[is_new] or tree_of.answers()
-      answers[is_new] = context.answers
-    end
+    context.lang, context.answers = track.lang, reading and reading.answers
     shown.tvb, shown.bytes, shown.at, shown.from = tvb, bytes, at, at
     tree_of.add(tree, views, findings, events, finders, context)
     shown.tvb = nil
@@ -211,17 +205,16 @@ local function show(views, findings, events, tvb, columns, tree, finders, at, wh
 end
 
 -- Whether somebody wants fields of a protocol of ours; a tree that is visible counts as well. Asking costs as
--- much as all else of a cyclic frame in which nothing changed. Without a window the answer is the same for
--- all new frames.
-local function is_wanted(tree, dissector, is_new)
+-- much as all else of a cyclic frame in which nothing changed.
+local function is_wanted(tree, dissector, reading)
   referenced = referenced or tree.referenced
-  if WINDOW or not is_new then
+  if reading == nil then
     return referenced(tree, dissector)
   end
-  local found = always[dissector]
+  local found = reading.protocols[dissector]
   if found == nil then
     found = referenced(tree, dissector)
-    always[dissector] = found
+    reading.protocols[dissector] = found
   end
   return found
 end
@@ -265,16 +258,17 @@ local function dissect_cyclic(tvb, pinfo, tree)
       views, findings, events = track.live_cyclic_views(true)
     end
   end
-  local looked_at = is_wanted(tree, words_dissector, is_new)
+  local reading = wanted_fields.reading(tree, number, is_new)
+  local looked_at = is_wanted(tree, words_dissector, reading)
   if not views and not looked_at then
     return
   end
   frame = frame or tvb:raw()
   local place = track.cyclic_place(frame)
   if views then
-    local whole = is_wanted(tree, this_dissector, is_new)
-    local columns, at = columns_of(pinfo, is_new), place and place.at
-    show(views, findings, events, tvb, columns, tree, OF_WORDS, at, whole, is_new)
+    local columns, at = columns_of(pinfo, reading), place and place.at
+    local whole = is_wanted(tree, this_dissector, reading)
+    show(views, findings, events, tvb, columns, tree, OF_WORDS, at, whole, reading)
   end
   if looked_at and place then
     show_all_words(tvb, number, tree, frame, place, is_new, views)
@@ -312,10 +306,10 @@ local function show_bus(item, tvb, columns, tree)
 end
 
 -- A mirror port's copy of a frame of the parameter channel.
-local function show_copy(number, pinfo, tree, whole)
+local function show_copy(number, pinfo, tree, reading, whole)
   local original = track.original(number, whole)
   if original then
-    local columns = columns_of(pinfo, not whole)
+    local columns = columns_of(pinfo, reading)
     if columns then
       copies.set_columns(columns, original, track.lang)
     end
@@ -326,7 +320,8 @@ end
 -- Nothing behind a frame of PROFIBUS is dissected by others: all of it is taken, or it is none.
 function ds47_bus.dissector(tvb, pinfo, tree)
   local number, is_new = pinfo.number, track.is_new(pinfo.number, pinfo)
-  local columns, whole = columns_of(pinfo, is_new), is_wanted(tree, this_dissector, is_new)
+  local reading = wanted_fields.reading(tree, number, is_new)
+  local columns, whole = columns_of(pinfo, reading), is_wanted(tree, this_dissector, reading)
   local item, views, findings, events = look_at_bus(tvb, pinfo, is_new, columns ~= nil or whole)
   if not item then
     encapsulations.pass_on(tvb, pinfo, tree)
@@ -336,9 +331,9 @@ function ds47_bus.dissector(tvb, pinfo, tree)
   show_bus(item, tvb, columns, tree)
   local at, place = bus_info.data_start(item), track.bus_place(item)
   if views then
-    show(views, findings, events, tvb, columns, tree, ON_BUS, at, whole, is_new)
+    show(views, findings, events, tvb, columns, tree, ON_BUS, at, whole, reading)
   end
-  if place and is_wanted(tree, words_dissector, is_new) then
+  if place and is_wanted(tree, words_dissector, reading) then
     local data = tvb:raw(0, at + #item.du) -- the check byte is none of it
     show_all_words(tvb, number, tree, data, place, is_new, views)
   end
@@ -348,14 +343,15 @@ end
 -- A frame with IP that was fed before: a second pass, or somebody looks at it.
 local function dissect_again(tvb, pinfo, tree, number, offset)
   passes.came_again()
+  local reading = wanted_fields.reading(tree, number, false)
   local views, findings = track.complete_views(number)
   if views then -- columns of S7 are those of the dissector that is there
     local is_s7 = track.is_s7(views)
-    local columns = not is_s7 and columns_of(pinfo, false) or nil
-    local whole = is_wanted(tree, this_dissector, false) or is_s7 and tree:referenced(s7_dissector)
-    show(views, findings, NONE, tvb, columns, tree, OF_RECORDS, offset, whole, false)
+    local columns = not is_s7 and columns_of(pinfo, reading) or nil
+    local whole = is_wanted(tree, this_dissector, reading) or is_s7 and tree:referenced(s7_dissector)
+    show(views, findings, NONE, tvb, columns, tree, OF_RECORDS, offset, whole, reading)
   end
-  show_copy(number, pinfo, tree, true)
+  show_copy(number, pinfo, tree, reading, true)
 end
 
 function ds47.dissector(tvb, pinfo, tree)
@@ -381,20 +377,22 @@ function ds47.dissector(tvb, pinfo, tree)
   end
   clock.set(pinfo, number)
   raw = raw or tvb.raw
-  local offset, frame, whole = ip.offset, raw(tvb), is_wanted(tree, this_dissector, true)
+  local offset, frame = ip.offset, raw(tvb)
   local fed, is_copy = track.feed(number, frame, offset, clock.now, pinfo)
   if fed then
-    local columns = columns_of(pinfo, true)
+    local reading = wanted_fields.reading(tree, number, true)
+    local columns, whole = columns_of(pinfo, reading), is_wanted(tree, this_dissector, reading)
     local views, findings = track.live_views(columns ~= nil or whole)
-    show(views, findings, NONE, tvb, columns, tree, OF_RECORDS, offset, whole, true, frame)
+    show(views, findings, NONE, tvb, columns, tree, OF_RECORDS, offset, whole, reading, frame)
     if is_copy then
-      show_copy(number, pinfo, tree, false)
+      show_copy(number, pinfo, tree, reading, false)
     end
     passes.came(pinfo)
   elseif track.feed_segment(number, frame, offset, clock.now) then
-    whole = whole or tree:referenced(s7_dissector)
+    local reading = wanted_fields.reading(tree, number, true)
+    local whole = is_wanted(tree, this_dissector, reading) or tree:referenced(s7_dissector)
     local views, findings = track.live_s7_views(whole)
-    show(views, findings, NONE, tvb, nil, tree, OF_RECORDS, offset, whole, true)
+    show(views, findings, NONE, tvb, nil, tree, OF_RECORDS, offset, whole, reading)
     passes.came(pinfo)
   end
 end
@@ -404,10 +402,11 @@ function ds47_words.dissector() end
 function ds47_s7.dissector() end
 
 local function begin_anew()
-  always, has_columns, answers, on_bus = {}, {}, {}, false
+  on_bus = false
   encapsulations.register(ds47_bus, preferences.takes_user0(ds47))
   clock.reset()
   passes.reset()
+  wanted_fields.reset()
   track.reset()
   track.begin()
   collector.collect_all()

@@ -60,9 +60,6 @@ local language -- of its texts, "en" or "zh"
 local marked -- whether it is seen where a value comes from
 local newest -- the item of the frame that was made last with a value; nil before the first
 
---- What `context.answers` of M.add is: what trees have said, which is asked once.
-M.answers = wanted_fields.answers
-
 -- Whether somebody wants a field.
 local function wanted(key)
   return wants[key]
@@ -935,7 +932,7 @@ local NONE_TAKEN = {} -- of no findings
 --   base_seconds = a function that gives the second since 1970 that the times are relative to,
 --   request_of = a function that gives the frame of the request of a finding's transaction, or nil,
 --   findings_of = a function that gives all findings of the transaction of a view,
---   answers = what M.answers gives, shared by frames whose trees answer the same, or nil}
+--   answers = what is known of what trees of this reading want (wanted.lua), or nil}
 function M.add(tree, views, findings, events, finders, context)
   local view = not findings[1] and views[1]
   begin(tree, context.answers, view and view.role or "other", context.lang)

@@ -64,11 +64,6 @@ function KEEPING.__index(answers, key)
   return answer
 end
 
---- Answers that are kept: of frames whose trees say the same.
-function M.answers()
-  return setmetatable({}, KEEPING)
-end
-
 -- In a window, and where words are shown, the tree of the next frame may say something else, and mostly says
 -- the same as that of the last one of its kind. So its fields are asked for again, in one go, and where one
 -- answer is another one all are forgotten. Frames of a kind ask for much the same fields.
@@ -122,8 +117,42 @@ local function asked_again(kind)
   return answers
 end
 
+-- What was told in one reading, and the last frame of it.
+local reading, newest = nil, 0
+
+local function is_further(tree, number, is_new)
+  if reading == nil or reading.is_new ~= is_new or number <= newest then
+    return false
+  end
+  -- behind a gap it may be the frame below the rows
+  return number == newest + 1 or tree.visible == reading.is_visible
+end
+
+--- What is known of who reads a frame: a table that frames share which come one behind the other, all of them
+-- new or none of them, as tshark reads a file and as a window loads one. Where somebody jumps (in sharkd) all
+-- is asked anew. Nil where each frame is asked: in the rows of a window.
+-- @return {answers = those of trees, nil in a window; protocols = whether their fields are wanted, by what is
+--   asked; has_columns = nil until somebody knows}
+function M.reading(tree, number, is_new)
+  if WINDOW and not is_new then
+    reading = nil
+  elseif not is_further(tree, number, is_new) then
+    reading = {
+      is_new = is_new, is_visible = tree.visible, protocols = {}, has_columns = nil,
+      answers = not WINDOW and setmetatable({}, KEEPING) or nil,
+    }
+  end
+  newest = number
+  return reading
+end
+
+--- A file begins.
+function M.reset()
+  reading, newest = nil, 0
+end
+
 --- The answers of the tree of a frame, which count until the next one.
--- @param kept what M.answers gives, where all trees say the same; nil where each frame is asked
+-- @param kept those of a reading; nil where each frame is asked
 -- @param kind a name of those that want much the same fields
 function M.of(tree, kept, kind)
   frame_tree, referenced = tree, referenced or tree.referenced
