@@ -607,7 +607,11 @@ end
 local function transaction_at(self, place)
   local found = self.all[place]
   if found.phase then -- still a job
-    found = setmetatable({id = 0, findings = NONE, job = found, frames = nil}, self.closed)
+    local message = found.message
+    found = setmetatable({ -- of which each frame is asked, and that are kept
+      channel = "ds47", id = 0, findings = NONE, job = found, operation = message and message.operation,
+      state = nil, frames = nil,
+    }, self.closed)
     self.all[place] = found
   end
   return found
