@@ -156,6 +156,10 @@ def compile_part(folder: Path, part: str) -> None:
             debug_level="0",
             group_name="ds47",
         )
+        if sys.platform != "win32":
+            # To judge how a line is indented gcc reads the file up to it, and this one has 70 MB.
+            for extension in extensions:
+                extension.extra_compile_args.append("-Wno-misleading-indentation")
     setup(
         name="ds47-compiled",
         ext_modules=extensions,
