@@ -6,6 +6,7 @@ What a page is about is not known here.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import cache
 from typing import Any
 
 from ds47 import __version__
@@ -17,8 +18,9 @@ from ds47.report.html.texts import Words
 _FOLDER = "report"
 
 
+@cache
 def environment() -> Any:
-    """The templates, with the filters that they use."""
+    """The templates, with the filters that they use; made once, because it keeps what it has compiled."""
     from jinja2 import Environment, PackageLoader, StrictUndefined  # only for pages
 
     found = Environment(
