@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from itertools import count
 from typing import Any
 
@@ -93,7 +94,13 @@ def framed(
 
 
 def bare(source: str, target: str, ethertype: int, payload: bytes) -> bytes:
-    """A frame without IP: DCP, LLDP."""
+    """A frame without IP: DCP, LLDP, cyclic data."""
+    return _header(source, target, ethertype) + payload
+
+
+@cache
+def _header(source: str, target: str, ethertype: int) -> bytes:
+    """Made once for all the cycles of a relation."""
     from scapy.layers.l2 import Ether
 
-    return bytes(Ether(src=source, dst=target, type=ethertype) / payload)
+    return bytes(Ether(src=source, dst=target, type=ethertype))
