@@ -235,7 +235,9 @@ class CustomBuildHook(BuildHookInterface):  # type: ignore[type-arg]
         else:
             sys.stderr.write("ds47: plain Python; DS47_COMPILE=1 compiles its hot path\n")
         target = work.with_name("tables.ndjson")
-        target.write_text(tables(sources / "spec"), encoding="utf-8")
+        draft = work.with_name(f"tables-{os.getpid()}.ndjson")  # another build may be reading it
+        draft.write_text(tables(sources / "spec"), encoding="utf-8")
+        draft.replace(target)
         included[str(target)] = "ds47/spec/tables.ndjson"
 
 
