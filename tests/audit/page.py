@@ -111,18 +111,6 @@ def dated(reading: Reading) -> bool:
     return _first(reading) >= _SINCE_1980 * 10**9
 
 
-def _last(reading: Reading) -> int | None:
-    """When the last frame was, the last transaction ended, or the last event was, in ns."""
-    ends = [
-        nanoseconds(each.plain["start"]) + max(0, round((each.duration_ms or 0) * 1e6))
-        for each in reading.deals
-    ]
-    for line in reading.plain.get("timelines", ()):
-        ends += [nanoseconds(each["time"]) for each in line["events"]]
-    ends += [nanoseconds(reading.plain[name]) for name in ("end",) if reading.plain.get(name)]
-    return max(ends, default=None)
-
-
 def clock(deal: Deal, reading: Reading) -> str:
     """When a transaction began, as the text says it."""
     if not dated(reading):
@@ -132,7 +120,7 @@ def clock(deal: Deal, reading: Reading) -> str:
 
 def moment(time: str, reading: Reading) -> str:
     """A time of the JSON as time of day."""
-    last = _last(reading)
+    last = reading.last
     date, day = time.split("T")
     other_day = last is not None and last // (86_400 * 10**9) != _first(reading) // (86_400 * 10**9)
     told = f"{date} {day[:12]}" if other_day else day[:12]

@@ -216,10 +216,26 @@ class Reading:
         """The frames in which the AR of a transaction was given up after its request."""
         ar = bytes.fromhex((deal.ar or "").replace("-", ""))
         return [
-            call.request.frame for call in self.capture.calls
-            if call.request.operation == wire.RELEASE and ar and ar in call.request.body
-            and call.request.frame > (deal.write or 0)
+            call.request.frame for call in self.given_up
+            if ar and ar in call.request.body and call.request.frame > (deal.write or 0)
         ]  # fmt: skip
+
+    @cached_property
+    def given_up(self) -> list[wire.Call]:
+        """The calls that end an AR."""
+        return [call for call in self.capture.calls if call.request.operation == wire.RELEASE]
+
+    @cached_property
+    def last(self) -> int | None:
+        """When the last frame was, the last transaction ended, or the last event was, in ns."""
+        ends = [
+            instant(each.plain["start"]) + max(0, round((each.duration_ms or 0) * 1e6))
+            for each in self.deals
+        ]
+        for line in self.plain.get("timelines", ()):
+            ends += [instant(each["time"]) for each in line["events"]]
+        ends += [instant(self.plain[name]) for name in ("end",) if self.plain.get(name)]
+        return max(ends, default=None)
 
     def time(self, frame: int | None) -> int | None:
         """Time of a frame in nanoseconds."""
