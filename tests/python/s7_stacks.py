@@ -24,7 +24,7 @@ AREAS = {"I": 0x81, "Q": 0x82, "M": 0x83, "DB": 0x84, "C": 0x1C, "T": 0x1D}
 BITS = {1: 1, 2: 8, 3: 8, 4: 16, 5: 16, 6: 32, 7: 32, 8: 32, 0x1C: 16, 0x1D: 16}
 """Bits of an element by transport size."""
 JOB, ACK, ANSWER, USERDATA = "1", "2", "3", "7"
-GET, PUT = 4, 5
+GET, PUT, SETUP = 4, 5, 0xF0
 RESPONSE = ("8", "2")
 """The type of user data: tshark 4.0 shows the four bits above the group, 4.4 and later the first two of them."""
 FIELDS = (
@@ -33,6 +33,7 @@ FIELDS = (
     "s7comm.param.item.area", "s7comm.param.item.db", "s7comm.param.item.address",
     "s7comm.param.item.transp_size", "s7comm.param.item.length", "s7comm.data.returncode",
     "s7comm.data.length", "s7comm.resp.data", "s7comm.param.item.syntaxid",
+    "s7comm.param.pdu_length", "s7comm.param.maxamq_calling",
 )  # fmt: skip
 SEGMENT_FIELDS = (
     "frame.number", "tcp.srcport", "s7comm.header.pduref", "s7comm.header.datlg",
@@ -167,18 +168,33 @@ def read_items(row: dict[str, str]) -> list[tuple[int, int, int, int]]:
     ]
 
 
-READ: dict[Path, list[Job]] = {}
+READ: dict[Path, list[dict[str, str]]] = {}
 """By capture: one run has one tshark, which takes half a second to start."""
+
+
+def read_rows(tshark: Callable[..., str], path: Path) -> list[dict[str, str]]:
+    """What tshark says of the jobs, answers and setups of a capture."""
+    if path not in READ:
+        READ[path] = list(rows(tshark, path, FIELDS, "s7comm.header.rosctr < 7"))
+    return READ[path]
+
+
+def agreed(tshark: Callable[..., str], path: Path) -> list[tuple[int, int, int]]:
+    """What the answers to setups agree on by tshark: frame, length of a PDU, parallel jobs."""
+    names = ("frame.number", "s7comm.param.pdu_length", "s7comm.param.maxamq_calling")
+    return [
+        (int(row[names[0]]), int(row[names[1]]), int(row[names[2]]))
+        for row in read_rows(tshark, path)
+        if row["s7comm.header.rosctr"] == ANSWER and numbers(row["s7comm.param.func"]) == [SETUP]
+    ]
 
 
 def read_jobs(tshark: Callable[..., str], path: Path) -> list[Job]:
     """The reads and writes of a capture by tshark: an answer belongs to the open request of its number."""
-    if path in READ:
-        return READ[path]
     found: list[Job] = []
     still: dict[tuple[int, int], Job] = {}
     streams: dict[int, int] = {}
-    for row in rows(tshark, path, FIELDS, "s7comm.header.rosctr < 7"):
+    for row in read_rows(tshark, path):
         key = int(row["tcp.stream"]), int(row["s7comm.header.pduref"])
         kind, function = row["s7comm.header.rosctr"], numbers(row["s7comm.param.func"])
         frame = int(row["frame.number"])
@@ -197,7 +213,6 @@ def read_jobs(tshark: Callable[..., str], path: Path) -> list[Job]:
             job.codes = numbers(row["s7comm.data.returncode"])
             if not job.put:
                 job.values = split(row["s7comm.resp.data"])
-    READ[path] = found
     return found
 
 

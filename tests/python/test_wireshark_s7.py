@@ -14,6 +14,7 @@ from s7_stacks import (
     FOLDER,
     NAMES,
     Job,
+    agreed,
     lines,
     logged,
     our_jobs,
@@ -36,7 +37,6 @@ PUBLIC = {
 """Captures of other projects, with the number of reads and writes in each, as tshark counts the requests."""
 SCENES = {each.name: each for each in BOOK.scenarios}
 TWICE = "s7comm.header.pduref == 3 && s7comm.header.pduref == 4"
-SETUP = "s7comm.param.func == 0xf0 && s7comm.header.rosctr == 3"
 
 
 def test_there_are_captures() -> None:
@@ -93,14 +93,8 @@ def field_by_field(tshark: Tshark, path: Path) -> int:
     result = analyze(path)
     ours, theirs = our_jobs(result), read_jobs(tshark, path)
     assert [fields(job) for job in ours] == [fields(job) for job in theirs]
-    agreed = [
-        (int(row["frame.number"]), int(row["s7comm.param.pdu_length"]), int(row["s7comm.param.maxamq_calling"]))
-        for row in rows(
-            tshark, path, ("frame.number", "s7comm.param.pdu_length", "s7comm.param.maxamq_calling"), SETUP
-        )
-    ]  # fmt: skip
     known = [each for each in result.connections if each.setup is not None]
-    assert [(each.setup, each.pdu_length, each.parallel) for each in known] == agreed
+    assert [(each.setup, each.pdu_length, each.parallel) for each in known] == agreed(tshark, path)
     return len(ours)
 
 
