@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import random
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -34,9 +35,14 @@ CHANCES: tuple[tuple[str, tuple[Any, ...]], ...] = (
 RULES = {f"DS{number}" for number in (*range(507, 513), *range(520, 532))}
 
 
+@cache
+def scene(name: str) -> Source:
+    return Source(name, capture(SCENES[name]), False)
+
+
 def sources(*names: str) -> list[Source]:
     """Those scenes, or all."""
-    return [Source(name, capture(SCENES[name]), False) for name in names or SCENES]
+    return [scene(name) for name in names or SCENES]
 
 
 @pytest.mark.slow
