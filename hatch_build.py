@@ -9,8 +9,8 @@ each fed with the plain Python files themselves:
 
 They are fetched only then. Where one of them or the C compiler fails, the build fails and says why. The wheel
 always gets the tables of `ds47/spec` as JSON too, because TOML takes longer to parse than a small capture to
-analyse. DS47_COMPILE_LEVEL=0 tells the C compiler not to optimise, which takes half the time: for tests, which ask
-whether both packages say the same.
+analyse. DS47_COMPILE_LEVEL=0 tells the C compiler not to optimise, which takes a fraction of the time: for tests,
+which ask whether both packages say the same.
 
 `python hatch_build.py FOLDER PART` compiles a part of the copy of `ds47` in FOLDER in place.
 
