@@ -79,7 +79,11 @@ def events_of(result: CaptureResult, lang: str = "en") -> list[list[str]]:
 
 
 def shown_events(tshark: Tshark, path: Path, *options: str) -> list[list[str]]:
-    found = rows(tshark("-r", path, *options, "-Y", "ds47.pzd.event", *columns(*EVENT)))
+    return as_told(rows(tshark("-r", path, *options, "-Y", "ds47.pzd.event", *columns(*EVENT))))
+
+
+def as_told(found: list[list[str]]) -> list[list[str]]:
+    """Numbers as `row` writes them."""
     return [
         [re.sub(r"\b0x0000([0-9a-f]{4})\b", r"0x\1", cell) for cell in with_hex_slots(each)] for each in found
     ]  # fmt: skip
@@ -97,14 +101,6 @@ def test_a_filter_finds_the_events_of_the_analyzer(name: str, tshark: Tshark) ->
     assert len(wanted) >= 8
     assert shown_events(tshark, CAPTURES[name], *COMPLETE) == wanted
     assert shown_events(tshark, CAPTURES[name], "-2") == wanted
-
-
-@pytest.mark.parametrize(
-    "name", [pytest.param(each, marks=() if each in QUICK else pytest.mark.slow) for each in SCENES]
-)
-def test_events_of_scenes(name: str, tshark: Tshark, tmp_path: Path) -> None:
-    path = scene(name, tmp_path)
-    assert shown_events(tshark, path, *COMPLETE) == events_of(analyze(path))
 
 
 @pytest.mark.parametrize("name", STORIES)
@@ -220,13 +216,11 @@ WORDS = (
 )  # fmt: skip
 
 
-def compare_words(tshark: Tshark, path: Path, *options: str) -> int:
+def compare_words(shown: list[list[str]], path: Path, result: CaptureResult) -> int:
     """How many frames have words; fails where one shows something else."""
-    result = analyze(path)
     (relation,) = [each for each in result.relations if each.channel == "pzd"]
     words = said(path, relation)
     state = states(words)
-    shown = rows(tshark("-r", path, *options, "-Y", "ds47.pzd", *columns(*WORDS)))
     assert [int(each[0]) for each in shown] == [each.frame for each in words]
     for cells, each in zip(shown, words, strict=True):
         value, raw = percent(each), int.from_bytes(each.data[2:4], signed=True)
@@ -250,14 +244,23 @@ def truth(cell: str) -> int | None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", STORIES)
 def test_words_of_each_frame(name: str, tshark: Tshark) -> None:
-    assert compare_words(tshark, CAPTURES[name], *COMPLETE) > 100
+    path = CAPTURES[name]
+    shown = rows(tshark("-r", path, *COMPLETE, "-Y", "ds47.pzd", *columns(*WORDS)))
+    assert compare_words(shown, path, analyze(path)) > 100
 
 
 @pytest.mark.parametrize(
     "name", [pytest.param(each, marks=() if each in QUICK else pytest.mark.slow) for each in SCENES]
 )
-def test_words_of_scenes(name: str, tshark: Tshark, tmp_path: Path) -> None:
-    assert compare_words(tshark, scene(name, tmp_path), *COMPLETE) > 20
+def test_words_and_events_of_scenes(name: str, tshark: Tshark, tmp_path: Path) -> None:
+    path = scene(name, tmp_path)
+    shown = columns(*WORDS, "ds47.pzd", *EVENT[1:])  # which begins with the same column
+    found = rows(tshark("-r", path, *COMPLETE, "-Y", "ds47.pzd || ds47.pzd.event", *shown))
+    result, at, behind = analyze(path), len(WORDS), len(WORDS) + 1
+    words = [cells[:at] for cells in found if cells[at]]
+    events = [[cells[0], *cells[behind:]] for cells in found if cells[behind]]
+    assert compare_words(words, path, result) > 20
+    assert as_told(events) == events_of(result)
 
 
 @pytest.mark.slow
