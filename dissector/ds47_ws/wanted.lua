@@ -1,8 +1,8 @@
 -- Which fields somebody wants in the tree of a frame: a filter, a column, a colour, or who looks at the tree.
 --
--- Asking Wireshark costs half as much as making a field. So trees that answer the same are asked once
--- (`answers`), and others only for what the tree of a frame needs (`of_kind`). What is made of the answers is
--- the business of tree.lua.
+-- Asking Wireshark costs half as much as making a field. So frames of one reading share what was told
+-- (`reading`), columns included, and the trees of others are asked only for what a frame of their kind needs
+-- (`of`). What is made of the answers is the business of tree.lua.
 --
 -- Answers are a table: by the key of a field (fields.lua) the field where somebody wants it, else false; by
 -- an array of keys whether one of them is wanted; by a list (`list`) those of its rows that are; by VISIBLE

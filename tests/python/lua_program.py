@@ -1,4 +1,4 @@
-"""Where a Lua is: tests that run one ask here, so that a missing one is treated the same everywhere."""
+"""Where a Lua, or sharkd, is: tests that run one ask here, so that a missing one is treated alike everywhere."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ LUAS = ("lua5.2", "lua5.3", "lua5.4")
 
 
 def lua_program(name: str) -> str:
-    """The path of a Lua; skips the test where there is none, fails it where CI promises one."""
+    """The path of a program; skips the test where there is none, fails it where CI promises one."""
     program = shutil.which(name)
     if program is None:
         if os.environ.get("DS47_CI") == "1":

@@ -9,12 +9,12 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
 import subprocess
 from collections.abc import Callable
 from typing import Any
 
 import pytest
+from lua_program import lua_program
 from test_wireshark_plugin import BROKEN, CAPTURES
 
 from ds47.analysis import analyze
@@ -27,20 +27,14 @@ Ask = Callable[..., list[Any]]
 
 
 def program() -> str:
-    """sharkd, which loads scripts; skips the test where there is none."""
-    found = shutil.which("sharkd")
-    if found is None:
-        if os.environ.get("DS47_CI") == "1":
-            pytest.fail(
-                "sharkd is missing (Debian: wireshark-common), and DS47_CI=1 says that it must be there"
-            )
-        pytest.skip("sharkd is missing")
+    """sharkd, where it loads scripts; else the test is skipped, or fails where there has to be one."""
+    found = lua_program("sharkd")
     told = subprocess.run([found, "-v"], capture_output=True, text=True, check=False).stdout
     version = re.search(r"(\d+)\.(\d+)\.\d+", told)
-    if version is None or (
-        hasattr(os, "geteuid") and os.geteuid() == 0 and version.groups() >= ("4", "4")
-    ):
-        pytest.skip("this sharkd loads no scripts as root")
+    assert version, told
+    is_root = hasattr(os, "geteuid") and os.geteuid() == 0
+    if is_root and tuple(map(int, version.groups())) >= (4, 4):
+        pytest.skip("sharkd 4.4 and later load no scripts as root")
     return found
 
 

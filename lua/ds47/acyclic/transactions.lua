@@ -608,7 +608,7 @@ local function transaction_at(self, place)
   local found = self.all[place]
   if found.phase then -- still a job
     local message = found.message
-    found = setmetatable({ -- of which each frame is asked, and that are kept
+    found = setmetatable({ -- what each frame asks for, and room for what is kept
       channel = "ds47", id = 0, findings = NONE, job = found, operation = message and message.operation,
       state = nil, frames = nil,
     }, self.closed)
