@@ -67,6 +67,7 @@ report: $(RUN)
 
 test: system
 	@$(MAKE) --no-print-directory venv
+	@echo "The quick tests: some 4 minutes on two cores (all of them, with the slow ones: make test-all)." >&2
 	$(BIN)/python -m pytest $(PARALLEL) -m "not slow" $(ARGS)
 
 test-all: system

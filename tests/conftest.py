@@ -1,5 +1,7 @@
 """What every test may ask for: the repository, the captures beside it, a tshark without settings.
 
+Also what each test costs: the summary names those that are not marked slow and should be.
+
 No test data lives here (``vectors/``) and no helper of a single module (its own test file).
 """
 
@@ -10,7 +12,7 @@ import signal
 import subprocess
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from pathlib import Path
 
 import pytest
@@ -42,6 +44,61 @@ def pytest_runtest_teardown() -> None:
     if not gc.isenabled():
         gc.unfreeze()
         gc.enable()
+
+
+LIMIT = 1.0
+"""Seconds of CPU. A test that takes more is to be marked slow."""
+_elsewhere = 0.0
+"""CPU that counts for no test: what came before the present one, and what it made for all."""
+_over: dict[str, float] = {}
+
+
+def _cpu() -> float:
+    """Of this process and those that it waited for. Unlike time, it does not depend on who else is at work."""
+    return sum(os.times()[:4])
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    global _elsewhere
+    _elsewhere = _cpu()
+    return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_fixture_setup(fixturedef: pytest.FixtureDef[object]) -> Generator[None, object, object]:
+    """What is made once for many tests does not count for the first of them."""
+    global _elsewhere
+    start = _cpu()
+    try:
+        return (yield)
+    finally:
+        if fixturedef.scope != "function":
+            _elsewhere += _cpu() - start
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item,
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    report = yield
+    if report.when == "teardown" and item.get_closest_marker("slow") is None:
+        report.user_properties.append(("cpu", _cpu() - _elsewhere))
+    return report
+
+
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    spent = dict(report.user_properties).get("cpu", 0.0)
+    if spent > LIMIT:
+        _over[report.nodeid] = spent
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """A report, which fails nothing: how fast the machine is decides as well."""
+    if _over:
+        terminalreporter.section(f"not marked slow, and more than {LIMIT:g} s of CPU")
+    for name, spent in sorted(_over.items(), key=lambda each: -each[1]):
+        terminalreporter.write_line(f"{spent:5.1f} s  {name}")
 
 
 LONG = (

@@ -21,6 +21,7 @@ from ds47.capture import scan
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import shares
+from lua_program import QUICK, luas_of, runs_another
 
 # Lists that whoever runs the tests took in name no parameter here.
 os.environ["DS47_PARAMS"] = str(Path(__file__).with_name("no lists"))
@@ -29,7 +30,12 @@ SOURCE = Path(scan.__file__).with_name("scan.py")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Where a run takes a part of the captures (tools/matrix.py), the tests of the others are left out."""
+    """Marks what only other programs decide, and leaves out what is not of this run's part (tools/matrix.py)."""
+    for item in items:
+        if luas_of(item) - {QUICK}:
+            item.add_marker("slow")
+        if runs_another(item):
+            item.add_marker("plugin")
     kept = shares.own(items) if shares.parts() > 1 else items
     if len(kept) < len(items):
         config.hook.pytest_deselected(items=[item for item in items if item not in set(kept)])
