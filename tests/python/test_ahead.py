@@ -40,6 +40,7 @@ def said(capsys: Any, *arguments: str) -> tuple[int, str, list[str]]:
     return status, shown.out, sorted(shown.err.splitlines())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("format_name", ["text", "json", "ndjson", "csv"])
 def test_two_processes_say_what_one_says(capsys: Any, folder: Path, format_name: str) -> None:
     arguments = ("-f", format_name, str(folder), str(folder / "empty"))

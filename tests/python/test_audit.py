@@ -97,6 +97,7 @@ def test_another_capture(path: Path) -> None:
     assert list(map(str, run.audit(path))) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", range(SLICES))
 def test_random_conversations(number: int, tmp_path: Path) -> None:
     @seed(number)
@@ -183,6 +184,7 @@ def test_a_false_argument_is_noticed() -> None:
     assert {f"DS{number}" for number in range(801, 816)} <= set(tried)
 
 
+@pytest.mark.slow
 def test_a_false_frame_is_noticed() -> None:
     missed, tried = [], Counter[str]()
     for path in [*lines_of_profibus(), *STORED]:

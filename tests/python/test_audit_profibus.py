@@ -17,6 +17,7 @@ from tests.audit.reading import Reading
 LINES = 40
 
 
+@pytest.mark.slow
 def test_random_lines(tmp_path: Path) -> None:
     @seed(7)
     @settings(

@@ -164,6 +164,7 @@ def test_two_copies_are_told_in_one_line(bundle, pdml, captures, tmp_path):
     assert "two copies" not in errors
 
 
+@pytest.mark.slow
 def test_the_wheel_installs_the_plugin(bundle: Path, repository: Path, tmp_path: Path) -> None:
     """Built and unpacked as pip would, the command finds the plugin without the checkout."""
     build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", tmp_path / "dist"]

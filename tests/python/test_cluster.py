@@ -201,6 +201,7 @@ def test_a_lost_worker_costs_its_files_again_and_nothing_else(
         assert path.read_bytes() == (results / path.name).read_bytes()
 
 
+@pytest.mark.slow
 def test_ctrl_c_leaves_whole_results(captures: Path, cluster: Cluster, tmp_path: Path) -> None:
     many = tmp_path / "many"
     many.mkdir()
@@ -575,6 +576,7 @@ def test_without_fsspec(monkeypatch: Any) -> None:
     assert remote.facts("s3://bucket/x.pcap") == (0, None)
 
 
+@pytest.mark.slow
 def test_what_the_loop_of_dask_says_while_it_ends_is_not_shown() -> None:
     """A callback that fails after Ctrl-C is Tornado's to log; it would stand above our one line."""
     program = (

@@ -322,6 +322,7 @@ RANDOM = given(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @example(steps=[("control", 0x047F), ("change", 52), ("change", 304)], begin=0x047E, telegram=353)
 @example(

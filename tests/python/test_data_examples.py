@@ -156,6 +156,7 @@ def known(value: Any) -> Any:
     return value if value == value else None
 
 
+@pytest.mark.slow
 def test_errors_per_code(examples, transactions):
     expected = expected_errors(transactions)
     assert expected[(0, "Illegal parameter number: the parameter does not exist")] > 5

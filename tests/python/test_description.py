@@ -136,6 +136,7 @@ def by_chance(chance: random.Random) -> dict[str, str]:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", LUAS)
 def test_lua_says_the_same_of_anything(version: str) -> None:
     chance = random.Random(20)

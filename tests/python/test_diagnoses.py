@@ -188,6 +188,7 @@ def test_corrected_requests(name: str, tmp_path: Path) -> None:
     assert not request.flaws
 
 
+@pytest.mark.slow
 def test_no_other_scenario_has_a_corrected_request(tmp_path: Path) -> None:
     given = {
         name.removeprefix(TOPIC)
@@ -572,6 +573,7 @@ def test_every_diagnosis_in_chinese(name: str, tmp_path: Path) -> None:
     assert "{" not in sentence(diagnosis, "zh")
 
 
+@pytest.mark.slow
 def test_the_page_is_what_the_captures_say() -> None:
     tool = ROOT / "tools" / "make_diagnoses.py"
     done = subprocess.run([sys.executable, str(tool), "--check"], capture_output=True, text=True)

@@ -502,6 +502,7 @@ def test_every_line_about_captures_of_real_stacks(shared: Path, names: tuple[str
     assert seen["open" if "o3" not in names else "only"]
 
 
+@pytest.mark.slow
 def test_every_line_about_stored_captures(captures: Path) -> None:
     paths = [
         *captures.glob("conversation-*.pcapng"),
@@ -537,6 +538,7 @@ def changed(capture: Json, chance: random.Random) -> Json:
     return copy
 
 
+@pytest.mark.slow
 def test_every_line_about_captures_that_differ_at_random(captures: Path) -> None:
     chance = random.Random(1)
     seen: Counter[str] = Counter()

@@ -125,6 +125,7 @@ def test_the_options_are_those_of_the_plugin(
         assert as_json(ready("both", options).analyze(path)) == as_json(analyze(path, options))
 
 
+@pytest.mark.slow
 def test_transactions_one_by_one(ready: Callable[..., Engine]) -> None:
     path = CAPTURES / "tour-machine.pcapng"
     handed: list[tuple[Transaction, list[Finding]]] = []
@@ -172,6 +173,7 @@ def buried(path: Path) -> dict[int, int]:
     return places
 
 
+@pytest.mark.slow
 def test_only_frames_that_matter_go_through_tshark(
     ready: Callable[..., Engine], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -264,6 +266,7 @@ def at_times(path: Path, times: Callable[[int], int]) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_times_before_1970(ready: Callable[..., Engine], tmp_path: Path) -> None:
     path = at_times(tmp_path / "1930.pcapng", lambda ns: ns - 3 * 10**18)
     native = analyze(path)
@@ -272,6 +275,7 @@ def test_times_before_1970(ready: Callable[..., Engine], tmp_path: Path) -> None
         assert as_json(ready(name).analyze(path)) == as_json(native)
 
 
+@pytest.mark.slow
 def test_a_clock_that_is_set_by_decades(ready: Callable[..., Engine], tmp_path: Path) -> None:
     """More than a double holds in nanoseconds, forth and back, between transactions and within one."""
     path = tmp_path / "decades.pcapng"
@@ -285,6 +289,7 @@ def test_a_clock_that_is_set_by_decades(ready: Callable[..., Engine], tmp_path: 
     assert as_json(ready().analyze(moved)) == as_json(native)  # not one DS601
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("link_type", [PROFIBUS_DL, USER0])
 def test_profibus(link_type: int, ready: Callable[..., Engine], tmp_path: Path) -> None:
     path = tmp_path / "bus.pcapng"
@@ -361,6 +366,7 @@ def test_s7_of_scenes_by_chance(ready: Callable[..., Engine], tmp_path: Path) ->
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_s7_as_a_user_chooses(ready: Callable[..., Engine], tmp_path: Path) -> None:
     """Another port, what a server copies at once, and what is read back: other findings than without."""
     path = tmp_path / "chosen.pcap"
@@ -459,6 +465,7 @@ def test_a_single_time_before_1970(ready: Callable[..., Engine], tmp_path: Path)
     assert as_json(both) == as_json(native)
 
 
+@pytest.mark.slow
 def test_a_capture_that_lost_frames_says_so(ready: Callable[..., Engine], tmp_path: Path) -> None:
     for name in (
         "conversation-orphan",
@@ -643,6 +650,7 @@ def test_where_the_plugin_is_not_loaded(program: str, tmp_path: Path) -> None:
         Engine("tshark", AnalysisOptions(), str(path))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="a shell script")
 def test_a_plugin_of_another_version_is_in_the_way(program: str, tmp_path: Path) -> None:
     path = tmp_path / "tshark"
@@ -695,6 +703,7 @@ def test_preferences_are_complete() -> None:
     assert all(each.split(":")[1] for each in engine.preferences(AnalysisOptions()))
 
 
+@pytest.mark.slow
 def test_lists_of_the_user_count(ready: Callable[..., Engine]) -> None:
     rows = [
         Row(21, "Speed now", None, "1/min", None, {}),

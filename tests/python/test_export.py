@@ -796,6 +796,7 @@ def test_writing_leaves_no_byte_as_it_was() -> None:
 # Examples
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     ["tour-machine", "real-stacks/o3_two_controllers", "cyclic-changed-after-off1", "s7-stacks/errors_pure_pure"],

@@ -156,6 +156,7 @@ def _without_times(text: str) -> str:
     return re.sub(r' time="[^"]*"', "", text)
 
 
+@pytest.mark.slow
 def test_every_stored_capture_survives_the_way_through_json(captures: Path) -> None:
     corrected = 0
     for path in sorted(captures.glob("*.pcap*")):
@@ -379,6 +380,7 @@ def test_a_name_that_is_too_long_costs_only_its_capture(
         assert len(made["overview.json"]["captures"]) == 7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_full_disk_ends_the_run(tmp_path: Path, jobs: int) -> None:
     """What ails every result is said once, not once a capture."""

@@ -65,6 +65,7 @@ WIRES = st.one_of(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=2000)
 @given(WIRES)
 def test_the_value_of_a_float32_gives_its_bytes_again(wire: bytes) -> None:

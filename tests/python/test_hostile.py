@@ -488,15 +488,18 @@ def rereads(wire_, number):
     yield wire_.read_response(ar(0), answer(1, 0), sequence=number + 9)
 
 
+@pytest.mark.slow
 def test_a_finished_transaction_leaves_nothing_behind():
     assert growth(finished, 256, 512) < 16
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small")
 def test_a_released_ar_leaves_nothing_behind():
     assert growth(reconnects, 256, 512) < 16
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stream", [polls, rereads], ids=lambda each: each.__name__)
 @pytest.mark.usefixtures("small")
 def test_an_endless_transaction_does_not_grow(stream):
@@ -622,6 +625,7 @@ def test_a_stream_costs_its_length(stream):
     assert is_linear(work, 150)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small")
 def test_a_full_analysis_costs_the_length_of_its_stream():
     def work(size):

@@ -190,6 +190,7 @@ def shown(path: Path | None, plugin: Path = PLUGIN) -> tuple[list[list[str]], st
     return [[*told.split("\t"), line] for told, line in rows], result.stderr
 
 
+@pytest.mark.slow
 @needs_tshark
 def test_tshark_shows_what_the_report_shows(taken: Path) -> None:
     main(["params", "export", str(taken / "a.tsv")])
@@ -201,6 +202,7 @@ def test_tshark_shows_what_the_report_shows(taken: Path) -> None:
     assert plain[-1][0] == "Actual speed, smoothed,Actual current, absolute value, smoothed"
 
 
+@pytest.mark.slow
 @needs_tshark
 @pytest.mark.parametrize("text", ["number,name\n", "ds47-parameters\t1\nlist\tx\t\n", "\0"])
 def test_a_broken_file_costs_one_line(text: str, tmp_path: Path) -> None:
@@ -214,6 +216,7 @@ def test_a_broken_file_costs_one_line(text: str, tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.slow
 @needs_tshark
 def test_a_file_that_is_not_there_costs_one_line(tmp_path: Path) -> None:
     rows, said = shown(tmp_path / "none.tsv")

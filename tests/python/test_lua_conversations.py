@@ -31,6 +31,7 @@ def run(version: str, *command: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 @pytest.mark.parametrize("version", ["5.2", "5.3", "5.4"])
 def test_every_conversation(version: str, path: Path) -> None:

@@ -152,6 +152,7 @@ def _pair(said: Said | None) -> list[Any] | None:
     return None if said is None else list(said)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", LUAS)
 @pytest.mark.parametrize("seed", range(3))
 def test_both_learn_the_same(version: str, seed: int) -> None:

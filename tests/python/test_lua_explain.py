@@ -89,6 +89,7 @@ def test_every_entry_of_a_status_is_asked_for() -> None:
     assert len(seen) == len(table["status"]) + len(table["local"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [80, 100])
 @pytest.mark.parametrize("lang", ["en", "zh"])
 @pytest.mark.parametrize("lua", LUAS)

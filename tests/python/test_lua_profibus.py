@@ -301,6 +301,7 @@ def test_lines_of_printed_frames(lua: str) -> None:
     compare(lua, [frames, *shuffled])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lua", LUAS)
 def test_lines_by_chance(lua: str) -> None:
     compare(lua, by_chance())

@@ -76,6 +76,7 @@ def test_outcomes_are_counted(
     assert outcome.good is good
 
 
+@pytest.mark.slow
 def test_tests_are_told_the_tshark(
     matrix: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -201,6 +202,7 @@ def test_tests_of_many_captures_are_divided_and_no_others(monkeypatch: pytest.Mo
         ]
 
 
+@pytest.mark.slow
 def test_a_run_of_a_part_takes_its_tests(repository: Path) -> None:
     file = "tests/python/test_wireshark_packet_menu.py"
     command = [

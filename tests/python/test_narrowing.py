@@ -93,6 +93,7 @@ def options(data, whole):
     return words, lambda job, own: all(test(job, own) for test in tests)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("which", range(len(NAMES)))
 @settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
@@ -265,6 +266,7 @@ def test_every_format_can_be_narrowed(capsys, captures, kind):
         assert "已按 --transaction 2 筛选" in part
 
 
+@pytest.mark.slow
 def test_names_of_drive_objects_rest_on_the_whole_capture(capsys, captures):
     """That axis 2 is a drive object is shown by other transactions than the one that is left."""
     path = captures / "real-stacks" / "o3_two_controllers.pcapng"
@@ -330,6 +332,7 @@ def test_a_short_capture_is_told_whole_unless_a_summary_is_asked_for(capsys, cap
     assert "\nTransactions\n" not in summary
 
 
+@pytest.mark.slow
 def test_many_captures_are_a_screenful(capsys, captures):
     _, text, _ = run(capsys, captures)
     assert len(text.splitlines()) <= 60

@@ -110,6 +110,7 @@ def test_nothing_is_compiled_unless_it_is_asked_for(repository: Path, tmp_path: 
     ]
 
 
+@pytest.mark.slow
 def test_what_was_asked_for_and_cannot_be_compiled_is_said(
     repository: Path, tmp_path: Path
 ) -> None:

@@ -421,6 +421,7 @@ STEPS = st.lists(
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @given(STEPS)
 @settings(max_examples=20, deadline=None)
 def test_what_is_said_of_random_talk_is_so(steps: list[tuple[str, str, int]]) -> None:

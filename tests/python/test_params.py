@@ -284,6 +284,7 @@ def test_names_of_files_that_every_system_takes(name):
     assert not found.startswith(".")
 
 
+@pytest.mark.slow
 @given(st.lists(st.lists(st.text(max_size=8), max_size=5), max_size=6))
 def test_no_table_is_an_exception(table):
     told = "a list"

@@ -136,6 +136,7 @@ def test_drop_counters_are_the_last_of_each_interface() -> None:
 GOOD = make.section() + make.interface() + make.enhanced(CALL)
 
 
+@pytest.mark.slow
 def test_cut_off_at_every_byte() -> None:
     blocks = [make.section(), make.interface(), make.enhanced(make.RT), make.enhanced(CALL)]
     blocks += [simple(CALL), obsolete(CALL)]

@@ -147,6 +147,7 @@ SIGNALS = (
 """What Python on Windows does not have, the first two lists of os, the last of signal."""
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="there it is so")
 @pytest.mark.parametrize(
     "words",

@@ -547,6 +547,7 @@ def asked(shared_vectors: list[str]) -> Iterator[bytes]:
         ) + chance.randbytes(chance.randrange(20))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lua", LUAS)
 def test_lua_says_the_same(lua: str) -> None:
     file = ROOT.parent / "shared" / "reference" / "channel_vectors.json"

@@ -259,6 +259,7 @@ def test_a_wrong_byte_without_borders_costs_its_frame() -> None:
             assert list(lost(data, place, byte)) == [], (place, byte)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lua", LUAS)
 def test_lua_notices_every_wrong_bit(lua: str) -> None:
     """Each bit of each frame, turned: Lua says what Python says, and that is that the frame is wrong."""

@@ -68,6 +68,7 @@ def same_fields(item: telegram.Telegram, said: dict[str, Any]) -> None:
     assert ours == {name: said[name] for name in ours}
 
 
+@pytest.mark.slow
 @OFTEN
 @given(data=FRAMES)
 def test_every_field_of_a_frame(ask: Ask, data: bytes) -> None:
@@ -89,6 +90,7 @@ def test_the_lab_sends_what_pyprofibus_sends(ask: Ask) -> None:
     assert len(compared) > 200
 
 
+@pytest.mark.slow
 @OFTEN
 @given(
     content=st.binary(min_size=8, max_size=8),
@@ -112,6 +114,7 @@ def test_every_field_of_a_short_frame(ask: Ask, content: bytes, da: int, sa: int
             same_fields(item, said)
 
 
+@pytest.mark.slow
 @OFTEN
 @given(data=FRAMES, at=st.integers(0, 255), byte=st.integers(0, 255), keep=st.integers(0, 255))
 def test_both_refuse_the_same_damaged_frames(
@@ -164,6 +167,7 @@ def test_parameters(ask: Ask, du: bytes) -> None:
         assert found.watchdog_ms in (said["wdFact1"] * said["wdFact2"] * base for base in (1, 10))
 
 
+@pytest.mark.slow
 @OFTEN
 @given(du=st.lists(st.integers(0, 255).filter(lambda each: each & 0x30), max_size=20).map(bytes))
 def test_a_configuration_of_general_identifiers(ask: Ask, du: bytes) -> None:

@@ -123,6 +123,7 @@ def test_a_folder_without_captures_is_wrong_use(pytester, folder):
     pytester.runpytest_subprocess("--ds47", "captures", "empty").assert_outcomes(passed=3)
 
 
+@pytest.mark.slow
 def test_an_export_that_is_named_is_looked_at(pytester, folder):
     with_an_export(folder, None)
     pytester.runpytest_subprocess("--ds47", "captures/record-polls.ds47.pcapng").assert_outcomes(
@@ -130,6 +131,7 @@ def test_an_export_that_is_named_is_looked_at(pytester, folder):
     )
 
 
+@pytest.mark.slow
 def test_a_wrong_configuration_is_one_line(pytester, folder):
     (folder / "ds47.toml").write_text("[check]\nfail_on = 'sometimes'\n")
     result = pytester.runpytest_subprocess("--ds47", "captures")
@@ -138,6 +140,7 @@ def test_a_wrong_configuration_is_one_line(pytester, folder):
     assert "Traceback" not in result.stdout.str()
 
 
+@pytest.mark.slow
 def test_a_failure_says_what_changed(pytester, folder):
     stored = folder / "seed-g120-read.ds47.json"
     stored.write_text(stored.read_text("utf-8").replace("[0.0]", "[12.0]"), "utf-8")
@@ -148,6 +151,7 @@ def test_a_failure_says_what_changed(pytester, folder):
     )
 
 
+@pytest.mark.slow
 def test_a_cut_capture_fails(pytester, folder):
     whole = (folder / "record-polls.pcapng").read_bytes()
     (folder / "record-polls.pcapng").write_bytes(whole[:-20])
@@ -190,6 +194,7 @@ def test_the_fixture(pytester, folder, captures):
     assert "exception" not in result.stdout.str()
 
 
+@pytest.mark.slow
 def test_the_example_of_the_documentation(pytester, folder):
     blocks = re.findall(r"```python\n(.*?)```", DOCS.read_text("utf-8"), re.DOTALL)
     example = next(block for block in blocks if "ds47_capture" in block)

@@ -126,6 +126,7 @@ def test_pcap(
     assert len(threads) > before
 
 
+@pytest.mark.slow
 @many
 @given(st.lists(st.one_of(frame, st.integers(0, 4)), max_size=40), chunks, st.data())
 def test_pcapng(
@@ -195,6 +196,7 @@ def test_who_closes_early_ends_the_thread(capture: Capture) -> None:
     assert not capture.complete
 
 
+@pytest.mark.slow
 def test_who_forgets_it_ends_the_thread(threads: list[int], tmp_path: Path) -> None:
     opened = open_capture(large(tmp_path / "x.pcap"))
     next(iter(opened))

@@ -147,6 +147,7 @@ def run_of(text: str) -> dict[str, Any]:
 # SARIF
 
 
+@pytest.mark.slow
 def test_sarif_of_every_capture_is_valid(check_sarif, results):
     log = json.loads(written("sarif", results))
     check_sarif.validate(log)

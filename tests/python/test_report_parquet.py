@@ -313,6 +313,7 @@ def test_without_pyarrow_the_mend_is_said(monkeypatch, capsys, tmp_path, capture
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_file_and_pipe_are_the_same(arrow, captures, tmp_path):
     asked = ["report", str(captures / "tour-machine.pcapng"), "-f", "parquet"]
     target = tmp_path / "out.parquet"

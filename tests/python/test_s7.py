@@ -451,6 +451,7 @@ def gist(found: CaptureResult) -> list[tuple[Any, ...]]:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(
     sizes=st.lists(st.integers(1, 90), min_size=1, max_size=6),
@@ -643,6 +644,7 @@ def test_hostile_segments(rows: list[tuple[int, bytes, int]]) -> None:
 # How much is kept
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_capture() -> None:
     """Connections without number, holes that nobody fills, jobs and BSEND without end."""
 

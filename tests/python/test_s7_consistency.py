@@ -95,6 +95,7 @@ def parts(draw: st.DrawFn) -> list[Access]:
     return found
 
 
+@pytest.mark.slow
 @settings(max_examples=600, deadline=None)
 @given(
     parts(),
@@ -112,6 +113,7 @@ def test_all_orders_say_the_same(
     assert held(read, others, before) is naive(read, others, before)
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(parts(), st.lists(accesses(True), max_size=3), st.dictionaries(st.integers(0, 2), BYTES))
 def test_two_bytes_are_enough_to_tell(

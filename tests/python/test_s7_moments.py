@@ -536,6 +536,7 @@ def pieces(script: list[tuple[int, int, Any, int, int, int]]) -> dict[int, list[
     return found
 
 
+@pytest.mark.slow
 @settings(max_examples=400, deadline=None, suppress_health_check=list(HealthCheck))
 @given(
     scripts(),

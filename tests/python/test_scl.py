@@ -421,6 +421,7 @@ HOSTILE = st.one_of(
 """What stands behind the reference, or behind the header, of a response that nobody should trust."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "line",
     [

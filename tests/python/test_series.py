@@ -143,6 +143,7 @@ def whole_of(path: Path, folder: Path) -> tuple[list[WholeFrame], CaptureResult]
     return frames, analyze(write(folder / "whole.pcapng", frames))
 
 
+@pytest.mark.slow
 def test_a_capture_cut_before_every_frame_says_the_same(captures: Path, tmp_path: Path) -> None:
     transactions = 0
     for path in sorted(captures.rglob("*.pcapng")):
@@ -343,6 +344,7 @@ def test_a_series_in_json_says_where_its_files_begin(capsys: Any, plant: Path) -
         check.validate(json.loads(line))
 
 
+@pytest.mark.slow
 def test_a_series_is_the_same_from_processes_and_from_stored_results(
     capsys: Any, plant: Path, tmp_path: Path
 ) -> None:

@@ -218,6 +218,7 @@ def _of_s7(
 jobs = st.builds(_of_s7, transactions, numbers, st.lists(items, max_size=3), numbers, pairs)
 
 
+@pytest.mark.slow
 @settings(max_examples=300)
 @given(st.one_of(transactions, jobs), st.sampled_from(LANGUAGES))
 def test_the_line_of_a_transaction_is_its_dictionary(item: Transaction, lang: str) -> None:

@@ -98,6 +98,7 @@ def test_every_diagnosis_leads_to_its_picture() -> None:
     assert linked == {"-".join(each).lower() for each in headings}
 
 
+@pytest.mark.slow
 @needs_lua
 def test_every_field_that_tshark_knows_is_there(tmp_path: Path) -> None:
     program = os.environ.get("DS47_TSHARK") or shutil.which("tshark")

@@ -176,6 +176,7 @@ def test_every_last_value(path: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert all(refused[key] >= count for key, count in negative.items())
 
 
+@pytest.mark.slow
 def test_narrowed_to_a_drive_object(capsys: pytest.CaptureFixture[str]) -> None:
     path = next(each for each in CAPTURES if each.stem.startswith("o3"))
     everything = json.loads(told(capsys, "trail", "-f", "json", path))["captures"][0]["changes"]
@@ -186,6 +187,7 @@ def test_narrowed_to_a_drive_object(capsys: pytest.CaptureFixture[str]) -> None:
             assert found == [row for row in everything if row[key] == wanted]
 
 
+@pytest.mark.slow
 def test_there_are_old_values_of_both_kinds_and_all_outcomes(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

@@ -20,6 +20,7 @@ def compared(*names: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
 
 
+@pytest.mark.slow
 def test_blocks_that_the_built_in_reads_are_those_of_ds47() -> None:
     done = compared("seed-g120-read", "seed-dcm-change")
     assert done.returncode == 0, done.stderr
@@ -28,6 +29,7 @@ def test_blocks_that_the_built_in_reads_are_those_of_ds47() -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["message-error-no-words", "format-mixed"])
 def test_the_frames_that_the_page_names_do_not_agree(name: str) -> None:
     text = subprocess.run([real_tshark(), "-v"], capture_output=True, text=True, check=False).stdout

@@ -691,6 +691,7 @@ def test_a_pipe_from_dumpcap() -> None:
         assert watch.process.wait(20) == 0
 
 
+@pytest.mark.slow
 def test_an_end_after_a_time() -> None:
     needs_dumpcap()
     with watching("-i", "lo", "--duration", "1", stdin=subprocess.DEVNULL) as watch:

@@ -114,6 +114,7 @@ def test_a_physical_value_can_be_filtered(tshark: Tshark) -> None:
     assert found[1][1] == 'p1121[0] ("Ramp-down time") := 1500 (15.0 s)'
 
 
+@pytest.mark.slow
 def test_the_engine_reads_what_was_described(tshark: Tshark) -> None:
     native = analyze(DESCRIBED)
     found = Engine("tshark", AnalysisOptions()).analyze(DESCRIBED)

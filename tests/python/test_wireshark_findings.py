@@ -64,6 +64,7 @@ def below(lines: list[str], title: str) -> list[str]:
     return lines[start : ends[0] if ends else len(lines)]
 
 
+@pytest.mark.slow
 def test_the_summary_of_an_expert_info_is_the_title_of_the_rule(tmp_path: Path) -> None:
     """The summary by which the dialog groups is the registered text of an expert info."""
     listed = fields_of(tmp_path)
@@ -138,6 +139,7 @@ def test_a_finding_has_the_corrected_request_of_the_report(tshark: Tshark) -> No
     assert tshark("-r", CAPTURES[REFUSED], "-2", "-Y", filters, *columns("frame.number")) == "4\n"
 
 
+@pytest.mark.slow
 def test_what_was_refused_later_is_not_offered(tshark: Tshark) -> None:
     """Of all captures: a finding has a corrected request where its headline has one."""
     for name in sorted(CAPTURES):
@@ -176,6 +178,7 @@ def test_from_every_finding_a_link_leads_to_its_request(name: str, tshark: Tshar
         assert request is None or str(request) in links[str(each.frame)]
 
 
+@pytest.mark.slow
 def test_a_finding_names_its_parameter(tshark: Tshark) -> None:
     """A response may have the same finding for several."""
     name = "o3_two_controllers.pcapng"
@@ -189,6 +192,7 @@ def test_a_finding_names_its_parameter(tshark: Tshark) -> None:
         assert re.fullmatch(rf"DS410 error: {title}: p{number}\[\d+\]", line)
 
 
+@pytest.mark.slow
 def test_from_every_frame_links_lead_to_the_findings_of_its_transaction(tshark: Tshark) -> None:
     """Whoever looks at the response to a refused change is led to what to send instead, at its request."""
     name = "o3_two_controllers.pcapng"
@@ -226,6 +230,7 @@ def test_a_status_has_its_words(tshark: Tshark) -> None:
     assert wanted in tree(tshark, name)
 
 
+@pytest.mark.slow
 def test_messages_stand_at_their_bytes(tmp_path: Path) -> None:
     """In every frame that has a message: the field has the place of the bytes and is not generated."""
     for name in (REFUSED, "transport-rpc-fragments.pcapng", "conversation-wrong-reference.pcapng"):
@@ -255,6 +260,7 @@ def mirrored(path: Path, target: Path) -> Path:
     return target
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("passes", [(), COMPLETE], ids=["one pass", "two passes"])
 @pytest.mark.parametrize(
     "name",
@@ -280,6 +286,7 @@ def test_a_copy_names_its_original(
     assert len(with_transaction) == count
 
 
+@pytest.mark.slow
 def test_a_copy_says_so_in_its_columns_and_its_tree(tshark: Tshark) -> None:
     (line,) = tshark("-r", CAPTURES[COPIES], "-Y", "frame.number == 2").splitlines()
     assert re.search(r" DS47 .* duplicate of frame 1$", line)

@@ -98,6 +98,7 @@ def sent_and_shown(path: Path, wire: socket.socket, home: Path, *arguments: str)
     return out.splitlines()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", [TOUR, DRIVE], ids=lambda path: path.stem)
 def test_a_live_capture_is_decoded_as_the_stored_one(
     path: Path, wire: socket.socket, tmp_path: Path

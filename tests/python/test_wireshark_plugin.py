@@ -605,6 +605,7 @@ def test_a_change_response_has_the_fields_of_its_own_bytes(tshark: Tshark, make:
     ]
 
 
+@pytest.mark.slow
 def test_a_format_matches_where_it_is_in_the_frame(tshark: Tshark, make: Any) -> None:
     path = make(changes)
     numbers = columns("frame.number")
@@ -827,6 +828,7 @@ def test_the_protocol_tree_begins_with_the_sentence(tshark: Tshark, make: Any) -
     assert all(f"\nDS47 {text}\n" in shown for text in short)
 
 
+@pytest.mark.slow
 def test_the_info_column_has_names_and_units(tshark: Tshark) -> None:
     """Of one parameter or two; with more the line grows long."""
     said = sentences(tshark("-r", CAPTURES["tour-machine.pcapng"], *COMPLETE, "-Y", "ds47"))
@@ -852,6 +854,7 @@ def test_frames_of_others_are_left_alone(tshark: Tshark) -> None:
     assert " DS47 " not in tshark("-r", path)
 
 
+@pytest.mark.slow
 def test_no_field_is_added_when_nobody_wants_one(tshark: Tshark, tmp_path: Path) -> None:
     """A second script counts how often the tree is asked for."""
     script = tmp_path / "count.lua"

@@ -233,6 +233,7 @@ def frames_by_chance() -> tuple[bytes, ...]:
     return (shots(request())[2][1], *(data for data in asked([]) if data))
 
 
+@pytest.mark.slow
 def test_fields_of_frames_are_those_of_python(tshark: Tshark, tmp_path: Path) -> None:
     frames = frames_by_chance()
     path = saved(tmp_path / "frames.pcapng", frames)
@@ -250,6 +251,7 @@ def test_chance_leaves_no_field_out() -> None:
     assert set(KEYS) - seen == set()
 
 
+@pytest.mark.slow
 def test_fields_stand_at_their_bytes(tshark: Tshark, tmp_path: Path) -> None:
     path = saved(tmp_path / "line.pcapng", shots(request()))
     places = {
@@ -385,6 +387,7 @@ def test_one_pass_shows_what_earlier_frames_prove(
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_everything_that_is_wrong(
     tshark: Tshark, tmp_path: Path, way: tuple[int, tuple[str, ...]]
 ) -> None:
@@ -406,6 +409,7 @@ def test_everything_that_is_wrong(
     assert "check byte is" in damaged
 
 
+@pytest.mark.slow
 def test_lines_by_chance(tshark: Tshark, tmp_path: Path) -> None:
     for seed in range(3):
         path = saved(tmp_path / "line.pcapng", shots(test_profibus_bus.by_chance(seed)[0]))
@@ -446,6 +450,7 @@ def on_profibus(name: str, folder: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", STORIES)
 def test_words_and_events_of_a_ppo(name: str, tshark: Tshark, tmp_path: Path) -> None:
     path = on_profibus(name, tmp_path)
@@ -488,6 +493,7 @@ def without_plugin(home: Path, *arguments: str | Path) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("link", [PROFIBUS_DL, 300, USER0])
 @pytest.mark.parametrize("options", [(), ON])
 def test_frames_that_are_not_profibus_stay_as_they_were(
@@ -505,6 +511,7 @@ def test_frames_that_are_not_profibus_stay_as_they_were(
             )
 
 
+@pytest.mark.slow
 def test_user0_is_taken_by_preference_alone(tshark: Tshark, tmp_path: Path) -> None:
     path = saved(tmp_path / "line.pcap", shots(request()), USER0)
     assert tshark("-r", path, "-Y", "ds47 || ds47_profibus") == ""
@@ -582,6 +589,7 @@ def test_frames_before_the_proof_count_of_257(tshark: Tshark, tmp_path: Path) ->
     assert (one, two) == (list(map(str, range(4, 12))), list(map(str, range(1, 12))))
 
 
+@pytest.mark.slow
 def test_of_user0_they_do_not(tshark: Tshark, tmp_path: Path) -> None:
     path = saved(tmp_path / "line.pcap", shots(early()), USER0)
     assert compare(tshark, path, *ON).findings == []
@@ -593,6 +601,7 @@ def test_of_user0_they_do_not(tshark: Tshark, tmp_path: Path) -> None:
 # Words of a PPO, and all of the line in other words
 
 
+@pytest.mark.slow
 def test_words_stand_in_each_frame(tshark: Tshark, tmp_path: Path) -> None:
     """STW1 and ZSW1 of a drive behind PKW, whether they changed or not; PKW that stands is text."""
     path = on_profibus("start-and-stop", tmp_path)
@@ -625,6 +634,7 @@ def test_a_ppo_that_is_named(tshark: Tshark, tmp_path: Path) -> None:
     assert tshark("-r", path, *COMPLETE, *names) == ""
 
 
+@pytest.mark.slow
 def test_the_report_is_that_of_the_command(tshark: Tshark, tmp_path: Path) -> None:
     path = saved(tmp_path / "line.pcapng", shots(test_profibus_bus.everything_wrong()))
     text = tshark("-q", "-X", "lua_script1:report", "-X", f"lua_script1:name={path}", "-r", path)
@@ -653,6 +663,7 @@ def hostile(chance: random.Random) -> Iterator[bytes]:
         yield chance.choice(heads) + chance.randbytes(chance.choice((0, 1, 3, 8, 40, 300)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_no_bytes_stop_it(seed: int, tshark: Tshark, tmp_path: Path) -> None:
     """The runner fails where Lua does."""

@@ -95,6 +95,7 @@ def with_hex_slots(cells: list[str]) -> list[str]:
     return [*cells[:-1], slots]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", STORIES)
 def test_a_filter_finds_the_events_of_the_analyzer(name: str, tshark: Tshark) -> None:
     wanted = events_of(analyze(CAPTURES[name]))
@@ -118,6 +119,7 @@ def test_events_have_words_of_both_languages(tshark: Tshark) -> None:
     assert shown == events_of(result, "zh") != events_of(result)
 
 
+@pytest.mark.slow
 def test_events_are_expert_infos_and_faults_are_warnings(tshark: Tshark, tmp_path: Path) -> None:
     path = scene("fault", tmp_path)
     for name, severity in (("fault", "Warning"), ("running", "Note")):
@@ -288,6 +290,7 @@ def test_values_are_the_points_of_the_analyzer(tshark: Tshark) -> None:
             assert kind[time] == pytest.approx(point.least / 163.84)
 
 
+@pytest.mark.slow
 def test_fields_stand_at_the_bytes_that_the_built_in_shows(tshark: Tshark) -> None:
     for frame, name in ((627, "stw1"), (842, "zsw1")):
         text = tshark("-r", STORY, *COMPLETE, "-Y", f"frame.number == {frame}", *PDML)
@@ -317,6 +320,7 @@ def test_each_bit_has_its_words(tshark: Tshark) -> None:
             assert told == (bit.text(0xFB37, lang) or str(value))
 
 
+@pytest.mark.slow
 def test_the_words_of_the_only_telegram(tshark: Tshark, tmp_path: Path) -> None:
     """Telegram 352 has the number of the fault."""
     path = scene("fault-with-number", tmp_path)
@@ -380,6 +384,7 @@ def test_a_graph_of_setpoint_and_actual_value(tshark: Tshark) -> None:
     assert (float(found[0][1]), float(found[-1][1])) == (0, pytest.approx(60, abs=2))
 
 
+@pytest.mark.slow
 def test_the_window_of_drives(tshark: Tshark) -> None:
     text = tshark("-q", "-X", "lua_script1:drives", "-r", STORY)
     lines = text.splitlines()
@@ -398,6 +403,7 @@ def test_the_window_of_drives(tshark: Tshark) -> None:
     assert none.splitlines()[1] == "No drive was seen in the cyclic frames of this capture."
 
 
+@pytest.mark.slow
 def test_graphs_of_the_profile(tshark: Tshark) -> None:
     """Eight values in each line: 3.4 takes no more, later ones fewer. One bad line, and none is taken."""
     folder = Path(__file__).parents[2] / "dissector/profile"
@@ -418,6 +424,7 @@ def test_graphs_of_the_profile(tshark: Tshark) -> None:
         assert tshark("-r", path, *COMPLETE, "-Y", wanted or "frame")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ways", [(), ("-2",)])
 def test_a_drive_that_is_named_by_hand(
     ways: tuple[str, ...], tshark: Tshark, tmp_path: Path

@@ -144,6 +144,7 @@ def test_reports_are_those_of_the_analyzer(
     assert table.read_bytes().decode() == expected.getvalue()
 
 
+@pytest.mark.slow
 def test_the_rows_of_many_conversations_at_once_are_those_of_the_analyzer(
     shark: Run, plugin: list[str], repository: Path, tmp_path: Path
 ) -> None:
@@ -160,6 +161,7 @@ def test_the_rows_of_many_conversations_at_once_are_those_of_the_analyzer(
     assert sorted(lines) == sorted(expected.getvalue().splitlines())
 
 
+@pytest.mark.slow
 def test_statistics_are_the_same_however_the_file_is_read(
     shark: Run, plugin: list[str], tour: Path
 ) -> None:
@@ -240,6 +242,7 @@ def test_a_report_without_a_name_begins_with_its_frames(
     assert shark("-q", *plugin, *asked("report"), "-r", tour).out.startswith("35 frames\nNOT OK: ")
 
 
+@pytest.mark.slow
 def test_only_ipv4_has_to_be_enabled(shark: Run, plugin: list[str], tour: Path) -> None:
     """As "Check installation" says."""
     for name, frames in (("dcerpc", 34), ("pn_io", 34), ("udp", 34), ("ip", 0)):
@@ -287,6 +290,7 @@ def colours(shark: Run, *arguments: str | Path) -> dict[str, str]:
     return dict(line.split("\t") for line in out.splitlines())
 
 
+@pytest.mark.slow
 def test_colours_of_the_profile(
     shark: Run, plugin: list[str], profile: list[str], tour: Path, captures: Path
 ) -> None:
@@ -409,6 +413,7 @@ def add_profile(shark: Run, tmp_path: Path, *arguments: str | Path) -> str:
     return told(shark, tmp_path, call, *arguments)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("single", [False, True])
 def test_the_plugin_adds_the_profile(
     single: bool, shark: Run, home: Path, tour: Path, repository: Path, tmp_path: Path

@@ -66,6 +66,7 @@ def of_dialect(dialect: tuple[bool, bool]) -> list[dict[str, Any]]:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "dialect", [(False, False), (True, False), (False, True), (True, True)], ids=str
 )
