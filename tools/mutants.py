@@ -1,4 +1,4 @@
-"""Changes one thing in the rules, the totals or the statistics, and looks whether a test notices.
+"""Changes one thing in pairing, the rules, the totals or the statistics, and looks whether a test notices.
 
     .venv/bin/python tools/mutants.py --number 100 --seed 1      prints a line for each that lives, and the sums
 
@@ -82,7 +82,11 @@ S7 = (
 S7_BY_CHANCE = "test_lua_s7_scenes:5.4 and not zh"
 S7_QUESTIONS = "test_lua_s7:5.4 and questions"
 LUA_S7 = ("test_lua_s7_near:5.4", "test_s7_limits:5.4", S7_BY_CHANCE, "test_lua_analysis:5.4-en")
+WHOLE = ("test_conversations", "test_real_stacks", "test_stored_captures", "test_hostile")
 TESTS: dict[str, tuple[str, ...]] = {
+    "python/ds47/acyclic/pairing.py": ("test_pairing", "test_profibus_calls", *WHOLE),
+    "python/ds47/profinet/calls.py": ("test_calls", *WHOLE),
+    "python/ds47/profinet/rpc.py": ("test_rpc", "test_calls", "test_short_ways", *WHOLE),
     "python/ds47/acyclic/judge.py": RULES,
     "python/ds47/acyclic/readback.py": RULES,
     "python/ds47/profidrive/dictionary.py": ("test_dictionary", "test_learning"),

@@ -24,6 +24,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = ROOT / "tests" / "lua" / "parameter_lists.lua"
 PLUGIN = ROOT / "dissector" / "ds47.lua"
 CAPTURE = ROOT / "captures" / "conversation-partial-read.pcapng"
+pytestmark = pytest.mark.plugin
 TSHARK = os.environ.get("DS47_TSHARK") or shutil.which("tshark")
 needs_tshark = pytest.mark.skipif(
     TSHARK is None and not os.environ.get("DS47_CI"), reason="no tshark"

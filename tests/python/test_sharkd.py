@@ -20,6 +20,7 @@ from test_wireshark_plugin import BROKEN, CAPTURES
 from ds47.analysis import analyze
 from ds47.cli import main
 
+pytestmark = pytest.mark.plugin
 TOUR = CAPTURES["tour-machine.pcapng"]
 COLUMNS = '"No.","%m","Protocol","%p","PNU","%Cus:ds47.pnu:0:R","Device","%Cus:ds47.device:0:R"'
 
