@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parents[1]
 GENERATED = ("make_tables.py", "make_man.py", "readme_report.py")
 NAMED = (
     "Makefile",
-    "docs/development.md",
+    "docs/developers/development.md",
     "docs/wireshark.md",
     "tools/make_bundle.py",
     "dissector/ds47_ws/menu.lua",

@@ -1,5 +1,5 @@
 """How the modules of the package depend on each other: in no circle, and a room only on those below it
-(docs/development.md).
+(docs/developers/development.md).
 
 Imports inside functions and for the type checker count as all others.
 """
@@ -75,8 +75,8 @@ def room(module: str) -> str:
 
 
 def floors() -> list[str]:
-    """The rooms in the order of the table in docs/development.md, the lowest first."""
-    page = (REPOSITORY / "docs" / "development.md").read_text("utf-8")
+    """The rooms in the order of the table in docs/developers/development.md, the lowest first."""
+    page = (REPOSITORY / "docs/developers/development.md").read_text("utf-8")
     table = page[page.index("| room (under") :].split("\n\n", 1)[0]
     return re.findall(r"^\| `([a-z][a-z0-9]*)(?:\.py|/)`", table, re.MULTILINE)
 

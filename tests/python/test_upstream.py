@@ -1,4 +1,4 @@
-"""What docs/upstream.md says of Wireshark's own decoder: the comparison in tools/, and the patch as a text."""
+"""What docs/developers/upstream.md says of Wireshark's own decoder: the comparison in tools/, and the patch as a text."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from fake_tshark import real_tshark
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGE = (ROOT / "docs/upstream.md").read_text("utf-8")
+PAGE = (ROOT / "docs/developers/upstream.md").read_text("utf-8")
 
 
 def compared(*names: str) -> subprocess.CompletedProcess[str]:
