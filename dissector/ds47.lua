@@ -69,11 +69,10 @@ lists.configure(folder)
 require("ds47_ws.profile").configure(folder)
 local ds47_words = Proto("ds47_pzd", "DS47 PZD (control and status word of a drive)")
 local ds47_bus = Proto("ds47_profibus", "PROFIBUS DP")
-local ds47_s7 = Proto("ds47_s7", "DS47 S7 (jobs of S7 communication)")
 local ds47_copy = Proto("ds47_copy", "DS47 copy (a frame that was captured twice)")
 local fields, experts = ds47_fields.define(ds47, ds47_words, ds47_bus)
 local tree_of = later("ds47_ws.tree", function(module)
-  module.configure(ds47, ds47_words, fields, experts, ds47_s7)
+  module.configure(ds47, ds47_words, fields, experts)
 end)
 local bus_tree_of = later("ds47_ws.profibus_tree", function(module)
   module.configure(ds47_bus, fields, experts)
@@ -92,7 +91,7 @@ local WINDOW = gui_enabled()
 clock.configure(Field.new("frame.time_epoch"), WINDOW)
 
 -- To ask whether anybody wants fields of ours.
-local this_dissector, words_dissector, bus_dissector, s7_dissector
+local this_dissector, words_dissector, bus_dissector
 local referenced -- the method of all trees that tells it: looking it up costs as much as asking
 local on_bus = false -- whether this is a frame of PROFIBUS, which is shown already
 
@@ -345,10 +344,8 @@ local function dissect_again(tvb, pinfo, tree, number, offset)
   passes.came_again()
   local reading = wanted_fields.reading(tree, number, false)
   local views, findings = track.complete_views(number)
-  if views then -- columns of S7 are those of the dissector that is there
-    local is_s7 = track.is_s7(views)
-    local columns = not is_s7 and columns_of(pinfo, reading) or nil
-    local whole = is_wanted(tree, this_dissector, reading) or is_s7 and tree:referenced(s7_dissector)
+  if views then
+    local columns, whole = columns_of(pinfo, reading), is_wanted(tree, this_dissector, reading)
     show(views, findings, NONE, tvb, columns, tree, OF_RECORDS, offset, whole, reading)
   end
   show_copy(number, pinfo, tree, reading, true)
@@ -388,18 +385,11 @@ function ds47.dissector(tvb, pinfo, tree)
       show_copy(number, pinfo, tree, reading, false)
     end
     passes.came(pinfo)
-  elseif track.feed_segment(number, frame, offset, clock.now) then
-    local reading = wanted_fields.reading(tree, number, true)
-    local whole = is_wanted(tree, this_dissector, reading) or tree:referenced(s7_dissector)
-    local views, findings = track.live_s7_views(whole)
-    show(views, findings, NONE, tvb, nil, tree, OF_RECORDS, offset, whole, reading)
-    passes.came(pinfo)
   end
 end
 
--- Nothing is given to these: a protocol has to have one before anybody can ask for its fields.
+-- Nothing is given to it: a protocol has to have one before anybody can ask for its fields.
 function ds47_words.dissector() end
-function ds47_s7.dissector() end
 
 local function begin_anew()
   on_bus = false
@@ -416,7 +406,6 @@ function ds47.init()
   this_dissector = this_dissector or Dissector.get("ds47")
   words_dissector = words_dissector or Dissector.get("ds47_pzd")
   bus_dissector = bus_dissector or Dissector.get("ds47_profibus")
-  s7_dissector = s7_dissector or Dissector.get("ds47_s7")
   begin_anew()
 end
 

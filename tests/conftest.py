@@ -103,8 +103,8 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 LONG = (
     "test_compiled.py", "test_wireshark_vectors.py", "test_lua_analysis.py", "test_one_page.py",
-    "test_cyclic_scenes.py", "test_engine.py", "test_wheelhouse.py", "test_audit.py", "test_lua_s7.py",
-    "test_folders.py", "test_profibus_master.py", "test_wireshark_s7_plugin.py",
+    "test_cyclic_scenes.py", "test_engine.py", "test_wheelhouse.py", "test_audit.py",
+    "test_folders.py", "test_profibus_master.py",
 )  # fmt: skip
 """Files that take the longest, the longest first."""
 

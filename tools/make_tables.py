@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from ds47 import __version__, spec
-from ds47.spec import codes, cyclic, descriptions, explanations, profibus, s7, semantics
+from ds47.spec import codes, cyclic, descriptions, explanations, profibus, semantics
 from ds47.spec.reporting import COVERS, covers, report_words
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -258,12 +258,17 @@ def _status() -> Iterator[str]:
     yield from block("M.status.words", {lang: spec.status(lang).words for lang in LANGUAGES})
 
 
+def _plugin_rules() -> dict[str, spec.Rule]:
+    return {number: row for number, row in spec.rules().items() if not row.analyzer_only}
+
+
 def _rules() -> Iterator[str]:
-    names = tuple(name for name in spec.Rule.__annotations__ if name not in ("group", "args"))
+    left_out = ("analyzer_only", "group", "args")
+    names = tuple(name for name in spec.Rule.__annotations__ if name not in left_out)
     yield from block(
-        "M.rules", {number: fields(row, names) for number, row in spec.rules().items()}
+        "M.rules", {number: fields(row, names) for number, row in _plugin_rules().items()}
     )
-    for number, row in spec.rules().items():
+    for number, row in _plugin_rules().items():
         if row.group or number.startswith("DS7"):
             yield f"M.rules.{number}.group = {literal(row.group)}"
         if row.args:
@@ -271,7 +276,7 @@ def _rules() -> Iterator[str]:
 
 
 def _experts() -> Iterator[str]:
-    rules = sorted(spec.rules().items())
+    rules = sorted(_plugin_rules().items())
     return block(
         "M.experts", [fields(row, ("id", "title", "severity", "expert")) for _, row in rules]
     )
@@ -401,29 +406,6 @@ def _profibus() -> Iterator[str]:
     }
     yield from block("M.profibus.flaws", flaws)
     yield from block("M.profibus.words", profibus.words())
-
-
-def _s7() -> Iterator[str]:
-    yield "M.s7 = {}"
-    for name in s7.CODES:
-        own = "functions" if name == "function" else name  # a keyword of Lua
-        yield from rows(f"M.s7.{own}", s7.codes(name), ("id", "en", "zh", "last"))
-    area = ("letter", "en", "zh", "elements", "numbered")
-    yield from rows("M.s7.areas", s7.areas(), area)
-    yield from rows("M.s7.sizes", s7.sizes(), ("id", "bits", "letter"))
-    yield from rows("M.s7.data_sizes", s7.data_sizes(), ("id", "bits"))
-    cpus = s7.cpus().values()
-    blocks = {f'["{row.id}"]': fields(row, ("block", "en", "zh")) for row in cpus}
-    yield from block("M.s7.cpus", blocks)
-    yield from block("M.s7.orders", [fields(row, ("number", "cpu")) for row in s7.orders()])
-    yield from block(
-        "M.s7.rooms", {name: fields(row, ("fixed", "each")) for name, row in s7.rooms().items()}
-    )
-    flaws = {
-        name: {lang: s7.flaw_template(name, lang) for lang in LANGUAGES} for name in s7.flaw_ids()
-    }
-    yield from block("M.s7.flaws", flaws)
-    yield from block("M.s7.words", s7.words())
 
 
 def _explain() -> Iterator[str]:
@@ -562,7 +544,6 @@ def generate() -> str:
         later("pkw", _pkw()),
         later("pzd", _pzd()),
         later("profibus", _profibus()),
-        later("s7", _s7()),
         later("explain", _explain()),
         ["return M"],
     )

@@ -9,7 +9,6 @@
 
 local description_rows = require("ds47_ws.description_fields")
 local profibus_fields = require("ds47_ws.profibus_fields")
-local s7_rows = require("ds47_ws.s7_fields")
 local tables = require("ds47.spec.tables")
 local types = require("ds47_ws.types")
 
@@ -315,10 +314,8 @@ end
 function M.define(proto, words, bus)
   local fields = {}
   local list = add_fields(fields, FIELDS)
-  for _, rows in ipairs({ description_rows, s7_rows }) do
-    for _, field in ipairs(add_fields(fields, rows)) do
-      list[#list + 1] = field
-    end
+  for _, field in ipairs(add_fields(fields, description_rows)) do
+    list[#list + 1] = field
   end
   proto.fields = list
   define_words(words, fields)

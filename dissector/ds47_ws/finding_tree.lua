@@ -7,7 +7,6 @@
 local json = require("ds47.support.json")
 local later = require("ds47.support.later").module
 local own_experts = require("ds47_ws.experts")
-local s7_tree = later("ds47_ws.s7_tree")
 local sentences = require("ds47.report.sentences")
 local suggest = later("ds47.diagnosis.suggest")
 local tables = require("ds47.spec.tables")
@@ -131,9 +130,6 @@ function M.add(put, parent, finding, experts, request, lang)
   put.derive(shown, "finding.severity", tables.codes.severities[finding.severity])
   put.derive(shown, "finding.offset", finding.offset)
   put.derive(shown, "finding.transaction", finding.transaction or finding.order)
-  if finding.rule == "DS905" then
-    put.derive(shown, "s7.inconsistent", s7_tree.inconsistent(finding))
-  end
 end
 
 return M

@@ -21,8 +21,7 @@ local M = {}
 local WIDTH = 80 -- columns of the window
 -- Terms of one kind in a filter. With more they are left out, so that the filter shows more and not less.
 local MOST_TERMS = 32
--- What a packet needs for an entry: a frame of S7 has no tree of ds47, nor a request for `ds47 encode`.
-local ANY, OURS = "ds47.transaction", "ds47,ds47.transaction"
+local NEEDED = "ds47.transaction" -- what a packet needs for an entry
 
 --- The transactions of views, each once.
 function M.transactions(views)
@@ -140,7 +139,7 @@ local function requests_for(parameter, item, result, shown)
   add_first(subindices, seen, parameter)
   for _, other in ipairs(result.transactions) do
     local same
-    for _, each in ipairs(other.channel ~= "s7" and other.parameters or {}) do
+    for _, each in ipairs(other.parameters) do
       if each.pnu == parameter.pnu then
         if same == nil then
           same = shown:same(access, drive_objects.access_of(other), parameter.pnu)
@@ -199,7 +198,7 @@ end
 function M.copied(items, kind, lang)
   local texts, problem = {}, say(lang, "menu_no_request")
   for _, item in ipairs(items) do
-    if item.request and item.channel ~= "s7" then
+    if item.request then
       local text
       if kind == "scl" then
         text = suggest.scl(item.request)
@@ -339,15 +338,15 @@ end
 -- @param track the analysis of the open file
 function M.register(track)
   -- `action` is a function of the views, and of the fields by their names.
-  local function entry(name, needed, action)
+  local function entry(name, action)
     register_packet_menu("DS47/" .. name, function(...)
       local fields = by_name(...)
       local views = track.complete_views(fields["frame.number"].value) or {}
       action(views, fields)
-    end, needed)
+    end, NEEDED)
   end
-  local function filter(name, needed, make)
-    entry(name, needed, function(views, fields)
+  local function filter(name, make)
+    entry(name, function(views, fields)
       local text = make(M.transactions(views), fields)
       if text then
         set_filter(text)
@@ -358,7 +357,7 @@ function M.register(track)
     end)
   end
   local function copy(name, make)
-    entry(name, OURS, function(views)
+    entry(name, function(views)
       local text, problem = make(views)
       if text then
         copy_to_clipboard(text)
@@ -367,11 +366,11 @@ function M.register(track)
       end
     end)
   end
-  filter("Only this transaction", ANY, M.transaction_filter)
-  filter("Only these parameters on this drive object", OURS, function(items, fields)
+  filter("Only this transaction", M.transaction_filter)
+  filter("Only these parameters on this drive object", function(items, fields)
     return M.parameter_filter(items, fields, track.result())
   end)
-  filter("Only this drive", OURS, M.drive_filter)
+  filter("Only this drive", M.drive_filter)
   copy("Copy request as ds47 encode line", function(views)
     return M.copied(M.transactions(views), "encode", track.lang)
   end)
@@ -386,7 +385,7 @@ function M.register(track)
     end
     return M.instead(findings, track.lang)
   end)
-  entry("Explain this status", OURS, function(views, fields)
+  entry("Explain this status", function(views, fields)
     show(M.explained(views, own_status(fields), track.lang))
   end)
 end

@@ -5,7 +5,6 @@
 local lists = require("ds47_ws.lists")
 local named = require("ds47.cyclic.named")
 local ppo = require("ds47.cyclic.ppo")
-local s7 = require("ds47.s7.choices")
 local tables = require("ds47.spec.tables")
 local transactions = require("ds47.acyclic.transactions")
 
@@ -47,15 +46,6 @@ function M.define(proto)
   prefs.profibus_user0 = Pref.bool("PROFIBUS in USER0", false,
     "Frames of the link type USER0 (147) are PROFIBUS once one of them proves it; others go to the dissector "
     .. "that had them before, the one under DLT_USER among them")
-  prefs.s7_ports = Pref.string("TCP ports of S7", "",
-    "Ports of servers of S7 communication beside 102, for example: 1102. Wireshark itself is told by "
-    .. "Decode As: TPKT")
-  prefs.s7_cpus = Pref.string("CPUs of S7 servers", "",
-    "Kinds of CPU, for what they copy without interruption: s7-400, of one server 10.0.0.2=s7-400")
-  prefs.s7_blocks = Pref.string("Blocks of S7 servers", "",
-    "How many bytes a CPU copies without interruption: 462, of one server 10.0.0.2=462")
-  prefs.s7_readback = Pref.bool("Compare what S7 reads with what was written", false,
-    "A read has to bring what was written last (DS916); programs write, too")
   prefs.every_cyclic = Pref.bool("Look at every frame of a cyclic channel", false,
     "Slow; for captures from which frames without news were left out")
   prefs.lists = Pref.string("File of parameter lists", "",
@@ -125,7 +115,6 @@ function M.options(proto)
     pkw_layouts = layouts(prefs.pkw_layouts),
     cyclic = named.list(prefs.cyclic or ""),
     ppos = ppo.list(prefs.ppos or ""),
-    s7 = s7.parse(prefs.s7_ports, prefs.s7_cpus, prefs.s7_blocks, prefs.s7_readback),
     every_cyclic = prefs.every_cyclic,
     codec = {
       legacy_g120_formats = prefs.legacy_g120_formats,

@@ -25,7 +25,7 @@ local byte, find, format, sub = string.byte, string.find, string.format, string.
 
 local M = {}
 
-local TCP, UDP = 6, 17
+local UDP = 17
 local UDP_HEADER = 8
 local RPC_HEADER, RPC_VERSION, head_of, new_pdu = rpc.HEADER_LENGTH, rpc.VERSION, rpc.head, rpc.pdu
 local FIRST_DCP = 0xFEFC -- the first frame id of DCP
@@ -45,7 +45,6 @@ local known_relations -- how many there are in cyclic frames
 local stations -- what names stations and waits
 local newest_station -- number of the newest frame of those
 local told -- MAC address and kind -> what was told last
-local ports -- those of S7, as soon as there was a segment of another one
 local bus_from -- number of the first frame of PROFIBUS that counts; nil while nothing proves one
 local unproven -- those before it
 local originals -- frame that is a mirror port's copy -> the frame of which it is one
@@ -70,7 +69,7 @@ end
 
 --- Forgets everything: another file, other preferences.
 function M.reset()
-  current, last, complete, known_relations, ports = nil, 0, nil, 0, nil
+  current, last, complete, known_relations = nil, 0, nil, 0
   M.watching = false -- whether there are cyclic frames that are looked at
   M.has_drives = false -- whether there may be drives in them
   stations, newest_station, told = {}, 0, {}
@@ -322,46 +321,6 @@ function M.original(number, whole)
   return ours[original % MOST_OURS] == original and original
 end
 
-local segment = {} -- that of the newest frame; whoever takes it does not keep it
-
--- The segment of TCP that a frame has, of a port of S7; nil of all others, and of a fragment.
-local function segment_of(frame, offset)
-  local first, _, t1, t2, _, _, f1, f2, _, protocol = byte(frame, offset + 1, offset + 10)
-  if protocol ~= TCP or first < 0x45 or first > 0x4F or f1 % 0x40 > 0 or f2 > 0 then
-    return nil
-  end
-  local at, present, total = offset + first % 16 * 4, #frame, t1 * 256 + t2
-  local s1, s2, d1, d2 = byte(frame, at + 1, at + 4)
-  local known = ports or the_analysis().s7_ports
-  if d2 == nil or not known[s1 * 256 + s2] and not known[d1 * 256 + d2] then
-    ports = known
-    return nil
-  end
-  local wanted = total > 0 and offset + total or present
-  local stop = wanted < present and wanted or present
-  if at + 4 > stop then
-    return nil
-  end
-  segment.payload, segment.missing = sub(frame, at + 1, stop), wanted > present and wanted - present or 0
-  local texts = address_pairs[sub(frame, offset + 13, offset + 20)]
-  segment.src_ip, segment.dst_ip = texts[1], texts[2]
-  return segment
-end
-
---- Feeds a frame that is none of PROFINET. True when it has a segment of S7.
--- @param number, frame, offset, clock  as `feed` takes them
-function M.feed_segment(number, frame, offset, clock)
-  local made = segment_of(frame, offset)
-  if made == nil then
-    return false
-  end
-  local live = the_analysis()
-  complete, last = nil, number
-  made.frame, made.time_ns = number, clock(live)
-  live:segment(made)
-  return true
-end
-
 -- A frame that may be one of PROFIBUS waits until one proves it; of too many the older ones are forgotten.
 local function keep_unproven(number, data, time_ns, cut)
   if #unproven >= MOST_UNPROVEN then
@@ -557,43 +516,6 @@ function M.live_bus_views(seen)
   return views, findings, events
 end
 
--- Whether a role stands in the newest frame: what waited for earlier bytes belongs to an older one.
-local function is_newest(item, role)
-  local frames, key = item.frames, role == "segment" and "request" or "response"
-  if role == "write_request" or role == "read_response" then
-    return frames[role] == last
-  end
-  for number = #item.segments, 1, -1 do
-    if item.segments[number][key] == last then
-      return true
-    end
-  end
-  return false
-end
-
---- The same of the segment of TCP that was fed last.
-function M.live_s7_views(seen)
-  local views, findings = {}, {}
-  for _, each in ipairs(current:s7_touched()) do
-    if seen and is_newest(each.item, each.role) then
-      views[#views + 1] = { role = each.role, item = each.item, complete = false }
-    end
-    for _, finding in ipairs(each.findings) do
-      findings[#findings + 1] = finding
-    end
-  end
-  for _, finding in ipairs(current:findings_at(last)) do
-    findings[#findings + 1] = finding
-  end
-  return views, findings
-end
-
---- Whether views are those of a frame of S7.
-function M.is_s7(views)
-  local item = views[1] and views[1].item
-  return item ~= nil and item.job == nil and item.channel == "s7"
-end
-
 -- Where a transaction shows: mostly it is the only one in its frame. `places` is {items = by frame, roles =
 -- the same, more = frame -> {transaction, role, ...} of those behind the first}.
 local function put(places, frame, item, role)
@@ -618,10 +540,6 @@ local function by_frames(result)
     put(places, frames.write_response, item, "write_response")
     put(places, frames.read_request, item, "read_request")
     put(places, frames.read_response, item, "read_response")
-    for _, each in ipairs(item.segments or NONE) do
-      put(places, each.request ~= frames.write_request and each.request or nil, item, "segment")
-      put(places, each.response ~= frames.read_response and each.response or nil, item, "acknowledge")
-    end
     for _, poll in ipairs(frames.polls) do
       put(places, poll.request, item, "read_request")
       put(places, poll.response, item, "poll")
@@ -688,11 +606,8 @@ function COMPLETE.__index(view, key)
 end
 
 local function complete_view(item, role)
-  local channel = item.job == nil and item.channel
-  if channel == "pkw" then
+  if item.job == nil and item.channel == "pkw" then
     return pkw_view(item, role, true)
-  elseif channel == "s7" then
-    return { role = role, item = item, complete = true }
   end
   return setmetatable({ role = role, item = item, complete = true, message = nil }, COMPLETE)
 end

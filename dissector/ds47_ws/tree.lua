@@ -24,7 +24,6 @@ local status = require("ds47.spec.statuses")
 local tables = require("ds47.spec.tables")
 local words = require("ds47.report.formatting")
 local csv = require("ds47.report.csv")
-local s7_tree = later("ds47_ws.s7_tree")
 local sentences = require("ds47.report.sentences")
 local types = require("ds47_ws.types")
 local wanted_fields = require("ds47_ws.wanted")
@@ -41,11 +40,10 @@ local NONE = {}
 
 local fields, experts, protocol
 local of_drives -- the protocol of what drives say
-local of_s7 -- that of jobs of S7
 
 --- Tells the protocols, their fields and expert infos, as fields.lua makes them.
-function M.configure(the_protocol, the_words, the_fields, the_experts, s7)
-  protocol, of_drives, fields, experts, of_s7 = the_protocol, the_words, the_fields, the_experts, s7
+function M.configure(the_protocol, the_words, the_fields, the_experts)
+  protocol, of_drives, fields, experts = the_protocol, the_words, the_fields, the_experts
   wanted_fields.configure(the_fields)
 end
 
@@ -754,7 +752,7 @@ local TRANSACTION = wanted_fields.list({
   { field = PEERS, rare = true, add = function(shown, item) types.add_peers(adding, shown, item) end },
   { field = joined({ "ar" }, CHANNEL), add = add_channel },
   { field = { "request_reference", "axis" }, add = function(shown, item, view)
-    if not HEADERS[view.role] and item.channel ~= "s7" then -- whose references have 16 bits
+    if not HEADERS[view.role] then
       derive_key(shown, item, "request_reference")
       derive_key(shown, item, "axis")
     end
@@ -839,12 +837,11 @@ local function add_info(root, sentence)
   end
 end
 
--- The tree of a view, whose protocol is `owner`; that of the frame where nobody sees it.
-local function add_root(tree, view, owner, record)
-  local s7, root = owner == of_s7, tree
-  local sentence = not s7 and (marked or wants.info) and info.sentence(view, language)
+-- The tree of a view; that of the frame where nobody sees it.
+local function add_root(tree, view, record)
+  local root, sentence = tree, (marked or wants.info) and info.sentence(view, language)
   if marked then
-    root = own_tree(tree, owner, record, "DS47 " .. (sentence or "S7 " .. s7_tree.label(view, language)))
+    root = own_tree(tree, protocol, record, "DS47 " .. sentence)
   end
   if sentence then
     add_info(root, sentence)
@@ -854,11 +851,7 @@ end
 
 -- What is in the frame, and where the other half of it is.
 local function add_frame(root, view, record)
-  local channel = view.item.channel
-  if channel == "s7" then
-    s7_tree.add(adding, root, view, is_main(view), duration, language)
-    return
-  elseif channel == "pkw" then
+  if view.item.channel == "pkw" then
     pkw_tree.add(adding, root, view, record, language)
   else
     add_message(root, view, record)
@@ -898,8 +891,8 @@ local function record_of(view, finders)
 end
 
 local function add_view(tree, view, findings, taken, finders, context)
-  local record, owner = record_of(view, finders), view.item.channel == "s7" and of_s7 or protocol
-  local root = add_root(tree, view, owner, record)
+  local record = record_of(view, finders)
+  local root = add_root(tree, view, record)
   add_frame(root, view, record)
   local certain = view.complete or not wants[OF_LATER_FRAMES] or state_is_certain(view)
   if not certain then
@@ -916,8 +909,8 @@ local function add_view(tree, view, findings, taken, finders, context)
   if wants["finding.elsewhere"] then
     add_elsewhere(root, view, findings, context)
   end
-  if not marked and wants[owner] then
-    own_last(tree, owner, record)
+  if not marked and wants[protocol] then
+    own_last(tree, protocol, record)
   end
 end
 
@@ -948,8 +941,7 @@ function M.add(tree, views, findings, events, finders, context)
   for number = 1, #findings do
     local finding = findings[number]
     if not taken[number] then
-      local owner = of_s7 and sub(finding.rule, 1, 3) == "DS9" and of_s7 or protocol
-      rest = rest or own_tree(tree, owner, nil, "DS47")
+      rest = rest or own_tree(tree, protocol, nil, "DS47")
       finding_tree.add(adding, rest, finding, experts, context.request_of(finding), context.lang)
     end
   end

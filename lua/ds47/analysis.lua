@@ -13,8 +13,6 @@ local later = require("ds47.support.later").module
 local bus = require("ds47.profibus.bus")
 local lists = require("ds47.parameters.naming")
 local idents = require("ds47.profibus.idents")
-local bus_judge = require("ds47.profibus.judge")
-local bus_stations = require("ds47.profibus.stations")
 local calls = require("ds47.profinet.calls")
 local channels = require("ds47.cyclic.channels")
 local conclusions = require("ds47.cyclic.conclusions")
@@ -38,8 +36,6 @@ local recordevents = require("ds47.acyclic.record_events")
 local records = require("ds47.profinet.records")
 local rpc = require("ds47.profinet.rpc")
 local rules = require("ds47.acyclic.judge")
-local s7 = later("ds47.s7.communication")
-local s7_transactions = later("ds47.s7.transactions")
 local services = require("ds47.acyclic.services")
 local status = require("ds47.spec.statuses")
 local tables = require("ds47.spec.tables")
@@ -51,7 +47,6 @@ local parse, decode_response = rpc.parse, parameter.decode_response
 local M = {}
 
 local NONE = {}
-local ISO_ON_TCP = 102 -- port of servers of S7
 
 local Analysis = {}
 Analysis.__index = Analysis
@@ -60,7 +55,6 @@ Analysis.__index = Analysis
 local UNCHANGING = {
   message = true, peer = true, request = true, response = true, meanings = true,
   read_request = true, read_response = true, write_response = true, place = true,
-  split = true, -- of S7: what is newest counts in older results, too
   superseding = true, rival = true, -- jobs that are looked at, with what is certain of them
 }
 
@@ -77,7 +71,6 @@ local UNCHANGING = {
 --   cyclic        channels in cyclic frames that are named by hand, as named.lua takes them
 --   ppos          numbers of PPO by the address of the station on PROFIBUS, where Chk_Cfg is missing
 --   vendor_id     PROFINET vendor id of devices of which the capture shows none
---   s7            choices for S7 communication, as communication.lua takes them
 --   every_cyclic  true: every frame of a watched channel is looked at, as somebody chose them already
 --   frames_dropped  whether the capture says that frames are missing (docs/pairing.md P47)
 function M.new(options)
@@ -105,21 +98,15 @@ function M.new(options)
   self.events = recordevents.RecordEvents.new(self.gate, self.pairing, self.codec, self)
   self.records = recordcalls.RecordCalls.new(self.events, self.gate, self.pairing, self, self.naming)
   self.calls = calls.CallTracker.new(limits, self.records)
-  self.bus_judge = bus_judge.new(limits)
-  self.bus_stations = bus_stations.new(self.bus_judge)
   local stations = idents.new()
-  self.ms1 = ms1calls.new(self.events, self.bus_judge, self.findings, stations)
+  self.ms1 = ms1calls.new(self.events, self.findings, stations)
   self.services = services.CallTracker.new(self.ms1)
   self.start_ups = ms1calls.start_ups(self.pairing)
   self.cyclic = channels.new(self, limits, options.every_cyclic, self.naming)
   self.cyclic:name(named.relations(options.cyclic or NONE))
   local named_ppo = ppo.new(self.cyclic, options.ppos or NONE, stations)
-  local listeners = {stations, self.bus_stations, self.start_ups, self.services, named_ppo}
-  self.bus = bus.new(listeners, self.bus_stations)
+  self.bus = bus.new({stations, self.start_ups, self.services, named_ppo})
   self.conclusions = conclusions.new(limits, self.cyclic)
-  self.s7_ports = {[ISO_ON_TCP] = true}
-  for _, port in ipairs(options.s7 and options.s7.ports or NONE) do self.s7_ports[port] = true end
-  self.s7 = nil -- made when the first segment of these ports comes: most captures have none
   return self
 end
 
@@ -254,15 +241,6 @@ function Analysis:bus_frame(link_type, data, number, time_ns, cut)
   return self.bus:take(link_type, data, number, time_ns, cut)
 end
 
---- Takes a segment of TCP: {payload (from its header on), missing (bytes of it that the capture does not
--- have; may be nil), frame, time_ns, src_ip, dst_ip}. Those of other ports than the ones of S7 are not looked
--- at.
-function Analysis:segment(packet)
-  self.s7 = self.s7 or s7.new(self.s7_ports, self.options.s7, tables.limits, self)
-  begin(self, packet.frame)
-  self.s7:packet(packet)
-end
-
 --- Takes what names a station: the payload of a DCP ("dcp", from the frame id on) or LLDP ("lldp") frame.
 -- @param src_mac, dst_mac  text; nil where the link type has none
 function Analysis:station(kind, payload, src_mac, dst_mac)
@@ -331,24 +309,6 @@ function Analysis:cyclic_touched()
   return found
 end
 
---- The jobs of S7 that the last segment of TCP began, answered, or had a part of: array of {item =
--- transaction as far as it has got, role ("write_request", "read_response", "segment" or "acknowledge"),
--- findings that are certain on that frame}.
-function Analysis:s7_touched()
-  local found = {}
-  for _, each in ipairs(self.s7.seen) do
-    local job, certain = each.job, {}
-    job.order = job.order or self.pairing:number()
-    for _, remark in ipairs(self.s7:certain(job)) do
-      if remark.frame == self.pairing.frame and self.findings:wanted(remark.rule) then
-        certain[#certain + 1] = self.findings:finding(remark)
-      end
-    end
-    found[#found + 1] = {item = s7_transactions.build(job), role = each.role, findings = certain}
-  end
-  return found
-end
-
 --- What happened to drives in the last cyclic frame: array of {relation, event (timeline.lua)}.
 function Analysis:cyclic_events()
   return self.cyclic:happened(self.pairing.frame)
@@ -389,10 +349,9 @@ end
 
 --- The complete result, as if the capture ended here; the analysis goes on as if nothing was asked.
 -- The same table until the next packet. {transactions, findings, diagnoses, devices, rpc, records, relations,
--- timelines, bus, connections, connections_left_out}:
--- transactions by `id`, findings by frame and rule, rpc and records (by index) as counts. Nobody may change
--- it, and of an older result only numbers may differ from a newer one: transactions that were finished
--- before are the same tables, with their newest `id` and `findings`.
+-- timelines}: transactions by `id`, findings by frame and rule, rpc and records (by index) as counts. Nobody
+-- may change it, and of an older result only numbers may differ from a newer one: transactions that were
+-- finished before are the same tables, with their newest `id` and `findings`.
 function Analysis:ended()
   local result = self.result
   if result == nil then
@@ -424,18 +383,13 @@ function Analysis:_finish()
   self.findings.frames_dropped = self.options.frames_dropped or false
   tell_given_up(self, self.fragments:unfinished(), "RPC")
   tell_given_up(self, self.reassembly:unfinished(), "IP")
-  if self.s7 then self.s7:finish() end
   self.calls:finish()
   self.bus:finish()
-  self.bus_stations:finish()
   self.services:finish()
   self.pairing:finish()
   self.records:finish()
   self.cyclic:finish()
   for _, remark in ipairs(self.conclusions:finish()) do
-    self.findings:add(remark)
-  end
-  for _, remark in ipairs(self.bus_judge:finish(self.bus_stations)) do
     self.findings:add(remark)
   end
   local numbered = self.finished_jobs:numbered()
@@ -449,9 +403,6 @@ function Analysis:_finish()
     records = self.events.counts,
     relations = self.cyclic:relations(),
     timelines = self.cyclic:timelines(),
-    bus = self.bus_stations:told(self.bus.line.stray, self.bus.line.echoes),
-    connections = self.s7 and self.s7:told() or {},
-    connections_left_out = self.s7 and self.s7:left_out() or 0,
   }
 end
 
@@ -564,21 +515,6 @@ function Analysis:exchanged(relation, job)
     self.findings:add(remark)
   end
   self:_explain(job.order)
-end
-
---- A job of S7 is over.
-function Analysis:communicated(job, remarks)
-  job.order = job.order or self.pairing:number()
-  self.finished_jobs:add_made(s7_transactions.build(job))
-  for _, remark in ipairs(remarks) do
-    remark.order, remark.job = job.order, nil
-    self.findings:add(remark)
-  end
-end
-
---- What is wrong with S7, or with a job of it that is over.
-function Analysis:s7_remark(remark)
-  self.findings:add(remark)
 end
 
 --- A Read without record on a channel that has no request (docs/pairing.md P33).

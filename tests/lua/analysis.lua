@@ -5,7 +5,6 @@
 --   udp, fragment  a packet, as Analysis:packet and Analysis:fragment take it, bytes in hex, the time as
 --                  seconds and nanoseconds; of a frame that is cut its lengths as `captured` and `original`
 --   dcp, lldp      {payload, src_mac, dst_mac}
---   tcp            a segment, as Analysis:segment takes it
 --   rt             {frame, seconds, nanoseconds, data}: an Ethernet frame, in hex
 --   end            {dropped}: prints the result as one line of JSON, keys as in schema ds47.report/2, but
 --                  `start` as [second, nanosecond] and `duration_ns` instead of `duration_ms`
@@ -21,7 +20,6 @@ local unhex = require("ds47.support.bytes").unhex
 local formatting = require("ds47.report.formatting")
 local named = require("ds47.cyclic.named")
 local ppo = require("ds47.cyclic.ppo")
-local s7_words = require("ds47.spec.s7")
 local sentences = require("ds47.report.sentences")
 local status = require("ds47.spec.statuses")
 local suggest = require("ds47.diagnosis.suggest")
@@ -91,21 +89,6 @@ local function word(code)
   return null(code and status.status_hex(code))
 end
 
-local function s7_item(item)
-  local result = object(item, "address area db start bit length code")
-  result.value = null(hex(item.value))
-  result.text = null(item.code and s7_words.code_text("return_code", item.code, language))
-  return result
-end
-
--- What only transactions of S7 have.
-local function of_s7(item)
-  if item.channel ~= "s7" then return {} end
-  local result = object(item, "connection r_id error")
-  result.items, result.segments = list(item.items, s7_item), reads(item.segments)
-  return result
-end
-
 local function transaction(item, base_seconds)
   local result = object(item, "id channel operation state controller device station ar api slot subslot "
     .. "index request_reference axis duration_ns cycles")
@@ -117,7 +100,6 @@ local function transaction(item, base_seconds)
   result.status = {write = word(item.write_status), read = word(item.read_status)}
   result.parameters = list(item.parameters, parameter)
   result.findings = json.array(item.findings)
-  for key, value in pairs(of_s7(item)) do result[key] = value end
   return result
 end
 
@@ -178,42 +160,6 @@ local function timeline(item, base_seconds)
   }
 end
 
-local function span(item)
-  if not item then return json.null end
-  return {
-    least_ms = json.float(item.least / 1e6), mean_ms = json.float(item.mean / 1e6),
-    most_ms = json.float(item.most / 1e6),
-  }
-end
-
-local function bus_station(item)
-  local result = object(item, "address role ident ppo watchdog_ms requests unanswered damaged retries "
-    .. "exchanges outputs inputs diagnoses_wanted diagnoses_fetched parameters configuration diagnosis")
-  result.cycle, result.answer = span(item.cycle), span(item.answer)
-  if item.diagnosis then
-    result.diagnosis = object(item.diagnosis, "frame master ident")
-    result.diagnosis.flags = json.array(item.diagnosis.flags)
-    result.diagnosis.blocks = list(item.diagnosis.blocks, hex)
-  end
-  return result
-end
-
-local function bus(item)
-  local result = object(item, "frames tokens damaged stray")
-  result.stations = list(item.stations, bus_station)
-  return result
-end
-
-local function connection(item)
-  local result = object(item, "id client client_port server server_port rack slot pdu_length parallel "
-    .. "most_open jobs refused unanswered orphans read_bytes written_bytes sent_bytes cyclic other plus "
-    .. "lost_bytes first_frame last_frame setup block")
-  result.client_tsap, result.server_tsap = null(hex(item.client_tsap)), null(hex(item.server_tsap))
-  result.answer = span(item.answer)
-  result.evidence = list(item.evidence, function(each) return object(each, "name value frame") end)
-  return result
-end
-
 local function capture()
   local result, records = run:ended(), {}
   for index, counts in pairs(result.records) do
@@ -235,9 +181,6 @@ local function capture()
     timelines = #result.timelines > 0 and list(result.timelines, function(item)
       return timeline(item, run.base_seconds)
     end) or nil,
-    bus = result.bus and bus(result.bus) or nil,
-    connections = #result.connections > 0 and list(result.connections, connection) or nil,
-    connections_left_out = result.connections_left_out > 0 and result.connections_left_out or nil,
   }
 end
 
@@ -263,7 +206,7 @@ function take.begin(line)
   run = analysis.new({
     pkw_layout = line.layouts[""], pkw_layouts = line.layouts, cyclic = names,
     vendor_id = line.vendor_id ~= json.null and line.vendor_id or nil,
-    ppos = ppo.list(line.ppos), s7 = line.s7 ~= json.null and line.s7 or nil,
+    ppos = ppo.list(line.ppos),
   })
   language, look = line.lang, line.look
 end
@@ -276,11 +219,6 @@ end
 function take.fragment(line)
   line.data = unhex(line.data)
   run:fragment(fed(line))
-end
-
-function take.tcp(line)
-  line.payload = unhex(line.payload)
-  run:segment(fed(line))
 end
 
 function take.dcp(line)

@@ -15,11 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import s7_segments as s7
 import test_profibus_bus
 import troubles
 from fake_tshark import real_tshark
-from test_lua_s7_scenes import scenes
 
 from ds47 import spec
 from ds47.analysis import AnalysisOptions, analyze
@@ -35,7 +33,6 @@ from ds47.report import contract, load
 from ds47.report import json as report
 from ds47.report.bilingual import LANGUAGES
 from ds47.report.sentences import error_words, sentence
-from ds47.s7.choices import Choices
 from ds47.spec import units
 from ds47.spec.semantics import limits, reasons
 from ds47.wireshark import engine, tshark
@@ -305,7 +302,7 @@ def test_profibus(link_type: int, ready: Callable[..., Engine], tmp_path: Path) 
 
 
 def test_damaged_frames_alone(ready: Callable[..., Engine], tmp_path: Path) -> None:
-    """The plugin shows no frame where none proves that it is one: what is said of them is the analyzer's."""
+    """What is said of them is the analyzer's."""
     path = tmp_path / "bus.pcapng"
     with PcapngWriter(path, link_type=PROFIBUS_DL) as writer:
         for number, data in enumerate(
@@ -330,9 +327,6 @@ def test_a_log_of_profibus(ready: Callable[..., Engine], tmp_path: Path) -> None
     assert as_json(ready("tshark").analyze(path)) == as_json(native)
 
 
-S7_CAPTURES = sorted((*CAPTURES.glob("s7*.pcapng"), *CAPTURES.glob("s7-stacks/*.pcapng")))
-
-
 def both_say_the_same(
     ready: Callable[..., Engine], path: Path, options: AnalysisOptions | None = None
 ) -> CaptureResult:
@@ -343,45 +337,17 @@ def both_say_the_same(
     return native
 
 
-@pytest.mark.slow
-def test_s7_of_every_capture(ready: Callable[..., Engine]) -> None:
-    found = [both_say_the_same(ready, path) for path in S7_CAPTURES]
-    jobs = [each for result in found for each in result.transactions]
-    assert {each.operation for each in jobs} == {"get", "put", "bsend", "usend"}
-    assert max(len(each.items) for each in jobs) > 10
-    assert max(len(each.segments) for each in jobs) > 10
-    assert max(len(item.value or b"") for each in jobs for item in each.items) > 5000
-    assert {each.rule for result in found for each in result.findings} > {"DS903", "DS905"}
-
-
-@pytest.mark.slow
-def test_s7_of_scenes_by_chance(ready: Callable[..., Engine], tmp_path: Path) -> None:
-    """With segments that are lost, doubled, late, out of order and damaged, and clocks that jump."""
-    path, found = tmp_path / "scene.pcap", []
-    for scene in scenes()[::5]:
-        path.write_bytes(scene.content)
-        found.append(both_say_the_same(ready, path))
-    assert {each.state for result in found for each in result.transactions} > {
-        "ok", "error", "partial", "unanswered", "orphan",
-    }  # fmt: skip
-
-
-@pytest.mark.slow
-def test_s7_as_a_user_chooses(ready: Callable[..., Engine], tmp_path: Path) -> None:
-    """Another port, what a server copies at once, and what is read back: other findings than without."""
-    path = tmp_path / "chosen.pcap"
-    for number in (1, 2):
-        talk = s7.Talk(server=("10.0.0.2", 1102)).opened()
-        talk.say(True, s7.dt(s7.put(1, s7.item(1, 0, 100), b"\1" * 100)))
-        talk.say(False, s7.dt(s7.taken(1, 0xFF)))
-        talk.say(True, s7.dt(s7.get(2, s7.item(1, 0, 100))))
-        talk.say(False, s7.dt(s7.got(2, s7.entry(b"\2" * 100))))
-        path.write_bytes(s7.capture(talk))
-        choices = Choices((1102,), (("10.0.0.2", 32),), (), number == 2)
-        native = both_say_the_same(ready, path, AnalysisOptions(s7=choices))
-        assert len(native.transactions) == 2
-        assert ("DS916" in {each.rule for each in native.findings}) == (number == 2)
-        assert "DS903" in {each.rule for each in native.findings}
+@pytest.mark.parametrize("name", ["s7-figure-1", "s7-stacks/torn_cpp_pure_cpp"])
+def test_s7_is_that_of_the_native_engine(
+    ready: Callable[..., Engine], name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Jobs, their findings and connections; tshark has nothing to read."""
+    monkeypatch.setattr(tshark, "ask", lambda *_: pytest.fail("nothing is asked"))
+    native = both_say_the_same(ready, CAPTURES / f"{name}.pcapng")
+    assert {each.channel for each in native.transactions} == {"s7"}
+    assert {each.rule for each in native.findings} <= {f"DS9{number:02}" for number in range(1, 18)}
+    assert native.findings
+    assert native.connections
 
 
 @pytest.mark.slow
@@ -401,48 +367,6 @@ def test_s7_among_other_frames(ready: Callable[..., Engine], tmp_path: Path) -> 
     assert any(each.segments for each in native.transactions)
     for channel in ("ds47", "s7"):
         both_say_the_same(ready, path, AnalysisOptions(channels=(channel,)))
-
-
-def read_value(job: dict[str, Any]) -> None:
-    job["items"][0]["value"] = "47" + job["items"][0]["value"][2:]
-
-
-def return_code(job: dict[str, Any]) -> None:
-    job["items"][0]["code"] = 5
-
-
-def one_item_less(job: dict[str, Any]) -> None:
-    del job["items"][0]
-
-
-def one_segment_more(job: dict[str, Any]) -> None:
-    job["segments"] = [{"request": 1, "response": None}]
-
-
-def other_reference(job: dict[str, Any]) -> None:
-    job["request_reference"] = 4711
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (read_value, r"transaction 1: .*DB1\.DBB0\.\.461.* was .*, is 47"),
-        (return_code, r"transaction 1: .*DB1\.DBB0\.\.461.* was 255, is 5"),
-        (one_item_less, r"transaction 1 is gone: GET DB1\.DBB0\.\.461"),
-        (one_segment_more, r"transaction 1: segments was \[\], is \["),
-        (other_reference, r"transaction 1: request_reference was \d+, is 4711"),
-    ],
-)
-def test_a_difference_in_s7_is_a_finding(
-    ready: Callable[..., Engine],
-    monkeypatch: pytest.MonkeyPatch,
-    change: Callable[[dict[str, Any]], None],
-    words: str,
-) -> None:
-    lying(monkeypatch, lambda fields: change(fields.transactions[0]))
-    result = ready().analyze(CAPTURES / "s7-stacks/torn_cpp_pure_cpp.pcapng")
-    found = [sentence(each) for each in result.findings if each.rule == "DS601"]
-    assert any(re.search(words, each) for each in found), found
 
 
 def test_a_single_time_before_1970(ready: Callable[..., Engine], tmp_path: Path) -> None:
@@ -681,12 +605,6 @@ def test_preferences_are_complete() -> None:
         pkw_layouts=layouts,
         cyclic=names,
         ppos=((3, 1), (4, 3)),
-        s7=Choices(
-            (102, 2102, 1102, 1102),
-            (("", 462), ("10.0.0.2", 32)),
-            (("10.0.0.2", "s7-400"), ("", "s7-300")),
-            readback=True,
-        ),
     )
     given = engine.preferences(options)
     assert {each.split(":")[0].removeprefix("ds47.") for each in given} == there - {
@@ -695,10 +613,6 @@ def test_preferences_are_complete() -> None:
     }
     assert "ds47.cyclic:00:1b:1b:11:22:33@8000:0:pkw 00:1f:f8:11:22:33@8001:4:pkw" in given
     assert "ds47.ppos:3=ppo1 4=ppo3" in given
-    assert {
-        "ds47.s7_ports:1102 2102", "ds47.s7_cpus:10.0.0.2=s7-400 s7-300",
-        "ds47.s7_blocks:462 10.0.0.2=32", "ds47.s7_readback:TRUE",
-    } <= set(given)  # fmt: skip
     assert {"ds47.indices:3,45104", f"ds47.slow_ms:{limits().slow_ns // 10**6}"} <= set(given)
     assert all(each.split(":")[1] for each in engine.preferences(AnalysisOptions()))
 

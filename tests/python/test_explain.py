@@ -247,7 +247,7 @@ def test_every_code_of_the_tables_has_a_complete_answer(lang: str) -> None:
             assert bool(CHINESE.search(text)) == (lang == "zh"), f"{where}: {text}"
         if meaning.known:
             rule = spec.rules().get(meaning.code)
-            shown = rule is None or rule.in_wireshark
+            shown = rule is None or not rule.analyzer_only
             assert bool(meaning.filter or meaning.plugin_filter) == shown, where
             assert explain(meaning.name.split(" --")[0], lang), where
 
@@ -524,7 +524,7 @@ def test_a_filter_finds_the_frames(code: str, capture: str, plugin: bool, tmp_pa
 def test_a_diagnosis_of_the_whole_capture_has_no_filter_and_says_so() -> None:
     meaning = explain("DS721")[0]
     assert (meaning.filter, meaning.plugin_filter) == (None, None)
-    assert "Only the report has it" in meaning.look
+    assert "Only ds47 report has it" in meaning.look
 
 
 # ------------------------------------------------------------------------------------------ page

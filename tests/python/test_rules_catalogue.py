@@ -21,10 +21,10 @@ TEXTS = [
     "title", "message", "cause", "advice", "title_zh", "message_zh", "cause_zh", "advice_zh",
 ]  # fmt: skip
 ORDER = [
-    "id", "name", "title", "severity", "scope", "anchor", "expert", "group", "args", "message", "many",
-    "cause", "advice", "title_zh", "message_zh", "many_zh", "cause_zh", "advice_zh",
+    "id", "name", "title", "severity", "scope", "anchor", "expert", "analyzer_only", "group", "args",
+    "message", "many", "cause", "advice", "title_zh", "message_zh", "many_zh", "cause_zh", "advice_zh",
 ]  # fmt: skip
-KEYS = [key for key in ORDER if key not in ("group", "args", "many", "many_zh")]
+KEYS = [key for key in ORDER if key not in ("analyzer_only", "group", "args", "many", "many_zh")]
 
 # An id never changes its meaning: severity, name and arguments are what others rely on. Only add.
 PINNED = """
@@ -208,6 +208,7 @@ def test_keys_and_vocabulary(rule: dict[str, Any]) -> None:
     assert rule.get("group", []) == sorted(
         set(rule.get("group", [])), key=rule.get("group", []).index
     )
+    assert rule.get("analyzer_only", True) is True, "a rule that the plugin has says nothing"
     assert rule["severity"] in SEVERITIES
     assert rule["scope"] in SCOPES
     assert rule["anchor"] in ANCHORS

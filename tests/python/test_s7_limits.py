@@ -1,4 +1,4 @@
-"""Findings about S7 at their limits, in captures made by hand: just within, and just beyond; both implementations.
+"""Findings about S7 at their limits, in captures made by hand: just within, and just beyond.
 
 What is kept has its limits in frames here, too: so many partners, so many areas in parts.
 """
@@ -7,12 +7,10 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 import s7_segments as s7
 from s7_talk import DONE, Talk, Tape
-from test_lua_analysis import VERSIONS, Source, compare
 
 from ds47.analysis import analyze
 from ds47.capture.writer import PcapngWriter
@@ -166,9 +164,3 @@ def test_the_first_read_between_the_parts_of_a_write_is_the_one_that_mixes() -> 
     *splits, mixed = findings("as many reads as are remembered")
     (reads,) = [each for each in splits if each.args["operation"] == "GET"]
     assert mixed.args["frames"][2:6] == reads.frames[:4]
-
-
-@pytest.mark.parametrize("version", VERSIONS)
-def test_lua_has_the_same_limits(version: str, tmp_path: Path) -> None:
-    sources = [Source(name, content, False) for name, (content, _) in SCENES.items()]
-    compare(version, "en", sources, tmp_path)

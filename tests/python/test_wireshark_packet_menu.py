@@ -161,7 +161,7 @@ def test_filters_show_what_they_say(
     asked: dict[str, set[int]] = {}
     for item in transactions:
         frame = item.frames.write_request or item.frames.read_response
-        if frame is None or item.channel == "s7":
+        if frame is None:
             continue
         told = said[frame]
         own = {each for each in said if said[each][TRANSACTION] == told[TRANSACTION]}
@@ -245,13 +245,3 @@ def test_statuses_are_explained(menu: Callable[[Path], Said], captures: Path) ->
     assert explained(33, "error 0x00")
     assert said[23][STATUS].startswith("window: Transaction 5: refused. ")
     assert "00000000:" not in said[33][STATUS]
-
-
-def test_a_frame_of_s7_has_its_transaction(menu: Callable[[Path], Said], captures: Path) -> None:
-    (capture,) = sorted((captures / "s7-stacks").glob("*.pcapng"))[:1]
-    said = menu(capture)
-    assert said
-    for told in said.values():
-        assert told[TRANSACTION].startswith("ds47.transaction ")
-        assert told[LINE].startswith("window: ")
-        assert told[PARAMETERS].startswith("window: ")

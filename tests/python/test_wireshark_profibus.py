@@ -395,16 +395,15 @@ def test_everything_that_is_wrong(
     result = compare(tshark, path, *way[1])
     frames: dict[str, set[str]] = {}
     for each in result.findings:
-        if each.rule.startswith("DS8"):
+        if each.rule.startswith("DS8") and not rules()[each.rule].analyzer_only:
             frames.setdefault(each.rule, set()).add(str(each.frame))
-    assert len(frames) > 12
+    assert set(frames) == {"DS808", "DS809"}
     names = ("frame.number", "ds47.finding")
     for cells in rows(tshark("-r", path, *way[1], "-2", "-Y", "ds47.finding", *columns(*names))):
         for rule in frames.keys() & cells[1].split(","):
             frames[rule].remove(cells[0])
     assert not any(frames.values())
-    filters = "ds47.expert.ds801 || ds47.expert.ds803"
-    assert len(tshark("-r", path, *way[1], *COMPLETE, "-Y", filters).splitlines()) >= 2
+    assert tshark("-r", path, *way[1], *COMPLETE, "-Y", "ds47.expert.ds808") != ""
     damaged = tshark("-r", path, *way[1], "-q", "-z", "expert,error")
     assert "check byte is" in damaged
 

@@ -13,12 +13,11 @@ Ms1Calls.__index = Ms1Calls
 
 --- The handlers of a `CallTracker` of services.lua.
 -- @param events  hears of every record that may be ours (record_events.lua)
--- @param judge   hears of refusals of what is not ours, and of polls (profibus/judge.lua)
 -- @param findings  is told what is wrong with a request: findings:add(remark)
 -- @param idents  knows of which make stations are (profibus/idents.lua)
-function M.new(events, judge, findings, idents)
+function M.new(events, findings, idents)
   return setmetatable({
-    events = events, judge = judge, findings = findings, idents = idents,
+    events = events, findings = findings, idents = idents,
     newest = nil, -- the call that the last frame asked for; whoever feeds frames forgets it
     written = {}, -- stations and indices that were written there -> the frame of the first time
   }, Ms1Calls)
@@ -89,15 +88,6 @@ function Ms1Calls:_writing(call)
   end
 end
 
--- To the judge: how long the answer took, and whether it is a refusal of what is not ours.
-function Ms1Calls:_told(call, ours)
-  local record, half = call.record, call.record.response
-  self.judge:answered(call.station, call.polled, half.frame)
-  if half.status ~= 0 and not ours then
-    self.judge:refused(call.station, record.write, record.slot, record.index, half.status, half.frame)
-  end
-end
-
 function Ms1Calls:asked(call)
   local record = call.record
   self.newest = call
@@ -109,9 +99,7 @@ end
 
 function Ms1Calls:answered(call)
   local record = call.record
-  local ours = self.events:concerns(record.index)
-  self:_told(call, ours)
-  if ours then
+  if self.events:concerns(record.index) then
     self.events:answered(origin(self, call, record.response), record)
   end
 end

@@ -18,11 +18,9 @@ Bus.__index = Bus
 --- One line of PROFIBUS.
 -- @param listeners  array; each hears of every exchange when it is over: listener:take(exchange); and where
 --   it wants to of the request of one that waits for its answer: listener:begin(exchange)
--- @param stations  is told of each frame, and whether the recording has not all of it:
---   stations:frame(seen, cut)
-function M.new(listeners, stations)
+function M.new(listeners)
   return setmetatable({
-    listeners = listeners, stations = stations,
+    listeners = listeners,
     proven = false, -- whether a frame with the right check byte was seen: USER0 may be anything
     line = line.Line.new(),
   }, Bus)
@@ -66,7 +64,6 @@ function Bus:take(link_type, data, number, time_ns, cut)
     end
   end
   local seen = {frame = number, time_ns = time_ns, item = item}
-  self.stations:frame(seen, cut)
   tell(self, self.line:take(seen, cut))
   tell_begun(self, seen)
   return item

@@ -1,4 +1,4 @@
---- Report as CSV: one row per parameter, of S7 per item, for spreadsheets (Python: ds47.report.csv).
+--- Report as CSV: one row per parameter, for spreadsheets (Python: ds47.report.csv).
 -- The columns and cells of `ds47 report -f csv`; the rows stand in the order of the transactions. UTF-8,
 -- comma, LF. A text that a spreadsheet would take for a formula gets a quote (') in front, and what nobody
 -- could see is an escape, so that a row is a line. Opens no file.
@@ -26,6 +26,7 @@ M.PARAMETER_COLUMNS = {
   "scaled", "error.code", "error.text", "error.info",
 }
 
+-- Of jobs of S7, which are the analyzer's: here they are empty.
 M.S7_COLUMNS = { "connection", "r_id", "error", "item.address", "item.length", "item.value", "item.code" }
 
 local FULL_WIDTH = { ["\239\188\157"] = true, ["\239\188\139"] = true, ["\239\188\141"] = true,
@@ -132,26 +133,6 @@ local function parameter_cells(item, lang)
   return cells
 end
 
-local function hex_byte(character)
-  return format("%02x", character:byte())
-end
-
---- The cells of S7_COLUMNS: a row for each item, one of nothing for transactions of other channels.
-local function s7_rows(item)
-  local rows = {}
-  for _, each in ipairs(item.items or {}) do
-    local cells, value = {}, each.value and gsub(each.value, ".", hex_byte)
-    append(cells, 7, item.connection, item.r_id, item.error, each.address, each.length, value, each.code)
-    rows[#rows + 1] = concat(cells, ",")
-  end
-  if #rows == 0 then
-    local cells = {}
-    append(cells, 7, item.connection, item.r_id, item.connection and item.error)
-    rows[1] = concat(cells, ",")
-  end
-  return rows
-end
-
 --- The transactions of one capture.
 -- @param result what Analysis:ended() gives
 -- @param options nil or {path = name of the capture, lang = "en" or "zh"}
@@ -161,15 +142,14 @@ function M.report(result, options)
   local path = options.path or "-"
   local rows = { concat(M.TRANSACTION_COLUMNS, ",") .. "," .. concat(M.PARAMETER_COLUMNS, ",") .. ","
     .. concat(M.S7_COLUMNS, ",") }
-  local nothing = (","):rep(#M.PARAMETER_COLUMNS)
+  local nothing, no_job = (","):rep(#M.PARAMETER_COLUMNS), (","):rep(#M.S7_COLUMNS - 1)
   for _, item in ipairs(result.transactions) do
     local left = concat(transaction_cells(item, path, result.base_seconds or 0), ",") .. ","
-    local right = s7_rows(item)
     for _, parameter in ipairs(item.parameters) do
-      rows[#rows + 1] = left .. concat(parameter_cells(parameter, options.lang), ",") .. "," .. right[1]
+      rows[#rows + 1] = left .. concat(parameter_cells(parameter, options.lang), ",") .. "," .. no_job
     end
-    for _, cells in ipairs(#item.parameters == 0 and right or {}) do
-      rows[#rows + 1] = left .. nothing .. cells
+    if #item.parameters == 0 then
+      rows[#rows + 1] = left .. nothing .. no_job
     end
   end
   rows[#rows + 1] = ""

@@ -7,7 +7,6 @@
 
 local cyclic = require("ds47.spec.cyclic")
 local naming = require("ds47.profidrive.naming")
-local s7 = require("ds47.spec.s7")
 local spec = require("ds47.spec.lookup")
 local status = require("ds47.spec.statuses")
 local tables = require("ds47.spec.tables")
@@ -118,8 +117,6 @@ local function error_of(rule, args, lang)
   local code, kind = args.code, rule.args.code
   if code == nil then return word(tables.report_words.no_error_number, lang) end
   if kind == "pkw" then return integer(code) .. " " .. cyclic.error_text(code, lang) end
-  if kind == "s7_item" then return spec.error_hex(code) .. " " .. s7.code_text("return_code", code, lang) end
-  if kind == "s7_error" then return s7.error_text(code, lang) end
   return spec.error_hex(code) .. " " .. spec.error_text(code, lang, args.vendor_id)
 end
 

@@ -1,11 +1,10 @@
 --- Statistics of a capture as tables of fixed width, in English or Chinese: response times per operation and
--- device, errors per code, slowest transactions, unanswered requests, findings per rule, connections of S7.
+-- device, errors per code, slowest transactions, unanswered requests, findings per rule.
 -- `compute` counts, `text` prints. Takes the result of Analysis:ended(); opens no file.
 --
 -- No table is wider than the window that Wireshark opens for a text: a row that is longer has several
 -- lines.
 
-local communication = require("ds47.report.s7")
 local report_text = require("ds47.report.text")
 local sentences = require("ds47.report.sentences")
 local status = require("ds47.spec.statuses")
@@ -25,10 +24,6 @@ M.ROWS = 50 -- rows of the tables of errors and of unanswered requests; how many
 M.WIDTH = 72 -- columns of a table: as many as that window shows
 M.INDENT = 6 -- blanks before the further lines of a row
 M.ASKED_WIDTH = 60 -- columns for what was asked
-
--- Of the table of connections (ds47.report.s7): the line of a row in which each column stands, and the side.
-local S7_LINES = { 1, 1, 3, 2, 2, 2, 2, 2, 2, 3, 3 }
-local S7_NUMBERS = { [4] = true, [5] = true, [6] = true, [7] = true, [8] = true, [9] = true } -- columns
 
 local TEXTS = {
   en = {
@@ -444,20 +439,6 @@ local function rule_section(add, texts, rows, rules)
   end)
 end
 
--- The connections of S7, where there are some.
-local function s7_section(add, texts, connections)
-  if #connections == 0 then
-    return
-  end
-  local rows, columns = communication.rows(connections, #connections, texts.lang), {}
-  for place_of_it, title in ipairs(rows[1]) do
-    local align = S7_NUMBERS[place_of_it] and ">" or nil
-    columns[place_of_it] = { title, align, line = S7_LINES[place_of_it] }
-  end
-  table.remove(rows, 1)
-  section(add, texts, words.say(texts.lang, "s7_head"), columns, rows, function(row) return row end)
-end
-
 local function heading(add, texts, statistics, options)
   local named = options.path and options.path ~= "-" -- "-": a file whose name nobody knows
   add(texts.title .. (named and ": " .. escape(options.path) or ""))
@@ -493,7 +474,6 @@ function M.text(result, options)
   error_sections(add, texts, statistics)
   transaction_sections(add, texts, statistics, targets.new(result.transactions))
   rule_section(add, texts, statistics.rules, tables.rules)
-  s7_section(add, texts, result.connections or {})
   add("")
   return concat(lines, "\n")
 end

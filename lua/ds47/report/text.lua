@@ -7,7 +7,6 @@ local all_frames = require("ds47.acyclic.transactions").all_frames
 local buffers = require("ds47.report.buffers")
 local bus = require("ds47.report.bus")
 local clocks = require("ds47.report.clock")
-local communication = require("ds47.report.s7")
 local filters = require("ds47.report.filters")
 local grouping = require("ds47.findings.grouping")
 local opening = require("ds47.report.summary")
@@ -29,7 +28,6 @@ local concat, format, sort = table.concat, string.format, table.sort
 M.WIDTH = 140 -- columns of a line; what can be copied is never broken
 M.FINDINGS_PER_RULE = 12
 M.RELATIONS_LISTED = 20
-M.CONNECTIONS_LISTED = 50
 M.EVENTS_LISTED = 60
 M.OPERATIONS = { "read", "change", "vendor", "unknown", "get", "put", "bsend", "usend" }
 M.SEVERITIES = { "error", "warning", "note" } -- from serious to harmless
@@ -136,7 +134,7 @@ local function header(add, result, counts, options)
   if result.dropped and result.dropped > 0 then
     add("  " .. say(lang, "machine_dropped", { n = result.dropped }))
   end
-  if #result.transactions == 0 and #(result.connections or {}) == 0 then
+  if #result.transactions == 0 then
     local there = traffic(result, lang) or say(lang, result.bus and "no_bus_records" or "no_rpc")
     add("  " .. say(lang, "no_transaction") .. " (" .. there .. ")")
   end
@@ -323,9 +321,6 @@ local function state_mark(item, lang)
       end
     end
   end
-  if #parts == 1 then
-    parts[2] = communication.error(item, lang)
-  end
   return "[" .. concat(parts, " ") .. "]"
 end
 
@@ -347,9 +342,8 @@ local function timing(item, lang)
   return joined(lang, parts)
 end
 
--- What a transaction is about: its parameters, or the items of a job of S7.
+-- The parameters of a transaction.
 local function parts_of(item, lang)
-  if item.channel == "s7" then return communication.parts(item, lang) end
   local parts = {}
   for i, each in ipairs(item.parameters) do
     parts[i] = words.parameter(each, item.operation == "change", lang)
@@ -382,7 +376,7 @@ local function transaction_lines(add, item, columns, lang)
     return add_wrapped(whole, 6)
   end
   if #parts > 1 then
-    left = left .. "  " .. say(lang, item.channel == "s7" and "s7_items" or "parameters", { n = #parts })
+    left = left .. "  " .. say(lang, "parameters", { n = #parts })
   end
   if words.width(left .. "  " .. tail) <= M.WIDTH then
     add(left .. "  " .. tail)
@@ -393,37 +387,8 @@ local function transaction_lines(add, item, columns, lang)
   for _, part in ipairs(parts) do add_wrapped("      " .. part, 8) end
 end
 
-local function is_listed(item, options)
-  return item.channel ~= "s7" or communication.is_listed(item, options.s7)
-end
-
---- The connections of S7.
-local function connections(add, result, options)
-  local list, lang, unlisted, copied = result.connections or {}, options.lang, 0, options.copied
-  if #list == 0 then
-    return
-  end
-  add("")
-  add(say(lang, "s7_head"))
-  for _, line in ipairs(aligned(communication.rows(list, M.CONNECTIONS_LISTED, lang))) do
-    copied("  " .. line)
-  end
-  local left_out = math.max(0, #list - M.CONNECTIONS_LISTED) + (result.connections_left_out or 0)
-  if left_out > 0 then add("  " .. say(lang, "s7_left_out", { n = left_out })) end
-  local evidence = communication.evidence(list, lang)
-  for number = 1, math.min(#evidence, M.CONNECTIONS_LISTED) do add("  " .. evidence[number]) end
-  if communication.blocks_missing(list) then add("  " .. say(lang, "s7_no_block")) end
-  for _, each in ipairs(result.transactions) do
-    unlisted = unlisted + (is_listed(each, options) and 0 or 1)
-  end
-  if unlisted > 0 then add("  " .. say(lang, "s7_unlisted", { n = unlisted })) end
-end
-
 local function transaction_table(add, result, options)
-  local transactions = {}
-  for _, each in ipairs(result.transactions) do
-    if is_listed(each, options) then transactions[#transactions + 1] = each end
-  end
+  local transactions = result.transactions
   if #transactions == 0 then
     return
   end
@@ -552,7 +517,6 @@ function M.report(result, given)
   stations(add, options.copied, result, options.lang)
   relations(add, result.relations or {}, options.lang)
   events(add, result, options)
-  connections(add, result, options)
   fault_buffers(add, result, options.lang)
   transaction_table(add, result, options)
   findings(add, result.findings, rules, options)

@@ -1076,17 +1076,11 @@ M.experts = {
   {id = "DS529", title = "Drive switched off by itself", severity = "warning", expert = "protocol"},
   {id = "DS530", title = "Change not accepted in operation", severity = "note", expert = "response"},
   {id = "DS531", title = "Change not accepted, and not because of operation", severity = "note", expert = "response"},
-  {id = "DS601", title = "Engines differ", severity = "error", expert = "protocol"},
   {id = "DS701", title = "Negative response that no status shows", severity = "warning", expert = "response"},
   {id = "DS702", title = "Read sent before the Write was answered", severity = "warning", expert = "sequence"},
-  {id = "DS703", title = "Reads while no request is open", severity = "warning", expert = "sequence"},
   {id = "DS704", title = "Old response read once more", severity = "warning", expert = "sequence"},
   {id = "DS705", title = "Two users on one channel", severity = "error", expert = "sequence"},
-  {id = "DS706", title = "Response looked for where no request went", severity = "error", expert = "sequence"},
-  {id = "DS707", title = "Request written to the wrong record index", severity = "error", expert = "protocol"},
-  {id = "DS708", title = "Request to the wrong slot", severity = "error", expert = "protocol"},
   {id = "DS709", title = "Drive object does not exist", severity = "error", expert = "response"},
-  {id = "DS710", title = "Axis byte has no effect", severity = "note", expert = "protocol"},
   {id = "DS711", title = "Request cut short: LEN too small", severity = "error", expert = "malformed"},
   {id = "DS712", title = "Response cut short: MLEN too small", severity = "error", expert = "malformed"},
   {id = "DS713", title = "Response would be too long", severity = "error", expert = "response"},
@@ -1097,43 +1091,9 @@ M.experts = {
   {id = "DS718", title = "Change needs a commissioning state", severity = "error", expert = "response"},
   {id = "DS719", title = "Change not possible now", severity = "error", expert = "response"},
   {id = "DS720", title = "Interconnection written as a number", severity = "error", expert = "response"},
-  {id = "DS721", title = "Changes lost at power-off", severity = "note", expert = "protocol"},
   {id = "DS722", title = "Connection ended while the request was open", severity = "error", expert = "sequence"},
-  {id = "DS723", title = "Same change written again and again", severity = "warning", expert = "sequence"},
-  {id = "DS724", title = "Polled too fast", severity = "warning", expert = "sequence"},
-  {id = "DS725", title = "Only a part in the capture", severity = "warning", expert = "protocol"},
-  {id = "DS801", title = "Frames with a wrong check byte", severity = "warning", expert = "protocol"},
-  {id = "DS802", title = "Damaged frames", severity = "warning", expert = "malformed"},
-  {id = "DS803", title = "Requests repeated by the master", severity = "warning", expert = "sequence"},
-  {id = "DS804", title = "Requests to a station without an answer", severity = "warning", expert = "sequence"},
-  {id = "DS805", title = "SAP not enabled", severity = "error", expert = "response"},
-  {id = "DS806", title = "Record refused by the station", severity = "note", expert = "response"},
-  {id = "DS807", title = "Answer polled for very often", severity = "note", expert = "sequence"},
   {id = "DS808", title = "DS_Read without a DS_Write before it", severity = "warning", expert = "sequence"},
   {id = "DS809", title = "DS_Write too long", severity = "error", expert = "malformed"},
-  {id = "DS810", title = "Station parameterised again", severity = "warning", expert = "sequence"},
-  {id = "DS811", title = "Data not as long as configured", severity = "error", expert = "protocol"},
-  {id = "DS812", title = "Diagnosis not read by the master", severity = "warning", expert = "sequence"},
-  {id = "DS813", title = "PKW configured without consistency", severity = "warning", expert = "protocol"},
-  {id = "DS814", title = "Slave_Diag reports a fault", severity = "error", expert = "response"},
-  {id = "DS815", title = "Watchdog switched off", severity = "note", expert = "protocol"},
-  {id = "DS901", title = "Job of S7 without an answer", severity = "warning", expert = "sequence"},
-  {id = "DS902", title = "PDU longer than agreed", severity = "error", expert = "protocol"},
-  {id = "DS903", title = "Area larger than a CPU copies at once", severity = "warning", expert = "protocol"},
-  {id = "DS904", title = "Area read or written in parts", severity = "note", expert = "sequence"},
-  {id = "DS905", title = "Data of two moments mixed", severity = "error", expert = "sequence"},
-  {id = "DS906", title = "Several items in one job", severity = "note", expert = "protocol"},
-  {id = "DS907", title = "Two writers on the same bytes", severity = "warning", expert = "sequence"},
-  {id = "DS908", title = "Item refused by the server", severity = "error", expert = "response"},
-  {id = "DS909", title = "Job refused by the server", severity = "error", expert = "response"},
-  {id = "DS910", title = "BSEND not whole", severity = "error", expert = "sequence"},
-  {id = "DS911", title = "Segment of BSEND not acknowledged", severity = "warning", expert = "sequence"},
-  {id = "DS912", title = "R_ID of BSEND in use", severity = "error", expert = "sequence"},
-  {id = "DS913", title = "Areas of USEND differ", severity = "warning", expert = "protocol"},
-  {id = "DS914", title = "More jobs open than agreed", severity = "warning", expert = "protocol"},
-  {id = "DS915", title = "Setup of the connection not in the capture", severity = "note", expert = "protocol"},
-  {id = "DS916", title = "Value of S7 reads back differently", severity = "warning", expert = "response"},
-  {id = "DS917", title = "S7 connection refused", severity = "error", expert = "response"},
 }
 
 later.rules = [=[
@@ -1217,17 +1177,11 @@ M.rules = {
   DS529 = {id = "DS529", name = "off-by-drive", title = "Drive switched off by itself", severity = "warning", scope = "capture", anchor = "frame", expert = "protocol", message = "{off} is active in {drive}, and the control word does not ask for it", cause = "The drive has a second source of OFF2 or OFF3: a terminal, a safety function, a panel.", advice = "Check the sources of OFF2 (p0844, p0845) and OFF3 (p0848, p0849), and the terminals wired to them.", title_zh = "驱动器自行断开", message_zh = "{drive} 的 {off} 有效，而控制字没有要求", cause_zh = "驱动器的 OFF2 或 OFF3 还有第二个来源：端子、安全功能、面板。", advice_zh = "检查 OFF2（p0844、p0845）和 OFF3（p0848、p0849）的来源及其接线端子。", many = "{off} is active, and the control word does not ask for it", many_zh = "{off} 有效，而控制字没有要求"},
   DS530 = {id = "DS530", name = "change-in-operation", title = "Change not accepted in operation", severity = "note", scope = "transaction", anchor = "read_response", expert = "response", message = "The drive did not accept the change of parameter {pnu}[{subindex}] in operation: {what}", cause = "The error number says that the parameter cannot be changed in this state, and the status word says that the drive was in operation (ZSW1 bit 2 = 1) from the request to the response.", advice = "Stop the drive (OFF1) and wait until it no longer runs (ZSW1 bit 2 = 0), then change the parameter.", title_zh = "运行中未接受修改", message_zh = "驱动器在运行中没有接受参数 {pnu}[{subindex}] 的修改：{what}", cause_zh = "错误号表示该参数在此状态下不能修改，而状态字表明从请求到应答驱动器都在运行（ZSW1 位 2 = 1）。", advice_zh = "停车（OFF1），等到驱动器不再运行（ZSW1 位 2 = 0），再修改参数。"},
   DS531 = {id = "DS531", name = "change-not-in-operation", title = "Change not accepted, and not because of operation", severity = "note", scope = "transaction", anchor = "read_response", expert = "response", message = "The drive did not accept the change of parameter {pnu}[{subindex}], and not because of operation: {what}", cause = "The error number is about a state, and the status word says that the drive was not in operation (ZSW1 bit 2 = 0) from the request to the response.", advice = "Look for another state: commissioning (p0010), know-how protection, an active function, or the access level.", title_zh = "未接受修改，且原因不是运行", message_zh = "驱动器没有接受参数 {pnu}[{subindex}] 的修改，且原因不是运行：{what}", cause_zh = "错误号与状态有关，而状态字表明从请求到应答驱动器都不在运行（ZSW1 位 2 = 0）。", advice_zh = "查找其他状态：调试（p0010）、专有技术保护、正在执行的功能或访问级别。"},
-  DS601 = {id = "DS601", name = "engines-differ", title = "Engines differ", severity = "error", scope = "capture", anchor = "frame", expert = "protocol", message = "Native engine (was) and Wireshark plugin (is) differ: {difference}", cause = "The two decoders of ds47 disagree about the same frames: a fault of one of them, or a plugin of another version in Wireshark's own folder. The drive and the capture are not to blame.", advice = "Check with ds47 plugin doctor that only the plugin of this version is loaded. If it is, report the difference together with the frames of the transaction; until then compare the bytes with the manual of the drive.", title_zh = "两个引擎的结果不同", message_zh = "原生引擎（原为）与 Wireshark 插件（现为）的结果不同：{difference}", cause_zh = "ds47 的两个解码器对相同的帧得出不同结果：其中一个有错误，或者 Wireshark 自己的文件夹中有其他版本的插件。与驱动器和抓包无关。", advice_zh = "用 ds47 plugin doctor 检查是否只加载了本版本的插件。如果是，请将差异与该任务的帧一起报告；在此之前请将字节与驱动器手册核对。"},
   DS701 = {id = "DS701", name = "refusal-not-seen", title = "Negative response that no status shows", severity = "warning", scope = "transaction", anchor = "read_response", expert = "response", message = "The response is negative (response ID {id}, {error}), but {case}", cause = "The record calls succeeded, so WRREC and RDREC report success; the refusal stands inside the record, in byte 1 of the response and in its error block.", advice = "STATUS 0 is not success: check byte 1 of the RDREC buffer. 16#81 or 16#82 says that at least one parameter failed, its error number stands behind format 16#44.", title_zh = "状态未反映的否定应答", message_zh = "应答为否定（应答 ID {id}，{error}），但{case}", cause_zh = "记录调用本身成功，因此 WRREC 和 RDREC 报告成功；拒绝信息在记录内部：应答的字节 1 及其错误块中。", advice_zh = "STATUS 0 不等于成功：检查 RDREC 缓冲区的字节 1。16#81 或 16#82 表示至少一个参数失败，其错误号位于格式 16#44 之后。", many = "Responses are negative (response ID {id}, {error}), but the STATUS of the call that ended each transaction is 0", many_zh = "应答为否定（应答 ID {id}，{error}），但结束每个事务的调用的 STATUS 为 0"},
   DS702 = {id = "DS702", name = "read-too-early", title = "Read sent before the Write was answered", severity = "warning", scope = "transaction", anchor = "frame", expert = "sequence", message = "The Read was sent in frame {frame}, before the Write was answered in frame {by}", cause = "RDREC is started together with WRREC or a fixed time after it, not when WRREC has finished.", advice = "Start RDREC with DONE of WRREC.", title_zh = "读取早于写入的应答", message_zh = "读取在帧 {frame} 中发出，而写入直到帧 {by} 才得到应答", cause_zh = "RDREC 与 WRREC 同时启动，或在固定时间后启动，而不是在 WRREC 完成之后。", advice_zh = "用 WRREC 的 DONE 启动 RDREC。", many = "Reads were sent before the Write was answered", many_zh = "多次读取在写入得到应答之前就已发出"},
-  DS703 = {id = "DS703", name = "nothing-was-asked", title = "Reads while no request is open", severity = "warning", scope = "capture", anchor = "frame", expert = "sequence", message = "{count} x Read refused with DE80B500 on {device} while no request was open", cause = "Nothing was asked before, or the response was read already: the drive has nothing to hand out.", advice = "This is not 'busy': do not wait for it. Send a request first (WRREC, DONE) and read each response once.", title_zh = "没有未完成的请求时的读取", message_zh = "{device} 上 {count} 次读取被 DE80B500 拒绝，而当时没有未完成的请求", cause_zh = "此前没有发出请求，或者应答已被读取：驱动器没有可提供的内容。", advice_zh = "这不是“忙”：不要等待。先发送请求（WRREC，DONE），并且每个应答只读取一次。", many = "Reads were refused with DE80B500 on {device} while no request was open", many_zh = "{device} 上的读取被 DE80B500 拒绝，而当时没有未完成的请求"},
   DS704 = {id = "DS704", name = "old-answer", title = "Old response read once more", severity = "warning", scope = "transaction", anchor = "frame", expert = "sequence", message = "The response of frame {first} was read once more in frame {frame}, {case}: it is the one already delivered", cause = "The device hands out its last response again where no new request was accepted: RDREC ran once more after VALID, a client read the record without an AR (ReadImplicit), or RDREC was started although WRREC had failed.", advice = "Start RDREC once for each DONE of WRREC, and not when WRREC ended with ERROR. Count the reference with each request and compare it in the response: then an old response cannot be taken for a new one.", title_zh = "旧应答再次被读取", message_zh = "帧 {first} 的应答在帧 {frame} 中再次被读取，{case}：它是已经取走的应答", cause_zh = "没有新的请求被接受时，设备会再次交出最后一个应答：RDREC 在 VALID 之后又执行了一次、某个客户端不经 AR 读取了记录（ReadImplicit），或 WRREC 失败后仍启动了 RDREC。", advice_zh = "每次 WRREC 的 DONE 之后只启动一次 RDREC，WRREC 以 ERROR 结束时不要启动。每次请求递增请求参考并在应答中比较，这样旧应答就不会被当成新应答。", many = "Responses were read once more, after they had been delivered", many_zh = "已经取走的应答再次被读取"},
   DS705 = {id = "DS705", name = "two-users", title = "Two users on one channel", severity = "error", scope = "transaction", anchor = "frame", expert = "sequence", message = "{case}", cause = "Two function blocks, programs or stations use the same parameter channel at the same time. The device keeps one request per channel: the later one displaces the earlier one or is turned away with DF80B500.", advice = "One transaction at a time: put a queue or a lock in front of the channel, as the blocks of ds47 encode -f scl-fb have. For two stations use a channel (access point) each.", title_zh = "同一通道有两个使用者", message_zh = "{case}", cause_zh = "两个功能块、程序或站同时使用同一个参数通道。设备每个通道只保留一个请求：后来的请求取代先前的请求，或以 DF80B500 被拒绝。", advice_zh = "一次只执行一个任务：在通道前设置队列或锁，如 ds47 encode -f scl-fb 生成的功能块。两个站应各用一个通道（访问点）。", many = "{case}", many_zh = "{case}"},
-  DS706 = {id = "DS706", name = "request-here-read-there", title = "Response looked for where no request went", severity = "error", scope = "capture", anchor = "frame", expert = "sequence", message = "The request in frame {request} went to {place}, its response was looked for at {other} (frame {frame})", cause = "WRREC and RDREC are given different hardware identifiers (or INDEX); the drive keeps the response at the submodule that was asked.", advice = "Give both blocks the same hardware identifier and the same INDEX.", title_zh = "在没有请求的位置读取应答", message_zh = "帧 {request} 的请求发往{place}，其应答却在{other} 处读取（帧 {frame}）", cause_zh = "WRREC 和 RDREC 使用了不同的硬件标识符（或 INDEX）；驱动器把应答保留在被请求的子模块上。", advice_zh = "两个块使用相同的硬件标识符和相同的 INDEX。", many = "Requests went to {place}, their responses were looked for at {other}", many_zh = "请求发往{place}，其应答却在{other} 处读取"},
-  DS707 = {id = "DS707", name = "wrong-record-index", title = "Request written to the wrong record index", severity = "error", scope = "capture", anchor = "frame", expert = "protocol", message = "A parameter request was written to record index {index} of {device} ({status})", cause = "INDEX of WRREC and RDREC is a decimal number. 16#47 is 71; 47 is 16#2F.", advice = "Use INDEX 47 (decimal, 16#2F), or 16#B02E / 16#B02F where the device has them.", title_zh = "请求写入错误的记录索引", message_zh = "参数请求被写入 {device} 的记录索引 {index}（{status}）", cause_zh = "WRREC 和 RDREC 的 INDEX 是十进制数。16#47 是 71；47 是 16#2F。", advice_zh = "使用 INDEX 47（十进制，16#2F），或设备支持的 16#B02E / 16#B02F。", many = "Parameter requests were written to record index {index} of {device}", many_zh = "参数请求被写入 {device} 的记录索引 {index}"},
-  DS708 = {id = "DS708", name = "wrong-slot", title = "Request to the wrong slot", severity = "error", scope = "capture", anchor = "frame", expert = "protocol", message = "{device} turns requests to {place} away ({status}); {other} answers", cause = "The hardware identifier of another submodule is used (the drive has its parameter access point at a certain slot and subslot), or the module that is meant is not plugged.", advice = "Use the hardware identifier of the submodule that answers; if the other one is meant, compare the configured modules with those that are plugged.", title_zh = "请求发往错误的插槽", message_zh = "{device} 拒绝发往{place} 的请求（{status}）；{other} 有应答", cause_zh = "使用了其他子模块的硬件标识符（驱动器的参数访问点位于特定的插槽和子插槽），或目标模块没有插入。", advice_zh = "使用有应答的子模块的硬件标识符；如果确实要访问另一个模块，请将组态的模块与实际插入的模块核对。", many = "{device} turns requests to {place} away", many_zh = "{device} 拒绝发往{place} 的请求"},
   DS709 = {id = "DS709", name = "wrong-drive-object", title = "Drive object does not exist", severity = "error", scope = "transaction", anchor = "read_response", expert = "response", message = "{device} says that drive object (axis) {axis} does not exist", cause = "Byte 2 of the request names a drive object that this device does not have, or that is not reached at this slot and index.", advice = "SINAMICS G120: 1. S120, G130, G150, DCM: the numbers in p0101. Use one of those that answer in this capture.", title_zh = "驱动对象不存在", message_zh = "{device} 应答：驱动对象（轴）{axis} 不存在", cause_zh = "请求的字节 2 指定了该设备没有的驱动对象，或在该插槽和索引处无法到达的驱动对象。", advice_zh = "SINAMICS G120：1。S120、G130、G150、DCM：见 p0101 中的编号。使用本抓包中有应答的编号。"},
-  DS710 = {id = "DS710", name = "axis-byte-ignored", title = "Axis byte has no effect", severity = "note", scope = "capture", anchor = "frame", expert = "protocol", message = "Different axis numbers ({axes}) are asked at {place}: all reach the drive object of that slot", cause = "On index 0xB02E (local access) the device does not look at the axis byte; the slot decides which drive object answers.", advice = "Address the slot of the drive object that is meant, or use index 16#B02F (global access), where the axis byte counts.", title_zh = "轴字节不起作用", message_zh = "在{place} 处使用了不同的轴号（{axes}）：全部到达该插槽的驱动对象", cause_zh = "在索引 0xB02E（本地访问）上设备不看轴字节；由插槽决定哪个驱动对象应答。", advice_zh = "寻址目标驱动对象的插槽，或使用轴字节有效的索引 16#B02F（全局访问）。", many = "Different axis numbers are asked at {place}: all reach the drive object of that slot", many_zh = "在{place} 处使用了不同的轴号：全部到达该插槽的驱动对象"},
   DS711 = {id = "DS711", name = "request-length", title = "Request cut short: LEN too small", severity = "error", scope = "message", anchor = "request", expert = "malformed", message = "The request ends after {have} bytes: {case}", cause = "LEN of WRREC is smaller than the request, often the length of another request or of the header alone; or byte 3, the number of parameters, is larger than what follows.", advice = "Set LEN of WRREC to the length of the request, at least the number named here; check the number of parameters in byte 3.", title_zh = "请求被截短：LEN 过小", message_zh = "请求在 {have} 个字节后结束：{case}", cause_zh = "WRREC 的 LEN 小于请求长度，通常是另一个任务的长度或仅为报文头的长度；或字节 3（参数数量）大于后面的内容。", advice_zh = "将 WRREC 的 LEN 设为请求的长度，至少为此处给出的数；检查字节 3 中的参数数量。", many = "Requests end before their last byte", many_zh = "多个请求在最后一个字节之前结束"},
   DS712 = {id = "DS712", name = "read-length", title = "Response cut short: MLEN too small", severity = "error", scope = "transaction", anchor = "read_response", expert = "malformed", message = "The Read asks for {asked} bytes at most, the response needs at least {need}", cause = "MLEN of RDREC is smaller than the response to this request.", advice = "Set MLEN of RDREC to at least the number named here; 240 is always enough for index 47.", title_zh = "应答被截短：MLEN 过小", message_zh = "读取最多请求 {asked} 个字节，应答至少需要 {need} 个字节", cause_zh = "RDREC 的 MLEN 小于该请求的应答。", advice_zh = "将 RDREC 的 MLEN 至少设为此处给出的数；对于索引 47，240 总是足够。", many = "Reads ask for fewer bytes than the response needs", many_zh = "多次读取请求的字节数少于应答所需"},
   DS713 = {id = "DS713", name = "response-too-long", title = "Response would be too long", severity = "error", scope = "transaction", anchor = "read_response", expert = "response", message = "Parameters answered: {number} of {parameters}, {what}; {room}", cause = "The request asks for more values than one response can carry; the device answers 16#15 or leaves the rest out.", advice = "Ask for the rest in a request of its own, for a long array in several requests with rising subindex; PNU 974[0] says how many bytes the device can handle.", title_zh = "应答会过长", message_zh = "{parameters} 个参数中有 {number} 个得到应答，{what}；{room}", cause_zh = "请求的数值超过一个应答所能容纳的数量；设备以 16#15 应答，或省略其余部分。", advice_zh = "其余参数另发一个请求，长数组用递增的下标分几次请求；PNU 974[0] 给出设备可处理的字节数。", many = "Responses did not bring all parameters that their requests asked for", many_zh = "应答没有包含请求的全部参数"},
@@ -1238,43 +1192,9 @@ M.rules = {
   DS718 = {id = "DS718", name = "commissioning-state", title = "Change needs a commissioning state", severity = "error", scope = "transaction", anchor = "read_response", expert = "response", message = "{pnu}[{subindex}] can be changed only with {state}: {error}", cause = "The drive takes this change only in a certain commissioning state.", advice = "Write p0010 first as named here, then the parameter, then p0010 = 0 again.", title_zh = "修改需要调试状态", message_zh = "{pnu}[{subindex}] 只能在 {state} 时修改：{error}", cause_zh = "驱动器仅在特定的调试状态下接受此修改。", advice_zh = "先按此处写入 p0010，再写入该参数，然后恢复 p0010 = 0。", many = "{pnu} (several subindices) can be changed only with {state}: {error}", many_zh = "{pnu}（多个下标）只能在 {state} 时修改：{error}"},
   DS719 = {id = "DS719", name = "drive-running", title = "Change not possible now", severity = "error", scope = "transaction", anchor = "read_response", expert = "response", message = "{pnu}[{subindex}] cannot be changed now: {error}", cause = "The drive is in an operating state in which this parameter is locked; 0x6B says that it is enabled.", advice = "0x6B: remove the enable (OFF1, standstill) and repeat the change. 0x11: see in the parameter list in which state the parameter can be changed, and bring the drive there.", title_zh = "现在不能修改", message_zh = "{pnu}[{subindex}] 现在不能修改：{error}", cause_zh = "驱动器处于该参数被锁定的运行状态；0x6B 表示驱动器已使能。", advice_zh = "0x6B：取消使能（OFF1，静止）后重复修改。0x11：在参数表中查看该参数可在何种状态下修改，并使驱动器进入该状态。", many = "{pnu} (several subindices) cannot be changed now: {error}", many_zh = "{pnu}（多个下标）现在不能修改：{error}"},
   DS720 = {id = "DS720", name = "connector-as-number", title = "Interconnection written as a number", severity = "error", scope = "transaction", anchor = "read_response", expert = "response", message = "{pnu}[{subindex}] is an interconnection, {case}: {error}", cause = "A BICO input takes no number but the source of its signal: parameter, index and drive object in one unsigned 32-bit value. The source must exist and be of the kind that the input takes.", advice = "A number: write the source as Unsigned32 (format 16#07), PNU in the high word, then drive object and index as the manual of the drive shows. A source that was not accepted: choose another one, of the kind that this input takes.", title_zh = "互联参数以数值写入", message_zh = "{pnu}[{subindex}] 是互联参数，{case}：{error}", cause_zh = "BICO 输入不接受数字，而是信号源：参数号、下标和驱动对象合成一个无符号 32 位值。信号源必须存在，且类型与该输入相符。", advice_zh = "写入的是数字：以 Unsigned32（格式 16#07）写入信号源，高字为 PNU，其后按驱动器手册为驱动对象和下标。信号源未被接受：请选择类型与该输入相符的其他信号源。", many = "{pnu} is an interconnection, and what was written to it was not accepted: {error}", many_zh = "{pnu} 是互联参数，写入的内容未被接受：{error}"},
-  DS721 = {id = "DS721", name = "lost-at-power-off", title = "Changes lost at power-off", severity = "note", scope = "capture", anchor = "frame", expert = "protocol", message = "Changes on {case} are followed by no save (p0971 of the drive object or p0977): {count}, the last in frame {last}; {more}", cause = "Changed parameters stand in the RAM of the drive until they are copied to ROM.", advice = "If the changes are to stay after power-off, copy RAM to ROM: p0971 = 1 for a drive object, p0977 = 1 for all (Siemens), or the maker's own way.", title_zh = "修改在断电后丢失", message_zh = "{count} 次修改之后没有保存（该驱动对象的 p0971 或 p0977），最后一次修改在第 {last} 帧，驱动器 {case}；{more}", cause_zh = "修改后的参数保存在驱动器的 RAM 中，直到复制到 ROM。", advice_zh = "如果修改要在断电后保留，请将 RAM 复制到 ROM：单个驱动对象 p0971 = 1，全部 p0977 = 1（西门子），或使用制造商自己的方法。", many = "Changes on {device} are followed by no save (p0971 of the drive object or p0977)", many_zh = "{device} 上的修改之后没有保存（驱动对象的 p0971 或 p0977）"},
   DS722 = {id = "DS722", name = "connection-lost", title = "Connection ended while the request was open", severity = "error", scope = "transaction", anchor = "request", expert = "sequence", message = "The connection ended (frame {frame}) while the request was open", cause = "The AR was released or set up anew between request and response; the device forgets the request with it.", advice = "Repeat the transaction when the connection is back, and look for the reason of the interruption (watchdog, link, restart of the device).", title_zh = "请求未完成时连接结束", message_zh = "请求未完成时连接结束（帧 {frame}）", cause_zh = "在请求与应答之间 AR 被释放或重新建立；设备随之丢弃请求。", advice_zh = "连接恢复后重复任务，并查找中断的原因（看门狗、链路、设备重启）。", many = "The connection ended while requests were open", many_zh = "请求未完成时连接结束"},
-  DS723 = {id = "DS723", name = "request-held", title = "Same change written again and again", severity = "warning", scope = "capture", anchor = "frame", expert = "sequence", message = "The same change was written {count} times to {device}, every {period} ms", cause = "REQ of WRREC stays TRUE, or the call is started in every cycle.", advice = "Trigger WRREC with an edge, and only when the value has changed.", title_zh = "同一修改反复写入", message_zh = "同一修改向 {device} 写入了 {count} 次，每 {period} ms 一次", cause_zh = "WRREC 的 REQ 一直为 TRUE，或每个周期都启动任务。", advice_zh = "用边沿触发任务，且仅在数值变化时触发。", many = "Equal changes were written again and again to {device}", many_zh = "相同的修改反复写入 {device}"},
-  DS724 = {id = "DS724", name = "polling-storm", title = "Polled too fast", severity = "warning", scope = "capture", anchor = "frame", expert = "sequence", message = "{count} Reads on {device} came before the response was ready, one every {period} ms; the drive takes {time} ms", cause = "RDREC is started again in every cycle of the program until the drive has its response; each such Read costs drive and network time.", advice = "Wait between two Reads about as long as the drive takes, or start the next one only after BUSY of the last is FALSE and a pause.", title_zh = "轮询过快", message_zh = "{device} 上有 {count} 次读取早于应答就绪，每 {period} ms 一次；驱动器需要 {time} ms", cause_zh = "程序在每个周期重新启动 RDREC，直到驱动器准备好应答；每次读取都占用驱动器和网络的时间。", advice_zh = "两次读取之间等待约等于驱动器所需的时间，或在上一次 BUSY 为 FALSE 并暂停后再启动下一次。", many = "Reads on {device} came before the response was ready, again and again", many_zh = "{device} 上的读取反复早于应答就绪"},
-  DS725 = {id = "DS725", name = "half-captured", title = "Only a part in the capture", severity = "warning", scope = "capture", anchor = "frame", expert = "protocol", message = "The capture shows only a part: {what} ({count} in all)", cause = "The mirror port carries one direction, the capture began too late, frames were cut to a length or dropped.", advice = "Mirror both directions of the port of the controller or of the drive, do not limit the packet length, capture with enough buffer, and start before the first request.", title_zh = "抓包只有一部分", message_zh = "抓包只显示了一部分：{what}（共 {count} 个）", cause_zh = "镜像端口只传送一个方向，抓包开始过晚，帧被截短或被丢弃。", advice_zh = "镜像控制器或驱动器端口的两个方向，不限制包长度，使用足够的缓冲区抓包，并在第一个请求之前开始。", many = "The capture shows only a part: {what}", many_zh = "抓包只显示了一部分：{what}"},
-  DS801 = {id = "DS801", name = "bus-check-byte", title = "Frames with a wrong check byte", severity = "warning", scope = "capture", anchor = "frame", expert = "protocol", message = "Frames with a wrong check byte: {count}", cause = "Bits were changed on the line, or by what recorded it: terminating resistors missing or switched on twice, a damaged or wrong cable, the shield not connected, long stubs, two stations with the same address.", advice = "The summary of the stations shows in the place of whose answers the damaged frames stand. Check terminating resistors, plugs and shield there first, then measure the line. If the master has no retries although frames are damaged, the recorder is to blame.", title_zh = "校验字节错误的帧", message_zh = "校验字节错误的帧：{count}", cause_zh = "线路上或记录设备改变了位：终端电阻缺失或重复接入、电缆损坏或型号不对、屏蔽层未接、分支过长、两个站地址相同。", advice_zh = "站汇总表显示损坏的帧出现在哪些站的应答位置。先在那里检查终端电阻、插头和屏蔽，再测量线路。如果帧损坏而主站没有重试，则问题出在记录设备。"},
-  DS802 = {id = "DS802", name = "bus-frame-damaged", title = "Damaged frames", severity = "warning", scope = "capture", anchor = "frame", expert = "malformed", message = "Damaged frames, check byte aside: {count} (length bytes, end byte, addresses, or bytes that are missing)", cause = "Bytes were changed or lost on the line or by what recorded it, or two stations sent at the same time.", advice = "Look at the frames with ds47 decode --as profibus: it names the byte. Where the first or the last frame of a log is concerned, the log begins or ends inside a frame; else check the line as for a wrong check byte, and for two stations with the same address.", title_zh = "损坏的帧", message_zh = "损坏的帧（校验字节除外）：{count}（长度字节、结束字节、地址，或缺少字节）", cause_zh = "线路上或记录设备改变或丢失了字节，或者两个站同时发送。", advice_zh = "用 ds47 decode --as profibus 查看这些帧，它会指出出错的字节。如果是日志的第一帧或最后一帧，则日志从帧的中间开始或结束；否则按校验字节错误的方法检查线路，并检查是否有两个站地址相同。"},
-  DS803 = {id = "DS803", name = "bus-retries", title = "Requests repeated by the master", severity = "warning", scope = "capture", anchor = "frame", expert = "sequence", message = "Requests to {device} that the master repeated: {count}, in {of} requests", cause = "The master got no answer, or a damaged one, and sent the same frame again (same FCB): bad line near this station, a station that is switched off or busy, or a slot time that is too short for it.", advice = "Where one station alone has retries, check its plug, its terminating resistor and its supply. Where all have them, check the cable as a whole, the master and the bus parameters (baud rate, slot time).", title_zh = "主站重复请求", message_zh = "主站重复发给 {device} 的请求：{count}，共 {of} 个请求", cause_zh = "主站没有收到应答或应答损坏，于是再次发送同一帧（FCB 相同）：该站附近线路不良、站已断电或繁忙，或时隙时间太短。", advice_zh = "如果只有一个站有重试，检查它的插头、终端电阻和电源。如果所有站都有，检查整条电缆、主站和总线参数（波特率、时隙时间）。"},
-  DS804 = {id = "DS804", name = "bus-no-answer", title = "Requests to a station without an answer", severity = "warning", scope = "capture", anchor = "frame", expert = "sequence", message = "Requests to {device} without an answer in the capture: {count} of {of}", cause = "The station is switched off, not connected, has another address or does not know the baud rate; or the recorder sees one direction only.", advice = "Check supply, plug and address of the station. If no station answers anything, the recorder sees the frames of the master alone: connect it to both wires, and without a repeater between.", title_zh = "发往站的请求没有应答", message_zh = "抓包中 {device} 没有应答的请求：{count}（共 {of} 个）", cause_zh = "站已断电、未连接、地址不同或不支持该波特率；或者记录设备只看到一个方向。", advice_zh = "检查该站的电源、插头和地址。如果所有站都没有应答，则记录设备只看到主站的帧：请将其接到两根线上，中间不要有中继器。"},
-  DS805 = {id = "DS805", name = "bus-sap-not-enabled", title = "SAP not enabled", severity = "error", scope = "capture", anchor = "frame", expert = "response", message = "{count} x SAP {sap} of {device} not enabled (RS): {case}", cause = "The service does not exist in this station, or not in its present state: records (MS1, SAP 51) exist from Chk_Cfg on, and only where Set_Prm enables DPV1.", advice = "For records choose the GSD entry or module of the drive with DPV1, and switch on DPV1 in the properties of the DP slave and of the master, so that Set_Prm carries DPV1_Enable. Read records only while the station is in data exchange.", title_zh = "SAP 未启用", message_zh = "{count} 次：{device} 的 SAP {sap} 未启用（RS）：{case}", cause_zh = "该站没有这项服务，或在当前状态下没有：记录读写（MS1，SAP 51）在 Chk_Cfg 之后才有，并且只在 Set_Prm 启用 DPV1 时才有。", advice_zh = "读写记录时，选择带 DPV1 的驱动器 GSD 条目或模块，并在 DP 从站和主站的属性中启用 DPV1，使 Set_Prm 带有 DPV1_Enable。仅在该站处于数据交换时读写记录。"},
-  DS806 = {id = "DS806", name = "bus-record-refused", title = "Record refused by the station", severity = "note", scope = "capture", anchor = "frame", expert = "response", message = "{count} x {operation} of {place} refused by {device} with status {status}: {text}", cause = "The device has no such record at this place, or does not allow the access now. It is not the parameter channel: that is index 47.", advice = "Check slot, index and length against the manual of the device. Many masters read identification (index 255) of every device, and one that has none refuses it: that is harmless.", title_zh = "站拒绝数据记录", message_zh = "{count} 次：{device} 拒绝了对{place}的 {operation}，状态 {status}：{text}", cause_zh = "设备在此位置没有该记录，或当前不允许访问。这不是参数通道：参数通道是索引 47。", advice_zh = "对照设备手册检查插槽、索引和长度。许多主站会读取每个设备的标识（索引 255），没有标识的设备会拒绝：这没有影响。"},
-  DS807 = {id = "DS807", name = "bus-polled-often", title = "Answer polled for very often", severity = "note", scope = "capture", anchor = "frame", expert = "sequence", message = "Answers of {device} that took more than {limit} polls: {count}, one of them {polls}", cause = "The station works on a record for long, or the bus is fast and the master polls in each cycle.", advice = "Compare the time of the transaction with the manual of the drive. Many polls alone cost bus time, nothing else; let the program read parameters less often if the cycle gets long.", title_zh = "应答轮询次数过多", message_zh = "{device} 的应答中轮询超过 {limit} 次的有：{count}，其中一次 {polls} 次轮询", cause_zh = "该站处理记录的时间较长，或总线较快而主站每个周期都轮询。", advice_zh = "将事务时间与驱动器手册比较。轮询多只占用总线时间；如果周期变长，让程序减少读取参数的次数。"},
   DS808 = {id = "DS808", name = "bus-read-without-write", title = "DS_Read without a DS_Write before it", severity = "warning", scope = "record", anchor = "read_response", expert = "sequence", message = "DS_Read of index {index} from {device}, to which nothing was written since its start-up: status {status}, no data", cause = "The capture has the start-up of the station, so no request was lost before it: the program reads an answer for which it never asked.", advice = "Write the parameter request first (DS_Write, SFC58 or WRREC), and read only when that is done.", title_zh = "DS_Read 之前没有 DS_Write", message_zh = "对 {device} 的索引 {index} 执行 DS_Read，而自其启动以来没有写入过：状态 {status}，无数据", cause_zh = "抓包包含该站的启动过程，因此之前没有丢失请求：程序读取了从未请求过的应答。", advice_zh = "先写入参数请求（DS_Write、SFC58 或 WRREC），完成之后再读取。"},
   DS809 = {id = "DS809", name = "bus-write-too-long", title = "DS_Write too long", severity = "error", scope = "record", anchor = "request", expert = "malformed", message = "DS_Write of {length} bytes to {device}: a record of MS1 has {most} at most", cause = "The length of the write call is that of the buffer, or the request has too many parameters for PROFIBUS.", advice = "Give the call the length of the request, and split a request with many parameters: 39 of them fit into 240 bytes.", title_zh = "DS_Write 过长", message_zh = "向 {device} 执行 {length} 字节的 DS_Write：MS1 的记录最多 {most} 字节", cause_zh = "写调用的长度是缓冲区的长度，或请求中的参数对 PROFIBUS 来说太多。", advice_zh = "为调用指定请求的实际长度，并拆分参数很多的请求：240 字节最多容纳 39 个。"},
-  DS810 = {id = "DS810", name = "bus-parameterised-again", title = "Station parameterised again", severity = "warning", scope = "capture", anchor = "frame", expert = "sequence", message = "{count} x Set_Prm to {device} after data exchange; the last data exchange before the first of them is frame {last}", cause = "The station had left data exchange: its watchdog ran out, its supply failed, the line was interrupted, or it asked for parameters itself. Or the master was stopped and started.", advice = "Look at the frames before: requests without an answer point to line or supply, an answer with a diagnosis points to the station, and Set_Prm to all stations at once points to the master.", title_zh = "站被重新参数化", message_zh = "{count} 次：{device} 在数据交换之后收到 Set_Prm；第一次之前的最后一次数据交换是第 {last} 帧", cause_zh = "该站曾退出数据交换：看门狗超时、断电、线路中断，或它自己要求参数。也可能是主站停止后又启动。", advice_zh = "查看之前的帧：没有应答的请求说明线路或电源有问题，带诊断的应答说明站有问题，同时对所有站发送 Set_Prm 说明是主站。"},
-  DS811 = {id = "DS811", name = "bus-lengths-differ", title = "Data not as long as configured", severity = "error", scope = "capture", anchor = "frame", expert = "protocol", message = "{count} x data of {device} not as in Chk_Cfg: {outputs} bytes out ({configured_outputs}), {inputs} bytes in ({configured_inputs})", cause = "Master and station do not have the same configuration: another module or PPO was chosen than the drive is set to, or the frame of another configuration was recorded.", advice = "Choose in the hardware configuration the module (PPO) that the drive is set to, and load it to the controller again.", title_zh = "数据长度与组态不符", message_zh = "{count} 次：{device} 的数据与 Chk_Cfg 不符：输出 {outputs} 字节（{configured_outputs}），输入 {inputs} 字节（{configured_inputs}）", cause_zh = "主站和从站的组态不一致：选择的模块或 PPO 与驱动器的设置不同，或记录了另一组态的帧。", advice_zh = "在硬件组态中选择与驱动器设置一致的模块（PPO），并重新下载到控制器。"},
-  DS812 = {id = "DS812", name = "bus-diagnosis-not-read", title = "Diagnosis not read by the master", severity = "warning", scope = "capture", anchor = "frame", expert = "sequence", message = "{device} asks for a diagnosis in {count} answers in a row, and the master does not read it in between", cause = "The station has a fault or a warning to tell (it answers with high priority), and the master does not send Slave_Diag; masters read it in the next cycle.", advice = "Read the diagnosis of the station with the programming device, and check whether the program of the master disables diagnoses of this station.", title_zh = "主站未读取诊断", message_zh = "{device} 连续 {count} 个应答请求诊断，其间主站没有读取", cause_zh = "该站有故障或报警要报告（以高优先级应答），而主站没有发送 Slave_Diag；主站通常在下一个周期读取。", advice_zh = "用编程设备读取该站的诊断，并检查主站程序是否禁用了该站的诊断。"},
-  DS813 = {id = "DS813", name = "bus-pkw-inconsistent", title = "PKW configured without consistency", severity = "warning", scope = "capture", anchor = "frame", expert = "protocol", message = "Chk_Cfg of {device} configures PKW as {identifier}, without consistency over its whole length", cause = "Bit 7 of the identifier is 0: each word is transferred by itself, so PKE and PWE of one frame may come from different cycles of the program or of the drive.", advice = "Choose a module with PKW that is consistent over its whole length (F3), and write all 8 bytes with one SFC15 (DPWR_DAT).", title_zh = "PKW 组态未保持一致性", message_zh = "{device} 的 Chk_Cfg 将 PKW 组态为 {identifier}，未在整个长度上保持一致性", cause_zh = "标识符的位 7 为 0：每个字单独传输，因此同一帧的 PKE 和 PWE 可能来自程序或驱动器的不同周期。", advice_zh = "选择在整个长度上保持一致性的 PKW 模块（F3），并用一次 SFC15（DPWR_DAT）写入全部 8 个字节。"},
-  DS814 = {id = "DS814", name = "bus-slave-diagnosis", title = "Slave_Diag reports a fault", severity = "error", scope = "capture", anchor = "frame", expert = "response", message = "{count} x Slave_Diag of {device}: {case}", cause = "The station does not accept what the master sent, or belongs to another one. It does not take part in data exchange as long as that lasts.", advice = "Prm_Fault: check the GSD and the parameters of the device. Cfg_Fault: choose the modules (PPO) that the drive is set to. Another ident number: the GSD in the project is that of another device. Another master: two masters have this address in their project.", title_zh = "Slave_Diag 报告故障", message_zh = "{count} 次：{device} 的 Slave_Diag：{case}", cause_zh = "该站不接受主站发送的内容，或属于另一主站。在此期间它不参与数据交换。", advice_zh = "Prm_Fault：检查 GSD 和设备参数。Cfg_Fault：选择与驱动器设置一致的模块（PPO）。标识号不同：项目中的 GSD 属于另一设备。另一主站：两个主站的项目中都有该地址。"},
-  DS815 = {id = "DS815", name = "bus-no-watchdog", title = "Watchdog switched off", severity = "note", scope = "capture", anchor = "frame", expert = "protocol", message = "Set_Prm switches off the watchdog of {device}", cause = "The project of the master does not want it. The drive then goes on with the last control word when the master fails or the line breaks.", advice = "Switch on the watchdog (response monitoring) of the DP slave in the hardware configuration, unless the drive monitors the control word itself.", title_zh = "看门狗已关闭", message_zh = "Set_Prm 关闭了 {device} 的看门狗", cause_zh = "主站的项目不需要它。当主站故障或线路中断时，驱动器会继续执行最后的控制字。", advice_zh = "在硬件组态中启用 DP 从站的看门狗（响应监视），除非驱动器自身监视控制字。"},
-  DS901 = {id = "DS901", name = "job-without-answer", title = "Job of S7 without an answer", severity = "warning", scope = "transaction", anchor = "frame", expert = "sequence", message = "{operation} {area} to {device} has no answer in the capture", cause = "The capture ends before the answer, the partner did not answer (stopped, overloaded, not reachable any more), or the connection was closed in between.", advice = "Let the capture run some seconds longer. If the answer is really missing, check the partner and the network, and look in the program for a connection that is closed while a job is running.", title_zh = "S7 作业没有应答", message_zh = "发往 {device} 的 {operation} {area} 在抓包中没有应答", cause_zh = "抓包在应答之前结束、伙伴没有应答（停止、过载或不再可达），或连接在其间被关闭。", advice_zh = "将抓包延长几秒。如果确实没有应答，检查伙伴和网络，并检查程序是否在作业执行期间关闭了连接。"},
-  DS902 = {id = "DS902", name = "pdu-above-agreement", title = "PDU longer than agreed", severity = "error", scope = "capture", anchor = "frame", expert = "protocol", message = "{count} x PDU of {sender} above the agreed length: {size} bytes, {agreed} were agreed in frame {frame}", cause = "The sender does not split its data by the PDU length that the setup agreed on. Some partners take such a PDU, others close the connection or answer with error 85 00.", advice = "Read or write less in one job, or use a library that splits by the agreed length. Check whether the partner takes longer PDUs, and let the setup ask for them.", title_zh = "PDU 超过协商长度", message_zh = "{count} 次：{sender} 的 PDU 超过协商长度：{size} 字节，第 {frame} 帧协商为 {agreed} 字节", cause_zh = "发送方没有按建立通信时协商的 PDU 长度拆分数据。有的伙伴接受这样的 PDU，有的会关闭连接或以错误 85 00 应答。", advice_zh = "减少一个作业的数据量，或使用按协商长度拆分的库。检查伙伴是否支持更长的 PDU，并在建立通信时请求该长度。"},
-  DS903 = {id = "DS903", name = "area-above-block", title = "Area larger than a CPU copies at once", severity = "warning", scope = "capture", anchor = "frame", expert = "protocol", message = "{count} x {operation} {area}: {bytes} bytes, and {device} copies {block} at once ({case})", cause = "The operating system of the passive CPU copies the data of GET and PUT to and from the work memory block by block. An interrupt OB may run between two blocks, so the data of one job may be of two moments.", advice = "Use BSEND and BRCV, and access the data only after DONE and NDR. Or keep the area within one block of the passive CPU, and let the passive CPU write or read it in an interrupt OB. Or put a counter first and last in the area, and copy it with UBLKMOV (SFC 81) when both are equal.", title_zh = "数据区大于 CPU 一次复制的长度", message_zh = "{count} 次 {operation} {area}：{bytes} 字节，而 {device} 一次只复制 {block} 字节（{case}）", cause_zh = "被动 CPU 的操作系统按块在工作存储器与通信之间复制 GET 和 PUT 的数据。两块之间可能执行中断 OB，因此一个作业的数据可能属于两个时刻。", advice_zh = "使用 BSEND 和 BRCV，并只在 DONE 和 NDR 之后访问数据。或使数据区不超过被动 CPU 的一个块，并由被动 CPU 在中断 OB 中写入或读取该区。或在数据区的开头和结尾各放一个计数器，两者相等时用 UBLKMOV（SFC 81）复制。"},
-  DS904 = {id = "DS904", name = "area-in-parts", title = "Area read or written in parts", severity = "note", scope = "capture", anchor = "frame", expert = "sequence", message = "{count} x {operation} {area} of {device} in {jobs} jobs, whose data may be of different moments", cause = "The area is larger than one PDU, so the library or the HMI splits it. Between two jobs the program of the partner runs, and other stations may write.", advice = "Use BSEND and BRCV, and access the data only after DONE and NDR. Or keep what belongs together within one job and one block of the partner. Or put a counter first and last in the area, and use the data only when both are equal; the partner copies it with UBLKMOV (SFC 81).", title_zh = "数据区分段读写", message_zh = "{count} 次 {operation} {device} 的 {area}，分 {jobs} 个作业，其数据可能属于不同时刻", cause_zh = "数据区大于一个 PDU，因此库或 HMI 将其拆分。在两个作业之间伙伴的程序会运行，其他站也可能写入。", advice_zh = "使用 BSEND 和 BRCV，并只在 DONE 和 NDR 之后访问数据。或将相关数据放在一个作业以及伙伴的一个块之内。或在数据区的开头和结尾各放一个计数器，仅当两者相等时使用数据；由伙伴用 UBLKMOV（SFC 81）复制。"},
-  DS905 = {id = "DS905", name = "moments-mixed", title = "Data of two moments mixed", severity = "error", scope = "transaction", anchor = "frame", expert = "sequence", message = "{case}: {first} = {first_value} and {second} = {second_value} never were there together (written in frame {write})", cause = "Another station wrote while the area was read, or read while it was written. What was read is partly older and partly newer, and no order of the captured writes leaves it in the memory at one moment.", advice = "Use BSEND and BRCV, and access the data only after DONE and NDR. Or keep what belongs together within one job and one block of the partner. Or put a counter first and last in the area, use the data only when both are equal, and copy it with UBLKMOV (SFC 81).", title_zh = "混合了两个时刻的数据", message_zh = "{case}：{first} = {first_value} 与 {second} = {second_value} 从未同时存在（第 {write} 帧写入）", cause_zh = "读取数据区时另一站正在写入，或写入数据区时另一站正在读取。读到的数据一部分较旧、一部分较新，所抓取的写操作无论按何种顺序都不会使其同时存在于存储器中。", advice_zh = "使用 BSEND 和 BRCV，并只在 DONE 和 NDR 之后访问数据。或将相关数据放在一个作业以及伙伴的一个块之内。或在数据区的开头和结尾各放一个计数器，仅当两者相等时使用数据，并用 UBLKMOV（SFC 81）复制。"},
-  DS906 = {id = "DS906", name = "items-apart", title = "Several items in one job", severity = "note", scope = "capture", anchor = "frame", expert = "protocol", message = "{count} x several items in one job of {controller}, which {device} does not read or write at one moment", cause = "The partner handles one item after the other; only the bytes of one item, up to the block of the CPU, belong to one moment. HMIs and libraries collect items in one job for speed.", advice = "Put values that belong together next to each other, so that they are one item within one block of the partner.", title_zh = "一个作业含有多个条目", message_zh = "{count} 次：{controller} 的一个作业含有多个条目，{device} 并不在同一时刻读写它们", cause_zh = "伙伴逐个处理条目；只有一个条目的字节（不超过 CPU 的块）属于同一时刻。HMI 和库为提高速度将多个条目放入一个作业。", advice_zh = "将相关的值相邻存放，使其成为一个条目，并位于伙伴的一个块之内。"},
-  DS907 = {id = "DS907", name = "two-writers", title = "Two writers on the same bytes", severity = "warning", scope = "capture", anchor = "frame", expert = "sequence", message = "{count} x {controller} and {other} write different values to the same bytes of {device} ({byte}) within a second", cause = "Two stations control the same variable, for example two HMIs, or an HMI and another PLC. The last one wins, and neither learns of it.", advice = "Let one station only write the variable. Give each of the others a variable of its own, and let the program of the partner decide.", title_zh = "两个客户端写入相同字节", message_zh = "{count} 次：{controller} 和 {other} 在一秒内向 {device} 的相同字节（{byte}）写入不同的值", cause_zh = "两个站控制同一变量，例如两个 HMI，或一个 HMI 和另一个 PLC。后写入者生效，而双方都不知道。", advice_zh = "只让一个站写该变量。为其他站各提供一个变量，由伙伴的程序决定。"},
-  DS908 = {id = "DS908", name = "item-refused", title = "Item refused by the server", severity = "error", scope = "transaction", anchor = "frame", expert = "response", message = "{operation} {area} refused by {device}: {error}", cause = "The data block does not exist or is not loaded, it is shorter than the address, its access is optimised (S7-1200/1500), or the CPU does not permit access with PUT/GET.", advice = "0x0A: load the data block, and check its number. 0x05: compare the length of the block with the address. On S7-1200/1500 switch off the optimised block access of this data block, and permit access with PUT/GET communication in the protection settings of the CPU (0x03).", title_zh = "服务器拒绝条目", message_zh = "{device} 拒绝 {operation} {area}：{error}", cause_zh = "数据块不存在或未下载、长度小于地址、启用了优化的块访问（S7-1200/1500），或 CPU 不允许 PUT/GET 访问。", advice_zh = "0x0A：下载数据块并检查其编号。0x05：将块的长度与地址比较。对于 S7-1200/1500，关闭该数据块的优化块访问，并在 CPU 的保护设置中允许 PUT/GET 通信访问（0x03）。"},
-  DS909 = {id = "DS909", name = "job-refused", title = "Job refused by the server", severity = "error", scope = "transaction", anchor = "frame", expert = "response", message = "{operation} {area} refused by {device} as a whole: {error}", cause = "The partner does not accept the job: its PDU is too long (85 00), the function is not permitted or not supported (81 04), or the CPU is not in the mode for it.", advice = "81 04: permit access with PUT/GET communication in the protection settings of the CPU, and check its protection level. 85 00: keep to the PDU length that was agreed in the setup.", title_zh = "服务器拒绝作业", message_zh = "{device} 拒绝整个 {operation} {area}：{error}", cause_zh = "伙伴不接受该作业：PDU 过长（85 00）、功能不被允许或不支持（81 04），或 CPU 的工作方式不允许。", advice_zh = "81 04：在 CPU 的保护设置中允许 PUT/GET 通信访问，并检查其保护等级。85 00：遵守建立通信时协商的 PDU 长度。"},
-  DS910 = {id = "DS910", name = "transfer-incomplete", title = "BSEND not whole", severity = "error", scope = "transaction", anchor = "frame", expert = "sequence", message = "BSEND with R_ID {r_id} to {device} is not whole: {case}", cause = "The sender gave up (R was set, the connection was lost, the CPU stopped), or the partner did not take the segments: no BRCV with this R_ID, EN_R not set, or a receive area that is too small.", advice = "At the sender start a new BSEND only after DONE or ERROR, and evaluate STATUS. At the receiver call BRCV with the same R_ID and EN_R = 1, and use the data only after NDR.", title_zh = "BSEND 不完整", message_zh = "发往 {device} 的 BSEND（R_ID {r_id}）不完整：{case}", cause_zh = "发送方中止（置位了 R、连接中断、CPU 停止），或伙伴没有接收分段：没有相同 R_ID 的 BRCV、未置位 EN_R，或接收区过小。", advice_zh = "发送方只在 DONE 或 ERROR 之后启动新的 BSEND，并评估 STATUS。接收方用相同的 R_ID 和 EN_R = 1 调用 BRCV，并只在 NDR 之后使用数据。"},
-  DS911 = {id = "DS911", name = "segment-unacknowledged", title = "Segment of BSEND not acknowledged", severity = "warning", scope = "transaction", anchor = "frame", expert = "sequence", message = "BSEND with R_ID {r_id} to {device}: of {segments} segments {count} without acknowledgement in the capture", cause = "The partner acknowledges each segment. It did not do so here, the connection was lost, or the capture ends before.", advice = "Check the partner: CPU in RUN, BRCV with the same R_ID, EN_R = 1. Let the capture run some seconds longer.", title_zh = "BSEND 分段未确认", message_zh = "发往 {device} 的 BSEND（R_ID {r_id}）的 {segments} 个分段中，{count} 个在抓包中没有确认", cause_zh = "伙伴对每个分段进行确认。此处没有确认、连接中断，或抓包提前结束。", advice_zh = "检查伙伴：CPU 处于 RUN、BRCV 使用相同的 R_ID、EN_R = 1。将抓包延长几秒。"},
-  DS912 = {id = "DS912", name = "transfer-id-in-use", title = "R_ID of BSEND in use", severity = "error", scope = "transaction", anchor = "frame", expert = "sequence", message = "BSEND with R_ID {r_id} to {device}: {case}", cause = "Two blocks on one connection have the same R_ID, or one was started again before it was done (STATUS 18). A partner that refuses has no BRCV with this R_ID, or one that is not ready.", advice = "Give each pair of BSEND and BRCV on a connection an R_ID of its own, the same at both ends. Start BSEND again only after DONE or ERROR.", title_zh = "BSEND 的 R_ID 被占用", message_zh = "发往 {device} 的 BSEND（R_ID {r_id}）：{case}", cause_zh = "同一连接上的两个块使用相同的 R_ID，或块在完成之前被再次启动（STATUS 18）。拒绝的伙伴没有该 R_ID 的 BRCV，或其尚未准备好。", advice_zh = "为一个连接上的每对 BSEND 和 BRCV 分配各自的 R_ID，两端相同。只在 DONE 或 ERROR 之后再次启动 BSEND。"},
-  DS913 = {id = "DS913", name = "areas-of-usend-differ", title = "Areas of USEND differ", severity = "warning", scope = "transaction", anchor = "frame", expert = "protocol", message = "USEND with R_ID {r_id} to {device} sends areas of {now} bytes, and of {before} in frame {first}", cause = "SD_1 to SD_4 were changed, or two USEND have the same R_ID. Number, length and data type of the areas have to be those of RD_1 to RD_4 at the partner's URCV, which can fit one of them only (STATUS 4).", advice = "Keep the areas of one R_ID as they are, and give another USEND another R_ID.", title_zh = "USEND 的数据区不同", message_zh = "发往 {device} 的 USEND（R_ID {r_id}）发送 {now} 字节的数据区，而第 {first} 帧为 {before} 字节", cause_zh = "SD_1 至 SD_4 被更改，或两个 USEND 使用相同的 R_ID。数据区的数量、长度和数据类型必须与伙伴 URCV 的 RD_1 至 RD_4 一致，而它只能与其中一个一致（STATUS 4）。", advice_zh = "保持同一 R_ID 的数据区不变，为另一个 USEND 分配另一个 R_ID。"},
-  DS914 = {id = "DS914", name = "jobs-above-agreement", title = "More jobs open than agreed", severity = "warning", scope = "capture", anchor = "frame", expert = "protocol", message = "{count} x {controller} has more jobs open at {device} than agreed: {most}, {agreed} were agreed", cause = "The client does not wait for answers as the setup demands (parallel jobs, AmQ). The partner may refuse jobs, or answer none.", advice = "Limit the client to the number of parallel jobs that the answer to the setup names.", title_zh = "同时打开的作业多于协商值", message_zh = "{count} 次：{controller} 在 {device} 上同时打开的作业多于协商值：{most}，协商为 {agreed}", cause_zh = "客户端没有按建立通信的要求等待应答（并行作业数 AmQ）。伙伴可能拒绝作业，或不作应答。", advice_zh = "将客户端的并行作业数限制为建立通信的应答中给出的数值。"},
-  DS915 = {id = "DS915", name = "setup-not-seen", title = "Setup of the connection not in the capture", severity = "note", scope = "capture", anchor = "frame", expert = "protocol", message = "{count} x connection of {controller} to {device} without its setup: the agreed PDU length is not known", cause = "The capture begins after the connection was established. Whether areas are split over jobs, and whether PDUs are too long, then cannot be told.", advice = "Start the capture before the connection is established: restart the HMI or the client, or open the connection again.", title_zh = "连接建立过程不在抓包中", message_zh = "{count} 次：{controller} 到 {device} 的连接缺少建立过程，协商的 PDU 长度未知", cause_zh = "抓包在连接建立之后开始。因此无法判断数据区是否被拆分到多个作业，以及 PDU 是否过长。", advice_zh = "在连接建立之前开始抓包：重新启动 HMI 或客户端，或重新打开连接。"},
-  DS916 = {id = "DS916", name = "written-not-read", title = "Value of S7 reads back differently", severity = "warning", scope = "transaction", anchor = "frame", expert = "response", message = "{byte} of {device} is read as {read}, and was written as {written} in frame {by}", cause = "Somebody else wrote in between: the program of the partner, which may be intended, or a station that was not captured.", advice = "Look at the program of the partner for other assignments to this variable (cross-reference list), and for a second station that writes it.", title_zh = "S7 回读的数值不同", message_zh = "{device} 的 {byte} 读为 {read}，而第 {by} 帧写入的是 {written}", cause_zh = "其间有其他来源写入：伙伴的程序（可能是有意的），或未被抓取的站。", advice_zh = "在伙伴的程序中查找对该变量的其他赋值（交叉引用表），以及写该变量的第二个站。"},
-  DS917 = {id = "DS917", name = "connection-refused", title = "S7 connection refused", severity = "error", scope = "capture", anchor = "frame", expert = "response", message = "{count} x {controller} gets no S7 connection to {device}: {case}", cause = "Rack or slot in the TSAP is not that of the CPU, all connection resources of the CPU are in use, the connection is not configured there, or a firewall is in between.", advice = "Check rack and slot: S7-300 has rack 0, slot 2, S7-1200/1500 rack 0, slot 1 (or 0), S7-400 and S7-1500R/H as configured. Then look at the connection resources in the diagnostics of the CPU, and at its protection settings.", title_zh = "S7 连接被拒绝", message_zh = "{count} 次：{controller} 无法与 {device} 建立 S7 连接：{case}", cause_zh = "TSAP 中的机架或插槽与 CPU 不符、CPU 的连接资源已用完、该连接未在其中组态，或中间有防火墙。", advice_zh = "检查机架和插槽：S7-300 为机架 0、插槽 2，S7-1200/1500 为机架 0、插槽 1（或 0），S7-400 和 S7-1500R/H 按组态。然后在 CPU 诊断中查看连接资源，并检查其保护设置。"},
 }
 M.rules.DS101.args = {operation = "text"}
 M.rules.DS102.args = {operation = "text"}
@@ -1353,27 +1273,16 @@ M.rules.DS529.group = {"off"}
 M.rules.DS529.args = {device = "text", slot = "number", off = "text"}
 M.rules.DS530.args = {pnu = "pnu", subindex = "number", what = "key", since = "frame", family = "family"}
 M.rules.DS531.args = {pnu = "pnu", subindex = "number", what = "key", family = "family"}
-M.rules.DS601.args = {difference = "text"}
 M.rules.DS701.group = {"id", "code"}
 M.rules.DS701.args = {id = "hex", code = "code", vendor_id = "vendor", case = "key", polls = "number"}
 M.rules.DS702.group = {}
 M.rules.DS702.args = {frame = "frame", by = "frame"}
-M.rules.DS703.group = {"device"}
-M.rules.DS703.args = {count = "number", device = "text"}
 M.rules.DS704.group = {}
 M.rules.DS704.args = {case = "key", frame = "frame", first = "frame", write = "frame"}
 M.rules.DS705.group = {"case", "controller", "other"}
 M.rules.DS705.args = {case = "key", controller = "text", ar = "text", frame = "frame", other = "text", other_ar = "text", first = "frame"}
-M.rules.DS706.group = {"device", "place", "other"}
-M.rules.DS706.args = {device = "text", request = "frame", place = "place", other = "place", frame = "frame"}
-M.rules.DS707.group = {"device", "index"}
-M.rules.DS707.args = {index = "index", device = "text", status = "status"}
-M.rules.DS708.group = {"device", "place"}
-M.rules.DS708.args = {device = "text", place = "place", status = "status", other = "place"}
 M.rules.DS709.group = {"axis"}
 M.rules.DS709.args = {axis = "number", device = "text", family = "family"}
-M.rules.DS710.group = {"device", "place"}
-M.rules.DS710.args = {axes = "numbers", device = "text", place = "place"}
 M.rules.DS711.group = {}
 M.rules.DS711.args = {have = "number", need = "number", count = "number", fits = "number", case = "key", family = "family"}
 M.rules.DS712.group = {}
@@ -1394,78 +1303,12 @@ M.rules.DS719.group = {"pnu", "code"}
 M.rules.DS719.args = {pnu = "pnu", subindex = "number", code = "code", vendor_id = "vendor", family = "family"}
 M.rules.DS720.group = {"pnu", "code"}
 M.rules.DS720.args = {pnu = "pnu", subindex = "number", format = "text", value = "value", case = "key", source = "pnu", code = "code", vendor_id = "vendor", family = "family"}
-M.rules.DS721.group = {"device"}
-M.rules.DS721.args = {count = "number", device = "text", case = "key", targets = "number", unknown = "number", more = "key", last = "frame"}
 M.rules.DS722.group = {}
 M.rules.DS722.args = {frame = "frame"}
-M.rules.DS723.group = {"device", "place"}
-M.rules.DS723.args = {count = "number", device = "text", place = "place", period = "ms"}
-M.rules.DS724.group = {"device"}
-M.rules.DS724.args = {count = "number", device = "text", period = "ms", time = "ms"}
-M.rules.DS725.group = {"what"}
-M.rules.DS725.args = {what = "key", count = "number"}
-M.rules.DS801.args = {count = "number", frames = "frames"}
-M.rules.DS802.args = {count = "number", frames = "frames"}
-M.rules.DS803.group = {"device"}
-M.rules.DS803.args = {device = "text", count = "number", frames = "frames", of = "number"}
-M.rules.DS804.group = {"device"}
-M.rules.DS804.args = {device = "text", count = "number", frames = "frames", of = "number"}
-M.rules.DS805.group = {"device", "sap", "case"}
-M.rules.DS805.args = {device = "text", count = "number", frames = "frames", sap = "number", case = "key", frame = "frame"}
-M.rules.DS806.group = {"device", "operation", "place", "status"}
-M.rules.DS806.args = {device = "text", count = "number", frames = "frames", operation = "text", place = "place", status = "status"}
-M.rules.DS807.group = {"device"}
-M.rules.DS807.args = {device = "text", count = "number", frames = "frames", limit = "number", polls = "number"}
 M.rules.DS808.group = {"device"}
 M.rules.DS808.args = {device = "text", index = "index", status = "status"}
 M.rules.DS809.group = {"device"}
 M.rules.DS809.args = {device = "text", length = "number", most = "number"}
-M.rules.DS810.group = {"device"}
-M.rules.DS810.args = {device = "text", count = "number", frames = "frames", last = "frame"}
-M.rules.DS811.group = {"device"}
-M.rules.DS811.args = {device = "text", count = "number", frames = "frames", outputs = "number", inputs = "number", configured_outputs = "number", configured_inputs = "number", frame = "frame"}
-M.rules.DS812.group = {"device"}
-M.rules.DS812.args = {device = "text", count = "number", frames = "frames"}
-M.rules.DS813.group = {"device", "identifier"}
-M.rules.DS813.args = {device = "text", count = "number", frames = "frames", identifier = "text"}
-M.rules.DS814.group = {"device", "case"}
-M.rules.DS814.args = {device = "text", count = "number", frames = "frames", case = "key", ident = "hex", sent = "hex", master = "number"}
-M.rules.DS815.group = {"device"}
-M.rules.DS815.args = {device = "text", count = "number", frames = "frames"}
-M.rules.DS901.group = {"device", "controller", "operation"}
-M.rules.DS901.args = {device = "text", controller = "text", operation = "text", area = "text"}
-M.rules.DS902.group = {"device", "sender"}
-M.rules.DS902.args = {device = "text", sender = "text", count = "number", frames = "frames", size = "number", agreed = "number", frame = "frame"}
-M.rules.DS903.group = {"device", "controller", "operation", "area"}
-M.rules.DS903.args = {device = "text", controller = "text", operation = "text", count = "number", frames = "frames", area = "text", bytes = "number", block = "number", case = "key", frame = "frame", name = "text"}
-M.rules.DS904.group = {"device", "controller", "operation", "area"}
-M.rules.DS904.args = {device = "text", controller = "text", operation = "text", count = "number", frames = "frames", area = "text", jobs = "number"}
-M.rules.DS905.group = {"device", "controller", "case"}
-M.rules.DS905.args = {device = "text", controller = "text", case = "key", jobs = "number", frames = "frames", first = "text", first_value = "hex", second = "text", second_value = "hex", write = "frame"}
-M.rules.DS906.group = {"device"}
-M.rules.DS906.args = {device = "text", controller = "text", count = "number", frames = "frames"}
-M.rules.DS907.group = {"device"}
-M.rules.DS907.args = {device = "text", controller = "text", other = "text", count = "number", frames = "frames", byte = "text"}
-M.rules.DS908.group = {"device", "operation", "area", "code"}
-M.rules.DS908.args = {device = "text", controller = "text", operation = "text", area = "text", code = "s7_item"}
-M.rules.DS909.group = {"device", "operation", "code"}
-M.rules.DS909.args = {device = "text", controller = "text", operation = "text", area = "text", code = "s7_error"}
-M.rules.DS910.group = {"device", "controller", "case"}
-M.rules.DS910.args = {device = "text", controller = "text", r_id = "hex32", case = "key", total = "number", size = "number", segments = "number", first = "frame"}
-M.rules.DS911.group = {"device", "controller"}
-M.rules.DS911.args = {device = "text", controller = "text", r_id = "hex32", count = "number", segments = "number", frames = "frames"}
-M.rules.DS912.group = {"device", "controller", "r_id", "case"}
-M.rules.DS912.args = {device = "text", controller = "text", r_id = "hex32", case = "key", frame = "frame", code = "s7_error"}
-M.rules.DS913.group = {"device", "controller", "r_id"}
-M.rules.DS913.args = {device = "text", controller = "text", r_id = "hex32", before = "numbers", now = "numbers", first = "frame"}
-M.rules.DS914.group = {"device", "controller"}
-M.rules.DS914.args = {device = "text", controller = "text", count = "number", frames = "frames", most = "number", agreed = "number"}
-M.rules.DS915.group = {"device"}
-M.rules.DS915.args = {device = "text", controller = "text", count = "number", frames = "frames"}
-M.rules.DS916.group = {"device", "byte"}
-M.rules.DS916.args = {device = "text", controller = "text", byte = "text", written = "hex", read = "hex", by = "frame"}
-M.rules.DS917.group = {"device", "controller", "case"}
-M.rules.DS917.args = {device = "text", controller = "text", count = "number", frames = "frames", case = "key", tsap = "text", rack = "number", slot = "number", code = "s7_error"}
 ]=]
 
 M.known = {
@@ -1628,7 +1471,6 @@ M.report_words = {
   verdict_good = {en = "OK", zh = "正常"},
   verdict_none = {en = "NOTHING TO JUDGE", zh = "无可分析内容"},
   verdict_watched = {en = "{n} drive followed in its cyclic frames|{n} drives followed in their cyclic frames", zh = "循环帧中有 {n} 台驱动器"},
-  verdict_s7 = {en = "{n} S7 connection|{n} S7 connections", zh = "{n} 个 S7 连接"},
   verdict_no_jobs = {en = "no drive parameter transaction in this capture", zh = "抓包中没有驱动参数任务"},
   drives = {en = "{n} drive|{n} drives", zh = "{n} 台驱动器"},
   told_state = {en = "{n} {state}", zh = "{n} 个{state}"},
@@ -1692,7 +1534,6 @@ M.report_words = {
   severity_note = {en = "note", zh = "提示"},
   blind = {en = "What this capture cannot show", zh = "本抓包无法说明的内容"},
   blind_effect = {en = "Whether an accepted value is still in force later: a later read shows that. Whether it was stored: a read after power off shows that.", zh = "已接受的值此后是否仍然有效，只有之后的读取才能说明；是否已保存，只有断电重启后的读取才能说明。"},
-  blind_s7 = {en = "Of S7: in which OB a program accesses its data, what a CPU copies without interruption, what the blocks return in STATUS. What GET, PUT and BSEND found is shown, not what the programs made of it.", zh = "S7 方面：程序在哪个 OB 中访问数据、CPU 不被中断地复制多少字节、功能块的 STATUS。这里只显示 GET、PUT 和 BSEND 传输了什么，而非程序如何使用。"},
   blind_drops = {en = "Whether the capturing computer lost frames: a missing response may have been there.", zh = "抓包计算机是否丢帧：缺少的应答可能实际存在。"},
   blind_names = {en = "The station name of {n} device: it was not announced during the capture (DCP, LLDP).|The station names of {n} devices: they were not announced during the capture (DCP, LLDP).", zh = "{n} 台设备的设备名称：抓包期间没有出现（DCP、LLDP）。"},
   blind_open = {en = "What the drive made of {n} request: its response was not fetched, or is not in the capture.|What the drive made of {n} requests: their responses were not fetched, or are not in the capture.", zh = "{n} 个任务的应答没有被读取，或不在抓包中：驱动器如何处理，无从得知。"},
@@ -1740,61 +1581,6 @@ M.report_words = {
   frames_none = {en = "no frame", zh = "没有帧"},
   frame = {en = "frame {frame}", zh = "帧 {frame}"},
   frame_in_file = {en = "{frame} ({number} of {file})", zh = "{frame}（{file} 的帧 {number}）"},
-  bus_head = {en = "PROFIBUS", zh = "PROFIBUS"},
-  bus_counts = {en = "frames {frames}, tokens {tokens}, damaged frames {damaged}, answers without a request {stray}", zh = "帧 {frames}，令牌 {tokens}，损坏的帧 {damaged}，没有请求的应答 {stray}"},
-  bus_station = {en = "station", zh = "站"},
-  bus_role = {en = "role", zh = "角色"},
-  bus_ident = {en = "ident", zh = "标识号"},
-  bus_ppo = {en = "PPO", zh = "PPO"},
-  bus_watchdog = {en = "watchdog", zh = "看门狗"},
-  bus_requests = {en = "requests", zh = "请求"},
-  bus_unanswered = {en = "no answer", zh = "无应答"},
-  bus_damaged = {en = "damaged", zh = "损坏"},
-  bus_retries = {en = "repeated", zh = "重复"},
-  bus_exchanges = {en = "exchanges", zh = "数据交换"},
-  bus_cycle = {en = "cycle (most)", zh = "周期（最大）"},
-  bus_answer = {en = "answer (most)", zh = "应答（最大）"},
-  bus_diagnoses = {en = "diagnosis (read)", zh = "诊断（读取）"},
-  bus_master = {en = "master", zh = "主站"},
-  bus_slave = {en = "slave", zh = "从站"},
-  bus_off = {en = "off", zh = "关闭"},
-  bus_diagnosis = {en = "{station} Slave_Diag in frame {frame}: {flags}; ident {ident}, master {master}", zh = "{station} 第 {frame} 帧的 Slave_Diag：{flags}；标识号 {ident}，主站 {master}"},
-  bus_no_flags = {en = "nothing", zh = "无"},
-  bus_no_master = {en = "none", zh = "无"},
-  bus_blocks = {en = "extended {blocks}", zh = "扩展诊断 {blocks}"},
-  bus_hint = {en = "{station} has no Chk_Cfg in the capture; its data has the lengths of a PPO: {options}", zh = "抓包中没有 {station} 的 Chk_Cfg；其数据长度与某个 PPO 相符：{options}"},
-  no_bus_records = {en = "no record on PROFIBUS either", zh = "PROFIBUS 上也没有记录"},
-  s7_head = {en = "S7 communication", zh = "S7 通信"},
-  s7_connection = {en = "connection", zh = "连接"},
-  s7_tsaps = {en = "TSAPs", zh = "TSAP"},
-  s7_pdu = {en = "PDU", zh = "PDU"},
-  s7_jobs = {en = "jobs", zh = "作业"},
-  s7_refused = {en = "refused", zh = "被拒绝"},
-  s7_unanswered = {en = "no answer", zh = "无应答"},
-  s7_read = {en = "bytes read", zh = "读字节"},
-  s7_written = {en = "bytes written", zh = "写字节"},
-  s7_sent = {en = "bytes sent", zh = "发送字节"},
-  s7_answer = {en = "answer (most)", zh = "应答（最大）"},
-  s7_also = {en = "also", zh = "其他"},
-  s7_place = {en = "rack {rack} slot {slot}", zh = "机架 {rack} 插槽 {slot}"},
-  s7_owner_pg = {en = "PG", zh = "PG"},
-  s7_owner_op = {en = "OP", zh = "OP"},
-  s7_owner_other = {en = "other", zh = "其他"},
-  s7_owner_configured = {en = "configured", zh = "组态"},
-  s7_cyclic = {en = "cyclic {n}", zh = "循环服务 {n}"},
-  s7_other = {en = "other PDUs {n}", zh = "其他 PDU {n}"},
-  s7_plus = {en = "S7CommPlus {n}, not read", zh = "S7CommPlus {n}，未读取"},
-  s7_orphans = {en = "answers without a job {n}", zh = "无作业的应答 {n}"},
-  s7_lost = {en = "{n} byte not in the capture|{n} bytes not in the capture", zh = "抓包缺少 {n} 字节"},
-  s7_left_out = {en = "and {n} more connection|and {n} more connections", zh = "另有 {n} 个连接"},
-  s7_order_number = {en = "{server} says in frame {frame}: order number {value}", zh = "{server} 在第 {frame} 帧中给出：订货号 {value}"},
-  s7_module = {en = "{server} says in frame {frame}: {value}", zh = "{server} 在第 {frame} 帧中给出：{value}"},
-  s7_consistent = {en = "{server} says in frame {frame}: reads {value} bytes consistently for a panel", zh = "{server} 在第 {frame} 帧中给出：为操作面板一致读取 {value} 字节"},
-  s7_no_block = {en = "areas larger than the block of a CPU are not told where its block is not known: --s7-cpu, --s7-block", zh = "CPU 的块大小未知时，不报告大于块的数据区：--s7-cpu、--s7-block"},
-  s7_length = {en = "{n} byte|{n} bytes", zh = "{n} 字节"},
-  s7_items = {en = "{n} variable|{n} variables", zh = "{n} 个变量"},
-  s7_segments = {en = "{n} segment|{n} segments", zh = "{n} 段"},
-  s7_unlisted = {en = "{n} transaction without a finding is not listed below: --channels s7 lists it|{n} transactions without findings are not listed below: --channels s7 lists them", zh = "{n} 个没有发现问题的任务未在下面列出：用 --channels s7 列出"},
   decode_rest = {en = "not decoded", zh = "未解码"},
   dp_start = {en = "start byte", zh = "起始字节"},
   dp_start_length = {en = "start bytes, length {le}", zh = "起始字节，长度 {le}"},
@@ -2437,205 +2223,6 @@ M.profibus.words = {
   separator = {en = ", ", zh = "，"},
   positive = {en = "positive", zh = "肯定应答"},
   negative = {en = "negative", zh = "否定应答"},
-}
-]=]
-
-later.s7 = [=[
-M.s7 = {}
-M.s7.kind = {
-  [0x01] = {id = "job", en = "job", zh = "作业"},
-  [0x02] = {id = "acknowledge", en = "acknowledgement", zh = "确认"},
-  [0x03] = {id = "answer", en = "acknowledgement with data", zh = "带数据的确认"},
-  [0x07] = {id = "user_data", en = "user data", zh = "用户数据"},
-}
-M.s7.functions = {
-  [0x00] = {id = "cpu", en = "CPU services", zh = "CPU 服务"},
-  [0x04] = {id = "read", en = "read variables", zh = "读变量"},
-  [0x05] = {id = "write", en = "write variables", zh = "写变量"},
-  [0x1A] = {id = "request_download", en = "request download", zh = "请求下载"},
-  [0x1B] = {id = "download_block", en = "download block", zh = "下载块"},
-  [0x1C] = {id = "download_ended", en = "end of download", zh = "下载结束"},
-  [0x1D] = {id = "start_upload", en = "start upload", zh = "开始上传"},
-  [0x1E] = {id = "upload", en = "upload", zh = "上传"},
-  [0x1F] = {id = "end_upload", en = "end of upload", zh = "上传结束"},
-  [0x28] = {id = "pi_service", en = "program invocation (PI service)", zh = "程序调用（PI 服务）"},
-  [0x29] = {id = "stop", en = "stop of the CPU", zh = "停止 CPU"},
-  [0xF0] = {id = "setup", en = "setup communication", zh = "建立通信"},
-}
-M.s7.return_code = {
-  [0x00] = {en = "reserved", zh = "保留"},
-  [0x01] = {en = "hardware error", zh = "硬件错误"},
-  [0x03] = {en = "access to the object is not allowed", zh = "不允许访问该对象"},
-  [0x05] = {en = "address out of range", zh = "地址超出范围"},
-  [0x06] = {en = "data type is not supported", zh = "不支持该数据类型"},
-  [0x07] = {en = "data type and length do not fit each other", zh = "数据类型与长度不一致"},
-  [0x0A] = {en = "object does not exist", zh = "对象不存在"},
-  [0xFF] = {en = "ok", zh = "成功"},
-}
-M.s7.error_class = {
-  [0x00] = {en = "no error", zh = "无错误"},
-  [0x81] = {en = "application relation", zh = "应用关系错误"},
-  [0x82] = {en = "object definition", zh = "对象定义错误"},
-  [0x83] = {en = "no resources", zh = "资源不足"},
-  [0x84] = {en = "processing of the service", zh = "服务处理错误"},
-  [0x85] = {en = "content of the PDU", zh = "PDU 内容错误"},
-  [0x87] = {en = "access", zh = "访问错误"},
-  [0xD2] = {en = "block or file", zh = "块或文件错误"},
-}
-M.s7.error = {
-  [0x110] = {en = "invalid block number", zh = "无效的块号"},
-  [0x112] = {en = "invalid parameter", zh = "无效的参数"},
-  [0x11A] = {en = "no resources in the programming device", zh = "编程设备资源不足"},
-  [0x11B] = {en = "no resources in the PLC", zh = "PLC 资源不足"},
-  [0x11C] = {en = "protocol error", zh = "协议错误"},
-  [0x11F] = {en = "user buffer is too short", zh = "用户缓冲区过短"},
-  [0x141] = {en = "request error", zh = "请求错误"},
-  [0x1C0] = {en = "versions do not fit", zh = "版本不匹配"},
-  [0x1F0] = {en = "not implemented", zh = "未实现"},
-  [0x8001] = {en = "the state of the CPU does not allow it", zh = "CPU 当前状态不允许"},
-  [0x8104] = {en = "function is not supported, or not now", zh = "不支持该功能，或当前不可用"},
-  [0x8402] = {en = "service is not possible now", zh = "当前无法执行该服务"},
-  [0x8404] = {en = "the function was stopped, or the length is wrong", zh = "功能已中止，或长度错误"},
-  [0x8500] = {en = "PDU has a wrong length", zh = "PDU 长度错误"},
-  [0x8702] = {en = "address is invalid", zh = "地址无效"},
-  [0xD401] = {en = "no such SZL", zh = "SZL-ID 无效"},
-  [0xD402] = {en = "no such index of the SZL", zh = "SZL 索引无效"},
-  [0xD801] = {en = "address of a variable is invalid", zh = "变量地址无效"},
-  [0xD802] = {en = "unknown request", zh = "未知请求"},
-}
-M.s7.group = {
-  [0x00] = {id = "mode", en = "mode transition", zh = "工作方式转换"},
-  [0x01] = {id = "programmer", en = "programming device", zh = "编程设备功能"},
-  [0x02] = {id = "cyclic", en = "cyclic services", zh = "循环服务"},
-  [0x03] = {id = "block", en = "blocks", zh = "块功能"},
-  [0x04] = {id = "cpu", en = "CPU (SZL, messages)", zh = "CPU 功能（SZL、报文）"},
-  [0x05] = {id = "security", en = "security", zh = "安全功能"},
-  [0x06] = {id = "program", en = "program to program (BSEND)", zh = "程序间通信（BSEND）"},
-  [0x07] = {id = "time", en = "time of day", zh = "时钟功能"},
-  [0x0F] = {id = "nc", en = "NC programming", zh = "NC 编程"},
-}
-M.s7.tsap = {
-  [0x01] = {id = "pg", en = "programming device", zh = "编程设备"},
-  [0x02] = {id = "op", en = "operator panel", zh = "操作面板"},
-  [0x03] = {id = "other", en = "other, without configuration", zh = "其他（未组态）"},
-  [0x10] = {id = "configured", en = "configured connection", zh = "组态连接", last = 223},
-}
-M.s7.areas = {
-  [0x03] = {letter = "SYSINFO", en = "system information of S7-200", zh = "S7-200 系统信息", elements = false, numbered = false},
-  [0x05] = {letter = "SM", en = "special memory of S7-200", zh = "S7-200 特殊存储器", elements = false, numbered = false},
-  [0x06] = {letter = "AI", en = "analog inputs of S7-200", zh = "S7-200 模拟量输入", elements = false, numbered = false},
-  [0x07] = {letter = "AQ", en = "analog outputs of S7-200", zh = "S7-200 模拟量输出", elements = false, numbered = false},
-  [0x1C] = {letter = "C", en = "counters", zh = "计数器", elements = true, numbered = false},
-  [0x1D] = {letter = "T", en = "timers", zh = "定时器", elements = true, numbered = false},
-  [0x1E] = {letter = "C", en = "counters of S7-200", zh = "S7-200 计数器", elements = true, numbered = false},
-  [0x1F] = {letter = "T", en = "timers of S7-200", zh = "S7-200 定时器", elements = true, numbered = false},
-  [0x80] = {letter = "P", en = "peripheral inputs and outputs", zh = "外设输入/输出", elements = false, numbered = false},
-  [0x81] = {letter = "I", en = "inputs", zh = "输入", elements = false, numbered = false},
-  [0x82] = {letter = "Q", en = "outputs", zh = "输出", elements = false, numbered = false},
-  [0x83] = {letter = "M", en = "bit memory", zh = "位存储器", elements = false, numbered = false},
-  [0x84] = {letter = "DB", en = "data block", zh = "数据块", elements = false, numbered = true},
-  [0x85] = {letter = "DI", en = "instance data block", zh = "背景数据块", elements = false, numbered = true},
-  [0x86] = {letter = "L", en = "local data", zh = "局部数据", elements = false, numbered = false},
-  [0x87] = {letter = "LV", en = "local data of the calling block", zh = "调用块的局部数据", elements = false, numbered = false},
-}
-M.s7.sizes = {
-  [0x01] = {id = "BIT", bits = 1, letter = "X"},
-  [0x02] = {id = "BYTE", bits = 8, letter = "B"},
-  [0x03] = {id = "CHAR", bits = 8, letter = "B"},
-  [0x04] = {id = "WORD", bits = 16, letter = "W"},
-  [0x05] = {id = "INT", bits = 16, letter = "W"},
-  [0x06] = {id = "DWORD", bits = 32, letter = "D"},
-  [0x07] = {id = "DINT", bits = 32, letter = "D"},
-  [0x08] = {id = "REAL", bits = 32, letter = "D"},
-  [0x09] = {id = "DATE", bits = 16, letter = "W"},
-  [0x0A] = {id = "TOD", bits = 32, letter = "D"},
-  [0x0B] = {id = "TIME", bits = 32, letter = "D"},
-  [0x0C] = {id = "S5TIME", bits = 16, letter = "W"},
-  [0x0F] = {id = "DATE_AND_TIME", bits = 64},
-  [0x1C] = {id = "COUNTER", bits = 16},
-  [0x1D] = {id = "TIMER", bits = 16},
-  [0x1E] = {id = "IEC_COUNTER", bits = 0},
-  [0x1F] = {id = "IEC_TIMER", bits = 0},
-  [0x20] = {id = "HS_COUNTER", bits = 0},
-}
-M.s7.data_sizes = {
-  [0x00] = {id = "NULL", bits = 8},
-  [0x03] = {id = "BIT", bits = 1},
-  [0x04] = {id = "BYTE/WORD/DWORD", bits = 1},
-  [0x05] = {id = "INTEGER", bits = 1},
-  [0x06] = {id = "DINTEGER", bits = 8},
-  [0x07] = {id = "REAL", bits = 8},
-  [0x09] = {id = "OCTET STRING", bits = 8},
-}
-M.s7.cpus = {
-  ["s7-300-old"] = {block = 8, en = "S7-300, CPU 312 IFM to 316, old firmware", zh = "S7-300，CPU 312 IFM 至 316，旧固件"},
-  ["s7-300"] = {block = 32, en = "S7-300, CPU 312 IFM to 316", zh = "S7-300，CPU 312 IFM 至 316"},
-  ["s7-318"] = {block = 4, en = "CPU 318-2: a double word at the most", zh = "CPU 318-2：最多一个双字"},
-  ["s7-31xc"] = {block = 64, en = "CPU 31xC, and CPU 31x of 2004", zh = "CPU 31xC，以及 2004 年的 CPU 31x"},
-  ["s7-317"] = {block = 160, en = "CPU 317", zh = "CPU 317"},
-  ["s7-319"] = {block = 240, en = "CPU 319, and later CPU 31x", zh = "CPU 319 及更新的 CPU 31x"},
-  ["im151-7"] = {block = 64, en = "IM 151-7 CPU", zh = "IM 151-7 CPU"},
-  ["s7-400"] = {block = 32, en = "S7-400", zh = "S7-400"},
-  ["s7-400-2006"] = {block = 462, en = "S7-400, from 2006", zh = "S7-400（2006 年起）"},
-  ["s7-400h"] = {block = 472, en = "S7-400H, from 2012", zh = "S7-400H（2012 年起）"},
-  ["s7-1500-2014"] = {block = 462, en = "S7-1500, ET 200SP CPU of 2014", zh = "S7-1500、ET 200SP CPU（2014 年）"},
-  ["s7-1500"] = {block = 512, en = "S7-1500, ET 200SP CPU", zh = "S7-1500、ET 200SP CPU"},
-}
-M.s7.orders = {
-  {number = "6ES7 312-5A", cpu = "s7-300"},
-  {number = "6ES7 313-1A", cpu = "s7-300"},
-  {number = "6ES7 314-1AE", cpu = "s7-300"},
-  {number = "6ES7 314-5A", cpu = "s7-300"},
-  {number = "6ES7 315-1A", cpu = "s7-300"},
-  {number = "6ES7 315-2AF", cpu = "s7-300"},
-  {number = "6ES7 316-", cpu = "s7-300"},
-  {number = "6ES7 318-2", cpu = "s7-318"},
-  {number = "6ES7 312-1A", cpu = "s7-31xc"},
-  {number = "6ES7 312-5B", cpu = "s7-31xc"},
-  {number = "6ES7 31?-?BE", cpu = "s7-31xc"},
-  {number = "6ES7 31?-?BF", cpu = "s7-31xc"},
-  {number = "6ES7 314-1AF", cpu = "s7-31xc"},
-  {number = "6ES7 315-2AG", cpu = "s7-31xc"},
-  {number = "6ES7 317-", cpu = "s7-317"},
-  {number = "6ES7 31", cpu = "s7-319"},
-  {number = "6ES7 151-7", cpu = "im151-7"},
-  {number = "6ES7 41?-???00", cpu = "s7-400"},
-  {number = "6ES7 41?-???01", cpu = "s7-400"},
-  {number = "6ES7 41?-???02", cpu = "s7-400"},
-  {number = "6ES7 41?-???03", cpu = "s7-400"},
-  {number = "6ES7 41?-???04", cpu = "s7-400"},
-  {number = "6ES7 410-5H", cpu = "s7-400h"},
-  {number = "6ES7 41?-?H", cpu = "s7-400h"},
-  {number = "6ES7 41", cpu = "s7-400-2006"},
-  {number = "6ES7 51", cpu = "s7-1500"},
-}
-M.s7.rooms = {
-  get = {fixed = 14, each = 4},
-  put = {fixed = 12, each = 16},
-  usend = {fixed = 24, each = 4},
-  bsend_first = {fixed = 36, each = 0},
-  bsend = {fixed = 34, each = 0},
-}
-M.s7.flaws = {
-  tpkt = {en = "no TPKT begins with {byte:02X}", zh = "没有以 {byte:02X} 开头的 TPKT"},
-  cut = {en = "cut off: {have} of {want} bytes", zh = "不完整：{want} 个字节中只有 {have} 个"},
-  cotp = {en = "COTP header of {length} bytes in {have}", zh = "COTP 头声明 {length} 个字节，而仅有 {have} 个"},
-  cotp_kind = {en = "no COTP TPDU has the code {code:02X}", zh = "没有代码为 {code:02X} 的 COTP TPDU"},
-  protocol = {en = "no S7 PDU begins with {byte:02X}", zh = "没有以 {byte:02X} 开头的 S7 PDU"},
-  plus = {en = "S7CommPlus, which is not decoded", zh = "S7CommPlus，不作解码"},
-  kind = {en = "no S7 PDU has ROSCTR {code}", zh = "没有 ROSCTR 为 {code} 的 S7 PDU"},
-  rest = {en = "bytes behind the end of the PDU: {n}", zh = "PDU 结束后还有 {n} 个字节"},
-  parameter = {en = "parameter ends too early: {have} of {want} bytes", zh = "参数过短：{want} 个字节中只有 {have} 个"},
-  items = {en = "{says} items are announced, and {there} are there", zh = "声明 {says} 个条目，而仅有 {there} 个"},
-  syntax = {en = "address of an unknown syntax {code:02X}", zh = "地址语法 {code:02X} 未知"},
-  size = {en = "unknown transport size {code:02X}", zh = "未知的传输大小 {code:02X}"},
-  data = {en = "data ends too early: {have} of {want} bytes", zh = "数据过短：{want} 个字节中只有 {have} 个"},
-  more = {en = "bytes behind what belongs here: {n}", zh = "其后多出 {n} 个字节"},
-}
-M.s7.words = {
-  unknown = {en = "unknown ({code:02X})", zh = "未知（{code:02X}）"},
-  error = {en = "{text} ({code:04X})", zh = "{text}（{code:04X}）"},
-  plus = {en = "S7CommPlus", zh = "S7CommPlus"},
 }
 ]=]
 

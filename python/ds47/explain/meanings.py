@@ -623,7 +623,7 @@ def _rule(number: int, lang: str) -> Meaning:
     title = words["rule"].format(
         code=code, name=rule.name, severity=words[f"{rule.severity}_severity"], text=message
     )
-    kind = "rule" if rule.in_wireshark else "rule_of_capture"
+    kind = "rule_of_analyzer" if rule.analyzer_only else "rule"
     entry = explanations.of_number(kind, number) or explanations.of_unknown()
     cause = explanations.Cause(rule.cause, rule.cause_zh, "usual")
     return _meaning(

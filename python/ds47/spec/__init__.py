@@ -171,6 +171,7 @@ class Rule(Row):
     message_zh: str
     cause_zh: str
     advice_zh: str
+    analyzer_only: bool = False
     many: str = ""
     many_zh: str = ""
     group: tuple[str, ...] = ()
@@ -199,11 +200,6 @@ class Rule(Row):
             if value is not None:
                 found.update(value if isinstance(value, list) else (value,))
         return sorted(found)
-
-    @property
-    def in_wireshark(self) -> bool:
-        """Whether the plugin finds it: a diagnosis of the whole capture it has not while it shows a frame."""
-        return not (self.id.startswith("DS7") and self.scope == "capture")
 
 
 @cache

@@ -2,7 +2,8 @@
 
 The native engine reads the capture and keeps the frames that may matter; only those go through
 tshark, and their numbers are put back into what it says. What the plugin does not show (counts,
-devices) is that of the native engine. `both` compares the two: a difference is a finding (DS601).
+devices, S7, findings of rules that only the analyzer has) is that of the native engine. `both`
+compares the two: a difference is a finding (DS601).
 Running tshark is in `shark`, reading its answer in `fields`.
 """
 
@@ -11,6 +12,7 @@ from __future__ import annotations
 import tempfile
 from array import array
 from collections.abc import Iterator, Sequence
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO, Literal
@@ -20,20 +22,19 @@ from ds47.acyclic.transactions import summarise
 from ds47.analysis import AnalysisOptions, OnTransaction, rules_of_others
 from ds47.analysis import analyze as analyze_natively
 from ds47.capture import Capture, CaptureError, Frame, sha256
+from ds47.capture.scan import IPV4, TCP, network_layer
 from ds47.capture.stream import Stream
 from ds47.capture.writer import PcapngWriter, nearest
 from ds47.findings.collection import Findings
 from ds47.findings.times import FrameTimes
-from ds47.model import SIEMENS, CaptureResult, Finding, Read, Transaction
+from ds47.model import S7, SIEMENS, CaptureResult, Finding, Read, Transaction
 from ds47.parameters import table
-from ds47.profibus.bus import LINK_TYPES, PROFIBUS_DL, proves
-from ds47.profibus.telegram import decode
+from ds47.profibus.bus import LINK_TYPES
 from ds47.regression.compare import Change, compare
 from ds47.regression.config import Config
 from ds47.report import json as report
 from ds47.report import load
 from ds47.report.sentences import renumbered
-from ds47.s7.choices import PORT, Choices
 from ds47.spec.semantics import limits
 from ds47.wireshark import tshark
 from ds47.wireshark.fields import Fields
@@ -41,8 +42,6 @@ from ds47.wireshark.fields import Fields
 DIFFERS = "DS601"
 _OF_A_LOSS = frozenset(("DS401", "DS402", "DS403"))
 """Rules about a frame that is not there: they tell whether the capture says that it dropped frames."""
-_OF_FRAMES = frozenset(("DS801", "DS802"))
-"""Rules about frames of PROFIBUS that are damaged, each of which may be all that there is."""
 _MOST_MS = 2**32 - 1
 _YEARS_MS = 2**53 / 1e6
 """Durations from which on tshark shows too few digits."""
@@ -119,31 +118,24 @@ class Engine:
         self, capture: _Extract, extract: Path, native: CaptureResult
     ) -> tuple[CaptureResult, list[str]]:
         """The result of the plugin, with the frame numbers of the capture itself."""
-        whole = [each for each in native.findings if not capture.shows(each)]
-        result = replace(native, transactions=[], findings=whole, summary={"transactions": 0})
-        if not capture.numbers:
-            return result, []
+        shown, errors = Fields(), list[str]()
+        if capture.numbers:
+            answer = self._told(extract)
+            shown, errors = _of_channels(answer.fields, self._options.channels), answer.errors
+        original = _Original(capture, native)
+        transactions = [original.transaction(item) for item in shown.transactions]
+        findings = [original.finding(each) for each in shown.findings]
+        wanted = [each for each in findings if self._findings.wanted(each.rule)]
+        return _joined(native, transactions, wanted), errors
+
+    def _told(self, extract: Path) -> tshark.Answer:
+        """What tshark says of the frames that were kept."""
         chosen = list(self._preferences)
         if self._options.lists:
             lists = extract.with_name("parameters.tsv")
             lists.write_text(table.text(self._options.lists), "utf-8", newline="\n")
             chosen.append(f"ds47.lists:{lists}")
-        answer = tshark.ask(self._tshark, extract, chosen)
-        original = _Original(capture, native)
-        shown = _of_channels(answer.fields, self._options.channels)
-        findings = [original.finding(each) for each in shown.findings]
-        findings = [each for each in findings if self._findings.wanted(each.rule)]
-        result.findings = sorted(findings + whole, key=_place)
-        summary, about = {"transactions": 0}, _by_transaction(whole)
-        for item in shown.transactions:
-            transaction = original.transaction(item)
-            known = filter(self._findings.wanted, transaction.findings)
-            transaction.findings = sorted({*known, *about.get(transaction.id, ())})
-            summarise(summary, transaction.state, transaction.operation)
-            result.transactions.append(transaction)
-        # Equal results are equal texts: the native one counts in the order in which they end.
-        result.summary = {key: summary[key] for key in native.summary if key in summary} | summary
-        return result, answer.errors
+        return tshark.ask(self._tshark, extract, chosen)
 
     def _compared(
         self, native: CaptureResult, found: CaptureResult | None, errors: Sequence[str]
@@ -180,12 +172,35 @@ def _of_channels(told: Fields, channels: Sequence[str]) -> Fields:
     )
 
 
-def _by_transaction(findings: Sequence[Finding]) -> dict[int | None, set[str]]:
-    """The rules of findings by their transaction."""
-    found: dict[int | None, set[str]] = {}
-    for each in findings:
-        found.setdefault(each.transaction, set()).add(each.rule)
-    return found
+def _joined(
+    native: CaptureResult, transactions: list[Transaction], findings: list[Finding]
+) -> CaptureResult:
+    """What the plugin says, with what only the native engine has: S7, and the rules that are marked.
+
+    All transactions are numbered anew, by their first frame.
+    """
+    jobs = [copy(each) for each in native.transactions if each.channel == S7]
+    own = [copy(each) for each in native.findings if spec.rules()[each.rule].analyzer_only]
+    ordered = sorted([*transactions, *jobs], key=lambda each: each.frames.first())
+    told: dict[tuple[bool, int | None], int | None]
+    told = {(each.channel == S7, each.id): number for number, each in enumerate(ordered, 1)}
+    for finding in findings:
+        finding.transaction = told.get((False, finding.transaction))
+    for (
+        finding
+    ) in own:  # those of no job of S7 have the number of the native engine, which is the same
+        finding.transaction = told.get((True, finding.transaction), finding.transaction)
+    about: dict[int | None, set[str]] = {}
+    for finding in (*findings, *own):
+        about.setdefault(finding.transaction, set()).add(finding.rule)
+    summary = {"transactions": 0}
+    for number, each in enumerate(ordered, 1):
+        each.id, each.findings = number, sorted(about.get(number, ()))
+        summarise(summary, each.state, each.operation)
+    # Equal results are equal texts: the native one counts in the order in which they end.
+    summary = {key: summary[key] for key in native.summary if key in summary} | summary
+    found = sorted(findings + own, key=_place)
+    return replace(native, transactions=ordered, findings=found, summary=summary)
 
 
 def _place(finding: Finding) -> tuple[int, str, int, int]:
@@ -241,7 +256,6 @@ def preferences(options: AnalysisOptions) -> list[str]:
         *([f"ds47.pkw_layouts:{others}"] if others else []),
         *([f"ds47.cyclic:{cyclic}"] if cyclic else []),
         *([f"ds47.ppos:{ppos}"] if ppos else []),
-        *_of_s7(options.s7),
         "ds47.every_cyclic:TRUE",  # those that the analyzer looked at are given, and no others
         "ds47.profibus_user0:TRUE",  # the analyzer looks at USER0, too
         "ds47.index_47:auto",
@@ -253,19 +267,10 @@ def preferences(options: AnalysisOptions) -> list[str]:
     ]
 
 
-def _of_s7(choices: Choices) -> Iterator[str]:
-    """The choices for S7 as preferences; of several for one server the last one counts."""
-    ports = " ".join(map(str, sorted({*choices.ports} - {PORT})))
-    cpus, blocks = _by_address(choices.cpus), _by_address(choices.blocks)
-    for name, text in (("ports", ports), ("cpus", cpus), ("blocks", blocks)):
-        if text:
-            yield f"ds47.s7_{name}:{text}"
-    yield f"ds47.s7_readback:{str(choices.readback).upper()}"
-
-
-def _by_address(pairs: Sequence[tuple[str, object]]) -> str:
-    """`10.0.0.2=s7-400` of one server, `s7-400` of all others."""
-    return " ".join(f"{ip}={each}" if ip else str(each) for ip, each in dict(pairs).items())
+def _is_tcp(frame: Frame) -> bool:
+    """Whether a frame is one of TCP, of which the plugin knows nothing."""
+    kind, at = network_layer(frame.data, 0, len(frame.data), frame.link_type)
+    return kind == IPV4 and frame.data[at + 9 : at + 10] == bytes((TCP,))
 
 
 class _Extract(Capture):
@@ -276,7 +281,6 @@ class _Extract(Capture):
         times: when the frames of the capture were.
         shift: nanoseconds by which all times are later in that file: it holds none before 1970.
         misfit: the first frame whose time it cannot hold even so; None where all times are right.
-        unproven: the first frame of PROFIBUS_DL before one that proves that it is PROFIBUS; 0 where there is none.
     """
 
     def __init__(self, source: str | Path | BinaryIO, path: Path) -> None:
@@ -290,8 +294,6 @@ class _Extract(Capture):
         self.times = FrameTimes(limits().frame_times)
         self.shift = 0
         self.misfit: int | None = None
-        self.unproven = 0
-        self._proven = False
         self._writer = PcapngWriter(path, link_type=None)
         self._interfaces: dict[int, int] = {}
 
@@ -300,24 +302,9 @@ class _Extract(Capture):
             self._keep(frame)
             yield frame
 
-    def shows(self, finding: Finding) -> bool:
-        """Whether Wireshark finds it when it looks at a frame: the others are the analyzer's.
-
-        It does not know link types by their number, and shows no frame of PROFIBUS where none proves to be one.
-        """
-        blind = self.unproven > 0 and finding.rule in _OF_FRAMES
-        return spec.rules()[finding.rule].in_wireshark and not blind
-
-    def _prove(self, frame: Frame) -> None:
-        self._proven = proves(decode(bytes(frame.data)))
-        if self._proven:
-            self.unproven = 0
-        elif frame.link_type == PROFIBUS_DL:
-            self.unproven = self.unproven or frame.number
-
     def _keep(self, frame: Frame) -> None:
-        if not self._proven and frame.link_type in LINK_TYPES:
-            self._prove(frame)
+        if _is_tcp(frame):
+            return
         interface = self._interfaces.get(frame.link_type)
         if interface is None:
             interface = self._writer.add_interface(frame.link_type)
@@ -362,9 +349,6 @@ class _Original:
             if each.described is not None:
                 told = tuple(self._numbers[frame - 1] for frame in each.described.frames)
                 each.described = each.described._replace(frames=told)
-        transaction.segments = [
-            Read(self._number(a), self._number(b)) for a, b in transaction.segments
-        ]
         return transaction
 
     def finding(self, item: Json) -> Finding:

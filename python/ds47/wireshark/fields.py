@@ -16,21 +16,19 @@ from typing import Any, BinaryIO
 from xml.etree.ElementTree import Element, iterparse
 
 from ds47 import spec
-from ds47.model import DS47, S7
+from ds47.model import DS47
 from ds47.profidrive.formats import codec
 from ds47.profidrive.model import ERROR
 from ds47.spec.codes import words
 from ds47.wireshark import described
 
 _PREFIX = "ds47."
-_TREES = ("ds47", "ds47_s7")
+_TREE = "ds47"
 _EXACT = 2**53
 _FRAMES = ("write_request", "write_response", "read_request", "read_response")
 _NUMBERS = ("api", "slot", "subslot", "index")
 _FLOATS = ("NaN", "Infinity", "-Infinity")
 _SCALED_TEXT = ("date", "time_of_day")
-_PLACE = ("db", "start", "bit", "length")
-"""Numbers of an item of S7."""
 
 
 @dataclass(slots=True)
@@ -76,7 +74,7 @@ def _trees(source: str | Path | BinaryIO) -> Iterator[tuple[int, Element]]:
             continue
         if element.tag == "field" and element.get("name") == "frame.number":
             frame = int(_show(element))
-        elif element.tag == "proto" and element.get("name") in _TREES:
+        elif element.tag == "proto" and element.get("name") == _TREE:
             yield frame, element
         elif element.tag == "packet":
             root.clear()
@@ -163,8 +161,6 @@ def _merge(transaction: dict[str, Any], frame: int, tree: Element, item: Element
         head = _children(tree)  # the message as it was sent; that of an orphan as it was answered
         transaction["request_reference"] = _number(head.get("request_reference"))
         transaction["axis"] = _number(head.get("axis"))
-    if transaction["channel"] == S7:
-        _merge_s7(transaction, frame, tree)
     if frame == (frames["read_response"] or first):
         _merge_all(transaction, tree, item, seen)
 
@@ -174,44 +170,6 @@ def _peer(seen: dict[str, str], key: str, on_bus: str) -> str | None:
     if on_bus in seen:
         return f"dp{seen[on_bus]}"
     return seen.get(key, seen.get(f"{key}.mac"))
-
-
-def _merge_s7(transaction: dict[str, Any], frame: int, tree: Element) -> None:
-    """Adds what only jobs of S7 have: what a frame says of one, and the frame with all of it the rest."""
-    seen, frames = _children(tree), transaction["frames"]
-    transaction["request_reference"] = _number(seen.get("s7.reference"))
-    transaction["connection"] = _number(seen.get("s7.connection"))
-    transaction["r_id"] = _number(seen.get("s7.r_id"))
-    for key in ("items", "segments"):
-        transaction.setdefault(key, [])
-    transaction.setdefault("error", None)
-    if frame == (frames["read_response"] or frames["write_request"]):
-        transaction["error"] = _number(seen.get("s7.error"))
-        transaction["items"] = [
-            _item(each) for each in tree.iterfind("field") if _name(each) == "s7.item"
-        ]
-        transaction["segments"] = list(_segments(tree))
-
-
-def _item(item: Element) -> dict[str, Any]:
-    seen = _children(item)
-    found: dict[str, Any] = {"address": seen.get("s7.area"), "area": seen.get("s7.memory")}
-    found |= {key: _number(seen.get(f"s7.{key}")) for key in _PLACE}
-    return found | {"value": _digits(seen.get("s7.value")), "code": _number(seen.get("s7.code"))}
-
-
-def _segments(tree: Element) -> Iterator[dict[str, int | None]]:
-    """Segments as they stand one behind the other: an acknowledgement may be missing."""
-    found: dict[str, int | None] | None = None
-    for child in tree.iterfind("field"):
-        if _name(child) == "s7.segment.request":
-            if found:
-                yield found
-            found = {"request": int(_show(child)), "response": None}
-        elif _name(child) == "s7.segment.response" and found:
-            found["response"] = int(_show(child))
-    if found:
-        yield found
 
 
 def _merge_all(

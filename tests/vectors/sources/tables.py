@@ -26,7 +26,7 @@ ABOUT = (
 Flat = Iterator[tuple[str, Any]]
 KEYS = ("code", "last", "number", "id")
 """Fields that say again what stands in the key."""
-EXPLAINING = ("note", "confirmed", "zh_from", "plc", "wireshark")
+EXPLAINING = ("note", "confirmed", "zh_from", "plc", "wireshark", "analyzer_only")
 """Fields for the reader of a table alone: the Lua tables leave them out."""
 
 
@@ -127,8 +127,11 @@ def flat() -> dict[str, Any]:
 
 def explaining(key: str) -> bool:
     """Whether the Lua tables leave a key out; among the codes there are words of such names."""
-    if key.startswith("codes."):
+    kind, _, rest = key.partition(".")
+    if kind == "codes":
         return False
+    if kind == "rules" and spec.rules()[rest.partition(".")[0]].analyzer_only:
+        return True
     return key.rpartition(".")[2] in EXPLAINING or ".sources." in key
 
 

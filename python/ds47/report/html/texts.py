@@ -1,4 +1,4 @@
-"""The words of the page in English and Chinese (texts.toml, spec/report.toml), and how they get into it.
+"""The words of the page in English and Chinese (texts.toml, spec/*.toml), and how they get into it.
 
 A page holds both languages: every text stands in it twice, and the `lang` of the document says
 which one shows. So it can be read, and switched, without asking anybody.
@@ -15,7 +15,7 @@ from typing import Any
 from markupsafe import Markup, escape
 
 from ds47.report.bilingual import LANGUAGES, Both, filled, joined
-from ds47.spec.reporting import report_words
+from ds47.spec.reporting import command_words, report_words
 
 _FOR_SCRIPT = ("js_", "state_", "about_", "operation_")
 
@@ -24,9 +24,9 @@ __all__ = ["LANGUAGES", "Both", "Words", "joined", "say", "texts"]
 
 @cache
 def texts() -> Mapping[str, Mapping[str, str]]:
-    """Every text by its key, then by language: those of the page, and those that all reports share."""
+    """Every text by its key, then by language: those of the page, and those that it shares with others."""
     own = tomllib.loads((files(__package__) / "texts.toml").read_text("utf-8"))
-    return {**report_words(), **own}
+    return {**command_words(), **report_words(), **own}
 
 
 def say(key: str, **values: Any) -> Both:

@@ -57,7 +57,7 @@ class Group:
     def plugin_filter(self) -> str | None:
         """The short filter of the plugin: all of them, in every capture. None where the plugin has none."""
         known = rules().get(self.rule)
-        if known is not None and not known.in_wireshark:
+        if known is not None and known.analyzer_only:
             return None
         return f'ds47.finding == "{self.rule}"'
 

@@ -1,4 +1,4 @@
-"""Conversations of S7 by chance (seeded) in both analyses: the complete result, nothing may differ.
+"""Conversations of S7 by chance (seeded): what is made of them is in test_s7_by_chance.py.
 
 Clients that read and write the same memories of some servers, in parts, at once, refused and unanswered; BSEND and
 USEND; with segments that are lost, doubled, late and out of order, and clocks that jump.
@@ -8,21 +8,15 @@ from __future__ import annotations
 
 import random
 import struct
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cache
-from pathlib import Path
 
-import pytest
 import s7_segments as s7
-from test_lua_analysis import VERSIONS, Source, compare, expected
 
-from ds47.analysis import AnalysisOptions, analyze
+from ds47.analysis import AnalysisOptions
 from ds47.s7.choices import Choices
-from ds47.spec.semantics import limits
 
-pytestmark = pytest.mark.slow
 SCENES = 60
 MS = 1_000_000
 CHOICES = Choices(
@@ -304,55 +298,7 @@ def content(seed: int) -> bytes:
 
 
 @cache
-def scenes() -> list[Source]:
-    return [Source(f"scene {seed}", content(seed), seed % 3 == 0) for seed in range(SCENES)]
-
-
-@pytest.mark.parametrize("lang", ["en", "zh"])
-@pytest.mark.parametrize("version", VERSIONS)
-def test_scenes_give_the_same_result(version: str, lang: str, tmp_path: Path) -> None:
-    compare(version, lang, scenes()[::2], tmp_path)
-    compare(version, lang, scenes()[1::2], tmp_path, AnalysisOptions(s7=CHOICES))
-
-
-def usend(r_id: int, size: int) -> bytes:
-    """A USEND of one area."""
-    area = s7.entry(bytes(size), 0)
-    content = b"\xff\x09" + struct.pack(">H", 1) + area
-    return s7.dt(s7.header(7, 0, b"\0\1\x12\6\x13\0" + struct.pack(">I", r_id), content))
-
-
-def many_r_ids() -> bytes:
-    """More R_IDs than are remembered, the areas of some of which change; some again when that is over."""
-    most = limits().s7_notes
-    talks = [s7.Talk(("10.0.0.1", port)).opened() for port in (49152, 49153)]
-    for r_id in range(most + 2):
-        talks[0].say(True, usend(r_id, 10))
-    for r_id in (0, most - 1, most, most + 1):
-        for talk, size in zip((talks[0], talks[1], talks[1]), (12, 10, 12), strict=True):
-            talk.say(True, usend(r_id, size))
-    talks[0].closed()
-    return s7.capture(*talks)
-
-
-@pytest.mark.parametrize("version", VERSIONS)
-def test_as_many_r_ids_are_remembered(version: str, tmp_path: Path) -> None:
-    source, most = Source("R_IDs", many_r_ids(), False), limits().s7_notes
-    told = [each.args["r_id"] for each in analyze(source.open()).findings if each.rule == "DS913"]
-    assert told == [0, most - 1, 0, most - 1, most, most + 1]
-    compare(version, "en", [source], tmp_path)
-
-
-def test_chance_leaves_nothing_out() -> None:
-    rules: Counter[str] = Counter()
-    states: Counter[tuple[str, str]] = Counter()
-    for number, source in enumerate(scenes()):
-        options = AnalysisOptions(s7=CHOICES) if number % 2 else AnalysisOptions()
-        told = expected(source, "en", options)
-        rules.update({each["rule"] for each in told["findings"]})
-        states.update((each["operation"], each["state"]) for each in told["transactions"])
-    wanted = {f"DS{number}" for number in range(901, 918)}
-    assert sorted(wanted - set(rules)) == []
-    assert min(states[operation, "ok"] for operation in ("get", "put", "bsend", "usend")) > 20
-    for state in ("unanswered", "refused", "orphan", "error"):
-        assert sum(count for key, count in states.items() if key[1] == state) > 20, state
+def scenes() -> list[tuple[bytes, AnalysisOptions]]:
+    """Captures, each with the choices for it."""
+    chosen = (AnalysisOptions(), AnalysisOptions(s7=CHOICES))
+    return [(content(seed), chosen[seed % 2]) for seed in range(SCENES)]
