@@ -8,7 +8,7 @@ elsewhere. `tools/make_schemas.py` writes the JSON Schemas from this table.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from functools import cached_property
+from functools import cached_property, lru_cache
 from operator import attrgetter
 from typing import Any, NamedTuple
 
@@ -201,19 +201,23 @@ def error(item: dict[str, Any], vendor_id: int | None) -> model.ParameterError:
     return model.ParameterError(code, info, said=text)
 
 
-def _time(text: str | None, _vendor_id: int | None) -> int | None:
+def take_time(text: str | None, _vendor_id: int | None) -> int | None:
+    """A time in nanoseconds."""
     return None if text is None else nanoseconds(text)
 
 
-def _ns(milliseconds: float | None, _vendor_id: int | None) -> int | None:
+def take_ns(milliseconds: float | None, _vendor_id: int | None) -> int | None:
+    """A duration in nanoseconds."""
     return duration(milliseconds)
 
 
-def _hex(digits: str | None, _vendor_id: int | None) -> bytes | None:
+def take_hex(digits: str | None, _vendor_id: int | None) -> bytes | None:
+    """Bytes."""
     return None if digits is None else bytes.fromhex(digits)
 
 
-def _status(digits: str | None, _vendor_id: int | None) -> int | None:
+def take_status(digits: str | None, _vendor_id: int | None) -> int | None:
+    """A PNIO status as a number."""
     return None if digits is None else int(digits, 16)
 
 
@@ -342,18 +346,19 @@ PARAMETER = Shape("parameter", (
 ), _parameter)  # fmt: skip
 
 _BYTES = Shape("", (
-    Key("request", ref("hex"), take=_hex), Key("response", ref("hex"), take=_hex),
+    Key("request", ref("hex"), take=take_hex), Key("response", ref("hex"), take=take_hex),
 ))  # fmt: skip
 _STATUSES = Shape("", (
-    Key("write", ref("status"), into="write_status", take=_status,
+    Key("write", ref("status"), into="write_status", take=take_status,
         column="PNIO status of the Write, eight hex digits."),
-    Key("read", ref("status"), into="read_status", take=_status,
+    Key("read", ref("status"), into="read_status", take=take_status,
         column="PNIO status of the Read, eight hex digits."),
 ))  # fmt: skip
 
 _R_ID = "Of BSEND and USEND."
 
 
+@lru_cache(maxsize=256)
 def code_text(code: int | None, lang: str) -> str | None:
     """What the partner answered, in words."""
     return None if code is None else s7.code_text("return_code", code, lang)
@@ -367,7 +372,7 @@ ITEM = Shape("item", (
     Key("start", whole(maybe=True), "Its first byte; of timers and counters the number of the first one."),
     Key("bit", whole(0, 7, maybe=True), "The bit in that byte, where it is not about whole bytes."),
     Key("length", whole(maybe=True), "Bytes.", column="Bytes of the variable, or of what was sent."),
-    Key("value", ref("hex"), "What was read, written or sent.", take=_hex,
+    Key("value", ref("hex"), "What was read, written or sent.", take=take_hex,
         tell=lambda item, _: None if item.value is None else item.value.hex(),
         column="What was read, written or sent, in hex."),
     Key("code", BYTE, "What the partner answered; 255 is success.",
@@ -396,13 +401,13 @@ TRANSACTION = Shape("transaction", (
     Key("request_reference", WORD, column="The number that the response has to mirror."),
     Key("axis", BYTE, column="Drive object (DO)."),
     Key("frames", {}, shape=FRAMES),
-    Key("start", TEXT | {"pattern": _TIME}, into="start_ns", take=_time,
+    Key("start", TEXT | {"pattern": _TIME}, into="start_ns", take=take_time,
         column="Time of the first frame, UTC, to the nanosecond."),
     Key("duration_ms", {"type": ["number", "null"]},
         "From the Write request to the first Read response that holds the record; "
         "may be negative where time steps back.",
         column="From the Write request to the response; negative where the clock was set back.",
-        into="duration_ns", take=_ns),
+        into="duration_ns", take=take_ns),
     Key("cycles", whole(maybe=True), "Of pkw: from the request to its response.", later=True,
         column="Of pkw: from the request to its response, in cycles."),
     Key("bytes", {}, shape=_BYTES),
@@ -431,7 +436,7 @@ FINDING = Shape("finding", (
         "null where one is not known."),
     Key("frame", COUNT),
     Key("time", TEXT | {"pattern": _TIME}, "When `frame` was; absent where that is not known.",
-        into="time_ns", take=_time, rare=True),
+        into="time_ns", take=take_time, rare=True),
     Key("frames", many(COUNT, 1), "All frames that it is about, sorted; `frame` is one of them."),
     Key("transaction", whole(1, maybe=True), "Its id, null where no transaction is concerned."),
     Key("offset", whole(maybe=True), "Byte of the DS47 message that it is about, from 0."),
@@ -525,7 +530,7 @@ SENDER = Shape("sender", (
 
 EVENT = Shape("event", (
     Key("frame", NUMBER, column="Frame in which it is seen first, as Wireshark numbers it."),
-    Key("time", TEXT | {"pattern": _TIME}, into="time_ns", take=_time,
+    Key("time", TEXT | {"pattern": _TIME}, into="time_ns", take=take_time,
         tell=lambda item, _: timestamp(item.time_ns), column="Time of that frame, UTC, to the nanosecond."),
     Key("name", {"enum": list(cyclic.event_ids())}, "An edge of a bit, or data that is no longer valid.",
         column="What happened: an edge of a bit, or data that is no longer valid."),
@@ -545,7 +550,7 @@ TIMELINE = Shape("timeline", (
 
 
 _SPAN = Shape("", tuple(
-    Key(f"{name}_ms", {"type": "number"}, into=f"{name}_ns", take=_ns) for name in ("least", "mean", "most")
+    Key(f"{name}_ms", {"type": "number"}, into=f"{name}_ns", take=take_ns) for name in ("least", "mean", "most")
 ), model.Span)  # fmt: skip
 _SPANS: dict[str, Any] = {"type": ["object", "null"]}
 _STATION_DIAGNOSIS = Shape("", (
@@ -608,8 +613,8 @@ CONNECTION = Shape("connection", (
     Key("server", TEXT),
     Key("server_port", COUNT),
     Key("client_tsap", _TSAP, "In hex; null where the beginning of the connection is not in the capture.",
-        tell=_tsap_text("client_tsap"), take=_hex),
-    Key("server_tsap", _TSAP, tell=_tsap_text("server_tsap"), take=_hex),
+        tell=_tsap_text("client_tsap"), take=take_hex),
+    Key("server_tsap", _TSAP, tell=_tsap_text("server_tsap"), take=take_hex),
     Key("rack", whole(0, 7, maybe=True), "With slot, as the TSAP of the server has them."),
     Key("slot", whole(0, 31, maybe=True)),
     Key("pdu_length", WORD, "Bytes of a PDU, as agreed; null where the setup is not in the capture."),
@@ -703,10 +708,10 @@ HEAD = (
     Key("frames", COUNT),
     Key("start", MAYBE_TEXT | {"pattern": _TIME},
         "Time of the first frame, whatever it holds; null where there is none. Absent before it was kept.",
-        into="start_ns", take=_time, required=False),
+        into="start_ns", take=take_time, required=False),
     Key("end", MAYBE_TEXT | {"pattern": _TIME},
         "Time of the last frame, whatever it holds; null where there is none. Absent before it was kept.",
-        into="end_ns", take=_time, required=False),
+        into="end_ns", take=take_time, required=False),
     Key("complete", FLAG),
     Key("rpc", ref("counts"), "RPC PDUs by type."),
     Key("records",

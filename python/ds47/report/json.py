@@ -8,8 +8,8 @@ contract.py; what they mean is in `ds47.model` and in schema/report-2.schema.jso
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from functools import lru_cache
+from collections.abc import Callable, Iterator
+from functools import cache, lru_cache
 from itertools import islice, repeat
 from json import JSONEncoder
 from json.encoder import encode_basestring as _quoted
@@ -17,12 +17,10 @@ from typing import Any, Final, TextIO
 
 from ds47 import __version__
 from ds47.model import (
-    S7,
     CaptureResult,
     Device,
     Diagnosis,
     Finding,
-    Item,
     Parameter,
     Report,
     Transaction,
@@ -57,85 +55,72 @@ def transaction(item: Transaction, lang: str = "en") -> dict[str, Any]:
 
 def transaction_line(item: Transaction, lang: str = "en") -> str:
     """What `text(transaction(item, lang))` gives, without the dictionaries: there are many transactions."""
-    frames_ = item.frames
-    polls = reads = "[]"
-    if frames_.polls or frames_.rereads:
-        whole = contract.FRAMES.plain(frames_)
-        polls, reads = text(whole["polls"]), text(whole["rereads"])
-    request, response, took = item.request, item.response, item.duration_ns
-    write, read = item.write_status, item.read_status
-    return (
-        f'{{"id": {item.id}, "channel": {_quoted(item.channel)}, '
-        f'"operation": {_quoted(item.operation)}, "state": {_quoted(item.state)}, '
-        f'"controller": {_quoted(item.controller)}, "device": {_quoted(item.device)}, '
-        f'"station": {_number(item.station)}, '
-        f'"ar": {_NULL if item.ar is None else _quoted(item.ar)}, "api": {_number(item.api)}, '
-        f'"slot": {_number(item.slot)}, "subslot": {_number(item.subslot)}, "index": {_number(item.index)}, '
-        f'"request_reference": {_number(item.request_reference)}, "axis": {_number(item.axis)}, '
-        f'"frames": {{"write_request": {_number(frames_.write_request)}, '
-        f'"write_response": {_number(frames_.write_response)}, '
-        f'"read_request": {_number(frames_.read_request)}, '
-        f'"read_response": {_number(frames_.read_response)}, '
-        f'"polls": {polls}, "rereads": {reads}}}, "start": "{timestamp(item.start_ns)}", '
-        f'"duration_ms": {_NULL if took is None else took / 1e6}, "cycles": {_number(item.cycles)}, '
-        f'"bytes": {{"request": {_hex(request)}, "response": {_hex(response)}}}, '
-        f'"status": {{"write": {_NULL if write is None else f"""{_QUOTE}{write:08X}{_QUOTE}"""}, '
-        f'"read": {_NULL if read is None else f"""{_QUOTE}{read:08X}{_QUOTE}"""}}}, '
-        f'"parameters": [{", ".join([_parameter_text(each, lang) for each in item.parameters])}]'
-        f', "findings": {text(item.findings) if item.findings else _NONE}'
-        f"{_of_s7(item, lang) if item.channel == S7 else _NOTHING}}}"
-    )
+    return _writer(contract.TRANSACTION, item.channel)(item, lang)
 
 
-def _of_s7(item: Transaction, lang: str) -> str:
-    """What only a transaction of S7 has."""
-    segments = _NONE
-    if item.segments:
-        segments = text([contract.READ.plain(each) for each in item.segments])
-    items = [
-        f"{_item_head(each.address, each.area, each.db, each.start, each.bit, each.length)}, "
-        f'"value": {_hex(each.value)}, "code": {_number(each.code)}, "text": {_code_text(each.code, lang)}}}'
-        for each in item.items
-    ]
-    return (
-        f', "connection": {_number(item.connection)}, "items": [{", ".join(items)}], '
-        f'"r_id": {_number(item.r_id)}, "error": {_number(item.error)}, "segments": {segments}'
-    )
+# A writer is made of the keys of a shape: the f-string that one would write by hand, compiled once.
+
+_Write = Callable[[Any, str], str]
 
 
-@lru_cache(maxsize=4096)
-def _item_head(
-    address: str | None,
-    area: str | None,
-    db: int | None,
-    start: int | None,
-    bit: int | None,
-    length: int | None,
-) -> str:
-    """An item up to its value."""
-    head = contract.ITEM.plain(Item(address, area, db, start, bit, length, None, None))
-    for key in ("value", "code", "text"):
-        del head[key]
-    return text(head)[:-1]
+@cache
+def _writer(shape: contract.Shape, channel: str = "") -> _Write:
+    """What writes an object, with the keys that its channel has, as text."""
+    names: dict[str, Any] = {
+        "none": "[]", "null": _NULL, "quoted": _quoted, "status": status, "text": text, "timestamp": timestamp,
+    }  # fmt: skip
+    exec(f"def write(item, lang): return f'{{{{{_code(shape, 'item', channel, names)}}}}}'", names)
+    write: _Write = names["write"]
+    return write
 
 
-@lru_cache(maxsize=256)
-def _code_text(code: int | None, lang: str) -> str:
-    return text(contract.code_text(code, lang))
+_LOADED: Final[dict[contract.Take | None, str]] = {
+    contract.take_hex: "quoted({}.hex())",
+    contract.take_ns: "{} / 1e6",
+    contract.take_status: "quoted(status({}))",
+    contract.take_time: "quoted(timestamp({}))",
+}
+"""How a key is loaded -> code for its text, from the attribute that it is loaded into."""
 
 
-_NOTHING: Final = ""
-_NONE: Final = "[]"
+def _code(shape: contract.Shape, owner: str, channel: str, names: dict[str, Any]) -> str:
+    """The inside of the f-string; `owner` has the attributes, `names` gets what the code calls."""
+    members = []
+    for key in shape.keys:
+        if key.channel not in ("", channel):
+            continue
+        value = f"{{{_value(key, f'{owner}.{key.into or key.name}', names)}}}"
+        if key.shape is not None and "items" not in key.schema:
+            part = f"{owner}.{key.name}" if key.shape.make else owner
+            value = f"{{{{{_code(key.shape, part, channel, names)}}}}}"
+        members.append(f'"{key.name}": {value}')
+    return ", ".join(members)
+
+
+def _value(key: contract.Key, attribute: str, names: dict[str, Any]) -> str:
+    """Code for the text of one value."""
+    kind, function = key.schema.get("type"), f"of_{key.name}"
+    if kind == "array":
+        names[function] = _listed(key.shape)
+        return f"{function}(value, lang) if (value := {attribute}) else none"
+    code = _LOADED.get(key.take, "{}" if "integer" in (kind or ()) else "quoted({})")
+    if key.take not in _LOADED and key.tell is not None:
+        names[function] = key.tell
+        attribute = f"{function}({attribute.rpartition('.')[0]}, lang)"
+    if isinstance(kind, list) or key.schema in (contract.ref("hex"), contract.ref("status")):
+        return f"null if (value := {attribute}) is None else {code.format('value')}"
+    return code.format(attribute)
+
+
+def _listed(shape: contract.Shape | None) -> Callable[[list[Any], str], str]:
+    """What writes a list: of texts, or of objects of this shape."""
+    if shape is None:
+        return lambda items, _: text(items)
+    write = _parameter_text if shape is contract.PARAMETER else _writer(shape)
+    return lambda items, lang: f"[{', '.join([write(each, lang) for each in items])}]"
+
+
 _NULL: Final = "null"
-_QUOTE: Final = '"'
-
-
-def _number(item: int | None) -> str | int:
-    return _NULL if item is None else item
-
-
-def _hex(data: bytes | None) -> str:
-    return _NULL if data is None else f'"{data.hex()}"'
 
 
 def _parameter_text(item: Parameter, lang: str) -> str:
