@@ -277,7 +277,7 @@ class Item(_Plain):
         self.code = code
 
 
-@dataclass(slots=True, init=False, repr=False, eq=False)
+@dataclass(slots=True, repr=False, eq=False)
 class Transaction(_Plain):
     """One parameter request with all that came of it (docs/pairing.md), or a job of S7 (docs/s7.md)."""
 
@@ -304,88 +304,24 @@ class Transaction(_Plain):
     write_status: int | None
     read_status: int | None
     parameters: list[Parameter]
-    position: int
+    position: int = 0
     """Place inside the first frame: an IODWriteMultiple carries several records."""
-    findings: list[str]
-    id: int
-    channel: str
-    cycles: int | None
+    findings: list[str] = field(default_factory=list)
+    id: int = 0
+    channel: str = DS47
+    cycles: int | None = None
     """From a request in cyclic frames to its response, in cycles; None where they were not seen to begin."""
-    station: int | None
+    station: int | None = None
     """The address of the device on PROFIBUS; None on PROFINET."""
-    connection: int | None
+    connection: int | None = None
     """Of S7: the id of the connection, and items in the order of the request."""
-    items: list[Item]
-    r_id: int | None
+    items: list[Item] = field(default_factory=list)
+    r_id: int | None = None
     """Of BSEND and USEND."""
-    error: int | None
+    error: int | None = None
     """Of S7: error class and code of the answer as one word, of a BSEND that of an acknowledgement; 0 for none."""
-    segments: list[Read]
+    segments: list[Read] = field(default_factory=list)
     """Of a BSEND: the frames of its segments and of their acknowledgements."""
-
-    def __init__(
-        self,
-        operation: str,
-        state: str,
-        controller: str,
-        device: str,
-        ar: str | None,
-        api: int | None,
-        slot: int | None,
-        subslot: int | None,
-        index: int | None,
-        request_reference: int | None,
-        axis: int | None,
-        frames: Frames,
-        start_ns: int,
-        duration_ns: int | None,
-        request: bytes | None,
-        response: bytes | None,
-        write_status: int | None,
-        read_status: int | None,
-        parameters: list[Parameter],
-        position: int = 0,
-        findings: list[str] | None = None,
-        id: int = 0,  # noqa: A002 (a key of the report)
-        channel: str = "ds47",  # a name as default takes the signature away where this is compiled
-        cycles: int | None = None,
-        station: int | None = None,
-        connection: int | None = None,
-        items: list[Item] | None = None,
-        r_id: int | None = None,
-        error: int | None = None,
-        segments: list[Read] | None = None,
-    ) -> None:
-        self.operation = operation
-        self.state = state
-        self.controller = controller
-        self.device = device
-        self.ar = ar
-        self.api = api
-        self.slot = slot
-        self.subslot = subslot
-        self.index = index
-        self.request_reference = request_reference
-        self.axis = axis
-        self.frames = frames
-        self.start_ns = start_ns
-        self.duration_ns = duration_ns
-        self.request = request
-        self.response = response
-        self.write_status = write_status
-        self.read_status = read_status
-        self.parameters = parameters
-        self.position = position
-        self.findings = [] if findings is None else findings
-        self.id = id
-        self.channel = channel
-        self.cycles = cycles
-        self.station = station
-        self.connection = connection
-        self.items = [] if items is None else items
-        self.r_id = r_id
-        self.error = error
-        self.segments = [] if segments is None else segments
 
     @property
     def start(self) -> str:
