@@ -1,4 +1,4 @@
-"""Compares value blocks as Wireshark's own PROFIDrive decoder reads them with those of ds47 (docs/developers/upstream.md).
+"""Compares value blocks of Wireshark's own PROFIDrive decoder with those of ds47 (docs/developers/upstream.md).
 
     .venv/bin/python tools/compare_builtin.py TSHARK CAPTURE...
 

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 """Gives the checkout another version, everywhere where one is written.
 
-    python tools/set_version.py 1.0.0            what is not released yet gets the version and today's date
-    python tools/set_version.py 1.1.0 --open     the version alone: work goes on under [Unreleased]
+    python tools/set_version.py 2.0.0            what is not released yet gets the version and today's date
+    python tools/set_version.py 2.1.0.dev0       the version alone: work goes on under [Unreleased]
 
-pyproject.toml, ds47/__init__.py, the stored results (which name the version that wrote them), file names in texts,
+pyproject.toml, ds47/version.py, the stored results (which name the version that wrote them), file names in texts,
 the changelog; then what is generated is made again: tables of Lua, manual pages, sample output. Afterwards: make
 test, commit, tag vVERSION, .ci/release. tests/python/test_package.py holds the places together.
 """
@@ -28,7 +28,7 @@ NAMED = (
     "dissector/ds47_ws/menu.lua",
 )
 """Where the plugin as one file is called by its name."""
-VERSION = re.compile(r"\d+\.\d+\.\d+")
+VERSION = re.compile(r"\d+\.\d+\.\d+(\.dev\d+)?")
 
 
 def replace(path: Path, pattern: str, new: str) -> bool:
@@ -56,19 +56,17 @@ def release(version: str, day: str) -> None:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("version")
-    parser.add_argument("--open", action="store_true")
-    arguments = parser.parse_args()
-    version = arguments.version
+    version = parser.parse_args().version
     if not VERSION.fullmatch(version):
-        sys.exit(f"{version} is no version such as 1.2.3")
-    if not arguments.open:
+        sys.exit(f"{version} is no version such as 1.2.3 or 1.2.3.dev0")
+    if ".dev" not in version:
         release(version, datetime.datetime.now(datetime.UTC).date().isoformat())
     replace(ROOT / "pyproject.toml", r'^version = ".*"$', f'version = "{version}"')
-    replace(ROOT / "python/ds47/__init__.py", r'^__version__ = ".*"$', f'__version__ = "{version}"')
+    replace(ROOT / "python/ds47/version.py", r'^__version__ = ".*"$', f'__version__ = "{version}"')
     tool = r'("tool": \{\s*"name": "ds47",\s*"version": ")[^"]+'
     changed = sum(replace(path, tool, rf"\g<1>{version}") for path in results())
     for name in NAMED:
-        replace(ROOT / name, r"ds47-\d+_\d+_\d+\.lua", f"ds47-{version.replace('.', '_')}.lua")
+        replace(ROOT / name, r"ds47-\d+_\d+_\d+(_dev\d+)?\.lua", f"ds47-{version.replace('.', '_')}.lua")
     for name in GENERATED:
         subprocess.run([sys.executable, str(ROOT / "tools" / name)], check=True)
     print(f"{version}: {changed} of {len(results())} stored results")

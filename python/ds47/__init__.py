@@ -11,6 +11,8 @@ asked for: the command asks for none of them.
 
 from __future__ import annotations
 
+from ds47.version import __version__
+
 # Type checkers know the name; to import `typing` for it takes longer than all of this.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -38,7 +40,6 @@ if TYPE_CHECKING:
     from ds47.profidrive import Options
     from ds47.wireshark.tshark import NotReadyError
 
-__version__ = "1.0.0"
 __all__ = [
     "Access", "CaptureError", "CaptureFile", "Device", "Diagnosis", "Element", "Finding", "Frames", "LastValue",
     "Message", "MessageFinding", "NotReadyError", "Options", "Parameter", "ParameterError", "Result",

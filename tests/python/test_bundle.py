@@ -30,7 +30,8 @@ def bundle(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize(
-    "name", ["Makefile", "docs/wireshark.md", "docs/developers/development.md", "tools/make_bundle.py"]
+    "name",
+    ["Makefile", "docs/wireshark.md", "docs/developers/development.md", "tools/make_bundle.py"],
 )
 def test_the_file_has_the_name_that_the_documents_say(
     bundle: Path, repository: Path, name: str

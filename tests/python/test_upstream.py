@@ -1,4 +1,4 @@
-"""What docs/developers/upstream.md says of Wireshark's own decoder: the comparison in tools/, and the patch as a text."""
+"""What docs/developers/upstream.md says of Wireshark's own decoder: the comparison in tools/, and the patch."""
 
 from __future__ import annotations
 

@@ -94,7 +94,7 @@ def versions(folder: Path) -> None:
     ]  # its head, in which the version stands once
     told = {
         "ds47.pyz": pyz[1],
-        "ds47.html": ", ".join(re.findall(r">(\d+\.\d+\.\d+)</span>", page)),
+        "ds47.html": ", ".join(re.findall(r">(\d+\.\d+\.\d+(?:\.dev\d+)?)</span>", page)),
         "bill of materials": bill["metadata"]["component"]["version"],
     }
     for name, found in told.items():

@@ -15,13 +15,13 @@ from contextlib import contextmanager, suppress
 from importlib import metadata
 from typing import Any
 
-from ds47 import __version__
 from ds47.batch.endings import Failed, Lost
 from ds47.batch.products import Product, draft_of, kept_from, whole
 from ds47.batch.runner import Begun, Outcome, Place, Window
 from ds47.batch.tasks import Task
 from ds47.capture import CaptureError
 from ds47.spec.extras import install
+from ds47.version import __version__
 
 _SECONDS_TO_CONNECT = 15
 _SECONDS_FOR_WORKERS = 60

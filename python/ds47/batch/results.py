@@ -16,7 +16,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any, BinaryIO, cast
 
-from ds47 import __version__
 from ds47.analysis import AnalysisOptions
 from ds47.batch.products import discard, draft_of, whole
 from ds47.batch.settings import options_for
@@ -28,6 +27,7 @@ from ds47.report import SCHEMA, load
 from ds47.report import Options as ReportOptions
 from ds47.report import json as contract
 from ds47.report.overview import Row, document
+from ds47.version import __version__
 
 OVERVIEW = "overview.json"
 DAMAGED = "damaged result"

@@ -21,7 +21,7 @@ from typing import Any, cast
 
 import click
 
-from ds47 import __version__
+from ds47.version import __version__
 
 COMMANDS = (
     "report", "check", "baseline", "accept", "diff", "trail", "watch", "export", "decode", "encode",

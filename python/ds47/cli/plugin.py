@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ds47 import __version__
 from ds47.cli.common import counted, stdout, warn
+from ds47.version import __version__
 
 if TYPE_CHECKING:
     from ds47.wireshark.bundle import Sources

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import BinaryIO
 from uuid import UUID
 
-from ds47 import __version__, spec
+from ds47 import spec
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import Interface, PcapngWriter, WholeFrame
 from ds47.capture.scan import ETHERNET, IPV4, network_layer
@@ -37,6 +37,7 @@ from ds47.spec.layouts import (
     RPC_RELEASE,
     RPC_WRITE,
 )
+from ds47.version import __version__
 
 from .anonymise import Anonymiser, Knowledge
 from .bus import BusFrames

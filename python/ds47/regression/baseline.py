@@ -13,12 +13,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, cast
 
-from ds47 import __version__
 from ds47.batch.tasks import in_folders
 from ds47.capture.names import PACKED, SUFFIXES, is_export
 from ds47.capture.rings import common_name, may_be_part
 from ds47.model import CaptureResult
 from ds47.regression.shape import flaw
+from ds47.version import __version__
 
 SCHEMA = "ds47.baseline/1"
 SUFFIX = ".ds47.json"

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from ds47 import __version__
 from ds47.regression.conclusions import Conclusion, conclusions
 from ds47.regression.difference import Difference, Row
 from ds47.regression.elements import Outcomes
+from ds47.version import __version__
 
 SCHEMA = "ds47.diff/2"
 

@@ -15,7 +15,6 @@ from json import JSONEncoder
 from json.encoder import encode_basestring as _quoted
 from typing import Any, Final, TextIO
 
-from ds47 import __version__
 from ds47.model import (
     CaptureResult,
     Device,
@@ -33,6 +32,7 @@ from ds47.spec import Pnu
 from ds47.spec.units import milliseconds as milliseconds
 from ds47.spec.units import status as status
 from ds47.spec.units import timestamp as timestamp
+from ds47.version import __version__
 
 _encoder: Final = JSONEncoder(ensure_ascii=False, allow_nan=False)
 _LINES_AT_ONCE = 256

@@ -13,7 +13,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, TextIO
 
-from ds47 import __version__
 from ds47.model import DIAGNOSIS, OPERATIONS, SEVERITIES, STATES, CaptureResult, Report
 from ds47.report import Options, causes, json, write_all
 from ds47.report import Writer as _Writer
@@ -23,6 +22,7 @@ from ds47.report.formatting import duration, escape
 from ds47.report.wrap import columns
 from ds47.report.zones import UNIVERSAL, Zone
 from ds47.spec.units import nanoseconds
+from ds47.version import __version__
 
 SCHEMA = "ds47.overview/1"
 

@@ -17,11 +17,12 @@ from functools import cache
 from importlib import import_module
 from typing import Any, BinaryIO, ClassVar, TextIO
 
-from ds47 import __version__, spec
+from ds47 import spec
 from ds47.model import Finding, Parameter, Report, Transaction, Value
 from ds47.report import CannotWriteError, Options, contract, schema, write_all
 from ds47.report import Writer as _Writer
 from ds47.spec.extras import install
+from ds47.version import __version__
 
 SCHEMA = "ds47.table/1"
 """The version of the columns, in the metadata of the file."""

@@ -21,14 +21,16 @@ from pathlib import Path
 from typing import Any, ClassVar, TextIO
 from urllib.parse import quote
 
-from ds47 import __version__, spec
+from ds47 import spec
 from ds47.model import CaptureResult, Finding, Transaction
 from ds47.report import Options
 from ds47.report import Writer as _Writer
 from ds47.report.sentences import message
+from ds47.version import __version__
 
 FINGERPRINT = "ds47/v1"
 """How fingerprints are made: the name changes when that changes."""
+_SEMANTIC_VERSION = __version__.replace(".dev", "-dev.")
 _SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
 _LEVELS = ("error", "warning", "note")
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+://")
@@ -139,7 +141,7 @@ class _Log:
         self._stream.write(
             f'],\n"invocations": [{_text(invocation)}],\n'
             f'"tool": {{"driver": {{"name": "ds47", "version": "{__version__}", '
-            f'"semanticVersion": "{__version__}", "rules": [\n{rules}]}}}}}}]}}\n'
+            f'"semanticVersion": "{_SEMANTIC_VERSION}", "rules": [\n{rules}]}}}}}}]}}\n'
         )
 
     def _fingerprint(self, item: Result) -> str:

@@ -13,13 +13,14 @@ from typing import Any, Final
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 
-from ds47 import __version__, spec
+from ds47 import spec
 from ds47.model import Parameter
 from ds47.profidrive import Request
 from ds47.report import formatting, scl_fields
 from ds47.report.bilingual import say
 from ds47.report.escaping import escape
 from ds47.report.scl_fields import LONGEST, NUMBER, TEXT, Field
+from ds47.version import __version__
 
 _OPERATIONS: Final = {0x01: "Read", 0x02: "Change"}
 _NAMED: Final = 3

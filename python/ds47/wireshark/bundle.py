@@ -15,7 +15,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from zipfile import ZipFile
 
-from ds47 import __version__
+from ds47.version import __version__
 
 ENTRY = "ds47.lua"
 FILE_NAME = f"ds47-{__version__.replace('.', '_')}.lua"

@@ -14,7 +14,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
-from ds47 import __version__
+from ds47.version import __version__
 from ds47.wireshark import bundle, install
 from ds47.wireshark.locate import NoWiresharkError, Run, Wireshark, find, run
 

@@ -19,7 +19,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ds47 import __version__
+from ds47.version import __version__
 from ds47.wireshark.bundle import ENTRY, Sources, bundle
 
 FOLDER = "ds47"

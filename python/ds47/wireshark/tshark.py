@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import ParseError
 
-from ds47 import __version__
 from ds47.spec.extras import install
+from ds47.version import __version__
 from ds47.wireshark import bundle, doctor, fields
 from ds47.wireshark.locate import NoWiresharkError, Wireshark, find, run
 

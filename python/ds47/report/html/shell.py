@@ -9,11 +9,11 @@ from collections.abc import Iterable
 from functools import cache
 from typing import Any
 
-from ds47 import __version__
 from ds47.report.formatting import count, duration, escape
 from ds47.report.html import embed
 from ds47.report.html.plots import Library
 from ds47.report.html.texts import Words
+from ds47.version import __version__
 
 _FOLDER = "report"
 
