@@ -10,7 +10,7 @@
 #   make windows    run the analyzer's tests on Python for Windows, by Wine (root, Debian, mvn)
 #   make audit      let the auditor read N random conversations, planned from SEED on, and all captures
 #   make bench      time the analyzer and the plugin against tshark    (BENCH=--small for a quick one)
-#   make dist       write the plugin as one Lua file, dist/ds47-1_0_0.lua (the version, with underscores)
+#   make dist       write the plugin as one Lua file, dist/ds47-2_0_0_dev0.lua (the version, with underscores)
 #   make pyz        write the command as one file for any Python, dist/ds47.pyz
 #   make page       write the analyzer as one page for a browser without network, dist/ds47.html (needs npm)
 #   make wheelhouse  write what a computer without internet installs from, dist/ds47-VERSION-wheelhouse.zip

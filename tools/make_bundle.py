@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the whole plugin as one Lua file, for people without Python: dist/ds47-1_0_0.lua.
+"""Writes the whole plugin as one Lua file, for people without Python: dist/ds47-2_0_0_dev0.lua.
 
 The version has underscores for dots (ds47.wireshark.bundle.FILE_NAME says why).
 

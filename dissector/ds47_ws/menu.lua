@@ -14,7 +14,7 @@ local M = {}
 
 local OLDEST = { 3, 4 } -- the oldest Wireshark that the plugin is tested with
 local DRIVES = "Drives: control and status word"
-local NAME = "^ds47.*%.lua$" -- a plugin file: ds47.lua or the single file ds47-1_0_0.lua
+local NAME = "^ds47.*%.lua$" -- a plugin file: ds47.lua or the single file ds47-2_0_0_dev0.lua
 
 local function show(title, text)
   local window = TextWindow.new(title)

@@ -23,7 +23,7 @@ setmetatable(M, { __index = function(_, name)
   return rawget(M, name)
 end })
 
-M.version = "1.0.0"
+M.version = "2.0.0.dev0"
 
 M.layouts = {
   RPC_SIZE = 80,
