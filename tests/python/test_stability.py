@@ -31,7 +31,7 @@ def now(surface: ModuleType) -> set[str]:
 def complaint(gone: set[str]) -> str:
     lines = "\n".join(f"  {line}" for line in sorted(gone))
     return (
-        f"gone:\n{lines}\nPrograms of others build on it (docs/stability.md): put it back. Until 2.0.0 is released "
+        f"gone:\n{lines}\nPrograms of others build on it (docs/stability.md): put it back. Until 2.0.0 is out "
         "it may go: then a line in CHANGELOG.md says what is gone, and what takes its place."
     )
 
