@@ -66,7 +66,9 @@ def main() -> int:
     tool = r'("tool": \{\s*"name": "ds47",\s*"version": ")[^"]+'
     changed = sum(replace(path, tool, rf"\g<1>{version}") for path in results())
     for name in NAMED:
-        replace(ROOT / name, r"ds47-\d+_\d+_\d+(_dev\d+)?\.lua", f"ds47-{version.replace('.', '_')}.lua")
+        replace(
+            ROOT / name, r"ds47-\d+_\d+_\d+(_dev\d+)?\.lua", f"ds47-{version.replace('.', '_')}.lua"
+        )
     for name in GENERATED:
         subprocess.run([sys.executable, str(ROOT / "tools" / name)], check=True)
     print(f"{version}: {changed} of {len(results())} stored results")

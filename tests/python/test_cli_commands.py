@@ -54,7 +54,10 @@ def test_version_imports_next_to_nothing():
         "print(sorted(name for name in sys.modules if name.startswith('ds47')))"
     )
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert shown.stdout.splitlines() == [f"ds47 {__version__}", "['ds47', 'ds47.cli', 'ds47.version']"]
+    assert shown.stdout.splitlines() == [
+        f"ds47 {__version__}",
+        "['ds47', 'ds47.cli', 'ds47.version']",
+    ]
 
 
 def test_module_runs():
