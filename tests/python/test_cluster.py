@@ -31,7 +31,10 @@ from ds47.capture import CaptureError, open_capture, remote
 from ds47.cli import main
 
 distributed = pytest.importorskip("distributed")
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="real signals")
+pytestmark = [
+    pytest.mark.slow,  # Dask alone takes seconds to load
+    pytest.mark.skipif(sys.platform == "win32", reason="real signals"),
+]
 
 PATIENCE = 90
 ENVIRONMENT = {
@@ -128,7 +131,6 @@ def run(capsys: Any, *arguments: str | Path) -> tuple[int, str, list[str]]:
     return status, shown.out, shown.err.splitlines()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("format_name", ["text", "json", "ndjson", "csv", "overview"])
 def test_a_cluster_says_what_one_machine_says(
     capsys: Any, folder: Path, cluster: Cluster, monkeypatch: Any, format_name: str
@@ -140,7 +142,6 @@ def test_a_cluster_says_what_one_machine_says(
     assert run(capsys, *arguments, "--scheduler", cluster.address) == alone
 
 
-@pytest.mark.slow
 def test_stored_results_are_the_same_bytes(
     capsys: Any, folder: Path, cluster: Cluster, tmp_path: Path
 ) -> None:
@@ -170,7 +171,6 @@ def test_a_name_that_is_too_long_costs_only_its_capture(
     assert there == alone
 
 
-@pytest.mark.slow
 def test_a_lost_worker_costs_its_files_again_and_nothing_else(
     capsys: Any, captures: Path, tmp_path: Path
 ) -> None:
@@ -201,7 +201,6 @@ def test_a_lost_worker_costs_its_files_again_and_nothing_else(
         assert path.read_bytes() == (results / path.name).read_bytes()
 
 
-@pytest.mark.slow
 def test_ctrl_c_leaves_whole_results(captures: Path, cluster: Cluster, tmp_path: Path) -> None:
     many = tmp_path / "many"
     many.mkdir()
@@ -226,7 +225,6 @@ def test_ctrl_c_leaves_whole_results(captures: Path, cluster: Cluster, tmp_path:
         json.loads(path.read_bytes())
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("stored", [True, False])
 def test_a_lost_scheduler_ends_the_run_and_says_how_to_go_on(
     captures: Path, tmp_path: Path, stored: bool
@@ -271,7 +269,6 @@ def test_a_lost_scheduler_ends_the_run_and_says_how_to_go_on(
     assert len(list(results.iterdir())) == 61
 
 
-@pytest.mark.slow
 def test_a_capture_that_kills_every_worker_is_named(tmp_path: Path, monkeypatch: Any) -> None:
     monkeypatch.setitem(ENVIRONMENT, "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "1")
     monkeypatch.setitem(ENVIRONMENT, "PYTHONPATH", str(Path(__file__).parent))
@@ -424,7 +421,6 @@ def bucket() -> Iterator[Any]:
     system.rm("/out", recursive=True)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("jobs", ["1", "2"])
 def test_results_behind_a_url(
     capsys: Any, folder: Path, bucket: Any, tmp_path: Path, monkeypatch: Any, jobs: str
@@ -576,7 +572,6 @@ def test_without_fsspec(monkeypatch: Any) -> None:
     assert remote.facts("s3://bucket/x.pcap") == (0, None)
 
 
-@pytest.mark.slow
 def test_what_the_loop_of_dask_says_while_it_ends_is_not_shown() -> None:
     """A callback that fails after Ctrl-C is Tornado's to log; it would stand above our one line."""
     program = (

@@ -32,11 +32,13 @@ def found() -> dict[str, Any]:
     return source.everything()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", ["pdus", "talks", "questions"])
 def test_what_decoders_say(part: str) -> None:
     assert found()[part] == WANTED[part]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", ["scenes", "lines"])
 def test_what_is_said_of_captures(part: str) -> None:
     assert len(found()[part]) == len(WANTED[part])
@@ -100,6 +102,7 @@ def test_questions_have_both_answers() -> None:
     assert said[0]["steps"] < 0
 
 
+@pytest.mark.slow
 def test_bytes_leave_nothing_out() -> None:
     every = decoded(by_chance.pdus_by_chance())
     told = [each for each in every if "pdu" in each]

@@ -177,6 +177,7 @@ def test_the_bytes_that_were_not_there_together() -> None:
     assert other.args["byte"] == "DB1.DBB15"
 
 
+@pytest.mark.slow
 def test_as_many_transfers_are_remembered() -> None:
     """Each of them ends without its last segment; of those that are begun anew one is forgotten."""
     told = findings(more_transfers_than_are_remembered())
