@@ -9,7 +9,6 @@ local cyclic = require("ds47.spec.cyclic")
 local descriptions = require("ds47.report.descriptions")
 local entries = require("ds47.support.later").entries
 local status = require("ds47.spec.statuses")
-local tables = require("ds47.spec.tables")
 local text_of = require("ds47.profidrive.formats").text_of
 local words = require("ds47.report.formatting")
 local error_texts = require("ds47.report.sentences")
@@ -208,12 +207,6 @@ function M.sentence(view, lang)
   return item.job == nil and item.channel == "pkw" and pkw_sentence(view) or sentences[view.role](view)
 end
 
---- What happened, in words.
-function M.event_name(name, lang)
-  local row = tables.pzd.events[name]
-  return lang == "zh" and row.zh or row.en
-end
-
 --- Events of one drive, in their order: those of one word in one frame together, an array of arrays.
 function M.together(events)
   local found, newest = {}, {}
@@ -231,7 +224,7 @@ end
 local function names(events, lang)
   local texts = {}
   for number, event in ipairs(events) do
-    texts[number] = M.event_name(event.name, lang)
+    texts[number] = cyclic.event_text(event.name, lang)
   end
   return table.concat(texts, lang == "zh" and "，" or ", ")
 end

@@ -183,7 +183,7 @@ end
 -- @return the item, nil where nobody wants it
 function M.add_event(put, root, found, record, lang)
   local event, relation = found.event, found.relation
-  local text = info.event_name(event.name, lang)
+  local text = cyclic.event_text(event.name, lang)
   local shown = put.add(root, "pzd.event", text, record, 0, 2)
   if shown then
     shown:set_text("Event of a drive: " .. info.what({ event }, lang))

@@ -231,7 +231,7 @@ def told(question: Question) -> dict[str, Any]:
 
 
 def bits(name: str, word: int, question: Question) -> list[dict[str, Any]]:
-    texts = [(row, row.text(word, question["lang"])) for row in spec.bits(name, question["family"])]
+    texts = [(row, row.said(word, question["lang"])) for row in spec.bits(name, question["family"])]
     return [
         {"bit": row.bit, "value": word >> row.bit & 1, "text": text} for row, text in texts if text
     ]

@@ -303,7 +303,7 @@ def test_the_tree_has_the_words_of_the_command(lang: str, tshark: Tshark, tmp_pa
             texts += [shown.module_text(*each).text(lang) for each in pairs]
         if isinstance(content, (dp.Diagnosis, dp.Parameters)):
             rows = spec.flags("diagnosis" if isinstance(content, dp.Diagnosis) else "parameters")
-            texts += [spec.text(row, lang) for row in rows if row.stands_in(item.du)]
+            texts += [row.text(lang) for row in rows if row.stands_in(item.du)]
         for text in texts:
             assert text in tree, data.hex()
 

@@ -317,7 +317,7 @@ def test_each_bit_has_its_words(tshark: Tshark) -> None:
         for bit, (picture, _, told) in zip(cyclic.bits("zsw1"), shown, strict=True):
             value = 0xFB37 >> bit.bit & 1
             assert picture.replace(" ", "")[15 - bit.bit] == str(value)
-            assert told == (bit.text(0xFB37, lang) or str(value))
+            assert told == (bit.said(0xFB37, lang) or str(value))
 
 
 @pytest.mark.slow

@@ -5,6 +5,7 @@
 
 local dp = require("ds47.profibus.dp")
 local ms1 = require("ds47.profibus.ms1")
+local of_row = require("ds47.spec.lookup").words
 local status_text = require("ds47.spec.statuses").status_text
 local tables = require("ds47.spec.tables")
 local told = require("ds47.spec.profibus")
@@ -18,10 +19,6 @@ local M = {}
 -- The services whose data is a message of MS1 or MS2.
 local RECORDS = { record = true, alarm = true, resource = true, ms2 = true }
 local ALL_STATIONS = require("ds47.profibus.telegram").ALL_STATIONS
-
-local function of_row(row, lang)
-  return lang == "zh" and row.zh or row.en
-end
 
 -- `{n}` of a text that chooses between one and several.
 local function count(lang, key, n)

@@ -1,6 +1,7 @@
 -- The words of the tables of cyclic frames, PKW and PZD, in "en" or "zh" (docs/cyclic.md). The tables
 -- themselves are tables.lua; what the bytes are is in cyclic/.
 
+local words = require("ds47.spec.lookup").words
 local tables = require("ds47.spec.tables")
 
 local concat, floor = table.concat, math.floor
@@ -9,15 +10,13 @@ local M = {}
 
 --- What the AK of a request or of an answer says.
 function M.meaning(ak, answer, lang)
-  local row = tables.pkw[answer and "answers" or "requests"][ak]
-  return lang == "zh" and row.zh or row.en
+  return words(tables.pkw[answer and "answers" or "requests"][ak], lang)
 end
 
 --- What an error number of PKW means; nil where nobody says.
 function M.error_text(code, lang)
   local row = code and tables.pkw.errors[code]
-  if not row then return nil end
-  return lang == "zh" and row.zh or row.en
+  return row and words(row, lang)
 end
 
 local function among(items, wanted)
@@ -37,20 +36,17 @@ end
 
 --- `S2 ready to switch on, fault`, in "en" or "zh".
 function M.state_text(id, overlays, lang)
-  local chinese = lang == "zh"
-  local row = row_of(id)
-  local own = chinese and row.zh or row.en
+  local own = words(row_of(id), lang)
   local parts = {id:sub(1, 1) == "S" and id .. " " .. own or own}
   for _, each in ipairs(tables.pzd.overlays) do
-    if among(overlays, each.id) then parts[#parts + 1] = chinese and each.zh or each.en end
+    if among(overlays, each.id) then parts[#parts + 1] = words(each, lang) end
   end
-  return concat(parts, chinese and "，" or ", ")
+  return concat(parts, lang == "zh" and "，" or ", ")
 end
 
 --- An event of a drive, in "en" or "zh".
 function M.event_text(id, lang)
-  local row = tables.pzd.events[id]
-  return lang == "zh" and row.zh or row.en
+  return words(tables.pzd.events[id], lang)
 end
 
 --- What leads a drive on from its state, in "en" or "zh": out of a fault first; "": nothing is missing.

@@ -1,6 +1,6 @@
--- Looking things up in the protocol tables where that takes more than an index: texts of error numbers, and
--- templates with their names filled in. The tables themselves are tables.lua; a PNIOStatus in words is
--- statuses.lua.
+-- Looking things up in the protocol tables where that takes more than an index: the words of a row, texts of
+-- error numbers, and templates with their names filled in. The tables themselves are tables.lua; a PNIOStatus
+-- in words is statuses.lua.
 
 local entries = require("ds47.support.later").entries
 local numbers = require("ds47.support.numbers")
@@ -50,9 +50,13 @@ function M.error_hex(code)
   return format(code <= 0xFF and "0x%02X" or "0x%04X", code)
 end
 
+--- The words of a row, in "en" or "zh".
+function M.words(row, lang)
+  return lang == "zh" and row.zh or row.en
+end
+
 local function words(entry, code, lang)
-  local text = lang == "zh" and entry.zh or entry.en
-  return M.fill(text, {code = M.error_hex(code), above = code - (entry.code or code)})
+  return M.fill(M.words(entry, lang), {code = M.error_hex(code), above = code - (entry.code or code)})
 end
 
 local by_id = entries(function(id)

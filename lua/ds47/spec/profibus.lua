@@ -1,22 +1,13 @@
 -- The words of the tables of PROFIBUS DP in "en" or "zh" (docs/profibus.md). The tables themselves are
 -- tables.lua; what the bytes are is in profibus/.
 
+local lookup = require("ds47.spec.lookup")
 local tables = require("ds47.spec.tables")
 
-local floor, format = math.floor, string.format
+local fill, words = lookup.fill, lookup.words
+local floor = math.floor
 
 local M = {}
-
--- A text with its numbers filled in: `{name}` in decimal, `{name:02X}` as hexadecimal digits.
-local function fill(text, args)
-  return (text:gsub("{([%w_]+):?([%w]*)}", function(name, how)
-    return format(how == "" and "%d" or "%" .. how, args[name])
-  end))
-end
-
-local function words(row, lang)
-  return lang == "zh" and row.zh or row.en
-end
 
 local function word(key, lang, args)
   return fill(words(tables.profibus.words[key], lang), args or {})

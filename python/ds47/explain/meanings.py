@@ -516,7 +516,7 @@ def _cyclic_word(name: str, value: int, lang: str) -> Meaning:
         title = words["zsw1"].format(code=code, decimal=signed(value), state=told)
         advice = words["zsw1_next"].format(text=step) if step else words["zsw1_last"]
     parts = tuple(
-        Part(str(row.bit), "", text) for row in cyclic.bits(name) if (text := row.text(value, lang))
+        Part(str(row.bit), "", text) for row in cyclic.bits(name) if (text := row.said(value, lang))
     )
     entry = explanations.of_number(name, value) or explanations.of_unknown()
     return _meaning(

@@ -89,7 +89,7 @@ def hints(bus: Bus, relations: Sequence[Relation]) -> Iterator[Both]:
 
 def _diagnosis(address: int, item: StationDiagnosis) -> Both:
     known = {row.id: row for row in profibus.flags("diagnosis")}
-    flags = [Both(*(profibus.text(known[each], lang) for lang in LANGUAGES)) for each in item.flags]
+    flags = [Both(*(known[each].text(lang) for lang in LANGUAGES)) for each in item.flags]
     told = joined(flags, "; ", "；") if flags else say("bus_no_flags")
     ident = "?" if item.ident is None else f"{item.ident:04X}"
     master = say("bus_no_master") if item.master is None else Both.same(f"dp{item.master}")

@@ -81,7 +81,7 @@ def _pwe(item: pkw.Message) -> Both:
 def word_document(name: str, word: int, family: str | None = None) -> dict[str, Any]:
     """STW1 or ZSW1 for JSON: the bits, and what the drive is in or waits for."""
     bits = [
-        {"bit": row.bit, "value": word >> row.bit & 1, "text": row.text(word) or None}
+        {"bit": row.bit, "value": word >> row.bit & 1, "text": row.said(word) or None}
         for row in cyclic.bits(name, family)
     ]
     document = {

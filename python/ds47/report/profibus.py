@@ -131,7 +131,7 @@ def headline(item: Telegram) -> Both:
     row = profibus.codes("start").get(item.data[0]) if item.data else None
     if row is None:
         return say("dp_no_frame")
-    return Both.same(f"{row.id}").joined(_both(profibus.text, row), ", ", "，")
+    return Both.same(f"{row.id}").joined(_both(row.text), ", ", "，")
 
 
 def lines(item: Telegram) -> Iterator[Line]:
@@ -258,7 +258,7 @@ def _dp_lines(found: dp.Content | None, data: bytes) -> Iterator[Line]:
 
 
 def _flag_words(table: str, ids: Sequence[str]) -> Both:
-    found = [_both(profibus.text, row) for row in profibus.flags(table) if row.id in ids]
+    found = [_both(row.text) for row in profibus.flags(table) if row.id in ids]
     return joined(found, "; ", "；") if found else say("dp_no_flag")
 
 
@@ -272,7 +272,7 @@ def _diagnosis_lines(found: dp.Diagnosis) -> Iterator[Line]:
         yield 4, say("dp_ident", ident=f"{found.ident:04X}")
     at = 6
     for each in found.blocks:
-        yield at, say("dp_block", kind=_both(profibus.text, profibus.codes("block")[each.kind]))
+        yield at, say("dp_block", kind=_both(profibus.codes("block")[each.kind].text))
         at += len(each.data)
 
 

@@ -318,8 +318,7 @@ def _vendor(vendor_id: int) -> Vendor | None:
 
 
 def _words(error: ErrorNumber, code: int, lang: str) -> str:
-    text = error.zh if lang == "zh" else error.en
-    return text.format(code=error_hex(code), above=code - error.code)
+    return error.text(lang).format(code=error_hex(code), above=code - error.code)
 
 
 def error_hex(code: int) -> str:

@@ -48,7 +48,7 @@ class Bit(Row):
     clear_zh: str
     family: str | None = None
 
-    def text(self, value: int, lang: str = "en") -> str:
+    def said(self, value: int, lang: str = "en") -> str:
         """The words of the bit of a word, in "en" or "zh"."""
         name = "set" if value >> self.bit & 1 else "clear"
         words: str = getattr(self, name + ("_zh" if lang == "zh" else ""))
@@ -270,7 +270,7 @@ def full_scale(double: bool = False) -> int:
 def meaning(ak: int, answer: bool, lang: str = "en") -> str:
     """What the AK of a request or of an answer says, in "en" or "zh"."""
     row: Request | Answer = answers()[ak] if answer else requests()[ak]
-    return row.zh if lang == "zh" else row.en
+    return row.text(lang)
 
 
 def _state(state_id: str) -> State | Stopping:
@@ -280,17 +280,16 @@ def _state(state_id: str) -> State | Stopping:
 
 def state_text(state_id: str, beside: Collection[str], lang: str = "en") -> str:
     """`S2 ready to switch on, fault`: a state and the overlays beside it, in "en" or "zh"."""
-    row, chinese = _state(state_id), lang == "zh"
-    own = row.zh if chinese else row.en
+    own = _state(state_id).text(lang)
     first = f"{state_id} {own}" if state_id.startswith("S") else own
-    shown = [each.zh if chinese else each.en for each in overlays() if each.id in beside]
-    return ("，" if chinese else ", ").join([first, *shown])
+    shown = [each.text(lang) for each in overlays() if each.id in beside]
+    return ("，" if lang == "zh" else ", ").join([first, *shown])
 
 
 def overlay_text(overlay_id: str, lang: str = "en") -> str:
     """What is shown beside a state, in "en" or "zh"."""
     row = next(each for each in overlays() if each.id == overlay_id)
-    return row.zh if lang == "zh" else row.en
+    return row.text(lang)
 
 
 def next_step(state_id: str, beside: Collection[str], lang: str = "en") -> str:

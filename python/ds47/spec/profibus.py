@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 from types import MappingProxyType
-from typing import Any
 
 from ds47.spec import _load
 from ds47.spec.rows import Row
+from ds47.spec.words import Words, by_id
 
 
 class Code(Row):
@@ -75,6 +75,9 @@ class Function(Row):
     negative: int | None = None
 
 
+_WORDS = Words("profibus.toml")
+words, flaw_ids = _WORDS.words, _WORDS.flaw_ids
+flaw_text, flaw_template = _WORDS.flaw_text, _WORDS.flaw_template
 CODES = ("start", "request", "answer", "station", "block")
 FLAGS = ("diagnosis", "parameters", "control")
 
@@ -202,11 +205,6 @@ def listing() -> Listing:
 
 
 @cache
-def _unread() -> Mapping[str, Mapping[str, str]]:
-    return MappingProxyType({row["id"]: row for row in _load("profibus.toml")["unread"]})
-
-
-@cache
 def vendors() -> Mapping[int, int]:
     """PROFINET vendor id of the maker, by the ident numbers of drives that are known."""
     rows = _load("profibus.toml")["ident"]
@@ -232,43 +230,12 @@ def family(ident: int | None) -> str | None:
 
 def unread_ids() -> tuple[str, ...]:
     """All reasons why a line of a log is not read."""
-    return tuple(_unread())
+    return tuple(by_id("profibus.toml", "unread"))
 
 
 def unread_text(reason: str, lang: str = "en") -> str:
     """Why a line of a log is not read, in "en" or "zh"."""
-    return _unread()[reason][lang]
-
-
-@cache
-def words() -> Mapping[str, Mapping[str, str]]:
-    """Words around those of the tables: key -> "en" and "zh"."""
-    return MappingProxyType(dict(_load("profibus.toml")["words"]))
-
-
-@cache
-def _flaws() -> Mapping[str, Mapping[str, str]]:
-    return MappingProxyType({row["id"]: row for row in _load("profibus.toml")["flaw"]})
-
-
-def flaw_ids() -> tuple[str, ...]:
-    """All that can be wrong with a frame and its data."""
-    return tuple(_flaws())
-
-
-def flaw_text(flaw_id: str, args: Mapping[str, Any], lang: str = "en") -> str:
-    """What is wrong, in "en" or "zh"."""
-    return flaw_template(flaw_id, lang).format(**args)
-
-
-def flaw_template(flaw_id: str, lang: str = "en") -> str:
-    """The same with its numbers not filled in."""
-    return _flaws()[flaw_id][lang]
-
-
-def text(row: Code | Service | Flag | Function, lang: str = "en") -> str:
-    """The words of a row, in "en" or "zh"."""
-    return row.zh if lang == "zh" else row.en
+    return by_id("profibus.toml", "unread")[reason][lang]
 
 
 def service_text(service_id: str, lang: str = "en") -> str:
@@ -276,20 +243,20 @@ def service_text(service_id: str, lang: str = "en") -> str:
     if service_id == "ms2":
         named: str = _load("profibus.toml")["ms2"][lang]
         return named
-    return text(services()[service_id], lang)
+    return services()[service_id].text(lang)
 
 
 def control_text(fc: int, lang: str = "en") -> str:
     """What a function code says, in "en" or "zh": `SRD high, FCB 1`, `OK, slave`."""
     requested, code, middle = bool(fc & 0x40), fc & 0x0F, fc >> 4 & 3
     row = codes("request" if requested else "answer").get(code)
-    own = _word("unknown", lang).format(code=code) if row is None else text(row, lang)
+    own = _WORDS.word("unknown", lang).format(code=code) if row is None else row.text(lang)
     if not requested:
-        beside = text(codes("station")[middle], lang)
+        beside = codes("station")[middle].text(lang)
     else:
-        beside = ("", _word("fcb", lang).format(bit=0), _word("fcb_first", lang),
-                  _word("fcb", lang).format(bit=1))[middle]  # fmt: skip
-    return own + _word("separator", lang) + beside if beside else own
+        beside = ("", _WORDS.word("fcb", lang).format(bit=0), _WORDS.word("fcb_first", lang),
+                  _WORDS.word("fcb", lang).format(bit=1))[middle]  # fmt: skip
+    return own + _WORDS.word("separator", lang) + beside if beside else own
 
 
 def function_text(code: int, request: bool, lang: str = "en") -> str:
@@ -297,12 +264,8 @@ def function_text(code: int, request: bool, lang: str = "en") -> str:
     refused = None if request else refusals().get(code)
     row = refused or functions().get(code)
     if row is None:
-        return _word("unknown", lang).format(code=code)
-    own = text(row, lang)
+        return _WORDS.word("unknown", lang).format(code=code)
+    own = row.text(lang)
     if request or row.negative is None:
         return own
-    return own + " " + _word("negative" if refused else "positive", lang)
-
-
-def _word(key: str, lang: str) -> str:
-    return words()[key][lang]
+    return own + " " + _WORDS.word("negative" if refused else "positive", lang)

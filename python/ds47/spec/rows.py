@@ -28,6 +28,11 @@ class Row:
         values = [f"{name}={value!r}" for name, value in self.columns().items()]
         return f"{type(self).__name__}({', '.join(values)})"
 
+    def text(self, lang: str = "en") -> str:
+        """The words of a row that has `en` and `zh`."""
+        words: str = getattr(self, "zh" if lang == "zh" else "en")
+        return words
+
     def columns(self) -> dict[str, Any]:
         """All columns, in their order."""
         return {name: getattr(self, name) for name in type(self).__annotations__}

@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache, lru_cache
 from types import MappingProxyType
-from typing import Any
 
 from ds47.spec import _load
 from ds47.spec.rows import Row
+from ds47.spec.words import Words
 
 
 class Code(Row):
@@ -74,6 +74,8 @@ class Room(Row):
     each: int
 
 
+_WORDS = Words("s7.toml")
+words, flaw_ids, flaw_text = _WORDS.words, _WORDS.flaw_ids, _WORDS.flaw_text
 CODES = ("kind", "function", "return_code", "error_class", "error", "group", "tsap")
 
 
@@ -136,48 +138,17 @@ def room(use: str, pdu_length: int, items: int = 1) -> int:
     return pdu_length - row.fixed - items * row.each
 
 
-@cache
-def words() -> Mapping[str, Mapping[str, str]]:
-    """Words around those of the tables: key -> "en" and "zh"."""
-    return MappingProxyType(dict(_load("s7.toml")["words"]))
-
-
-@cache
-def _flaws() -> Mapping[str, Mapping[str, str]]:
-    return MappingProxyType({row["id"]: row for row in _load("s7.toml")["flaw"]})
-
-
-def flaw_ids() -> tuple[str, ...]:
-    """All that can be wrong with bytes."""
-    return tuple(_flaws())
-
-
-def flaw_text(flaw_id: str, args: Mapping[str, Any], lang: str = "en") -> str:
-    """What is wrong, in "en" or "zh"."""
-    return flaw_template(flaw_id, lang).format(**args)
-
-
-def flaw_template(flaw_id: str, lang: str = "en") -> str:
-    """The same with its numbers not filled in."""
-    return _flaws()[flaw_id][lang]
-
-
-def text(row: Code | Area | Cpu, lang: str = "en") -> str:
-    """The words of a row, in "en" or "zh"."""
-    return row.zh if lang == "zh" else row.en
-
-
 def code_text(table: str, code: int, lang: str = "en") -> str:
     """What a code of one of CODES means, an unknown one too."""
     row = codes(table).get(code)
-    return words()["unknown"][lang].format(code=code) if row is None else text(row, lang)
+    return _WORDS.word("unknown", lang).format(code=code) if row is None else row.text(lang)
 
 
 def error_text(error: int, lang: str = "en") -> str:
     """What an error word means: the whole of it, else its class."""
     whole = codes("error").get(error)
-    found = text(whole, lang) if whole else code_text("error_class", error >> 8, lang)
-    return words()["error"][lang].format(text=found, code=error)
+    found = whole.text(lang) if whole else code_text("error_class", error >> 8, lang)
+    return _WORDS.word("error", lang).format(text=found, code=error)
 
 
 def owner(tsap: bytes | None) -> str:

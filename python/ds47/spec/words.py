@@ -1,0 +1,44 @@
+"""Words in English and Chinese that a file has beside those of its rows, looked up alike for all files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from types import MappingProxyType
+from typing import Any
+
+from ds47.spec import _load
+
+
+@cache
+def by_id(file: str, table: str) -> Mapping[str, Mapping[str, str]]:
+    """The rows of a table that has nothing but words, by their id."""
+    return MappingProxyType({row["id"]: row for row in _load(file)[table]})
+
+
+class Words:
+    """The words of one file: `[words]`, and `[[flaw]]`, what can be wrong with bytes."""
+
+    def __init__(self, file: str) -> None:
+        self._file = file
+
+    def words(self) -> Mapping[str, Mapping[str, str]]:
+        """Words around those of the tables: key -> "en" and "zh"."""
+        return MappingProxyType(_load(self._file)["words"])
+
+    def word(self, key: str, lang: str) -> str:
+        """One of them, in "en" or "zh"."""
+        word: str = _load(self._file)["words"][key][lang]
+        return word
+
+    def flaw_ids(self) -> tuple[str, ...]:
+        """All that can be wrong."""
+        return tuple(by_id(self._file, "flaw"))
+
+    def flaw_template(self, flaw_id: str, lang: str = "en") -> str:
+        """What is wrong, in "en" or "zh", with its numbers not filled in."""
+        return by_id(self._file, "flaw")[flaw_id][lang]
+
+    def flaw_text(self, flaw_id: str, args: Mapping[str, Any], lang: str = "en") -> str:
+        """What is wrong, in "en" or "zh"."""
+        return self.flaw_template(flaw_id, lang).format(**args)
