@@ -255,6 +255,10 @@ def test_profile(shark, capsys) -> None:
     (profile / "colorfilters").write_text("# mine")
     assert examine(shark)["profile"].state == "ok"
     assert "colorfilters" in examine(shark)["profile"].text
+    (profile / "colorfilters").write_text("@S7@ds47_s7@[0,0,0][1,1,1]\n")
+    check = examine(shark)["profile"]
+    assert (check.state, check.mend) == ("warning", "ds47 plugin install")
+    assert "no longer has: colorfilters" in check.text
     main(["plugin", "uninstall", "--force"])
     main(["plugin", "install", "--no-profile"])
     capsys.readouterr()

@@ -254,6 +254,28 @@ def test_a_changed_profile_file_stays_and_the_rest_is_new(shark, capsys, tmp_pat
         assert (profile / "recent").exists()
 
 
+MINE = "# ds47_s7 in a comment\n@m@ds47@[0,0,0]\nds47.s7: none\n"
+GONE = (
+    "@S7@ds47_s7 || s7comm@[0,0,0][1,1,1]",
+    "!@x@ds47.s7.time@[0,0,0]",
+    '"TRUE","S7","ds47_s7","x"',
+    "ds47.s7_cpus: x",
+)
+
+
+def test_rows_of_what_the_plugin_no_longer_has_become_comments(shark, capsys) -> None:
+    run(capsys, "install")
+    profile = shark.settings / "profiles" / "DS47"
+    older = MINE + "".join(f"{row}\n" for row in GONE)
+    for name in ("colorfilters", "mine"):  # which is nobody's but the user's
+        (profile / name).write_text(older)
+    for _ in range(2):
+        assert run(capsys, "install")[0] == 0
+        mended = MINE + "".join(f"# {row}\n" for row in GONE)
+        assert (profile / "colorfilters").read_text() == mended
+    assert (profile / "mine").read_text() == older
+
+
 def test_a_link_to_a_checkout_is_left_alone(shark, capsys, tmp_path) -> None:
     checkout = tmp_path / "checkout"
     checkout.mkdir()

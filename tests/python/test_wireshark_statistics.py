@@ -29,6 +29,7 @@ from ds47.report import Options
 from ds47.report import csv as csv_report
 from ds47.report import text as text_report
 from ds47.report.zones import Zone
+from ds47.wireshark import install
 from ds47.wireshark.bundle import bundle, plugin_sources
 
 ANALYZER_ONLY = tuple(rule.id for rule in spec.rules().values() if rule.analyzer_only)
@@ -284,6 +285,34 @@ def colours(shark: Run, *arguments: str | Path) -> dict[str, str]:
     fields = ["-T", "fields", "-e", "frame.number", "-e", "frame.coloring_rule.name"]
     out = shark("--color", "-2", "-R", "frame", *fields, *arguments).out
     return dict(line.split("\t") for line in out.splitlines())
+
+
+OLDER = {
+    "colorfilters": "@S7@ds47_s7 || s7comm@[0,0,0][0,8224,8224]\n@Mine@ds47@[0,0,0][1,1,1]\n",
+    "preferences": "ds47.s7_ports: 1102\nds47.slow_ms: 500\n",
+}
+"""Rows of a profile that an older version installed, and a user changed."""
+
+
+@pytest.mark.slow
+def test_an_older_profile_is_mended(
+    shark: Run, plugin: list[str], home: Path, captures: Path
+) -> None:
+    """What the plugin no longer has is a message at each start until the next installation."""
+    folder = home / ".config" / "wireshark" / "profiles" / "DS47"
+    install.install_profile(folder, plugin_sources())
+    for name, rows in OLDER.items():
+        (folder / name).write_text(rows, encoding="ascii")
+    asked = ("-C", "DS47", "--color", *plugin, "-r", captures / "seed-g120-read.pcapng")
+    marker = install.read_marker(folder)
+    assert marker is not None
+    assert install.outdated(folder, marker) == sorted(OLDER)
+    assert all(word in shark(*asked).err for word in ("ds47_s7", "ds47.s7_ports"))
+    outcome = install.install_profile(folder, plugin_sources())
+    assert outcome.kept == sorted(OLDER)
+    assert install.outdated(folder, marker) == []
+    assert "ds47" not in shark(*asked).err
+    assert (folder / "preferences").read_text("ascii").endswith("\nds47.slow_ms: 500\n")
 
 
 @pytest.mark.slow

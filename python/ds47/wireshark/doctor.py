@@ -278,6 +278,9 @@ def check_profile(patient: Patient) -> Check:
     if left := install.leftovers(folder):
         text = f"left by an installation: {install.listed(map(str, left))}"
         return Check("profile", "warning", text, _deleting(left))
+    if rows := install.outdated(folder, marker):
+        text = f"{folder} has rows of what the plugin no longer has: {install.listed(rows)}"
+        return Check("profile", "warning", text, _installing(patient, folder))
     if changed := install.changed(folder, marker, missing=False):
         return Check("profile", "ok", f"{folder}; changed by you: {install.listed(changed)}")
     if install.stale(folder, marker, install.profile_files(patient.sources)):

@@ -32,6 +32,8 @@ WINDOW_STATE = frozenset({"recent"})
 
 LISTS = "ds47-parameters.tsv"
 """Lists of parameters of the user, which `ds47 params export --wireshark` writes beside the plugin."""
+_GONE = re.compile(rb"^(?:ds47\.s7_|[\"@!].*\bds47(?:_s7\b|\.s7\.)).*$", re.MULTILINE)
+"""Rows of a profile that name what an older version of the plugin had: Wireshark tells of each at every start."""
 _BUNDLE = re.compile(r"ds47([-_ (].*)?\.lua", re.IGNORECASE)
 _NEW, _OLD = ".ds47-new-", ".ds47-old-"
 
@@ -99,6 +101,7 @@ def install_plugin(plugins: Path, sources: Sources, force: bool = False) -> Outc
 def install_profile(folder: Path, sources: Sources, force: bool = False) -> Outcome:
     """Put the profile into `folder`; files of it that the user changed stay unless `force`.
 
+    Their rows that name what the plugin no longer has become comments.
     Raises RefusedError where a profile of this name has files that are not ours and would be replaced
     (not with `force`), or a right is missing.
     """
@@ -156,6 +159,12 @@ def foreign(folder: Path, marker: Marker | None) -> list[str]:
     """Files in `folder` that we did not write."""
     ours = {MARKER, LISTS, *WINDOW_STATE, *(marker.files if marker else ())}
     return [name for name in _files(folder) if name not in ours]
+
+
+def outdated(folder: Path, marker: Marker) -> list[str]:
+    """Files of our profile with rows that name what the plugin no longer has."""
+    there = [name for name in sorted(marker.files) if asked((folder / name).is_file)]
+    return [name for name in there if _GONE.search((folder / name).read_bytes())]
 
 
 def stale(folder: Path, marker: Marker, files: Mapping[str, bytes]) -> list[str]:
@@ -244,7 +253,8 @@ def _put(
     try:
         digests = {name: _write(new / name, files[name]) for name in names}
         for name in (*kept, *state, *others):
-            _write(new / name, (folder / name).read_bytes())
+            data = (folder / name).read_bytes()
+            _write(new / name, _GONE.sub(rb"# \g<0>", data) if name in kept else data)
             if marker is not None and name in marker.files:
                 digests[name] = marker.files[name]
         _write_marker(new, digests)
