@@ -317,6 +317,15 @@ def test_rules_lists_and_explains(capsys):
     assert {rule["id"][:3] for rule in json.loads(out)} == {"DS3"}
 
 
+def test_rules_that_the_plugin_has_not_are_marked(capsys):
+    _, out, _ = run(capsys, "rules", "DS")
+    marked = out.count("Only the analyzer finds it, the Wireshark plugin does not.")
+    _, out, _ = run(capsys, "rules", "-f", "json")
+    told = [each["id"] for each in json.loads(out) if each["analyzer_only"]]
+    assert told == [rule.id for rule in spec.rules().values() if rule.analyzer_only]
+    assert marked == len(told) > 0
+
+
 def test_rules_by_name(capsys):
     _, out, _ = run(capsys, "rules", "Drive-Error")
     assert out.startswith("DS410 drive-error (error)\n")

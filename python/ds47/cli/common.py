@@ -189,6 +189,8 @@ class RuleText(NamedTuple):
     advice: str
     args: str
     """What a finding carries: names and types."""
+    analyzer_only: bool
+    """Whether the Wireshark plugin has it not."""
 
 
 def rule_text(rule: Rule, lang: str) -> RuleText:
@@ -200,7 +202,7 @@ def rule_text(rule: Rule, lang: str) -> RuleText:
 
     return RuleText(
         rule.id, rule.name, rule.severity, text("message"), text("cause"), text("advice"),
-        ", ".join(f"{name} ({kind})" for name, kind in rule.args.items()),
+        ", ".join(f"{name} ({kind})" for name, kind in rule.args.items()), rule.analyzer_only,
     )  # fmt: skip
 
 

@@ -65,7 +65,8 @@ def _chosen(names: Sequence[str], lang: str) -> tuple[list[RuleText], bool]:
 def _has(rule: RuleText, word: str) -> bool:
     """Whether a word stands in a rule, in whatever case; no word stands in none."""
     wanted = " ".join(word.casefold().split())
-    return bool(wanted) and any(wanted in " ".join(text.casefold().split()) for text in rule)
+    texts = [" ".join(text.casefold().split()) for text in rule if isinstance(text, str)]
+    return bool(wanted) and any(wanted in text for text in texts)
 
 
 def _explained(rule: RuleText, lang: str) -> str:
@@ -81,4 +82,6 @@ def _explained(rule: RuleText, lang: str) -> str:
             continue
         told = say(key, text=" ".join(text.split())).text(lang)
         lines += ("  " + line for line in wrap(told, _WIDTH - 2, 2))
+    if rule.analyzer_only:
+        lines.append(f"  {say('rules_analyzer_only').text(lang)}")
     return "\n".join(lines) + "\n"

@@ -14,6 +14,7 @@ _HEAD = """# Rules
 Every finding has the id of a rule, and an id never changes its meaning. `ds47 rules` prints this list,
 `ds47 rules DS410` one of them, `--select` and `--ignore` take ids, beginnings of ids (`DS3`) and names. A sentence
 is shown with the names of the facts that it is filled with; JSON has these facts by the same names, under `args`.
+The Wireshark plugin has all rules but those that are marked as the analyzer's.
 """
 _GROUPS = {
     "1": "RPC and transport", "2": "Record calls of PROFINET", "3": "Format of DS47 messages",
@@ -40,14 +41,22 @@ def page(_root: Path) -> str:
 
 def _overview() -> str:
     rows = (
-        (f"[{rule.id}](#{rule.id.lower()})", code(rule.name), rule.severity, plain(rule.title))
+        (
+            f"[{rule.id}](#{rule.id.lower()})",
+            code(rule.name),
+            rule.severity,
+            "" if rule.analyzer_only else "yes",
+            plain(rule.title),
+        )
         for rule in spec.rules().values()
     )
-    return table(("id", "name", "severity", "says"), rows)
+    return table(("id", "name", "severity", "in Wireshark", "says"), rows)
 
 
 def _chapter(rule: Rule) -> str:
     told = f"{rule.severity}, about {_SCOPES[rule.scope]}"
+    if rule.analyzer_only:
+        told += ", only in the analyzer"
     parts = [
         f"### {rule.id} {rule.name} {{#{rule.id.lower()}}}",
         f"**{plain(rule.title)}** ({told})",
