@@ -54,8 +54,7 @@ end
 local function tell_exchange(exchange)
   tell("exchange", {
     request = exchange.request.frame, answer = frame_of(exchange.answer),
-    retries = mapped(exchange.retries, frame_of), retried = exchange.retried, again = exchange.again,
-    silent = exchange.silent,
+    again = exchange.again, silent = exchange.silent,
   })
 end
 
@@ -79,8 +78,7 @@ end
 function Ear:call(event, call)
   tell(event, {
     call = self.numbers[call], master = call.master, station = call.station, sap = call.sap,
-    fault = or_null(call.fault), record = record_of(call.record), polled = call.polled,
-    polls = mapped(call.polls, function(exchange) return exchange.request.frame end),
+    fault = or_null(call.fault), record = record_of(call.record),
   })
 end
 
@@ -164,7 +162,7 @@ for text in io.lines() do
     over(run, run.line:finish())
     run.calls:finish()
     run.ear.pairing:finish()
-    tell("end", {tokens = run.line.tokens, damaged = run.line.damaged, stray = run.line.stray})
+    tell("end", {unsure = run.line.unsure})
     run = new_run()
   else
     run.frame = run.frame + 1

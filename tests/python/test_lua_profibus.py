@@ -79,7 +79,7 @@ class Ear:
             calls.take(exchange)
         calls.finish()
         self.pairing.finish()
-        self._tell("end", tokens=line.tokens, damaged=line.damaged, stray=line.stray)
+        self._tell("end", unsure=line.unsure)
         return self.told
 
     def _tell(self, event: str, **content: Any) -> None:
@@ -88,8 +88,7 @@ class Ear:
     def _exchange(self, item: Exchange) -> None:
         self._tell(
             "exchange", request=item.request.frame, answer=item.answer and item.answer.frame,
-            retries=[each.frame for each in item.retries], retried=item.retried, again=item.again,
-            silent=item.silent,
+            again=item.again, silent=item.silent,
         )  # fmt: skip
 
     def _call(self, event: str, call: Call) -> None:
@@ -98,8 +97,7 @@ class Ear:
         (number,) = (at for at, each in enumerate(self._calls, start=1) if each is call)
         self._tell(
             event, call=number, master=call.master, station=call.station, sap=call.sap, fault=call.fault,
-            record=record_of(call.record), polled=call.polled,
-            polls=[each.request.frame for each in call.polls],
+            record=record_of(call.record),
         )  # fmt: skip
 
     def _asked(self, call: Call) -> None:
@@ -313,7 +311,7 @@ def test_chance_leaves_nothing_out() -> None:
     assert min(
         events[name] for name in ("asked", "answered", "failed", "lost", "unasked", "closed")
     ) > 100  # fmt: skip
-    for name in ("answer", "retries", "again", "silent", "tokens", "damaged", "stray", "polls"):
+    for name in ("answer", "again", "silent", "unsure"):
         assert sum(bool(each.get(name)) for each in told) > 50, name
     jobs = [each for each in told if each["event"] == "closed"]
     for name in ("refused", "accepted", "read_response", "polls", "superseded_by"):

@@ -9,9 +9,6 @@
 --   sap              that of the slave: 51 for MS1
 --   record           what the pairing takes, as profinet/records.lua has it; `record.response.status` is 0 or
 --                    that of the refusal, `record.ar` is empty
---   polls            array of exchanges that brought no answer yet, that of the request first: the first
---                    ones,
---   polled           and how many there are
 --   fault            the function code that refused it below MS1: 3 where the SAP is not enabled; else nil
 
 local dp = require("ds47.profibus.dp")
@@ -22,8 +19,8 @@ local records = require("ds47.profinet.records")
 
 local floor = math.floor
 
--- Polls of a call that are kept, and calls without an answer: eight for each station that a line can have.
-local M = {MOST_POLLS = 64, MOST_OPEN = 1024}
+-- Calls without an answer that are kept: eight for each station that a line can have.
+local M = {MOST_OPEN = 1024}
 
 -- The function that keeps a connection of MS2 alive: no service, and no answer to one.
 local IDLE = "idle"
@@ -129,7 +126,7 @@ local function new_call(exchange, message, request, response)
   local write = message.name == "write"
   local item = exchange.request.item
   return {
-    master = item.sa, station = item.da, sap = item.dsap, polls = {}, polled = 0, fault = nil,
+    master = item.sa, station = item.da, sap = item.dsap, fault = nil,
     record = records.record(
       places[(write and 0x10000 or 0) + message.slot * 0x100 + message.index], request, response),
   }
@@ -148,14 +145,6 @@ function CallTracker:_asked(key, asked, exchange)
   end
 end
 
--- An exchange brought no answer yet.
-local function poll(call, exchange)
-  call.polled = call.polled + 1
-  if call.polled <= M.MOST_POLLS then
-    call.polls[call.polled] = exchange
-  end
-end
-
 function CallTracker:_answer(key, exchange)
   local seen, call = exchange.answer, self.open:get(key)
   if call and seen and dp.refuses(seen.item) then
@@ -167,9 +156,7 @@ function CallTracker:_answer(key, exchange)
   end
   local answer = seen and ms1.decode(seen.item.du, false)
   if not answer or answer.kind == "taken" or answer.name == IDLE then
-    if call then
-      poll(call, exchange)
-    end
+    return -- not there yet
   elseif answer.name ~= "read" and answer.name ~= "write" then
     self:_lose(key)
   elseif call and call.record.write == (answer.name == "write") then

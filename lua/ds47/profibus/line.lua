@@ -8,23 +8,14 @@
 -- An exchange is a request and what became of it:
 --   request  what was seen of it
 --   answer   the same; nil where none came, or nobody answers such a request
---   retries  array: the same request again, because the master got no answer; the first ones,
---   retried  and how many there are
 --   again    whether it repeats the exchange before between the two: the master has no answer to that
 --   silent   whether nobody answers such a request
---   damaged  the first damaged frame that stands where its answer should; nil for none
---   spoiled  how many there are: of each retry one
---   copied   how many of them stand directly behind the same frame
---   cut      whether a frame that the recording did not keep whole stands there: it may be its answer
---   passed   whether a token came behind it and its retries: the master waits no more
---   unfinished  whether the recording ended before that and before another request: its answer may be
---     missing for that
+--   due      whether its answer may still come: no token came behind it, nor a frame that the recording cut
 
 local ALL_STATIONS = require("ds47.profibus.telegram").ALL_STATIONS
 local tables = require("ds47.spec.tables")
 
--- Retries of an exchange that are kept; masters repeat a request up to 15 times.
-local M = {MOST_RETRIES = 16}
+local M = {}
 
 local Line = {}
 Line.__index = Line
@@ -32,10 +23,9 @@ M.Line = Line
 
 --- Takes the frames of one line and gives their exchanges, each when it is over.
 --
--- Damaged frames are none: a request behind whose answer was damaged stays without it. Counted are `tokens`,
--- `damaged` frames, and `stray` answers, for which nobody asked, `echoes` those of them that stand directly
--- behind the same answer; `unsure` is the last frame behind which something may have been that was not seen:
--- a damaged one, or such an answer.
+-- Damaged frames are none: a request behind whose answer was damaged stays without it. `unsure` is the last
+-- frame behind which something may have been that was not seen: a damaged one, or an answer for which nobody
+-- asked.
 function Line.new()
   return setmetatable({
     open = nil, -- the exchange that waits for its answer
@@ -44,7 +34,6 @@ function Line.new()
     same = false, -- whether the frame has them, too,
     echo = false, -- and whether it is so the second of two, the fourth of four and so on
     unsure = 0,
-    tokens = 0, damaged = 0, stray = 0, echoes = 0,
   }, Line)
 end
 
@@ -57,18 +46,14 @@ end
 local function damage(self, seen, cut)
   local open, short = self.open, false
   for _, flaw in ipairs(seen.item.flaws) do short = short or cut and flaw.kind == "cut" end
-  self.damaged, self.unsure = self.damaged + 1, seen.frame
+  self.unsure = seen.frame
   if not open then
     self.last = {}
   elseif short and open.due then
-    open.cut, open.due = true, false
+    open.due = false
   elseif short and not self.echo then
     self.last, self.open = {}, nil
     return open
-  elseif not (short or open.passed) then
-    open.damaged = open.damaged or seen.frame
-    open.spoiled = open.spoiled + 1
-    open.copied = open.copied + (self.echo and 1 or 0)
   end
   return nil
 end
@@ -84,8 +69,7 @@ function Line:take(seen, cut)
   if item.flaws[1] then
     return damage(self, seen, cut)
   elseif item.kind == "SD4" then
-    self.tokens = self.tokens + 1
-    if self.open then self.open.passed, self.open.due = true, false end
+    if self.open then self.open.due = false end
   elseif item.request then
     return self:_request(seen)
   else
@@ -99,26 +83,19 @@ end
 function Line:finish()
   local over = self.open
   self.open = nil
-  if over then
-    over.unfinished = not over.passed
-  end
   return over
 end
 
 function Line:_request(seen)
   local item, open = seen.item, self.open
   if open and open.request.item.data == item.data and (item.fcv == 1 or self.same) then
-    open.passed, open.due = false, true
-    open.retried = open.retried + 1
-    if open.retried <= M.MOST_RETRIES then
-      open.retries[open.retried] = seen
-    end
+    open.due = true
     return nil
   end
   self.open = nil
   local row, key = tables.profibus.request[item.code], way(item.sa, item.da)
   local exchange = {
-    request = seen, answer = nil, retries = {}, retried = 0, spoiled = 0, copied = 0, due = true,
+    request = seen, answer = nil, due = true,
     again = item.fcv == 1 and self.last[key] == item.data,
     silent = item.da == ALL_STATIONS or row ~= nil and row.silent or false,
   }
@@ -144,8 +121,6 @@ end
 function Line:_answer(seen)
   local over, item = self.open, seen.item
   if not over or not fits(over.request.item, item) then
-    self.stray = self.stray + 1
-    self.echoes = self.echoes + (self.echo and 1 or 0)
     self.unsure = seen.frame
     self:_forget(item)
     return nil
