@@ -536,7 +536,7 @@ def generate() -> str:
         [f"M.message_parts = {_quoted_keys(semantics.parts())}"],
         later(
             "diagnosis_words",
-            block("M.diagnosis_words", both(*map(semantics.diagnosis_words, LANGUAGES))),
+            block("M.diagnosis_words", both(*map(semantics.plugin_words, LANGUAGES))),
         ),
         later("report_words", block("M.report_words", report_words())),
         later("covers", block("M.covers", {how: covers(how) for how in COVERS})),

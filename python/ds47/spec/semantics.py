@@ -155,4 +155,12 @@ def parts() -> dict[str, str]:
 @cache
 def diagnosis_words(lang: str) -> dict[str, str]:
     """The words that the sentences of the diagnoses are filled with ("en" or "zh")."""
+    return {
+        **plugin_words(lang),
+        **_load("diagnoses.toml")["analyzer"]["zh" if lang == "zh" else "en"],
+    }
+
+
+def plugin_words(lang: str) -> dict[str, str]:
+    """Those of them that rules of the plugin need."""
     return dict(_load("diagnoses.toml")["words"]["zh" if lang == "zh" else "en"])

@@ -75,9 +75,11 @@ def semantic() -> Flat:
         yield from leaves(f"known.never_written.ranges.0x{number:02X}", (each[0], each[-1]))
     for number, pair in enumerate(sorted(values), 1):
         yield from leaves(f"known.never_written.values.0x{number:02X}", pair)
-    yield from texts(
-        "diagnosis_words", semantics.diagnosis_words("en"), semantics.diagnosis_words("zh")
-    )
+    words = semantics.diagnosis_words("zh")
+    plugins = semantics.plugin_words("en")
+    own = {key: text for key, text in semantics.diagnosis_words("en").items() if key not in plugins}
+    yield from texts("diagnosis_words", plugins, words)
+    yield from texts("analyzer_words", own, words)
 
 
 def wire() -> Flat:
@@ -130,6 +132,8 @@ def explaining(key: str) -> bool:
     kind, _, rest = key.partition(".")
     if kind == "codes":
         return False
+    if kind == "analyzer_words":
+        return True
     if kind == "rules" and spec.rules()[rest.partition(".")[0]].analyzer_only:
         return True
     return key.rpartition(".")[2] in EXPLAINING or ".sources." in key
