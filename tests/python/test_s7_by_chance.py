@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import struct
 from collections import Counter
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -24,25 +23,15 @@ from ds47.spec import s7 as spec
 from ds47.spec.semantics import limits
 
 WANTED: dict[str, Any] = json.loads(source.TARGET.read_text("utf-8"))
+pytestmark = pytest.mark.slow
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "reference" / "channel_vectors.json"
 
 
-@cache
-def found() -> dict[str, Any]:
-    return source.everything()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("part", ["pdus", "talks", "questions"])
-def test_what_decoders_say(part: str) -> None:
-    assert found()[part] == WANTED[part]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("part", ["scenes", "lines"])
-def test_what_is_said_of_captures(part: str) -> None:
-    assert len(found()[part]) == len(WANTED[part])
-    for number, (one, other) in enumerate(zip(found()[part], WANTED[part], strict=True)):
+@pytest.mark.parametrize("part", source.PARTS)
+def test_what_is_said_is_what_was_said(part: str) -> None:
+    found, wanted = source.PARTS[part](), WANTED[part]
+    assert len(found) == len(wanted)
+    for number, (one, other) in enumerate(zip(found, wanted, strict=True)):
         assert one == other, number
 
 
@@ -102,7 +91,6 @@ def test_questions_have_both_answers() -> None:
     assert said[0]["steps"] < 0
 
 
-@pytest.mark.slow
 def test_bytes_leave_nothing_out() -> None:
     every = decoded(by_chance.pdus_by_chance())
     told = [each for each in every if "pdu" in each]

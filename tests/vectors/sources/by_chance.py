@@ -12,7 +12,7 @@ import io
 import json
 import sys
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -73,15 +73,15 @@ def bus_lines() -> Iterator[bytes]:
         yield lab.captured(each.stage)
 
 
-def everything() -> dict[str, Any]:
-    return {
-        "pdus": sums(by_chance.pdus_by_chance()),
-        "talks": sums([*by_chance.talks_by_chance(), *by_chance.single_bytes()]),
-        "questions": sums(by_chance.questions_by_chance()),
-        "scenes": [told(*scene) for scene in s7_by_chance.scenes()],
-        "lines": [told(content, AnalysisOptions()) for content in bus_lines()],
-    }
+PARTS: dict[str, Callable[[], list[Any]]] = {
+    "pdus": lambda: sums(by_chance.pdus_by_chance()),
+    "talks": lambda: sums([*by_chance.talks_by_chance(), *by_chance.single_bytes()]),
+    "questions": lambda: sums(by_chance.questions_by_chance()),
+    "scenes": lambda: [told(*scene) for scene in s7_by_chance.scenes()],
+    "lines": lambda: [told(content, AnalysisOptions()) for content in bus_lines()],
+}
 
 
 if __name__ == "__main__":
-    TARGET.write_text(json.dumps(everything(), indent=0) + "\n", encoding="utf-8")
+    found = {name: part() for name, part in PARTS.items()}
+    TARGET.write_text(json.dumps(found, indent=0) + "\n", encoding="utf-8")
