@@ -9,10 +9,11 @@ import io
 from typing import Any
 
 import pytest
+import s7_scenes
 
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture.writer import PcapngWriter
-from ds47.lab import s7_scenes, s7_stories
+from ds47.lab import s7_stories
 from ds47.lab.scenario import Scenario
 from ds47.model import CaptureResult, Finding
 from ds47.s7.choices import Choices

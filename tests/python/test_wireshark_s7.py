@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from s7_scenes import BOOK
 from s7_stacks import (
     FIELDS,
     FOLDER,
@@ -26,7 +27,6 @@ from s7_stacks import (
 
 from ds47.analysis import analyze
 from ds47.capture.writer import PcapngWriter
-from ds47.lab.s7_scenes import BOOK
 
 Tshark = Callable[..., str]
 PUBLIC = {

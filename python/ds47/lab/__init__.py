@@ -31,7 +31,7 @@ BOOKS = (
 )  # fmt: skip
 """The modules with scenarios that are stored,"""
 RULE_BOOKS = ("cyclic_scenes", "profibus_scenes")
-"""and those that show rules one by one, which only tests play."""
+"""and those that show rules one by one: `ds47 lab` writes them, and tests play them."""
 _INTERFACE_STATISTICS, _ISB_IFDROP = 5, 5
 
 

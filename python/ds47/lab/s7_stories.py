@@ -1,6 +1,6 @@
 """What an application note draws of S7 communication: two figures on consistency, and an example of USEND.
 
-They are captures. Each rule by itself is in `s7_scenes`.
+They are captures. Each rule by itself is a scene of the tests.
 """
 
 from __future__ import annotations

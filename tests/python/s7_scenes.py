@@ -1,7 +1,7 @@
 """Scenes of S7 communication: each rule DS9xx with its near miss, and odd transports.
 
 A near miss is the closest conversation of which the rule says nothing. 192.168.134.1 is the CPU, .2 and .3 ask.
-What the seed draws and tells is in `s7_stories`.
+What the seed draws and tells is in `ds47.lab.s7_stories`, which become captures.
 """
 
 from __future__ import annotations
