@@ -175,10 +175,6 @@ class Wireshark:
         log = self.log.read_text(errors="replace")
         raise RuntimeError(f"no window named {title!r}; Wireshark said:\n{log}")
 
-    def titles(self) -> dict[str, str]:
-        """Ids and titles of all windows that are seen."""
-        return {each: self.xdotool("getwindowname", each) for each in self.windows()}
-
     def wait_until_loaded(self) -> None:
         """Until it has nothing more to do: no processor time in a second."""
         before = -1

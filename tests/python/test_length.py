@@ -22,10 +22,6 @@ ARRAY = message.address(2902, 0, 4)
 LOCKED = 0xDF80C200
 
 
-def nothing_known(pnu: int) -> int | None:
-    return None
-
-
 def sizes(pnu: int) -> int | None:
     return {2902: 4, 21: 1}.get(pnu)
 

@@ -45,10 +45,6 @@ class Index47:
         """Whether a record of this index can be ours at all."""
         return index in self._concerned
 
-    def is_shared(self, index: int) -> bool:
-        """Whether records of this index are ours only if their AR has proved itself."""
-        return index not in self._always
-
     def waits(self, device: str) -> bool:
         """Whether anything waits that was asked of a device, perhaps a change of a parameter."""
         return any(ar[1] == device for ar in self._held)

@@ -16,7 +16,6 @@ from ds47.spec import cyclic
 LENGTH = 8
 CYCLIC, USS = "cyclic", "uss"
 """The layouts of IND: the page in the low byte (cyclic transfer), or in the high one (USS, data set 100)."""
-NO_REQUEST = 0
 ERROR, NO_RIGHTS = 7, 8
 ALL_ELEMENTS = 255
 """As a subindex: the whole array."""

@@ -54,11 +54,11 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class Unread:
-    """What could not be read of a line; the words are in `spec.profibus`."""
+    """What could not be read of a line."""
 
     line: int
     reason: str
-    """One of `spec.profibus.unread_ids()`."""
+    """"hex" (no bytes in hexadecimal digits), "column" (that of the data is missing) or "time"."""
     text: str
     """The beginning of the line."""
 

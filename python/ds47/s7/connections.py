@@ -207,7 +207,7 @@ class Connections:
         found = pdus.setup(pdu) if pdu.function == SETUP else None
         if found is None:
             return False
-        connection.asked_pdu, connection.asked_parallel = found.pdu_length, found.calling
+        connection.asked_pdu = found.pdu_length
         line.asked_setup = pdu.reference
         return True
 

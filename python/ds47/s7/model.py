@@ -188,10 +188,9 @@ class Connection:
     confirmed: At | None = None
     """CC."""
     asked_pdu: int | None = None
-    """PDU length and parallel jobs of the setup, as the client wants them,"""
-    asked_parallel: int | None = None
+    """PDU length of the setup, as the client wants it,"""
     pdu_length: int | None = None
-    """and as they were agreed."""
+    """and as it was agreed; parallel jobs too."""
     parallel: int | None = None
     setup: At | None = None
     """The answer to the setup."""

@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 from ds47.spec import _load
 from ds47.spec.rows import Row
-from ds47.spec.words import Words, by_id
+from ds47.spec.words import Words
 
 
 class Code(Row):
@@ -226,16 +226,6 @@ def families() -> Mapping[int, str]:
 def family(ident: int | None) -> str | None:
     """The family of the parameters of a drive, by the ident number of its GSD; None where that is not known."""
     return None if ident is None else families().get(ident)
-
-
-def unread_ids() -> tuple[str, ...]:
-    """All reasons why a line of a log is not read."""
-    return tuple(by_id("profibus.toml", "unread"))
-
-
-def unread_text(reason: str, lang: str = "en") -> str:
-    """Why a line of a log is not read, in "en" or "zh"."""
-    return by_id("profibus.toml", "unread")[reason][lang]
 
 
 def service_text(service_id: str, lang: str = "en") -> str:

@@ -11,9 +11,8 @@ from ds47.spec import _load
 
 
 @cache
-def by_id(file: str, table: str) -> Mapping[str, Mapping[str, str]]:
-    """The rows of a table that has nothing but words, by their id."""
-    return MappingProxyType({row["id"]: row for row in _load(file)[table]})
+def _flaws(file: str) -> Mapping[str, Mapping[str, str]]:
+    return MappingProxyType({row["id"]: row for row in _load(file)["flaw"]})
 
 
 class Words:
@@ -33,11 +32,11 @@ class Words:
 
     def flaw_ids(self) -> tuple[str, ...]:
         """All that can be wrong."""
-        return tuple(by_id(self._file, "flaw"))
+        return tuple(_flaws(self._file))
 
     def flaw_template(self, flaw_id: str, lang: str = "en") -> str:
         """What is wrong, in "en" or "zh", with its numbers not filled in."""
-        return by_id(self._file, "flaw")[flaw_id][lang]
+        return _flaws(self._file)[flaw_id][lang]
 
     def flaw_text(self, flaw_id: str, args: Mapping[str, Any], lang: str = "en") -> str:
         """What is wrong, in "en" or "zh"."""
