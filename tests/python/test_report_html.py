@@ -51,7 +51,7 @@ from ds47.report.html.views.rows import ROW, packed_rows
 from ds47.report.overview import Row, total
 from ds47.report.verdict import Counts, blind, verdict
 from ds47.spec import cyclic, s7
-from ds47.spec.reporting import report_words
+from ds47.spec.reporting import command_words, report_words
 from ds47.spec.semantics import diagnosis_words
 from ds47.spec.statuses import status_text
 
@@ -541,7 +541,7 @@ def test_every_text_is_used_and_every_text_used_is_there():
     names = texts.Words("en").for_script()["en"]
     for state in html.views.rows.STATES:
         assert {f"state_{state}", f"about_{state}"} <= set(names)
-    known = set(texts.texts()) - set(report_words())
+    known = set(texts.texts()) - set(report_words()) - set(command_words())
     quoted = set(re.findall(r"\"(\w+)\"", python + pages + scripts))
     made = ("verdict_", "told_", "level_", "severity_", "js_theme_")
     unused = {
