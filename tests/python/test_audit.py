@@ -202,6 +202,7 @@ def test_a_false_frame_is_noticed() -> None:
     assert missed == []
 
 
+@pytest.mark.slow
 def test_a_sentence_of_other_arguments_is_noticed() -> None:
     missed = []
     for lie, name, item in forged():

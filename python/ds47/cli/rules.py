@@ -83,5 +83,5 @@ def _explained(rule: RuleText, lang: str) -> str:
         told = say(key, text=" ".join(text.split())).text(lang)
         lines += ("  " + line for line in wrap(told, _WIDTH - 2, 2))
     if rule.analyzer_only:
-        lines.append(f"  {say('rules_analyzer_only').text(lang)}")
+        lines.append("  " + say("rules_analyzer_only").text(lang))
     return "\n".join(lines) + "\n"
