@@ -75,7 +75,7 @@ class Room(Row):
 
 
 _WORDS = Words("s7.toml")
-words, flaw_ids, flaw_text = _WORDS.words, _WORDS.flaw_ids, _WORDS.flaw_text
+flaw_ids, flaw_text = _WORDS.flaw_ids, _WORDS.flaw_text
 CODES = ("kind", "function", "return_code", "error_class", "error", "group", "tsap")
 
 

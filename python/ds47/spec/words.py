@@ -1,4 +1,4 @@
-"""Words in English and Chinese that a file has beside those of its rows, looked up alike for all files."""
+"""Words of a file in English and Chinese, apart from those of its rows: the same look-ups for every file."""
 
 from __future__ import annotations
 
@@ -27,8 +27,7 @@ class Words:
 
     def word(self, key: str, lang: str) -> str:
         """One of them, in "en" or "zh"."""
-        word: str = _load(self._file)["words"][key][lang]
-        return word
+        return self.words()[key][lang]
 
     def flaw_ids(self) -> tuple[str, ...]:
         """All that can be wrong."""
