@@ -184,6 +184,7 @@ local ON_BUS = {
 -- For the tree of the newest frame, which does not keep it.
 local context = {
   request_of = track.request_of, findings_of = track.findings_of, base_seconds = track.base_seconds,
+  drive_object = track.drive_object,
 }
 
 -- Adds to the tree and sets the columns, where there are some. `finders` as above; the data of the frame

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from ds47 import __version__, spec
+from ds47.report import contract, csv
 from ds47.spec import codes, cyclic, descriptions, explanations, profibus, semantics
 from ds47.spec.reporting import COVERS, covers, report_words
 
@@ -444,6 +445,20 @@ def _explain() -> Iterator[str]:
     yield from block("M.explain.ranges", ranges)
 
 
+def _columns() -> Iterator[str]:
+    """The columns of CSV; those of S7 are the analyzer's, and here empty."""
+    yield from block("M.columns", {
+        "transaction": ("path", *csv.TRANSACTION_COLUMNS), "parameter": csv.PARAMETER_COLUMNS,
+        "s7": csv.S7_COLUMNS,
+    })  # fmt: skip
+
+
+def _transaction_fields() -> Iterator[str]:
+    """The keys of a transaction that are fields of the plugin: name, label, kind and what that takes."""
+    told = [(each.name, *each.key.field) for each in contract.TRANSACTION_COLUMNS if each.key.field]
+    yield from block("M.transaction_fields", told)
+
+
 def _by_slave(ids: Mapping[tuple[int, int], str]) -> dict[int, dict[int, str]]:
     """SAP of the slave -> SAP of the master -> the service."""
     found: dict[int, dict[int, str]] = {}
@@ -545,6 +560,8 @@ def generate() -> str:
         later("pzd", _pzd()),
         later("profibus", _profibus()),
         later("explain", _explain()),
+        later("columns", _columns()),
+        _transaction_fields(),
         ["return M"],
     )
     return "\n\n".join("\n".join(part) for part in parts) + "\n"

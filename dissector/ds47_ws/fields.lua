@@ -19,10 +19,8 @@ local M = {}
 local FIELDS = {
   { "info", "Info", "string" }, -- the sentence of the Info column
   -- the message
-  { "request_reference", "Request reference", "uint8", "HEX" },
   { "request_id", "Request ID", "uint8", "HEX", "request_ids" },
   { "response_id", "Response ID", "uint8", "HEX", "response_ids" },
-  { "axis", "Axis / DO-ID", "uint8", "DEC" },
   { "parameter_count", "Number of parameters", "uint8", "DEC" },
   { "raw", "Bytes not decoded", "bytes" },
   -- one parameter
@@ -77,37 +75,15 @@ local FIELDS = {
   { "time", "Time from request to response", "relative_time" },
   -- a copy of a frame
   { "duplicate_of", "Duplicate of frame", "framenum", "DUP_ACK" },
-  -- the transaction
+  -- the transaction, beside its keys (tables.transaction_fields)
   { "second_pass", "Second pass", "string" }, -- where it knows more
-  { "transaction", "Transaction", "uint32", "DEC" },
-  { "channel", "Channel", "code", "channels" },
-  { "operation", "Operation", "code", "operations" },
-  { "state", "State", "code", "states" },
-  { "controller", "Controller", "ipv4" },
   { "controller.mac", "Controller", "ether" },
   { "master", "Master", "uint8", "DEC" },
-  { "device", "Device", "ipv4" },
   { "device.mac", "Device", "ether" },
   { "vendor_assumed", "Vendor assumed", "uint16", "HEX" },
-  { "station", "Station", "uint8", "DEC" },
-  { "ar", "AR UUID", "guid" },
-  { "api", "API", "uint32", "DEC_HEX" },
-  { "slot", "Slot", "uint16", "DEC_HEX" },
-  { "subslot", "Subslot", "uint16", "DEC_HEX" },
-  { "index", "Record index", "uint16", "DEC_HEX" },
-  { "polls", "Polls", "uint32", "DEC" },
-  { "start", "Start (UTC)", "string" },
-  { "duration_ms", "Duration (ms)", "double" },
-  { "cycles", "Cycles from request to response", "uint32", "DEC" },
   { "bytes.request", "Bytes of the request", "bytes" },
   { "bytes.response", "Bytes of the response", "bytes" },
-  { "status.write", "Status of the Write", "uint32", "HEX" },
-  { "status.read", "Status of the Read", "uint32", "HEX" },
   { "plc", "What the PLC saw", "string" },
-  { "frames.write_request", "Write request", "framenum", "REQUEST" },
-  { "frames.write_response", "Write response", "framenum", "RESPONSE" },
-  { "frames.read_request", "Read request", "framenum", "REQUEST" },
-  { "frames.read_response", "Read response", "framenum", "RESPONSE" },
   { "frames.poll.request", "Poll: Read request", "framenum", "REQUEST" },
   { "frames.poll.response", "Poll: Read response", "framenum", "RESPONSE" },
   { "frames.reread.request", "Read again: request", "framenum", "REQUEST" },
@@ -314,8 +290,10 @@ end
 function M.define(proto, words, bus)
   local fields = {}
   local list = add_fields(fields, FIELDS)
-  for _, field in ipairs(add_fields(fields, description_rows)) do
-    list[#list + 1] = field
+  for _, rows in ipairs({ tables.transaction_fields, description_rows }) do
+    for _, field in ipairs(add_fields(fields, rows)) do
+      list[#list + 1] = field
+    end
   end
   proto.fields = list
   define_words(words, fields)

@@ -8,6 +8,7 @@
 local analysis = require("ds47.analysis")
 local bus = require("ds47.profibus.bus")
 local dp = require("ds47.profibus.dp")
+local drive_objects = require("ds47.profidrive.drive_objects")
 local drives = require("ds47_ws.drives")
 local frame_clock = require("ds47_ws.clock")
 local entries = require("ds47.support.later").entries
@@ -655,6 +656,11 @@ function M.findings_of(view)
     end
   end
   return all.of_transactions[view.item.id] or NONE
+end
+
+--- The number of the drive object that a transaction of the complete result reaches; nil where none is sure.
+function M.drive_object(item)
+  return drive_objects.reached(the_complete().result, item)
 end
 
 --- The frame with the request of the transaction that a finding is about; nil where there is none, or where

@@ -28,7 +28,7 @@ local sentences = require("ds47.report.sentences")
 local types = require("ds47_ws.types")
 local wanted_fields = require("ds47_ws.wanted")
 
-local byte, find, format, sub = string.byte, string.find, string.format, string.sub
+local byte, find, format, match, sub = string.byte, string.find, string.format, string.match, string.sub
 local floor, huge = math.floor, math.huge
 local VISIBLE, UNKNOWN = wanted_fields.VISIBLE, wanted_fields.UNKNOWN
 
@@ -225,7 +225,7 @@ local OF_LATER_FRAMES = {
   "bytes.response", "status.write", "status.read", "plc", "frames.write_response", "frames.read_request",
   "frames.read_response", "frames.poll.request", "frames.poll.response", "frames.reread.request",
   "frames.reread.response", "finding", "finding.severity", "finding.message", "finding.transaction",
-  "finding.elsewhere",
+  "finding.elsewhere", "drive_object",
 }
 local OF_LINKS = { "request_in", "response_in", "time" }
 
@@ -654,11 +654,6 @@ local function is_main(view)
     or (view.role == "write_request" and not frame_of(view, "read_response"))
 end
 
-local CHANNEL = { "vendor_assumed", "api", "slot", "subslot", "index" }
-local HALVES = {
-  "frames.write_request", "frames.write_response", "frames.read_request", "frames.read_response",
-}
-local FRAMES = joined(HALVES, { "polls" })
 local FRAMES_OF_READS = {
   "frames.poll.request", "frames.poll.response", "frames.reread.request", "frames.reread.response",
 }
@@ -694,28 +689,11 @@ local function add_plc(parent, view, lang)
   end
 end
 
-local function add_frames(parent, view)
-  local frames = view.item.frames
-  for number = 1, #HALVES do
-    derive(parent, HALVES[number], frames[sub(HALVES[number], #"frames." + 1)])
-  end
-  if view.item.channel == "ds47" then -- nothing else is polled
-    derive(parent, "polls", #frames.polls)
-  end
-end
-
 local function add_frames_of_reads(parent, view)
   if view.item.channel == "ds47" and is_main(view) and wants[FRAMES_OF_READS] then
     local frames = view.item.frames
     add_reads(parent, "poll", frames.polls)
     add_reads(parent, "reread", frames.rereads)
-  end
-end
-
--- Adds a field that has the name of a key of the transaction, which is made only where it is wanted.
-local function derive_key(parent, item, key)
-  if wants[key] then
-    derive(parent, key, item[key])
   end
 end
 
@@ -729,61 +707,96 @@ end
 
 local PEERS = { "controller", "controller.mac", "master", "device", "device.mac", "station" }
 
-local function add_channel(parent, item)
-  if item.ar and wants.ar then
-    mark_generated(types.add_uuid(parent, fields.ar, item.ar, find_bytes))
-  end
-  for number = 1, #CHANNEL do
-    derive_key(parent, item, CHANNEL[number])
-  end
+-- The row of a key that is shown as the transaction has it; a dot stands between a key and the one inside it.
+local function plain(key)
+  local outer, inner = match(key, "^(%w+)%.(.+)$")
+  return { field = key, add = function(shown, item)
+    if outer then
+      derive(shown, key, item[outer][inner])
+    else
+      derive(shown, key, item[key])
+    end
+  end }
 end
 
--- What is shown of a transaction, in its order.
-local TRANSACTION = wanted_fields.list({
-  { field = "channel", add = function(shown, item)
-    derive(shown, "channel", codes.channels[item.channel])
-  end },
-  { field = "operation", add = function(shown, item)
-    derive(shown, "operation", codes.operations[item.operation])
-  end },
-  { field = "state", add = function(shown, item, _, certain)
-    derive(shown, "state", certain and codes.states[item.state] or nil)
-  end },
-  { field = PEERS, rare = true, add = function(shown, item) types.add_peers(adding, shown, item) end },
-  { field = joined({ "ar" }, CHANNEL), add = add_channel },
-  { field = { "request_reference", "axis" }, add = function(shown, item, view)
+-- The same of a key of messages: what the message in the frame shows already is not shown again.
+local function of_message(key)
+  return { field = key, add = function(shown, item, view)
     if not HEADERS[view.role] then
-      derive_key(shown, item, "request_reference")
-      derive_key(shown, item, "axis")
+      derive(shown, key, item[key])
     end
-  end },
-  { field = FRAMES, add = function(shown, _, view) add_frames(shown, view) end },
-  { field = FRAMES_OF_READS, rare = true, add = function(shown, _, view)
+  end }
+end
+
+-- By their names the keys that are shown otherwise, with what stands behind them.
+local OTHERWISE = {
+  transaction = {}, -- below which all others stand
+  channel = { { field = "channel", add = function(shown, item)
+    derive(shown, "channel", codes.channels[item.channel])
+  end } },
+  operation = { { field = "operation", add = function(shown, item)
+    derive(shown, "operation", codes.operations[item.operation])
+  end } },
+  state = { { field = "state", add = function(shown, item, _, certain)
+    derive(shown, "state", certain and codes.states[item.state] or nil)
+  end } },
+  controller = { { field = PEERS, rare = true, add = function(shown, item)
+    types.add_peers(adding, shown, item)
+  end } },
+  device = {}, station = {}, -- of which PEERS has both
+  ar = { { field = "ar", add = function(shown, item)
+    if item.ar and wants.ar then
+      mark_generated(types.add_uuid(shown, fields.ar, item.ar, find_bytes))
+    end
+  end }, plain("vendor_assumed") },
+  request_reference = { of_message("request_reference") },
+  axis = { of_message("axis") },
+  drive_object = { { field = "drive_object", rare = true, add = function(shown, item, view, _, _, context)
+    if view.complete and wants.drive_object then
+      derive(shown, "drive_object", context.drive_object(item))
+    end
+  end } },
+  polls = { { field = "polls", add = function(shown, item)
+    if item.channel == "ds47" then -- nothing else is polled
+      derive(shown, "polls", #item.frames.polls)
+    end
+  end }, { field = FRAMES_OF_READS, rare = true, add = function(shown, _, view)
     add_frames_of_reads(shown, view)
-  end },
-  { field = "start", add = function(shown, item, _, _, _, context)
+  end } },
+  start = { { field = "start", add = function(shown, item, _, _, _, context)
     derive(shown, "start", csv.timestamp(context.base_seconds(), item.start_ns))
-  end },
-  { field = "duration_ms", add = function(shown, item, view)
+  end } },
+  duration_ms = { { field = "duration_ms", add = function(shown, item, view)
     if view.job == nil or view.job.read_response then
       local nanoseconds = item.duration_ns
       derive(shown, "duration_ms", nanoseconds and nanoseconds / 1000000)
     end
-  end },
-  { field = "cycles", add = function(shown, item) derive(shown, "cycles", item.cycles) end },
-  { field = "status.write", add = function(shown, item)
+  end } },
+  ["status.write"] = { { field = "status.write", add = function(shown, item)
     add_status(shown, "status.write", item.write_status)
-  end },
-  { field = "status.read", add = function(shown, item)
+  end } },
+  ["status.read"] = { { field = "status.read", add = function(shown, item)
     add_status(shown, "status.read", item.read_status)
-  end },
-  { field = OF_BYTES, rare = true, add = function(shown, _, view, _, record)
+  end }, { field = OF_BYTES, rare = true, add = function(shown, _, view, _, record)
     add_bytes(shown, view, record)
-  end },
-  { field = "plc", rare = true, add = function(shown, _, view, _, _, context)
+  end }, { field = "plc", rare = true, add = function(shown, _, view, _, _, context)
     add_plc(shown, view, context.lang)
-  end },
-})
+  end } },
+}
+
+-- What is shown of a transaction, in its order.
+local function rows_of_transaction()
+  local rows = {}
+  for _, field in ipairs(tables.transaction_fields) do
+    local key = field[1]
+    for _, row in ipairs(OTHERWISE[key] or { plain(key) }) do
+      rows[#rows + 1] = row
+    end
+  end
+  return rows
+end
+
+local TRANSACTION = wanted_fields.list(rows_of_transaction())
 
 -- `certain`: whether the state of the transaction is.
 local function add_transaction(parent, view, certain, record, context)
@@ -925,6 +938,7 @@ local NONE_TAKEN = {} -- of no findings
 --   base_seconds = a function that gives the second since 1970 that the times are relative to,
 --   request_of = a function that gives the frame of the request of a finding's transaction, or nil,
 --   findings_of = a function that gives all findings of the transaction of a view,
+--   drive_object = one that gives the number of the drive object of a transaction of the complete result,
 --   answers = what is known of what trees of this reading want (wanted.lua), or nil}
 function M.add(tree, views, findings, events, finders, context)
   local view = not findings[1] and views[1]

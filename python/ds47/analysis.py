@@ -49,6 +49,7 @@ from ds47.profibus.judge import Judge as BusJudge
 from ds47.profibus.stations import Stations
 from ds47.profidrive import Options, decode_response
 from ds47.profidrive.dictionary import Dictionary, explain_transaction
+from ds47.profidrive.drive_objects import DriveObjects
 from ds47.profinet.calls import CallTracker
 from ds47.profinet.records import Half, Record
 from ds47.profinet.stations import Stations as Names
@@ -266,6 +267,7 @@ class Analysis:
         self._transactions: dict[int, Transaction] = {}
         """By the order of their jobs; the jobs themselves need not be kept."""
         self._summary: dict[str, int] = {"transactions": 0}
+        self._objects = DriveObjects()
         self._capture: Capture | Series | None = None
         layouts = dict(options.pkw_layouts)
         self._layout = partial(_layout, layouts)
@@ -395,6 +397,7 @@ class Analysis:
         remarks += self._diagnoses.closed(job)
         remarks += self._remarks.pop(job, [])
         transaction = self._built(job)
+        self._objects.transaction(transaction)
         if self._capture is not None and not self._capture.timed:
             transaction.duration_ns = None
         for remark in self._conclusions.transaction(transaction):
@@ -428,6 +431,7 @@ class Analysis:
         explain_transaction(self._dictionary, transaction, relation.maker, relation.family)
         if not self._catalogue.is_empty:
             naming.explain(transaction, self._catalogue, relation.vendor_id, None)
+        self._objects.transaction(transaction)
         order, remarks = self._pairing.number(), self._conclusions.exchanged(relation, job)
         remarks += self._conclusions.transaction(transaction)
         if PKW in self._options.channels:
@@ -459,7 +463,7 @@ class Analysis:
     def _hand_out(
         self, order: int, transaction: Transaction, remarks: list[Remark], to: OnTransaction
     ) -> None:
-        transaction.id = order
+        transaction.id, transaction.drive_object = order, self._objects.reached(transaction)
         remarks = [remark for remark in remarks if self._findings.wanted(remark.rule)]
         transaction.findings = sorted({remark.rule for remark in remarks})
         to(transaction, [self._findings.told(remark, order) for remark in remarks])
@@ -483,5 +487,5 @@ class Analysis:
         """The transactions in the order of their first frame, then of the position inside it."""
         ordered = sorted(self._transactions.values(), key=lambda t: (t.frames.first(), t.position))
         for number, transaction in enumerate(ordered, 1):
-            transaction.id = number
+            transaction.id, transaction.drive_object = number, self._objects.reached(transaction)
         return ordered

@@ -322,6 +322,8 @@ class Transaction(_Plain):
     """Of S7: error class and code of the answer as one word, of a BSEND that of an acknowledgement; 0 for none."""
     segments: list[Read] = field(default_factory=list)
     """Of a BSEND: the frames of its segments and of their acknowledgements."""
+    drive_object: int | None = None
+    """The number of the drive object that the request reaches; None where the capture does not prove one."""
 
     @property
     def start(self) -> str:

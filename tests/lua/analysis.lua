@@ -14,6 +14,7 @@ package.path = root .. "../../lua/?.lua;" .. root .. "?.lua;" .. package.path
 
 local described = require("described")
 local analysis = require("ds47.analysis")
+local drive_objects = require("ds47.profidrive.drive_objects")
 local formats = require("ds47.profidrive.formats")
 local json = require("ds47.support.json")
 local unhex = require("ds47.support.bytes").unhex
@@ -89,13 +90,14 @@ local function word(code)
   return null(code and status.status_hex(code))
 end
 
-local function transaction(item, base_seconds)
+local function transaction(item, run, whole)
   local result = object(item, "id channel operation state controller device station ar api slot subslot "
     .. "index request_reference axis duration_ns cycles")
   result.frames = object(item.frames, "write_request write_response read_request read_response")
   result.frames.polls, result.frames.rereads = reads(item.frames.polls), reads(item.frames.rereads)
   local seconds, nanoseconds = times.split(item.start_ns)
-  result.start = {base_seconds + seconds, nanoseconds}
+  result.start = {run.base_seconds + seconds, nanoseconds}
+  result.drive_object = null(drive_objects.reached(whole, item))
   result.bytes = {request = null(hex(item.request)), response = null(hex(item.response))}
   result.status = {write = word(item.write_status), read = word(item.read_status)}
   result.parameters = list(item.parameters, parameter)
@@ -173,7 +175,7 @@ local function capture()
       told.assumed_vendor_id = item.assumed_vendor_id -- left out where there is none
       return told
     end),
-    transactions = list(result.transactions, function(item) return transaction(item, run.base_seconds) end),
+    transactions = list(result.transactions, function(item) return transaction(item, run, result) end),
     findings = list(result.findings, finding),
     diagnoses = list(result.diagnoses, diagnosis),
     summary = transactions.summary(result.transactions),

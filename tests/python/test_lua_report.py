@@ -44,6 +44,7 @@ from ds47.model import (
     Report,
     Transaction,
 )
+from ds47.profidrive.drive_objects import DriveObjects
 from ds47.report import Options
 from ds47.report import csv as csv_report
 from ds47.report import text as text_report
@@ -203,7 +204,9 @@ def python_text(result: CaptureResult, **options: Any) -> str:
 
 
 def python_csv(result: CaptureResult) -> str:
-    stream = io.StringIO()
+    proved, stream = DriveObjects.of(result.transactions), io.StringIO()
+    for each in result.transactions:
+        each.drive_object = proved.reached(each)
     csv_report.write(Report([result]), stream)
     return stream.getvalue()
 

@@ -118,6 +118,7 @@ ANSWERED = [
         item("status.read", "0xde80b500"),
         item("bytes.request", "03:01"),
         item("bytes.response", "03:02"),
+        item("drive_object", 2),
         write_request=1,
         read_response=4,
     ),
@@ -141,6 +142,7 @@ def test_a_transaction_is_put_together_from_its_frames() -> None:
         "index": 47,
         "request_reference": 3,
         "axis": 2,
+        "drive_object": 2,
         "frames": {
             "write_request": 1,
             "write_response": None,

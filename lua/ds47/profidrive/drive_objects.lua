@@ -6,7 +6,7 @@
 local ordered = require("ds47.support.ordered")
 local tables = require("ds47.spec.tables")
 
-local format = string.format
+local find, format = string.find, string.format
 
 local M = {}
 
@@ -17,6 +17,7 @@ M.DO_IDENTIFICATION = 975
 
 local LOCAL = M.LOCAL
 local DO_ID = 7
+local MOST = 0xFFFF -- no DO-ID is greater
 
 local DriveObjects = {}
 DriveObjects.__index = DriveObjects
@@ -56,7 +57,9 @@ end
 -- @param values  numbers or texts
 function DriveObjects:identified(access, first, values)
   local value = values[DO_ID - first + 1]
-  if access.record_index ~= LOCAL or first > DO_ID or type(value) ~= "number" or value % 1 ~= 0 then
+  if access.record_index ~= LOCAL or first > DO_ID or type(value) ~= "number" or value % 1 ~= 0
+    or value < 0 or value > MOST
+  then
     return
   end
   local key = submodule(access)
@@ -144,7 +147,8 @@ function DriveObjects:transaction(item)
     if each.error then
       self:refused(access, each.error.code)
     elseif each.pnu == M.DO_IDENTIFICATION and item.operation == "read" and each.attribute == "value"
-      and each.subindex then
+      and each.subindex and not find(each.format or "", "^Float")
+    then
       self:identified(access, each.subindex, each.values)
     end
   end
@@ -157,6 +161,18 @@ function M.of(transactions)
     shown:transaction(each)
   end
   return shown
+end
+
+--- The number of the drive object that a transaction reaches; nil where it is not known or does not exist.
+function DriveObjects:reached(item)
+  local number = self:number(M.access_of(item))
+  return number and self:exists(item.device, number) and number or nil
+end
+
+--- The key `drive_object` of a transaction, by all of the result (Analysis:ended) that it stands in.
+function M.reached(result, item)
+  result.drive_objects = result.drive_objects or M.of(result.transactions)
+  return result.drive_objects:reached(item)
 end
 
 return M

@@ -3,31 +3,19 @@
 -- comma, LF. A text that a spreadsheet would take for a formula gets a quote (') in front, and what nobody
 -- could see is an escape, so that a row is a line. Opens no file.
 
+local drive_objects = require("ds47.profidrive.drive_objects")
 local json = require("ds47.support.json")
 local numbers = require("ds47.support.numbers")
 local sentences = require("ds47.report.sentences")
+local tables = require("ds47.spec.tables")
 local times = require("ds47.support.times")
 local words = require("ds47.report.formatting")
 
 local M = {}
 
 local concat, find, floor, format = table.concat, string.find, math.floor, string.format
-local gsub, sub = string.gsub, string.sub
+local gsub, match, sub = string.gsub, string.match, string.sub
 local integer = words.integer
-
-M.TRANSACTION_COLUMNS = {
-  "path", "transaction", "channel", "operation", "state", "controller", "device", "station", "ar", "api",
-  "slot", "subslot", "index", "request_reference", "axis", "frames.write_request", "frames.write_response",
-  "frames.read_request", "frames.read_response", "polls", "start", "duration_ms", "cycles", "status.write",
-  "status.read", "findings",
-}
-M.PARAMETER_COLUMNS = {
-  "pnu", "subindex", "attribute", "element_count", "name", "unit", "format", "value_count", "values",
-  "scaled", "error.code", "error.text", "error.info",
-}
-
--- Of jobs of S7, which are the analyzer's: here they are empty.
-M.S7_COLUMNS = { "connection", "r_id", "error", "item.address", "item.length", "item.value", "item.code" }
 
 local FULL_WIDTH = { ["\239\188\157"] = true, ["\239\188\139"] = true, ["\239\188\141"] = true,
   ["\239\188\160"] = true } -- = + - @ in UTF-8
@@ -103,35 +91,49 @@ local function status(word)
   return word and format("%08X", word)
 end
 
---- Adds cells that may be nil: `count` of them.
-local function append(cells, count, ...)
-  for i = 1, count do
-    cells[#cells + 1] = cell((select(i, ...)))
+-- The cells of these columns, as a text. `own` has functions of the object and what comes with it, by column;
+-- of another column the object has the value, a dot between a key and the one inside it.
+local function cells(columns, own, item, about)
+  local result = {}
+  for number, column in ipairs(columns) do
+    local outer, inner = match(column, "^(%w+)%.(.+)$")
+    if own[column] then
+      result[number] = cell(own[column](item, about))
+    elseif outer then
+      result[number] = cell(item[outer] and item[outer][inner])
+    else
+      result[number] = cell(item[column])
+    end
   end
+  return concat(result, ",")
 end
 
-local function transaction_cells(item, path, base_seconds)
-  local cells, frames = {}, item.frames
-  local duration = item.duration_ns and numbers.float_text(item.duration_ns / 1000000)
-  append(cells, 12, M.guarded(path), item.id, item.channel, item.operation, item.state,
-    M.guarded(item.controller), M.guarded(item.device), item.station, item.ar, item.api, item.slot,
-    item.subslot)
-  append(cells, 7, item.index, item.request_reference, item.axis, frames.write_request,
-    frames.write_response, frames.read_request, frames.read_response)
-  append(cells, 7, #(frames.polls or {}), M.timestamp(base_seconds, item.start_ns), duration, item.cycles,
-    status(item.write_status), status(item.read_status), concat(item.findings or {}, " "))
-  return cells
-end
+-- `about` is {result, path}.
+local OF_TRANSACTION = {
+  path = function(_, about) return M.guarded(about.path) end,
+  transaction = function(item) return item.id end,
+  controller = function(item) return M.guarded(item.controller) end,
+  device = function(item) return M.guarded(item.device) end,
+  drive_object = function(item, about) return drive_objects.reached(about.result, item) end,
+  polls = function(item) return #(item.frames.polls or {}) end,
+  start = function(item, about) return M.timestamp(about.result.base_seconds or 0, item.start_ns) end,
+  duration_ms = function(item)
+    return item.duration_ns and numbers.float_text(item.duration_ns / 1000000)
+  end,
+  ["status.write"] = function(item) return status(item.write_status) end,
+  ["status.read"] = function(item) return status(item.read_status) end,
+  findings = function(item) return concat(item.findings or {}, " ") end,
+}
 
-local function parameter_cells(item, lang)
-  local cells, failed = {}, item.error or {}
-  local text = item.error and M.guarded(sentences.error_words(failed, lang))
-  append(cells, 8, item.pnu, item.subindex, item.attribute, item.element_count,
-    M.guarded(sentences.name(item, lang)), M.guarded(item.unit), item.format, item.value_count)
-  append(cells, 5, values(item.values, item.format), values(item.scaled, item.format, true), failed.code,
-    text, failed.info)
-  return cells
-end
+local OF_PARAMETER = {
+  name = function(item, lang) return M.guarded(sentences.name(item, lang)) end,
+  unit = function(item) return M.guarded(item.unit) end,
+  values = function(item) return values(item.values, item.format) end,
+  scaled = function(item) return values(item.scaled, item.format, true) end,
+  ["error.text"] = function(item, lang)
+    return item.error and M.guarded(sentences.error_words(item.error, lang))
+  end,
+}
 
 --- The transactions of one capture.
 -- @param result what Analysis:ended() gives
@@ -139,14 +141,16 @@ end
 -- @return text: the header, then a row per parameter; each line ended with LF
 function M.report(result, options)
   options = options or {}
-  local path = options.path or "-"
-  local rows = { concat(M.TRANSACTION_COLUMNS, ",") .. "," .. concat(M.PARAMETER_COLUMNS, ",") .. ","
-    .. concat(M.S7_COLUMNS, ",") }
-  local nothing, no_job = (","):rep(#M.PARAMETER_COLUMNS), (","):rep(#M.S7_COLUMNS - 1)
+  local columns, about = tables.columns, { result = result, path = options.path or "-" }
+  local rows = { concat({
+    concat(columns.transaction, ","), concat(columns.parameter, ","), concat(columns.s7, ","),
+  }, ",") }
+  local nothing, no_job = (","):rep(#columns.parameter), (","):rep(#columns.s7 - 1)
   for _, item in ipairs(result.transactions) do
-    local left = concat(transaction_cells(item, path, result.base_seconds or 0), ",") .. ","
+    local left = cells(columns.transaction, OF_TRANSACTION, item, about) .. ","
     for _, parameter in ipairs(item.parameters) do
-      rows[#rows + 1] = left .. concat(parameter_cells(parameter, options.lang), ",") .. "," .. no_job
+      rows[#rows + 1] = left .. cells(columns.parameter, OF_PARAMETER, parameter, options.lang) .. ","
+        .. no_job
     end
     if #item.parameters == 0 then
       rows[#rows + 1] = left .. nothing .. no_job

@@ -2372,4 +2372,40 @@ M.explain.ranges = {
 }
 ]=]
 
+later.columns = [=[
+M.columns = {
+  transaction = {"path", "transaction", "channel", "operation", "state", "controller", "device", "station", "ar", "api", "slot", "subslot", "index", "request_reference", "axis", "drive_object", "frames.write_request", "frames.write_response", "frames.read_request", "frames.read_response", "polls", "start", "duration_ms", "cycles", "status.write", "status.read", "findings"},
+  parameter = {"pnu", "subindex", "attribute", "element_count", "name", "unit", "format", "value_count", "values", "scaled", "error.code", "error.text", "error.info"},
+  s7 = {"connection", "r_id", "error", "item.address", "item.length", "item.value", "item.code"},
+}
+]=]
+
+M.transaction_fields = {
+  {"transaction", "Transaction", "uint32", "DEC"},
+  {"channel", "Channel", "code", "channels"},
+  {"operation", "Operation", "code", "operations"},
+  {"state", "State", "code", "states"},
+  {"controller", "Controller", "ipv4"},
+  {"device", "Device", "ipv4"},
+  {"station", "Station", "uint8", "DEC"},
+  {"ar", "AR UUID", "guid"},
+  {"api", "API", "uint32", "DEC_HEX"},
+  {"slot", "Slot", "uint16", "DEC_HEX"},
+  {"subslot", "Subslot", "uint16", "DEC_HEX"},
+  {"index", "Record index", "uint16", "DEC_HEX"},
+  {"request_reference", "Request reference", "uint8", "HEX"},
+  {"axis", "Axis / DO-ID", "uint8", "DEC"},
+  {"drive_object", "Drive object", "uint16", "DEC"},
+  {"frames.write_request", "Write request", "framenum", "REQUEST"},
+  {"frames.write_response", "Write response", "framenum", "RESPONSE"},
+  {"frames.read_request", "Read request", "framenum", "REQUEST"},
+  {"frames.read_response", "Read response", "framenum", "RESPONSE"},
+  {"polls", "Polls", "uint32", "DEC"},
+  {"start", "Start (UTC)", "string"},
+  {"duration_ms", "Duration (ms)", "double"},
+  {"cycles", "Cycles from request to response", "uint32", "DEC"},
+  {"status.write", "Status of the Write", "uint32", "HEX"},
+  {"status.read", "Status of the Read", "uint32", "HEX"},
+}
+
 return M

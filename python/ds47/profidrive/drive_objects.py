@@ -20,6 +20,8 @@ LOCAL: Final = 0xB02E
 DO_IDENTIFICATION: Final = 975
 """PNU of the DO identification; element 7 is the DO-ID (docs/protocol.md D.1)."""
 _DO_ID: Final = 7
+_MOST: Final = 0xFFFF
+"""No DO-ID is greater."""
 
 
 class Access(NamedTuple):
@@ -85,14 +87,13 @@ class DriveObjects:
         """A finished transaction; the response to another request proves nothing."""
         if item.operation not in ("read", "change") or item.state == "mismatch":
             return
-        access = access_of(item)
         for each in item.parameters:
             if each.error is not None:
-                self.refused(access, each.error.code)
+                self.refused(access_of(item), each.error.code)
             elif each.pnu == DO_IDENTIFICATION and item.operation == "read":
                 first = each.subindex if each.attribute == "value" else None
                 if first is not None:
-                    self.identified(access, first, each.values)
+                    self.identified(access_of(item), first, each.values)
 
     def refused(self, access: Access, code: int | None) -> None:
         """A parameter has a negative response with this error number."""
@@ -107,7 +108,7 @@ class DriveObjects:
         if not access.local:
             return
         for element, value in enumerate(values, first):
-            if element == _DO_ID and isinstance(value, int):
+            if element == _DO_ID and isinstance(value, int) and 0 <= value <= _MOST:
                 key = access.device, access.slot, access.subslot
                 seen = self._submodules.get(key, value)
                 put(self._submodules, key, value if seen == value else None)
@@ -122,6 +123,11 @@ class DriveObjects:
         if access.local:
             return self._submodules.get((access.device, access.slot, access.subslot))
         return access.axis or None
+
+    def reached(self, item: Transaction) -> int | None:
+        """The number of the drive object that is reached; None where it is not known or does not exist."""
+        number = self.number(access_of(item))
+        return number if number is not None and self.exists(item.device, number) else None
 
     def exists(self, device: str, number: int) -> bool:
         """False where the device has said that there is no such drive object."""

@@ -49,7 +49,10 @@ _SAID = (
     "subslot",
     "index",
 )
-_RECORDED = ("ar", "frames", "start", "bytes", "status")
+_OTHERWISE = ("id", "state", "duration_ms", "parameters", "findings", *_SAID)
+_RECORDED = tuple(
+    key.name for key in contract.TRANSACTION.keys if not key.channel and key.name not in _OTHERWISE
+)
 """Fields that only the same file repeats; the status of a refusal stands in its findings."""
 _COUNTED = ("request_reference", "connection", "r_id", "error", "segments")
 """Likewise of S7, whose references count on from connection to connection."""
@@ -195,7 +198,7 @@ class Comparison:
         said = tuple(key for key in _SAID if key not in _COUNTED) if s7 else _SAID
         recorded = _RECORDED + (_COUNTED if s7 else ())
         for key in _STATE + said + (recorded if self._same_file else ()):
-            if old.get(key) != new.get(key):
+            if key in old and old[key] != new.get(key):  # an older result has not all keys
                 kind = "state" if key in _STATE else "field"
                 yield self._field(kind, where, (key,), old, new, **about)
         if not self._duration_fits(old.get("duration_ms"), new.get("duration_ms")):

@@ -44,6 +44,8 @@ class Key(NamedTuple):
         later: whether objects of `ds47.report/1` do without it.
         channel: the only one whose transactions have it; empty for all.
         rare: whether most objects do without it: it is left out where it is None.
+        field: of the field in Wireshark that has the name of the column: label, kind, and what the kind takes
+            (`dissector/ds47_ws/fields.lua`); empty where there is none, or one that is made otherwise.
     """
 
     name: str
@@ -58,6 +60,7 @@ class Key(NamedTuple):
     later: bool = False
     channel: str = ""
     rare: bool = False
+    field: tuple[str, ...] = ()
 
 
 class Shape:
@@ -272,10 +275,14 @@ DEVICE = Shape("device", (
 READ = Shape("", (Key("request", FRAME), Key("response", FRAME)), model.Read)
 _WIRESHARK = "as Wireshark numbers it."
 FRAMES = Shape("", (
-    Key("write_request", FRAME, column=f"Frame of the Write request, {_WIRESHARK}"),
-    Key("write_response", FRAME, column=f"Frame of the Write response, {_WIRESHARK}"),
-    Key("read_request", FRAME, column=f"Frame of the Read request that fetched the response, {_WIRESHARK}"),
-    Key("read_response", FRAME, column=f"Frame of the Read response that holds the record, {_WIRESHARK}"),
+    Key("write_request", FRAME, column=f"Frame of the Write request, {_WIRESHARK}",
+        field=("Write request", "framenum", "REQUEST")),
+    Key("write_response", FRAME, column=f"Frame of the Write response, {_WIRESHARK}",
+        field=("Write response", "framenum", "RESPONSE")),
+    Key("read_request", FRAME, column=f"Frame of the Read request that fetched the response, {_WIRESHARK}",
+        field=("Read request", "framenum", "REQUEST")),
+    Key("read_response", FRAME, column=f"Frame of the Read response that holds the record, {_WIRESHARK}",
+        field=("Read response", "framenum", "RESPONSE")),
     Key("polls", many({}), shape=READ),
     Key("rereads", many({}), shape=READ),
 ), model.Frames)  # fmt: skip
@@ -350,9 +357,9 @@ _BYTES = Shape("", (
 ))  # fmt: skip
 _STATUSES = Shape("", (
     Key("write", ref("status"), into="write_status", take=take_status,
-        column="PNIO status of the Write, eight hex digits."),
+        column="PNIO status of the Write, eight hex digits.", field=("Status of the Write", "uint32", "HEX")),
     Key("read", ref("status"), into="read_status", take=take_status,
-        column="PNIO status of the Read, eight hex digits."),
+        column="PNIO status of the Read, eight hex digits.", field=("Status of the Read", "uint32", "HEX")),
 ))  # fmt: skip
 
 _R_ID = "Of BSEND and USEND."
@@ -381,35 +388,48 @@ ITEM = Shape("item", (
 ), model.Item, "A variable of a job of S7, or data that a program sends; docs/s7.md.")  # fmt: skip
 
 TRANSACTION = Shape("transaction", (
-    Key("id", NUMBER, column="Number of the transaction in its capture, by first frame."),
+    Key("id", NUMBER, column="Number of the transaction in its capture, by first frame.",
+        field=("Transaction", "uint32", "DEC")),
     Key("channel", ref("channel"),
         "Record calls, the parameter channel inside cyclic frames, or S7 communication.", later=True,
-        column="ds47 for record calls, pkw for the parameter channel inside cyclic frames, s7 for S7."),
-    Key("operation", ref("operation"), column="What was asked for."),
-    Key("state", ref("state"), column="What came of it."),
-    Key("controller", TEXT, column="Who asked: its IP address, on PROFIBUS dp and its address."),
-    Key("device", TEXT, column="Who was asked, in the same way."),
+        column="ds47 for record calls, pkw for the parameter channel inside cyclic frames, s7 for S7.",
+        field=("Channel", "code", "channels")),
+    Key("operation", ref("operation"), column="What was asked for.", field=("Operation", "code", "operations")),
+    Key("state", ref("state"), column="What came of it.", field=("State", "code", "states")),
+    Key("controller", TEXT, column="Who asked: its IP address, on PROFIBUS dp and its address.",
+        field=("Controller", "ipv4")),
+    Key("device", TEXT, column="Who was asked, in the same way.", field=("Device", "ipv4")),
     Key("station", whole(0, 127, maybe=True), "Address of the device on PROFIBUS; null on PROFINET.",
-        later=True, column="Address of the device on PROFIBUS; null on PROFINET."),
+        later=True, column="Address of the device on PROFIBUS; null on PROFINET.",
+        field=("Station", "uint8", "DEC")),
     Key("ar", MAYBE_TEXT, "UUID; null for an implicit read.",
-        column="UUID of the connection; null for an implicit read."),
-    Key("api", whole(0, 0xFFFF_FFFF, maybe=True), column="API of the record; null on PROFIBUS."),
-    Key("slot", WORD, column="Slot of the record."),
-    Key("subslot", WORD, column="Subslot of the record; null on PROFIBUS."),
+        column="UUID of the connection; null for an implicit read.", field=("AR UUID", "guid")),
+    Key("api", whole(0, 0xFFFF_FFFF, maybe=True), column="API of the record; null on PROFIBUS.",
+        field=("API", "uint32", "DEC_HEX")),
+    Key("slot", WORD, column="Slot of the record.", field=("Slot", "uint16", "DEC_HEX")),
+    Key("subslot", WORD, column="Subslot of the record; null on PROFIBUS.",
+        field=("Subslot", "uint16", "DEC_HEX")),
     Key("index", WORD, "Null where the channel has none.",
-        column="Index of the record: 47, 45102 (0xB02E), 45103 (0xB02F); null for pkw."),
-    Key("request_reference", WORD, column="The number that the response has to mirror."),
-    Key("axis", BYTE, column="Drive object (DO)."),
+        column="Index of the record: 47, 45102 (0xB02E), 45103 (0xB02F); null for pkw.",
+        field=("Record index", "uint16", "DEC_HEX")),
+    Key("request_reference", WORD, column="The number that the response has to mirror.",
+        field=("Request reference", "uint8", "HEX")),
+    Key("axis", BYTE, column="Drive object (DO).", field=("Axis / DO-ID", "uint8", "DEC")),
+    Key("drive_object", WORD, "The one that the request is proved to reach, by all that the capture shows; "
+        "in a format that is written as it comes, by what came before.", later=True,
+        column="Number of the drive object that the request is proved to reach; null where none is.",
+        field=("Drive object", "uint16", "DEC")),
     Key("frames", {}, shape=FRAMES),
     Key("start", TEXT | {"pattern": _TIME}, into="start_ns", take=take_time,
-        column="Time of the first frame, UTC, to the nanosecond."),
+        column="Time of the first frame, UTC, to the nanosecond.", field=("Start (UTC)", "string")),
     Key("duration_ms", {"type": ["number", "null"]},
         "From the Write request to the first Read response that holds the record; "
         "may be negative where time steps back.",
         column="From the Write request to the response; negative where the clock was set back.",
-        into="duration_ns", take=take_ns),
+        into="duration_ns", take=take_ns, field=("Duration (ms)", "double")),
     Key("cycles", whole(maybe=True), "Of pkw: from the request to its response.", later=True,
-        column="Of pkw: from the request to its response, in cycles."),
+        column="Of pkw: from the request to its response, in cycles.",
+        field=("Cycles from request to response", "uint32", "DEC")),
     Key("bytes", {}, shape=_BYTES),
     Key("status", {}, shape=_STATUSES),
     Key("parameters", many(ref("parameter")), shape=PARAMETER),
@@ -769,6 +789,7 @@ def columns(shape: Shape, prefix: str = "") -> Iterator[Column]:
 
 POLLS = Column("polls", Key(
     "polls", COUNT, column="How often the controller read before the response was there.",
+    field=("Polls", "uint32", "DEC"),
 ))  # fmt: skip
 RULES = Column("findings", Key(
     "findings", MAYBE_TEXT | {"pattern": "^(DS[1-9][0-9]{2}( DS[1-9][0-9]{2})*)?$"},

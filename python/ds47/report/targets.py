@@ -29,10 +29,7 @@ class Targets:
 
     def drive_object(self, item: Transaction) -> int | None:
         """The number of the drive object that a request reaches; None where it is not known or does not exist."""
-        number = self._shown.number(access_of(item))
-        if number is None or not self._shown.exists(item.device, number):
-            return None
-        return number
+        return self._shown.reached(item)
 
     def words(self, item: Transaction) -> str:
         """`DO 2`, `axis 0`; empty where only the submodule is known."""

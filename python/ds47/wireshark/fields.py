@@ -19,14 +19,15 @@ from ds47 import spec
 from ds47.model import DS47
 from ds47.profidrive.formats import codec
 from ds47.profidrive.model import ERROR
+from ds47.report import contract
 from ds47.spec.codes import words
 from ds47.wireshark import described
 
 _PREFIX = "ds47."
 _TREE = "ds47"
 _EXACT = 2**53
-_FRAMES = ("write_request", "write_response", "read_request", "read_response")
-_NUMBERS = ("api", "slot", "subslot", "index")
+_OF_MESSAGE = ("request_reference", "axis")
+"""What stands in a message, and not once more with the transaction."""
 _FLOATS = ("NaN", "Infinity", "-Infinity")
 _SCALED_TEXT = ("date", "time_of_day")
 
@@ -100,10 +101,6 @@ def _number(text: str | None) -> int | None:
     return None if text is None else int(text, 0)
 
 
-def _word(text: str | None) -> str | None:
-    return None if text is None else f"{int(text, 0):08X}"
-
-
 def _coded(table: str, text: str | None) -> str | None:
     """The word of a number, as a field of words has it."""
     return None if text is None else words(table)[int(text)]
@@ -119,50 +116,63 @@ def _digits(text: str | None) -> str | None:
 
 def _nothing(number: int) -> dict[str, Any]:
     """A transaction of which no frame was read yet, with its keys in the order of the report."""
-    keys = (
-        "id", "channel", "operation", "state", "controller", "device", "station", "ar", "api", "slot", "subslot",
-        "index", "request_reference", "axis", "frames", "start", "duration_ms", "cycles", "bytes",
-        "status", "parameters", "findings",
-    )  # fmt: skip
-    transaction: dict[str, Any] = dict.fromkeys(keys)
+    transaction = _empty(contract.TRANSACTION)
     transaction["channel"] = DS47
     transaction["id"] = number
-    transaction["frames"] = dict.fromkeys(_FRAMES) | {"polls": [], "rereads": []}
-    transaction["bytes"] = {"request": None, "response": None}
-    transaction["status"] = {"write": None, "read": None}
-    transaction["parameters"] = []
     return transaction
+
+
+def _empty(shape: contract.Shape) -> dict[str, Any]:
+    """An object that has all its keys and no values."""
+    return {
+        key.name: []
+        if key.schema.get("type") == "array"
+        else _empty(key.shape)
+        if key.shape
+        else None
+        for key in shape.keys
+        if not key.channel
+    }
 
 
 def _merge(transaction: dict[str, Any], frame: int, tree: Element, item: Element) -> None:
     """Adds what one frame says; the frame with the whole transaction gives what only it has."""
     seen = _children(item)
-    transaction["channel"] = _coded("channels", seen.get("channel")) or DS47
-    transaction["operation"] = _coded("operations", seen.get("operation"))
-    transaction["state"] = _coded("states", seen.get("state"))
+    frames, told = transaction["frames"], {key: transaction[key] for key in _OF_MESSAGE}
+    _read(transaction, contract.TRANSACTION, "", seen)
+    transaction["channel"] = transaction["channel"] or DS47
     transaction["controller"] = _peer(seen, "controller", "master")
     transaction["device"] = _peer(seen, "device", "station")
-    transaction["station"] = _number(seen.get("station"))
-    transaction["ar"] = seen.get("ar")
-    transaction["cycles"] = _number(seen.get("cycles"))
-    for key in _NUMBERS:
-        transaction[key] = _number(seen.get(key))
-    frames = transaction["frames"]
-    for key in _FRAMES:
-        frames[key] = _number(seen.get(f"frames.{key}"))
-    transaction["start"] = seen.get("start")
-    transaction["duration_ms"] = float(seen["duration_ms"]) if "duration_ms" in seen else None
-    transaction["status"] = {
-        "write": _word(seen.get("status.write")),
-        "read": _word(seen.get("status.read")),
-    }
     first = frames["write_request"]
     if frame == (first if first is not None else frames["read_response"]):
         head = _children(tree)  # the message as it was sent; that of an orphan as it was answered
-        transaction["request_reference"] = _number(head.get("request_reference"))
-        transaction["axis"] = _number(head.get("axis"))
+        told = {key: _number(head.get(key)) for key in _OF_MESSAGE}
+    transaction |= told
     if frame == (frames["read_response"] or first):
         _merge_all(transaction, tree, item, seen)
+
+
+def _read(found: dict[str, Any], shape: contract.Shape, prefix: str, seen: dict[str, str]) -> None:
+    """Takes the keys of an object that are fields of the transaction."""
+    for key in shape.keys:
+        if key.shape is not None and "items" not in key.schema:
+            _read(found[key.name], key.shape, f"{prefix}{key.name}.", seen)
+        elif key.field and key.name != "id":
+            found[key.name] = _taken(key, seen.get(prefix + key.name))
+
+
+def _taken(key: contract.Key, text: str | None) -> Any:
+    """The value of a key from what its field shows."""
+    if text is None:
+        return None
+    _, kind, *more = key.field
+    if kind == "code":
+        return _coded(more[0], text)
+    if key.take is contract.take_status:
+        return f"{int(text, 0):08X}"
+    if kind == "double":
+        return float(text)
+    return _number(text) if kind.startswith(("uint", "framenum")) else text
 
 
 def _peer(seen: dict[str, str], key: str, on_bus: str) -> str | None:
