@@ -10,6 +10,7 @@
 local dictionary = require("ds47.profidrive.dictionary")
 local family = require("ds47.profidrive.family")
 local json = require("ds47.support.json")
+local places_of = require("ds47.profidrive.layouts").places
 local ordered = require("ds47.support.ordered")
 local readback = require("ds47.acyclic.readback")
 local status = require("ds47.spec.statuses")
@@ -47,7 +48,7 @@ local function is_other(request, response)
     or response.response_id == nil
     or request.request_id == nil
     or not family.family_fits(request.request_id, response.response_id)
-    or #response.blocks > #request.addresses
+    or #places_of(response) > #request.addresses
 end
 
 --- Whether the response cannot be the answer to the request (docs/pairing.md, states).
@@ -55,16 +56,8 @@ function M.is_mismatch(job)
   local request, response = job.message, job.response
   if request == nil or response == nil then
     return false
-  elseif response.request_reference ~= request.request_reference then
-    return true
   end
-  local layout = response.layout
-  if layout == nil then
-    return is_other(request, response)
-  elseif layout.is_other == nil then
-    layout.is_other = is_other(request, response)
-  end
-  return layout.is_other
+  return response.request_reference ~= request.request_reference or is_other(request, response)
 end
 
 local is_mismatch = M.is_mismatch
@@ -155,7 +148,7 @@ local function most_parameters(self, job)
   if request == nil or response == nil or is_mismatch(job) then
     return most
   end
-  local answered = #response.blocks
+  local answered = #places_of(response)
   if answered == #request.addresses and answered == request.parameter_count then
     return answered
   end
@@ -255,7 +248,7 @@ local function error_args(job, block, address)
 end
 
 local function put_blocks(remarks, frame, job, stray)
-  local request, blocks = job.message, job.response.blocks
+  local request, blocks = job.message, places_of(job.response)
   local addresses = request and not stray and request.addresses
   local counted = addresses and request.operation == "read"
   local told = request == nil and job.repeats ~= nil
@@ -270,13 +263,11 @@ local function put_blocks(remarks, frame, job, stray)
   end
 end
 
--- `layout`: that of the response to a request that is no other's; nil where it has none.
-local function put_response(self, remarks, job, stray, layout)
+local function put_response(self, remarks, job, stray)
   local half, response = job.read_response, job.response
   if response == nil then
     return
   end
-  local before = #remarks
   if response.flaws[1] then
     put_flaws(remarks, response.flaws, half, most_parameters(self, job))
   end
@@ -288,9 +279,6 @@ local function put_response(self, remarks, job, stray, layout)
     put_mirror(remarks, half.frame, job)
   end
   put_blocks(remarks, half.frame, job, stray)
-  if layout then -- what is said of one is said of all, and mostly nothing is
-    layout.is_silent = #remarks == before
-  end
 end
 
 local function put_polls(self, remarks, half, polls)
@@ -338,17 +326,16 @@ local function learn_limit(self, job)
   if response == nil then
     return
   end
-  local addresses, blocks, layout, found = request.addresses, response.blocks, response.layout, false
-  for number = 1, #blocks do
-    local address, block = addresses[number], blocks[number]
-    if address.pnu == PNU_ACCESS_IDENTIFICATION and address.attribute == VALUE and not block.float then
-      found = true
-      learn(self, self.longest, job.peer.device, block.values[1 - address.subindex])
-      learn(self, self.most, job.peer.device, block.values[2 - address.subindex])
+  local addresses = request.addresses
+  for number = 1, #places_of(response) do
+    local address = addresses[number]
+    if address.pnu == PNU_ACCESS_IDENTIFICATION and address.attribute == VALUE then
+      local block = response.blocks[number]
+      if not block.float then
+        learn(self, self.longest, job.peer.device, block.values[1 - address.subindex])
+        learn(self, self.most, job.peer.device, block.values[2 - address.subindex])
+      end
     end
-  end
-  if layout then
-    layout.has_no_limit = not found
   end
 end
 
@@ -380,13 +367,10 @@ end
 --- What its response, and the values in it, say of a job: an array of remarks.
 -- To be called in the order of the capture.
 function Judge:answered(job)
-  local remarks, stray, request, response = self.blank, is_mismatch(job), job.message, job.response
-  local layout = not stray and request and response and response.layout
+  local remarks, stray, request = self.blank, is_mismatch(job), job.message
   put_request(self, remarks, job)
   put_reads(remarks, job)
-  if not (layout and layout.is_silent) then
-    put_response(self, remarks, job, stray, layout)
-  end
+  put_response(self, remarks, job, stray)
   put_time(self, remarks, job)
   local operation = request and request.operation
   if request == nil then
@@ -398,9 +382,7 @@ function Judge:answered(job)
     if found[1] then
       put_read_back(remarks, job, found)
     end
-    if not (layout and layout.has_no_limit) then
-      learn_limit(self, job)
-    end
+    learn_limit(self, job)
   end
   return owned(self, job)
 end

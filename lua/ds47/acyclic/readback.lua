@@ -9,6 +9,7 @@ local drive_objects = require("ds47.profidrive.drive_objects")
 local formats = require("ds47.profidrive.formats")
 local json = require("ds47.support.json")
 local ordered = require("ds47.support.ordered")
+local places_of = require("ds47.profidrive.layouts").places
 local tables = require("ds47.spec.tables")
 
 local floor, huge, max, sub = math.floor, math.huge, math.max, string.sub
@@ -45,7 +46,6 @@ function M.new(most, waits)
     open = {}, -- changes without a response -> array of {key, number, write}, number of the parameter from 1
     devices = ordered.new(), -- address -> {forgotten = frame, recomputing = set of jobs, count}
     pnus = {}, -- every PNU that was ever written: most reads ask for others
-    generation = {}, -- another table whenever there is another PNU: layouts that have none of them know it
   }, ReadBack)
 end
 
@@ -136,9 +136,7 @@ local function note(self, told, access, place, address, block, frame)
     told[#told + 1] = {key = key, number = place, write = write}
     remember(self, key, write)
   end
-  if not self.pnus[address.pnu] then
-    self.pnus[address.pnu], self.generation = true, {}
-  end
+  self.pnus[address.pnu] = true
 end
 
 -- Whether a message is not decoded to its end, for another reason than `but`.
@@ -345,22 +343,19 @@ end
 --- What a read brings that is not what was written last: array of {offset, args of DS417}.
 function ReadBack:read(job)
   local request, response = job.message, job.response
-  local layout = response and response.layout
-  if response == nil or layout and layout.unwritten == self.generation then
-    return NONE
-  elseif request == nil or request.operation ~= "read" then
+  if response == nil or request == nil or request.operation ~= "read" then
     return NONE
   end
-  local found, access, blocks = {}, nil, response.blocks
-  for number = 1, #blocks do
-    local address, block = request.addresses[number], blocks[number]
-    if block.error or self.pnus[address.pnu] or address.pnu == DO_IDENTIFICATION then
-      access = access or drive_objects.access(job)
-      self:_look(found, job, access, address, block)
+  local found, access, places, addresses, pnus = NONE, nil, places_of(response), request.addresses, self.pnus
+  for number = 1, #places do
+    local address = addresses[number]
+    local pnu = address.pnu
+    if pnus[pnu] or pnu == DO_IDENTIFICATION or places[number].error then
+      if access == nil then
+        found, access = {}, drive_objects.access(job)
+      end
+      self:_look(found, job, access, address, response.blocks[number])
     end
-  end
-  if layout and access == nil then
-    layout.unwritten = self.generation
   end
   return found
 end

@@ -7,6 +7,7 @@ local dictionary = require("ds47.profidrive.dictionary")
 local family = require("ds47.profidrive.family")
 local naming = require("ds47.parameters.naming")
 local parameter = require("ds47.profidrive.parameter")
+local places_of = require("ds47.profidrive.layouts").places
 local records = require("ds47.profinet.records")
 local rules = require("ds47.acyclic.judge")
 local lookup = require("ds47.spec.lookup")
@@ -69,8 +70,7 @@ local function outcome(job, parameters)
   if response == nil or response.response_id == NOT_SUPPORTED then
     return "error"
   end
-  local layout = response.layout -- whose places are those of blocks with values: blocks need not be made
-  local blocks = layout and layout.places or response.blocks
+  local blocks = places_of(response)
   local known = tables.response_ids[response.response_id or 0]
   local negative = known ~= nil and known.negative or false
   if #blocks == 0 and known and known.body ~= "blocks" and not negative then

@@ -13,6 +13,7 @@ local length = later("ds47.diagnosis.length")
 local memory = require("ds47.diagnosis.memory")
 local order = require("ds47.diagnosis.order")
 local parameter = require("ds47.profidrive.parameter")
+local places_of = require("ds47.profidrive.layouts").places
 local reader = require("ds47.support.bytes")
 local refusal = later("ds47.diagnosis.refusal")
 local repair = later("ds47.diagnosis.repair")
@@ -105,11 +106,7 @@ end
 
 -- Whether a response has fewer parameters than were asked for.
 local function is_short(request, response)
-  local layout = response.layout
-  if layout == nil then
-    return #response.blocks < #request.addresses
-  end
-  return #layout.places < #request.addresses
+  return #places_of(response) < #request.addresses
 end
 
 -- Whether a job that was answered well may have something to be repaired all the same.
@@ -135,21 +132,9 @@ local function is_odd(job)
   return false
 end
 
--- Whether a response, or all of a layout, is one that nothing is to be said of, where the request is not odd.
-local function is_well(response)
-  return USUAL[response.response_id or 0] and not response.flaws[1]
-end
-
--- Whether a job has a response that nothing is to be said of, as nearly all have. The layout of one to a read
--- knows, as it belongs to the question. `message` and `response` may be nil.
-local function is_answered_well(job, message, response)
-  local layout = response and response.layout
-  if not layout or not message or message.operation ~= "read" then
-    return response and is_well(layout or response) and not is_odd(job)
-  elseif layout.is_well == nil then
-    layout.is_well = is_well(layout) and not is_short(message, response) or false
-  end
-  return layout.is_well and not message.flaws[1]
+-- Whether a job has a response that nothing is to be said of, as nearly all have.
+local function is_answered_well(job, response)
+  return response and USUAL[response.response_id or 0] and not response.flaws[1] and not is_odd(job)
 end
 
 --- What a closed job shows, and the findings it has, were caused by: an array of remarks, for reading only.
@@ -159,7 +144,7 @@ function Diagnoses:closed(job)
   if read and #read.data > (longest and longest[ONLY] or 0) then
     self:_learn_length(device, #read.data)
   end
-  local in_order, well = order.is_usual(job), is_answered_well(job, message, response)
+  local in_order, well = order.is_usual(job), is_answered_well(job, response)
   local remarks = NONE
   if not (in_order and well) then
     remarks = {}

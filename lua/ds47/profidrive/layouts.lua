@@ -2,10 +2,10 @@
 --
 -- A program asks the same again and again, and the drive answers in the same formats. So a response that was
 -- decoded without a flaw leaves its layout with the question, and the next one of that layout is known by one
--- look at its bytes; its values are decoded when somebody asks for them. What follows from question and
--- layout alone stands with the layout, where who finds it out keeps it (`response.layout`).
+-- look at its bytes; its values are decoded when somebody asks for them.
 -- Only layouts of which the bytes tell all: no errors, no format that has two sizes. How a response is
--- decoded is in parameter.lua; here nothing is judged. Other than in Python, which remembers elsewhere.
+-- decoded is in parameter.lua. A layout holds what bytes decode to and no verdict: what a rule says of a
+-- response is decided each time. Other than in Python, which remembers elsewhere.
 
 local byte, find, gsub, sub = string.byte, string.find, string.gsub, string.sub
 local rep = string.rep
@@ -66,6 +66,12 @@ end
 local MADE = {
   value_lists = function(layout, response) return values_of(layout, response.data) end, blocks = blocks_of,
 }
+
+--- The blocks of a response but for their values, which need not be decoded for it.
+function M.places(response)
+  local layout = response.layout
+  return layout and layout.places or response.blocks
+end
 
 -- The layout of a response, the metatable of all that have it; nil where there is none.
 local function layout_of(data, response)
