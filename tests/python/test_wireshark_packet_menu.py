@@ -101,8 +101,7 @@ def menu(shark: Run, tmp_path: Path) -> Callable[[Path], Said]:
         rows: list[dict[str, Any]] = [json.loads(line) for line in out.splitlines()]
         for row in rows:
             for name, entry in row["entries"].items():
-                needed = "ds47.transaction" if name == TRANSACTION else "ds47,ds47.transaction"
-                assert entry["needed"] == needed
+                assert (name, entry["needed"]) == (name, "ds47.transaction")
         return {
             int(row["frame"]): {name: entry["said"] for name, entry in row["entries"].items()}
             for row in rows

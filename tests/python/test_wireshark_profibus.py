@@ -38,8 +38,7 @@ from test_wireshark_plugin import (
 )
 from test_wireshark_plugin import told as told_finding
 from test_wireshark_pzd import truth
-from test_wireshark_statistics import ANALYZER_ONLY
-from whole_capture import of_transactions
+from whole_capture import of_transactions, without_analyzers
 
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture.writer import PcapngWriter
@@ -637,10 +636,9 @@ def test_a_ppo_that_is_named(tshark: Tshark, tmp_path: Path) -> None:
 def test_the_report_is_that_of_the_command(tshark: Tshark, tmp_path: Path) -> None:
     path = saved(tmp_path / "line.pcapng", shots(test_profibus_bus.everything_wrong()))
     text = tshark("-q", "-X", "lua_script1:report", "-X", f"lua_script1:name={path}", "-r", path)
-    result, wanted = analyze(path, AnalysisOptions(ignore=ANALYZER_ONLY)), io.StringIO()
+    result, wanted = without_analyzers(analyze(path)), io.StringIO()
     text_report.write(Report([result]), wanted, Options(rules=rules(), zone=Zone("local", UTC)))
     assert text == wanted.getvalue()
-    assert "dp4      slave" in text
     for kind in ("statistics", "csv", "drives"):
         assert tshark("-q", "-X", f"lua_script1:{kind}", "-r", path)
 
