@@ -1,6 +1,6 @@
 """The key `drive_object` of a transaction: the number of the drive object that it is proved to reach.
 
-What proves one is tested in test_drive_objects.py. Here: when that counts, and that Python, Lua and Wireshark agree.
+What proves one is tested in test_drive_objects.py. Here: when that counts, and that all three sides agree on it.
 """
 
 from __future__ import annotations
