@@ -103,7 +103,7 @@ def word_lines(name: str, word: int, family: str | None = None) -> Iterator[Both
     yield headline(name, word)
     for row in cyclic.bits(name, family):
         value = word >> row.bit & 1
-        words = _both(row.text, word)
+        words = _both(row.said, word)
         if words.en:
             yield say("pzd_bit", bit=f"{row.bit:>2}", value=str(value), text=words)
     lacking = needs(name, word)
