@@ -5,8 +5,8 @@
 -- Each step is a module of its own; here they are only joined, and it is kept what they said. Where the
 -- packets come from (Wireshark, a test) is not known here, and no output format either.
 --
--- A capture that is looked at may go on. So the end of a capture is played on a copy of what is still open
--- (`ended`), and the analysis itself stays as it was.
+-- A capture that is looked at may go on. So its end is judged from what is open (acyclic/ending.lua), and
+-- the analysis itself stays as it was.
 
 local later = require("ds47.support.later").module
 
@@ -16,8 +16,8 @@ local idents = require("ds47.profibus.idents")
 local calls = require("ds47.profinet.calls")
 local channels = require("ds47.cyclic.channels")
 local conclusions = require("ds47.cyclic.conclusions")
-local copy = later("ds47.acyclic.copy")
 local dictionary = require("ds47.profidrive.dictionary")
+local ending = later("ds47.acyclic.ending")
 local diagnosis = require("ds47.diagnosis.transaction")
 local findings = require("ds47.findings.collection")
 local gate = require("ds47.acyclic.index47")
@@ -50,13 +50,6 @@ local NONE = {}
 
 local Analysis = {}
 Analysis.__index = Analysis
-
--- Fields whose values never change once they are made: a copy of the open state refers to the same ones.
-local UNCHANGING = {
-  message = true, peer = true, request = true, response = true, meanings = true,
-  read_request = true, read_response = true, write_response = true, place = true,
-  superseding = true, rival = true, -- jobs that are looked at, with what is certain of them
-}
 
 --- A new analysis.
 -- @param options what a user may choose; nil, or any of:
@@ -133,10 +126,7 @@ end
 -- What is given up is told at once; `kind` is "RPC" or "IP".
 local function tell_given_up(self, given_up, kind)
   for _, part in ipairs(given_up) do
-    local pdu = part.pdu or rpc.parse(part.packet)
-    if pdu ~= nil then
-      self.records:incomplete(pdu, part.have, kind, part.limit, self.calls:open_call(pdu))
-    end
+    self.records:given_up(part, kind, self.calls)
   end
 end
 
@@ -355,63 +345,20 @@ end
 function Analysis:ended()
   local result = self.result
   if result == nil then
-    result = self:_open_state():_finish()
+    result = ending.result(self)
     self.result = result
   end
   return result
 end
 
--- A copy of everything that the end of the capture may still change. Finished transactions and their
--- findings are shared, and so is what never changes once it is made.
-function Analysis:_open_state()
-  local known = {
-    [self.finished_jobs] = self.finished_jobs:on_top(),
-    [self.options] = self.options,
-    [self.reassembly] = self.reassembly,
-    [self.naming] = self.naming,
-    [self.dictionary] = self.dictionary, -- no response comes any more that teaches it something
-  }
-  self.findings:copied(known)
-  self.judge:copied(known)
-  self.diagnoses:copied(known)
-  self.pairing:copied(known)
-  self.cyclic:copied(known)
-  return copy.copy(self, known, UNCHANGING)
-end
-
-function Analysis:_finish()
-  self.findings.frames_dropped = self.options.frames_dropped or false
-  tell_given_up(self, self.fragments:unfinished(), "RPC")
-  tell_given_up(self, self.reassembly:unfinished(), "IP")
-  self.calls:finish()
-  self.bus:finish()
-  self.services:finish()
-  self.pairing:finish()
-  self.records:finish()
-  self.cyclic:finish()
-  for _, remark in ipairs(self.conclusions:finish()) do
-    self.findings:add(remark)
-  end
-  local numbered = self.finished_jobs:numbered()
-  local found, diagnoses = self.findings:result(numbered, self.finished_jobs, self.diagnoses)
-  return {
-    transactions = numbered,
-    findings = found,
-    diagnoses = diagnoses,
-    devices = self.naming:devices(),
-    rpc = self.calls.counts,
-    records = self.events.counts,
-    relations = self.cyclic:relations(),
-    timelines = self.cyclic:timelines(),
-  }
-end
-
 -- What pairing and the record calls tell
 
 --- A transport finding.
-function Analysis:remark(remark)
-  if remark.job then -- what is said of a call of its own
-    remark.job:note_call(remark.rule, remark.frame)
+-- @param job  the one that the call is of; may be nil
+function Analysis:remark(remark, job)
+  if job then
+    job:note_call(remark.rule, remark.frame)
+    remark.order = job.order
   end
   self.findings:add(remark)
 end
@@ -448,29 +395,31 @@ end
 
 --- Nothing more can come for a job.
 function Analysis:closed(job)
-  local remarks, kept = job.remarks, self.findings
-  if job.response == nil then
-    learning.ask(self.dictionary, job)
-  end
-  if remarks then
-    job.remarks = nil
-  else
-    remarks = self.judge:unanswered(job, self.findings.frames_dropped)
+  local remarks = job.remarks
+  job.remarks = nil
+  if remarks == nil then
+    remarks = self.judge:unanswered(job, false)
     if job.limit and job:write_request() then
       self.records:limit_reached(job.limit, job:write_request())
     end
-    kept:foresee(remarks)
+    self.findings:foresee(remarks)
   end
-  if remarks[1] then
-    kept:keep(remarks)
+  self:conclude(job, remarks)
+end
+
+--- A job is over: its remarks are kept, and what they were caused by is asked.
+function Analysis:conclude(job, remarks)
+  if job.response == nil then
+    learning.ask(self.dictionary, job)
   end
+  self.findings:keep(remarks)
   local refused = self.judge:closed(job)
   if refused then
-    kept:add(refused)
+    self.findings:add(refused)
   end
   local diagnoses = self.diagnoses:closed(job)
   for number = 1, #diagnoses do
-    kept:add(diagnoses[number])
+    self.findings:add(diagnoses[number])
   end
   self.finished_jobs:add(job)
   self:_explain(job.order)

@@ -56,15 +56,16 @@ local function half(told)
   return told
 end
 
-local jobs, numbers = {}, {} -- number -> job, job -> number
+local jobs = {} -- number -> job
 
 -- The job with this number, as it is now; the bytes are decoded as the analysis does.
 local function job_of(told)
   local job = jobs[told.id] or setmetatable({}, pairing.Job)
-  jobs[told.id], numbers[job] = job, told.id
+  jobs[told.id] = job
   for key in pairs(job) do
     job[key] = nil
   end
+  job.order = told.id
   for _, name in ipairs({"write_response", "read_request", "read_response"}) do
     job[name] = half(told[name])
   end
@@ -89,7 +90,7 @@ end
 local function remark(item)
   return {
     rule = item.rule, frame = item.frame, args = item.args or {}, offset = item.offset,
-    job = item.job and numbers[item.job],
+    job = item.order,
   }
 end
 

@@ -159,9 +159,13 @@ end
 local run = new_run()
 for text in io.lines() do
   if text == "end" then
-    over(run, run.line:finish())
-    run.calls:finish()
-    run.ear.pairing:finish()
+    over(run, run.line.open)
+    for _, call in ipairs(run.calls:unanswered()) do
+      run.ear:lost(call)
+    end
+    for _, job in ipairs((run.ear.pairing:left_open())) do
+      run.ear:closed(job)
+    end
     tell("end", {unsure = run.line.unsure})
     run = new_run()
   else

@@ -161,10 +161,10 @@ function Ear.connected(_, controller, device, frame, _, only)
   tell("connected", {controller = controller, device = device, frame = frame, only = only or false})
 end
 
-function Ear.remark(_, remark)
+function Ear.remark(_, remark, job)
   tell("remark", {
     rule = remark.rule, frame = remark.frame, args = remark.args, offset = remark.offset,
-    job = remark.job and remark.job.number,
+    job = job and job.number,
   })
 end
 
@@ -218,13 +218,19 @@ local function finish(run)
       end
     end
   end
-  run.calls:finish()
-  run.records:finish()
+  local unanswered, rpc_counts = run.calls:unanswered(), run.calls.counts
+  rpc_counts.unanswered = rpc_counts.unanswered + #unanswered
+  for _, call in ipairs(unanswered) do
+    run.records:lost(call)
+  end
+  for _, remark in ipairs(run.records:limits_reached()) do
+    run.records.listener:remark(remark)
+  end
   local counts = {}
   for index, count in pairs(run.events.counts) do
     counts[tostring(index)] = count
   end
-  tell("end", {rpc = run.calls.counts, records = counts, devices = json.array(run.naming:devices())})
+  tell("end", {rpc = rpc_counts, records = counts, devices = json.array(run.naming:devices())})
 end
 
 local function fields(line)

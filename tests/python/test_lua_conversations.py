@@ -59,8 +59,7 @@ def test_what_is_not_expected_fails(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["copy", "memory"])
 @pytest.mark.parametrize("version", ["5.2", "5.3", "5.4"])
-def test_what_the_open_state_is_made_of(version: str, name: str) -> None:
-    result = run(version, ROOT / f"tests/lua/{name}.lua")
+def test_a_memory_on_top_of_another_one(version: str) -> None:
+    result = run(version, ROOT / "tests/lua/memory.lua")
     assert (result.returncode, result.stdout) == (0, "ok\n"), result.stderr

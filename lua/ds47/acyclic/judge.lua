@@ -4,8 +4,8 @@
 -- is wrong inside one message is found by the codec (flaws) and only passed on; what is wrong with the
 -- transport is reported by record_calls.lua and record_events.lua.
 --
--- A remark is a finding in the making: {rule, frame, args, offset, job}. The args of each rule are in
--- spec/rules.toml.
+-- A remark is a finding in the making: {rule, frame, args, offset, order of its job}. The args of each rule
+-- are in spec/rules.toml.
 
 local dictionary = require("ds47.profidrive.dictionary")
 local family = require("ds47.profidrive.family")
@@ -121,12 +121,6 @@ function M.new(limits, slow_ns, waits)
   }, Judge)
 end
 
---- For a copy of the analysis that only plays the end of the capture: nothing is read back there.
-function Judge:copied(known)
-  known[self.written] = readback.new(self.limits.written_values)
-  known[self.longest], known[self.most] = self.longest, self.most
-end
-
 -- The remarks in `blank`, as those of the job.
 local function owned(self, job)
   local remarks = self.blank
@@ -135,7 +129,7 @@ local function owned(self, job)
   end
   self.blank = {}
   for _, remark in ipairs(remarks) do
-    remark.job = job
+    remark.order = job.order
   end
   return remarks
 end
@@ -390,12 +384,17 @@ end
 --- What is to be said of a job that is closed without a response: an array of remarks.
 -- @param dropped  whether the capture says that frames are missing
 function Judge:unanswered(job, dropped)
-  local remarks = self.blank
-  put_request(self, remarks, job)
-  put_reads(remarks, job)
   if is_change(job) then
     self.written:settled(job, false)
   end
+  return self:left_open(job, dropped)
+end
+
+--- The same of one that is open when the capture ends; changes nothing.
+function Judge:left_open(job, dropped)
+  local remarks = self.blank
+  put_request(self, remarks, job)
+  put_reads(remarks, job)
   local write = job:write_request()
   if write and not job:write_refused() and not job.contested then
     local change = is_change(job)
@@ -426,7 +425,7 @@ function Judge:closed(job)
     return nil
   end
   local remark = M.remark("DS203", half.frame, {status = status.status_hex(half.status)})
-  remark.job = job
+  remark.order = job.order
   return remark
 end
 

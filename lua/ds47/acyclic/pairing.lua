@@ -5,6 +5,7 @@
 -- judged: judge.lua does that when the listener is told `answered` and `closed`.
 
 local kind_fits = require("ds47.profidrive.family").kind_fits
+local flat = require("ds47.support.flat").copy
 local ordered = require("ds47.support.ordered")
 local records = require("ds47.profinet.records")
 local tables = require("ds47.spec.tables")
@@ -198,13 +199,6 @@ function M.new(limits, listener)
   }, Pairing)
 end
 
---- For a copy of the analysis that only plays the end of the capture: nobody asks or connects there.
-function Pairing:copied(known)
-  known[self.delivered] = ordered.new()
-  known[self.connects] = self.connects
-  known[self.connected_ars] = self.connected_ars
-end
-
 -- For `Analysis:touched`: in arrays of its own, so that nothing is made for it on the way of a frame.
 local function touch(self, job, role, half)
   if half.frame == self.frame then
@@ -287,30 +281,28 @@ local function at_the_end(channel)
   return why
 end
 
+-- What is not closed on a channel, in the order in which it is when nothing more comes.
+local function jobs_of(channel)
+  local jobs = {}
+  jobs[#jobs + 1] = channel.last
+  jobs[#jobs + 1] = channel.refused
+  jobs[#jobs + 1] = channel.open
+  for _, job in ipairs(channel.asked) do
+    jobs[#jobs + 1] = job
+  end
+  return jobs
+end
+
 local function close_channel(self, channel, reason, ended, limit)
   take_out(self.of_ar, channel.ar_key, channel.key)
   take_out(self.of_place, channel.place, channel.key)
   self.channels:pop(channel.key)
-  local why = reason == "end" and at_the_end(channel) or {}
-  local function over(job)
+  for _, job in ipairs(jobs_of(channel)) do
     if limit then
       push_out(self, job, limit)
     else
-      lose(self, job, why[job] or reason, ended)
+      lose(self, job, reason, ended)
     end
-  end
-  local last, refused, open = channel.last, channel.refused, channel.open
-  if last then
-    over(last)
-  end
-  if refused then
-    over(refused)
-  end
-  if open then
-    over(open)
-  end
-  for _, job in ipairs(channel.asked) do
-    over(job)
   end
   if self.of_ar[channel.ar_key] == nil then
     self.replaced[channel.ar_key] = nil
@@ -723,8 +715,8 @@ function Pairing:read_response(peer, record)
   return job
 end
 
---- A Read that never got its RPC response. Returns the job that waits for it, or nil.
-function Pairing:read_lost(peer, record)
+--- The job that waits for a Read that never got its RPC response; nil for none. Changes nothing.
+function Pairing:waits_for(peer, record)
   local channel, lost = self.channels:get(channel_key(peer, record)), record.request
   local job = channel and (channel.open or waiting_of(channel) or channel.refused) or nil
   local asked = job and job:write_request()
@@ -734,8 +726,14 @@ function Pairing:read_lost(peer, record)
   if channel.ended > lost.frame then
     return nil -- the same: another request was open then
   end
-  if job.read_request == nil then
-    job.read_request = lost
+  return job
+end
+
+--- A Read that never got its RPC response. Returns the job that waits for it, or nil.
+function Pairing:read_lost(peer, record)
+  local job = self:waits_for(peer, record)
+  if job and job.read_request == nil then
+    job.read_request = record.request
   end
   return job
 end
@@ -813,12 +811,32 @@ function Pairing:connected(controller, device, frame, ar, only)
   self.listener:connected(device, frame)
 end
 
---- The capture is over.
-function Pairing:finish()
-  while self.channels.length > 0 do
-    local _, channel = self.channels:first()
-    close_channel(self, channel, "end")
+-- A job as the end of the capture closes it; what it holds that may grow is its own.
+local function left_open(self, job, why)
+  local twin = flat(job)
+  for _, name in ipairs({"polls", "rereads", "empty_reads", "calls"}) do
+    twin[name] = job[name][1] and flat(job[name]) or nil
   end
+  twin.reason = why[job] or "end"
+  if job.read_response == nil then
+    twin.ended = connected_since(self, job)
+  end
+  twin.phase = PHASES[job.phase].lost
+  return twin
+end
+
+--- The jobs that are open, as the end of the capture closes them: copies, in that order.
+-- @return an array of them, and each by the job that it is a copy of
+function Pairing:left_open()
+  local found, twins = {}, {}
+  for _, channel in self.channels:iterate() do
+    local why = at_the_end(channel)
+    for _, job in ipairs(jobs_of(channel)) do
+      twins[job] = left_open(self, job, why)
+      found[#found + 1] = twins[job]
+    end
+  end
+  return found, twins
 end
 
 return M

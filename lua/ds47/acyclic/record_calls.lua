@@ -82,8 +82,8 @@ M.RecordCalls = RecordCalls
 -- @param events    hears of every record that may be ours (record_events.lua)
 -- @param gate      hears of connections that end: what waits for one of them waits behind that
 -- @param pairing   hears of connections that begin and end
--- @param listener  takes the transport findings: listener:remark({rule, frame, args, offset, job}), and
---   hears of every answered Connect: listener:set_up(request, response)
+-- @param listener  takes the transport findings: listener:remark({rule, frame, args, offset}, job or nil);
+--   and hears of every answered Connect: listener:set_up(request, response)
 -- @param naming    knows the vendors of devices whose calls do not say it (stations.lua)
 function RecordCalls.new(events, gate, pairing, listener, naming)
   return setmetatable({
@@ -145,6 +145,15 @@ function RecordCalls:incomplete(pdu, have, kind, limit, call)
   end
 end
 
+--- The same as fragments.lua and ip.lua give it: {pdu or packet, have, limit}.
+-- @param calls  those that are open
+function RecordCalls:given_up(part, kind, calls)
+  local pdu = part.pdu or rpc.parse(part.packet)
+  if pdu ~= nil then
+    self:incomplete(pdu, part.have, kind, part.limit, calls:open_call(pdu))
+  end
+end
+
 --- A limit pushed out something of ours that began here: `at.frame`.
 function RecordCalls:limit_reached(limit, at)
   local pushed = self.limits:get(limit)
@@ -155,12 +164,14 @@ function RecordCalls:limit_reached(limit, at)
   pushed.count = pushed.count + 1
 end
 
---- The capture is over: tells of each limit that pushed something out, once.
-function RecordCalls:finish()
+--- What is to be said of each limit that pushed something out, when the capture is over: array of remarks.
+function RecordCalls:limits_reached()
+  local found = {}
   for name, pushed in self.limits:iterate() do
     local args = {limit = name, most = tables.limits[name], count = pushed.count}
-    self.listener:remark({rule = "DS109", frame = pushed.frame, args = args})
+    found[#found + 1] = {rule = "DS109", frame = pushed.frame, args = args}
   end
+  return found
 end
 
 --- A finding about an RPC call: once, and with the first job that it carries.

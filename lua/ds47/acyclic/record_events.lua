@@ -30,7 +30,7 @@ M.RecordEvents = RecordEvents
 -- @param gate which records are ours
 -- @param pairing hears of every Write and Read that is ours
 -- @param codec dialects of the messages (options of parameter.lua, or nil)
--- @param listener takes the findings: listener:remark({rule, frame, args, offset, job})
+-- @param listener takes the findings: listener:remark({rule, frame, args, offset}, job or nil)
 function RecordEvents.new(gate, pairing, codec, listener)
   return setmetatable({
     gate = gate, pairing = pairing, codec = codec, listener = listener, counts = {},
@@ -63,8 +63,7 @@ local function event_run(_, origin, _, detail)
 end
 
 local function event_job_remark(self, _, record, remark)
-  remark.job = record.job
-  self.listener:remark(remark)
+  self.listener:remark(remark, record.job)
 end
 
 local function event_read_request(self, origin, record, _, peer)

@@ -81,13 +81,13 @@ function CallTracker:take(exchange)
   self:_answer(key, exchange)
 end
 
---- No exchange comes any more.
-function CallTracker:finish()
-  local key = self.open:first()
-  while key do
-    self:_lose(key)
-    key = self.open:first()
+--- The calls without an answer, oldest first.
+function CallTracker:unanswered()
+  local found = {}
+  for _, call in self.open:iterate() do
+    found[#found + 1] = call
   end
+  return found
 end
 
 -- Places of records: PROFIBUS has neither AR nor API nor subslot.

@@ -12,6 +12,8 @@
 -- because values move in all of them: the same ones as the analyzer looks at (`sampled` in capture/scan.py).
 
 local connect = require("ds47.profinet.connect")
+local entries = require("ds47.support.later").entries
+local flat = require("ds47.support.flat").copy
 local handshake = require("ds47.cyclic.handshake")
 local operation = require("ds47.cyclic.operation")
 local relations = require("ds47.cyclic.relations")
@@ -62,7 +64,7 @@ end
 local Requests = {}
 Requests.__index = Requests
 
--- A transaction is over. Not a closure: an analysis is copied.
+-- A transaction is over. Not a closure: a line is copied for the end of the capture.
 local function over(job, line)
   local relation, waiting = line.relation, line.waiting
   local responded = job.state == "ok" or job.state == "error"
@@ -98,6 +100,17 @@ function Requests:lost(sent, moment)
     self[said] = false
     self.channel:lost(moment, sent and "out" or "in")
   end
+end
+
+--- The same line as one that goes on alone, with another relation and owner.
+function Requests:apart(relation, owner)
+  local made = flat(self)
+  made.relation, made.owner, made.channel = relation, owner, self.channel:apart(made)
+  made.waiting = {}
+  for number, job in ipairs(self.waiting) do
+    made.waiting[number] = flat(job)
+  end
+  return made
 end
 
 function Requests:finish()
@@ -160,6 +173,14 @@ end
 
 function Drive:lost(sent, moment)
   self.recorder:lost(sent, moment.frame, moment.time)
+end
+
+--- As that of PKW; events are shared, because no frame adds one.
+function Drive:apart(relation, owner)
+  local made = flat(self)
+  made.relation, made.owner, made.recorder = relation, owner, flat(self.recorder)
+  made.recorder.operation = self.recorder.operation:apart()
+  return made
 end
 
 function Drive:finish()
@@ -429,11 +450,26 @@ function Channels:unused()
   return found
 end
 
---- For a copy of the analysis, which only plays the end: events are shared, because it adds none.
-function Channels:copied(known)
-  for _, each in ipairs(self.drives_) do
-    known[each.recorder.events], known[each.recorder.faults] = each.recorder.events, each.recorder.faults
+-- What stands for each of a list.
+local function mapped(list, standing)
+  local found = {}
+  for number, each in ipairs(list) do
+    found[number] = standing[each]
   end
+  return found
+end
+
+--- The same channels as ones that go on alone, to their end: no frame comes to them any more.
+-- @param listener  as `new` takes it
+function Channels:apart(listener)
+  local made = flat(self)
+  local relations_apart = entries(flat)
+  local lines_apart = entries(function(line) return line:apart(relations_apart[line.relation], made) end)
+  made.listener, made.asked = listener, flat(self.asked)
+  made.all = mapped(self.all, relations_apart)
+  made.without_request = mapped(self.without_request, relations_apart)
+  made.lines, made.drives_ = mapped(self.lines, lines_apart), mapped(self.drives_, lines_apart)
+  return made
 end
 
 -- Frames

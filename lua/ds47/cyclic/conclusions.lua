@@ -7,6 +7,7 @@ local explanation = require("ds47.cyclic.explanation")
 local habits = require("ds47.cyclic.habits")
 local handshake = require("ds47.cyclic.handshake")
 local judge = require("ds47.cyclic.judge")
+local ordered = require("ds47.support.ordered")
 local relations = require("ds47.cyclic.relations")
 
 local M = {}
@@ -20,16 +21,29 @@ Conclusions.__index = Conclusions
 -- @param limits the flat table of tables.lua
 -- @param channels those of the capture
 function M.new(limits, channels)
-  return setmetatable({limits = limits, channels = channels, habits = {}}, Conclusions)
+  return setmetatable({
+    limits = limits, channels = channels,
+    habits = ordered.new(), -- place of a drive -> its habits
+  }, Conclusions)
+end
+
+--- The same conclusions as ones that go on alone.
+-- @param channels those of the capture, which go on alone
+function Conclusions:apart(channels)
+  local made = M.new(self.limits, channels)
+  for place, each in self.habits:iterate() do
+    made.habits:set(place, each:apart())
+  end
+  return made
 end
 
 local function habits_of(self, relation, layout)
   local place = relations.place(relation)
-  local found = self.habits[place]
+  local found = self.habits:get(place)
   if found == nil then
     local where = {device = relation.device, slot = relation.slot}
     found = habits.new(where, self.limits, layout, relations.drives(relation))
-    self.habits[place], self.habits[#self.habits + 1] = found, found
+    self.habits:set(place, found)
   end
   return found
 end
@@ -57,7 +71,7 @@ function Conclusions:finish()
   for _, drive in ipairs(self.channels:drives()) do
     if relations.is_judged(drive.relation) then add(drive:remarks()) end
   end
-  for _, each in ipairs(self.habits) do add(each:finish()) end
+  for _, each in self.habits:iterate() do add(each:finish()) end
   for _, relation in ipairs(self.channels:unused()) do
     if relations.is_judged(relation) and relation.frame then
       add({{rule = "DS512", frame = relation.frame, args = {device = relation.device, slot = relation.slot}}})

@@ -9,6 +9,7 @@
 -- (raw, as it is effective; nil where the telegram has none), actual}. Nobody changes one.
 
 local bits = require("ds47.support.bits")
+local flat = require("ds47.support.flat").copy
 local json = require("ds47.support.json")
 local pzd = require("ds47.cyclic.pzd")
 local tables = require("ds47.spec.tables")
@@ -25,6 +26,7 @@ local RUNNING, FAULT, INHIBITED, NO_DEVIATION, REQUESTED = 2, 3, 6, 8, 9 -- bits
 local BUSY = {RUNNING, FAULT, INHIBITED}
 -- Bit of ZSW1, 0 while it is active; bit of STW1, 0 where the controller asks for it.
 local OFF = {{active = 4, asked = 1, name = "OFF2"}, {active = 5, asked = 2, name = "OFF3"}}
+local STANDING = {"idle", "inhibited", "acknowledged", "locked", "away"} -- what is said once it is over
 local MOVED = tables.pzd.word * 0.01 -- by so much a setpoint has moved
 
 local Operation = {}
@@ -182,13 +184,21 @@ function Operation:lost(frame, by_controller)
   self.last = nil
 end
 
+--- The same operation as one that goes on alone.
+function Operation:apart()
+  local made = flat(self)
+  made.remarks = flat(self.remarks)
+  for _, name in ipairs(STANDING) do
+    made[name] = flat(self[name])
+  end
+  return made
+end
+
 --- Nothing more comes: what stands, stood until here.
 function Operation:finish()
-  over(self, self.idle)
-  over(self, self.inhibited)
-  over(self, self.acknowledged)
-  over(self, self.locked)
-  over(self, self.away)
+  for _, name in ipairs(STANDING) do
+    over(self, self[name])
+  end
 end
 
 return M

@@ -71,7 +71,16 @@ local function way_of(job)
   return way(job.peer.device, job.record, job.message.axis)
 end
 
-local MEMORIES = { "formats", "anywhere", "limits", "longest", "axes", "missing", "refused", "ends" }
+local MEMORIES = {
+  "formats", -- way, PNU -> {format, frame}: the format in which it was read last, and where first
+  "anywhere", -- device, PNU -> the format in which it is read, or SEVERAL
+  "limits", -- device, PNU 974 -> bytes of its longest message
+  "longest", -- device, ONLY -> bytes of its longest response
+  "axes", -- device, ONLY -> set of the axes that answered where the axis byte counts,
+  "missing", -- and of those that it has not
+  "refused", -- what a device refused, by the keys of refusal.sign
+  "ends", -- device, PNU -> least end of subindices that was refused
+}
 
 local Diagnoses = {}
 Diagnoses.__index = Diagnoses
@@ -79,29 +88,24 @@ Diagnoses.__index = Diagnoses
 --- Takes jobs as they are closed.
 -- @param codec  dialects of the messages
 function M.new(codec)
-  return setmetatable({
+  local diagnoses = setmetatable({
     codec = codec,
-    -- way, PNU -> {format, frame}: the format in which it was read last, and where first
-    formats = memory.new(tables.known.history),
-    anywhere = memory.new(tables.known.history), -- device, PNU -> the format in which it is read, or SEVERAL
-    limits = memory.new(tables.known.history), -- device, PNU 974 -> bytes of its longest message
-    longest = memory.new(tables.known.history), -- device, ONLY -> bytes of its longest response
-    -- device, ONLY -> set of the axes that answered where the axis byte counts, and of those that it has not
-    axes = memory.new(tables.known.history),
-    missing = memory.new(tables.known.history),
-    refused = memory.new(tables.known.history), -- what a device refused, by the keys of refusal.sign
-    ends = memory.new(tables.known.history), -- device, PNU -> least end of subindices that was refused
     -- layout -> set of the keys of channels on which all that it can teach is known
     told = {}, told_count = 0, news = 0,
   }, Diagnoses)
+  for _, name in ipairs(MEMORIES) do
+    diagnoses[name] = memory.new(tables.known.history)
+  end
+  return diagnoses
 end
 
---- For a copy of the analysis: what is known is shared, what the copy learns stays its own.
-function Diagnoses:copied(known)
+--- Diagnoses that know what these know; what they learn stays their own.
+function Diagnoses:on_top()
+  local diagnoses = M.new(self.codec)
   for _, name in ipairs(MEMORIES) do
-    known[self[name]] = self[name]:on_top()
+    diagnoses[name] = self[name]:on_top()
   end
-  known[self.told] = {}
+  return diagnoses
 end
 
 -- Whether a response has fewer parameters than were asked for.
@@ -156,7 +160,7 @@ function Diagnoses:closed(job)
     end
     for number = 1, #remarks do
       local remark = remarks[number]
-      remark.job = job
+      remark.order = job.order
       if tables.rules[remark.rule].args.family then
         remark.args.family = dictionary.family_of(job.peer.vendor_id, job.peer.family)
       end

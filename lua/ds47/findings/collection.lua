@@ -28,10 +28,11 @@ function M.new(select, ignore)
   }, Findings)
 end
 
---- For a copy of the analysis: what is kept is shared, what the copy adds stays its own.
-function Findings:copied(known)
-  known[self.kept] = {below = self.kept}
-  known[self.at_frame] = {}
+--- Findings that begin with what these hold; what is added to them stays their own.
+function Findings:on_top()
+  local findings = M.new(self.select, self.ignore)
+  findings.kept.below = self.kept
+  return findings
 end
 
 local function begins_with_one(rule, prefixes)
@@ -63,19 +64,11 @@ local function show(self, remark)
   there[#there + 1] = remark
 end
 
-local function keep(self, remark)
-  local job = remark.job
-  if job then
-    remark.order, remark.job = job.order, nil -- the job itself need not be kept
-  end
-  self.kept[#self.kept + 1] = remark
-end
-
 --- Keeps a remark for `result`, if its rule is wanted.
 function Findings:add(remark)
   if self:wanted(remark.rule) then
     show(self, remark)
-    keep(self, remark)
+    self.kept[#self.kept + 1] = remark
   end
 end
 
@@ -92,7 +85,7 @@ end
 function Findings:keep(remarks)
   for _, remark in ipairs(remarks) do
     if self:wanted(remark.rule) then
-      keep(self, remark)
+      self.kept[#self.kept + 1] = remark
     end
   end
 end
@@ -129,7 +122,7 @@ function Findings:finding(remark, transaction)
     frame = remark.frame,
     frames = frames_of(remark.rule, remark.frame, args),
     transaction = transaction,
-    order = remark.job and remark.job.order or remark.order,
+    order = remark.order,
     offset = remark.offset,
     args = args or NONE,
   }

@@ -69,9 +69,4 @@ function Bus:take(link_type, data, number, time_ns, cut)
   return item
 end
 
---- No frame comes any more.
-function Bus:finish()
-  tell(self, self.line:finish())
-end
-
 return M

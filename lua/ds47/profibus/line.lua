@@ -78,14 +78,6 @@ function Line:take(seen, cut)
   return nil
 end
 
---- No frame comes any more.
--- @return the exchange that is over with that, nil for none
-function Line:finish()
-  local over = self.open
-  self.open = nil
-  return over
-end
-
 function Line:_request(seen)
   local item, open = seen.item, self.open
   if open and open.request.item.data == item.data and (item.fcv == 1 or self.same) then

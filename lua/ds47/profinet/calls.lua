@@ -22,8 +22,8 @@ M.CallTracker = CallTracker
 
 --- Feeds on whole RPC messages in the order of the capture.
 --
--- Memory is bounded by the limits; a call without response is reported as lost when it expires or at
--- `finish`, and as pushed out when there are too many.
+-- Memory is bounded by the limits; a call without response is reported as lost when it expires, and as
+-- pushed out when there are too many.
 -- @param limits the flat table of tables.lua (copy_ns, retransmission_ns, call_expiry_ns, datagrams,
 --   activities, calls, answered_calls, rpc_messages)
 -- @param handlers a table with methods request(call), response(call), orphan_response(pdu, certain),
@@ -331,18 +331,19 @@ function CallTracker:open_call(pdu)
   return call and call.response == nil and call or nil
 end
 
---- The capture is over: every open call is lost.
-function CallTracker:finish()
-  while self.activities.length > 0 do
-    local _, activity = self.activities:pop_first()
+--- The calls without a response: those of the activity that spoke longest ago first, each in its order.
+function CallTracker:unanswered()
+  local found = {}
+  for _, activity in self.activities:iterate() do
     local call = activity.oldest
     while call do
       if not call.response then
-        lose(self, call)
+        found[#found + 1] = call
       end
       call = call.later
     end
   end
+  return found
 end
 
 return M
