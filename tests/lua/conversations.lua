@@ -4,11 +4,12 @@
 -- failure.
 
 local root = arg[0]:match("^(.*[/\\])[^/\\]*$") or "./"
-package.path = root .. "../../lua/?.lua;" .. package.path
+package.path = root .. "../../lua/?.lua;" .. root .. "?.lua;" .. package.path
 
 local analysis = require("ds47.analysis")
 local json = require("ds47.support.json")
 local transactions = require("ds47.acyclic.transactions")
+local unchanged = require("unchanged")
 local unhex = require("ds47.support.bytes").unhex
 local status = require("ds47.spec.statuses")
 
@@ -272,7 +273,11 @@ local function check_on_the_way(case, expected)
     if wrong then
       return wrong
     end
-    local first = run:ended()
+    local first
+    local changed = unchanged.changed_by(run, function() first = run:ended() end)
+    if changed then
+      return ("ended() changes %s after frame %d"):format(changed, frame)
+    end
     local text = dump_result(first)
     if run:ended() ~= first then
       return "ended() is not kept after frame " .. frame

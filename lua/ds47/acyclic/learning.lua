@@ -21,19 +21,6 @@ local function has_description(addresses)
   return false
 end
 
--- Whether a request asks for a description.
-local function asks_for_one(request)
-  local question = request.question
-  if question and question.describes ~= nil then
-    return question.describes
-  end
-  local describes = request.operation == "read" and has_description(request.addresses)
-  if question then
-    question.describes = describes
-  end
-  return describes
-end
-
 -- Whether the descriptions in a response count: it is the one to its request, and whole.
 local function is_believed(job)
   local response, half = job.response, job.read_response
@@ -69,7 +56,7 @@ end
 --- A job has its response: what it describes is learned, and what its parameters are is asked.
 function M.answered(dictionary, job)
   local request = job.message
-  if request and asks_for_one(request) and is_believed(job) then
+  if request and request.operation == "read" and has_description(request.addresses) and is_believed(job) then
     local access = drive_objects.access(job)
     for number, address in ipairs(request.addresses) do
       local block = job.response.blocks[number]
