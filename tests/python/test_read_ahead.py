@@ -126,7 +126,6 @@ def test_pcap(
     assert len(threads) > before
 
 
-@pytest.mark.slow
 @many
 @given(st.lists(st.one_of(frame, st.integers(0, 4)), max_size=40), chunks, st.data())
 def test_pcapng(

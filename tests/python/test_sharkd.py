@@ -114,7 +114,6 @@ def test_rows_have_their_columns_behind_a_filter(ask: Ask) -> None:
     )
 
 
-@pytest.mark.slow
 def test_a_tree_is_whole_behind_rows(ask: Ask) -> None:
     """Rows ask for the fields of their columns alone; whoever looks at a frame sees all."""
     rows, tree = ("frames", {}), ("frame", {"frame": 5, "proto": True})
