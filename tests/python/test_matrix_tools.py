@@ -14,6 +14,7 @@ from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
+from lua_program import LUAS, QUICK, luas_of, runs_another
 from shares import MANY, own, parts, share
 
 posix = pytest.mark.skipif(os.name != "posix", reason="shell scripts")
@@ -200,6 +201,21 @@ def test_tests_of_many_captures_are_divided_and_no_others(monkeypatch: pytest.Mo
         assert [each for each in part if not each.startswith("many")] == [
             item.nodeid for item in whole if item not in many
         ]
+
+
+def test_marks_come_from_parameters_fixtures_and_names() -> None:
+    def test(file: str, fixtures: tuple[str, ...] = (), **params: Any) -> Any:
+        call = SimpleNamespace(params=params) if params else None
+        return SimpleNamespace(path=Path(file), fixturenames=fixtures, callspec=call)
+
+    assert [luas_of(test("test_a.py", lua=each)) for each in LUAS] == [{each} for each in LUAS]
+    assert luas_of(test("test_a.py", version="5.4", number=5.2)) == {QUICK}
+    assert luas_of(test("test_a.py", lang="en")) == luas_of(test("test_a.py")) == set()
+    assert runs_another(test("test_a.py", lua="lua5.3"))
+    assert runs_another(test("test_a.py", ("tmp_path", "tshark")))
+    assert runs_another(test("test_lua_a.py"))
+    assert runs_another(test("test_wireshark_a.py"))
+    assert not runs_another(test("test_a.py", ("tmp_path",), lang="en"))
 
 
 @pytest.mark.slow
