@@ -644,7 +644,7 @@ def _rearranged(case: Case) -> Iterator[str]:
         yield "does not say what is meant"
     elif not re.match(r"(read|change) ref \d+ axis \d+ ", str(case.args["meant"])):
         yield f"what is meant is no request: {case.args['meant']}"
-    if case.args.get("what") not in words.CLAUSES[case.finding.rule]:
+    if case.args.get("what") not in words.WORDS:
         yield f"what {case.args.get('what')!r} is nothing"
     if not mine:
         return  # one of several of a cause: the corrected request is that of another
@@ -1034,7 +1034,7 @@ def _cases(plain: dict[str, object], args: dict[str, object], mine: list[Finding
             yield f"{name} is said to differ, and is {values}"
     shown_ones = set().union(*(words.named(rule, each.args) for each in cases))
     sentence = str(plain["message"])
-    if set(differs) & shown_ones and rule in words.MANY:
-        yield from words.of_many(rule, sentence, args)
+    if set(differs) & shown_ones and words.has_many(rule):
+        yield from words.problems(rule, sentence, args, many=True)
     else:
         yield from words.problems(rule, sentence, cases[0].args)

@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 
 from tests.audit import plc
 from tests.audit.reading import Complaint, Deal, Finding, Reading, shown
-from tests.audit.words import MANY, of_many, problems
+from tests.audit.words import has_many, problems
 
 TITLES = (
     "Drives", "Other devices", "What to do", "What this capture cannot show", "Transactions", "Findings",
@@ -524,7 +524,7 @@ def _says(item: Headline, finding: Finding) -> bool:
         return False
     if not list(problems(item.rule, item.text, finding.args)):
         return True
-    return item.rule in MANY and not list(of_many(item.rule, item.text, finding.args))
+    return has_many(item.rule) and not list(problems(item.rule, item.text, finding.args, many=True))
 
 
 def _rests(lines: list[str], items: list[Headline], reading: Reading) -> Iterator[str]:
