@@ -116,6 +116,24 @@ def partners(others: int) -> bytes:
     return frames_at_once(frames)
 
 
+def writers_apart(after_ns: int) -> bytes:
+    """A station writes, and so long after that was taken another one writes other values."""
+    write = (s7.put(1, s7.item(1, 0, 1), bytes((value,))) for value in (1, 2))
+    talks = [s7.Talk((f"10.0.0.{200 + n}", 1024 + n), ("10.0.0.2", 102)) for n in (1, 2)]
+    one, two = (
+        talk.opened().ask(each, s7.taken(1, DONE)).frames()
+        for talk, each in zip(talks, write, strict=True)
+    )
+    second = 1_767_254_400_000_000_000 + after_ns  # its request is the last frame but one
+    target = io.BytesIO()
+    with PcapngWriter(target, link_type=1) as writer:
+        for back, data in zip(range(len(one) - 1, -1, -1), one, strict=True):
+            writer.write(second - after_ns - 1000 * back, data)
+        for back, data in zip(range(len(two) - 2, -2, -1), two, strict=True):
+            writer.write(second - 1000 * back, data)
+    return target.getvalue()
+
+
 def frames_at_once(frames: list[bytes]) -> bytes:
     """The frames as one capture, a tenth of a millisecond apart: it is only their order that matters."""
     target = io.BytesIO()
@@ -125,7 +143,7 @@ def frames_at_once(frames: list[bytes]) -> bytes:
     return target.getvalue()
 
 
-MOST = limits().s7_memories
+MOST, APART = limits().s7_memories, limits().s7_writers_ns
 SCENES: dict[str, tuple[bytes, list[str]]] = {
     "the same bytes": (taped(same_bytes), []),
     "other bytes": (taped(other_bytes), ["DS907"]),
@@ -136,6 +154,8 @@ SCENES: dict[str, tuple[bytes, list[str]]] = {
     "one read more": (taped(read_between(RECENT + 1)), ["DS904", "DS904"]),
     "as many partners as are kept": (partners(MOST - 1), ["DS907"]),
     "one partner more": (partners(MOST), []),
+    "another writer within the time": (writers_apart(APART), ["DS907"]),
+    "another writer behind it": (writers_apart(APART + 1), []),
 }
 
 
