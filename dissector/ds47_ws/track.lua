@@ -210,21 +210,6 @@ local function cut_of(number, frame, pinfo)
   return length > #frame and { frame = number, captured = #frame, original = length } or nil
 end
 
--- The newest frame: what Wireshark knows of it, its bytes, and where its IP header begins.
-local here, here_bytes, here_offset
-
--- What few packets are asked for: it is made then.
-local SELDOM = {
-  cut = function() return cut_of(last, here_bytes, here) end,
-  src_mac = function() return source_mac(here_bytes, here_offset) end,
-}
-
--- The packet of the newest frame; whoever takes it does not keep it.
-local packet = setmetatable({}, { __index = function(_, key)
-  local make = SELDOM[key]
-  return make and make()
-end })
-
 local the_complete -- below: the complete result by frames
 
 -- A fragment of a datagram; its data begins at `at`, and ends at `wanted` or where the frame does.
@@ -292,9 +277,13 @@ function M.feed(number, frame, offset, clock, pinfo)
     return false
   end
   local live = current or the_analysis()
-  complete, last, here, here_bytes, here_offset = nil, number, pinfo, frame, offset
+  complete, last = nil, number
   if at then
-    live:datagram(new_pdu(found, frame, at, stop, number, clock(live), packet), ip_id, packet)
+    local pdu = new_pdu(found, frame, at, stop, number, clock(live))
+    if pdu.missing ~= 0 then
+      pdu.cut = cut_of(number, frame, pinfo)
+    end
+    live:datagram(pdu, ip_id, source_mac(frame, offset))
   else
     found.frame, found.time_ns, found.cut = number, clock(live), cut_of(number, frame, pinfo)
     live:fragment(found)

@@ -152,8 +152,8 @@ end
 
 --- Takes the PDU of a whole UDP datagram.
 -- @param ip_id  the identification of its IP header
--- @param packet  what it came in: asked for its `src_mac` where that may tell something, and not kept
-function Analysis:datagram(pdu, ip_id, packet)
+-- @param src_mac  whose frame it came in, or the one that completed it: text, nil where that is not known
+function Analysis:datagram(pdu, ip_id, src_mac)
   begin(self, pdu.frame)
   local tracker = self.calls
   local is_copy, original = tracker:is_copy(pdu, ip_id)
@@ -166,7 +166,7 @@ function Analysis:datagram(pdu, ip_id, packet)
     whole = joined(self, pdu)
   end
   if whole ~= nil then
-    self.naming:message(whole, packet)
+    self.naming:message(whole, src_mac)
     tracker:feed(whole)
   end
 end
@@ -176,7 +176,7 @@ end
 function Analysis:packet(packet)
   local pdu = parse(packet)
   if pdu ~= nil then
-    self:datagram(pdu, packet.ip_id, packet)
+    self:datagram(pdu, packet.ip_id, packet.src_mac)
   else
     begin(self, packet.frame)
   end

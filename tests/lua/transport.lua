@@ -757,8 +757,8 @@ end
 
 local function test_names()
   local names = naming.Naming.new()
-  names:message(pdu_of({ptype = 2}), {src_mac = "02:00"})
-  names:message(pdu_of({ptype = 0, opnum = rpc.CONNECT}), {})
+  names:message(pdu_of({ptype = 2}), "02:00")
+  names:message(pdu_of({ptype = 0, opnum = rpc.CONNECT}))
   local device = names:devices()[1]
   check("device", device.ip .. device.mac .. device.vendor_id, DRIVE .. "02:0042")
   local data = "\2\2\0\8\0\0drive\xe9" .. "\1\2\0\14\0\1" .. "\192\168\133\33" .. ("\0"):rep(8)

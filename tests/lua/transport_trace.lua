@@ -198,7 +198,7 @@ local function feed(run, packet)
       tell_pdu(whole, "whole", packet)
     end
     tell_records(whole)
-    run.naming:message(whole, packet)
+    run.naming:message(whole, packet.src_mac)
     run.calls:feed(whole)
   end
 end

@@ -137,13 +137,12 @@ end
 
 --- The PDU of a head.
 --
--- `body` is what follows the 80-byte header, `missing` the bytes of it that are not there, and `cut` the
--- frame that the capture cut, if it did; else the header says more than the datagram holds. UUIDs are in
--- network order whatever the PDU used; `little` tells the order of the NDR header; `conversation` names
+-- `body` is what follows the 80-byte header, `missing` the bytes of it that are not there. Where the capture
+-- cut the frame, the caller adds that as `cut`; else the header says more than the datagram holds. UUIDs are
+-- in network order whatever the PDU used; `little` tells the order of the NDR header; `conversation` names
 -- client and activity. What a conversation repeats stands in the metatable of the PDU.
 -- @param at, stop  0-based offsets of its beginning and its end in the data; all of its header is there
--- @param packet what it came in: asked for its `cut` where something is missing, and not kept
-function M.pdu(head, data, at, stop, frame, time_ns, packet)
+function M.pdu(head, data, at, stop, frame, time_ns)
   local s1, s2, s3, s4, o1, o2, _, _, _, _, l1, l2, f1, f2 = byte(data, at + COMMON + 1, at + FRAGMENT_END)
   local seq, opnum, length, fragment
   if head.little then
@@ -160,7 +159,7 @@ function M.pdu(head, data, at, stop, frame, time_ns, packet)
     frame = frame, time_ns = time_ns,
   }, head.operations[opnum] or class_of(head, opnum))
   if stated > stop then
-    pdu.missing, pdu.cut = stated - stop, packet.cut
+    pdu.missing = stated - stop
   end
   if fragment ~= 0 then
     pdu.fragment = fragment
@@ -174,7 +173,14 @@ end
 function M.parse(packet)
   local data = packet.payload
   local head = #data >= SIZE and M.head(data, 0, packet.src_ip, packet.dst_ip)
-  return head and M.pdu(head, data, 0, #data, packet.frame, packet.time_ns, packet) or nil
+  if not head then
+    return nil
+  end
+  local pdu = M.pdu(head, data, 0, #data, packet.frame, packet.time_ns)
+  if pdu.missing ~= 0 then
+    pdu.cut = packet.cut
+  end
+  return pdu
 end
 
 --- Vendor id and device id out of an RPC object UUID (docs/protocol.md E.2); nil for a foreign one.
