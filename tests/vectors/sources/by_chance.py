@@ -82,6 +82,14 @@ PARTS: dict[str, Callable[[], list[Any]]] = {
 }
 
 
+def text(found: dict[str, list[Any]]) -> str:
+    """The file: a line for each entry."""
+    parts = (
+        f"{json.dumps(name)}: [\n" + ",\n".join(map(json.dumps, part)) + "\n]"
+        for name, part in found.items()
+    )
+    return "{\n" + ",\n".join(parts) + "\n}\n"
+
+
 if __name__ == "__main__":
-    found = {name: part() for name, part in PARTS.items()}
-    TARGET.write_text(json.dumps(found, indent=0) + "\n", encoding="utf-8")
+    TARGET.write_text(text({name: part() for name, part in PARTS.items()}), encoding="utf-8")
