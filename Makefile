@@ -18,6 +18,8 @@
 #   make release    write all of these, wheels, bill of materials and checksums into dist/, and check each
 #   make try-release  try what that wrote in bare systems without network: page, pyz, wheelhouse, container (root, Debian)
 #   make captures   let the lab write captures/ again
+#   make rule       write the skeletons of a new rule: ID=DS419
+#   make generated  write again all that follows from other files: tables, vectors, surface, manual, shown output
 #   make tables     write lua/ds47/spec/tables.lua from python/ds47/spec/*.toml again, and the JSON Schemas
 #   make surface    write what a version promises to keep, tests/vectors/surface.txt
 #   make man        write the manual pages from the help of the commands, man/
@@ -61,7 +63,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .DEFAULT_GOAL := report
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: report test test-all audit lint format matrix pythons windows bench dist pyz page wheelhouse site release try-release captures tables surface man screenshot readme oracles constraints clean \
+.PHONY: report test test-all audit lint format matrix pythons windows bench dist pyz page wheelhouse site release try-release captures rule generated tables surface man screenshot readme oracles constraints clean \
   system venv FORCE
 
 report: $(RUN)
@@ -148,6 +150,15 @@ captures: $(STAMP)
 tables: $(STAMP)
 	$(BIN)/python tools/make_tables.py
 	$(BIN)/python tools/make_schemas.py
+
+rule: $(STAMP)
+	$(BIN)/python tools/make_rule.py $(ID)
+
+generated: tables man
+	for part in messages conversations diagnoses by_chance tables; do $(BIN)/python tests/vectors/sources/$$part.py || exit; done
+	$(BIN)/python tools/make_surface.py
+	$(BIN)/python tools/make_diagnoses.py
+	TZ=UTC $(BIN)/python tools/readme_report.py
 
 surface: $(STAMP)
 	$(BIN)/python tools/make_surface.py

@@ -40,7 +40,7 @@ def test_the_demo_says_where_it_cannot_write(capsys, tmp_path):
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_a_shell_can_read_what_completes(capsys, shell):
+def test_completion_is_what_a_shell_can_read(capsys, shell):
     assert main(["completion", shell]) == 0
     source = capsys.readouterr().out
     assert "_DS47_COMPLETE" in source

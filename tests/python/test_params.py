@@ -65,7 +65,7 @@ def test_a_number_in_every_spelling(text, found):
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
 @pytest.mark.parametrize("mark", [";", ",", "\t"])
-def test_a_table_of_separated_values(tmp_path, encoding, mark):
+def test_params_are_read_from_a_table_of_separated_values(tmp_path, encoding, mark):
     text = GERMAN.replace(
         '"0: U/f linear; 20: Drehzahlregelung"', '"0: U/f linear | 20: Drehzahlregelung"'
     )

@@ -1,4 +1,4 @@
-"""The README and some pages of docs/ show what happens: each ``ds47`` command runs and shows the real output.
+"""The README and the pages of docs/ show what happens: each ``ds47`` command runs and shows the real output.
 
 In a ``console`` block a line that starts with ``$ `` is a command, run by a shell's rules but
 without a shell: pipes, ``<`` and ``>`` as a person types them. ``  # exit 1`` at its end says which
@@ -20,15 +20,7 @@ from ringbuffer import recording
 README = Path(__file__).resolve().parents[2] / "README.md"
 CHINESE = README.with_name("README.zh.md")
 DOCS = README.parent / "docs"
-SHOWN = ("encode.md", "folders.md", "index.md", "regression.md", "tutorial.md")
-FOLDERS = ("how-to", "start", "zh")
-"""Of which every page is run."""
-PAGES = [
-    README,
-    CHINESE,
-    *(DOCS / name for name in SHOWN),
-    *(page for folder in FOLDERS for page in sorted((DOCS / folder).glob("*.md"))),
-]
+PAGES = [README, CHINESE, *sorted(DOCS.rglob("*.md"))]
 PLACEHOLDER = "(the report stands here)"
 
 

@@ -1,7 +1,7 @@
 """The catalogue of findings (spec/rules.toml): complete, and in both languages.
 
-That ids, names and arguments stay is the surface's (test_stability.py). Whether a rule is reported at the right
-place is tested with pairing, rules and codec, not here.
+That ids, names and arguments stay is held by test_stability.py. Whether a rule is reported at the right place is
+tested with pairing, rules and codec, not here.
 """
 
 from __future__ import annotations

@@ -1,0 +1,75 @@
+"""No format, no command and no page comes in alone: each has a page with an example, a manual page, and a test.
+
+What there is comes from the formats of the reports and from the commands themselves. Whether an example works is
+test_readme.py's, whether a manual page is complete test_man.py's.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import test_readme
+
+from ds47.cli import COMMANDS
+from ds47.report import FORMATS
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = {
+    path: path.read_text("utf-8") for path in [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
+}
+BLOCK = re.compile(r"^```\w*\n(.*?)^```|((?:^ {4}\S.*\n)+)", re.DOTALL | re.MULTILINE)
+
+
+def examples() -> Iterator[str]:
+    """The lines of all blocks of code, those that go on below as one."""
+    for text in PAGES.values():
+        for fenced, indented in BLOCK.findall(text):
+            yield from re.sub(r" \\\n\s*", " ", fenced or indented).splitlines()
+
+
+def names_of_tests() -> str:
+    sources = [*(ROOT / "tests/python").glob("*.py"), *(ROOT / "tests/browser").glob("*.py")]
+    found = (re.findall(r"def (test_\w+)", path.read_text("utf-8")) for path in sources)
+    return " ".join(name for each in found for name in each)
+
+
+def lacking(command: str, option: str, manual: str, word: str) -> list[str]:
+    """What a command or a format does not have."""
+    found = {
+        "a page with an example": any(
+            re.search(rf"\bds47 {command}(?= |$){option}", line) for line in examples()
+        ),
+        "a manual page": re.search(rf"\b{word}\b", manual) is not None,
+        "a test with its name": re.search(rf"test_\w*{word}", names_of_tests()) is not None,
+    }
+    return [what for what, is_there in found.items() if not is_there]
+
+
+def manual_of(command: str) -> str:
+    path = ROOT / "man" / f"ds47-{command}.1"
+    return path.read_text("utf-8") if path.exists() else ""
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_format_of_the_report(name: str) -> None:
+    option = "" if name == FORMATS[0] else rf"(?=.* -f {name}\b)"
+    assert lacking("report", option, manual_of("report"), name) == []
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_command(name: str) -> None:
+    assert lacking(name, "", manual_of(name), name) == []
+
+
+def test_a_page_whose_commands_show_their_output_is_run() -> None:
+    shown = {path for path, text in PAGES.items() if test_readme.read_commands(text)}
+    assert shown - set(test_readme.PAGES) == set()
+
+
+def test_what_comes_in_alone_is_noticed() -> None:
+    assert lacking("report", r"(?=.* -f telex\b)", manual_of("report"), "telex") == [
+        "a page with an example", "a manual page", "a test with its name",
+    ]  # fmt: skip

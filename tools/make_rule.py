@@ -1,0 +1,112 @@
+#!/usr/bin/env python3
+"""Writes the skeletons of a new rule, to be filled in (docs/developers/development.md).
+
+    python tools/make_rule.py DS419            make rule ID=DS419
+
+Its entry in spec/rules.toml, a conversation and an auditor: each fails a test as long as it says TODO. The
+condition is yours to write; the modules that judge rules of these hundreds are named.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+RULES = "python/ds47/spec/rules.toml"
+ROOMS = {
+    "1": "profinet/calls", "2": "acyclic/record_events", "3": "profidrive/parameter", "4": "acyclic/judge",
+    "5": "cyclic/judge", "7": "diagnosis/refusal", "8": "profibus/judge", "9": "s7/judge",
+}  # fmt: skip
+"""Hundreds of an id -> the module that judges there."""
+ANALYZERS = "89"
+"""Hundreds whose rules the plugin has not."""
+
+ENTRY = """\
+[[rule]]
+id = "{rule}"
+name = "todo"
+title = "TODO"
+severity = "warning"
+scope = "transaction"
+anchor = "request"
+expert = "sequence"
+{only}args = {{ }}
+message = "TODO"
+cause = "TODO."
+advice = "TODO."
+title_zh = "TODO"
+message_zh = "TODO"
+cause_zh = "TODO。"
+advice_zh = "TODO。"
+"""
+SCENE = '''
+
+@BOOK.scene("none", row(1), rules="{rule}@1#1")
+def {name}_todo(client: Client) -> None:
+    """TODO: what happens, and why it is {rule}."""
+    client.exchange(ask(1), tell(1, 10.0))
+'''
+AUDITOR = """
+
+@auditor("{rule}")
+def _{name}(case: Case) -> Iterator[str]:
+    yield "TODO: what of this finding is not so, by the frames alone"
+"""
+
+
+def put_entry(text: str, rule: str) -> str:
+    """The catalogue with the entry of a rule in its place. ValueError where there is one."""
+    ids = re.findall(r'^id = "(DS\d+)"$', text, re.MULTILINE)
+    if rule in ids:
+        raise ValueError(f"{rule} is in {RULES} already")
+    only = "analyzer_only = true\n" if rule[2] in ANALYZERS else ""
+    entry = ENTRY.format(rule=rule, only=only)
+    following = next((each for each in ids if each > rule), None)
+    if following is None:
+        return f"{text}\n{entry}"
+    return text.replace(f'[[rule]]\nid = "{following}"', f'{entry}\n[[rule]]\nid = "{following}"')
+
+
+def write(root: Path, rule: str) -> list[str]:
+    """Writes the skeletons into a checkout; what is left to do, a line each."""
+    name, room = rule.lower(), ROOMS.get(rule[2], "the room that judges")
+    book = "diagnoses" if rule[2] == "7" else "conversations"
+    auditors = "causes" if rule[2] == "7" else "claims"
+    scenes = root / f"tests/vectors/sources/{book}.py"
+    catalogue, claims = root / RULES, root / f"tests/audit/{auditors}.py"
+    catalogue.write_text(put_entry(catalogue.read_text("utf-8"), rule), "utf-8")
+    before, end, behind = scenes.read_text("utf-8").rpartition('\n\n\nif __name__ == "__main__":')
+    scenes.write_text(
+        before + "\n" + SCENE.format(rule=rule, name=name).rstrip() + end + behind, "utf-8"
+    )
+    with claims.open("a", encoding="utf-8") as file:
+        file.write(AUDITOR.format(rule=rule, name=name))
+    conditions = [f"python/ds47/{room}.py"] + [f"lua/ds47/{room}.lua"] * (rule[2] not in ANALYZERS)
+    return [
+        f"{RULES}: the texts, English and Chinese, and the arguments",
+        *(f"{path}: the condition" for path in conditions),
+        f"{scenes.relative_to(root)}: {name}_todo, a conversation that shows it, and one nearby that does not",
+        f"{claims.relative_to(root)}: _{name}, which decides from the frames alone",
+        "CHANGELOG.md: a line",
+        "then: make generated; make test",
+    ]
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("rule", metavar="DSnnn")
+    rule = parser.parse_args().rule
+    if not re.fullmatch(r"DS[1-9]\d\d", rule):
+        parser.error(f"{rule!r} is no id of a rule: DS and three digits")
+    try:
+        print("To be filled in:", *write(ROOT, rule), sep="\n  ")
+    except ValueError as problem:
+        parser.error(str(problem))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
