@@ -250,7 +250,7 @@ local function join(partial, newest)
   whole.missing = length - #whole.body
   whole.cut = first_cut
   whole.frame, whole.time_ns = newest.frame, newest.time_ns
-  whole.fragmented = false
+  whole.fragmented, whole.peer = false, nil -- of its peer more may be known than when the end was asked for
   return whole
 end
 

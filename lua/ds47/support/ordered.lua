@@ -2,8 +2,7 @@
 --
 -- Lives here: the order. Not here: what is too old or too much (whoever keeps the memory decides).
 --
--- Flat on purpose: each key's neighbours stand in tables of their own instead of in linked nodes, so that
--- a deep copy needs no recursion as deep as the memory is long.
+-- Each key's neighbours stand in two tables, so that no node is made for a key.
 
 local M = {}
 
