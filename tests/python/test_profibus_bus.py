@@ -244,13 +244,17 @@ def test_a_refused_record_that_is_not_ours() -> None:
 def test_many_polls() -> None:
     wire = running()
     most = limits().bus_polls
-    for polls in (most - 1, most + 3, most + 9, most + 1):
+    frames = []
+    for polls in (most - 1, most + 3, most + 9, most + 1, most + 9):
         wire.record(STATION, "5e01ff40")
         for _ in range(polls):
             wire.poll(STATION)
         wire.poll(STATION, "5e01ff0400000000")
+        frames.append([each.frame for each in found(wire) if each.rule == "DS807"])
     finding = one(wire, "DS807")
-    assert finding.args == {"device": "dp3", "count": 3, "limit": most, "polls": most + 10}
+    assert finding.args == {"device": "dp3", "count": 4, "limit": most, "polls": most + 10}
+    assert frames[2] != frames[1]
+    assert frames[4] == frames[3] == frames[2]  # that of the first with the most
 
 
 def reading(wire: Master) -> None:
