@@ -253,7 +253,7 @@ local function dissect_cyclic(tvb, pinfo, tree)
   else
     frame = tvb:raw()
     if track.is_news(frame, number) then
-      clock.set(pinfo, number)
+      clock.set(pinfo)
       track.feed_cyclic(number, clock.now)
       views, findings, events = track.live_cyclic_views(true)
     end
@@ -284,7 +284,7 @@ local function look_at_bus(tvb, pinfo, is_new, wanted)
   elseif not clock.is_ready() then
     return nil
   end
-  clock.set(pinfo, number)
+  clock.set(pinfo)
   local link_type = encapsulations.link_type(pinfo)
   local item = track.feed_bus(number, tvb:raw(), link_type, clock.now, pinfo.len)
   if item then
@@ -373,7 +373,7 @@ function ds47.dissector(tvb, pinfo, tree)
     dissect_again(tvb, pinfo, tree, number, ip.offset)
     return
   end
-  clock.set(pinfo, number)
+  clock.set(pinfo)
   raw = raw or tvb.raw
   local offset, frame = ip.offset, raw(tvb)
   local fed, is_copy = track.feed(number, frame, offset, clock.now, pinfo)

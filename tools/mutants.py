@@ -128,7 +128,6 @@ TESTS: dict[str, tuple[str, ...]] = {
     "python/ds47/s7/judge.py": S7,
     "python/ds47/s7/consistency.py": ("test_s7_consistency", *S7),
     "python/ds47/s7/moments.py": ("test_s7_moments", *S7),
-    "lua/ds47/report/bus.lua": ("test_lua_report",),
     "lua/ds47/profibus/line.lua": ("test_lua_profibus", LINES, "test_lua_analysis:5.4 and auditor"),
     "lua/ds47/cyclic/conclusions.lua": LUA_CYCLIC,
     "lua/ds47/cyclic/explanation.lua": LUA_CYCLIC,
@@ -140,8 +139,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "lua/ds47/profidrive/dictionary.lua": ("test_lua_dictionary:5.4",),
     "lua/ds47/profidrive/drive_objects.lua": ("test_lua_judge", *LUA),
     "lua/ds47/report/statistics.lua": ("test_lua_report", "test_wireshark_statistics"),
-    "lua/ds47/report/todo.lua": ("test_lua_report",),
-    "lua/ds47/report/verdict.lua": ("test_lua_report",),
+    "lua/ds47/report/text.lua": ("test_lua_report",),
 }
 LESS: dict[str, tuple[str, ...]] = {
     "test_lua_conversations": ("-k", "5.4"),

@@ -3,7 +3,6 @@
 -- The texts come from ds47.statistics, ds47.report_text and ds47.report_csv (through ds47_ws.stats). Does
 -- nothing when loaded, only when called.
 
-local frame_clock = require("ds47_ws.clock")
 local lists = require("ds47_ws.lists")
 local profile = require("ds47_ws.profile")
 local saving = require("ds47_ws.saving")
@@ -31,7 +30,6 @@ local function count_frames(track)
   local listener = Listener.new("frame")
   function listener.packet(pinfo)
     frames = math.max(frames, pinfo.number)
-    frame_clock.passed(pinfo)
   end
   retap_packets()
   listener:remove()

@@ -2,7 +2,6 @@
 -- Here are the arguments of the script and the Listener; the texts come from ds47.report, that of drives from
 -- drives_text.lua, and files are written by saving.lua. Does nothing when loaded, only when called.
 
-local frame_clock = require("ds47_ws.clock")
 local saving = require("ds47_ws.saving")
 
 local M = {}
@@ -50,7 +49,6 @@ function M.options(track, frames, wanted)
     path = wanted and wanted.name or name,
     lang = wanted and wanted.lang or track.lang or "en",
     frames = frames,
-    zone = "local",
   }
 end
 
@@ -92,7 +90,6 @@ function M.register(track, arguments)
   local listener = Listener.new("frame")
   function listener.packet(pinfo)
     frames = pinfo.number
-    frame_clock.passed(pinfo)
   end
   function listener.reset()
     frames = 0

@@ -10,7 +10,6 @@ local bus = require("ds47.profibus.bus")
 local dp = require("ds47.profibus.dp")
 local drive_objects = require("ds47.profidrive.drive_objects")
 local drives = require("ds47_ws.drives")
-local frame_clock = require("ds47_ws.clock")
 local entries = require("ds47.support.later").entries
 local parameter = require("ds47.profidrive.parameter")
 local pkw = require("ds47.cyclic.transactions")
@@ -722,10 +721,6 @@ function M.result()
   local live = the_analysis()
   local result = live:ended()
   result.base_seconds = live.base_seconds
-  result.start_time, result.end_time = frame_clock.start(), frame_clock.last()
-  for _, each in ipairs(result.findings) do
-    each.time_ns = frame_clock.of(each.frame)
-  end
   return result
 end
 

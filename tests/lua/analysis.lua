@@ -17,6 +17,7 @@ local analysis = require("ds47.analysis")
 local drive_objects = require("ds47.profidrive.drive_objects")
 local formats = require("ds47.profidrive.formats")
 local json = require("ds47.support.json")
+local read_json = require("json_reader")
 local unhex = require("ds47.support.bytes").unhex
 local formatting = require("ds47.report.formatting")
 local named = require("ds47.cyclic.named")
@@ -25,7 +26,6 @@ local sentences = require("ds47.report.sentences")
 local status = require("ds47.spec.statuses")
 local suggest = require("ds47.diagnosis.suggest")
 local times = require("ds47.support.times")
-local transactions = require("ds47.acyclic.transactions")
 local unchanged = require("unchanged")
 
 local function hex(bytes)
@@ -115,21 +115,19 @@ local function finding(item)
   return result
 end
 
-local function diagnosis(item)
-  local result = object(item, "rule severity device count")
-  result.args, result.message = item.args, sentences.sentence(item, language)
-  result.differs, result.frames_left_out = json.array(item.differs), item.frames_left_out
-  result.frames, result.transactions = json.array(item.frames), json.array(item.transactions)
-  result.corrected = json.null
-  if item.corrected then
-    result.corrected = suggest.corrected(item.corrected, item.args.family)
-    result.corrected.request, result.corrected.hex = result.corrected.hex, nil
-    result.corrected.block = nil
-    result.corrected.encode = null(result.corrected.encode)
-    result.corrected.words = json.array(result.corrected.words)
-    result.corrected.transaction = null(item.corrected_in)
+-- The requests to send instead: rule, transaction and bytes -> what is offered.
+local function instead(findings)
+  local found = {}
+  for _, item in ipairs(findings) do
+    if item.corrected then
+      local better = suggest.corrected(item.corrected, item.args.family)
+      found[item.rule .. " " .. item.transaction .. " " .. better.hex] = {
+        request = better.hex, words = json.array(better.words), scl = better.scl,
+        encode = null(better.encode), transaction = item.transaction,
+      }
+    end
   end
-  return result
+  return found
 end
 
 local function side(item)
@@ -177,9 +175,7 @@ local function capture()
       return told
     end),
     transactions = list(result.transactions, function(item) return transaction(item, run, result) end),
-    findings = list(result.findings, finding),
-    diagnoses = list(result.diagnoses, diagnosis),
-    summary = transactions.summary(result.transactions),
+    findings = list(result.findings, finding), instead = instead(result.findings),
     relations = #result.relations > 0 and list(result.relations, relation) or nil,
     timelines = #result.timelines > 0 and list(result.timelines, function(item)
       return timeline(item, run.base_seconds)
@@ -253,7 +249,7 @@ end
 local count, EVERY = 0, 5 -- packets, and of how many one is watched more closely
 
 for text in io.lines(arg[1]) do
-  local line = json.decode(text)
+  local line = read_json(text)
   take[line.kind](line)
   count = count + 1
   if look and line.kind ~= "end" then

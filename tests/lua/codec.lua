@@ -5,11 +5,12 @@
 --   {"ask": "number", "hex", "as": "float32" | "float64" | "signed64" | "unsigned64"}
 
 local here = arg[0]:match("^(.*)[/\\]") or "."
-package.path = here .. "/../../lua/?.lua;" .. package.path
+package.path = here .. "/../../lua/?.lua;" .. here .. "/?.lua;" .. package.path
 
 local formats = require("ds47.profidrive.formats")
 local formatting = require("ds47.report.formatting")
 local json = require("ds47.support.json")
+local read_json = require("json_reader")
 local numbers = require("ds47.support.numbers")
 local parameter = require("ds47.profidrive.parameter")
 local reader = require("ds47.support.bytes")
@@ -101,6 +102,6 @@ function answers.number(question)
 end
 
 for line in io.lines() do
-  local question = json.decode(line)
+  local question = read_json(line)
   io.write(json.encode(answers[question.ask](question)), "\n")
 end

@@ -8,6 +8,7 @@ package.path = root .. "../../lua/?.lua;" .. root .. "?.lua;" .. package.path
 
 local analysis = require("ds47.analysis")
 local json = require("ds47.support.json")
+local read_json = require("json_reader")
 local transactions = require("ds47.acyclic.transactions")
 local unchanged = require("unchanged")
 local unhex = require("ds47.support.bytes").unhex
@@ -294,7 +295,7 @@ local function check_on_the_way(case, expected)
 end
 
 local file = assert(io.open(arg[1], "rb"))
-local vectors = json.decode(file:read("*a"))
+local vectors = read_json(file:read("*a"))
 file:close()
 for _, case in ipairs(vectors.cases) do
   local result = check(case)

@@ -3,10 +3,11 @@
 -- "family"}, {"ask": "words", "stw1", "zsw1", "family", "lang"}, {"ask": "handshake", "steps"}
 
 local here = arg[0]:match("^(.*)[/\\]") or "."
-package.path = here .. "/../../lua/?.lua;" .. package.path
+package.path = here .. "/../../lua/?.lua;" .. here .. "/?.lua;" .. package.path
 
 local handshake = require("ds47.cyclic.handshake")
 local json = require("ds47.support.json")
+local read_json = require("json_reader")
 local pkw = require("ds47.cyclic.pkw")
 local pzd = require("ds47.cyclic.pzd")
 local reader = require("ds47.support.bytes")
@@ -42,15 +43,9 @@ end
 
 function ask.words(question)
   local id, overlays = pzd.state(question.zsw1, known(question.stw1))
-  local family, lang = known(question.family), question.lang
-  local lacking = json.array({})
-  for i, row in ipairs(pzd.missing(question.stw1)) do lacking[i] = lang == "zh" and row.zh or row.en end
   return {
-    state = id, overlays = json.array(overlays), text = words.state_text(id, overlays, lang),
-    next = words.next_step(id, overlays, lang), missing = lacking,
-    stw1 = json.array(words.bits("stw1", question.stw1, family, lang)),
-    zsw1 = json.array(words.bits("zsw1", question.zsw1, family, lang)),
-    signed = pzd.signed(question.zsw1), percent = json.float(pzd.percent(question.zsw1)),
+    state = id, overlays = json.array(overlays), text = words.state_text(id, overlays, question.lang),
+    signed = pzd.signed(question.zsw1),
   }
 end
 
@@ -85,6 +80,6 @@ function ask.handshake(question)
 end
 
 for line in io.lines() do
-  local question = json.decode(line)
+  local question = read_json(line)
   io.write(json.encode(ask[question.ask](question)), "\n")
 end

@@ -7,6 +7,7 @@ package.path = here .. "/../../lua/?.lua;" .. here .. "/?.lua;" .. package.path
 
 local described = require("described")
 local json = require("ds47.support.json")
+local read_json = require("json_reader")
 local parameter = require("ds47.profidrive.parameter")
 local reader = require("ds47.support.bytes")
 local words = require("ds47.report.formatting")
@@ -30,5 +31,5 @@ local function answer(question)
 end
 
 for line in io.lines() do
-  print(json.encode(answer(json.decode(line))))
+  print(json.encode(answer(read_json(line))))
 end

@@ -6,11 +6,12 @@
 --   {"ask": ACCESS, "pnu", "vendor_id", "last", "response": hex}       a value: what it is told with
 
 local here = arg[0]:match("^(.*)[/\\]") or "."
-package.path = here .. "/../../lua/?.lua;" .. package.path
+package.path = here .. "/../../lua/?.lua;" .. here .. "/?.lua;" .. package.path
 
 local dictionary = require("ds47.profidrive.dictionary")
 local drive_objects = require("ds47.profidrive.drive_objects")
 local json = require("ds47.support.json")
+local read_json = require("json_reader")
 local parameter = require("ds47.profidrive.parameter")
 local reader = require("ds47.support.bytes")
 local words = require("ds47.report.formatting")
@@ -55,7 +56,7 @@ local function ask(line)
 end
 
 for text in io.lines() do
-  local line = json.decode(text)
+  local line = read_json(text)
   if line.most then
     objects = drive_objects.new()
     known = dictionary.new(objects, line.most)

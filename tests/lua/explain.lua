@@ -4,10 +4,11 @@
 --   {"request": hex}: {scl, encode}; {"pkw": hex, "layout": "uss"}: the command
 
 local here = arg[0]:match("^(.*)[/\\]") or "."
-package.path = here .. "/../../lua/?.lua;" .. package.path
+package.path = here .. "/../../lua/?.lua;" .. here .. "/?.lua;" .. package.path
 
 local explanation = require("ds47.report.explanation")
 local json = require("ds47.support.json")
+local read_json = require("json_reader")
 local meanings = require("ds47.explain.meanings")
 local reader = require("ds47.support.bytes")
 local suggest = require("ds47.diagnosis.suggest")
@@ -31,5 +32,5 @@ local function answer(question)
 end
 
 for line in io.lines() do
-  io.write(json.encode(answer(json.decode(line))), "\n")
+  io.write(json.encode(answer(read_json(line))), "\n")
 end

@@ -6,11 +6,12 @@
 -- The last line says how many were compared; exit status 1 where something differs.
 
 local root = arg[0]:match("^(.*[/\\])[^/\\]*$") or "./"
-package.path = root .. "../../lua/?.lua;" .. package.path
+package.path = root .. "../../lua/?.lua;" .. root .. "?.lua;" .. package.path
 
 local drive_objects = require("ds47.profidrive.drive_objects")
 local family = require("ds47.profidrive.family")
 local json = require("ds47.support.json")
+local read_json = require("json_reader")
 local pairing = require("ds47.acyclic.pairing")
 local parameter = require("ds47.profidrive.parameter")
 local rules = require("ds47.acyclic.judge")
@@ -33,7 +34,7 @@ end
 -- A value as one text, the same for the same thing; the text of a number stands for the number.
 local function dump(value)
   if type(value) == "table" and getmetatable(value) == getmetatable(json.raw("0")) then
-    value = json.decode(json.encode(value))
+    value = read_json(json.encode(value))
   end
   if type(value) ~= "table" then
     return type(value) == "number" and ("%.17g"):format(value) or ("%q"):format(tostring(value))
@@ -143,7 +144,7 @@ local function call(line)
 end
 
 for text in io.lines(arg[1]) do
-  local raw = json.decode(text)
+  local raw = read_json(text)
   local line = without_null(raw)
   waits = line.waits
   local result = call(line)

@@ -4,10 +4,11 @@
 -- is a difference.
 
 local here = arg[0]:match("^(.*)[/\\]") or "."
-package.path = here .. "/../../lua/?.lua;" .. package.path
+package.path = here .. "/../../lua/?.lua;" .. here .. "/?.lua;" .. package.path
 
 local formats = require("ds47.profidrive.formats")
 local json = require("ds47.support.json")
+local read_json = require("json_reader")
 local parameter = require("ds47.profidrive.parameter")
 local reader = require("ds47.support.bytes")
 local spec = require("ds47.spec.lookup")
@@ -15,7 +16,7 @@ local status = require("ds47.spec.statuses")
 local tables = require("ds47.spec.tables")
 
 local file = assert(io.open(arg[1], "rb"))
-local vectors = json.decode(file:read("*a"))
+local vectors = read_json(file:read("*a"))
 file:close()
 
 local problems = 0

@@ -3,10 +3,11 @@
 -- {value: text}}. A file that is broken is answered with the number of its line, and nothing else.
 
 local here = arg[0]:match("^(.*)[/\\]") or "."
-package.path = here .. "/../../lua/?.lua;" .. package.path
+package.path = here .. "/../../lua/?.lua;" .. here .. "/?.lua;" .. package.path
 
 local catalogue = require("ds47.parameters.catalogue")
 local json = require("ds47.support.json")
+local read_json = require("json_reader")
 local naming = require("ds47.parameters.naming")
 local parameters = require("ds47.parameters.table")
 
@@ -30,7 +31,7 @@ local function or_null(value)
 end
 
 for text in io.lines() do
-  local line = json.decode(text)
+  local line = read_json(text)
   local item = { pnu = line.pnu, attribute = "value", values = line.values, format = line.format }
   local found = naming.explained(item, given(line.vendor_id), given(line.device_id)) or {}
   local told = {}

@@ -106,14 +106,6 @@ local function message(item, service)
   }
 end
 
--- What stands at which byte, what is told beside that, and all of it in one line.
-local function in_words(item, lang)
-  return {
-    lines = mapped(shown.lines(item, lang), function(line) return json.array(line) end),
-    beside = json.array(shown.beside(item, lang)), summary = shown.summary(item, lang),
-  }
-end
-
 local function document(item)
   local service, found = dp.service(item), dp.decode(item)
   return {
@@ -124,7 +116,7 @@ local function document(item)
     dsap = or_null(item.dsap), ssap = or_null(item.ssap), du = reader.hex(item.du), fcs = or_null(item.fcs),
     service = service and words.service_text(service) or json.null,
     flaws = flaws(item.flaws), dp = found and content[found.kind](found) or json.null,
-    ms1 = message(item, service), en = in_words(item, "en"), zh = in_words(item, "zh"),
+    ms1 = message(item, service), en = shown.summary(item, "en"), zh = shown.summary(item, "zh"),
   }
 end
 

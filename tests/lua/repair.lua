@@ -5,9 +5,10 @@
 -- Parameters are numbered from 0 there, as in Python, and from 1 in Lua.
 
 local here = arg[0]:match("^(.*)[/\\]") or "."
-package.path = here .. "/../../lua/?.lua;" .. package.path
+package.path = here .. "/../../lua/?.lua;" .. here .. "/?.lua;" .. package.path
 
 local json = require("ds47.support.json")
+local read_json = require("json_reader")
 local notation = require("ds47.profidrive.notation")
 local parameter = require("ds47.profidrive.parameter")
 local reader = require("ds47.support.bytes")
@@ -41,5 +42,5 @@ local function answer(question)
 end
 
 for line in io.lines() do
-  io.write(json.encode(answer(json.decode(line))), "\n")
+  io.write(json.encode(answer(read_json(line))), "\n")
 end

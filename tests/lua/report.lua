@@ -1,29 +1,43 @@
 -- Driver: results of an analysis as JSON in, reports as JSON out, under plain Lua.
 --   lua tests/lua/report.lua IN.json OUT.json
--- IN is an array of {"kind": "statistics" | "report" | "csv" | "grouping", "result": {...},
+-- IN is an array of {"kind": "statistics" | "report" | "csv" | "parameters" | "plc", "result": {...},
 -- "options": {...}}; OUT is an array of the texts. Nothing is judged here: the test that calls it compares.
 
 local folder = arg[0]:match("^(.*)[/\\]tests[/\\]lua[/\\]") or "."
-package.path = folder .. "/lua/?.lua;" .. package.path
+package.path = folder .. "/lua/?.lua;" .. folder .. "/tests/lua/?.lua;" .. package.path
 
-local grouping = require("ds47.findings.grouping")
 local json = require("ds47.support.json")
+local read_json = require("json_reader")
+local plc = require("ds47.report.plc")
 local unhex = require("ds47.support.bytes").unhex
+local words = require("ds47.report.formatting")
 
--- Findings to diagnoses: the result has `told`, an array of {finding, device}.
-local function group(result)
-  local groups = grouping.new()
-  for _, each in ipairs(result.told) do
-    groups:add(each.finding, each.device)
+-- The parameters of each transaction, as the tree of a packet has them.
+local function parameters(result, options)
+  local lines = {}
+  for _, item in ipairs(result.transactions) do
+    for _, each in ipairs(item.parameters) do
+      lines[#lines + 1] = words.parameter(each, item.operation == "change", options.lang)
+    end
   end
-  return json.encode(json.array(groups:result()))
+  return table.concat(lines, "\n")
+end
+
+-- What the PLC saw of each transaction.
+local function saw(result, options)
+  local witness, lines = plc.witness(result), {}
+  for _, item in ipairs(result.transactions) do
+    lines[#lines + 1] = item.channel == "ds47" and witness:text(item, options.lang) or nil
+  end
+  return table.concat(lines, "\n")
 end
 
 local KINDS = {
-  grouping = group,
   statistics = require("ds47.report.statistics").text,
   report = require("ds47.report.text").report,
   csv = require("ds47.report.csv").report,
+  parameters = parameters,
+  plc = saw,
 }
 
 -- null is nil in a result.
@@ -48,18 +62,6 @@ local function with_points(item)
   return item
 end
 
--- A side of a relation has the bytes of its sender, and on PROFIBUS those of the receiver as well.
-local function with_source(side, receiver)
-  local station, other = side.mac:match("^dp(%d+)$"), receiver.mac:match("^dp(%d+)$")
-  if station then
-    side.source, side.frame_id = string.char(tonumber(station), tonumber(other)), 0
-  else
-    side.source = side.mac:gsub("%x%x:?", function(digits)
-      return string.char(tonumber(digits:sub(1, 2), 16))
-    end)
-  end
-end
-
 -- Values with texts are keys of a row, and of what a list says: numbers, which JSON has no keys of.
 local function with_values(item)
   for _, holder in ipairs({ item.listed or {}, item }) do
@@ -73,36 +75,18 @@ local function with_values(item)
   end
 end
 
--- Messages and blocks of diagnosis are bytes in a result, and hexadecimal digits in JSON; arguments keep the
--- point of a float.
+-- Messages are bytes in a result, and hexadecimal digits in JSON; arguments keep the point of a float.
 local function as_result(result)
   for _, each in ipairs(result.transactions) do
     each.request, each.response = each.request and unhex(each.request), each.response and unhex(each.response)
     for _, item in ipairs(each.parameters or {}) do with_values(item) end
-    for _, item in ipairs(each.items or {}) do item.value = item.value and unhex(item.value) end
   end
-  for _, each in ipairs(result.connections or {}) do
-    each.client_tsap = each.client_tsap and unhex(each.client_tsap)
-    each.server_tsap = each.server_tsap and unhex(each.server_tsap)
-  end
-  for _, each in ipairs(result.bus and result.bus.stations or {}) do
-    local blocks = each.diagnosis and each.diagnosis.blocks or {}
-    for number, block in ipairs(blocks) do blocks[number] = unhex(block) end
-  end
-  for _, each in ipairs(result.relations or {}) do
-    with_source(each.output, each.input)
-    with_source(each.input, each.output)
-  end
-  for _, key in ipairs({"findings", "diagnoses"}) do
-    for _, each in ipairs(result[key] or {}) do
-      each.args, each.corrected = with_points(each.args), each.corrected and unhex(each.corrected)
-    end
-  end
+  for _, each in ipairs(result.findings) do each.args = with_points(each.args) end
   return result
 end
 
 local input = assert(io.open(arg[1], "rb"))
-local jobs = json.decode(input:read("*a"))
+local jobs = read_json(input:read("*a"))
 input:close()
 
 local texts = {}

@@ -4,13 +4,13 @@
 -- there is a difference. TABLES: another tables.lua.
 
 local here = arg[0]:match("^(.*)[/\\]") or "."
-package.path = here .. "/../../lua/?.lua;" .. package.path
+package.path = here .. "/../../lua/?.lua;" .. here .. "/?.lua;" .. package.path
 
-local json = require("ds47.support.json")
+local read_json = require("json_reader")
 local tables = arg[2] and dofile(arg[2]) or require("ds47.spec.tables")
 
 local file = assert(io.open(arg[1], "rb"))
-local stored = json.decode(file:read("*a")).tables
+local stored = read_json(file:read("*a")).tables
 file:close()
 
 local SAME_AS_KEY = {code = true, id = true}

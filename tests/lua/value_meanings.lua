@@ -2,10 +2,11 @@
 -- {pnu, family, values, subindex, format, told = [[value, text], ...]}; the answer is {en, zh}.
 
 local here = arg[0]:match("^(.*)[/\\]") or "."
-package.path = here .. "/../../lua/?.lua;" .. package.path
+package.path = here .. "/../../lua/?.lua;" .. here .. "/?.lua;" .. package.path
 
 local formatting = require("ds47.report.formatting")
 local json = require("ds47.support.json")
+local read_json = require("json_reader")
 local lookup = require("ds47.spec.lookup")
 
 local function given(value)
@@ -14,7 +15,7 @@ local function given(value)
 end
 
 for text in io.lines() do
-  local line = json.decode(text)
+  local line = read_json(text)
   local told
   for _, each in ipairs(line.told) do
     told = told or {}

@@ -1,19 +1,13 @@
-"""Times of day: zones, midnight, summer time, clocks that were never set, and that Lua says the same."""
+"""Times of day: zones, midnight, summer time, clocks that were never set."""
 
 from __future__ import annotations
 
 import io
-import json
-import os
-import subprocess
 from datetime import datetime
 from pathlib import Path
-from zoneinfo import ZoneInfo
 
 import handmade
 import pytest
-from lua_program import LUAS, lua_program
-from test_lua_report import as_lua
 
 from ds47.cli import main
 from ds47.model import CaptureResult, Report
@@ -134,34 +128,6 @@ def test_json_stays_utc(captures: Path, capsys: pytest.CaptureFixture[str]) -> N
         assert main(["report", "-f", "json", "--tz", each, path]) == 0
         told.add(capsys.readouterr().out)
     assert len(told) == 1
-
-
-@pytest.mark.parametrize("lua", LUAS)
-@pytest.mark.parametrize("place", ["Europe/Berlin", "America/St_Johns", "UTC"])
-def test_lua_says_the_local_times_that_python_says(
-    lua: str, place: str, repository: Path, tmp_path: Path
-) -> None:
-    """Around midnight, both changes of summer time, at the limit of clocks never set."""
-    begins = [
-        *(ns(f"2026-{day}T{hour}:59:58+00:00")
-          for day in ("03-29", "10-25", "11-21", "03-08", "11-01") for hour in ("00", "03", "22")),
-        315_532_800 * SECOND, 315_532_799 * SECOND, 0,
-    ]  # fmt: skip
-    results = [
-        of(each, each + 7, each + step * SECOND) for each in begins for step in (5, 86_400 * 40)
-    ]
-    jobs = [
-        {"kind": "report", "result": as_lua(each),
-         "options": {"path": "x", "frames": 9, "zone": "local", "lang": lang}}
-        for each in results for lang in ("en", "zh")
-    ]  # fmt: skip
-    (tmp_path / "in.json").write_text(json.dumps(jobs), encoding="utf-8")
-    driver = repository / "tests" / "lua" / "report.lua"
-    command = [lua_program(lua), str(driver), str(tmp_path / "in.json"), str(tmp_path / "out.json")]
-    subprocess.run(command, check=True, env=os.environ | {"TZ": place})
-    there = Zone("local", ZoneInfo(place))
-    wanted = [printed(each, there, lang) for each in results for lang in ("en", "zh")]
-    assert json.loads((tmp_path / "out.json").read_bytes()) == wanted
 
 
 @pytest.mark.parametrize("columns", [60, 80, 100])

@@ -223,18 +223,8 @@ def told(question: Question) -> dict[str, Any]:
     return {
         "state": found.state, "overlays": list(found.overlays),
         "text": spec.state_text(found.state, found.overlays, lang),
-        "next": spec.next_step(found.state, found.overlays, lang),
-        "signed": pzd.signed(zsw1), "percent": pzd.percent(zsw1),
-        "missing": [row.zh if lang == "zh" else row.en for row in pzd.missing(stw1)],
-        **{name: bits(name, word, question) for name, word in (("stw1", stw1), ("zsw1", zsw1))},
+        "signed": pzd.signed(zsw1),
     }  # fmt: skip
-
-
-def bits(name: str, word: int, question: Question) -> list[dict[str, Any]]:
-    texts = [(row, row.said(word, question["lang"])) for row in spec.bits(name, question["family"])]
-    return [
-        {"bit": row.bit, "value": word >> row.bit & 1, "text": text} for row, text in texts if text
-    ]
 
 
 def questions() -> Iterator[Question]:

@@ -8,8 +8,6 @@ from typing import Any
 
 import handmade
 import jsonschema
-import pytest
-from test_lua_report import Run, job, lua, python_text  # noqa: F401 (a fixture)
 from tests.audit.buffers import problems
 
 from ds47 import spec
@@ -137,14 +135,6 @@ def test_json_has_the_entries() -> None:
         "time": {"value": 5250, "frame": 8}, "gone": {"value": 0, "frame": 12},
         "value": {"value": -3, "frame": 12},
     }  # fmt: skip
-
-
-@pytest.mark.parametrize("items", [FULL, FULL[:1], FULL[1:]])
-def test_lua_says_the_same(lua: Run, items: list[Transaction]) -> None:  # noqa: F811
-    result = capture(*items)
-    text = python_text(result)
-    assert lua([job("report", result)]) == [text]
-    assert ("Faults of" in text) == (items is FULL)
 
 
 def test_the_page_has_the_table() -> None:

@@ -1,6 +1,7 @@
 """The reports and statistics of the Lua side, from the very results of the Python side.
 
-Text and CSV must be the bytes that Python writes; the statistics are checked against numbers computed here.
+CSV must be the bytes that Python writes, the text has what the JSON of Python has; the statistics are checked
+against numbers computed here.
 """
 
 from __future__ import annotations
@@ -12,9 +13,10 @@ import json
 import re
 import subprocess
 import unicodedata
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
-from itertools import chain, pairwise
+from itertools import chain, groupby, pairwise
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -30,13 +32,10 @@ from whole_capture import without_analyzers
 from ds47 import spec
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.cyclic.named import parse
-from ds47.findings import grouping
 from ds47.lab import captured
 from ds47.model import (
-    Bus,
+    STATES,
     CaptureResult,
-    Device,
-    Diagnosis,
     Finding,
     Frames,
     Parameter,
@@ -45,10 +44,11 @@ from ds47.model import (
     Transaction,
 )
 from ds47.profidrive.drive_objects import DriveObjects
-from ds47.report import Options
 from ds47.report import csv as csv_report
-from ds47.report import text as text_report
-from ds47.report.summary import OF_ONE_RULE
+from ds47.report import json as json_report
+from ds47.report import plc
+from ds47.report.bilingual import say
+from ds47.report.escaping import escape
 from ds47.report.wrap import columns
 from ds47.spec.statuses import status_text
 
@@ -107,59 +107,11 @@ def as_lua(result: CaptureResult) -> dict[str, Any]:
         for part in each["parameters"]:
             said = part["described"]
             part["described"] = said and {"name": said[0], "frames": list(said[1])}
-    for each, told in zip(item["relations"], result.relations, strict=True):
-        each["output"] = told.output._asdict()
-        each["input"] = told.input._asdict() | {"cycle_ns": round((told.cycle_ms or 0) * 1e6)}
-    as_s7(item, result)
-    item["bus"] = None if result.bus is None else bus_as_lua(result.bus)
-    item["start_time"] = None if result.start_ns is None else result.start_ns - base * 10**9
-    item["end_time"] = None if result.end_ns is None else result.end_ns - base * 10**9
-    for each, shown in zip(item["timelines"], result.timelines, strict=True):
-        each["left_out"] = each["events_left_out"]
-        each["events"] = [
-            event._asdict() | {"time": event.time_ns - base * 10**9} for event in shown.events
-        ]
-    for each in item["diagnoses"]:
-        each["corrected"] = None if each["corrected"] is None else each["corrected"].hex()
-    for each in (*item["findings"], *item["diagnoses"]):
+    item = {name: item[name] for name in ("transactions", "findings", "base_seconds")}
+    for each in item["findings"]:
         each["args"] = with_points(each["args"])
-        if each.get("time_ns") is not None:
-            each["time_ns"] -= base * 10**9
         assert each.pop("said") is None  # the plugin reads no stored results
     return item
-
-
-def as_s7(item: dict[str, Any], result: CaptureResult) -> None:
-    """What only S7 has: bytes as hexadecimal digits, and what Python has as tuples by its names."""
-    for each in item["transactions"]:
-        each["segments"] = [{"request": one, "response": two} for one, two in each["segments"]]
-        for part in each["items"]:
-            part["value"] = None if part["value"] is None else part["value"].hex()
-    for each, told in zip(item["connections"], result.connections, strict=True):
-        for key in ("client_tsap", "server_tsap"):
-            each[key] = None if each[key] is None else each[key].hex()
-        span = told.answer
-        each["answer"] = span and {
-            "least": span.least_ns,
-            "mean": span.mean_ns,
-            "most": span.most_ns,
-        }
-        each["evidence"] = [found._asdict() for found in told.evidence]
-
-
-def bus_as_lua(bus: Bus) -> dict[str, Any]:
-    """The stations with tables in place of tuples, and blocks as hexadecimal digits."""
-    stations = []
-    for each in bus.stations:
-        told, diagnosis = each._asdict(), each.diagnosis
-        for key in ("cycle", "answer"):
-            if told[key] is not None:
-                told[key] = dict(zip(("least", "mean", "most"), told[key], strict=True))
-        if diagnosis is not None:
-            blocks = [block.hex() for block in diagnosis.blocks]
-            told["diagnosis"] = diagnosis._asdict() | {"blocks": blocks}
-        stations.append(told)
-    return dataclasses.asdict(bus) | {"stations": stations}
 
 
 def with_points(value: Any) -> Any:
@@ -176,31 +128,18 @@ def finding(rule: str, frame: int, job: int | None, offset: int | None, /, **arg
     return Finding(rule, spec.rules()[rule].severity, frame, None, job, offset, args)
 
 
-def diagnosis(
-    rule: str,
-    device: str | None,
-    count: int,
-    frames: list[int],
-    jobs: list[int] | None = None,
-    /,
-    **args: Any,
-) -> Diagnosis:
-    """A diagnosis of a rule, as serious as the rule is."""
-    return Diagnosis(rule, spec.rules()[rule].severity, args, device, count, frames, jobs or [])
-
-
 def job(kind: str, result: CaptureResult, **options: Any) -> dict[str, Any]:
     """What the driver takes: a result and what to make of it."""
     given = {"path": result.path, "frames": result.frames, **options}
     return {"kind": kind, "result": as_lua(result), "options": given}
 
 
-def python_text(result: CaptureResult, **options: Any) -> str:
-    """The report of Python."""
-    stream = io.StringIO()
-    wanted = Options(rules=spec.rules(), **options)
-    text_report.write(Report([result]), stream, wanted)
-    return stream.getvalue()
+def saw(result: CaptureResult, lang: str = "en") -> str:
+    """What the PLC saw of each transaction, as Python says it."""
+    witness = plc.Witness(result)
+    return "\n".join(
+        witness.text(each).text(lang) for each in result.transactions if each.channel == "ds47"
+    )
 
 
 def python_csv(result: CaptureResult) -> str:
@@ -265,66 +204,6 @@ def odd_result() -> CaptureResult:
                          dropped=1, transactions=[first, second], findings=findings)  # fmt: skip
 
 
-def diagnosed_results() -> list[CaptureResult]:
-    """Diagnoses of every kind: of a job and of the capture, many of a rule, some that cover findings."""
-    base = odd_result()
-    first = dataclasses.replace(base.transactions[0], id=1, response=b"\xff\x82\x01\x00")
-    second = dataclasses.replace(first, id=2, device="10.0.0.9", state="mismatch")
-    odd = "控制器，使能时无修改权限。" * 9 + " a\x1b[1m " + "word " * 40 + "0x6B"
-    no = {"pnu": 5, "subindex": 0, "vendor_id": 0x2A}
-    findings = [
-        finding("DS410", 3, 1, 4, code=0x6B, info=0, **no),
-        finding("DS410", 4, 1, 4, code=0x11, info=None, **no),
-        finding("DS410", 4, 1, 4, code=0x11, info=1, **no | {"pnu": None}),
-        finding("DS403", 8, 2, None, case="unasked"),
-        finding("DS206", 9, None, None, status="DE80B500"),
-        finding("DS417", 10, 1, None, pnu=1, subindex=0, read=1.0, written=2.0, by=3),
-        finding("DS417", 11, 1, None, pnu=1, subindex=0, read=1, written=2.0, by=None),
-        finding("DS719", 3, 1, 4, code=0x6B, **no),
-        finding("DS704", 9, 2, None, case="again_after_refusal", frame=9, first=4, write=7),
-        finding("DS703", 9, None, None, count=2, device=odd),
-    ]
-    findings += [finding("DS101", n, None, None, operation=odd + str(n)) for n in (12, 13, 14)]
-    findings += [finding("DS203", n, 2, None, status=f"DF80B{n}00") for n in range(1, 7)]
-    place, other = (
-        {"slot": 1, "subslot": 2, "index": 47},
-        {"slot": 1, "subslot": 1, "index": 0xB02E},
-    )
-    wrong = {"device": "10.0.0.9", "place": place, "status": "DF80B600", "other": other}
-    diagnoses = [
-        diagnosis("DS719", "10.0.0.9", 1, [3], [1], code=0x6B, **no),
-        diagnosis("DS704", None, 5000, [9, 10, 11, 12, 14], [2], case="again", frame=9, first=4),
-        *(
-            diagnosis("DS701", "-10.0.0.2", n, [n], id=0x81, code=n, case="status_zero", polls=0)
-            for n in range(1, 7)
-        ),
-        diagnosis("DS703", "10.0.0.9", 1, [9], count=2, device=odd),
-        diagnosis("DS708", "10.0.0.9", 2, [15, 16], **wrong),
-        diagnosis(
-            "DS721",
-            None,
-            1,
-            [],
-            count=2,
-            device=odd,
-            case="unsaved_targets",
-            targets=2,
-            more="all_known",
-        ),
-    ]
-    differing = diagnosis("DS717", None, 3, [17], pnu=5, subindex=None, code=0x11, vendor_id=None)
-    differing.differs = ["elements", "subindex"]
-    nothing_alike = diagnosis("DS708", None, 3, [18], **wrong | {"place": None})
-    nothing_alike.differs = ["place"]
-    diagnoses += [differing, nothing_alike]
-    devices = [Device(f"10.0.1.{n}", None, "é" * (n % 3), n, None) for n in range(60)]
-    whole = dataclasses.replace(
-        base, transactions=[first, second], findings=findings, diagnoses=diagnoses,
-        devices=[*devices, Device("10.0.0.9", "00:00:00:00:00:01", "drive", 42, 7)], dropped=None,
-    )  # fmt: skip
-    return [whole, dataclasses.replace(whole, findings=[], dropped=0, complete=True)]
-
-
 @cache
 def cyclic_results() -> list[CaptureResult]:
     """Transactions of PKW beside others, more relations than are listed, lengths of no telegram."""
@@ -357,108 +236,78 @@ def empty_results() -> list[CaptureResult]:
     ]
 
 
-@pytest.mark.slow
-def test_text_is_that_of_python(lua: Run, results: list[CaptureResult]) -> None:
-    everything = [
-        *results,
-        odd_result(),
-        *map(without_analyzers, diagnosed_results()),
-        *empty_results(),
-        *cyclic_results(),
-    ]
-    texts = lua([job("report", each) for each in everything])
-    for result, text in zip(everything, texts, strict=True):
-        assert text == python_text(result), result.path
+SEVERITIES = ("error", "warning", "note")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "options", [{"lang": "zh"}, {"plc": True, "s7": True}, {"lang": "zh", "plc": True, "s7": True}]
-)
-def test_text_is_that_of_python_with_every_option(
-    lua: Run, results: list[CaptureResult], options: dict[str, Any]
-) -> None:
-    everything = [
-        *results,
-        odd_result(),
-        *map(without_analyzers, diagnosed_results()),
-        *empty_results(),
-        *cyclic_results(),
-    ]
-    texts = lua([job("report", each, **options) for each in everything])
-    for result, text in zip(everything, texts, strict=True):
-        assert text == python_text(result, **options), result.path
+def told_by_json(result: CaptureResult, lang: str) -> str:
+    """The report of the plugin, made of the JSON of Python, without its blanks and ends of lines."""
+    findings = [json_report.finding(each, lang) for each in result.findings]
+    rules, zh = spec.rules(), lang == "zh"
+    comma, colon = ("，", "：") if zh else (", ", ": ")
 
-
-def totals() -> list[list[Finding]]:
-    """Findings that a diagnosis covers, and such that it does not."""
-    said = finding("DS719", 9, 1, None, code=0x6B)
-    status = {"status": "DF80B600"}
-    whole = [
-        finding("DS719", 9, None, None, code=0x6B, device=each) for each in ("10.0.0.9", "10.0.0.8")
-    ]
-    tests = [
-        finding("DS410", 9, number, None, code=code)
-        for number in (1, 2, None)
-        for code in (0x6B, 0x11)
-    ]
-    other = finding("DS417", 9, 1, None, code=0x6B)
-    refused = [finding("DS203", 9, number, None, **status) for number in (1, 2)]
-    return [
-        [], [*tests, other], [said, *tests, other], [*whole, *tests, other], [*whole[::-1], *tests],
-        [whole[0], *tests], [whole[1], *tests],
-        refused, [finding("DS207", 9, None, None)], [finding("DS108", 9, 1, None)],
-    ]  # fmt: skip
-
-
-@pytest.mark.parametrize("complete", [True, False])
-def test_what_is_counted_and_covered_is_that_of_python(lua: Run, complete: bool) -> None:
-    """Of one drive and of several, of requests that have no response and responses without a request."""
-    states = ["ok", "unanswered", "superseded", "unanswered", "orphan", "orphan", "orphan"]
-    ways = [
-        (["ok"], {}, []),
-        (["ok", "ok"], {"47": {"read": 4}}, [Device("10.0.0.1")]),
-        (["ok", "orphan"], {"5": {"read": 1}}, [Device("10.0.0.1", station="plc")]),
-        (states, {"5": {"read": 2, "write": 3}, "57408": {"write": 9}}, [Device("a"), Device("b")]),
-    ]
-    results = []
-    for states, records, devices in ways:
-        jobs = [
-            handmade.transaction(
-                id=number,
-                state=state,
-                ar="a" if number > 5 else None,
-                device=f"10.0.0.{9 - number % 2}",
-            )
-            for number, state in enumerate(states, 1)
+    def counted(key: str, items: list[str], order: Sequence[str], form: str) -> str:
+        parts = [
+            form.format(items.count(each), words(kind_of[key] + each, lang))
+            for each in order
+            if each in items
         ]
-        results += [
-            CaptureResult("x", transactions=jobs, records=records, devices=devices, findings=found,
-                          complete=complete)
-            for found in totals()
-        ]  # fmt: skip
-    texts = lua([job("report", each) for each in results])
-    assert texts == [python_text(each) for each in results]
+        return words(key, lang, len(items)) + (colon + comma.join(parts) if parts else "")
 
-
-@pytest.mark.parametrize("more", [0, 1, 2])
-def test_of_causes_of_one_rule_the_rest_is_counted_as_in_python(lua: Run, more: int) -> None:
-    """As many as are told one by one leave no rest."""
+    kind_of = {"transactions": "state_", "findings": "severity_"}
+    states = [each.state for each in result.transactions]
+    severities = [each["severity"] for each in findings]
     told = [
-        diagnosis("DS719", f"10.0.0.{n}", 3 * n, [n], [], code=0x6B, device=f"10.0.0.{n}")
-        for n in range(1, OF_ONE_RULE + more + 1)
+        f"{escape(result.path)}: {words('frames', lang, result.frames)}",
+        counted("transactions", states, STATES, "{}个{}" if zh else "{} {}"),
+        counted("findings", severities, SEVERITIES, "{} {}"),
     ]
-    lines = [finding("DS719", n, None, None, code=0x6B) for n in range(1, OF_ONE_RULE + more + 1)]
-    result = CaptureResult("x", findings=lines, diagnoses=told)
-    assert lua([job("report", result)]) == [python_text(result)]
+    by_rule = sorted(findings, key=lambda each: (SEVERITIES.index(each["severity"]), each["rule"]))
+    for rule, group in groupby(by_rule, key=itemgetter("rule")):
+        found, about = list(group), rules[rule]
+        told += [
+            words("findings_of_rule", lang, rule=rule, name=" " + about.name,
+                  severity=words(f"severity_{about.severity}", lang),
+                  findings=words("findings", lang, len(found))),
+            "-> " + (about.advice_zh if zh else about.advice),
+        ]  # fmt: skip
+        for each in found:
+            job = "" if each["transaction"] is None else f" #{each['transaction']}"
+            frames = words("frame", lang, frame=", ".join(map(str, each["frames"])))
+            told.append(f"{frames}{job}{colon}{escape(each['message'])}")
+    return "".join("".join(told).split())
 
 
-def test_where_no_drive_object_answers_none_is_named(lua: Run) -> None:
-    told = [diagnosis("DS709", "10.0.0.9", 1, [3], [1], axis=9)]
-    for device in ("10.0.0.9", "10.0.0.8"):
-        jobs = [handmade.transaction(device=device)]
-        result = CaptureResult("x", transactions=jobs, diagnoses=told)
-        assert lua([job("report", result)]) == [python_text(result)]
+def words(key: str, lang: str, n: int = 0, /, **values: Any) -> str:
+    """A text of the reports, filled in."""
+    return say(key, n=n, **values).text(lang)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lang", ["en", "zh"])
+def test_the_text_has_every_finding_of_the_json_with_its_frames_and_advice(
+    lua: Run, results: list[CaptureResult], lang: str
+) -> None:
+    everything = [*results, odd_result(), *empty_results(), *cyclic_results()]
+    texts = lua([job("report", each, lang=lang) for each in everything])
+    for result, text in zip(everything, texts, strict=True):
+        assert "".join(text.split()) == told_by_json(result, lang), result.path
+        assert all(columns(line) <= 100 or " " not in line.strip() for line in text.splitlines())
+
+
+def test_the_text_of_a_short_capture(lua: Run) -> None:
+    items = [handmade.transaction(), handmade.transaction(id=2, state="refused")]
+    found = [
+        finding("DS203", 6, 2, None, status="DF80B700"),
+        finding("DS402", 9, 1, None, case="ends"),
+    ]
+    result = CaptureResult("x", frames=9, transactions=items, findings=found)
+    (text,) = lua([job("report", result)])
+    assert text.startswith(
+        "x: 9 frames\n2 transactions: 1 ok, 1 refused\n2 findings: 1 error, 1 note\n\n"
+        "DS203 error write-refused: 1 finding\n  -> Read STATUS of WRREC. "
+    )
+    assert "\n  frame 6 #2: Write refused with status DF80B700: write: " in text
+    assert text.endswith("\n")
 
 
 def test_reads_without_a_response_are_told_in_their_order_as_in_python(lua: Run) -> None:
@@ -467,8 +316,8 @@ def test_reads_without_a_response_are_told_in_their_order_as_in_python(lua: Run)
     item = handmade.transaction(state="unanswered", frames=frames, read_status=None)
     lost = [[], [finding("DS101", 8, 1, None, operation="Read")]]
     results = [CaptureResult("x", transactions=[item], findings=each) for each in lost]
-    texts = lua([job("report", each, plc=True) for each in results])
-    assert texts == [python_text(each, plc=True) for each in results]
+    texts = lua([job("plc", each) for each in results])
+    assert texts == [saw(each) for each in results]
     assert "RDREC, no response before" not in texts[0]
     assert (
         " ".join(texts[1].split()).count(
@@ -487,10 +336,10 @@ def test_a_part_of_a_response_is_that_of_the_read_that_has_no_finding_of_its_own
     results = [
         CaptureResult("x", transactions=[item], findings=each) for each in ([part], [lost, part])
     ]
-    texts = lua([job("report", each, plc=True) for each in results])
-    assert texts == [python_text(each, plc=True) for each in results]
-    assert "00000000; RDREC, its whole response is not in the capture\n" in texts[0]
-    assert "00000000; RDREC 2 x, the whole response is not in the capture\n" in texts[1]
+    texts = lua([job("plc", each) for each in results])
+    assert texts == [saw(each) for each in results]
+    assert texts[0].endswith("00000000; RDREC, its whole response is not in the capture")
+    assert texts[1].endswith("00000000; RDREC 2 x, the whole response is not in the capture")
 
 
 def test_a_write_without_a_response_before_other_reads_is_told_as_in_python(lua: Run) -> None:
@@ -504,63 +353,20 @@ def test_a_write_without_a_response_before_other_reads_is_told_as_in_python(lua:
     ):
         older = handmade.transaction(frames=frames)
         results.append(CaptureResult("x", transactions=[older, lost], findings=found))
-    texts = lua([job("report", each, plc=True) for each in results])
-    assert texts == [python_text(each, plc=True) for each in results]
+    texts = lua([job("plc", each) for each in results])
+    assert texts == [saw(each) for each in results]
     for text, known in zip(texts, (False, False, True), strict=True):
-        assert ("PLC: WRREC, its response is not in the capture\n" in text) is not known
+        assert text.endswith("\nWRREC, its response is not in the capture") is not known
         assert ("WRREC, no response before the capture ends; RDREC not started" in text) is known
 
 
-def test_findings_are_grouped_as_in_python(lua: Run) -> None:
-    """By rule, device and the arguments of the group; more causes than are told apart fall together."""
-    told = []
-    for number in range(900):
-        rule = ("DS705", "DS719", "DS717", "DS703")[number % 4]
-        device = (None, "10.0.0.1", "10.0.0.2")[number % 3]
-        args = {
-            "controller": f"c{number % 5}", "other": "?", "code": number % 7, "case": None,
-            "pnu": number % 90, "device": device, "subindex": number % 2, "elements": number % 11 // 10,
-        }  # fmt: skip
-        owner = None if number % 4 == 3 else number // 3 + 1
-        severity = spec.rules()[rule].severity
-        told.append((Finding(rule, severity, number * 7 % 450, None, owner, None, args), device))
-    python = grouping.Grouping()
-    for finding, device in told:
-        python.add(grouping.cause(finding.rule, device, finding.args), finding)
-    rows = [{"finding": dataclasses.asdict(f), "device": d} for f, d in told]
-    found = lua([{"kind": "grouping", "result": {"told": rows, "transactions": []}, "options": {}}])
-    keys = (
-        "rule",
-        "device",
-        "args",
-        "differs",
-        "count",
-        "frames",
-        "frames_left_out",
-        "transactions",
-    )
-    got = [{key: each.get(key) or None for key in keys} for each in json.loads(found[0])]
-    expected = []
-    for each in python.result():
-        item = dataclasses.asdict(each)
-        item["args"] = {name: value for name, value in each.args.items() if value is not None}
-        expected.append({key: item[key] or None for key in keys})
-    assert got == expected
-    assert any(each["differs"] for each in got)
-    assert sum(each["count"] for each in got) == 900
-
-
-def test_local_access_is_named_as_in_python(lua: Run, captures: Path) -> None:
-    """Lines name a drive object only where it is one; so do those that answer instead of a missing one."""
-    path = captures.parent.parent / "shared/captures/real-stacks/o3_two_controllers.pcapng"
-    names = ["diagnosis-wrong-drive-object.pcapng", "diagnosis-axis-byte-ignored.pcapng"]
-    paths = [captures / name for name in names] + [path] * path.exists()
-    for each in paths:
-        result = analyze(each)
-        result.path = each.name
-        result.findings = [found for found in result.findings if found.rule == "DS709"]
-        result.diagnoses = [found for found in result.diagnoses if found.rule == "DS709"]
-        assert lua([job("report", result)]) == [python_text(result)]
+@pytest.mark.slow
+@pytest.mark.parametrize("lang", ["en", "zh"])
+def test_what_the_plc_saw_is_that_of_python(
+    lua: Run, results: list[CaptureResult], lang: str
+) -> None:
+    texts = lua([job("plc", each, lang=lang) for each in results])
+    assert texts == [saw(each, lang) for each in results]
 
 
 def test_statistics_name_a_drive_object_only_where_it_is_one(

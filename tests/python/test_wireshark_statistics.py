@@ -1,7 +1,7 @@
 """Statistics, reports and the profile in a real tshark (DS47_TSHARK names another one).
 
-What `-X lua_script1:report` and `csv` write must be what `ds47 report` prints; the profile must give
-columns, colours and filters without a warning.
+What `-X lua_script1:csv` writes must be what `ds47 report -f csv` prints, and the report has what the JSON has;
+the profile must give columns, colours and filters without a warning.
 """
 
 from __future__ import annotations
@@ -16,19 +16,16 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from datetime import UTC
 from pathlib import Path
 
 import pytest
 from fake_tshark import real_tshark
+from test_lua_report import told_by_json
 
 from ds47 import spec
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.model import Report
-from ds47.report import Options
 from ds47.report import csv as csv_report
-from ds47.report import text as text_report
-from ds47.report.zones import Zone
 from ds47.wireshark import install
 from ds47.wireshark.bundle import bundle, plugin_sources
 
@@ -132,10 +129,7 @@ def test_reports_are_those_of_the_analyzer(
     shark("-q", *plugin, *wanted, "-r", path)
     result = analyze(path, AnalysisOptions(ignore=ANALYZER_ONLY))
     result.path = name
-    expected = io.StringIO()
-    options = Options(rules=spec.rules(), zone=Zone("local", UTC))
-    text_report.write(Report([result]), expected, options)
-    assert text.read_bytes().decode() == expected.getvalue()
+    assert "".join(text.read_text("utf-8").split()) == told_by_json(result, "en")
     expected = io.StringIO()
     csv_report.write(Report([result]), expected)
     assert table.read_bytes().decode() == expected.getvalue()
@@ -236,7 +230,9 @@ def test_a_capture_is_not_written_over(
 def test_a_report_without_a_name_begins_with_its_frames(
     shark: Run, plugin: list[str], tour: Path
 ) -> None:
-    assert shark("-q", *plugin, *asked("report"), "-r", tour).out.startswith("35 frames\nNOT OK: ")
+    assert shark("-q", *plugin, *asked("report"), "-r", tour).out.startswith(
+        "35 frames\n8 transactions: 4 ok, "
+    )
 
 
 @pytest.mark.slow

@@ -553,17 +553,6 @@ function M.whole(item)
   return result
 end
 
---- Counts transactions: in all, by state and by operation.
-function M.summary(all)
-  local summary = {transactions = #all}
-  for _, transaction in ipairs(all) do
-    local state, operation = transaction.state, transaction.operation
-    summary[state] = (summary[state] or 0) + 1
-    summary[operation] = (summary[operation] or 0) + 1
-  end
-  return summary
-end
-
 -- All finished transactions of an analysis
 --
 -- A job is kept as it was closed, without its decoded response, and becomes a transaction when somebody

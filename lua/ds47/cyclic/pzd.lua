@@ -43,24 +43,9 @@ function M.state(zsw1, stw1)
   return found, overlays
 end
 
---- The bits that a control word lacks, in the order in which a drive asks for them: rows of
--- tables.pzd.needed.
-function M.missing(stw1)
-  local found = {}
-  for _, row in ipairs(tables.pzd.needed) do
-    if bit_of(stw1, row.bit) == 0 then found[#found + 1] = row end
-  end
-  return found
-end
-
 --- A word as PLC tables print it with a sign.
 function M.signed(word)
   return word < 0x8000 and word or word - 0x10000
-end
-
---- A setpoint or actual value of one word in percent of p2000.
-function M.percent(raw)
-  return M.signed(raw) / tables.pzd.word * 100
 end
 
 return M

@@ -3,7 +3,6 @@
 -- Nothing is judged here; a remark comes from the judge, the diagnosis or the record calls. Nothing is worded
 -- here either: that is sentences.lua.
 
-local grouping = require("ds47.findings.grouping")
 local tables = require("ds47.spec.tables")
 
 local M = {}
@@ -169,16 +168,12 @@ function Findings:at(frame)
   return sorted(result, "order")
 end
 
-local function add_all(self, remarks, store, result, causes, offers)
+local function add_all(self, remarks, store, result, offers)
   for _, remark in ipairs(remarks) do
     local owner = remark.order and store:by_order(remark.order)
     local finding = self:finding(remark, owner and owner.id)
     finding.corrected = remark.corrected and offers:offered(remark.corrected)
     result[#result + 1] = finding
-    if grouping.is_diagnosis(remark.rule) then
-      local device = owner and owner.device or finding.args.device
-      causes[#causes + 1] = {finding = finding, device = device, offered = remark.corrected ~= nil}
-    end
     if owner then
       local rules = owner.findings
       local known = false
@@ -192,41 +187,23 @@ local function add_all(self, remarks, store, result, causes, offers)
   end
 end
 
--- The diagnoses of findings with what they are told apart by; the first frame of a cause gives its arguments.
-local function grouped(causes)
-  for number, each in ipairs(causes) do
-    each.told = number
-  end
-  table.sort(causes, function(a, b)
-    if a.finding.frame ~= b.finding.frame then
-      return a.finding.frame < b.finding.frame
-    end
-    return a.told < b.told
-  end)
-  local groups = grouping.new()
-  for _, each in ipairs(causes) do
-    groups:add(each.finding, each.device, each.offered)
-  end
-  return groups:result()
-end
-
 --- All findings in the order of their frames; their transactions get to know their rules.
 -- @param transactions  array of all transactions, with their ids
 -- @param store         the transactions.Store that knows them by the order of their jobs
 -- @param offers        what tells which corrected requests hold (`offered`): the diagnoses
--- @return findings, those with one have its bytes as `corrected`; diagnoses
+-- @return findings; those with one have its bytes as `corrected`
 function Findings:result(transactions, store, offers)
-  local result, causes = {}, {}
+  local result = {}
   if self.kept.below then
-    add_all(self, self.kept.below, store, result, causes, offers)
+    add_all(self, self.kept.below, store, result, offers)
   end
-  add_all(self, self.kept, store, result, causes, offers)
+  add_all(self, self.kept, store, result, offers)
   for _, transaction in ipairs(transactions) do
     if #transaction.findings > 1 then
       table.sort(transaction.findings)
     end
   end
-  return sorted(result, "transaction"), grouped(causes)
+  return sorted(result, "transaction")
 end
 
 return M

@@ -84,16 +84,6 @@ function M.escape(text)
   return (gsub(gsub(text, "^[\128-\191]+", ""), M.CHARACTER, escape_character))
 end
 
---- Characters of a UTF-8 text.
-function M.length(text)
-  return #gsub(text, "[\128-\191]", "")
-end
-
---- A UTF-8 text with blanks behind it, up to so many characters.
-function M.pad(text, width)
-  return text .. (" "):rep(width - M.length(text))
-end
-
 --- Columns that a UTF-8 text takes in a fixed-width font; a Chinese character takes two.
 function M.width(text)
   local columns = #text
@@ -155,15 +145,6 @@ end
 --- Texts in a row, with the commas of their language where no separators are given.
 function M.joined(lang, parts, en, zh)
   return concat(parts, lang == "zh" and (zh or "，") or en or ", ")
-end
-
---- A time in the unit that fits it: `0.412 ms`, `12.4 ms`, `12.3 s`.
-function M.duration(nanoseconds)
-  local milliseconds = nanoseconds / 1e6
-  if math.abs(milliseconds) >= 10000 then
-    return format("%.1f s", milliseconds / 1000)
-  end
-  return format(math.abs(milliseconds) < 1 and "%.3f ms" or "%.1f ms", milliseconds)
 end
 
 --- `p50303[0]`, `p2902[2..5]`, `p944[0].text`; `p?` where no request names it.
@@ -344,12 +325,6 @@ function M.wrap(text, width, hanging)
   end
   lines[#lines + 1] = M.stripped(line)
   return lines
-end
-
---- A line of a report in lines that fit: all but the first stand four columns behind its beginning.
-function M.fitted(text, width)
-  if M.width(text) <= width then return { text } end
-  return M.wrap(text, width, #text:match("^ *") + 4)
 end
 
 return M

@@ -44,11 +44,6 @@ function M.data_start(item)
   return head(item) + 3 + #item.dae + #item.sae
 end
 
---- Where the record of a message of MS1 begins.
-function M.record_start(item)
-  return M.data_start(item) + 4
-end
-
 -- Parts of a frame
 
 --- A station as its frame names it: the address, or that all are meant.
@@ -149,64 +144,6 @@ function M.ppo_text(content, lang)
   })
 end
 
--- Lines
-
-local function add(lines, offset, text)
-  lines[#lines + 1] = { offset, text }
-end
-
--- What DP says: (lines, content, at, lang), where the data begins at `at`.
-local content_lines = {}
-
-function content_lines.diagnosis(lines, content, at, lang)
-  add(lines, at, M.flag_words("diagnosis", content.flags, lang))
-  if content.ident then
-    add(lines, at + 3, M.master_text(content.master, lang))
-    add(lines, at + 4, M.ident_text(content.ident, lang))
-  end
-  local place = at + 6
-  for _, block in ipairs(content.blocks) do
-    add(lines, place, say(lang, "dp_block", { kind = M.block_kind(block, lang) }))
-    place = place + #block.data
-  end
-end
-
-function content_lines.parameters(lines, content, at, lang)
-  add(lines, at, M.flag_words("parameters", content.flags, lang))
-  if not content.tsdr then
-    return
-  end
-  add(lines, at + 1, M.watchdog_text(content.watchdog_ms, lang))
-  add(lines, at + 3, say(lang, "dp_tsdr", { bits = format("%d", content.tsdr) }))
-  if content.ident then
-    add(lines, at + 4, M.ident_text(content.ident, lang))
-  end
-  if content.groups then
-    add(lines, at + 6, M.groups_text(content.groups, "dp_no_groups", lang))
-  end
-  if content.user ~= "" then
-    add(lines, at + 7, say(lang, "dp_user"))
-  end
-end
-
-function content_lines.configuration(lines, content, at, lang)
-  for _, module in ipairs(content.modules) do
-    add(lines, at, M.module_text(module, lang))
-    at = at + #module.data
-  end
-end
-
-function content_lines.control(lines, content, at, lang)
-  add(lines, at, M.flag_words("control", content.flags, lang))
-  if content.groups then
-    add(lines, at + 1, M.groups_text(content.groups, "dp_all_groups", lang))
-  end
-end
-
-function content_lines.exchange(lines, content, at, lang)
-  add(lines, at, count(lang, content.outputs and "dp_outputs" or "dp_inputs", #content.data))
-end
-
 --- The head of a message of MS1 in one line: `DS_Write, slot 0, index 47, length 10`. Without any byte it
 -- says that the master asks for the answer, or that there is none yet.
 function M.message_text(message, item, lang)
@@ -222,26 +159,6 @@ function M.message_text(message, item, lang)
     slot = format("%d", message.slot), index = format("%d", message.index),
     length = format("%d", message.length),
   })
-end
-
--- Whether a message has a record behind its head.
-local function has_record(message)
-  local carries = message.code == ms1.READ or message.code == ms1.WRITE
-  return carries and message.kind ~= "refusal" and message.length ~= nil and message.data ~= ""
-end
-
-local function data_lines(lines, item, at, lang)
-  local message, content = M.record(item), dp.decode(item)
-  if message then
-    add(lines, at, M.message_text(message, item, lang))
-    if has_record(message) then
-      add(lines, at + 4, say(lang, "ms1_data"))
-    end
-  elseif content then
-    content_lines[content.kind](lines, content, at, lang)
-  else
-    add(lines, at, count(lang, "dp_data", #item.du))
-  end
 end
 
 local function sap(number)
@@ -265,88 +182,9 @@ function M.token_text(item, lang)
   return say(lang, "dp_token", { sa = format("%d", item.sa), da = format("%d", item.da) })
 end
 
-local function start_text(item, lang)
-  if item.kind == "" then
-    return say(lang, "decode_rest")
-  elseif item.kind == "SD2" and item.fc then
-    return say(lang, "dp_start_length", { le = format("%d", item.data:byte(2)) })
-  end
-  return say(lang, "dp_start")
-end
-
---- A frame in words, field by field, its data as far as DP and MS1 know it: array of {offset, text}.
-function M.lines(item, lang)
-  local lines = { { 0, start_text(item, lang) } }
-  if not item.fc then
-    local token = M.token_text(item, lang)
-    if token then
-      add(lines, 1, token)
-    end
-    return lines
-  end
-  local at, data_at = head(item), M.data_start(item)
-  local stations = { sa = format("%d", item.sa), da = M.receiver(item.da, lang) }
-  add(lines, at, say(lang, "dp_stations", stations))
-  add(lines, at + 2, told.control_text(item.fc, lang))
-  if item.dae ~= "" or item.sae ~= "" then
-    add(lines, at + 3, M.saps_text(item, lang))
-  end
-  if item.du ~= "" then
-    data_lines(lines, item, data_at, lang)
-  end
-  if item.fcs then
-    add(lines, data_at + #item.du, say(lang, "dp_check"))
-  end
-  return lines
-end
-
---- What is wrong, with its place in the frame: `wrong at byte 10: check byte is 12, and the bytes give 16`.
-function M.flaw_line(flaw, start, lang)
-  local offset = format("%d", start + flaw.offset)
-  return say(lang, "dp_flaw", { offset = offset, text = told.flaw_text(flaw, lang) })
-end
-
-local function add_flaws(found, flaws, start, lang)
-  for _, flaw in ipairs(flaws) do
-    found[#found + 1] = M.flaw_line(flaw, start, lang)
-  end
-end
-
--- What a message or the content of a frame means as a whole.
-local function add_meaning(found, message, content, lang)
-  if message and (message.kind == "poll" or message.kind == "taken") then
-    found[#found + 1] = say(lang, "ms1_" .. message.kind)
-  end
-  if message and message.not_ready then
-    found[#found + 1] = say(lang, "ms1_not_ready")
-  end
-  if content and content.wants_diagnosis then
-    found[#found + 1] = say(lang, "dp_wants_diagnosis")
-  end
-  if content and content.kind == "configuration" then
-    found[#found + 1] = M.ppo_text(content, lang)
-    if content.pkw_consistent == false then
-      found[#found + 1] = say(lang, "dp_pkw_torn")
-    end
-  end
-end
-
 --- What a short acknowledgement says.
 function M.short_text(lang)
   return say(lang, "dp_taken")
-end
-
---- What is told of a frame, and of no byte of it: what it means, and what is wrong. An array of texts.
-function M.beside(item, lang)
-  local found, message, content = {}, M.record(item), dp.decode(item)
-  if item.kind == "SC" and not item.flaws[1] then
-    found[1] = M.short_text(lang)
-  end
-  add_meaning(found, message, content, lang)
-  add_flaws(found, item.flaws, 0, lang)
-  add_flaws(found, message and message.flaws or {}, M.data_start(item), lang)
-  add_flaws(found, content and content.flaws or {}, M.data_start(item), lang)
-  return found
 end
 
 -- In one line

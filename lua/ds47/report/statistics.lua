@@ -10,8 +10,6 @@ local sentences = require("ds47.report.sentences")
 local status = require("ds47.spec.statuses")
 local tables = require("ds47.spec.tables")
 local targets = require("ds47.report.targets")
-local todo = require("ds47.report.todo")
-local verdict = require("ds47.report.verdict")
 local words = require("ds47.report.formatting")
 
 local M = {}
@@ -25,46 +23,97 @@ M.WIDTH = 72 -- columns of a table: as many as that window shows
 M.INDENT = 6 -- blanks before the further lines of a row
 M.ASKED_WIDTH = 60 -- columns for what was asked
 
+local OPERATIONS = { "read", "change", "vendor", "unknown" }
+
+-- The words of each language.
 local TEXTS = {
-  en = {
-    lang = "en",
-    title = "DS47 statistics", frames = "%s frames", transactions = "%s transactions",
-    findings = "%s findings", none = "none", more = "and %s more", all = "all",
-    duration = "Response time in ms: from the Write request to the Read response",
-    drive = "Share of the drive in ms: the same without the pause of the program before its first Read",
-    negative = "%s negative times left out: the clock was set back",
-    device = "Device", operation = "Operation", number = "Count", timed = "Timed", min = "Min", mean = "Mean",
-    max = "Max",
-    errors = "Negative responses by error number, each with its first frame", code = "Code", text = "Meaning",
-    calls = { read = "read", write = "write" },
-    refusals = "Refused record calls, each with its first frame", status = "Status", call = "Call",
-    slowest = "Slowest transactions", transaction = "No.", frame = "Frame", took = "ms", share = "Drive",
-    state = "State", asked = "Asked",
-    unanswered = "Requests without a response (unanswered, superseded)",
-    rules = "Findings by rule, each with its first frame", rule = "Rule", severity = "Severity",
-    name = "Name",
+  title = { en = "DS47 statistics", zh = "DS47 统计" },
+  frames = { en = "%s frames", zh = "%s 帧" },
+  transactions = { en = "%s transactions", zh = "%s 个任务" },
+  findings = { en = "%s findings", zh = "%s 个结论" },
+  none = { en = "none", zh = "无" },
+  more = { en = "and %s more", zh = "还有 %s 条" },
+  all = { en = "all", zh = "全部" },
+  duration = {
+    en = "Response time in ms: from the Write request to the Read response",
+    zh = "响应时间（ms）：从写请求到读响应",
   },
-  zh = {
-    lang = "zh",
-    title = "DS47 统计", frames = "%s 帧", transactions = "%s 个任务", findings = "%s 个结论",
-    none = "无", more = "还有 %s 条", all = "全部",
-    duration = "响应时间（ms）：从写请求到读响应",
-    drive = "驱动器所占时间（ms）：不含程序在第一次读之前的停顿",
-    negative = "%s 个负时间未计入：时钟被调回",
-    device = "设备", operation = "操作", number = "数量", timed = "计时", min = "最小", mean = "平均",
-    max = "最大",
-    errors = "按错误号统计的否定应答（附首次出现的帧）", code = "代码", text = "含义",
-    calls = { read = "读", write = "写" },
-    refusals = "被拒绝的记录调用（附首次出现的帧）", status = "状态字", call = "调用",
-    slowest = "最慢的任务", transaction = "编号", frame = "帧", took = "ms", share = "驱动器",
-    state = "状态", asked = "请求内容",
-    unanswered = "没有应答的请求（无应答、被取代）",
-    rules = "按规则统计的结论（附首次出现的帧）", rule = "规则", severity = "严重程度",
-    name = "名称",
+  drive = {
+    en = "Share of the drive in ms: the same without the pause of the program before its first Read",
+    zh = "驱动器所占时间（ms）：不含程序在第一次读之前的停顿",
   },
+  negative = { en = "%s negative times left out: the clock was set back", zh = "%s 个负时间未计入：时钟被调回" },
+  device = { en = "Device", zh = "设备" },
+  operation = { en = "Operation", zh = "操作" },
+  number = { en = "Count", zh = "数量" },
+  timed = { en = "Timed", zh = "计时" },
+  min = { en = "Min", zh = "最小" },
+  mean = { en = "Mean", zh = "平均" },
+  max = { en = "Max", zh = "最大" },
+  errors = {
+    en = "Negative responses by error number, each with its first frame",
+    zh = "按错误号统计的否定应答（附首次出现的帧）",
+  },
+  code = { en = "Code", zh = "代码" },
+  text = { en = "Meaning", zh = "含义" },
+  read = { en = "read", zh = "读" },
+  write = { en = "write", zh = "写" },
+  refusals = {
+    en = "Refused record calls, each with its first frame",
+    zh = "被拒绝的记录调用（附首次出现的帧）",
+  },
+  status = { en = "Status", zh = "状态字" },
+  call = { en = "Call", zh = "调用" },
+  slowest = { en = "Slowest transactions", zh = "最慢的任务" },
+  transaction = { en = "No.", zh = "编号" },
+  frame = { en = "Frame", zh = "帧" },
+  took = { en = "ms", zh = "ms" },
+  share = { en = "Drive", zh = "驱动器" },
+  state = { en = "State", zh = "状态" },
+  asked = { en = "Asked", zh = "请求内容" },
+  unanswered = {
+    en = "Requests without a response (unanswered, superseded)",
+    zh = "没有应答的请求（无应答、被取代）",
+  },
+  rules = { en = "Findings by rule, each with its first frame", zh = "按规则统计的结论（附首次出现的帧）" },
+  rule = { en = "Rule", zh = "规则" },
+  severity = { en = "Severity", zh = "严重程度" },
+  name = { en = "Name", zh = "名称" },
 }
 
+local function texts_in(lang)
+  local texts = { lang = lang == "zh" and lang or "en" }
+  for key, words_of in pairs(TEXTS) do
+    texts[key] = words_of[texts.lang]
+  end
+  return texts
+end
+
 -- Counting
+
+--- Count, smallest, mean, median, 95th percentile and largest of times in ns; negative ones, which a clock
+-- set back leaves, are only counted. A percentile is the nearest rank: always one that was measured.
+local function distribution(durations)
+  local ordered, sum = {}, 0
+  for _, each in ipairs(durations) do
+    if each >= 0 then
+      ordered[#ordered + 1] = each
+      sum = sum + each
+    end
+  end
+  sort(ordered)
+  local timed = #ordered
+  if timed == 0 then
+    return { timed = 0, negative = #durations }
+  end
+  local function percentile(percent)
+    return ordered[math.ceil(percent * timed / 100)]
+  end
+  return {
+    timed = timed, negative = #durations - timed, min = ordered[1], mean = sum / timed,
+    p50 = percentile(50), p95 = percentile(95), max = ordered[timed],
+  }
+end
 
 local function counted_in(row, item)
   row.count = row.count + 1
@@ -93,7 +142,7 @@ local function response_times(transactions)
   end
   local rows = {}
   for _, device in ipairs(devices) do
-    for _, operation in ipairs(report_text.OPERATIONS) do
+    for _, operation in ipairs(OPERATIONS) do
       rows[#rows + 1] = by_device[device][operation]
     end
   end
@@ -101,7 +150,7 @@ local function response_times(transactions)
     rows[#rows + 1] = all -- the sum, behind the others
   end
   for _, row in ipairs(rows) do
-    row.duration, row.drive = report_text.distribution(row.durations), report_text.distribution(row.drives)
+    row.duration, row.drive = distribution(row.durations), distribution(row.drives)
     row.durations, row.drives = nil, nil
   end
   return rows
@@ -197,13 +246,13 @@ end
 --   rules}: the last six are arrays of rows
 function M.compute(result, lang)
   local list = result.transactions
-  local groups = todo.by_rule(result.findings)
+  local groups = report_text.by_rule(result.findings)
   local rules = {}
   for i, group in ipairs(groups) do
     rules[i] = { rule = group[1].rule, severity = group[1].severity, count = #group, frame = group[1].frame }
   end
   return {
-    transactions = #list, findings = #result.findings, states = verdict.counts(result).states,
+    transactions = #list, findings = #result.findings, states = report_text.by_state(list, lang),
     response_times = response_times(list), errors = errors(list, lang),
     refusals = refusals(list, lang),
     slowest = slowest(list), unanswered = unanswered(list), rules = rules,
@@ -398,7 +447,7 @@ local function error_sections(add, texts, statistics)
   columns[1] = { texts.status }
   table.insert(columns, 2, { texts.call })
   section(add, texts, texts.refusals, columns, statistics.refusals, function(row)
-    local call = texts.calls[row.call]
+    local call = texts[row.call]
     return { row.status, call, integer(row.count), number(row.frame), escape(row.device), escape(row.text) }
   end)
 end
@@ -447,7 +496,7 @@ local function heading(add, texts, statistics, options)
     parts[1] = format(texts.frames, integer(options.frames))
   end
   parts[#parts + 1] = format(texts.transactions, integer(statistics.transactions))
-  local states = verdict.by_state(statistics.states, texts.lang)
+  local states = statistics.states
   if #states > 0 then
     parts[#parts] = parts[#parts] .. " (" .. concat(states, ", ") .. ")"
   end
@@ -463,7 +512,7 @@ end
 -- @return text, every line ended with LF
 function M.text(result, options)
   options = options or {}
-  local texts = TEXTS[options.lang] or TEXTS.en
+  local texts = texts_in(options.lang)
   local statistics, lines = M.compute(result, texts.lang), {}
   local function add(line)
     lines[#lines + 1] = line

@@ -4,7 +4,7 @@
 local words = require("ds47.spec.lookup").words
 local tables = require("ds47.spec.tables")
 
-local concat, floor = table.concat, math.floor
+local concat = table.concat
 
 local M = {}
 
@@ -47,28 +47,6 @@ end
 --- An event of a drive, in "en" or "zh".
 function M.event_text(id, lang)
   return words(tables.pzd.events[id], lang)
-end
-
---- What leads a drive on from its state, in "en" or "zh": out of a fault first; "": nothing is missing.
-function M.next_step(id, overlays, lang)
-  local name = lang == "zh" and "missing_zh" or "missing"
-  for _, each in ipairs(tables.pzd.overlays) do
-    if each.missing and among(overlays, each.id) then return each[name] end
-  end
-  return row_of(id)[name] or ""
-end
-
---- What each bit of a word says: list of {bit, value, text}; bits that say nothing are left out.
--- @param name "stw1" or "zsw1"
--- @param family "micromaster", "positioning" or nil
-function M.bits(name, word, family, lang)
-  local plain, own, found = tables.pzd[name], family and tables.pzd[name .. "_" .. family] or {}, {}
-  for bit = 0, 15 do
-    local row, value = own[bit] or plain[bit], floor(word / 2 ^ bit) % 2
-    local text = row[(value == 1 and "set" or "clear") .. (lang == "zh" and "_zh" or "")]
-    if text then found[#found + 1] = {bit = bit, value = value, text = text} end
-  end
-  return found
 end
 
 return M
