@@ -13,6 +13,7 @@ every start. Fields that only explain a row to its reader (`note`, `confirmed`, 
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
@@ -22,7 +23,7 @@ from typing import Any
 from ds47 import __version__, spec
 from ds47.report import contract, csv
 from ds47.spec import codes, cyclic, descriptions, explanations, profibus, semantics
-from ds47.spec.reporting import COVERS, covers, report_words
+from ds47.spec.reporting import report_words
 
 ROOT = Path(__file__).resolve().parent.parent
 TARGET = ROOT / "lua" / "ds47" / "spec" / "tables.lua"
@@ -281,6 +282,18 @@ def _experts() -> Iterator[str]:
     return block(
         "M.experts", [fields(row, ("id", "title", "severity", "expert")) for _, row in rules]
     )
+
+
+def _words_of_lua() -> dict[str, Mapping[str, str]]:
+    """The words of the reports that a module of Lua names: whole, or by how they begin ("state_" .. word)."""
+    sources = [*(ROOT / "lua").rglob("*.lua"), *(ROOT / "dissector").rglob("*.lua")]
+    text = "".join(path.read_text("utf-8") for path in sources if path != TARGET)
+    named = set(re.findall(r'["\']([a-z][a-z0-9_]*)["\']|report_words\.(\w+)', text))
+    words = {word for pair in named for word in pair if word}
+    starts = tuple(word for word in words if word.endswith("_"))
+    return {
+        key: row for key, row in report_words().items() if key in words or key.startswith(starts)
+    }
 
 
 def _known() -> Iterator[str]:
@@ -553,8 +566,7 @@ def generate() -> str:
             "diagnosis_words",
             block("M.diagnosis_words", both(*map(semantics.plugin_words, LANGUAGES))),
         ),
-        later("report_words", block("M.report_words", report_words())),
-        later("covers", block("M.covers", {how: covers(how) for how in COVERS})),
+        later("report_words", block("M.report_words", _words_of_lua())),
         later("descriptions", _descriptions()),
         later("pkw", _pkw()),
         later("pzd", _pzd()),
