@@ -338,7 +338,7 @@ end
 -- The end
 
 --- The complete result, as if the capture ended here; the analysis goes on as if nothing was asked.
--- The same table until the next packet. {transactions, findings, diagnoses, devices, rpc, records, relations,
+-- The same table until the next packet. {transactions, findings, devices, rpc, records, relations,
 -- timelines}: transactions by `id`, findings by frame and rule, rpc and records (by index) as counts. Nobody
 -- may change it, and of an older result only numbers may differ from a newer one: transactions that were
 -- finished before are the same tables, with their newest `id` and `findings`.

@@ -105,9 +105,9 @@ function M.result(live)
   over.cyclic:finish()
   add(findings, over.conclusions:finish())
   local numbered = over.finished_jobs:numbered()
-  local found, diagnoses = findings:result(numbered, over.finished_jobs, over.diagnoses)
+  local found = findings:result(numbered, over.finished_jobs, over.diagnoses)
   return {
-    transactions = numbered, findings = found, diagnoses = diagnoses,
+    transactions = numbered, findings = found,
     devices = live.naming:devices(), rpc = counts, records = live.events.counts,
     relations = over.cyclic:relations(), timelines = over.cyclic:timelines(),
   }
