@@ -1,5 +1,5 @@
--- The memory of the diagnoses against a plain one that is sorted by age: put, get, forgetting, and looking at
--- the end on top of it. Prints "ok".
+-- The memory of the diagnoses against a plain one that is sorted by age: put, get, forgetting, and one that
+-- goes on alone. Prints "ok".
 
 local root = arg[0]:match("^(.*[/\\])[^/\\]*$") or "./"
 package.path = root .. "../../lua/?.lua;" .. package.path
@@ -48,12 +48,12 @@ local function same(tested, plain, where)
         error(("%s: d%d %d is %s, not %s"):format(where, device, number, tostring(found), tostring(wanted)))
       end
       local own = tested:of("d" .. device)[number]
-      if own ~= wanted and (own or not tested.below) then -- what is below it need not know
+      if own ~= wanted then
         error(("%s: of d%d %d is %s, not %s"):format(where, device, number, tostring(own), tostring(wanted)))
       end
     end
   end
-  assert(tested.length == #plain, where .. ": length")
+  assert(tested.order.length == #plain, where .. ": length")
 end
 
 local function step(tested, plain)
@@ -70,12 +70,12 @@ for round = 1, ROUNDS do
     step(tested, plain)
     same(tested, plain, ("round %d, step %d"):format(round, number))
     if number % 10 == 0 then
-      local top, above = tested:on_top(), copied(plain)
+      local other, alone = tested:apart(), copied(plain)
       for further = 1, math.random(2 * LIMIT) do
-        step(top, above)
-        same(top, above, ("round %d, step %d, %d on top"):format(round, number, further))
+        step(other, alone)
+        same(other, alone, ("round %d, step %d, %d alone"):format(round, number, further))
       end
-      same(tested, plain, ("round %d, step %d, below"):format(round, number))
+      same(tested, plain, ("round %d, step %d, the first"):format(round, number))
     end
   end
 end

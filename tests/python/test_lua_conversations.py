@@ -60,6 +60,6 @@ def test_what_is_not_expected_fails(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("version", ["5.2", "5.3", "5.4"])
-def test_a_memory_on_top_of_another_one(version: str) -> None:
+def test_a_memory_and_one_that_goes_on_alone(version: str) -> None:
     result = run(version, ROOT / "tests/lua/memory.lua")
     assert (result.returncode, result.stdout) == (0, "ok\n"), result.stderr

@@ -40,7 +40,6 @@ local LOCAL = 0xB02E -- index of local access: the slot decides, not the axis by
 local SEVERAL = -1 -- in place of a format: a PNU is read in several
 local NONE = {}
 local ONLY = 0 -- second key of a memory that needs none
-local MOST_TOLD = 4096 -- layouts on channels that are known to teach nothing new
 local NO_END = 2 ^ 17 -- behind every subindex
 
 -- The format of a parameter by the list of parameters; nil where the list says nothing of this device.
@@ -88,22 +87,18 @@ Diagnoses.__index = Diagnoses
 --- Takes jobs as they are closed.
 -- @param codec  dialects of the messages
 function M.new(codec)
-  local diagnoses = setmetatable({
-    codec = codec,
-    -- layout -> set of the keys of channels on which all that it can teach is known
-    told = {}, told_count = 0, news = 0,
-  }, Diagnoses)
+  local diagnoses = setmetatable({codec = codec}, Diagnoses)
   for _, name in ipairs(MEMORIES) do
     diagnoses[name] = memory.new(tables.known.history)
   end
   return diagnoses
 end
 
---- Diagnoses that know what these know; what they learn stays their own.
-function Diagnoses:on_top()
+--- The same diagnoses as ones that go on alone.
+function Diagnoses:apart()
   local diagnoses = M.new(self.codec)
   for _, name in ipairs(MEMORIES) do
-    diagnoses[name] = self[name]:on_top()
+    diagnoses[name] = self[name]:apart()
   end
   return diagnoses
 end
@@ -167,11 +162,8 @@ function Diagnoses:closed(job)
       self:_offer(job, remark)
     end
   end
-  if message and response then -- nearly every one tells what is known: that a layout has is remembered
-    local told = self.told[response.layout or false]
-    if not (told and told[job.channel_key]) then
-      self:_learn(job)
-    end
+  if message and response then
+    self:_learn(job)
   end
   return remarks
 end
@@ -407,81 +399,56 @@ end
 -- What was seen before
 
 -- Keeps the axis of a request that was answered where the axis byte counts, or one that does not exist.
--- @return whether the next answer of this layout may tell what this one does not: it is another's
 function Diagnoses:_learn_axis(job)
   local device, axis, refused = job.peer.device, job.message.axis, false
   if job.record.index == LOCAL or axis == nil then
-    return false
+    return
   end
-  local blocks = job.response.blocks
-  for number = 1, #blocks do
-    local failure = blocks[number].error
+  local places = places_of(job.response)
+  for number = 1, #places do
+    local failure = places[number].error
     refused = refused or failure ~= nil and failure.code == tables.known.axis_error
   end
   local kept = refused and self.missing or self.axes
   local before = kept:get(device, ONLY)
-  if before and before[axis] then
-    return false
-  elseif rules.is_mismatch(job) then
-    return true
+  if before and before[axis] or rules.is_mismatch(job) then
+    return
   end
-  self:_is_news()
   local axes = {[axis] = true}
   for each in pairs(before or NONE) do
     axes[each] = true
   end
   kept:put(device, ONLY, axes)
-  return false
 end
 
--- Keeps what an answer tells, and whether its layout has told all.
+-- Keeps what an answer tells; nearly every one tells what is known.
 function Diagnoses:_learn(job)
   local request, response = job.message, job.response
   if not LEARNT[response.response_id] then
     return
   end
-  local layout, key, news = response.layout, job.channel_key, self.news
-  local again = self:_learn_axis(job)
+  self:_learn_axis(job)
   if request.operation == "read" then
-    again = self:_learn_formats(job) or again
+    self:_learn_formats(job)
   end
-  if layout and key and not again and news == self.news then
-    self:_note_told(layout, key)
-  end
-end
-
-function Diagnoses:_note_told(layout, key)
-  if self.told_count >= MOST_TOLD then
-    self.told, self.told_count = {}, 0
-  end
-  local told = self.told[layout] or {}
-  told[key], self.told[layout], self.told_count = true, told, self.told_count + 1
-end
-
--- Something was learnt, and something else may have been forgotten for it: what was told counts no more.
-function Diagnoses:_is_news()
-  self.news, self.told, self.told_count = self.news + 1, {}, 0
 end
 
 -- One look for each block, and no more.
--- @return whether the next answer of this layout may tell more: this is another's, or the value counts, too
 function Diagnoses:_learn_formats(job)
   local request, response = job.message, job.response
-  local from, addresses, blocks = way_of(job), request.addresses, response.blocks
-  local known, again = self.formats:of(from), false
-  for number = 1, min(#addresses, #blocks) do
-    local address, block = addresses[number], blocks[number]
+  local from, addresses, places = way_of(job), request.addresses, places_of(response)
+  local known = self.formats:of(from)
+  for number = 1, min(#addresses, #places) do
+    local address = addresses[number]
     local pnu = address.pnu
     local seen = known[pnu]
-    if not seen or seen.format ~= block.format or pnu == PNU_ACCESS_IDENTIFICATION then
+    if not seen or seen.format ~= places[number].format or pnu == PNU_ACCESS_IDENTIFICATION then
       if rules.is_mismatch(job) then
-        return true
+        return
       end
-      again = again or pnu == PNU_ACCESS_IDENTIFICATION
-      self:_learn_block(job.peer.device, from, address, block, job.read_response.frame)
+      self:_learn_block(job.peer.device, from, address, response.blocks[number], job.read_response.frame)
     end
   end
-  return again
 end
 
 function Diagnoses:_learn_block(device, from, address, block, frame)
@@ -491,7 +458,6 @@ function Diagnoses:_learn_block(device, from, address, block, frame)
   end
   local seen = self.formats:get(from, pnu)
   if not seen or seen.format ~= block.format then
-    self:_is_news()
     self.formats:put(from, pnu, {format = block.format, frame = frame})
     local before = self.anywhere:get(device, pnu)
     self.anywhere:put(device, pnu, (not before or before == block.format) and block.format or SEVERAL)
