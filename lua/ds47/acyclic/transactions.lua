@@ -199,6 +199,9 @@ local function shown(job, address, value, answer, meaning)
   return address and naming.is_used() and named(result, job.peer) or result
 end
 
+-- What is remembered of parameters: by the layout of a response, and by what equal requests share.
+local of_layouts, of_requests = setmetatable({}, {__mode = "k"}), setmetatable({}, {__mode = "k"})
+
 -- What is remembered of parameters counts for drives of one make and family: a new memory for those of a
 -- peer, and whether one (or nil) is for them.
 local function memory_for(peer)
@@ -211,7 +214,7 @@ end
 
 -- The classes of the parameters of a read, by the places of the layout of its response.
 local function classes_in(layout, request, peer)
-  local classes = layout.classes
+  local classes = of_layouts[layout]
   if is_for(classes, peer) then
     return classes
   end
@@ -222,7 +225,7 @@ local function classes_in(layout, request, peer)
     class.value_count, class.words, class.__index = place.value_count, nil, class
     classes[number] = class
   end
-  layout.classes = classes
+  of_layouts[layout] = classes
   return classes
 end
 
@@ -272,7 +275,7 @@ local function read_asked(job, owner)
   if not shared or job.meanings or naming.is_used() then
     return nil
   end
-  local known = shared.asked
+  local known = of_requests[shared]
   if is_for(known, peer) then
     return known
   end
@@ -280,7 +283,7 @@ local function read_asked(job, owner)
   for number, address in ipairs(request.addresses) do
     known[number] = setmetatable({}, class_of(address, peer))
   end
-  shared.asked = known
+  of_requests[shared] = known
   return known
 end
 
