@@ -67,6 +67,17 @@ def split_pipe(line: str) -> tuple[list[list[str]], dict[str, str]]:
     return programs, files
 
 
+def home_in(folder: Path) -> dict[str, str]:
+    """A home folder for commands that write into it, such as `ds47 plugin install`."""
+    home = str(folder / "home")
+    return {
+        "HOME": home,
+        "USERPROFILE": home,
+        "APPDATA": home,
+        "XDG_CONFIG_HOME": f"{home}/.config",
+    }
+
+
 def run(command: Command, folder: Path) -> tuple[int, str, str]:
     """Run a command in a folder; returns exit status, stdout and stderr of the last program."""
     programs, files = split_pipe(command.line)
@@ -82,7 +93,7 @@ def run(command: Command, folder: Path) -> tuple[int, str, str]:
             assert words[0] == "cat", f"the README may use ds47, echo and cat, not {words[0]}"
             data = b"".join((folder / word).read_bytes() for word in words[1:])
             continue
-        environment = {**os.environ, "PYTHONUTF8": "1", "NO_COLOR": "1"}
+        environment = {**os.environ, **home_in(folder), "PYTHONUTF8": "1", "NO_COLOR": "1"}
         result = subprocess.run(
             program, cwd=folder, input=data, capture_output=True, env=environment, timeout=120
         )
