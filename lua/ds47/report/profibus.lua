@@ -264,4 +264,10 @@ function M.summary(item, lang)
   return damage and joined(lang, { text, damage }, "; ", "；") or text
 end
 
+--- What is wrong, with its place in the frame: `wrong at byte 10: check byte is 12, and the bytes give 16`.
+function M.flaw_line(flaw, start, lang)
+  local offset = format("%d", start + flaw.offset)
+  return say(lang, "dp_flaw", { offset = offset, text = told.flaw_text(flaw, lang) })
+end
+
 return M

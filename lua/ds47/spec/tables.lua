@@ -1484,6 +1484,7 @@ M.report_words = {
   dp_saps = {en = "to SAP {dsap}, from SAP {ssap}: {service}", zh = "目标 SAP {dsap}，源 SAP {ssap}：{service}"},
   dp_service_unknown = {en = "no service of DP", zh = "不是 DP 服务"},
   dp_taken = {en = "taken, or nothing to answer yet", zh = "已接收，或暂无应答数据"},
+  dp_flaw = {en = "wrong at byte {offset}: {text}", zh = "字节 {offset} 处有误：{text}"},
   dp_wants_diagnosis = {en = "the slave asks for a diagnosis request (SAP 60)", zh = "从站要求读取诊断（SAP 60）"},
   dp_ppo = {en = "PPO{ppo}: {outputs} bytes to the slave, {inputs} from it", zh = "PPO{ppo}：到从站 {outputs} 字节，来自从站 {inputs} 字节"},
   dp_no_ppo = {en = "no PPO that is known: {outputs} bytes to the slave, {inputs} from it", zh = "不是已知的 PPO：到从站 {outputs} 字节，来自从站 {inputs} 字节"},
