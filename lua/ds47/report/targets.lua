@@ -18,15 +18,9 @@ function M.new(transactions)
   return setmetatable({ shown = drive_objects.of(transactions) }, Targets)
 end
 
---- The number of the drive object that a request reaches; nil where it is not known or does not exist.
-function Targets:drive_object(item)
-  local number = self.shown:number(drive_objects.access_of(item))
-  return number and self.shown:exists(item.device, number) and number or nil
-end
-
 --- `DO 2`, `axis 0`; empty where only the submodule is known.
 function Targets:words(item)
-  local number, axis = self:drive_object(item), drive_objects.access_of(item).axis
+  local number, axis = self.shown:reached(item), drive_objects.access_of(item).axis
   if number then
     return format("DO %d", number)
   end
