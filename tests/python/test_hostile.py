@@ -30,6 +30,7 @@ from ds47.profinet import ip, rpc
 from ds47.profinet.link import Packet
 from ds47.profinet.records import Half, Record
 from ds47.spec.semantics import limits
+from ds47.spec.units import uuid_text
 
 VALIDATOR = jsonschema.Draft202012Validator(report.schema())
 
@@ -496,6 +497,10 @@ def test_a_finished_transaction_leaves_nothing_behind():
 @pytest.mark.slow
 @pytest.mark.usefixtures("small")
 def test_a_released_ar_leaves_nothing_behind():
+    for number in range(
+        uuid_text.cache_info().maxsize or 0
+    ):  # that memory is bounded, and full by then
+        uuid_text(number.to_bytes(16))
     assert growth(reconnects, 256, 512) < 16
 
 
