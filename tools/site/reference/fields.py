@@ -29,7 +29,7 @@ _TYPES = {
 }
 _GROUPS = (
     ("pzd.", "Control and status word of drives"), ("pkw.", "PKW in cyclic frames"), ("profibus.", "PROFIBUS"),
-    ("s7.", "S7 communication"), ("finding.", "Findings"), ("description.", "Descriptions of parameters"),
+    ("finding.", "Findings"), ("description.", "Descriptions of parameters"),
     ("frames.", "Frames of a transaction"),
 )  # fmt: skip
 _ROW = re.compile(r"^\| (`ds47[^|]*) \| ([^|]*) \| (.*) \|$", re.MULTILINE)
