@@ -248,8 +248,8 @@ Menu        A right click on a packet of the list > DS47: only this
             transaction, its request to paste, its status in words
             (Wireshark 4.4 and later)
 Expert      Analyze > Expert Information counts the findings.
-Report      Tools > DS47 > Save report writes all of it as text and
-            as a table, to send to somebody.
+Report      Tools > DS47 > Save report writes the findings as text
+            and the parameters as a table, to send to somebody.
 
 MIT licence
 ]]
