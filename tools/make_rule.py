@@ -16,11 +16,16 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 RULES = "python/ds47/spec/rules.toml"
-ROOMS = {
-    "1": "profinet/calls", "2": "acyclic/record_events", "3": "profidrive/parameter", "4": "acyclic/judge",
-    "5": "cyclic/judge", "7": "diagnosis/refusal", "8": "profibus/judge", "9": "s7/judge",
+BOOK, CLAIMS = "tests/vectors/sources/conversations.py", "tests/audit/claims.py"
+PLACES = {
+    "1": ("profinet/calls", BOOK, CLAIMS), "2": ("acyclic/record_events", BOOK, CLAIMS),
+    "3": ("profidrive/parameter", BOOK, CLAIMS), "4": ("acyclic/judge", BOOK, CLAIMS),
+    "5": ("cyclic/judge", "python/ds47/lab/cyclic_scenes.py", "tests/audit/pzd.py"),
+    "7": ("diagnosis/refusal", "tests/vectors/sources/diagnoses.py", "tests/audit/causes.py"),
+    "8": ("profibus/judge", "python/ds47/lab/profibus_scenes.py", "tests/audit/stations.py"),
+    "9": ("s7/judge", "tests/python/s7_scenes.py", "tests/audit/s7.py"),
 }  # fmt: skip
-"""Hundreds of an id -> the module that judges there."""
+"""Hundreds of an id -> the module that judges there, the scenes, the auditor."""
 ANALYZERS = "89"
 """Hundreds whose rules the plugin has not."""
 
@@ -57,6 +62,9 @@ def _{name}(case: Case) -> Iterator[str]:
 """
 
 
+END = '\n\n\nif __name__ == "__main__":'
+
+
 def put_entry(text: str, rule: str) -> str:
     """The catalogue with the entry of a rule in its place. ValueError where there is one."""
     ids = re.findall(r'^id = "(DS\d+)"$', text, re.MULTILINE)
@@ -72,26 +80,25 @@ def put_entry(text: str, rule: str) -> str:
 
 def write(root: Path, rule: str) -> list[str]:
     """Writes the skeletons into a checkout; what is left to do, a line each."""
-    name, room = rule.lower(), ROOMS.get(rule[2], "the room that judges")
-    book = "diagnoses" if rule[2] == "7" else "conversations"
-    auditors = "causes" if rule[2] == "7" else "claims"
-    scenes = root / f"tests/vectors/sources/{book}.py"
-    catalogue, claims = root / RULES, root / f"tests/audit/{auditors}.py"
+    name = rule.lower()
+    room, scenes, auditor = PLACES[rule[2]]
+    catalogue = root / RULES
     catalogue.write_text(put_entry(catalogue.read_text("utf-8"), rule), "utf-8")
-    before, end, behind = scenes.read_text("utf-8").rpartition('\n\n\nif __name__ == "__main__":')
-    scenes.write_text(
-        before + "\n" + SCENE.format(rule=rule, name=name).rstrip() + end + behind, "utf-8"
-    )
-    with claims.open("a", encoding="utf-8") as file:
-        file.write(AUDITOR.format(rule=rule, name=name))
+    if scenes.startswith("tests/vectors"):  # in other books a scene is more than a skeleton can say
+        book, claims = root / scenes, root / auditor
+        before, end, behind = book.read_text("utf-8").rpartition(END)
+        scene = SCENE.format(rule=rule, name=name).rstrip()
+        book.write_text(f"{before}\n{scene}{end}{behind}", "utf-8")
+        with claims.open("a", encoding="utf-8") as file:
+            file.write(AUDITOR.format(rule=rule, name=name))
     conditions = [f"python/ds47/{room}.py"] + [f"lua/ds47/{room}.lua"] * (rule[2] not in ANALYZERS)
     return [
         f"{RULES}: the texts, English and Chinese, and the arguments",
         *(f"{path}: the condition" for path in conditions),
-        f"{scenes.relative_to(root)}: {name}_todo, a conversation that shows it, and one nearby that does not",
-        f"{claims.relative_to(root)}: _{name}, which decides from the frames alone",
+        f"{scenes}: a scene that shows {rule}, and one nearby that does not",
+        f"{auditor}: what decides from the frames alone whether {rule} is true",
         "CHANGELOG.md: a line",
-        "then: make generated; make test",
+        "then: make generated; make test; where stored captures have it, .venv/bin/ds47 accept captures",
     ]
 
 
@@ -99,8 +106,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("rule", metavar="DSnnn")
     rule = parser.parse_args().rule
-    if not re.fullmatch(r"DS[1-9]\d\d", rule):
-        parser.error(f"{rule!r} is no id of a rule: DS and three digits")
+    if not re.fullmatch(rf"DS[{''.join(PLACES)}]\d\d", rule):
+        parser.error(f"{rule!r} is no id of a rule of the analysis: DS and three digits, not DS6xx")
     try:
         print("To be filled in:", *write(ROOT, rule), sep="\n  ")
     except ValueError as problem:
