@@ -1,7 +1,7 @@
 --- Statistics > DS47 Statistics, DS47 Drives; Tools > DS47: the same, save a report, add the profile, check
 -- the installation, about.
--- The texts come from ds47.statistics, ds47.report_text and ds47.report_csv (through ds47_ws.stats). Does
--- nothing when loaded, only when called.
+-- The texts come from ds47.report.statistics, ds47.report.text and ds47.report.csv (through ds47_ws.stats).
+-- Does nothing when loaded, only when called.
 
 local lists = require("ds47_ws.lists")
 local profile = require("ds47_ws.profile")
