@@ -32,6 +32,17 @@ WORDS: dict[str, str] = {
 REASONS = {name: row["en"] for name, row in _table("pairing.toml")["reason"].items()}
 ERRORS = {"s7_item": "{} .*", "s7_error": r".*\({}\)"}
 """Type of an error number -> how it stands with its meaning, where that is not behind it."""
+NUMBERS = {
+    "hex32": "0x{:08X}",
+    "s7_error": "{:04X}",
+    "ms": "{:.1f}",
+    "s": "{:.1f}",
+    "ms3": "{:.3f}",
+}
+"""Type of an argument -> how a number stands in a sentence."""
+HEX = ("hex", "code", "s7_item")
+MOST_VALUES, MOST_CHARACTERS = 4, 100
+ABSENT = "(?:-|\\?|no error number)"
 NEVER = "(?!)"
 
 
@@ -54,7 +65,7 @@ class _Form:
         if name == "error":
             self.named.add("code")
             form = ERRORS.get(self._types["code"], "{}(?: .*)?")
-            return form.format(_any_of(self._args.get("code")))
+            return form.format(_shown(self._types["code"], self._args.get("code")))
         if name == "text" and name not in self._types:
             return ".*"  # what the status means
         if name == "drive":
@@ -64,7 +75,7 @@ class _Form:
             return self._clause(str(value))
         if kind == "reason":
             return re.escape(REASONS.get(str(value), "?")) + self.dropped("; ", "")
-        return ("(?:[prP]0*)?" if kind == "pnu" else "") + _any_of(value)
+        return ("(?:[prP]0*)?" if kind == "pnu" else "") + _shown(kind, value)
 
     def _clause(self, key: str) -> str:
         words = WORDS.get(f"{key}_many", WORDS.get(key)) if self._many else WORDS.get(key)
@@ -76,11 +87,27 @@ class _Form:
         return re.escape(told) if self._args.get("dropped") else ""
 
 
-def _any_of(value: Any) -> str:
-    """A value in each of the ways in which it may stand in a sentence; of a code the bare digits, too."""
-    told = renderings(value)
-    told |= {word.removeprefix("0x") for word in told}
-    return f"(?:{'|'.join(map(re.escape, told))})"
+def _shown(kind: str, value: Any) -> str:
+    """The expression of an argument of this type."""
+    return ABSENT if value is None else re.escape(_plain(kind, value))
+
+
+def _plain(kind: str, value: Any) -> str:
+    if kind in NUMBERS:
+        return NUMBERS[kind].format(value)
+    if kind in HEX:
+        return f"0x{value:02X}" if value < 0x100 else f"0x{value:04X}"
+    if kind == "index":
+        return str(value) if value < 0x100 else f"0x{value:04X}"
+    if kind == "place":
+        slot = value["slot"] if value["subslot"] is None else f"{value['slot']}.{value['subslot']}"
+        return f"slot {slot}, index {_plain('index', value['index'])}"
+    if isinstance(value, list):
+        most = MOST_VALUES if kind == "values" else len(value)
+        return ", ".join([*map(str, value[:most]), *["..."][: len(value) > most]]) or "-"
+    text = str(value)
+    cut = kind == "line" and len(text) > MOST_CHARACTERS
+    return text[: MOST_CHARACTERS - 3] + "..." if cut else text
 
 
 def _form(rule: str, args: dict[str, Any], many: bool = False) -> tuple[str, set[str]]:
@@ -112,26 +139,3 @@ def has_many(rule: str) -> bool:
 def named(rule: str, args: dict[str, Any]) -> set[str]:
     """The arguments that the sentence of one case shows."""
     return _form(rule, args)[1]
-
-
-def renderings(value: Any) -> set[str]:
-    """The ways in which an argument may stand in a sentence."""
-    if value is None:
-        return {"-", "?", "no error number"}
-    if isinstance(value, bool):
-        return {str(value)}
-    if isinstance(value, int):
-        words = {str(value), f"0x{value:02X}", f"0x{value:04X}", f"0x{value:08X}", f"{value:.1f}"}
-        return words | {f"{float(value):.3f}"}
-    if isinstance(value, float):
-        return {str(value), f"{value:.1f}", f"{value:.3f}", repr(value)}
-    if isinstance(value, dict):
-        slot, subslot, index = value.get("slot"), value.get("subslot"), value["index"]
-        place = f"{slot}" if subslot is None else f"{slot}.{subslot}"
-        return {f"slot {place}, index " + (f"0x{index:04X}" if index > 0xFF else str(index))}
-    if isinstance(value, list):
-        parts = [str(each) for each in value]
-        cut = [*parts[:4], "..."] if len(parts) > 4 else parts
-        return {", ".join(parts), ", ".join(cut)} if parts else {"-"}
-    text = str(value)
-    return {text, text[:97] + "..." if len(text) > 100 else text}
