@@ -7,7 +7,7 @@ test_readme.py's, whether a manual page is complete test_man.py's.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -23,13 +23,15 @@ PAGES = {
 BLOCK = re.compile(r"^```\w*\n(.*?)^```|((?:^ {4}\S.*\n)+)", re.DOTALL | re.MULTILINE)
 
 
-def examples() -> Iterator[str]:
+@cache
+def examples() -> list[str]:
     """The lines of all blocks of code, those that go on below as one."""
-    for text in PAGES.values():
-        for fenced, indented in BLOCK.findall(text):
-            yield from re.sub(r" \\\n\s*", " ", fenced or indented).splitlines()
+    blocks = [each for text in PAGES.values() for each in BLOCK.findall(text)]
+    joined = (re.sub(r" \\\n\s*", " ", fenced or indented) for fenced, indented in blocks)
+    return [line for each in joined for line in each.splitlines()]
 
 
+@cache
 def names_of_tests() -> str:
     sources = [*(ROOT / "tests/python").glob("*.py"), *(ROOT / "tests/browser").glob("*.py")]
     found = (re.findall(r"def (test_\w+)", path.read_text("utf-8")) for path in sources)
