@@ -91,19 +91,26 @@ local function status(word)
   return word and format("%08X", word)
 end
 
--- The cells of these columns, as a text. `own` has functions of the object and what comes with it, by column;
--- of another column the object has the value, a dot between a key and the one inside it.
-local function cells(columns, own, item, about)
-  local result = {}
+-- What reads each of these columns: a function of `own`, by column, of the object and what comes with it; of
+-- another column the object has the value, a dot between a key and the one inside it.
+local function readers(columns, own)
+  local reads = {}
   for number, column in ipairs(columns) do
     local outer, inner = match(column, "^(%w+)%.(.+)$")
-    if own[column] then
-      result[number] = cell(own[column](item, about))
-    elseif outer then
-      result[number] = cell(item[outer] and item[outer][inner])
-    else
-      result[number] = cell(item[column])
+    reads[number] = own[column] or function(item)
+      if outer then
+        return item[outer] and item[outer][inner]
+      end
+      return item[column]
     end
+  end
+  return reads
+end
+
+local function cells(reads, item, about)
+  local result = {}
+  for number, read in ipairs(reads) do
+    result[number] = cell(read(item, about))
   end
   return concat(result, ",")
 end
@@ -142,14 +149,16 @@ local OF_PARAMETER = {
 function M.report(result, options)
   options = options or {}
   local columns, about = tables.columns, { result = result, path = options.path or "-" }
+  local of_transaction = readers(columns.transaction, OF_TRANSACTION)
+  local of_parameter = readers(columns.parameter, OF_PARAMETER)
   local rows = { concat({
     concat(columns.transaction, ","), concat(columns.parameter, ","), concat(columns.s7, ","),
   }, ",") }
   local nothing, no_job = (","):rep(#columns.parameter), (","):rep(#columns.s7 - 1)
   for _, item in ipairs(result.transactions) do
-    local left = cells(columns.transaction, OF_TRANSACTION, item, about) .. ","
+    local left = cells(of_transaction, item, about) .. ","
     for _, parameter in ipairs(item.parameters) do
-      rows[#rows + 1] = left .. cells(columns.parameter, OF_PARAMETER, parameter, options.lang) .. ","
+      rows[#rows + 1] = left .. cells(of_parameter, parameter, options.lang) .. ","
         .. no_job
     end
     if #item.parameters == 0 then

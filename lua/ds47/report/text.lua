@@ -14,24 +14,25 @@ local STATES = { "ok", "partial", "error", "mismatch", "refused", "unanswered", 
 local SEVERITIES = { "error", "warning", "note" } -- from serious to harmless
 local RANK = { error = 1, warning = 2, note = 3 }
 
---- How many of these have each value of a key.
-local function counts_of(list, key)
-  local counts = {}
+-- How many of these have each word of a key, as `told` says it: array of texts, in the order of the words.
+local function parts_of(list, key, order, told)
+  local counts, parts = {}, {}
   for _, each in ipairs(list) do
     counts[each[key]] = (counts[each[key]] or 0) + 1
   end
-  return counts
+  for _, word in ipairs(order) do
+    if counts[word] then
+      parts[#parts + 1] = told(counts[word], word)
+    end
+  end
+  return parts
 end
 
 --- `84 ok`, `3 error`: how many transactions have each state, in the order of the table.
 function M.by_state(transactions, lang)
-  local counts, parts = counts_of(transactions, "state"), {}
-  for _, state in ipairs(STATES) do
-    if counts[state] then
-      parts[#parts + 1] = say(lang, "told_state", { n = counts[state], state = words.state(lang, state) })
-    end
-  end
-  return parts
+  return parts_of(transactions, "state", STATES, function(count, state)
+    return say(lang, "told_state", { n = count, state = words.state(lang, state) })
+  end)
 end
 
 --- Findings by rule: an array of arrays, the serious rules first, then by id.
@@ -82,13 +83,9 @@ end
 
 -- `3 error`, `1 note`: how many findings are how serious.
 local function by_severity(findings, lang)
-  local counts, parts = counts_of(findings, "severity"), {}
-  for _, severity in ipairs(SEVERITIES) do
-    if counts[severity] then
-      parts[#parts + 1] = integer(counts[severity]) .. " " .. say(lang, "severity_" .. severity)
-    end
-  end
-  return parts
+  return parts_of(findings, "severity", SEVERITIES, function(count, severity)
+    return integer(count) .. " " .. say(lang, "severity_" .. severity)
+  end)
 end
 
 -- `12 transactions: 11 ok, 1 refused`

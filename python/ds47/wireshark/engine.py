@@ -186,9 +186,7 @@ def _joined(
     told = {(each.channel == S7, each.id): number for number, each in enumerate(ordered, 1)}
     for finding in findings:
         finding.transaction = told.get((False, finding.transaction))
-    for (
-        finding
-    ) in own:  # those of no job of S7 have the number of the native engine, which is the same
+    for finding in own:  # what is of no job of S7 has the same number with both engines
         finding.transaction = told.get((True, finding.transaction), finding.transaction)
     about: dict[int | None, set[str]] = {}
     for finding in (*findings, *own):
