@@ -14,6 +14,8 @@ import re
 import sys
 from pathlib import Path
 
+from ds47.version import __version__
+
 ROOT = Path(__file__).resolve().parent.parent
 RULES = "python/ds47/spec/rules.toml"
 BOOK, CLAIMS = "tests/vectors/sources/conversations.py", "tests/audit/claims.py"
@@ -38,7 +40,8 @@ severity = "warning"
 scope = "transaction"
 anchor = "request"
 expert = "sequence"
-{only}args = {{ }}
+{only}changed = ["{version}"]
+args = {{ }}
 message = "TODO"
 cause = "TODO."
 advice = "TODO."
@@ -71,7 +74,8 @@ def put_entry(text: str, rule: str) -> str:
     if rule in ids:
         raise ValueError(f"{rule} is in {RULES} already")
     only = "analyzer_only = true\n" if rule[2] in ANALYZERS else ""
-    entry = ENTRY.format(rule=rule, only=only)
+    version = __version__.partition(".dev")[0]
+    entry = ENTRY.format(rule=rule, only=only, version=version)
     following = next((each for each in ids if each > rule), None)
     if following is None:
         return f"{text}\n{entry}"

@@ -71,7 +71,7 @@ local function is_analyzers(key)
   return key:find("^analyzer_words%.") or rule and stored["rules." .. rule .. ".analyzer_only"]
 end
 for key, want in pairs(stored) do
-  local explaining = (EXPLAINING[key:match("[^.]+$")] or key:find("%.sources%."))
+  local explaining = (EXPLAINING[key:match("[^.]+$")] or key:find("%.sources%.") or key:find("%.changed%."))
     and not key:find("^codes%.") -- which may be words
   if not explaining and not is_analyzers(key) and flat[key] ~= want then differs(key, flat[key], want) end
 end

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 from pathlib import Path
@@ -149,6 +150,20 @@ def test_a_failure_says_what_changed(pytester, folder):
     result.stdout.fnmatch_lines(
         ["*transaction 1: p2900?0? was 12.0, is 0.0", "*ds47 accept *seed-g120-read.pcapng"]
     )
+
+
+@pytest.mark.slow
+def test_what_comes_of_a_newer_version_alone_passes_and_is_said(pytester, folder):
+    stored = folder / "record-polls.ds47.json"
+    document = json.loads(stored.read_text("utf-8"))
+    document["tool"]["version"] = "1.0.0"
+    document["capture"]["findings"].append(
+        {"rule": "DS401", "severity": "error", "message": "m", "args": {}, "frame": 1, "transaction": 1}
+    )  # fmt: skip
+    stored.write_text(json.dumps(document), "utf-8")
+    result = pytester.runpytest_subprocess("--ds47", "captures", "-rA")
+    result.assert_outcomes(passed=2)
+    result.stdout.fnmatch_lines(["stored by ds47 1.0.0; 1 change comes of the newer ds47 alone*"])
 
 
 @pytest.mark.slow

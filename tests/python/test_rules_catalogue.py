@@ -22,10 +22,11 @@ TEXTS = [
     "title", "message", "cause", "advice", "title_zh", "message_zh", "cause_zh", "advice_zh",
 ]  # fmt: skip
 ORDER = [
-    "id", "name", "title", "severity", "scope", "anchor", "expert", "analyzer_only", "group", "args",
+    "id", "name", "title", "severity", "scope", "anchor", "expert", "analyzer_only", "changed", "group", "args",
     "message", "many", "cause", "advice", "title_zh", "message_zh", "many_zh", "cause_zh", "advice_zh",
 ]  # fmt: skip
-KEYS = [key for key in ORDER if key not in ("analyzer_only", "group", "args", "many", "many_zh")]
+OPTIONAL = ("analyzer_only", "changed", "group", "args", "many", "many_zh")
+KEYS = [key for key in ORDER if key not in OPTIONAL]
 
 
 def load() -> list[dict[str, Any]]:
@@ -75,6 +76,9 @@ def test_keys_and_vocabulary(rule: dict[str, Any]) -> None:
         set(rule.get("group", [])), key=rule.get("group", []).index
     )
     assert rule.get("analyzer_only", True) is True, "a rule that the plugin has says nothing"
+    versions = [tuple(map(int, version.split("."))) for version in rule.get("changed", ())]
+    assert versions == sorted({*versions}), "each version once, in their order"
+    assert all(len(version) == 3 for version in versions)
     assert rule["severity"] in SEVERITIES
     assert rule["scope"] in SCOPES
     assert rule["anchor"] in ANCHORS

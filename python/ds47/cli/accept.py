@@ -17,9 +17,10 @@ from ds47.cli.common import Misses, stdout, warn
 from ds47.cli.options import analysis_options, options_from
 from ds47.cli.paths import refuse_urls
 from ds47.cli.series import series_option, tasks, tell_lacking
+from ds47.version import __version__
 
 if TYPE_CHECKING:
-    from ds47.regression.compare import Change
+    from ds47.regression.compare import Change, Json
     from ds47.regression.run import Outcome
 
 _SHOWN = 20
@@ -35,6 +36,11 @@ _SHOWN = 20
     help="Only changes about this: pnu=964, subindex=0, rule=DS410, kind=value, device=IP, "
     "capture=PATTERN. Given more than once, all must hold.",
 )
+@click.option(
+    "--by-version",
+    is_flag=True,
+    help="Only changes that come of a newer ds47 alone, not of the capture or the device.",
+)
 @click.option("--yes", is_flag=True, help="Do not ask.")
 @click.option(
     "--all", "show_all", is_flag=True, help=f"List more than {_SHOWN} changes of a capture."
@@ -44,6 +50,7 @@ _SHOWN = 20
 def command(
     paths: Sequence[str],
     conditions: Sequence[str],
+    by_version: bool,
     yes: bool,
     show_all: bool,
     series: bool,
@@ -52,7 +59,7 @@ def command(
 ) -> int:
     """Take over what changed into the stored results of captures.
 
-    Lists what it will change and asks; changes that --where leaves out stay changes.
+    Lists what it will change and asks; changes that --where or --by-version leave out stay changes.
     """
     from ds47.regression.accept import WhereError, parse_where
     from ds47.report.bilingual import say
@@ -62,7 +69,7 @@ def command(
         where = parse_where(conditions)
     except WhereError as problem:
         raise click.UsageError(str(problem)) from problem
-    found, status = _find(paths, series, where, lang, options)
+    found, status = _find(paths, series, where, by_version, lang, options)
     if not found:
         stdout().write(say("accept_nothing").text(lang) + "\n")
         return status
@@ -84,7 +91,12 @@ def command(
 
 
 def _find(
-    paths: Sequence[str], series: bool, where: dict[str, str], lang: str, options: dict[str, Any]
+    paths: Sequence[str],
+    series: bool,
+    where: dict[str, str],
+    by_version: bool,
+    lang: str,
+    options: dict[str, Any],
 ) -> tuple[list[tuple[Outcome, list[Change]]], int]:
     """The captures with changes that were asked for; and the exit status so far."""
     from ds47.regression.accept import chosen
@@ -104,7 +116,11 @@ def _find(
             tell(about(task.path, outcome.error))
             status = 1
             continue
-        changes = [change for change in outcome.changes if chosen(change, where, Path(task.path))]
+        changes = [
+            change
+            for change in outcome.changes
+            if chosen(change, where, Path(task.path)) and (change.version or not by_version)
+        ]
         if changes:
             found.append((outcome, changes))
     return found, 3 if misses else status
@@ -125,13 +141,21 @@ def _list(found: Sequence[tuple[Outcome, list[Change]]], most: int | None, lang:
 
 
 def _take(outcome: Outcome, changes: list[Change]) -> None:
-    """All changes: the present result as it is; some: the stored one with these."""
+    """All changes: the present result as it is; some: the stored one with these.
+
+    It stays a result of the version that stored it as long as that is the reason for what is left.
+    """
     from ds47.regression import baseline
     from ds47.regression.accept import merge
 
     assert outcome.now is not None
     assert outcome.stored is not None
-    now = outcome.now
+    assert outcome.origin is not None
+    now: Json = outcome.now
+    version: str | None = __version__
     if len(changes) < len(outcome.changes):
         now = merge(outcome.stored, outcome.now, outcome.pairs, changes)
-    baseline.save(outcome.place, now, Path(outcome.path).name)
+        taken = set(map(id, changes))
+        left = [change for change in outcome.changes if id(change) not in taken]
+        version = outcome.origin.version_with(left)
+    baseline.save(outcome.place, now, Path(outcome.path).name, version)

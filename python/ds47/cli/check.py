@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -64,8 +64,8 @@ def command(
     """Compare captures with their stored results (NAME.ds47.json).
 
     Exit status: 0 all as stored; 1 something changed, no result is stored, or the capture of a
-    stored one is gone from a folder; 3 a capture cannot be read as a whole. Tolerances, masks and
-    known findings stand in ds47.toml.
+    stored one is gone from a folder; 3 a capture cannot be read as a whole. What comes of a newer
+    ds47 alone is told and does not fail. Tolerances, masks and known findings stand in ds47.toml.
     """
     refuse_urls(paths)
     spare_captures(junit, sarif)
@@ -139,13 +139,26 @@ def _print_text(
         if not outcome.changes:
             continue
         line("check_changed" if outcome.failures else "check_noted", escape(outcome.path))
-        for change in outcome.changes[:most]:
-            line("", escape(change.text))
-        if most is not None and len(outcome.changes) > most:
-            line("", say("changes_more", number=str(len(outcome.changes) - most)).text(lang))
+        for text in _told(outcome, most, lang):
+            line("", text)
     if summary:
         write("\n".join(_summary(outcomes).lines(lang)) + "\n")
     write(_last_line(outcomes, series).text(lang) + "\n")
+
+
+def _told(outcome: Outcome, most: int | None, lang: str) -> Iterator[str]:
+    """The changes of a capture. Those of the version alone are summed up; where all are wanted, they follow."""
+    from ds47.report.bilingual import say
+    from ds47.report.formatting import escape
+
+    others = [change for change in outcome.changes if not change.version]
+    yield from (escape(change.text) for change in others[:most])
+    if most is not None and len(others) > most:
+        yield say("changes_more", number=str(len(others) - most)).text(lang)
+    assert outcome.origin is not None
+    yield from (line.text(lang) for line in outcome.origin.lines(outcome.changes))
+    if most is None:
+        yield from (f"  {escape(change.text)}" for change in outcome.changes if change.version)
 
 
 def _last_line(outcomes: Sequence[Outcome], series: bool) -> Both:
@@ -153,8 +166,12 @@ def _last_line(outcomes: Sequence[Outcome], series: bool) -> Both:
 
     total, failed = len(outcomes), sum(outcome.failed for outcome in outcomes)
     text = say("check_sum", n=total, number=str(total), same=str(total - failed), other=str(failed))
-    if any(outcome.changes for outcome in outcomes):
-        text = text.joined(say("check_accept", option="--series " if series else ""), "", "")
+    option = "--series " if series else ""
+    changes = [change for outcome in outcomes for change in outcome.changes]
+    if any(not change.version for change in changes):
+        text = text.joined(say("check_accept", option=option), "", "")
+    if any(change.version for change in changes):
+        text = text.joined(say("check_accept_version", option=option), "", "")
     return text
 
 
@@ -186,6 +203,7 @@ def _print_json(outcomes: Sequence[Outcome], summary: bool) -> None:
                 "label": outcome.label,
                 "failed": outcome.failed,
                 "error": outcome.error,
+                "stored_by": outcome.origin.version if outcome.origin else None,
                 "changes": [_plain(outcome, number) for number in range(len(outcome.changes))],
             }
             for outcome in outcomes
@@ -204,6 +222,7 @@ def _plain(outcome: Outcome, number: int) -> dict[str, Any]:
         "kind": change.kind,
         "text": change.text,
         "fails": fails(change, outcome.fail_on),
+        "by_version": change.version,
         "transaction": None if change.now is None else change.now + 1,
         "path": list(change.path),
         "was": change.was,

@@ -191,6 +191,8 @@ class RuleText(NamedTuple):
     """What a finding carries: names and types."""
     analyzer_only: bool
     """Whether the Wireshark plugin has it not."""
+    changed: tuple[str, ...]
+    """The versions from which on it finds more or less than before."""
 
 
 def rule_text(rule: Rule, lang: str) -> RuleText:
@@ -203,6 +205,7 @@ def rule_text(rule: Rule, lang: str) -> RuleText:
     return RuleText(
         rule.id, rule.name, rule.severity, text("message"), text("cause"), text("advice"),
         ", ".join(f"{name} ({kind})" for name, kind in rule.args.items()), rule.analyzer_only,
+        rule.changed,
     )  # fmt: skip
 
 

@@ -168,6 +168,6 @@ def _from_json(path: str) -> dict[str, Any]:
             )
         return cast(dict[str, Any], capture)
     try:
-        return baseline.load(Path(path))
+        return baseline.load(Path(path)).content
     except baseline.BaselineError as problem:
         raise click.ClickException(str(problem)) from problem

@@ -84,4 +84,6 @@ def _explained(rule: RuleText, lang: str) -> str:
         lines += ("  " + line for line in wrap(told, _WIDTH - 2, 2))
     if rule.analyzer_only:
         lines.append("  " + say("rules_analyzer_only").text(lang))
+    if rule.changed:
+        lines.append("  " + say("rules_changed", text=", ".join(rule.changed)).text(lang))
     return "\n".join(lines) + "\n"

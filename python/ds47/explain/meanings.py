@@ -628,6 +628,7 @@ def _rule(number: int, lang: str) -> Meaning:
     cause = explanations.Cause(rule.cause, rule.cause_zh, "usual")
     return _meaning(
         "rule", code, code, title, True, entry, lang, rank="index", causes=(cause,),
+        parts=tuple(Part(version, "", words["changed"]) for version in rule.changed),
         advice=rule.advice_zh if chinese else rule.advice,
         filter_name=entry.filter, values={"name": code},
     )  # fmt: skip

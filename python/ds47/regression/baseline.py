@@ -11,7 +11,7 @@ import json
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 from ds47.batch.tasks import in_folders
 from ds47.capture.names import PACKED, SUFFIXES, is_export
@@ -118,8 +118,15 @@ def content(result: CaptureResult, lang: str = "en") -> dict[str, Any]:
     return stored
 
 
-def load(path: Path) -> dict[str, Any]:
-    """Reads a stored result and returns its `content`.
+class Stored(NamedTuple):
+    """What was read: the `content`, and the version of ds47 that wrote it, None where it does not say."""
+
+    content: dict[str, Any]
+    version: str | None
+
+
+def load(path: Path) -> Stored:
+    """Reads a stored result.
 
     Raises:
         NoBaselineError: there is none.
@@ -143,7 +150,9 @@ def load(path: Path) -> dict[str, Any]:
             f"{path}: the stored result is not whole (see {place or 'capture'}); "
             "make it with: ds47 baseline --force"
         )
-    return cast(dict[str, Any], stored)
+    tool = document.get("tool")
+    version = tool.get("version") if isinstance(tool, dict) else None
+    return Stored(cast(dict[str, Any], stored), version if isinstance(version, str) else None)
 
 
 def parse(text: str) -> Any:
@@ -159,8 +168,16 @@ def parse(text: str) -> Any:
     return json.loads(text, parse_constant=refuse)
 
 
-def save(path: Path, stored: dict[str, Any], capture: str) -> None:
+def save(
+    path: Path, stored: dict[str, Any], capture: str, version: str | None = __version__
+) -> None:
     """Writes a stored result whole or not at all; the same content gives the same bytes anywhere.
+
+    Args:
+        path: where it stands.
+        stored: its `content`.
+        capture: the name of the file, of a series of its first one.
+        version: the ds47 whose analysis it is.
 
     Raises:
         OSError: it cannot be written.
@@ -168,21 +185,24 @@ def save(path: Path, stored: dict[str, Any], capture: str) -> None:
     draft = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         draft.write_text(
-            text(stored, capture), encoding="utf-8", errors="backslashreplace", newline="\n"
+            text(stored, capture, version),
+            encoding="utf-8",
+            errors="backslashreplace",
+            newline="\n",
         )
         draft.replace(path)
     finally:
         draft.unlink(missing_ok=True)
 
 
-def text(stored: dict[str, Any], capture: str) -> str:
+def text(stored: dict[str, Any], capture: str, version: str | None = __version__) -> str:
     """The file as text: sorted keys, short things on one line, the way to update it first."""
     option = " --series" if "files" in stored else ""
     document = {
         "#": f"stored result of {capture}; look at what changed with: ds47 check{option}, "
         f"take it over with: ds47 accept{option}",
         "schema": SCHEMA,
-        "tool": {"name": "ds47", "version": __version__},
+        "tool": {"name": "ds47", "version": version},
         "capture": stored,
     }
     return _layout(document, 0) + "\n"

@@ -76,6 +76,7 @@ class Change:
         path: keys inside the transaction (or the capture object) that lead to what changed.
         was, is_now: the two values; None where there is none.
         pnu, subindex, device, rule: what it is about, for `ds47 accept --where`.
+        version: the version of ds47 of which alone it comes (`ds47.regression.versions`), else None.
     """
 
     kind: str
@@ -89,6 +90,7 @@ class Change:
     subindex: int | None = None
     device: str | None = None
     rule: str | None = None
+    version: str | None = None
 
 
 def compare(
@@ -112,6 +114,7 @@ class Comparison:
     Attributes:
         pairs: which transaction of the stored result is which of the present one, as 0-based places;
             one that was added or is missing stands alone, and does not disturb the others.
+        same_file: whether both are of the same file, not of two recordings.
     """
 
     def __init__(
@@ -120,7 +123,7 @@ class Comparison:
         self._old, self._new = stored, now
         self._lang = lang
         self._config, self._capture = config, capture
-        self._same_file = _digests(stored) == _digests(now) and None not in _digests(now)
+        self.same_file = _digests(stored) == _digests(now) and None not in _digests(now)
         self._with_args = all(
             "args" in each for result in (stored, now) for each in result.get("findings", [])
         )
@@ -139,7 +142,7 @@ class Comparison:
     def changes(self) -> Iterator[Change]:
         """Devices and counts first, then transaction by transaction, then findings."""
         yield from self._devices()
-        if self._same_file:
+        if self.same_file:
             for key in _COUNTS if self._knows_s7 else _COUNTS[:-1]:
                 if self._old.get(key) != self._new.get(key):
                     yield self._field("count", _Where("capture"), (key,), self._old, self._new)
@@ -197,7 +200,7 @@ class Comparison:
         s7 = new.get("channel") == S7
         said = tuple(key for key in _SAID if key not in _COUNTED) if s7 else _SAID
         recorded = _RECORDED + (_COUNTED if s7 else ())
-        for key in _STATE + said + (recorded if self._same_file else ()):
+        for key in _STATE + said + (recorded if self.same_file else ()):
             if key in old and old[key] != new.get(key):  # an older result has not all keys
                 kind = "state" if key in _STATE else "field"
                 yield self._field(kind, where, (key,), old, new, **about)
@@ -220,7 +223,7 @@ class Comparison:
         self, where: _Where, olds: list[Json], news: list[Json], about: Json
     ) -> Iterator[Change]:
         """The items of a job of S7; what programs read and write differs from recording to recording."""
-        keys = ("address", "code", *(("length", "value") if self._same_file else ()))
+        keys = ("address", "code", *(("length", "value") if self.same_file else ()))
         nothing: Json = {}
         for number, (before, after) in enumerate(zip_longest(olds, news, fillvalue=nothing)):
             for key in keys:
@@ -242,7 +245,7 @@ class Comparison:
 
     def _duration_fits(self, old: float | None, new: float | None) -> bool:
         tolerance = self._config.tolerance
-        if self._same_file:
+        if self.same_file:
             return old == new
         if tolerance.duration_relative is None and tolerance.duration_absolute_ms is None:
             return True
@@ -305,9 +308,7 @@ class Comparison:
         if was == is_now and type(was) is type(is_now):
             return True
         pnu = parameter.get("pnu")
-        if not self._same_file and self._config.masked(
-            device, pnu, subindex, parameter.get("name")
-        ):
+        if not self.same_file and self._config.masked(device, pnu, subindex, parameter.get("name")):
             return True
         if not _number(was) or not _number(is_now):
             return False
@@ -411,7 +412,7 @@ class Comparison:
 
     def _facts(self, finding: Json) -> tuple[Any, ...]:
         """What else tells findings of the same file apart. Sentences never do: a better one is no change."""
-        if not self._same_file:
+        if not self.same_file:
             return ()
         args = _frozen(_compared(finding["args"])) if self._with_args else None
         return finding["frame"], args

@@ -167,6 +167,9 @@ class CaptureItem(pytest.Item):
             raise Changed(str(problem)) from problem
         if outcome.failed or outcome.unreadable:
             raise Changed(_failure(outcome))
+        told = "\n".join(_of_versions(outcome))
+        if told:
+            self.add_report_section("call", "ds47", told)
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
         """What changed, as people read it; everything else as pytest shows it."""
@@ -194,10 +197,16 @@ def _failure(outcome: Outcome) -> str:
     lines += [f"  {change.text}" for change in failures[:_SHOWN]]
     if len(failures) > _SHOWN:
         lines.append(f"  ... and {len(failures) - _SHOWN} more")
+    lines += [f"  {line}" for line in _of_versions(outcome)]
     if failures:
         option = "--series " if outcome.series else ""
         lines.append(f"to take this over: ds47 accept {option}{outcome.path}")
     return "\n".join(lines)
+
+
+def _of_versions(outcome: Outcome) -> list[str]:
+    """What there is to say of the version that stored the result."""
+    return [line.en for line in outcome.origin.lines(outcome.changes)] if outcome.origin else []
 
 
 def _line(path: str, problem: str) -> str:

@@ -18,6 +18,7 @@ from ds47.capture.rings import common_name
 from ds47.model import SEVERITIES, CaptureResult
 from ds47.regression import baseline, config
 from ds47.regression.compare import Change, Comparison, Json
+from ds47.regression.versions import Origin
 
 
 @dataclass(slots=True)
@@ -30,6 +31,7 @@ class Outcome:
         place: where its stored result stands.
         now: its present capture object, None where nothing of it can be read.
         stored: the stored one, None where there is none.
+        origin: which version stored it.
         changes: what is not as it was stored.
         pairs: which transaction of the stored result is which of the present one.
         error: why there is nothing to compare.
@@ -42,6 +44,7 @@ class Outcome:
     place: Path
     now: Json | None = None
     stored: Json | None = None
+    origin: Origin | None = None
     changes: list[Change] = field(default_factory=list)
     pairs: list[tuple[int | None, int | None]] = field(default_factory=list)
     error: str | None = None
@@ -62,7 +65,7 @@ class Outcome:
 
     @property
     def failures(self) -> list[Change]:
-        """The changes that make a check fail: all but new or gone findings below `fail_on`."""
+        """The changes that make a check fail."""
         return [change for change in self.changes if fails(change, self.fail_on)]
 
     @property
@@ -74,10 +77,10 @@ class Outcome:
 def fails(change: Change, fail_on: str) -> bool:
     """Whether a change makes a check fail.
 
-    A finding that came counts from the severity `fail_on` on, one that went never does; everything
-    else always counts.
+    A finding that came counts from the severity `fail_on` on, one that went never does, nor does what
+    comes of the version of ds47 alone; everything else always counts.
     """
-    if change.kind == "finding_gone":
+    if change.kind == "finding_gone" or change.version:
         return False
     if change.kind != "finding_new":
         return True
@@ -184,16 +187,20 @@ def check(
     outcome.now = baseline.content(result)
     outcome.unreadable, outcome.problem = not result.complete, result.lacking
     try:
-        outcome.stored = _stored(task, outcome.place)
+        outcome.stored, version = _stored(task, outcome.place)
     except baseline.BaselineError as problem:
         outcome.error = str(problem)
         return outcome
     comparison = Comparison(outcome.stored, outcome.now, settings, capture, lang)
-    outcome.changes, outcome.pairs = list(comparison.changes()), comparison.pairs
+    outcome.origin = Origin(version, same_file=comparison.same_file)
+    outcome.changes = outcome.origin.explained(
+        list(comparison.changes()), outcome.stored, outcome.now
+    )
+    outcome.pairs = comparison.pairs
     return outcome
 
 
-def _stored(task: Task, place: Path) -> Json:
+def _stored(task: Task, place: Path) -> baseline.Stored:
     """The stored result of a capture or series.
 
     Raises:
@@ -205,7 +212,7 @@ def _stored(task: Task, place: Path) -> Json:
         _refuse_a_part(task, baseline.path_of(Path(task.path), common_name(Path(task.path).name)))
         option = "--series " if task.series else ""
         raise baseline.BaselineError(f"{problem} {option}{task.path}") from problem
-    _refuse_a_part(task, place, stored)
+    _refuse_a_part(task, place, stored.content)
     return stored
 
 
@@ -215,7 +222,7 @@ def _refuse_a_part(task: Task, place: Path, stored: Json | None = None) -> None:
         return
     if stored is None:
         try:
-            stored = baseline.load(place)
+            stored = baseline.load(place).content
         except baseline.BaselineError:
             return
     names = [file["path"] for file in stored.get("files", ())]

@@ -17,7 +17,9 @@ WIDTH = 100
 _LABEL = 12
 _WITH_CAUSE = 2
 
-_LABELS: Final[Mapping[str, str]] = {"format": "names", "parameter": "values"}
+_LABELS: Final[Mapping[str, str]] = {
+    "format": "names", "parameter": "values", "rule": "since",
+}  # fmt: skip
 """Kinds of codes -> the word before their parts, where these are something of their own."""
 
 

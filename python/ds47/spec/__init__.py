@@ -172,6 +172,7 @@ class Rule(Row):
     cause_zh: str
     advice_zh: str
     analyzer_only: bool = False
+    changed: tuple[str, ...] = ()
     many: str = ""
     many_zh: str = ""
     group: tuple[str, ...] = ()
@@ -531,8 +532,9 @@ def instruction_sources() -> Mapping[str, str]:
 def rules() -> Mapping[str, Rule]:
     """The catalogue of findings by id, in the order of the ids."""
     rows = _load("rules.toml")["rule"]
+    lists = ("changed", "group")
     return MappingProxyType(
-        {row["id"]: Rule(**{**row, "group": tuple(row.get("group", ()))}) for row in rows}
+        {row["id"]: Rule(**row | {key: tuple(row.get(key, ())) for key in lists}) for row in rows}
     )
 
 

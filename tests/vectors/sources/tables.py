@@ -136,7 +136,9 @@ def explaining(key: str) -> bool:
         return True
     if kind == "rules" and spec.rules()[rest.partition(".")[0]].analyzer_only:
         return True
-    return key.rpartition(".")[2] in EXPLAINING or ".sources." in key
+    return key.rpartition(".")[2] in EXPLAINING or any(
+        f".{each}." in key for each in ("sources", "changed")
+    )
 
 
 def text() -> str:

@@ -57,6 +57,8 @@ def _chapter(rule: Rule) -> str:
     told = f"{rule.severity}, about {_SCOPES[rule.scope]}"
     if rule.analyzer_only:
         told += ", only in the analyzer"
+    if rule.changed:
+        told += f"; finds more or less than before from {', '.join(rule.changed)} on"
     parts = [
         f"### {rule.id} {rule.name} {{#{rule.id.lower()}}}",
         f"**{plain(rule.title)}** ({told})",
