@@ -454,8 +454,8 @@ class Device(_Plain):
         return self.assumed_vendor_id if self.vendor_id is None else self.vendor_id
 
 
-LENGTHS, SEEN, NAMED, REFUTED = "lengths", "seen", "named", "refuted"
-"""How sure a relation is: its lengths fit, or what a drive says was seen in it."""
+LENGTHS, CONFIGURED, SEEN, NAMED, REFUTED = "lengths", "configured", "seen", "named", "refuted"
+"""How sure a relation is: its lengths fit, its configuration says it, or what a drive says was seen in it."""
 
 
 class Side(NamedTuple):
@@ -475,7 +475,8 @@ class Relation(_Plain):
     """A channel in cyclic frames, as a Connect sets it up, or as it was named by hand (docs/cyclic.md 5).
 
     `telegrams` are those that the lengths allow, `frame` is that of the response to the Connect. `certainty` is
-    LENGTHS, SEEN, NAMED, or REFUTED where no drive has the words that were named. Of a channel that was named
+    LENGTHS, SEEN, NAMED, REFUTED where no drive has the words that were named, or CONFIGURED where Chk_Cfg and a
+    known ident number tell that it is PKW, and no request was answered. Of a channel that was named
     `controller` and `device` are MAC addresses, `frame` is its first one, and what only a Connect says is None.
     """
 

@@ -7,7 +7,7 @@ way: AK is the first digit, then the number of the parameter; index; two words o
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from itertools import dropwhile, pairwise
+from itertools import dropwhile, pairwise, takewhile
 from typing import Any
 
 from tests.audit import cyclic
@@ -184,6 +184,31 @@ def _wrong_word(finding: Finding, talk: Talk) -> Iterator[str]:
         yield "no word is written in this frame"
     if finding.args["pwe"] != int.from_bytes(talk.asked[4:6]) or not finding.args["pwe"]:
         yield f"PWE1 is {talk.asked[4:6].hex()}"
+
+
+def of_ignored(finding: Finding, reading: Reading) -> Iterator[str]:
+    """DS514: what stands from a frame on reads as a request, and nothing of the drive fits it."""
+    for relation in reading.plain.get("relations", ()):
+        there = list(cyclic.parts(reading, relation, "output"))
+        numbers = [each.frame for each in there]
+        if relation["channel"] == "pkw" and finding.frame in numbers:
+            break
+    else:
+        yield "no words of PKW are in this frame"
+        return
+    place = numbers.index(finding.frame)
+    asked = there[place].data
+    if asked[0] >> 4 not in ANSWERS or (place and there[place - 1].data == asked):
+        yield "no request begins in this frame"
+    same = list(takewhile(lambda each: each.data == asked, there[place:]))
+    end = there[place + len(same)] if place + len(same) < len(there) else same[-1]
+    if finding.args["milliseconds"] * 1e6 > end.time_ns - there[place].time_ns:
+        yield "it stands shorter"
+    for part in cyclic.parts(reading, relation, "input"):
+        fits = part.data[0] >> 4 in (*ANSWERS[asked[0] >> 4], NEGATIVE)
+        if fits and (int.from_bytes(part.data[:2]) ^ int.from_bytes(asked[:2])) & 0x7FF == 0:
+            yield f"a response is in frame {part.frame}"
+            return
 
 
 AUDITORS: dict[str, Auditor] = {

@@ -37,6 +37,7 @@ AUDITORS = {
     **dict.fromkeys(pzd.HABITS, lambda case: pzd.of_habit(case.finding, case.reading)),
     **dict.fromkeys(s7.AUDITORS, lambda case: s7.of(case.finding, case.reading)),
     **dict.fromkeys(stations.AUDITORS, stations.of),
+    "DS514": lambda case: pkw.of_ignored(case.finding, case.reading),
     "DS507": lambda case: pzd.of_word(case.finding, case.reading),
 }  # fmt: skip
 NO_CLAIM = claims.NO_CLAIM

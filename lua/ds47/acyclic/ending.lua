@@ -103,7 +103,7 @@ function M.result(live)
   end
   add(findings, live.records:limits_reached())
   over.cyclic:finish()
-  add(findings, over.conclusions:finish())
+  add(findings, over.conclusions:finish(function(device) return live:pkw_layout(device) end))
   local numbered = over.finished_jobs:numbered()
   local found = findings:result(numbered, over.finished_jobs, over.diagnoses)
   return {

@@ -6,10 +6,11 @@
 -- response that followed it were seen. PZD is proven by its words, or by PKW beside it.
 --
 -- A line is one relation at work (`Requests`, `Drive`), an end one direction of it: {line, side, sent (by
--- the controller), and of PKW words (what was there last)}. A row has the ends of one sender and frame id;
--- it is found by the bytes that all its frames begin with: a frame costs one look-up, a comparison where it
--- is watched, and no more as long as nothing changes in it. Of the others one in a while is looked at,
--- because values move in all of them: the same ones as the analyzer looks at (`sampled` in capture/scan.py).
+-- the controller), looks (frames that were looked at: they count where no cycle is known), and of PKW words
+-- (what was there last)}. A row has the ends of one sender and frame id; it is found by the bytes that all
+-- its frames begin with: a frame costs one look-up, a comparison where it is watched, and no more as long as
+-- nothing changes in it. Of the others one in a while is looked at, because values move in all of them: the
+-- same ones as the analyzer looks at (`sampled` in capture/scan.py).
 
 local connect = require("ds47.profinet.connect")
 local entries = require("ds47.support.later").entries
@@ -35,7 +36,7 @@ local PATIENCE = 8192 -- frames of what might be PZD that are looked at without 
 local SAMPLE, RAREST, OFTEN = 4, 1024, 256
 local DENSE = 1024 -- data exchanges that are all looked at; then one of ever more that say the same
 local SPEED = "^NSOLL" -- how the name of a word begins that is a setpoint of speed
-local LENGTHS, SEEN = relations.LENGTHS, relations.SEEN
+local LENGTHS, CONFIGURED, SEEN = relations.LENGTHS, relations.CONFIGURED, relations.SEEN
 local NAMED, REFUTED = relations.NAMED, relations.REFUTED
 
 local Channels = {}
@@ -55,6 +56,7 @@ function M.new(listener, limits, every, naming)
     all = {}, -- relations, those that a later Connect replaced and those that are only candidates too
     drives_ = {}, -- lines of PZD
     without_request = {}, -- relations of PKW in which none was seen
+    ignored = {}, -- {relation, job} of what reads as a request and has no response
     asked = {}, -- places where one was, in a relation that another one may have replaced
     moved = {}, -- ends in which the last frame changed something
   }, Channels)
@@ -67,9 +69,10 @@ Requests.__index = Requests
 -- A transaction is over. Not a closure: a line is copied for the end of the capture.
 local function over(job, line)
   local relation, waiting = line.relation, line.waiting
+  line.asked = true
   local responded = job.state == "ok" or job.state == "error"
   local edge = job.began and not job.settled
-  if relation.certainty == LENGTHS and responded and edge then
+  if (relation.certainty == LENGTHS or relation.certainty == CONFIGURED) and responded and edge then
     relation.certainty = SEEN
     line.owner:proven(relation)
   end
@@ -113,10 +116,25 @@ function Requests:apart(relation, owner)
   return made
 end
 
+-- What stood for so long, where all reads as requests, and nothing has a response or proves that it is PKW.
+local function ignored(line, cycles)
+  if line.relation.certainty ~= LENGTHS then return nil end
+  local found
+  for _, each in ipairs(line.waiting) do
+    if not handshake.is_ignored(each) then return nil end
+    local stood = handshake.last_of(each).cycle - each.request.at.cycle
+    if found == nil and stood >= cycles then found = each end
+  end
+  return found
+end
+
 function Requests:finish()
   self.channel:finish()
   local owner = self.owner
-  if self.relation.certainty == LENGTHS and #self.waiting == 0 then
+  local job = ignored(self, owner.limits.pkw_cycles)
+  if job then owner.ignored[#owner.ignored + 1] = {relation = self.relation, job = job} end
+  local certainty = self.relation.certainty
+  if (certainty == LENGTHS or certainty == CONFIGURED) and not self.asked then
     owner.without_request[#owner.without_request + 1] = self.relation
   else
     owner.asked[relations.place(self.relation)] = true
@@ -219,8 +237,8 @@ local function new_drive(self, relation, behind)
 end
 
 local function new_requests(self, relation)
-  local line = setmetatable({relation = relation, owner = self, waiting = {}}, Requests)
-  line.channel = handshake.new(over, line)
+  local line = setmetatable({relation = relation, owner = self, waiting = {}, asked = false}, Requests)
+  line.channel = handshake.new(over, line, relations.is_bus(relation) and relation.certainty ~= NAMED)
   return line
 end
 
@@ -234,7 +252,8 @@ local function add(self, relation, behind)
     self.drives_[#self.drives_ + 1] = line
   end
   line.ends = {
-    {line = line, side = relation.output, sent = true}, {line = line, side = relation.input, sent = false},
+    {line = line, side = relation.output, sent = true, looks = 0},
+    {line = line, side = relation.input, sent = false, looks = 0},
   }
   self.lines[#self.lines + 1] = line
 end
@@ -312,6 +331,8 @@ local function watch(self)
   for _, rows in ipairs({self.rows, self.stations}) do
     for _, row in pairs(rows) do
       row.parts = parts_of(row)
+      row.follows = false -- whether the frame behind one that says something new is looked at as well
+      for _, each in ipairs(row) do row.follows = row.follows or each.side.cycle_ns == 0 end
       local final = row.parts[#row.parts]
       row.need = final[1] + final[2]
     end
@@ -439,13 +460,34 @@ function Channels:timelines()
   return found
 end
 
+-- The places of drives, as a set.
+local function places_of(drives)
+  local places = {}
+  for _, each in ipairs(drives) do places[relations.place(each.relation)] = true end
+  return places
+end
+
+-- Whether what may be PKW stands beside the words of a drive, and is not these.
+local function is_beside(self, pkw, places)
+  return places[relations.place(pkw)] and not is_pzd(self, pkw)
+end
+
 --- Where PKW is as sure as the process data beside it, and no request was seen; when nothing more comes.
 function Channels:unused()
-  local places, found = {}, {}
-  for _, each in ipairs(self:drives()) do places[relations.place(each.relation)] = true end
+  local places, found = places_of(self:drives()), {}
   for _, each in ipairs(self.without_request) do
-    local place = relations.place(each)
-    if places[place] and not self.asked[place] and not is_pzd(self, each) then found[#found + 1] = each end
+    local asked = self.asked[relations.place(each)]
+    if not asked and is_beside(self, each, places) then found[#found + 1] = each end
+  end
+  return found
+end
+
+--- What reads as a request beside the words of a drive, and has no response; when nothing more comes. An
+-- array of {relation, job}.
+function Channels:unanswered()
+  local places, found = places_of(self:drives()), {}
+  for _, each in ipairs(self.ignored) do
+    if is_beside(self, each.relation, places) then found[#found + 1] = each end
   end
   return found
 end
@@ -468,6 +510,10 @@ function Channels:apart(listener)
   made.listener, made.asked = listener, flat(self.asked)
   made.all = mapped(self.all, relations_apart)
   made.without_request = mapped(self.without_request, relations_apart)
+  made.ignored = {}
+  for number, each in ipairs(self.ignored) do
+    made.ignored[number] = {relation = relations_apart[each.relation], job = each.job}
+  end
   made.lines, made.drives_ = mapped(self.lines, lines_apart), mapped(self.drives_, lines_apart)
   return made
 end
@@ -559,7 +605,9 @@ local function take(each, frame, at, number, time)
   local line = each.line
   local relation = line.relation
   line.start, relation.frame = line.start or time, relation.frame or number
-  local cycle = rounded((time - line.start) / max(each.side.cycle_ns, 1))
+  each.looks = each.looks + 1
+  local cycle = each.looks
+  if each.side.cycle_ns > 0 then cycle = rounded((time - line.start) / each.side.cycle_ns) end
   local moment = {frame = number, time = time, cycle = cycle}
   if valid then
     line:take(each.sent, words, moment)
@@ -589,8 +637,12 @@ end
 function Channels:frame(row, frame, at, number, time)
   self.moved = {}
   local hopeless = false
+  local before = row.bytes
   row.period = floor(number / sampled(self, number))
   keep(row, frame, at)
+  if row.follows and row.bytes ~= before then
+    row.period, row.due = -1, 0
+  end
   for place = 1, #row do
     local each = row[place]
     if take(each, frame, at, number, time) then self.moved[#self.moved + 1] = each end
@@ -609,8 +661,8 @@ local function is_news_of_station(row, data)
   end
   bytes = concat(bytes)
   if bytes == row.said and row.count < row.due and #data >= row.need then return false end
+  row.due = row.count + (bytes == row.said and min(max(floor(row.count / DENSE), 1), RAREST) or 1)
   row.said = bytes
-  row.due = row.count + min(max(floor(row.count / DENSE), 1), RAREST)
   return true
 end
 

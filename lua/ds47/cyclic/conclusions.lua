@@ -63,7 +63,8 @@ function Conclusions:transaction(item)
 end
 
 --- Everything else, when the capture is over: array of remarks.
-function Conclusions:finish()
+-- @param layout_of the layout of IND, by the address of a device
+function Conclusions:finish(layout_of)
   local found = {}
   local function add(remarks)
     for _, remark in ipairs(remarks) do found[#found + 1] = remark end
@@ -72,6 +73,11 @@ function Conclusions:finish()
     if relations.is_judged(drive.relation) then add(drive:remarks()) end
   end
   for _, each in self.habits:iterate() do add(each:finish()) end
+  for _, each in ipairs(self.channels:unanswered()) do
+    if relations.is_judged(each.relation) then
+      add(judge.unanswered(each.relation, each.job, layout_of(each.relation.device)))
+    end
+  end
   for _, relation in ipairs(self.channels:unused()) do
     if relations.is_judged(relation) and relation.frame then
       add({{rule = "DS512", frame = relation.frame, args = {device = relation.device, slot = relation.slot}}})

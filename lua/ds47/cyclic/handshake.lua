@@ -7,8 +7,8 @@
 --
 -- A job: request {data, at}, standing {data, at} (the answer when it began), began (false: it stood there
 -- when the capture began), state, reason, answer {data, at}, settled (no edge told the answer), updates,
--- newest {data, at}, halves (frame), odd {data, at}, late (frame), ended (moment). A moment: {frame, time,
--- cycle}.
+-- newest {data, at}, halves (frame), odd {data, at}, late (frame), ended (moment), heard (whether the drive
+-- said anything at all), last (the moment in which it was looked at last). A moment: {frame, time, cycle}.
 
 local flat = require("ds47.support.flat").copy
 local tables = require("ds47.spec.tables")
@@ -26,8 +26,9 @@ Channel.__index = Channel
 --- A channel of PKW.
 -- @param closed called with each job when its request ends, and with `owner`
 -- @param owner nil, or whatever `closed` wants
-function M.new(closed, owner)
-  return setmetatable({_closed = closed, _owner = owner, _previous = nil, _echoes = true}, Channel)
+-- @param fresh whether nothing was asked before the first words: they are those after a start-up
+function M.new(closed, owner, fresh)
+  return setmetatable({_closed = closed, _owner = owner, _echoes = true, _fresh = fresh or false}, Channel)
 end
 
 local function ak_of(data) return floor(byte(data) / 16) end
@@ -74,13 +75,33 @@ function M.duration(job)
   return cycles_between(job.request, job.answer), job.answer.at.time - job.request.at.time
 end
 
+-- Whether words read as a request: AK, page and number are some that exist, and a read has no value.
+local function is_request(data)
+  local kind, index, page = access(data), byte(data, 3, 4)
+  if kind ~= "read" and kind ~= "change" and kind ~= "count" then return false end
+  if index % 4 > 0 and page % 4 > 0 then return false end -- no layout has such a page
+  return number(data) > 0 and (kind == "change" or sub(data, 5) == NO_VALUE)
+end
+
+--- Whether a job that is over reads as a request, and a drive that said something did not respond.
+function M.is_ignored(job)
+  local open = job.state == "unanswered" or job.state == "superseded"
+  return job.heard and open and is_request(job.request.data)
+end
+
+--- The moment of the frame that ended a job, or of the last in which it was looked at.
+function M.last_of(job) return job.ended or job.last or job.request.at end
+
 --- The request that stands, nil where there is none.
 function Channel:open_job() return self._job end
 
 --- The controller sends these eight bytes from now on.
 function Channel:sent(bytes, at)
   local data, last = without_spm(bytes), self._out
-  if last and last.data == data then return end
+  if last and last.data == data then
+    if self._job then self._job.last = at end
+    return
+  end
   self._out = {data = data, at = at}
   if self:_is_second_half(data, at) then return end
   self._previous = last and last.data
@@ -88,10 +109,11 @@ function Channel:sent(bytes, at)
   self:_end(at, not wanted)
   if wanted then
     self._job = {
-      request = self._out, standing = self._in, began = last ~= nil, settled = false, updates = 0,
-      moving = self._before ~= nil and self._before.updates > 0,
+      request = self._out, standing = self._in, began = last ~= nil or self._fresh, settled = false,
+      updates = 0, moving = self._before ~= nil and self._before.updates > 0,
     }
   end
+  self._fresh = false
 end
 
 --- The drive sends these eight bytes from now on.
@@ -125,7 +147,7 @@ function Channel:lost(at, side)
   elseif job then
     self:_settle(job, at, "end")
   end
-  self._job = nil
+  self._job, self._fresh = nil, false
   if side ~= "in" then self._out = nil end
   if side ~= "out" then self._in = nil end
 end
@@ -167,6 +189,7 @@ end
 
 function Channel:_close(job, state, reason, at)
   job.state, job.reason, job.ended = state, reason, at
+  job.heard = self._in ~= nil
   self._closed(job, self._owner)
 end
 

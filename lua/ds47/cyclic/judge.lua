@@ -4,6 +4,7 @@
 -- Only for drives of the maker whose tables these are: what looks like PKW on others may be something else
 -- (docs/cyclic.md 6). A remark is a finding in the making: {rule, frame, args}.
 
+local handshake = require("ds47.cyclic.handshake")
 local json = require("ds47.support.json")
 local pkw = require("ds47.cyclic.pkw")
 local reader = require("ds47.support.bytes")
@@ -52,6 +53,8 @@ local function of_end(remarks, job, asked, family)
   if job.state == "mismatch" then
     local args = {request = words(job.request.data), response = words(job.odd.data)}
     put(remarks, "DS505", job.odd.at.frame, args)
+  elseif not job.heard then
+    return -- the capture has nothing of the drive
   elseif job.state == "superseded" and ended then
     local args = {request = job.request.at.frame, by = ended.frame}
     put(remarks, "DS504", ended.frame, which(asked, family, args))
@@ -61,6 +64,17 @@ local function of_end(remarks, job, asked, family)
       put(remarks, "DS503", ended.frame, which(asked, family, {milliseconds = json.float(stood_ns / 1e6)}))
     end
   end
+end
+
+--- What reads as a request has no response, and nothing proves that it is one: an array of remarks.
+function M.unanswered(relation, job, layout)
+  local remarks, asked = {}, transactions.decoded(job, layout)
+  local stood_ns = handshake.last_of(job).time - job.request.at.time
+  if stood_ns >= 0 then -- else somebody set the clock meanwhile
+    local args = which(asked, relations.drives(relation), {milliseconds = json.float(stood_ns / 1e6)})
+    put(remarks, "DS514", job.request.at.frame, args)
+  end
+  return remarks
 end
 
 --- What is wrong with a transaction that is over, and as far as it is certain with one that is not: an

@@ -78,12 +78,20 @@ local function side(source, offset, length, is_pkw)
   }
 end
 
+-- Chk_Cfg with an ident number that is known, and that is agreed, tells that PKW is PKW; PZD is proved by its
+-- words.
+local function certainty_of(is_pkw, vendor_id, frame, agreed)
+  if not frame then return relations.NAMED end
+  return is_pkw and vendor_id and agreed and relations.CONFIGURED or relations.LENGTHS
+end
+
 --- The channels of a configuration; none where it is no PPO that is known.
 -- @param told as `dp.configuration` gives it
 -- @param vendor_id of the maker of the drive; nil where that is not known
 -- @param frame of Chk_Cfg; nil where a user named the PPO
 -- @param family of the parameters of the drive; nil where that is not known
-function M.relations(master, station, told, vendor_id, frame, family)
+-- @param agreed whether master and station name the same ident number
+function M.relations(master, station, told, vendor_id, frame, family, agreed)
   local found, output, input, telegrams = {}, 0, 0, telegrams_of(told)
   for _, module in ipairs(told.modules) do
     local out = module.outputs and module.outputs.length or 0
@@ -96,7 +104,7 @@ function M.relations(master, station, told, vendor_id, frame, family)
         telegrams = telegrams,
         output = side(M.source(master, station), output, out, is_pkw),
         input = side(M.source(station, master), input, in_, is_pkw),
-        frame = frame, certainty = frame and relations.LENGTHS or relations.NAMED,
+        frame = frame, certainty = certainty_of(is_pkw, vendor_id, frame, agreed),
       }
     end
     output, input = output + out, input + in_
@@ -134,7 +142,8 @@ function Ppo:take(exchange)
     self.named[item.da] = nil
     local vendor = tables.profibus.vendors[self.idents:sent_to(item.da) or -1]
     local told, family = dp.configuration(item.du), self.idents:family(item.da)
-    local found = M.relations(item.sa, item.da, told, vendor, frame, family)
+    local agreed = self.idents:of(item.da) == self.idents:sent_to(item.da)
+    local found = M.relations(item.sa, item.da, told, vendor, frame, family, agreed)
     self.channels:configured(found, M.source(item.sa, item.da), M.source(item.da, item.sa), frame)
   end
 end

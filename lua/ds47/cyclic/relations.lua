@@ -5,8 +5,9 @@
 -- shows, and which is PZD, the words themselves (channels.lua).
 --
 -- A relation: {channel, controller, device, vendor_id, ar, api, slot, subslot, telegrams, output, input,
--- frame, certainty}; `frame` is that of the response to the Connect, `certainty` M.LENGTHS, M.SEEN, M.NAMED
--- or M.REFUTED. One that was named by hand has no AR and no submodule, and `frame` is its first one.
+-- frame, certainty}; `frame` is that of the response to the Connect, `certainty` M.LENGTHS, M.CONFIGURED,
+-- M.SEEN, M.NAMED or M.REFUTED. One that was named by hand has no AR and no submodule, and `frame` is its
+-- first one.
 --
 -- A side of it: {source (six bytes), frame_id, offset, length, watched, iops, status, cycle_ns}: where the
 -- channel is behind the frame id, how many of its bytes matter when they change, the state of the data (nil
@@ -19,7 +20,7 @@ local tables = require("ds47.spec.tables")
 
 local M = {
   PKW = "pkw", PZD = "pzd", LENGTHS = "lengths", SEEN = "seen", NAMED = "named", REFUTED = "refuted",
-  SIEMENS = 0x002A, WORD = 2,
+  CONFIGURED = "configured", SIEMENS = 0x002A, WORD = 2,
 }
 
 local LEAST_PZD = 4

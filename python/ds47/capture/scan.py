@@ -66,6 +66,8 @@ _TAIL_1, _TAIL_2 = 0x827100A0, 0x2442DF7D
 # Of so many frames of a watched sender one is given, whatever it says: at first, at last, and how often before
 # it is half as many. A short capture shows its values finely, and a long one costs no more for it.
 _SAMPLE, _RAREST, _OFTEN = 4, 1024, 256
+_NEXT = 0x7FFF_FFFF
+"""A period in which no frame is: the next one is due."""
 _CONNECT, _RESPONSE = 0, 2  # operation and type of the RPC message that sets up cyclic frames
 
 _LEARN_FROM = 4096  # frames after which it pays to learn the shapes of cyclic traffic
@@ -238,17 +240,19 @@ def _sets_up(data: Bytes, start: int, end: int, link_type: int) -> bool:
 class Watch(NamedTuple):
     """The cyclic frames of a sender (its MAC address), and which bytes of them matter.
 
-    Each part is an offset behind the frame id and a length.
+    Each part is an offset behind the frame id and a length. `follows`: the frame behind one that says something
+    new is given, too, whatever it says.
     """
 
     source: bytes
     frame_id: int
     parts: tuple[tuple[int, int], ...]
+    follows: bool = False
 
 
-# A row of watched frames: MAC address and frame id, whether one was seen, length of the row, where the last part
-# ends, the period of the last frame, number of parts; then offset and length of each part, then their bytes. The
-# last row is followed by one of length 0.
+# A row of watched frames: MAC address and frame id, whether one was seen, `follows`, length of the row, where the
+# last part ends, the period of the last frame, number of parts; then offset and length of each part, then their
+# bytes. The last row is followed by one of length 0.
 _ROW = 24
 
 
@@ -258,7 +262,9 @@ def _row(watch: Watch) -> bytes:
     length = sum(part[1] for part in watch.parts)
     need = max((sum(part) for part in watch.parts), default=0)
     size = _ROW + len(parts) + length
-    head = struct.pack(">6sHBxHH8xH", watch.source, watch.frame_id, 0, size, need, len(watch.parts))
+    head = struct.pack(
+        ">6sHB?HH8xH", watch.source, watch.frame_id, 0, watch.follows, size, need, len(watch.parts)
+    )
     return head + parts + bytes(length)
 
 
@@ -297,9 +303,9 @@ def _is_news(rows: bytearray, row: int, data: Bytes, at: int, end: int, period: 
     """The same of the frame of a row; keeps what it says."""
     if at + _u16(rows, row + 12) > end:
         return False  # cut by the capture
-    news = rows[row + 8] == 0 or _get(rows, row + 14) != period
+    changed = rows[row + 8] == 0
+    news = _get(rows, row + 14) != period
     rows[row + 8] = 1
-    _put(rows, row + 14, period)
     part, parts = row + _ROW, row + _ROW + 4 * _u16(rows, row + 22)
     kept = parts
     while part < parts:
@@ -307,10 +313,11 @@ def _is_news(rows: bytearray, row: int, data: Bytes, at: int, end: int, period: 
         for byte in range(_u16(rows, part + 2)):
             if rows[kept] != data[first + byte]:
                 rows[kept] = data[first + byte]
-                news = True
+                changed = True
             kept += 1
         part += 4
-    return news
+    _put(rows, row + 14, _NEXT if changed and rows[row + 9] else period)
+    return news or changed
 
 
 class _Watched:
@@ -329,8 +336,9 @@ class _Watched:
         there: list[Bytes] = [
             data[at + first : at + first + length] for first, length in self.watch.parts
         ]
-        news = there != self.bytes or period != self.period
-        self.bytes, self.period = there, period
+        changed = there != self.bytes
+        news = changed or period != self.period
+        self.bytes, self.period = there, _NEXT if changed and self.watch.follows else period
         return news
 
     def shape(self, length: int, group: int) -> bytes:

@@ -20,7 +20,7 @@ from ds47.cyclic.operation import Operation
 from ds47.cyclic.relations import Relation, Side, channels, place_of, side
 from ds47.cyclic.timeline import Recorder
 from ds47.findings.remark import Remark
-from ds47.model import LENGTHS, NAMED, PKW, PZD, REFUTED, SEEN, Timeline
+from ds47.model import CONFIGURED, LENGTHS, NAMED, PKW, PZD, REFUTED, SEEN, Timeline
 from ds47.profinet.connect import parse_request, parse_response
 from ds47.profinet.link import Packet
 from ds47.profinet.rpc import Pdu, device_identity
@@ -42,10 +42,14 @@ _SPEED = "NSOLL"
 
 
 class _Line(Protocol):
-    """One relation at work; `start_ns` is the time of its first frame, from which its cycles are counted."""
+    """One relation at work; `start_ns` is the time of its first frame, from which its cycles are counted.
+
+    `looks`: frames of the drive and of the controller that were looked at, which count where no cycle is known.
+    """
 
     relation: Relation
     start_ns: int | None
+    looks: list[int]
 
     def take(self, sent: bool, words: bytes, at: Moment) -> None:
         """What the controller (`sent`) or the device says from a frame on."""
@@ -70,10 +74,14 @@ class _Requests:
     channel: Channel = field(init=False)
     waiting: list[Job] = field(default_factory=list)
     start_ns: int | None = None
+    looks: list[int] = field(default_factory=lambda: [0, 0])
     valid: set[bool] = field(default_factory=set)
+    asked: bool = False
+    """Whether anything was."""
 
     def __post_init__(self) -> None:
-        self.channel = Channel(self._over)
+        relation = self.relation
+        self.channel = Channel(self._over, fresh=relation.is_bus and relation.certainty != NAMED)
 
     def take(self, sent: bool, words: bytes, at: Moment) -> None:
         self.valid.add(sent)
@@ -90,11 +98,18 @@ class _Requests:
     @property
     def unused(self) -> bool:
         """Whether no request was seen where one might have been; only when nothing more comes."""
-        return self.relation.certainty == LENGTHS and not self.waiting
+        return self.relation.certainty in (LENGTHS, CONFIGURED) and not self.asked
+
+    def unanswered(self, cycles: int) -> Job | None:
+        """What stood for so long, where all reads as requests, nothing has a response, and nothing proves PKW."""
+        waiting = self.waiting if self.relation.certainty == LENGTHS else []
+        if not all(each.is_ignored for each in waiting):
+            return None
+        return next((each for each in waiting if each.stood >= cycles), None)
 
     def _over(self, job: Job) -> None:
-        relation = self.relation
-        if relation.certainty == LENGTHS and _proves(job):
+        relation, self.asked = self.relation, True
+        if relation.certainty in (LENGTHS, CONFIGURED) and _proves(job):
             relation.certainty = SEEN
             self.proven(relation)
         if len(self.waiting) < _KEPT:
@@ -118,6 +133,7 @@ class Drive:
     is_speed: bool = False
     """Whether the telegrams without a setpoint of speed are left out."""
     start_ns: int | None = None
+    looks: list[int] = field(default_factory=lambda: [0, 0])
 
     @property
     def proven(self) -> bool:
@@ -190,8 +206,8 @@ class _Row:
             said = b"".join([data[at : at + length] for at, length in self.parts])
         if said == self.said and self.count < self.due and len(data) >= self.need:
             return False
-        self.said = said
-        self.due = self.count + min(max(self.count // _DENSE, 1), _RAREST)
+        step = 1 if said != self.said else min(max(self.count // _DENSE, 1), _RAREST)
+        self.said, self.due = said, self.count + step
         return True
 
 
@@ -225,6 +241,7 @@ class CyclicChannels:
         self._relations: list[Relation] = []
         self._drives: list[Drive] = []
         self._without_request: list[Relation] = []
+        self._ignored: list[tuple[Relation, Job]] = []
         self._asked: set[tuple[object, ...]] = set()
         """Places to which a request was seen, in a relation that another one may have replaced."""
         self.is_set_up = False
@@ -236,11 +253,19 @@ class CyclicChannels:
 
     def unused(self) -> list[Relation]:
         """Where PKW is as sure as the process data beside it, and no request was seen; when nothing more comes."""
-        places = [each.relation.place for each in self.drives()]
         return [
             each for each in self._without_request
-            if each.place in places and each.place not in self._asked and not self._is_pzd(each)
+            if each.place not in self._asked and self._is_beside(each)
         ]  # fmt: skip
+
+    def unanswered(self) -> list[tuple[Relation, Job]]:
+        """What reads as a request beside the words of a drive, and has no response; when nothing more comes."""
+        return [each for each in self._ignored if self._is_beside(each[0])]
+
+    def _is_beside(self, pkw: Relation) -> bool:
+        """Whether what may be PKW stands beside the words of a drive, and is not these."""
+        places = [each.relation.place for each in self.drives()]
+        return pkw.place in places and not self._is_pzd(pkw)
 
     def timelines(self) -> list[Timeline]:
         """What happened to each of them."""
@@ -391,7 +416,10 @@ class CyclicChannels:
             for (source, _), found in self._sides.items() if len(source) < _MAC
         }  # fmt: skip
         self._watch([
-            Watch(bytes.fromhex(mac.replace(":", "")), frame_id, _apart(each.parts for _, each, _ in found))
+            Watch(
+                bytes.fromhex(mac.replace(":", "")), frame_id, _apart(each.parts for _, each, _ in found),
+                follows=any(not each.cycle_ns for _, each, _ in found),
+            )
             for (mac, frame_id), found in self._sides.items()
             if len(mac) == _MAC
         ])  # fmt: skip
@@ -416,7 +444,10 @@ class CyclicChannels:
             line.start_ns = time_ns
         if line.relation.frame is None:
             line.relation.frame = frame
-        cycle = round((time_ns - line.start_ns) / max(each.cycle_ns, 1))
+        line.looks[sent] += 1
+        cycle = (
+            round((time_ns - line.start_ns) / each.cycle_ns) if each.cycle_ns else line.looks[sent]
+        )
         at = Moment(frame, time_ns, cycle)
         if (each.status is None or data[each.status] & _VALID) and (
             each.iops is None or data[each.iops] & _GOOD
@@ -433,6 +464,9 @@ class CyclicChannels:
     def _end(self, line: _Line) -> None:
         line.finish()
         if isinstance(line, _Requests):
+            job = line.unanswered(self._bounds.pkw_cycles)
+            if job is not None:
+                self._ignored.append((line.relation, job))
             if line.unused:
                 self._without_request.append(line.relation)
             else:

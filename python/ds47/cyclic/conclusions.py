@@ -58,6 +58,9 @@ class Conclusions:
                 yield from drive.remarks()
         for habits in self._habits.values():
             yield from habits.finish()
+        for relation, job in self._channels.unanswered():
+            if relation.is_judged:
+                yield from judge.unanswered(relation, job, self._layout(relation.device))
         for relation in self._channels.unused():
             if relation.is_judged and relation.frame is not None:
                 where = {"device": relation.device, "slot": relation.slot}

@@ -44,7 +44,8 @@ class Job:
     `answer` is the one that counted. It is `settled` where no edge told it: it was there already, so nobody
     knows how long the drive took. `began` is False where the request stood there when the capture began.
     `updates` are further values under the same answer. `halves`: the frame in which a part of the request
-    changed before the rest of it. `late`: that of an answer to the request before.
+    changed before the rest of it. `late`: that of an answer to the request before. `heard`: whether the drive
+    said anything at all. `last`: where the request was looked at last.
     """
 
     request: Sight
@@ -60,8 +61,23 @@ class Job:
     odd: Sight | None = None
     late: int | None = None
     ended: Moment | None = None
+    heard: bool = False
+    last: Moment | None = None
     moving: bool = field(default=False, repr=False)
     """Whether the answer that stood when it began had been changing."""
+
+    @property
+    def is_ignored(self) -> bool:
+        """Whether it reads as a request, and a drive that said something did not respond."""
+        return (
+            self.heard and self.state in (UNANSWERED, SUPERSEDED) and _is_request(self.request.data)
+        )
+
+    @property
+    def stood(self) -> int:
+        """Cycles from its first frame to the one that ended it, or the last in which it was looked at."""
+        last = self.ended or self.last or self.request.at
+        return last.cycle - self.request.at.cycle
 
     @property
     def cycles(self) -> int | None:
@@ -83,10 +99,12 @@ class Channel:
 
     Args:
         closed: called with each transaction when its request ends.
+        fresh: whether nothing was asked before the first words: they are those after a start-up.
     """
 
-    def __init__(self, closed: Callable[[Job], None]) -> None:
+    def __init__(self, closed: Callable[[Job], None], fresh: bool = False) -> None:
         self._closed = closed
+        self._fresh = fresh
         self._out: Sight | None = None
         self._in: Sight | None = None
         self._job: Job | None = None
@@ -100,6 +118,8 @@ class Channel:
         """The controller sends these eight bytes from now on."""
         data, last = _without_spm(data), self._out
         if last is not None and last.data == data:
+            if self._job is not None:
+                self._job.last = at
             return
         self._out = Sight(data, at)
         if self._is_second_half(data, at):
@@ -108,7 +128,9 @@ class Channel:
         self._end(at, withdrawn=not _ak(data))
         if _ak(data):
             moving = self._before is not None and self._before.updates > 0
-            self._job = Job(self._out, self._in, last is not None, moving=moving)
+            began = last is not None or self._fresh
+            self._job = Job(self._out, self._in, began, moving=moving)
+        self._fresh = False
 
     def answered(self, data: bytes, at: Moment) -> None:
         """The drive sends these eight bytes from now on."""
@@ -140,7 +162,7 @@ class Channel:
             self._close(job, UNANSWERED, IO_LOST, at)
         elif job is not None:
             self._settle(job, at, END)
-        self._job = None
+        self._job, self._fresh = None, False
         self._out = None if out else self._out
         self._in = None if answers else self._in
 
@@ -173,6 +195,7 @@ class Channel:
 
     def _close(self, job: Job, state: str, reason: str | None, at: Moment | None) -> None:
         job.state, job.reason, job.ended = state, reason, at
+        job.heard = self._in is not None
         self._closed(job)
 
     def _is_second_half(self, data: bytes, at: Moment) -> bool:
@@ -222,6 +245,14 @@ class Channel:
         if seen.data[:4] == job.answer.data[:4]:
             job.updates += 1
             job.newest = seen
+
+
+def _is_request(data: bytes) -> bool:
+    """Whether words read as a request: AK, page and number are some that exist, and a read has no value."""
+    access, no_page = _access(data), data[2] & 0x03 and data[3] & 0x03
+    if access not in ("read", "change", "count") or no_page or not _number(data):
+        return False
+    return access == "change" or not any(data[4:])
 
 
 def _fits(asked: bytes, data: bytes) -> bool:

@@ -20,14 +20,15 @@ def remarks(relation: Relation, job: Job, layout: str = pkw.CYCLIC) -> Iterator[
     """What is wrong with a transaction that is over."""
     if not relation.is_judged:
         return
-    asked = pkw.decode(job.request.data, answer=False, layout=layout)
-    which = {"pnu": asked.pnu, "subindex": asked.subindex, "family": relation.drives}
+    asked, which = _which(relation, job, layout)
     yield from _request(job, asked, which)
     if job.answer is not None:
         yield from _response(job.answer, which, layout)
     elif job.state == handshake.MISMATCH and job.odd is not None:
         words = {"request": _words(job.request.data), "response": _words(job.odd.data)}
         yield Remark("DS505", job.odd.at.frame, words)
+    elif not job.heard:
+        return  # the capture has nothing of the drive
     elif job.state == handshake.SUPERSEDED and job.ended is not None:
         frames = {"request": job.request.at.frame, "by": job.ended.frame}
         yield Remark("DS504", job.ended.frame, which | frames)
@@ -35,6 +36,21 @@ def remarks(relation: Relation, job: Job, layout: str = pkw.CYCLIC) -> Iterator[
         stood_ns = job.ended.time_ns - job.request.at.time_ns
         if stood_ns >= 0:  # else somebody set the clock meanwhile: how long it stood is not known
             yield Remark("DS503", job.ended.frame, which | {"milliseconds": stood_ns / 1e6})
+
+
+def unanswered(relation: Relation, job: Job, layout: str = pkw.CYCLIC) -> Iterator[Remark]:
+    """What reads as a request has no response, and nothing proves that it is one."""
+    last = job.ended or job.last or job.request.at
+    stood_ns = last.time_ns - job.request.at.time_ns
+    if stood_ns >= 0:  # else somebody set the clock meanwhile
+        which = _which(relation, job, layout)[1]
+        yield Remark("DS514", job.request.at.frame, which | {"milliseconds": stood_ns / 1e6})
+
+
+def _which(relation: Relation, job: Job, layout: str) -> tuple[pkw.Message, dict[str, Any]]:
+    """The request, and the arguments that name its parameter."""
+    asked = pkw.decode(job.request.data, answer=False, layout=layout)
+    return asked, {"pnu": asked.pnu, "subindex": asked.subindex, "family": relation.drives}
 
 
 def _request(job: Job, asked: pkw.Message, which: dict[str, Any]) -> Iterator[Remark]:

@@ -13,7 +13,7 @@ from typing import ClassVar
 from ds47.cyclic.channels import CyclicChannels
 from ds47.cyclic.pkw import LENGTH
 from ds47.cyclic.relations import Relation, Side, fitting_telegrams
-from ds47.model import LENGTHS, NAMED, PKW, PZD
+from ds47.model import CONFIGURED, LENGTHS, NAMED, PKW, PZD
 from ds47.profibus import dp
 from ds47.profibus.idents import Idents
 from ds47.profibus.line import Exchange
@@ -81,6 +81,7 @@ class Ppo:
         elif name == dp.CONFIGURATION:
             self._named.pop(station, None)
             vendor = profibus.vendor(self._idents.sent(station))
+            agreed = self._idents.of(station) == self._idents.sent(station)
             found = relations(
                 master,
                 station,
@@ -88,6 +89,7 @@ class Ppo:
                 vendor,
                 exchange.request.frame,
                 self._idents.family(station),
+                agreed=agreed,
             )
             sources = source(master, station), source(station, master)
             self._channels.configured(list(found), *sources)
@@ -115,12 +117,16 @@ def relations(
     vendor_id: int | None,
     frame: int | None,
     family: str | None = None,
+    *,
+    agreed: bool = False,
 ) -> Iterator[Relation]:
     """The channels of a configuration; none where it is no PPO that is known.
 
     `frame` is that of Chk_Cfg, None where a user named the PPO; vendor and family are None where nothing says
-    them.
+    them. `agreed`: whether master and station name the same ident number. Then PKW is PKW, if the ident number is
+    known; PZD is proved by its words.
     """
+    proved = CONFIGURED if agreed and vendor_id is not None else LENGTHS
     output = input_ = 0
     words = [
         (each.outputs.length, each.inputs.length)
@@ -145,6 +151,6 @@ def relations(
                 vendor_id=vendor_id, family=family,
                 ar=None, api=None, slot=None, subslot=None, telegrams=telegrams,
                 output=sides[0], input=sides[1], frame=frame,
-                certainty=LENGTHS if frame is not None else NAMED,
+                certainty=NAMED if frame is None else proved if role == dp.PKW else LENGTHS,
             )  # fmt: skip
         output, input_ = output + lengths[0], input_ + lengths[1]

@@ -312,6 +312,18 @@ def less_slow_response(client: Client) -> None:
     machine(client, pause=50).start().read(1082, cycles=60)
 
 
+@BOOK.scene("DS514: what reads as a request stands for 40 cycles", rules="DS514")
+def request_ignored(client: Client) -> None:
+    """A drive beside whose words something reads as a request, and that does not respond to it."""
+    machine(client, pause=10_000).start().read(700, cycles=40)
+
+
+@BOOK.scene("Near DS514: it stands for 20 cycles")
+def request_ignored_shortly(client: Client) -> None:
+    """The program takes it back sooner."""
+    machine(client, pause=10_000).start().read(700, cycles=20)
+
+
 @BOOK.scene("DS530: a change that is not accepted in operation, and is after OFF1",
             ERROR_CHANGE, OK_CHANGE, rules="DS501 DS530")  # fmt: skip
 def change_in_operation(client: Client) -> None:

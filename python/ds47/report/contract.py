@@ -537,8 +537,9 @@ RELATION = Shape("relation", (
     Key("cycle_ms", {"type": ["number", "null"]}, "From one frame of the device to the next."),
     Key("frame", FRAME,
         "The response to the Connect, on PROFIBUS Chk_Cfg; of a channel named by hand its first frame."),
-    Key("certainty", {"enum": [model.LENGTHS, model.SEEN, model.NAMED, model.REFUTED]},
-        "Its lengths fit; what a drive says was seen; named by hand; named, and no drive has such words."),
+    Key("certainty", {"enum": [model.LENGTHS, model.CONFIGURED, model.SEEN, model.NAMED, model.REFUTED]},
+        "Its lengths fit; its configuration tells it; what a drive says was seen; named by hand; named, and no"
+        " drive has such words."),
 ), model.Relation, "A channel in cyclic frames; docs/cyclic.md.")  # fmt: skip
 
 SENDER = Shape("sender", (

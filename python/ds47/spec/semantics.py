@@ -31,6 +31,7 @@ class Limits(Row):
     s7_writers_ns: int
     pkw_saved: int
     pkw_reads: int
+    pkw_cycles: int
     deviation_percent: int
     polls: int
     bus_polls: int
