@@ -39,11 +39,10 @@ local function label_of_one(finding, row, lang)
   return words.joined(lang, { text, address }, ": ", "：")
 end
 
--- What the rule says of all its findings, its "cause" or "advice". It may be longer than Wireshark shows in
+-- What the rule says of its findings, its "cause" or "advice". It may be longer than Wireshark shows in
 -- one line (240 bytes): the rest stands in lines below it.
 -- @param word the word of the report that the line has
-local function add_of_rule(put, parent, row, key, word, lang)
-  local text = in_language(row, key, lang)
+local function add_of_rule(put, parent, key, text, word, lang)
   local item = put.derive(parent, "finding." .. key, text)
   if not item then
     return
@@ -123,8 +122,8 @@ function M.add(put, parent, finding, experts, request, lang)
   if put.wanted("finding.args") then
     hide(put.derive(shown, "finding.args", json.encode(finding.args)))
   end
-  add_of_rule(put, shown, row, "cause", "finding_cause", lang)
-  add_of_rule(put, shown, row, "advice", "finding_advice", lang)
+  add_of_rule(put, shown, "cause", in_language(row, "cause", lang), "finding_cause", lang)
+  add_of_rule(put, shown, "advice", sentences.advice(row, finding.args, lang), "finding_advice", lang)
   add_instead(put, shown, finding)
   add_frames(put, shown, finding, request)
   put.derive(shown, "finding.severity", tables.codes.severities[finding.severity])

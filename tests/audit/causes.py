@@ -76,8 +76,9 @@ def _not_seen(case: Case) -> Iterator[str]:
         yield "no response of a transaction is in this frame"
         return
     yield from case.wrong("id", deal.answer.id)
-    codes = [block.code for block in deal.answer.blocks if block.failed]
+    codes = [block.code for block in deal.answer.blocks if block.failed and block.code is not None]
     yield from case.wrong("code", codes[0] if codes else None)
+    yield from case.wrong("among", len(set(codes)) > 1)
     yield from vendor(case)
     if not (deal.answer.id or 0) & 0x80:
         yield "the response is positive"

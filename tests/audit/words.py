@@ -65,9 +65,16 @@ class _Form:
         if name == "error":
             self.named.add("code")
             form = ERRORS.get(self._types["code"], "{}(?: .*)?")
-            return form.format(_shown(self._types["code"], self._args.get("code")))
+            form = form.format(_shown(self._types["code"], self._args.get("code")))
+            if not self._args.get("among"):
+                return form
+            self.named.add("among")
+            return form + re.escape(WORDS["among"].removeprefix("{error}"))
         if name == "text" and name not in self._types:
             return ".*"  # what the status means
+        if name == "parameter":
+            unknown = self._args.get("pnu") is None
+            return self._clause("parameter_unknown" if unknown else "parameter")
         if name == "drive":
             return self.of("{device}" if self._args.get("slot") is None else WORDS["drive"])
         self.named.add(name)

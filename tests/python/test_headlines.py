@@ -27,7 +27,7 @@ from ds47.report import json as contract
 from ds47.report import load
 from ds47.report.filters import display_filter
 from ds47.report.html.views.problems import problems
-from ds47.report.sentences import of_all, sentence
+from ds47.report.sentences import advice, sentence
 from ds47.report.targets import Targets
 from ds47.spec.semantics import diagnosis_words, known, parts
 
@@ -173,7 +173,7 @@ def test_the_job_that_is_named_is_that_of_the_first_frame():
 def test_what_an_older_result_says_in_other_words_is_another_cause():
     """A result without arguments has its words alone to be told apart by."""
     items = [handmade.finding("DS410", "error", said, n) for n, said in enumerate("abb", 1)]
-    assert [(told.said, told.count, told.frames) for told, _ in headlines(items)] == [
+    assert [(told.said, told.count, told.frames) for told in headlines(items)] == [
         ("b", 2, [2, 3]), ("a", 1, [1]),
     ]  # fmt: skip
 
@@ -182,9 +182,44 @@ def test_of_too_many_causes_nothing_particular_is_said():
     told = grouped(*(refused(n, pnu=n) for n in range(1, known().groups + 11)))
     rest = told[0]
     assert (rest.count, rest.device) == (10, None)
-    assert sentence(rest) == "several cases that differ, each stands in the findings"
-    assert of_all(rest) is None
+    assert sentence(rest) == spec.rules()["DS717"].title
+    assert sentence(rest, "zh") == spec.rules()["DS717"].title_zh
     assert sum(each.count for each in told) == known().groups + 10
+
+
+def test_one_of_several_sentences_stands_for_no_other():
+    """Reads and Writes are two causes; cases that differ in numbers alone have their title in common."""
+    calls = [
+        Finding("DS101", "warning", n, args={"operation": o})
+        for n, o in enumerate(("Read", "Write", "Read"))
+    ]
+    assert [(sentence(each), each.count) for each in headlines(calls)] == [
+        ("RPC Read request has no complete response in the capture", 2),
+        ("RPC Write request has no complete response in the capture", 1),
+    ]  # fmt: skip
+    limits = [
+        {"limit": "s7_jobs", "most": 64, "count": 9},
+        {"limit": "frames", "most": 9, "count": 3},
+    ]
+    told = headlines(Finding("DS109", "note", 7, args=each) for each in limits)
+    assert [each.count for each in told] == [1, 1]
+    (told,) = headlines(Finding("DS404", "error", n, args={"sent": n, "got": 9}) for n in (1, 2))
+    assert sentence(told) == "Request reference not mirrored"
+    assert sentence(told, "zh") == spec.rules()["DS404"].title_zh
+
+
+def test_an_advice_begins_with_the_error_number_that_was_seen():
+    rule = spec.rules()["DS719"]
+    state, enabled = "0x11: see in the parameter list", "0x6B: remove the enable"
+    for code, first, second in ((0x11, state, enabled), (0x6B, enabled, state)):
+        text = advice(rule, {"code": code})
+        assert text.startswith(first)
+        assert f". {second}" in text
+        assert sorted(text.split()) == sorted(rule.advice.split())
+    assert advice(rule, {"code": 0x6B}, "zh").startswith("0x6B：取消使能")
+    assert advice(rule, {"code": None}) == advice(rule, {"code": 0x15}) == rule.advice
+    item = spec.rules()["DS908"]
+    assert advice(item, {"code": 0x05}).endswith("0x0A: load the data block, and check its number.")
 
 
 def test_every_frame_is_kept_up_to_a_limit_and_the_rest_is_counted():
@@ -265,11 +300,11 @@ def test_findings_are_told_by_their_error_number():
     assert lines.count("-> Look the parameter up") == 1
 
 
-def test_where_cases_have_nothing_in_common_the_first_is_named_as_such():
+def test_where_cases_have_nothing_in_common_their_title_stands_for_them():
     findings = [Finding("DS404", "error", n, [n], n, 0, {"sent": n, "got": n + 1}) for n in (3, 4)]
     jobs = [handmade.transaction(id=n, state="mismatch") for n in (3, 4)]
     text = " ".join("\n".join(opening(capture(*jobs, findings=findings))).split())
-    assert "first: Request reference not mirrored: sent 3, got 4 (2 times)" in text
+    assert "not-mirrored: Request reference not mirrored (2 times)" in text
     assert "look at frame 3 (#3, 00:00:00.000): frame.number in {3..4}" in text
 
 
@@ -336,11 +371,11 @@ def test_every_headline_is_true_of_all_its_findings(path: Path):
     for told in result.diagnoses:
         mine = cases[cause(told.rule, told.device, told.args)]
         _is_true(told, mine)
-    for told, first in headlines(result.findings):
+    for told in headlines(result.findings):
         mine = [
             each
             for each in result.findings
-            if cause(each.rule, None, each.args) == cause(first.rule, None, first.args)
+            if cause(each.rule, None, each.args) == cause(told.rule, None, told.args)
         ]
         _is_true(told, mine)
 
@@ -357,10 +392,10 @@ def _is_true(told: Diagnosis, mine: list[Finding]) -> None:
         assert (len(seen) > 1) == (name in told.differs), name
         assert name in told.differs or seen == {repr(value)}
     for lang in ("en", "zh"):
-        text = of_all(told, lang)
-        if text is not None and not told.differs:
+        text = sentence(told, lang)
+        if not told.differs:
             assert {sentence(each, lang) for each in mine} == {text}
-        assert text is None or "?" not in text or "?" in sentence(mine[0], lang)
+        assert "?" not in text or "?" in sentence(mine[0], lang)
     shown, left_out = display_filter(told.frames)
     numbers = set()
     for one, first, last in re.findall(r"== (\d+)|\{(\d+)\.\.(\d+)\}", shown):

@@ -155,7 +155,14 @@ def told_of_status_zero(case: Job) -> list[dict[str, Any]]:
 def test_a_refusal_under_status_zero_is_told_once() -> None:
     """Of a response whose request the capture does not show, too, but not of one that is read again."""
     no = message.answer(1, 0x81, 1, message.error(0x6B))
-    usual = {"id": 0x81, "code": 0x6B, "vendor_id": 0x2A, "case": "status_zero", "polls": 0}
+    usual = {
+        "id": 0x81,
+        "code": 0x6B,
+        "among": False,
+        "vendor_id": 0x2A,
+        "case": "status_zero",
+        "polls": 0,
+    }
     assert told_of_status_zero(job(READ, no)) == [usual]
     assert told_of_status_zero(job(None, no)) == [usual]
     assert told_of_status_zero(job(None, no, repeats=2)) == []

@@ -464,13 +464,13 @@ def test_a_problem_of_the_whole_capture_has_no_place():
 
 def test_findings_that_differ_are_told_by_an_example_with_the_places_they_name():
     findings = [
-        finding("DS417", "warning", 1, 1, pnu=pnu, subindex=0, read=1, written=2, by=3)
-        for pnu in (7, 8)
+        finding("DS417", "warning", 1, 1, pnu=7, subindex=0, read=read, written=2, by=3)
+        for read in (1, 4)
     ]
     (found,) = problems(capture(transaction(), findings=findings))
     one = "Parameter p0007[0] reads back 1, but 2 is the last value that this capture shows being written to it"
     assert found.title.en == f"{one} (frame 3) (for example)"
-    assert found.places == {"p0007[0] DO 2": 1, "p0008[0] DO 2": 1}
+    assert found.places == {"p0007[0] DO 2": 2}
     (alone,) = problems(capture(transaction(), findings=findings[:1]))
     assert alone.title.en == f"{one} (frame 3)"
 
@@ -558,7 +558,7 @@ SAMPLES = {
     "info": (3, "3"), "status": ("DF80B700", "DF80B700"), "index": (0xB02E, "0xB02E"), "ms": (2.04, "2.0"),
     "ms3": (2.0404, "2.040"), "text": ("10.0.0.9", "10.0.0.9"), "line": ("x" * 101, "x" * 97 + "..."),
     "pkw": (17, "17"), "value": (1.0, "1.0"), "s7_item": (5, "5"), "s7_error": (0x8104, "0x8104"),
-    "values": ([1, 2, 3, 4, 5], "1, 2, 3, 4, ..."), "dropped": (None, ""),
+    "values": ([1, 2, 3, 4, 5], "1, 2, 3, 4, ..."), "dropped": (None, ""), "among": (True, ""),
 }  # fmt: skip
 """A value of each type of argument that needs no words, and how a sentence shows it."""
 
@@ -579,8 +579,12 @@ def test_a_finding_with_arguments_is_worded_in_both_languages(rule):
             error = f"0x05 {s7.code_text('return_code', 5, lang)}"
         if known.args.get("code") == "s7_error":
             error = s7.error_text(0x8104, lang)
-        drive = sentences.drive(told.get("device", ""), args.get("slot"), lang)
-        assert getattr(both, lang) == template.format(**told, text=text, error=error, drive=drive)
+        if args.get("among"):
+            error = diagnosis_words(lang)["among"].format(error=error)
+        shown = dict(told, text=text, error=error)
+        shown["drive"] = sentences.drive(told.get("device", ""), args.get("slot"), lang)
+        shown["parameter"] = diagnosis_words(lang)["parameter_unknown"]
+        assert getattr(both, lang) == template.format(**shown)
         assert getattr(both, lang) == sentences.words(rule, args, lang)
 
 
@@ -597,14 +601,12 @@ def test_a_finding_that_lacks_its_arguments_is_worded_too(rule):
 
 
 def test_the_words_of_an_error_number_are_of_either_language():
-    known = spec.rules()["DS410"]
-    values = {"pnu": "p0005", "subindex": 0, "info": 0}
     both = messages.message(
         finding("DS410", "error", 1, pnu=5, subindex=0, code=1, vendor_id=0x2A, info=0)
     )
     en, zh = (f"0x01 {spec.error_text(1, lang, 0x2A)}" for lang in ("en", "zh"))
-    assert both.en == known.message.format(**values, error=en)
-    assert both.zh == known.message_zh.format(**values, error=zh)
+    assert both.en == f"Parameter p0005[0] has a negative response: {en} (info 0)"
+    assert both.zh == f"参数 p0005[0] 得到否定应答：{zh}（附加信息 0）"
 
 
 def test_what_an_older_result_says_stays_as_it_is():
@@ -735,8 +737,8 @@ def test_the_first_screen_says_what_matters(captures):
         'ds47.finding == "DS410"',
         "frame.number == 29 or frame.number == 33",
         "控制器使能时无修改权限",
-        spec.rules()["DS719"].advice,
-        spec.rules()["DS719"].advice_zh,
+        "0x6B: remove the enable (OFF1, standstill) and repeat the change. 0x11: see",
+        "0x6B：取消使能（OFF1，静止）后重复修改。0x11：",
     ):
         assert part in text, part
 

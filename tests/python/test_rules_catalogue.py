@@ -101,7 +101,13 @@ def test_messages_are_short_facts(rule: dict[str, Any]) -> None:
         assert len(rule[key]) <= 140
         assert not rule[key].endswith((".", "。"))
     assert placeholders(rule["message"]) == placeholders(rule["message_zh"])
-    assert {*placeholders(rule["message"])} <= {*rule.get("args", {}), "text", "error", "drive"}
+    assert {*placeholders(rule["message"])} <= {
+        *rule.get("args", {}),
+        "text",
+        "error",
+        "drive",
+        "parameter",
+    }
     assert "{device} " not in rule["message"] or "{slot}" not in rule["message"], "that is {drive}"
 
 

@@ -74,6 +74,35 @@ def test_a_status_that_was_not_zero_is_not_called_zero(tmp_path: Path) -> None:
     )
 
 
+def of_two(*codes: int) -> Talk:
+    """Two parameters that are refused."""
+    asked = message.read(1, 1, SPEED, FIXED)
+    return lambda client: client.exchange(asked, refused(1, *map(message.error, codes)))
+
+
+def test_a_response_with_several_error_numbers_is_not_told_by_the_first_alone(
+    tmp_path: Path,
+) -> None:
+    (one,), (several,) = (told(of_two(0x00, c), "DS701", tmp_path) for c in (0x00, 0x09))
+    assert "parameter does not exist), but" in one
+    assert "parameter does not exist and other error numbers), but" in several
+    (chinese,) = of(result_of(of_two(0x00, 0x09), tmp_path), "DS701")
+    assert "以及其他错误号）" in sentence(chinese, "zh")
+
+
+def test_a_parameter_whose_request_is_not_there_has_no_question_mark_for_a_number(
+    tmp_path: Path,
+) -> None:
+    def answered(client: Client) -> None:
+        client.accept_read(client.ask_read(), refused(1, message.error(0x6B)))
+
+    (finding,) = of(result_of(answered, tmp_path), "DS410")
+    assert sentence(finding).startswith(
+        "A parameter of unknown number has a negative response: 0x6B"
+    )
+    assert sentence(finding, "zh").startswith("参数号未知的参数得到否定应答：0x6B")
+
+
 def long_read(client: Client) -> None:
     answer = message.answer(1, 1, 1, message.real(*range(50)))
     client.exchange(message.read(1, 1, message.address(2902, 0, 50)), answer)

@@ -26,6 +26,7 @@ local WORD_ERRORS = {[0x05] = true, [0x17] = true} -- data type, format: a numbe
 local UNSIGNED_32 = "Unsigned32"
 local NO_PARAMETER, NO_SUBINDEX = 0x00, 0x03
 local WRONG_COUNT = 0x18 -- of the errors of index and count the one that depends on the values, too
+local NONE = {}
 local NO_SUCH_ATTRIBUTE = {[0x09] = true, [0x0F] = true} -- no description, no text
 
 M.NO_SUBINDEX = NO_SUBINDEX
@@ -257,14 +258,18 @@ function M.not_seen(remarks, job)
   if job.message == nil and job.repeats then
     return -- told of the transaction that it repeats
   end
+  local failed, code, among = false, nil, false
   for _, block in ipairs(response.blocks) do
-    if block.error then
-      rules.put(remarks, "DS701", half.frame, {
-        id = id, code = block.error.code, vendor_id = job.peer.vendor_id,
-        case = job.polls[1] and "status_zero_at_last" or "status_zero", polls = #job.polls,
-      })
-      return
-    end
+    local error = block.error or NONE
+    failed = failed or block.error ~= nil
+    code = code or error.code
+    among = among or error.code ~= nil and error.code ~= code
+  end
+  if failed then
+    rules.put(remarks, "DS701", half.frame, {
+      id = id, code = code, among = among, vendor_id = job.peer.vendor_id,
+      case = job.polls[1] and "status_zero_at_last" or "status_zero", polls = #job.polls,
+    })
   end
 end
 

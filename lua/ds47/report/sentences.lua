@@ -117,7 +117,9 @@ local function error_of(rule, args, lang)
   local code, kind = args.code, rule.args.code
   if code == nil then return word(tables.report_words.no_error_number, lang) end
   if kind == "pkw" then return integer(code) .. " " .. cyclic.error_text(code, lang) end
-  return spec.error_hex(code) .. " " .. spec.error_text(code, lang, args.vendor_id)
+  local text = spec.error_hex(code) .. " " .. spec.error_text(code, lang, args.vendor_id)
+  if not args.among then return text end
+  return (word(tables.diagnosis_words.among, lang):gsub("{error}", {["{error}"] = text}))
 end
 
 -- The words of the status that the rule is about.
@@ -162,7 +164,10 @@ local function part(text, lang)
 end
 
 function shown(name, rule, args, lang, many)
-  if name == "text" then
+  if name == "parameter" then
+    local key = args.pnu and "parameter" or "parameter_unknown"
+    return fill(key_words(key, lang, many), rule, args, lang, many)
+  elseif name == "text" then
     return text_of(args, lang)
   elseif name == "error" then
     return error_of(rule, args, lang)
@@ -218,15 +223,38 @@ function M.words(rule, args, lang)
   return text
 end
 
+--- What a rule advises; what is about the error number that was seen comes first.
+function M.advice(row, args, lang)
+  local zh = lang == "zh"
+  local text, colon = zh and row.advice_zh or row.advice, zh and "：" or ":"
+  local from = args.code and text:find(spec.error_hex(args.code) .. colon, 1, true)
+  if not from then
+    return text
+  end
+  local to = text:find("0x%x%x" .. colon, from + 1) or #text + 1
+  local found = {}
+  for _, each in ipairs({text:sub(from, to - 1), text:sub(1, from - 1), text:sub(to)}) do
+    found[#found + 1] = each ~= "" and each:match("^%s*(.-)%s*$") or nil
+  end
+  return concat(found, zh and "" or " ")
+end
+
+-- Names in a sentence that stand for several arguments.
+local SHOWS = {
+  text = {status = true},
+  error = {code = true, among = true},
+  drive = {device = true, slot = true},
+  parameter = {pnu = true, subindex = true},
+}
+
 -- Whether a sentence shows none of these arguments, nor the words of a key of it.
 local function shows_none(template, rule, args, differs, many)
   local parts = pieces(template)
   for number = 2, #parts, 2 do
     local name = parts[number]
-    name = name == "text" and "status" or name == "error" and "code" or name
     local value = args[name]
     for _, each in ipairs(differs) do
-      if each == name then
+      if each == name or (SHOWS[name] or NONE)[each] then
         return false
       end
     end
@@ -238,9 +266,9 @@ local function shows_none(template, rule, args, differs, many)
   return true
 end
 
---- What is true of all cases of a finding or a headline {rule, args, differs}; nil where its cases have no
--- sentence in common: that of one case where nothing that it names differs, else that of many.
-function M.of_all(item, lang)
+--- What a finding says, or what is true of all cases of a headline {rule, args, differs}: the sentence of one
+-- case where nothing that it names differs, else that of many, else the title.
+function M.sentence(item, lang)
   local row, differs = tables.rules[item.rule], item.differs or NONE
   if #differs == 0 then
     return M.words(item.rule, item.args, lang)
@@ -249,12 +277,7 @@ function M.of_all(item, lang)
   elseif row.many and shows_none(row.many, row, item.args, differs, true) then
     return fill(lang == "zh" and row.many_zh or row.many, row, item.args, lang, true)
   end
-  return nil
-end
-
---- What a finding says, or what is true of all findings of a diagnosis.
-function M.sentence(item, lang)
-  return M.of_all(item, lang) or word(tables.diagnosis_words.different, lang)
+  return lang == "zh" and row.title_zh or row.title
 end
 
 return M

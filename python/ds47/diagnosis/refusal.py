@@ -130,12 +130,14 @@ def not_seen(job: Job) -> Iterator[Remark]:
     quiet = half.status == 0 and not (job.write_response and job.write_response.status)
     if not response.response_id & 0x80 or response.response_id == NOT_SUPPORTED or not quiet:
         return
-    error = next((block.error for block in response.blocks if block.error is not None), None)
-    if error is None:
+    errors = [block.error for block in response.blocks if block.error is not None]
+    if not errors:
         return
+    codes = [each.code for each in errors if each.code is not None]
     polls = len(job.polls)
     args = {
-        "id": response.response_id, "code": error.code, "vendor_id": job.peer.vendor_id,
+        "id": response.response_id, "code": codes[0] if codes else None,
+        "among": len(set(codes)) > 1, "vendor_id": job.peer.vendor_id,
         "case": "status_zero_at_last" if polls else "status_zero", "polls": polls,
     }  # fmt: skip
     yield Remark("DS701", half.frame, args)

@@ -41,7 +41,6 @@ class _Cases:
 
     def __init__(self, first: Finding, device: str | None) -> None:
         self.told = Diagnosis(first.rule, first.severity, dict(first.args), device, said=first.said)
-        self.first = first
         self._last = 0
         """The last frame that had no room: it may come again."""
 
@@ -99,8 +98,8 @@ class Grouping:
         return [cases.told for _, cases in sorted(self._groups.items(), key=order)]
 
 
-def headlines(findings: Iterable[Finding]) -> list[tuple[Diagnosis, Finding]]:
-    """Findings that no diagnosis says, by their causes: each cause with its first finding.
+def headlines(findings: Iterable[Finding]) -> list[Diagnosis]:
+    """Findings that no diagnosis says, by their causes.
 
     The serious rules first, then by id; of one rule the most frequent cause first.
     """
@@ -113,11 +112,10 @@ def headlines(findings: Iterable[Finding]) -> list[tuple[Diagnosis, Finding]]:
             groups[about] = _Cases(each, None)
         groups[about].add(each)
 
-    def order(item: tuple[Diagnosis, Finding]) -> tuple[Any, ...]:
-        told = item[0]
+    def order(told: Diagnosis) -> tuple[Any, ...]:
         return -SEVERITIES.index(told.severity), told.rule, -told.count, told.frames
 
-    return sorted(((each.told, each.first) for each in groups.values()), key=order)
+    return sorted((each.told for each in groups.values()), key=order)
 
 
 def agree(group: Diagnosis, args: dict[str, Any]) -> None:

@@ -540,8 +540,8 @@ def _fact(key: str, parameter: Json) -> Any:
 
 
 def _compared(args: Mapping[str, Any]) -> dict[str, Any]:
-    """The arguments without whose parameters a drive has: that is its spelling, and results of 1.0 lack it."""
-    return {name: value for name, value in args.items() if name != "family"}
+    """The arguments without those that older results lack and that only words need: no result differs by them."""
+    return {name: value for name, value in args.items() if name not in ("family", "among")}
 
 
 def _frozen(item: Any) -> Any:

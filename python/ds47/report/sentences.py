@@ -15,6 +15,7 @@ from typing import Any, Final
 from ds47 import model
 from ds47.model import Diagnosis, Finding, Parameter, ParameterError
 from ds47.profidrive.naming import spelling
+from ds47.report import RuleText
 from ds47.report.bilingual import say
 from ds47.spec import Rule, error_hex, error_text, rules, s7
 from ds47.spec.cyclic import error_text as pkw_error_text
@@ -25,17 +26,13 @@ VALUES_SHOWN: Final = 4
 """Values of a list that a sentence names."""
 _LINE: Final = 100
 _NUMBER: Final = re.compile(r"\d+")
+_OF_ERROR: Final = re.compile(r"(?=0x[0-9A-F]{2}[:：])")
+"""Where a part of an advice begins that is about one error number."""
 _FRAMES: Final = ("frame", "frames")
 
 
 def sentence(item: Finding | Diagnosis, lang: str = "en") -> str:
     """What a finding says, or what is true of all cases of a diagnosis: a line, with texts as captured."""
-    text = of_all(item, lang)
-    return diagnosis_words(lang)["different"] if text is None else text
-
-
-def of_all(item: Finding | Diagnosis, lang: str = "en") -> str | None:
-    """The same; None where the cases of a diagnosis have no sentence in common."""
     if item.said is not None:
         return item.said
     if isinstance(item, Diagnosis) and item.differs:
@@ -43,15 +40,15 @@ def of_all(item: Finding | Diagnosis, lang: str = "en") -> str | None:
     return words(item.rule, item.args, lang)
 
 
-def _in_common(item: Diagnosis, lang: str) -> str | None:
-    """The sentence of one case where nothing that it names differs, else that of many."""
+def _in_common(item: Diagnosis, lang: str) -> str:
+    """The sentence of one case where nothing that it names differs, else that of many, else the title."""
     row = rules()[item.rule]
     for template, many in ((row.message, False), (row.many, True)):
         names = _names(row, template, item.args, many)
         if template and names.isdisjoint(item.differs):
             chosen = template if lang != "zh" else row.many_zh if many else row.message_zh
             return chosen.format_map(_Shown(row, item.args, lang, many))
-    return None
+    return row.title_zh if lang == "zh" else row.title
 
 
 def _names(row: Rule, template: str, args: Mapping[str, Any], many: bool) -> set[str]:
@@ -63,9 +60,11 @@ def _names(row: Rule, template: str, args: Mapping[str, Any], many: bool) -> set
     if "text" in found:
         found.add("status")
     if "error" in found:
-        found.add("code")
+        found.update(("code", "among"))
     if "drive" in found:
         found.update(("device", "slot"))
+    if "parameter" in found:
+        found.update(("pnu", "subindex"))
     return found
 
 
@@ -92,6 +91,16 @@ def words(rule: str, args: Mapping[str, Any], lang: str = "en") -> str:
         told = reasons(lang)["dropped"]
         text += f"（{told}）" if lang == "zh" else f" ({told})"
     return text
+
+
+def advice(row: RuleText, args: Mapping[str, Any], lang: str = "en") -> str:
+    """What a rule advises; what is about the error number that was seen comes first."""
+    text, code = row.advice_zh if lang == "zh" else row.advice, args.get("code")
+    if code is None:
+        return text
+    seen = tuple(error_hex(code) + colon for colon in ":：")
+    parts = sorted(_OF_ERROR.split(text), key=lambda part: not part.startswith(seen))
+    return ("" if lang == "zh" else " ").join(part.strip() for part in parts if part)
 
 
 def at_offset(offset: int | None, text: str, lang: str = "en") -> str:
@@ -145,6 +154,9 @@ class _Shown(dict[str, str]):
             text = self._error()
         elif key == "drive":
             text = drive(self["device"], self._args.get("slot"), self._lang)
+        elif key == "parameter":
+            known = "parameter" if self._args.get("pnu") is not None else "parameter_unknown"
+            text = _key_words(known, self._lang, self._many).format_map(self)
         else:
             text = self._shown(key)
         self[key] = text
@@ -161,7 +173,10 @@ class _Shown(dict[str, str]):
             return f"{error_hex(code)} {s7.code_text('return_code', code, self._lang)}"
         if kind == "s7_error":
             return s7.error_text(code, self._lang)
-        return f"{error_hex(code)} {error_text(code, self._lang, self._args.get('vendor_id'))}"
+        text = f"{error_hex(code)} {error_text(code, self._lang, self._args.get('vendor_id'))}"
+        if not self._args.get("among"):
+            return text
+        return diagnosis_words(self._lang)["among"].format(error=text)
 
     def _text(self) -> str:
         """The words of the status that the rule is about."""

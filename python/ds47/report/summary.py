@@ -17,7 +17,7 @@ from ds47.report.clock import Clock
 from ds47.report.filters import display_filter
 from ds47.report.formatting import escape
 from ds47.report.places import Places
-from ds47.report.sentences import of_all, sentence
+from ds47.report.sentences import advice, sentence
 from ds47.report.todo import More, answering, by_state, causes, uncovered
 from ds47.report.verdict import Counts, blind, told, verdict
 from ds47.report.wrap import fitted, wrap
@@ -118,13 +118,13 @@ class Opening:
                 yield from self._more(each)
                 continue
             yield from self._diagnosis(each, several)
-            yield from self._advice(each.rule, advised)
+            yield from self._advice(each, advised)
             if axes := answering(result, each):
                 yield from fitted("    " + self._say("answering", list=axes), self._width)
             yield from self._state(result, each)
             yield from self._look(each, places)
             yield from self._corrected(each)
-            advised = each.rule
+            advised = self._advised(each)
         if rest and result.diagnoses:
             yield "  " + self._paint("bold", self._say("other_findings_head"))
         yield from self._others(result, rest, places)
@@ -170,21 +170,16 @@ class Opening:
 
     def _others(self, result: CaptureResult, rest: list[Finding], places: Places) -> Iterator[str]:
         """The findings that no diagnosis covers, by what they have in common."""
-        found = headlines(rest)
-        firsts = {id(item): first for item, first in found}
         advised = ""
-        for each in causes([item for item, _ in found], OF_ONE_RULE):
+        for each in causes(headlines(rest), OF_ONE_RULE):
             if isinstance(each, More):
                 yield from self._more(each)
                 continue
-            text = of_all(each, self._lang)
-            if text is None:
-                text = self._say("first_of", message=sentence(firsts[id(each)], self._lang))
-            yield from self._head(each, escape(text))
-            yield from self._advice(each.rule, advised)
+            yield from self._head(each, escape(sentence(each, self._lang)))
+            yield from self._advice(each, advised)
             yield from self._state(result, each)
             yield from self._look(each, places)
-            advised = each.rule
+            advised = self._advised(each)
 
     def _more(self, item: More) -> Iterator[str]:
         known = self._options.rules.get(item.rule)
@@ -193,14 +188,16 @@ class Opening:
         line = self._say("more_causes", rule=item.rule, name=name, n=item.causes, times=times)
         yield from fitted("  " + line, self._width)
 
-    def _advice(self, rule: str, advised: str) -> Iterator[str]:
-        """What to do, once for diagnoses of one rule that follow each other."""
-        known = self._options.rules.get(rule)
-        if known is None or rule == advised:
-            return
-        advice = known.advice_zh if self._lang == "zh" else known.advice
-        for line in wrap("-> " + advice, self._width - 4, 3):
-            yield "    " + line
+    def _advised(self, item: Diagnosis) -> str:
+        known = self._options.rules.get(item.rule)
+        return advice(known, item.args, self._lang) if known else ""
+
+    def _advice(self, item: Diagnosis, before: str) -> Iterator[str]:
+        """What to do, once for diagnoses that follow each other."""
+        text = self._advised(item)
+        if text and text != before:
+            for line in wrap("-> " + text, self._width - 4, 3):
+                yield "    " + line
 
     def _look(self, item: Diagnosis, places: Places) -> Iterator[str]:
         """Where it shows; of a series the filter is that of the first file, then that of each other."""

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 from ds47 import spec
 from ds47.model import Diagnosis, Finding, Parameter, ParameterError
 from ds47.report.formatting import escape
 from ds47.report.formatting import name as parameter_name
 from ds47.report.html.texts import LANGUAGES, Both
+from ds47.report.sentences import advice as rule_advice
 from ds47.report.sentences import at_offset, error_words, sentence
 from ds47.spec.statuses import status_text
 
@@ -34,10 +38,12 @@ def cause(rule: str) -> Both:
     return Both(known.cause, known.cause_zh) if known else Both("", "")
 
 
-def advice(rule: str) -> Both:
+def advice(rule: str, args: Mapping[str, Any] | None = None) -> Both:
     """What to do."""
     known = spec.rules().get(rule)
-    return Both(known.advice, known.advice_zh) if known else Both("", "")
+    if known is None:
+        return Both("", "")
+    return Both(*(rule_advice(known, args or {}, lang) for lang in LANGUAGES))
 
 
 def error(item: ParameterError) -> Both:

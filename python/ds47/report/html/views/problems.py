@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from ds47 import spec
+from ds47.findings.grouping import cause
 from ds47.model import (
     DIAGNOSIS,
     SEVERITIES,
@@ -49,6 +50,7 @@ class Problem:
     rule: str
     severity: str
     what: Both
+    args: Mapping[str, Any]
     count: int = 0
     places: Counter[str] = field(default_factory=Counter)
     alike: bool = True
@@ -103,7 +105,7 @@ class Problem:
     @property
     def advice(self) -> Both:
         """What to do."""
-        return messages.advice(self.rule)
+        return messages.advice(self.rule, self.args)
 
     @property
     def corrected(self) -> Corrected | None:
@@ -150,6 +152,7 @@ def _diagnosed(result: CaptureResult, item: Diagnosis, links: Links) -> Problem:
         item.rule,
         item.severity,
         messages.message(item),
+        item.args,
         item.count,
         Counter([item.device] if item.device else []),
         frames=set(item.frames),
@@ -191,7 +194,7 @@ def _state(result: CaptureResult, jobs: Collection[int]) -> Both | None:
 
 
 def _problem(finding: Finding, what: Both) -> Problem:
-    return Problem(finding.rule, finding.severity, what, job=finding.transaction)
+    return Problem(finding.rule, finding.severity, what, finding.args, job=finding.transaction)
 
 
 def first_screen(items: list[Problem]) -> list[Problem]:
@@ -226,7 +229,7 @@ def _kind(finding: Finding, owner: Transaction | None) -> tuple[tuple[str, objec
         text, change = _error(code, finding.args.get("vendor_id")), owner.operation == "change"
         key = "drive_error_change" if change else "drive_error_read"
         return (finding.rule, (code, text, change)), say(key, text=text)
-    return (finding.rule, ""), messages.message(finding)
+    return (finding.rule, cause(finding.rule, None, finding.args)), messages.message(finding)
 
 
 def _error(code: int, vendor_id: int | None) -> Both:
