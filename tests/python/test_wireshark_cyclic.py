@@ -43,6 +43,7 @@ from ds47.report import json as report
 from ds47.spec import codes
 from ds47.wireshark import fields
 from ds47.wireshark.engine import Engine
+from ds47.wireshark.tshark import prepare
 
 __all__ = ["tshark"]  # the fixture
 SEEDS = 12
@@ -229,9 +230,10 @@ def test_a_frame_that_something_else_stands_in_is_not_touched(
 
 
 @pytest.mark.slow
-def test_both_engines_say_the_same(tmp_path: Path) -> None:
+def test_both_engines_say_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("pyshark")
-    program()
+    prepared = prepare(*program())
+    monkeypatch.setattr("ds47.wireshark.tshark.prepare", lambda _program: prepared)
     machine = talk(Machine().connect()).ask(OTHER[0], 5).ask(READ).respond(FIFTY).ask(CHANGE)
     machine.respond(REFUSED).ask(IDLE)
     assert {rule for rule, _ in rules_of(machine)} >= {"DS501", "DS504"}

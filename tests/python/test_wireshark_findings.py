@@ -271,20 +271,18 @@ def test_a_copy_names_its_original(
     name: str, passes: tuple[str, ...], tshark: Tshark, tmp_path: Path
 ) -> None:
     path = mirrored(CAPTURES[name], tmp_path / "mirrored.pcapng")
-    shown = ("frame.number", "ds47.duplicate_of")
-    ours = {
-        int(row[0]) for row in rows(tshark("-r", path, *passes, "-Y", "ds47", *columns(*shown)))
-    }
-    found = rows(tshark("-r", path, *passes, "-Y", "ds47.duplicate_of", *columns(*shown)))
-    copies = {int(copy): int(original) for copy, original in found}
+    shown = columns("frame.number", "ds47.duplicate_of", "ds47.transaction", "ds47")
+    found = rows(tshark("-r", path, *passes, *shown))
+    ours = {int(row[0]) for row in found if row[3]}
+    copies = {int(row[0]): int(row[1]) for row in found if row[1]}
     # a lone finding belongs to no message, and the first copy of a fragment to no whole one
     assert set(copies.values()) <= ours
     assert all(copy == original + 1 for copy, original in copies.items())
-    with_transaction = rows(tshark("-r", path, *passes, "-Y", "ds47.transaction", *columns(*shown)))
-    assert {int(row[0]) for row in with_transaction} <= set(copies.values())
+    with_transaction = {int(row[0]) for row in found if row[2]}
+    assert with_transaction <= set(copies.values())
     assert ours.isdisjoint(copies)
     count = len(rows(tshark("-r", CAPTURES[name], *passes, "-Y", "ds47.transaction")))
-    assert len(with_transaction) == count
+    assert len(with_transaction) == count > 0
 
 
 @pytest.mark.slow

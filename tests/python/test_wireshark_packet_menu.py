@@ -16,6 +16,7 @@ from typing import Any
 
 import pytest
 from fake_tshark import real_tshark
+from many_filters import many
 
 from ds47.analysis import analyze
 from ds47.cyclic.notation import encode_line
@@ -110,11 +111,6 @@ def menu(shark: Run, tmp_path: Path) -> Callable[[Path], Said]:
     return ask
 
 
-def frames_of(shark: Run, capture: Path, shown: str) -> set[int]:
-    out = shark("-r", capture, "-Y", shown, "-T", "fields", "-e", "frame.number")
-    return {int(line) for line in out.split()}
-
-
 def elements(parameter: Any) -> range:
     first = parameter.subindex
     if first is None:
@@ -153,7 +149,7 @@ CAPTURES = (
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CAPTURES)
 def test_filters_show_what_they_say(
-    shark: Run, menu: Callable[[Path], Said], captures: Path, name: str
+    shark: Run, menu: Callable[[Path], Said], captures: Path, tmp_path: Path, name: str
 ) -> None:
     capture = captures / f"{name}.pcapng"
     said, transactions = menu(capture), analyze(capture).transactions
@@ -178,8 +174,9 @@ def test_filters_show_what_they_say(
         else:
             assert told[PARAMETERS].startswith("window: ")
     assert asked
+    found = many(shark, tmp_path, asked, "-r", capture)
     for shown, frames in asked.items():
-        got = frames_of(shark, capture, shown)
+        got = set(found[shown])
         assert frames <= got, shown
         if "ds47.pnu" in shown or shown.startswith("ds47.transaction"):
             assert got == frames, shown

@@ -1,6 +1,6 @@
 """S7 of two stacks and of public captures: what tshark reads, against the log of the stacks and against ds47.
 
-Run on each tshark of the matrix. What tshark says differently in some version is named here.
+The plugin has no part in it, so this machine's tshark is enough. What others say differently is named here.
 """
 
 from __future__ import annotations

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import io
 import json
-from concurrent.futures import ThreadPoolExecutor
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
 import pytest
-from shares import share
 from test_conversations import CASES, capture
-from test_wireshark_plugin import COMPLETE, WORKERS, program, run, told, with_all_args
+from test_wireshark_plugin import COMPLETE, program, run, told, with_all_args
 from whole_capture import of_transactions
 
 from ds47.analysis import AnalysisOptions, analyze
@@ -101,17 +100,59 @@ def test_every_message_is_of_a_dialect() -> None:
     assert sum(len(of_dialect(each)) for each in dialects) == VECTORS["count"]["messages"]
 
 
+def fits(case: dict[str, Any]) -> bool:
+    """Whether others may go on beside it: it has no options, and no other clock."""
+    times = [step["t"] for step in case["steps"]]
+    return not case.keys() & {"options", "dropped"} and times == sorted(times)
+
+
+def together(cases: list[dict[str, Any]]) -> tuple[bytes, list[str]]:
+    """A capture in which they all go on at once, each between ends of its own; and whose each frame is."""
+    steps: list[tuple[str, dict[str, Any]]] = []
+    for number, case in enumerate(cases):
+        names = dict.fromkeys(step[end] for step in case["steps"] for end in ("client", "server"))
+        ends = {name: f"10.47.{number}.{last}" for last, name in enumerate(names, 1)}
+        for step in case["steps"]:
+            own = {end: ends[step[end]] for end in ("client", "server")}
+            steps.append((case["id"], step | own))
+    steps.sort(key=lambda each: each[1]["t"])
+    content = capture({"steps": [step for _, step in steps]}).getvalue()
+    return content, [name for name, _ in steps]
+
+
+def shows(case: dict[str, Any]) -> Counter[tuple[str, str]]:
+    """The states and rules of a conversation, and how often."""
+    told, findings = case["expect"], case["expect"].get("diagnoses", [])
+    found = Counter(("state", each["state"]) for each in told["transactions"])
+    return found + Counter(("rule", each["rule"]) for each in (*told["findings"], *findings))
+
+
 @pytest.mark.slow
 def test_every_conversation(tmp_path: Path) -> None:
+    """Nearly all of them in one capture: a start of tshark costs more than a conversation."""
     program()
     assert len(CASES) >= CONVERSATIONS_AT_LEAST
-    jobs = []
-    for number, case in enumerate(share(CASES)):
-        path = tmp_path / f"{number}.pcapng"
-        path.write_bytes(capture(case).getvalue())
-        indices = frozenset(case.get("options", {}).get("indices", ()))
-        jobs.append((case["id"], path, AnalysisOptions(indices=indices)))
-    with ThreadPoolExecutor(WORKERS) as pool:
-        found = pool.map(lambda job: shark(tmp_path, job[1], job[2]), jobs)
-        for (name, path, options), result in zip(jobs, found, strict=True):
-            compare(name, result, native(path, options))
+    beside = [case for case in CASES if fits(case)]
+    content, owners = together(beside)
+    path = tmp_path / "together.pcapng"
+    path.write_bytes(content)
+    wanted = native(path, AnalysisOptions())
+    found = {case["id"]: Counter[tuple[str, str]]() for case in beside}
+    for each in wanted.transactions:
+        first = min(frame for frame in each["frames"].values() if isinstance(frame, int))
+        found[owners[first - 1]]["state", each["state"]] += 1
+    for each in wanted.findings:
+        found[owners[each["frame"] - 1]]["rule", each["rule"]] += 1
+    assert found == {case["id"]: shows(case) for case in beside}
+    compare("together", shark(tmp_path, path, AnalysisOptions()), wanted)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "case", [case for case in CASES if not fits(case)], ids=lambda case: case["id"]
+)
+def test_a_conversation_alone(case: dict[str, Any], tmp_path: Path) -> None:
+    path = tmp_path / "alone.pcapng"
+    path.write_bytes(capture(case).getvalue())
+    options = AnalysisOptions(indices=frozenset(case.get("options", {}).get("indices", ())))
+    compare(case["id"], shark(tmp_path, path, options), native(path, options))
