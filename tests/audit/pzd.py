@@ -6,6 +6,7 @@ is looked for in each of the frames.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -140,6 +141,47 @@ def check(reading: Reading) -> Iterator[Complaint]:
             word = look.stw1 if each["word"] == "STW1" else look.zsw1
             if each["word"] and each["after"] != word:
                 yield Complaint("pzd", f"frame {each['frame']}", f"{each['word']} is {word}")
+
+
+COMMANDS = {
+    "ON": (0, 1), "OFF1": (0, 0), "OFF2": (1, 0), "OFF3": (2, 0), "enable operation": (3, 1),
+    "operation no longer enabled": (3, 0), "acknowledge fault": (7, 1),
+}  # fmt: skip
+"""What an event may come after: the bit of the control word, and what it becomes."""
+_AFTER = re.compile(
+    r"^  frame ([\d,]+) .*, ([\d.]+) (ms|s) after ([A-Za-z0-9 ]+?)(?:  .*)?$", re.MULTILINE
+)
+
+
+def stories(reading: Reading) -> Iterator[Complaint]:
+    """Whether an event of the text report comes after its command, which is in force and is what explains it."""
+    known = drives(reading)
+    for number, time, unit, command in _AFTER.findall(reading.text):
+        frame = int(number.replace(",", ""))
+        drive = next(each for each in known if any(look.frame == frame for look in each.looks))
+        before = [each for each in drive.looks if each.frame <= frame]
+        for text in _after(before, float(time) * (1e9 if unit == "s" else 1e6), *COMMANDS[command]):
+            yield Complaint("pzd", f"frame {frame}", f"after {command}: {text}")
+
+
+def _after(looks: Sequence[Look], span_ns: float, bit: int, value: int) -> Iterator[str]:
+    given = [
+        place for place, (one, two) in enumerate(pairwise(looks), 1)
+        if one.heeded >> bit & 1 != value and two.heeded >> bit & 1 == value
+    ]  # fmt: skip
+    if not given:
+        yield "it was never said"
+        return
+    since = looks[given[-1] :]
+    if abs(since[-1].time_ns - since[0].time_ns - span_ns) > max(span_ns / 99, 51_000):
+        yield f"it is {since[-1].time_ns - since[0].time_ns} ns later"
+    if bit != 7 and any(each.heeded >> bit & 1 != value for each in since):
+        yield "it is no longer in force"
+    if any(each.stw1 is None or each.zsw1 is None for each in since):
+        yield "data was not valid in between"
+    faults = [bool((each.zsw1 or 0) & 8) for each in since]
+    if (bit == 7) != faults[0] or (bit == 7 and faults[-1]) or (bit != 7 and any(faults)):
+        yield "a fault is nearer, or there is none to acknowledge"
 
 
 def _state(look: Look) -> str | None:

@@ -65,6 +65,7 @@ def complaints(item: Reading, drives: dict[str, Drive] | None = None) -> Iterato
     yield from buffers.check(item)
     yield from pkw.check(item)
     yield from pzd.check(item)
+    yield from pzd.stories(item)
     for finding in item.findings:
         yield from of_finding(finding, item, memory)
         yield from words.check(finding, item)

@@ -1,7 +1,8 @@
 """The events of a drive as every report tells them: what came in one frame, and how long after its command.
 
-Only what a drive proves is joined: that it runs after ON, that it does not after an OFF, that a fault is gone
-after it was acknowledged. What is wrong is told by findings. Pictures are drawn elsewhere.
+Only what a drive proves is joined: that it runs after ON or since its operation was enabled, that it does not
+after an OFF that is in force, that a fault is gone after it was acknowledged. What is wrong is told by findings.
+Pictures are drawn elsewhere.
 """
 
 from __future__ import annotations
@@ -9,18 +10,29 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from ds47.cyclic.timeline import HEEDED
 from ds47.model import CaptureResult, Event, Timeline
 from ds47.report.bilingual import Both, joined, say
 from ds47.report.formatting import duration
 from ds47.report.reference import Reference
-from ds47.spec.cyclic import event_text, state_text
+from ds47.spec.cyclic import edges, event_text, state_text
+from ds47.spec.semantics import limits
 
 _CAUSES = {
-    "running": ("on",),
-    "stopped": ("off1", "off2", "off3"),
+    "running": ("on", "enable-operation"),
+    "stopped": ("off2", "off3", "off1", "disable-operation"),
     "fault-cleared": ("acknowledge",),
 }
-"""What a command brings about."""
+"""What a command brings about; of commands in one frame the first counts."""
+_LOST = ("output-lost", "output-back", "input-lost", "input-back", "local")
+_NEARER = {
+    "running": ("stopped", "fault", "inhibited", "released", *_LOST),
+    "stopped": ("fault", "off2-active", "off3-active", *_LOST),
+    "fault-cleared": ("fault", *_LOST),
+}
+"""What explains the same where it comes between the command and its effect, or with the effect."""
+_ASKED = {"off2-active": "off2", "off3-active": "off3"}
+"""What a drive says of a command that it carries out: that explains nothing where the command is in force."""
 
 
 _REFERENCE = 2000
@@ -75,30 +87,46 @@ class Row:
 def rows(timeline: Timeline) -> list[Row]:
     """The events of a drive, those of one word in one frame together."""
     found: list[Row] = []
-    newest: dict[str, Event] = {}
     for event in timeline.events:
         here = found[-1].last if found else None
         if here is not None and (here.frame, here.word) == (event.frame, event.word):
             found[-1].events.append(event)
         else:
             found.append(Row([event]))
-        newest[event.name] = event
-        row = found[-1]
-        row.cause = row.cause or _cause(event, newest)
+    newest: dict[str, Event] = {}
+    heeded = 0
+    for row in found:
+        newest |= {each.name: each for each in row.events}
+        after = row.last.after or 0
+        if row.last.word == "STW1" and after >> HEEDED & 1:
+            heeded = after
+        causes = (_cause(each, newest, heeded) for each in row.events if is_caused(each))
+        row.cause = next(filter(None, causes), None)
     return found
 
 
-def _cause(event: Event, newest: dict[str, Event]) -> Event | None:
-    """The newest command that brings about an event, unless the opposite happened since."""
-    commands = [newest[name] for name in _CAUSES.get(event.name, ()) if name in newest]
-    if not commands:
+def _cause(event: Event, newest: dict[str, Event], heeded: int) -> Event | None:
+    """The newest command that brings about an event, if it is in force and nothing nearer explains the event."""
+    commands = [newest[name] for name in _CAUSES[event.name] if name in newest]
+    command = max(commands, key=lambda each: each.time_ns, default=None)
+    if command is None or command.time_ns > event.time_ns:
         return None
-    command = max(commands, key=lambda each: each.time_ns)
-    before = {"running": "stopped", "stopped": "running"}.get(event.name)
-    since = newest.get(before) if before else None
-    if event.name == "running" and since is not None and since.time_ns > command.time_ns:
-        return None
-    return command
+    if event.name == "fault-cleared":
+        in_force = event.time_ns - command.time_ns < limits().acknowledge_ns
+    else:
+        faulty = "fault" in (*command.overlays, *event.overlays)
+        in_force = _is_asked(command.name, heeded) and not faulty
+    nearer = (
+        newest[name].time_ns >= command.time_ns
+        for name in _NEARER[event.name]
+        if name in newest and not _is_asked(_ASKED.get(name), heeded)
+    )
+    return command if in_force and not any(nearer) else None
+
+
+def _is_asked(name: str | None, heeded: int) -> bool:
+    """Whether the control word that the drive heeds says a command."""
+    return any(edge.id == name and heeded >> edge.bit & 1 == edge.value for edge in edges("stw1"))
 
 
 def is_caused(event: Event) -> bool:
