@@ -278,10 +278,12 @@ def _rules() -> Iterator[str]:
 
 
 def _experts() -> Iterator[str]:
-    rules = sorted(_plugin_rules().items())
-    return block(
-        "M.experts", [fields(row, ("id", "title", "severity", "expert")) for _, row in rules]
-    )
+    shown = []
+    for number, row in sorted(_plugin_rules().items()):
+        known = fields(row, ("id", "title", "severity", "expert"))
+        cyclic = number.startswith("DS5") and row.severity != "note"
+        shown.append(known | ({"of_makers": True} if cyclic else {}))
+    return block("M.experts", shown)
 
 
 def _words_of_lua() -> dict[str, Mapping[str, str]]:
@@ -337,6 +339,7 @@ def _descriptions() -> Iterator[str]:
 def _pkw() -> Iterator[str]:
     least, most = cyclic.float_range()
     shown = f"float_least = {least!r}, float_most = {most!r}, connector = {cyclic.connector_mark()}"
+    shown += f", profile_errors = {cyclic.profile_errors()}"
     yield f"M.pkw = {{{shown}}}"
     yield f"M.pkw.weights = {literal(cyclic.weights())}"
     yield from rows("M.pkw.requests", cyclic.requests(), PKW_REQUEST)

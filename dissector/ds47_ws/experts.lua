@@ -2,9 +2,18 @@
 -- has some, and nobody may look at a tree: what is not loaded is not looked through by the collector.
 
 local info = require("ds47_ws.info")
+local tables = require("ds47.spec.tables")
 local words = require("ds47.report.formatting")
 
 local M = {}
+
+--- The key of the expert info of a finding: of the drive of a maker whose tables are not known it is a note.
+function M.key_of(finding)
+  if finding.severity ~= tables.rules[finding.rule].severity then
+    return finding.rule .. " note"
+  end
+  return finding.rule
+end
 
 --- What the expert info of a finding says.
 function M.of_finding(finding, lang)
@@ -24,7 +33,7 @@ function M.add(tree, experts, findings, events, lang)
     tree:add_proto_expert_info(experts[key], text)
   end
   for _, finding in ipairs(findings) do
-    tree:add_proto_expert_info(experts[finding.rule], M.of_finding(finding, lang))
+    tree:add_proto_expert_info(experts[M.key_of(finding)], M.of_finding(finding, lang))
   end
 end
 

@@ -274,7 +274,11 @@ local function define_experts(proto)
     all[#all + 1] = made
   end
   for _, rule in ipairs(tables.experts) do
-    add(rule.id, string.lower(rule.id), rule.id .. " " .. rule.title, rule.expert, rule.severity)
+    local name, text = string.lower(rule.id), rule.id .. " " .. rule.title
+    add(rule.id, name, text, rule.expert, rule.severity)
+    if rule.of_makers then
+      add(rule.id .. " note", name .. ".note", text, rule.expert, "note")
+    end
   end
   for _, row in ipairs(EVENTS) do
     add(row[1], row[1], row[2], "protocol", row[3])

@@ -286,7 +286,7 @@ function Analysis:cyclic_touched()
     job.order = job.order or self.pairing:number()
     local certain = {}
     for _, remark in ipairs(job.state and NONE or pkw_judge.remarks(each.relation, job, layout)) do
-      remark.order = job.order
+      remark.order, remark.of = job.order, each.relation
       if remark.frame == self.pairing.frame and self.findings:wanted(remark.rule) then
         certain[#certain + 1] = self.findings:finding(remark)
       end
@@ -453,6 +453,7 @@ end
 
 --- A transaction of PKW is over.
 function Analysis:exchanged(relation, job)
+  self.cyclic:identify()
   local layout = self:pkw_layout(relation.device)
   job.order = job.order or self.pairing:number()
   local item = pkw.build(relation, job, layout)

@@ -227,7 +227,7 @@ class Analysis:
         self._stations = Names(bounds.stations, options.vendor_id)
         vendor = self._stations.vendor if options.vendor_id is not None else None
         self._cyclic = CyclicChannels(
-            self._exchanged, self._watch, bounds, options.channels, vendor
+            self._exchanged, self._watch, bounds, options.channels, vendor, self._stations.vendor_of
         )
         self._events = RecordEvents(index47, self._pairing, options.codec, self._remark)
         self._records = RecordCalls(
@@ -427,6 +427,7 @@ class Analysis:
 
     def _exchanged(self, relation: Relation, job: PkwJob) -> None:
         """A transaction of PKW is over."""
+        self._cyclic.identify()
         transaction = build_pkw(relation, job, self._layout(relation.device))
         explain_transaction(self._dictionary, transaction, relation.maker, relation.family)
         if not self._catalogue.is_empty:

@@ -223,6 +223,7 @@ def _verdict(lines: list[str], reading: Reading) -> Iterator[str]:
     bad = "error" in severities or states & {"refused", "error", "partial", "mismatch"}
     look = "warning" in severities or states & {"unanswered", "superseded"}
     look = look or not reading.plain["complete"]
+    look = look or any(each.severity != RULES[each.rule]["severity"] for each in reading.findings)
     true = (
         "NOT OK"
         if bad
@@ -652,20 +653,23 @@ def _parameters(block: list[str], deal: Deal) -> Iterator[str]:
 
 
 def _groups(lines: list[str], reading: Reading) -> Iterator[Complaint]:
-    found: dict[str, list[str]] = {}
-    rule = ""
+    found: dict[tuple[str, str], list[str]] = {}
+    kind = ("", "")
     for line in lines:
         head = re.match(r"  (DS\d{3}) (\w+) \S+: ([\d,]+) findings?$", line)
         if head:
-            rule = head[1]
-            count = sum(each.rule == rule for each in reading.findings)
+            kind = head[1], head[2]
+            count = sum((each.rule, each.severity) == kind for each in reading.findings)
             if count != int(head[3].replace(",", "")):
-                yield Complaint("findings", rule, f"{head[3]} findings are {count}")
-        found.setdefault(rule, []).append(line)
-    if set(found) - {""} != {each.rule for each in reading.findings}:
+                yield Complaint("findings", head[1], f"{head[3]} findings are {count}")
+        found.setdefault(kind, []).append(line)
+    if set(found) - {("", "")} != {(each.rule, each.severity) for each in reading.findings}:
         yield Complaint("findings", "", "not every rule has its group")
-    for rule, group in found.items():
-        for text in _group(rule, group, reading) if rule else ():
+    for (rule, severity), group in found.items():
+        findings = [
+            each for each in reading.findings if (each.rule, each.severity) == (rule, severity)
+        ]
+        for text in _group(findings, group, reading) if rule else ():
             yield Complaint("findings", rule, text)
 
 
@@ -692,8 +696,7 @@ def whole(lines: list[str], deep: int = 8) -> list[str]:
     return found
 
 
-def _group(rule: str, lines: list[str], reading: Reading) -> Iterator[str]:
-    findings = [each for each in reading.findings if each.rule == rule]
+def _group(findings: list[Finding], lines: list[str], reading: Reading) -> Iterator[str]:
     frames, more = set[int](), 0
     for text in whole(lines):
         told = re.match(r"frame (\d+)(?: #(\d+))?(?: ([\d.:+ s-]+?))?: (.*)$", text)

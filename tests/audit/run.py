@@ -76,6 +76,18 @@ def complaints(item: Reading, drives: dict[str, Drive] | None = None) -> Iterato
     yield from stations.check(item)
 
 
+def _severity(finding: Finding, item: Reading) -> Iterator[Complaint]:
+    """That of the catalogue; of cyclic channels of other makers than Siemens a note."""
+    true = words.RULES[finding.rule]["severity"]
+    if finding.rule.startswith("DS5"):
+        deal = item.deal(finding)
+        device = deal.device if deal else finding.args.get("device")
+        vendor = item.vendors.get(device or "", 0x2A if finding.severity == true else 0)
+        true = true if vendor == 0x2A else "note"
+    if finding.severity != true:
+        yield Complaint(finding.rule, f"frame {finding.frame}", f"is no {finding.severity}")
+
+
 def of_finding(finding: Finding, item: Reading, memory: Memory) -> Iterator[Complaint]:
     """What the auditor of its rule says of a finding, and what is true of every finding."""
     where = f"frame {finding.frame}"
@@ -87,6 +99,7 @@ def of_finding(finding: Finding, item: Reading, memory: Memory) -> Iterator[Comp
     if set(finding.args) != declared()[finding.rule]:
         yield Complaint(finding.rule, where, f"carries {sorted(finding.args)}")
     yield from letters.check(finding, item)
+    yield from _severity(finding, item)
     if finding.frame not in finding.frames:
         yield Complaint(finding.rule, where, "its own frame is not among its frames")
     if not all(1 <= frame <= len(item.capture.frames) for frame in finding.frames):

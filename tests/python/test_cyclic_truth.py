@@ -6,23 +6,26 @@ Captures of others in ../shared say what is expected of them in their README; th
 from __future__ import annotations
 
 import io
+import struct
 from pathlib import Path
 
 import pytest
+from test_lua_analysis import VERSIONS, Source, compare
 from test_profibus_ppo import on_profibus
 
-import ds47
-from ds47.analysis import analyze
+from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import open_capture
 from ds47.capture.writer import PcapngWriter
-from ds47.lab import captured
-from ds47.lab.client import Client
+from ds47.cli import main
+from ds47.cyclic.named import parse
+from ds47.lab import captured, ether
+from ds47.lab.client import Client, drive
 from ds47.lab.cyclic import Cyclic
-from ds47.lab.cyclic_scenes import parameters
+from ds47.lab.cyclic_scenes import machine, parameters
 from ds47.lab.drive import Drive
-from ds47.lab.machine import IDLE, OFF, Machine
+from ds47.lab.machine import IDLE, OFF, ON, Machine
 from ds47.lab.stage import Stage
-from ds47.model import CaptureResult
+from ds47.model import CaptureResult, Finding
 
 SENTENCES = Path(__file__).resolve().parents[3] / "shared" / "captures" / "sentences"
 READ, HALF, WHOLE = (
@@ -50,6 +53,10 @@ def test_a_request_of_others_that_stands_from_the_first_exchange_on() -> None:
     assert told(of_others("ppo1-asked-from-first-exchange.pcap")) == (["ok"], [])
 
 
+def of_rule(rule: str, result: CaptureResult) -> list[Finding]:
+    return [each for each in result.findings if each.rule == rule]
+
+
 def talk(*asked: tuple[bytes, int], pause: int = 3) -> bytes:
     """Requests, each for so many cycles, to a drive that stands."""
     stage = Stage()
@@ -60,23 +67,39 @@ def talk(*asked: tuple[bytes, int], pause: int = 3) -> bytes:
     return captured(stage)
 
 
-def by_name(content: bytes, ways: tuple[str, ...] = ("output", "input")) -> CaptureResult:
-    """Without the Connect, and with these directions: its channels named by hand."""
-    whole = analyze(io.BytesIO(content))
-    sides = [(each.channel, each.output, each.input) for each in whole.relations]
+def without_connect(
+    content: bytes,
+    ways: tuple[str, ...] = ("output", "input"),
+    maker: int | None = None,
+    *,
+    first: bool = True,
+) -> tuple[bytes, AnalysisOptions]:
+    """These directions of the cyclic frames alone, their channels by name; DCP says the maker, first or last."""
+    whole = analyze(io.BytesIO(content)).relations
     names = [
-        f"{s.mac}@{s.frame_id:04x}:{s.offset}:{channel}" for channel, *two in sides for s in two
-    ]
-    kept = [getattr(each, way).mac for each in whole.relations for way in ways]
+        f"{side.mac}@{side.frame_id:04x}:{side.offset}:{each.channel}"
+        for each in whole for side in (each.output, each.input)
+    ]  # fmt: skip
+    kept = [getattr(each, way).mac for each in whole for way in ways]
+    with open_capture(io.BytesIO(content)) as source:
+        frames = [
+            (each.time_ns, each.data) for each in source.everything()
+            if each.data[12:14] == b"\x88\x92" and each.data[6:12].hex(":") in kept
+        ]  # fmt: skip
+    if maker is not None:
+        at = 0 if first else len(frames) - 1
+        said = frames[at][0], dcp(whole[0].input.mac, maker)
+        frames.insert(0 if first else len(frames), said)
     target = io.BytesIO()
-    with open_capture(io.BytesIO(content)) as source, PcapngWriter(target) as writer:
-        for frame in source.everything():
-            if frame.data[12:14] == b"\x88\x92" and frame.data[6:12].hex(":") in kept:
-                writer.write(frame.time_ns, frame.data)
-    target.seek(0)
-    return analyze(
-        target, ds47.analysis.AnalysisOptions(cyclic=tuple(map(ds47.cyclic.named.parse, names)))
-    )
+    with PcapngWriter(target) as writer:
+        for time_ns, data in frames:
+            writer.write(time_ns, data)
+    return target.getvalue(), AnalysisOptions(cyclic=tuple(map(parse, names)))
+
+
+def by_name(content: bytes, *ways: str) -> CaptureResult:
+    named, options = without_connect(content, ways or ("output", "input"))
+    return analyze(io.BytesIO(named), options)
 
 
 IN_HALVES = ((IDLE, 20), (READ, 9), (HALF, 1), (WHOLE, 9), (IDLE, 5))
@@ -106,4 +129,97 @@ def test_what_stands_in_the_first_exchange_is_asked_there() -> None:
 def test_of_one_direction_nothing_is_said_of_responses() -> None:
     content = talk((IDLE, 20), (READ, 9), (WHOLE, 9), (IDLE, 20))
     assert told(by_name(content)) == (["ok", "ok"], [])
-    assert told(by_name(content, ("output",))) == (["superseded", "unanswered"], [])
+    assert told(by_name(content, "output")) == (["superseded", "unanswered"], [])
+
+
+FOREIGN, SIEMENS = 0x0493, 0x002A
+
+
+def of_maker(vendor_id: int, *, trips: int = 0, error: int = 0, reads: int = 0) -> bytes:
+    """A drive of some maker that runs, trips so often, and refuses a change."""
+    stage = Stage()
+    it = machine(Client(stage, device=drive(vendor_id=vendor_id))).start()
+    for _ in range(trips):
+        it.drive.fault = 30002
+        it.run(0.2).control(0x04FE).run(0.2).control(OFF).run(0.5).control(ON).run(1)
+    if error:
+        it.drive.cells[700, 0].refused = error
+        it.read(700).change(700, b"\0\2", ak=2)
+    for _ in range(reads):
+        it.change(1082, b"\x42\x20\0\0", ak=13)
+    return captured(stage)
+
+
+def printed(
+    content: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str], *options: str
+) -> str:
+    path = tmp_path / "machine.pcapng"
+    path.write_bytes(content)
+    assert main(["report", *options, str(path)]) == 0
+    return capsys.readouterr().out
+
+
+def test_a_drive_that_trips_is_not_ok(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = printed(of_maker(SIEMENS, trips=3), tmp_path, capsys)
+    assert "NOT OK" in text
+    assert "DS520 error" in text
+    text = printed(of_maker(FOREIGN, trips=3), tmp_path, capsys)
+    assert "LOOK AT IT: 1 drive followed in its cyclic frames" in text
+    assert "DS520 note fault-while-running" in text
+    assert "(3 times)" in text
+    assert "A note, because the drive is not one of Siemens" in text
+    assert "仅为提示" in printed(of_maker(FOREIGN, trips=3), tmp_path, capsys, "--lang", "zh")
+    page = printed(of_maker(FOREIGN, trips=3), tmp_path, capsys, "-f", "html")
+    assert "A note, because the drive is not one of Siemens" in page
+    assert "OK: 1 drive followed" in printed(of_maker(FOREIGN), tmp_path, capsys)
+
+
+def test_not_ok_has_its_cause_whoever_made_the_drive(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = printed(of_maker(FOREIGN, error=17), tmp_path, capsys)
+    assert "NOT OK: 1 drive, 2 transactions, 1 error" in text
+    assert "DS501 note pkw-error" in text
+    assert "Not possible in this operating state" in text
+
+
+def test_of_other_makers_only_numbers_of_the_profile_have_words() -> None:
+    for vendor_id, error, code in ((FOREIGN, 17, 17), (FOREIGN, 107, None), (SIEMENS, 107, 107)):
+        (found,) = of_rule("DS501", analyze(io.BytesIO(of_maker(vendor_id, error=error))))
+        assert found.args["code"] == code
+
+
+def test_that_a_change_saves_is_said_of_the_maker_whose_table_it_is() -> None:
+    assert told(analyze(io.BytesIO(of_maker(FOREIGN, reads=12))))[1] == []
+    assert told(analyze(io.BytesIO(of_maker(SIEMENS, reads=12))))[1] == ["DS508"]
+
+
+@pytest.mark.parametrize(
+    ("vendor_id", "severity"), [(FOREIGN, "note"), (SIEMENS, "error"), (None, "error")]
+)
+@pytest.mark.parametrize("first", [True, False])
+def test_a_channel_named_by_hand_is_judged_by_the_vendor_that_the_capture_names(
+    vendor_id: int | None, severity: str, first: bool
+) -> None:
+    """DCP says it before the words, or behind them."""
+    content, options = without_connect(of_maker(SIEMENS, error=17), maker=vendor_id, first=first)
+    result = analyze(io.BytesIO(content), options)
+    assert [each.severity for each in of_rule("DS501", result)] == [severity]
+
+
+def dcp(mac: str, vendor_id: int) -> bytes:
+    """An identify response of a station: its vendor and device id."""
+    block = struct.pack(">BBHHHH", 2, 3, 6, 0, vendor_id, 0x0501)
+    head = struct.pack(">HBBIHH", 0xFEFF, 5, 1, 1, 0, len(block))
+    return ether.bare(mac, "00:1c:06:00:00:01", 0x8892, head + block)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_lua_says_the_same(version: str, tmp_path: Path) -> None:
+    halves, silent = talk(*IN_HALVES), talk((READ, 40), pause=10_000)
+    foreign = of_maker(FOREIGN, trips=2, error=107, reads=12)
+    plain = [halves, silent, foreign, *filter(None, map(on_profibus, (halves, silent, foreign)))]
+    compare(version, "en", [Source(str(n), each, False) for n, each in enumerate(plain)], tmp_path)
+    for content, maker in ((halves, None), (foreign, FOREIGN), (foreign, SIEMENS)):
+        named, options = without_connect(content, maker=maker, first=False)
+        compare(version, "en", [Source("named", named, False)], tmp_path, options)

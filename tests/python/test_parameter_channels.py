@@ -397,7 +397,7 @@ def test_a_word_in_the_wrong_place() -> None:
     assert rules_of(right) == []
 
 
-def test_of_another_maker_nothing_is_said() -> None:
+def test_of_another_maker_notes_are_said() -> None:
     stage = Stage()
     machine = Machine()
     machine.stage = stage
@@ -405,7 +405,8 @@ def test_of_another_maker_nothing_is_said() -> None:
     machine.connect().ask(READ).respond(FIFTY).ask(CHANGE).respond(REFUSED).ask(IDLE)
     result = machine.result()
     assert [each.state for each in result.transactions] == ["ok", "error"]
-    assert result.findings == []
+    told = [(each.rule, each.severity) for each in result.findings]
+    assert told == [("DS501", "note"), ("DS531", "note")]
 
 
 STEPS = st.lists(

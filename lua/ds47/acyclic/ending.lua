@@ -94,6 +94,7 @@ end
 
 --- The complete result of an analysis (Analysis:ended), which goes on as if nothing was asked.
 function M.result(live)
+  live.cyclic:identify()
   local over = on_top(live)
   local findings, jobs, twins = over.findings, live.pairing:left_open()
   local events = {gate = live.gate, pairing = live.pairing, findings = findings, twins = twins}

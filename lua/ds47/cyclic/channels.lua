@@ -226,7 +226,7 @@ local function new_drive(self, relation, behind)
   local warning = relations.place_of("WARN_CODE", relation.telegrams)
   local recorder = timeline.new(
     operation.new({device = relation.device, slot = relation.slot}, self.limits),
-    relations.is_judged(relation), is_speed(relation.telegrams), warning and place, self.limits.events
+    not relations.is_foreign(relation), is_speed(relation.telegrams), warning and place, self.limits.events
   )
   local line = {
     relation = relation, owner = self, recorder = recorder, behind = behind,
@@ -244,6 +244,7 @@ end
 
 local function add(self, relation, behind)
   self.all[#self.all + 1] = relation
+  relation.is_foreign = relations.is_foreign
   local line
   if relation.channel == relations.PKW then
     line = new_requests(self, relation)
@@ -369,6 +370,15 @@ function Channels:connected(request, response)
     }, offset > 0)
   end
   watch(self)
+end
+
+--- Of whom the drives are whose channels were named, as far as the capture has shown it.
+function Channels:identify()
+  for _, each in ipairs(self.all) do
+    if relations.is_named(each) and each.vendor_id == nil and self.naming then
+      each.vendor_id = self.naming:vendor_of(each.device)
+    end
+  end
 end
 
 local function same_side(one, other)

@@ -1,7 +1,7 @@
 -- What only the whole capture shows of the cyclic channels: habits, operation, why a change was not accepted.
 --
--- Gathers what habits.lua, operation.lua and explanation.lua have to say, and decides whom it is said of:
--- tables and bits are those of one maker, and of other drives nothing is said (docs/cyclic.md 7).
+-- Gathers what habits.lua, operation.lua and explanation.lua have to say, and of whom: tables and bits are
+-- those of one maker, so that what is said of the drives of others is a note (docs/cyclic.md 5).
 
 local explanation = require("ds47.cyclic.explanation")
 local habits = require("ds47.cyclic.habits")
@@ -12,10 +12,20 @@ local relations = require("ds47.cyclic.relations")
 
 local M = {}
 
-local NONE = {}
+local OF_ITS_MAKER = {DS508 = true} -- that AK 11 to 14 save is an extension of the maker of these tables
 
 local Conclusions = {}
 Conclusions.__index = Conclusions
+
+-- Adds remarks that know of whose drive they are; those about tables of one maker are of no other.
+local function add_of(found, relation, remarks)
+  for _, remark in ipairs(remarks) do
+    if not OF_ITS_MAKER[remark.rule] or not relations.is_foreign(relation) then
+      remark.of = relation
+      found[#found + 1] = remark
+    end
+  end
+end
 
 --- What is kept of transactions until the capture is over.
 -- @param limits the flat table of tables.lua
@@ -43,6 +53,7 @@ local function habits_of(self, relation, layout)
   if found == nil then
     local where = {device = relation.device, slot = relation.slot}
     found = habits.new(where, self.limits, layout, relations.drives(relation))
+    found.relation = relation
     self.habits:set(place, found)
   end
   return found
@@ -50,11 +61,11 @@ end
 
 --- What is wrong with a transaction of PKW that is over: array of remarks.
 function Conclusions:exchanged(relation, job, layout)
-  if not relations.is_judged(relation) then return NONE end
-  local remarks = judge.remarks(relation, job, layout)
+  local found, remarks = {}, judge.remarks(relation, job, layout)
   local _, took = handshake.duration(job)
   habits_of(self, relation, layout):take(job, took, remarks)
-  return remarks
+  add_of(found, relation, remarks)
+  return found
 end
 
 --- Whether the state of its drive explains a transaction of any channel that is over: a remark, or nil.
@@ -66,21 +77,20 @@ end
 -- @param layout_of the layout of IND, by the address of a device
 function Conclusions:finish(layout_of)
   local found = {}
-  local function add(remarks)
-    for _, remark in ipairs(remarks) do found[#found + 1] = remark end
-  end
   for _, drive in ipairs(self.channels:drives()) do
-    if relations.is_judged(drive.relation) then add(drive:remarks()) end
+    add_of(found, drive.relation, drive:remarks())
   end
-  for _, each in self.habits:iterate() do add(each:finish()) end
+  for _, each in self.habits:iterate() do add_of(found, each.relation, each:finish()) end
   for _, each in ipairs(self.channels:unanswered()) do
-    if relations.is_judged(each.relation) then
-      add(judge.unanswered(each.relation, each.job, layout_of(each.relation.device)))
+    local relation = each.relation
+    if not relations.is_foreign(relation) then
+      add_of(found, relation, judge.unanswered(relation, each.job, layout_of(relation.device)))
     end
   end
   for _, relation in ipairs(self.channels:unused()) do
-    if relations.is_judged(relation) and relation.frame then
-      add({{rule = "DS512", frame = relation.frame, args = {device = relation.device, slot = relation.slot}}})
+    if not relations.is_foreign(relation) and relation.frame then
+      local args = {device = relation.device, slot = relation.slot}
+      found[#found + 1] = {rule = "DS512", frame = relation.frame, args = args}
     end
   end
   return found

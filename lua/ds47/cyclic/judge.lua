@@ -1,8 +1,8 @@
 -- Judgement: a transaction of PKW to findings DS5xx (spec/rules.toml has the catalogue). What is wrong with
 -- one request and its response.
 --
--- Only for drives of the maker whose tables these are: what looks like PKW on others may be something else
--- (docs/cyclic.md 6). A remark is a finding in the making: {rule, frame, args}.
+-- The tables are those of one maker; of drives of others only what the profile says is said (docs/cyclic.md
+-- 5). A remark is a finding in the making: {rule, frame, args}.
 
 local handshake = require("ds47.cyclic.handshake")
 local json = require("ds47.support.json")
@@ -38,10 +38,12 @@ local function of_request(remarks, job, asked, family)
   end
 end
 
-local function of_response(remarks, job, asked, family, told)
+local function of_response(remarks, job, asked, family, told, foreign)
   local frame = job.answer.at.frame
   if told.ak == pkw.ERROR then
-    put(remarks, "DS501", frame, which(asked, family, {code = told.error.code}))
+    local code = told.error.code
+    if foreign and code and code > tables.pkw.profile_errors then code = nil end -- its meaning is the maker's
+    put(remarks, "DS501", frame, which(asked, family, {code = code}))
   elseif told.ak == pkw.NO_RIGHTS then
     put(remarks, "DS502", frame, which(asked, family))
   end
@@ -81,12 +83,11 @@ end
 -- array of remarks.
 function M.remarks(relation, job, layout)
   local remarks = {}
-  if not relations.is_judged(relation) then return remarks end
   local asked, told = transactions.decoded(job, layout)
   local family = relations.drives(relation)
   of_request(remarks, job, asked, family)
   if told then
-    of_response(remarks, job, asked, family, told)
+    of_response(remarks, job, asked, family, told, relations.is_foreign(relation))
   else
     of_end(remarks, job, asked, family)
   end

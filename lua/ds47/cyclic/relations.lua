@@ -159,11 +159,15 @@ function M.place_of(word, numbers)
   return nil
 end
 
---- Whether findings are about a relation: of Siemens, whose tables are known, or said to be a drive by a
--- user.
-function M.is_judged(relation)
-  local named = relation.certainty == M.NAMED or relation.certainty == M.REFUTED
-  return relation.vendor_id == M.SIEMENS or (named and relation.vendor_id == nil)
+--- Whether a user said that a relation is one of a drive.
+function M.is_named(relation)
+  return relation.certainty == M.NAMED or relation.certainty == M.REFUTED
+end
+
+--- Whether a relation is of another maker than that whose tables are known, or nobody knows and no user named
+-- it.
+function M.is_foreign(relation)
+  return relation.vendor_id ~= M.SIEMENS and not (M.is_named(relation) and relation.vendor_id == nil)
 end
 
 --- Whether a relation is one of PROFIBUS: senders are stations, two bytes with the receiver.

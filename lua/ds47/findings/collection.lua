@@ -1,7 +1,8 @@
 -- Remarks to findings: which are wanted, which transaction they belong to, which frames they are about.
 --
 -- Nothing is judged here; a remark comes from the judge, the diagnosis or the record calls. Nothing is worded
--- here either: that is sentences.lua.
+-- here either: that is sentences.lua. A remark may be `of` somebody: of the drive of a maker whose tables are
+-- not known it is a note.
 
 local tables = require("ds47.spec.tables")
 
@@ -117,7 +118,7 @@ function Findings:finding(remark, transaction)
   end
   return {
     rule = remark.rule,
-    severity = tables.rules[remark.rule].severity,
+    severity = remark.of and remark.of:is_foreign() and "note" or tables.rules[remark.rule].severity,
     frame = remark.frame,
     frames = frames_of(remark.rule, remark.frame, args),
     transaction = transaction,

@@ -70,6 +70,20 @@ function Naming:vendor(ip)
   return self.vendor_id, self.vendor_id ~= nil
 end
 
+--- Vendor id of the station with a MAC address, as shown up to now; nil where nothing says it.
+function Naming:vendor_of(mac)
+  local station = self.stations:get(mac)
+  if station and station.vendor_id then
+    return station.vendor_id
+  end
+  for _, device in self.servers:iterate() do
+    if device.mac == mac and device.vendor_id then
+      return device.vendor_id
+    end
+  end
+  return nil
+end
+
 --- Takes an RPC message: responses come from devices, a Connect names device and controller.
 -- @param src_mac of the frame that it came in, or that completed it: text, nil where that is not known
 function Naming:message(pdu, src_mac)

@@ -219,6 +219,8 @@ class CyclicChannels:
         watch: is told which cyclic frames to give from now on.
         bounds: how many relations and events are kept.
         wanted: which channels are looked for. PKW is always: it proves what stands beside it.
+        vendor: of devices of which the capture shows none, by their IP address.
+        maker: of a station, by its MAC address: of that whose channels were named.
     """
 
     def __init__(
@@ -228,8 +230,10 @@ class CyclicChannels:
         bounds: Limits,
         wanted: Sequence[str] = (PKW, PZD),
         vendor: Callable[[str], int | None] | None = None,
+        maker: Callable[[str], int | None] = lambda _: None,
     ) -> None:
         self._vendor = vendor
+        self._maker = maker
         self._closed = closed
         self._watch = watch
         self._wanted = {PKW, *wanted}
@@ -333,6 +337,12 @@ class CyclicChannels:
         if self._lines:
             self._tell()
 
+    def identify(self) -> None:
+        """Of whom the drives are whose channels were named, as far as the capture has shown it."""
+        for each in self._relations:
+            if each.is_named and each.vendor_id is None:
+                each.vendor_id = self._maker(each.device)
+
     def configured(self, relations: Sequence[Relation], output: bytes, input_: bytes) -> None:
         """A station of PROFIBUS gets its configuration: the channels in its data, in place of those before.
 
@@ -390,7 +400,7 @@ class CyclicChannels:
         where = {"device": relation.device, "slot": relation.slot}
         operation = Operation(where, self._bounds)
         speed = _is_speed(relation.telegrams)
-        recorder = Recorder(operation, relation.is_judged, speed, codes, self._bounds.events)
+        recorder = Recorder(operation, not relation.is_foreign, speed, codes, self._bounds.events)
         drive = Drive(relation, recorder, behind)
         self._drives.append(drive)
         self._lines.append(drive)
@@ -458,6 +468,7 @@ class CyclicChannels:
 
     def finish(self) -> None:
         """The capture ends."""
+        self.identify()
         for line in self._lines:
             self._end(line)
 

@@ -1,12 +1,12 @@
 """What only the whole capture shows of the cyclic channels: habits, operation, why a change was not accepted.
 
-Gathers what `habits`, `operation` and `explanation` have to say, and decides whom it is said of: tables and
-bits are those of one maker, and of other drives nothing is said (docs/cyclic.md 7).
+Gathers what `habits`, `operation` and `explanation` have to say, and of whom: tables and bits are those of one
+maker, so that what is said of the drives of others is a note (docs/cyclic.md 5).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from ds47.cyclic import judge
 from ds47.cyclic.channels import CyclicChannels
@@ -18,6 +18,8 @@ from ds47.findings.remark import Remark
 from ds47.model import Transaction
 from ds47.spec.semantics import Limits
 
+_OF_ITS_MAKER = ("DS508",)
+"""That AK 11 to 14 save is an extension of the maker whose tables these are."""
 Place = tuple[str, str, int | None, int | None]
 
 
@@ -36,14 +38,12 @@ class Conclusions:
         self._bounds = bounds
         self._layout = layout
         self._channels = channels
-        self._habits: dict[Place, Habits] = {}
+        self._habits: dict[Place, tuple[Relation, Habits]] = {}
 
     def exchanged(self, relation: Relation, job: Job) -> list[Remark]:
         """A transaction of PKW that is over, and what is wrong with it."""
-        if not relation.is_judged:
-            return []
         found = list(judge.remarks(relation, job, self._layout(relation.device)))
-        return [*found, *self._habits_of(relation).take(job)]
+        return list(_about(relation, [*found, *self._habits_of(relation).take(job)]))
 
     def transaction(self, item: Transaction) -> list[Remark]:
         """A transaction of any channel that is over: whether the state of its drive explains it."""
@@ -54,15 +54,14 @@ class Conclusions:
     def finish(self) -> Iterator[Remark]:
         """Everything else."""
         for drive in self._channels.drives():
-            if drive.relation.is_judged:
-                yield from drive.remarks()
-        for habits in self._habits.values():
-            yield from habits.finish()
+            yield from _about(drive.relation, drive.remarks())
+        for relation, habits in self._habits.values():
+            yield from _about(relation, habits.finish())
         for relation, job in self._channels.unanswered():
-            if relation.is_judged:
+            if not relation.is_foreign:
                 yield from judge.unanswered(relation, job, self._layout(relation.device))
         for relation in self._channels.unused():
-            if relation.is_judged and relation.frame is not None:
+            if not relation.is_foreign and relation.frame is not None:
                 where = {"device": relation.device, "slot": relation.slot}
                 yield Remark("DS512", relation.frame, where)
 
@@ -70,5 +69,13 @@ class Conclusions:
         if relation.place not in self._habits:
             where = {"device": relation.device, "slot": relation.slot, "family": relation.drives}
             layout = self._layout(relation.device)
-            self._habits[relation.place] = Habits(where, self._bounds, layout)
-        return self._habits[relation.place]
+            self._habits[relation.place] = relation, Habits(where, self._bounds, layout)
+        return self._habits[relation.place][1]
+
+
+def _about(relation: Relation, remarks: Iterable[Remark]) -> Iterator[Remark]:
+    """Remarks that know of whose drive they are; those about tables of one maker are of no other."""
+    for each in remarks:
+        if each.rule not in _OF_ITS_MAKER or not relation.is_foreign:
+            each.of = relation
+            yield each

@@ -1,7 +1,7 @@
 """Judgement: a transaction of PKW to findings DS5xx (spec/rules.toml has the catalogue).
 
-What is wrong with one request and its response. Only for drives of the maker whose tables these are: what looks
-like PKW on others may be something else (docs/cyclic.md 7).
+What is wrong with one request and its response. The tables are those of one maker; of drives of others only what
+the profile says is said (docs/cyclic.md 5).
 """
 
 from __future__ import annotations
@@ -18,12 +18,10 @@ from ds47.spec import cyclic
 
 def remarks(relation: Relation, job: Job, layout: str = pkw.CYCLIC) -> Iterator[Remark]:
     """What is wrong with a transaction that is over."""
-    if not relation.is_judged:
-        return
     asked, which = _which(relation, job, layout)
     yield from _request(job, asked, which)
     if job.answer is not None:
-        yield from _response(job.answer, which, layout)
+        yield from _response(relation, job.answer, which, layout)
     elif job.state == handshake.MISMATCH and job.odd is not None:
         words = {"request": _words(job.request.data), "response": _words(job.odd.data)}
         yield Remark("DS505", job.odd.at.frame, words)
@@ -61,10 +59,15 @@ def _request(job: Job, asked: pkw.Message, which: dict[str, Any]) -> Iterator[Re
         yield Remark("DS513", job.request.at.frame, which | {"pwe": asked.pwe1})
 
 
-def _response(answer: handshake.Sight, which: dict[str, Any], layout: str) -> Iterator[Remark]:
+def _response(
+    relation: Relation, answer: handshake.Sight, which: dict[str, Any], layout: str
+) -> Iterator[Remark]:
     told = pkw.decode(answer.data, answer=True, layout=layout)
     if told.ak == pkw.ERROR and told.error is not None:
-        yield Remark("DS501", answer.at.frame, which | {"code": told.error.code})
+        code = told.error.code
+        if relation.is_foreign and not cyclic.is_of_profile(code):
+            code = None  # what it means is the maker's
+        yield Remark("DS501", answer.at.frame, which | {"code": code})
     elif told.ak == pkw.NO_RIGHTS:
         yield Remark("DS502", answer.at.frame, which)
 

@@ -121,11 +121,14 @@ class Relation:
         return family_of(self.maker, self.family)
 
     @property
-    def is_judged(self) -> bool:
-        """Whether findings are about it: of Siemens, whose tables are known, or said to be a drive by a user."""
-        return self.vendor_id == SIEMENS or (
-            self.certainty in (NAMED, REFUTED) and self.vendor_id is None
-        )
+    def is_named(self) -> bool:
+        """Whether a user said that it is a drive."""
+        return self.certainty in (NAMED, REFUTED)
+
+    @property
+    def is_foreign(self) -> bool:
+        """Whether it is of no maker whose tables are known; what a user named is, where nothing says another."""
+        return self.vendor_id != SIEMENS and not (self.is_named and self.vendor_id is None)
 
     def told(self) -> model.Relation:
         """As the report has it."""

@@ -15,6 +15,7 @@ from ds47.findings.times import FrameTimes
 from ds47.model import DIAGNOSIS, Diagnosis, Finding, Transaction
 from ds47.spec import Rule, rules
 
+NOTE = "note"
 _WITHOUT_REQUEST = "DS403"
 
 
@@ -83,8 +84,10 @@ class Findings:
         if remark.rule == _WITHOUT_REQUEST:
             args["dropped"] = self.frames_dropped
         known = remark.time_ns
+        foreign = remark.of is not None and remark.of.is_foreign
+        severity = NOTE if foreign else row.severity
         return Finding(
-            remark.rule, row.severity, remark.frame, _frames(row, remark.frame, args), transaction,
+            remark.rule, severity, remark.frame, _frames(row, remark.frame, args), transaction,
             remark.offset, args, time_ns=self._times.of(remark.frame) if known is None else known,
         )  # fmt: skip
 

@@ -108,6 +108,7 @@ def headlines(findings: Iterable[Finding]) -> list[Diagnosis]:
         about = cause(each.rule, None, each.args)
         if each.said is not None:
             about = about._replace(key=(each.said,))
+        about = about._replace(key=(*about.key, each.severity))
         if about not in groups:
             groups[about] = _Cases(each, None)
         groups[about].add(each)

@@ -23,6 +23,15 @@ class Exchange(Protocol):
         ...
 
 
+class Subject(Protocol):
+    """Whose drive a remark is about."""
+
+    @property
+    def is_foreign(self) -> bool:
+        """Whether it is none of the maker whose tables the rule reads."""
+        ...
+
+
 Corrected = bytes | Callable[[], bytes | None] | None
 
 
@@ -39,3 +48,5 @@ class Remark:
     """Of a diagnosis: the request as it should have been, or who knows it when the capture is over."""
     time_ns: int | None = None
     """Time of its frame, where that was known when it was made."""
+    of: Subject | None = None
+    """Whose drive it is, where that decides how serious it is."""

@@ -73,6 +73,14 @@ class Stations:
         shown = station.vendor_id if station is not None else None
         return self._vendor_id if shown is None else shown
 
+    def vendor_of(self, mac: str) -> int | None:
+        """Vendor id of the station with a MAC address, as shown up to now; None where nothing says it."""
+        station = self._stations.get(mac)
+        if station is not None and station.vendor_id is not None:
+            return station.vendor_id
+        there = (each.vendor_id for each in self._servers.values() if each.mac == mac)
+        return next((each for each in there if each is not None), None)
+
     def devices(self) -> list[Device]:
         """Every device that answered or was connected to, in the order of first sight."""
         by_ip = {station.ip: station for station in self._stations.values() if station.ip}

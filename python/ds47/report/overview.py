@@ -19,6 +19,7 @@ from ds47.report import Writer as _Writer
 from ds47.report.bilingual import Both, joined, numbered, say
 from ds47.report.clock import Clock, beginning
 from ds47.report.formatting import duration, escape
+from ds47.report.todo import is_lowered
 from ds47.report.wrap import columns
 from ds47.report.zones import UNIVERSAL, Zone
 from ds47.spec.units import nanoseconds
@@ -137,6 +138,7 @@ class Row:
         return (
             self.complete
             and not ({"error", "warning"} & self.findings.keys())
+            and not any(is_lowered(rule, "note") for rule in self.rules)
             and self.states.get("ok", 0) == self.transactions
         )
 

@@ -18,7 +18,7 @@ from ds47.report.filters import display_filter
 from ds47.report.formatting import escape
 from ds47.report.places import Places
 from ds47.report.sentences import advice, sentence
-from ds47.report.todo import More, answering, by_state, causes, uncovered
+from ds47.report.todo import More, answering, by_state, causes, is_lowered, uncovered
 from ds47.report.verdict import Counts, blind, told, verdict
 from ds47.report.wrap import fitted, wrap
 
@@ -189,6 +189,8 @@ class Opening:
         yield from fitted("  " + line, self._width)
 
     def _advised(self, item: Diagnosis) -> str:
+        if is_lowered(item.rule, item.severity):
+            return self._say("advice_foreign")
         known = self._options.rules.get(item.rule)
         return advice(known, item.args, self._lang) if known else ""
 

@@ -418,10 +418,10 @@ class Writer(_Writer):
             return
         self._line()
         self._title(self._say("findings_head"))
-        groups: dict[str, list[Finding]] = {}
+        groups: dict[tuple[str, str], list[Finding]] = {}
         for each in findings:
-            groups.setdefault(each.rule, []).append(each)
-        for _, group in sorted(groups.items(), key=_serious_first):
+            groups.setdefault((each.rule, each.severity), []).append(each)
+        for group in sorted(groups.values(), key=_serious_first):
             self._group(group, places)
 
     def _group(self, group: Sequence[Finding], places: Places) -> None:
@@ -566,9 +566,8 @@ def _traffic(result: CaptureResult) -> Both:
     return told.joined(say("record_calls", calls=joined(calls)), zh="", en="") if calls else told
 
 
-def _serious_first(item: tuple[str, list[Finding]]) -> tuple[int, str]:
-    rule, group = item
-    return (-SEVERITIES.index(group[0].severity), rule)
+def _serious_first(group: list[Finding]) -> tuple[int, str]:
+    return (-SEVERITIES.index(group[0].severity), group[0].rule)
 
 
 def _severity(word: str) -> Both:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from ds47.model import DIAGNOSIS, CaptureResult, Diagnosis, Finding
 from ds47.report.targets import Targets
+from ds47.spec import rules
 from ds47.spec.reporting import covers
 
 _WRONG_DRIVE_OBJECT = "DS709"
@@ -20,14 +21,21 @@ _OF_STATE = ("DS530", "DS531")
 
 
 def uncovered(result: CaptureResult) -> list[Finding]:
-    """Errors and warnings that no diagnosis covers, in their order."""
+    """Errors and warnings that no diagnosis covers, in their order; also those that are notes by the maker."""
     serious = [
         each
         for each in result.findings
-        if each.severity != "note" and not each.rule.startswith(DIAGNOSIS)
+        if (each.severity != "note" or is_lowered(each.rule, each.severity))
+        and not each.rule.startswith(DIAGNOSIS)
     ]
     about = _Covered(result)
     return [each for each in serious if not about.covers(each)]
+
+
+def is_lowered(rule: str, severity: str) -> bool:
+    """Whether a finding is a note only because the drive is of a maker whose tables are not known."""
+    known = rules().get(rule)
+    return severity == "note" and known is not None and known.severity != "note"
 
 
 class _Covered:

@@ -9,8 +9,9 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from ds47.acyclic.index47 import ALWAYS
-from ds47.model import DS47, S7, STATES, CaptureResult, Transaction
+from ds47.model import DS47, PKW, S7, STATES, CaptureResult, Transaction
 from ds47.report.bilingual import Both, joined, say, state
+from ds47.report.todo import is_lowered
 from ds47.spec.layouts import RECORD_WRITE_MULTIPLE
 
 FAILED = ("refused", "error", "partial", "mismatch")
@@ -48,6 +49,8 @@ class Counts:
     severities: Counter[str] = field(default_factory=Counter)
     calls: int = 0
     """Findings about record calls that brought nothing."""
+    lowered: int = 0
+    """Findings that are notes only because nobody knows the tables of the maker."""
 
     @classmethod
     def of(cls, result: CaptureResult) -> Counts:
@@ -64,6 +67,7 @@ class Counts:
             operations=Counter(each.operation for each in result.transactions),
             severities=Counter(each.severity for each in result.findings),
             calls=sum(each.rule in CALLS for each in result.findings),
+            lowered=sum(is_lowered(each.rule, each.severity) for each in result.findings),
         )
 
     def add(self, other: Counts) -> None:
@@ -79,6 +83,7 @@ class Counts:
         self.operations += other.operations
         self.severities += other.severities
         self.calls += other.calls
+        self.lowered += other.lowered
 
     @property
     def open(self) -> int:
@@ -88,14 +93,14 @@ class Counts:
     @property
     def smooth(self) -> bool:
         """Whether nothing went wrong on the way: no error was found, every record call brought its record."""
-        return not self.severities["error"] and not self.calls
+        return not (self.severities["error"] or self.lowered or self.calls)
 
     @property
     def level(self) -> str:
         """One of LEVELS."""
         if self.severities["error"] or any(self.states[word] for word in FAILED):
             return "bad"
-        if self.severities["warning"] or self.unreadable or self.open:
+        if self.severities["warning"] or self.lowered or self.unreadable or self.open:
             return "warn"
         return "good" if self.jobs or self.watched else "none"
 
@@ -154,6 +159,14 @@ def blind(result: CaptureResult) -> list[Both]:
     unseen = sum(1 for each in result.transactions if each.state in OPEN and each.channel == DS47)
     if unseen:
         lines.append(say("blind_open", n=unseen))
+    known = {each.transaction for each in result.findings}
+    silent = sum(
+        1
+        for each in result.transactions
+        if each.state in OPEN and each.channel == PKW and each.id not in known
+    )
+    if silent:
+        lines.append(say("blind_open_pkw", n=silent))
     if any(each.channel == S7 for each in result.transactions):
         lines.append(say("blind_s7"))
     orphans = [

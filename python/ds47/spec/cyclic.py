@@ -168,6 +168,17 @@ def families() -> tuple[str, ...]:
     return tuple(row["name"] for row in _load("pkw.toml")["family"])
 
 
+def is_of_profile(code: int | None) -> bool:
+    """Whether an error number of PKW is one of the PROFIdrive profile; the others are the makers'."""
+    return code is not None and code <= profile_errors()
+
+
+def profile_errors() -> int:
+    """The last error number of PKW that is the profile's."""
+    last: int = _load("pkw.toml")["errors"]["profile"]
+    return last
+
+
 def connector_mark() -> int:
     """The bits of PWE2 that say that a value is a connector."""
     mark: int = _load("pkw.toml")["connector"]["mark"]

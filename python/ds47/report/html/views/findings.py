@@ -78,7 +78,7 @@ def _group(rule: str, items: list[Finding], links: Links, moments: Moments) -> G
     return Group(
         rule=rule,
         name=messages.rule_name(rule),
-        severity=items[0].severity,
+        severity=max((each.severity for each in items), key=SEVERITIES.index),
         count=len(items),
         cause=messages.cause(rule),
         advice=messages.advice(rule),

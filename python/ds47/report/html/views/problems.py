@@ -29,7 +29,7 @@ from ds47.report.html.texts import Both, joined, say
 from ds47.report.html.views.links import Link, Links
 from ds47.report.html.views.times import Moments
 from ds47.report.targets import Targets
-from ds47.report.todo import answering, by_state, uncovered
+from ds47.report.todo import answering, by_state, is_lowered, uncovered
 
 if TYPE_CHECKING:
     from ds47.diagnosis.suggest import Corrected
@@ -105,6 +105,8 @@ class Problem:
     @property
     def advice(self) -> Both:
         """What to do."""
+        if is_lowered(self.rule, self.severity):
+            return say("advice_foreign")
         return messages.advice(self.rule, self.args)
 
     @property
@@ -229,7 +231,8 @@ def _kind(finding: Finding, owner: Transaction | None) -> tuple[tuple[str, objec
         text, change = _error(code, finding.args.get("vendor_id")), owner.operation == "change"
         key = "drive_error_change" if change else "drive_error_read"
         return (finding.rule, (code, text, change)), say(key, text=text)
-    return (finding.rule, cause(finding.rule, None, finding.args)), messages.message(finding)
+    about = cause(finding.rule, None, finding.args), finding.severity
+    return (finding.rule, about), messages.message(finding)
 
 
 def _error(code: int, vendor_id: int | None) -> Both:
