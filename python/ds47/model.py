@@ -454,8 +454,10 @@ class Device(_Plain):
         return self.assumed_vendor_id if self.vendor_id is None else self.vendor_id
 
 
-LENGTHS, CONFIGURED, SEEN, NAMED, REFUTED = "lengths", "configured", "seen", "named", "refuted"
+LENGTHS, CONFIGURED, SEEN = "lengths", "configured", "seen"
 """How sure a relation is: its lengths fit, its configuration says it, or what a drive says was seen in it."""
+NAMED, ODD, REFUTED = "named", "odd", "refuted"
+"""It was named by hand; its words make no sense then; or one of them is none that a drive has."""
 
 
 class Side(NamedTuple):
@@ -475,9 +477,10 @@ class Relation(_Plain):
     """A channel in cyclic frames, as a Connect sets it up, or as it was named by hand (docs/cyclic.md 5).
 
     `telegrams` are those that the lengths allow, `frame` is that of the response to the Connect. `certainty` is
-    LENGTHS, SEEN, NAMED, REFUTED where no drive has the words that were named, or CONFIGURED where Chk_Cfg and a
-    known ident number tell that it is PKW, and no request was answered. Of a channel that was named
-    `controller` and `device` are MAC addresses, `frame` is its first one, and what only a Connect says is None.
+    LENGTHS, SEEN, NAMED, ODD where the words that were named have no sense, REFUTED where no drive has one of
+    them, or CONFIGURED where Chk_Cfg and a known ident number tell that it is PKW, and no request was answered.
+    Of a channel that was named `controller` and `device` are MAC addresses, `frame` is its first one, and what
+    only a Connect says is None.
     """
 
     channel: str
@@ -498,13 +501,16 @@ class Relation(_Plain):
 class Sender(NamedTuple):
     """A station that sends cyclic frames in which no channel is known: its MAC address, and that of the receiver.
 
-    `length` is that of the data between frame id and cycle counter, in bytes, as it is on the wire.
+    `length` is that of the data between frame id and cycle counter, in bytes, as it is on the wire. `word` is
+    STW1 or ZSW1 where its frames, with those that come back, show at which `offset` of them it stands.
     """
 
     mac: str
     to: str
     frame_id: int
     length: int
+    word: str | None = None
+    offset: int | None = None
 
 
 class Event(NamedTuple):

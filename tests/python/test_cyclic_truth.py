@@ -10,6 +10,7 @@ import struct
 from pathlib import Path
 
 import pytest
+from test_cyclic_scenes import SCENES, capture
 from test_lua_analysis import VERSIONS, Source, compare
 from test_profibus_ppo import on_profibus
 
@@ -20,7 +21,7 @@ from ds47.cli import main
 from ds47.cyclic.named import parse
 from ds47.lab import captured, ether
 from ds47.lab.client import Client, drive
-from ds47.lab.cyclic import Cyclic
+from ds47.lab.cyclic import INPUT, OUTPUT, Cyclic
 from ds47.lab.cyclic_scenes import machine, parameters
 from ds47.lab.drive import Drive
 from ds47.lab.machine import IDLE, OFF, ON, Machine
@@ -223,3 +224,105 @@ def test_lua_says_the_same(version: str, tmp_path: Path) -> None:
     for content, maker in ((halves, None), (foreign, FOREIGN), (foreign, SIEMENS)):
         named, options = without_connect(content, maker=maker, first=False)
         compare(version, "en", [Source("named", named, False)], tmp_path, options)
+
+
+def offered(text: str) -> list[str]:
+    """The words of the line with which a report offers to follow channels."""
+    return next((each.split() for each in text.splitlines() if "--cyclic" in each), [])
+
+
+def noise() -> bytes:
+    """Cyclic frames of a remote I/O: values that count, and states that are good."""
+    stage = Stage()
+    line = Cyclic(Client(stage), reduction=4)
+    line.connect()
+    for number in range(400):
+        for module in line.modules:
+            for kind in (INPUT, OUTPUT):
+                line.say(module, kind, (number * 77 * kind).to_bytes(module.length))
+        line.cycle()
+    return captured(stage)
+
+
+@pytest.mark.parametrize("name", ["start-and-stop", "fault", "fault-with-number", "long-ramp"])
+def test_offsets_are_offered_that_the_frames_show(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    content = capture(SCENES[name])
+    (drive_,) = [each for each in analyze(io.BytesIO(content)).relations if each.channel == "pzd"]
+    bare, _ = without_connect(content)
+    text = printed(bare, tmp_path, capsys)
+    assert offered(text)[1::2] == [
+        f"{side.mac}@{side.frame_id:04X}:{side.offset}:pzd"
+        for side in (drive_.output, drive_.input)
+    ]
+    followed = printed(bare, tmp_path, capsys, *offered(text))
+    assert "Control and status word, 00:1f" in followed
+
+
+def test_where_frames_show_nothing_there_is_a_form_to_fill_in(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    content = noise()
+    whole = analyze(io.BytesIO(content))
+    assert [each.channel for each in whole.relations] == ["pkw"]
+    with open_capture(io.BytesIO(content)) as source:
+        frames = [each for each in source.everything() if each.data[12:14] == b"\x88\x92"]
+    path = tmp_path / "noise.pcapng"
+    with PcapngWriter(path) as writer:
+        for each in frames:
+            writer.write(each.time_ns, each.data)
+    assert main(["report", str(path)]) == 0
+    words = offered(capsys.readouterr().out)
+    assert [each.split("@")[1] for each in words[1::2]] == ["8002:OFFSET:pzd", "8001:OFFSET:pzd"]
+    for named in (
+        [each.replace("OFFSET", str(at)) for each in words[1::2]] for at in range(0, 14, 3)
+    ):
+        result = analyze(path, AnalysisOptions(cyclic=tuple(map(parse, named))))
+        assert result.findings == []
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_bytes_of_pkw_that_are_named_as_control_word_are_none(version: str, tmp_path: Path) -> None:
+    """PKE 9033 is no ON, though its bit 0 is 1."""
+    asked = [
+        (bytes.fromhex(each) + bytes(4), 6)
+        for each in ("1032 0000", "1033 0000", "9033 0000", "143b 0000")
+    ]
+    content, _ = without_connect(talk((IDLE, 20), *asked, (IDLE, 5), pause=10_000))
+    names = ("00:1c:06:00:00:01@8002:0:pzd", "00:1f:f8:00:00:01@8001:0:pzd")
+    options = AnalysisOptions(cyclic=tuple(map(parse, names)))
+    result = analyze(io.BytesIO(content), options)
+    assert result.findings == []
+    assert [each.certainty for each in result.relations] == ["odd"]
+    assert result.timelines == []
+    compare(version, "en", [Source("named", content, False)], tmp_path, options)
+
+
+def test_bits_that_few_use_refute_nothing_and_prove_less() -> None:
+    """Bit 15 of STW1, as telegram 20 has it: the words alone prove no drive, its reaction to ON does."""
+
+    def with_bit(scene: str) -> bytes:
+        target = io.BytesIO()
+        with (
+            open_capture(io.BytesIO(capture(SCENES[scene]))) as source,
+            PcapngWriter(target) as writer,
+        ):
+            for each in source.everything():
+                data = bytearray(each.data)
+                if data[12:16] == b"\x88\x92\x80\x02":
+                    data[16 + (0 if "number" in scene else 9)] |= 0x80
+                writer.write(each.time_ns, bytes(data))
+        return target.getvalue()
+
+    running = analyze(io.BytesIO(with_bit("fault-with-number")))
+    assert [each.rule for each in running.findings] == ["DS520"]
+    plain = capture(SCENES["on-without-control"])
+    _, options = without_connect(plain)
+    for content, rules in ((plain, ["DS522"]), (with_bit("on-without-control"), [])):
+        result = analyze(io.BytesIO(without_connect(content)[0]), options)
+        assert [each.rule for each in result.findings] == rules
+        assert [each.certainty for each in result.relations] == [
+            "named",
+            "named" if rules else "odd",
+        ]

@@ -37,7 +37,7 @@ local SAMPLE, RAREST, OFTEN = 4, 1024, 256
 local DENSE = 1024 -- data exchanges that are all looked at; then one of ever more that say the same
 local SPEED = "^NSOLL" -- how the name of a word begins that is a setpoint of speed
 local LENGTHS, CONFIGURED, SEEN = relations.LENGTHS, relations.CONFIGURED, relations.SEEN
-local NAMED, REFUTED = relations.NAMED, relations.REFUTED
+local NAMED, ODD, REFUTED = relations.NAMED, relations.ODD, relations.REFUTED
 
 local Channels = {}
 Channels.__index = Channels
@@ -203,11 +203,16 @@ end
 
 function Drive:finish()
   self.recorder.operation:finish()
+  local looked = self.ends[1].looks > 0 and self.ends[2].looks > 0
+  if self.relation.certainty == NAMED and not self.recorder:has_sense() and looked then
+    self.relation.certainty = ODD
+  end
 end
 
 --- What was wrong with its operation; when nothing more comes. An array of remarks.
 function Drive:remarks()
   local found, recorder = {}, self.recorder
+  if not recorder:has_sense() then return found end
   for _, frame in ipairs(recorder.operation.faults) do
     local code = recorder:fault_code(frame)
     local args = {device = self.relation.device, slot = self.relation.slot, code = code}
@@ -449,8 +454,8 @@ function Channels:relations()
   local proven, found = {}, {}
   for _, each in ipairs(self:drives()) do proven[each.relation] = true end
   for _, each in ipairs(self.all) do
-    local named = each.certainty == NAMED or each.certainty == REFUTED
-    if proven[each] or named or each.channel == relations.PKW and not is_pzd(self, each) then
+    local pkw = each.channel == relations.PKW and not is_pzd(self, each)
+    if proven[each] or relations.is_named(each) or pkw then
       found[#found + 1] = each
     end
   end

@@ -6,8 +6,8 @@
 --
 -- A relation: {channel, controller, device, vendor_id, ar, api, slot, subslot, telegrams, output, input,
 -- frame, certainty}; `frame` is that of the response to the Connect, `certainty` M.LENGTHS, M.CONFIGURED,
--- M.SEEN, M.NAMED or M.REFUTED. One that was named by hand has no AR and no submodule, and `frame` is its
--- first one.
+-- M.SEEN, M.NAMED, M.ODD (its words have no sense) or M.REFUTED. One that was named by hand has no AR and no
+-- submodule, and `frame` is its first one.
 --
 -- A side of it: {source (six bytes), frame_id, offset, length, watched, iops, status, cycle_ns}: where the
 -- channel is behind the frame id, how many of its bytes matter when they change, the state of the data (nil
@@ -20,7 +20,7 @@ local tables = require("ds47.spec.tables")
 
 local M = {
   PKW = "pkw", PZD = "pzd", LENGTHS = "lengths", SEEN = "seen", NAMED = "named", REFUTED = "refuted",
-  CONFIGURED = "configured", SIEMENS = 0x002A, WORD = 2,
+  CONFIGURED = "configured", ODD = "odd", SIEMENS = 0x002A, WORD = 2,
 }
 
 local LEAST_PZD = 4
@@ -161,7 +161,8 @@ end
 
 --- Whether a user said that a relation is one of a drive.
 function M.is_named(relation)
-  return relation.certainty == M.NAMED or relation.certainty == M.REFUTED
+  local certainty = relation.certainty
+  return certainty == M.NAMED or certainty == M.ODD or certainty == M.REFUTED
 end
 
 --- Whether a relation is of another maker than that whose tables are known, or nobody knows and no user named

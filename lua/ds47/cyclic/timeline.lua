@@ -19,6 +19,9 @@ local REQUESTED = 9 -- bit of ZSW1: the drive wants to be controlled by the PLC
 local RUNNING = 2 -- bit of ZSW1: operation enabled
 local REVERSE = 11 -- bit of STW1 that turns the sign of the setpoint
 local FAULT, NO_OFF2, NO_OFF3, INHIBITED = 3, 4, 5, 6 -- bits of ZSW1
+-- From here on bits 12 to 15 of STW1 are set, which most controllers leave at 0: telegram 20, motor
+-- potentiometers and some makers use them.
+local FREE = 0x1000
 local REACTION_NS = 2000000000 -- so soon after ON a drive has the next state
 local LAST_TASK = 63 -- of traversing tasks, which telegram 7 has where telegram 1 has the setpoint
 local LEGAL = {[1] = true, [3] = true, [7] = true} -- bits 2 to 0 of ZSW1 in the states S2 to S4
@@ -46,6 +49,9 @@ function M.new(operation, trusted, speed, fault, most)
     faults = {}, -- {frame, code} at each change of the fault number
     proven = false, -- whether both words were seen as a drive has them that a PLC controls
     refuted = false, -- whether a word was seen that no drive has
+    reacted = false, -- whether ON led to the next state
+    odd = false, -- whether a control word has bits that few controllers use, and is none that a drive heeds
+    legal = false, -- whether a status word was seen that shows a state of a drive
     stw1 = nil, zsw1 = nil, heeded = nil, -- the words, and the last control word that the drive heeds
     on_time = nil, -- when ON was given to a drive that was ready for it
     lost_out = false, lost_in = false, -- whose data is not valid
@@ -84,14 +90,25 @@ local function is_edge(edge, before, after)
   return bit(before, edge.bit) ~= bit(after, edge.bit) and bit(after, edge.bit) == edge.value
 end
 
+local function is_healthy(zsw1) return bit(zsw1, NO_OFF2) == 1 and bit(zsw1, NO_OFF3) == 1 end
+
+-- Whether a status word shows one of the states S1 to S4, without OFF2 and OFF3 but in S1.
+local function is_legal(zsw1)
+  if bit(zsw1, INHIBITED) == 1 then return bit(zsw1, 1) == 0 and bit(zsw1, 2) == 0 end
+  return LEGAL[zsw1 % 8] ~= nil and is_healthy(zsw1)
+end
+
+--- Whether the words as a whole may be a control and a status word; false before both were seen.
+function Recorder:has_sense()
+  return self.legal and self.stw1 ~= nil and (self.reacted or not self.odd)
+end
+
 -- Whether these words look like those of a drive under control.
 local function look(self)
   local stw1, zsw1 = self.stw1, self.zsw1
   if self.proven or not self.trusted or stw1 == nil or zsw1 == nil then return end
-  local legal = LEGAL[zsw1 % 8] and bit(zsw1, NO_OFF2) == 1 and bit(zsw1, NO_OFF3) == 1
-  if bit(zsw1, INHIBITED) == 1 then legal = bit(zsw1, 1) == 0 and bit(zsw1, 2) == 0 end
-  local heeded = bit(stw1, HEEDED) == 1 and stw1 < 0x1000 -- controllers leave bits 12 to 15 at 0
-  self.proven = heeded and bit(zsw1, REQUESTED) == 1 and (legal or false)
+  local heeded = bit(stw1, HEEDED) == 1 and (self.reacted or stw1 < FREE)
+  self.proven = heeded and bit(zsw1, REQUESTED) == 1 and is_legal(zsw1)
 end
 
 local function back(self, by_controller, frame, time)
@@ -105,6 +122,7 @@ end
 local function control(self, stw1, frame, time)
   local before, heeded, now = self.stw1, self.heeded, bit(stw1, HEEDED) == 1
   self.stw1 = stw1
+  self.odd = self.odd or stw1 >= FREE and not now
   if now then
     self.heeded = stw1
     local on = bit(stw1, 0) == 1 and bit(heeded or 0, 0) == 0
@@ -130,8 +148,11 @@ local function status(self, zsw1, frame, time)
     self.refuted = true
   end
   if self.on_time and (before or 0) % 8 == 1 and (running == 3 or running == 7) then
-    self.trusted = self.trusted or time - self.on_time <= REACTION_NS
+    self.reacted = self.reacted or time - self.on_time <= REACTION_NS
+    self.trusted = self.trusted or self.reacted
   end
+  local standing = running == 0 or bit(zsw1, FAULT) == 1
+  self.legal = self.legal or is_legal(zsw1) or standing and is_healthy(zsw1)
   look(self)
   back(self, false, frame, time)
   if before == nil then

@@ -20,7 +20,7 @@ from ds47.cyclic.operation import Operation
 from ds47.cyclic.relations import Relation, Side, channels, place_of, side
 from ds47.cyclic.timeline import Recorder
 from ds47.findings.remark import Remark
-from ds47.model import CONFIGURED, LENGTHS, NAMED, PKW, PZD, REFUTED, SEEN, Timeline
+from ds47.model import CONFIGURED, LENGTHS, NAMED, ODD, PKW, PZD, REFUTED, SEEN, Timeline
 from ds47.profinet.connect import parse_request, parse_response
 from ds47.profinet.link import Packet
 from ds47.profinet.rpc import Pdu, device_identity
@@ -168,10 +168,14 @@ class Drive:
     def finish(self) -> None:
         """Nothing more comes."""
         self.recorder.operation.finish()
+        if self.relation.certainty == NAMED and not self.recorder.has_sense and all(self.looks):
+            self.relation.certainty = ODD
 
     def remarks(self) -> Iterator[Remark]:
         """What was wrong with its operation; when nothing more comes."""
         recorder = self.recorder
+        if not recorder.has_sense:
+            return
         for frame in recorder.operation.faults:
             code = recorder.fault_code(frame)
             what = "pzd_fault" if code is None else "pzd_fault_number"
@@ -287,7 +291,7 @@ class CyclicChannels:
         drives = [each.relation for each in self.drives()]
         return [
             each for each in self._relations
-            if any(each is drive for drive in drives) or each.certainty in (NAMED, REFUTED)
+            if any(each is drive for drive in drives) or each.is_named
             or (each.channel == PKW and not self._is_pzd(each))
         ]  # fmt: skip
 

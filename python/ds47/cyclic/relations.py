@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from ds47 import model
 from ds47.cyclic.pkw import LENGTH
-from ds47.model import LENGTHS, NAMED, REFUTED
+from ds47.model import LENGTHS, NAMED, ODD, REFUTED
 from ds47.profidrive.dictionary import family_of
 from ds47.profinet.connect import Connect, Data, Submodule
 from ds47.spec.cyclic import telegrams
@@ -123,7 +123,7 @@ class Relation:
     @property
     def is_named(self) -> bool:
         """Whether a user said that it is a drive."""
-        return self.certainty in (NAMED, REFUTED)
+        return self.certainty in (NAMED, ODD, REFUTED)
 
     @property
     def is_foreign(self) -> bool:
@@ -200,6 +200,11 @@ def fitting_telegrams(lengths: list[tuple[int, int]], pkw: bool) -> tuple[int, .
         row.number for each in lengths for row in telegrams().values()
         if row.pkw == pkw and (_size(row.out), _size(row.inward)) == each
     )  # fmt: skip
+
+
+def sizes() -> set[tuple[int, int]]:
+    """Bytes of process data, out and in, that telegrams have."""
+    return {(_size(row.out), _size(row.inward)) for row in telegrams().values()}
 
 
 def _size(words: tuple[str, ...]) -> int:

@@ -1,6 +1,7 @@
 """Who sends cyclic frames: for a capture without a Connect, in which a user has to name the channels.
 
-Only the first frames are looked at: cyclic frames come every few milliseconds. What is in them is not known.
+Only the first frames are looked at: cyclic frames come every few milliseconds. Where words stand in them is
+tried in `search`.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from typing import Final
 
 from ds47.capture.frame import Frame
 from ds47.capture.scan import ETHERNET, PROFINET, network_layer
+from ds47.cyclic.search import Image, offsets
 from ds47.model import Sender
 
 FRAMES: Final = 2000
@@ -20,19 +22,42 @@ _FIRST, _LAST = 0x0100, 0xFBFF
 """Frame ids of cyclic frames."""
 _STATES = 6
 """Bytes of the frame id in front of the data, and of cycle counter and states behind it."""
+_ID = 2
+
+_Key = tuple[bytes, int]
 
 
 def senders(frames: Iterable[Frame]) -> list[Sender]:
     """The senders of cyclic frames among the first frames, in the order in which they are met."""
-    found: dict[tuple[bytes, int], Sender] = {}
+    found: dict[_Key, Sender] = {}
+    images: dict[_Key, list[Image]] = {}
     for frame in islice(frames, FRAMES):
         data = frame.data
-        if frame.link_type != ETHERNET or len(found) >= _MOST:
+        if frame.link_type != ETHERNET:
             continue
         kind, at = network_layer(data, 0, len(data), ETHERNET)
-        frame_id = int.from_bytes(data[at : at + 2])
+        frame_id = int.from_bytes(data[at : at + _ID])
         key = data[6:12], frame_id
-        if kind == PROFINET and _FIRST <= frame_id <= _LAST and key not in found:
-            length = max(0, frame.original_length - at - _STATES)
+        if kind != PROFINET or not _FIRST <= frame_id <= _LAST:
+            continue
+        length = max(0, frame.original_length - at - _STATES)
+        if key not in found and len(found) < _MOST:
             found[key] = Sender(data[6:12].hex(":"), data[:6].hex(":"), frame_id, length)
+        if key in found:
+            said = Image(frame.time_ns, data[at + _ID : at + _ID + length])
+            images.setdefault(key, []).append(said)
+    _look(found, images)
     return list(found.values())
+
+
+def _look(found: dict[_Key, Sender], images: dict[_Key, list[Image]]) -> None:
+    """Says of two that send to each other where control and status word stand, where their frames show it."""
+    for one, other in [(a, b) for a in found for b in found if _is_answer(found[a], found[b])]:
+        places = offsets(images[one], images[other])
+        if places is not None and found[one].word is None and found[other].word is None:
+            found[one] = found[one]._replace(word="STW1", offset=places[0])
+            found[other] = found[other]._replace(word="ZSW1", offset=places[1])
+
+
+def _is_answer(one: Sender, other: Sender) -> bool:
+    return (one.mac, one.to) == (other.to, other.mac)

@@ -30,7 +30,7 @@ _ILLEGAL = frozenset((2, 4, 6))
 """No drive without a fault has these."""
 _INHIBITED, _FAULT = 0x0040, 0x0008
 _FREE = 0xF000
-"""Bits of STW1 that controllers leave at 0."""
+"""Bits of STW1 that most controllers leave at 0; telegram 20, motor potentiometers and some makers use them."""
 _REACTION_NS = 2_000_000_000
 """So soon after ON a drive has the next state."""
 _LAST_TASK = 63
@@ -98,6 +98,12 @@ class Recorder:
     """Whether both words were seen as a drive has them that a PLC controls."""
     refuted: bool = False
     """Whether a word was seen that no drive has."""
+    reacted: bool = False
+    """Whether ON led to the next state."""
+    odd: bool = False
+    """Whether a control word has bits that few controllers use, and not the one that makes a drive heed it."""
+    legal: bool = False
+    """Whether a status word was seen that shows a state of a drive."""
     end_ns: int = 0
     """Time of the last frame that was looked at."""
     _stw1: int | None = None
@@ -109,6 +115,11 @@ class Recorder:
     _lost: set[bool] = field(default_factory=set)
     _setpoint: int | None = None
     _actual: int | None = None
+
+    @property
+    def has_sense(self) -> bool:
+        """Whether the words as a whole may be a control and a status word; False before both were seen."""
+        return self.legal and self._stw1 is not None and (self.reacted or not self.odd)
 
     def sent(self, data: bytes, frame: int, time_ns: int) -> None:
         """The words of the controller from a frame on."""
@@ -160,6 +171,7 @@ class Recorder:
     def _control(self, stw1: int, frame: int, time_ns: int) -> None:
         before, self._stw1 = self._stw1, stw1
         heeded, now = self._heeded, stw1 >> HEEDED & 1
+        self.odd = self.odd or bool(stw1 & _FREE and not now)
         if now:
             self._heeded = stw1
         if now and stw1 & ~(heeded or 0) & 1 and (self._zsw1 or 0) & 7 == 1:
@@ -182,7 +194,10 @@ class Recorder:
         if not zsw1 & _FAULT and (zsw1 & 7 in _ILLEGAL or (zsw1 & _INHIBITED and zsw1 & 7)):
             self.refuted = True
         if self._on_ns is not None and (before or 0) & 7 == 1 and zsw1 & 7 in (3, 7):
-            self.trusted = self.trusted or time_ns - self._on_ns <= _REACTION_NS
+            self.reacted = self.reacted or time_ns - self._on_ns <= _REACTION_NS
+            self.trusted = self.trusted or self.reacted
+        standing = _is_healthy(zsw1) and (zsw1 & 7 == 0 or zsw1 & _FAULT)
+        self.legal = self.legal or _is_legal(zsw1) or bool(standing)
         self._look()
         self._back(False, frame, time_ns)
         if before is None:
@@ -214,11 +229,8 @@ class Recorder:
         stw1, zsw1 = self._stw1, self._zsw1
         if self.proven or not self.trusted or stw1 is None or zsw1 is None:
             return
-        legal = zsw1 & 7 in _LEGAL and zsw1 & _HEALTHY == _HEALTHY
-        if zsw1 & _INHIBITED:
-            legal = zsw1 & 6 == 0
-        heeded = bool(stw1 >> HEEDED & 1) and not stw1 & _FREE
-        self.proven = heeded and bool(zsw1 >> REQUESTED & 1) and legal
+        heeded = bool(stw1 >> HEEDED & 1) and (self.reacted or not stw1 & _FREE)
+        self.proven = heeded and bool(zsw1 >> REQUESTED & 1) and _is_legal(zsw1)
 
     def _learnt(self, raw: int) -> bool:
         """Whether the second word is a speed: a number that no traversing task has shows it."""
@@ -268,3 +280,14 @@ class Recorder:
     def _fault(self, code: int, frame: int) -> None:
         if code != (self.faults[-1][1] if self.faults else 0) and len(self.faults) < self.most:
             self.faults.append((frame, code))
+
+
+def _is_healthy(zsw1: int) -> bool:
+    return zsw1 & _HEALTHY == _HEALTHY
+
+
+def _is_legal(zsw1: int) -> bool:
+    """Whether a status word shows one of the states S1 to S4, without OFF2 and OFF3 but in S1."""
+    if zsw1 & _INHIBITED:
+        return zsw1 & 6 == 0
+    return zsw1 & 7 in _LEGAL and _is_healthy(zsw1)

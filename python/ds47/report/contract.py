@@ -537,9 +537,10 @@ RELATION = Shape("relation", (
     Key("cycle_ms", {"type": ["number", "null"]}, "From one frame of the device to the next."),
     Key("frame", FRAME,
         "The response to the Connect, on PROFIBUS Chk_Cfg; of a channel named by hand its first frame."),
-    Key("certainty", {"enum": [model.LENGTHS, model.CONFIGURED, model.SEEN, model.NAMED, model.REFUTED]},
-        "Its lengths fit; its configuration tells it; what a drive says was seen; named by hand; named, and no"
-        " drive has such words."),
+    Key("certainty", {"enum": [model.LENGTHS, model.CONFIGURED, model.SEEN, model.NAMED, model.ODD,
+                               model.REFUTED]},
+        "Its lengths fit; its configuration tells it; what a drive says was seen; named by hand; named, and its"
+        " words have no sense; named, and no drive has one of them."),
 ), model.Relation, "A channel in cyclic frames; docs/cyclic.md.")  # fmt: skip
 
 SENDER = Shape("sender", (
@@ -547,6 +548,9 @@ SENDER = Shape("sender", (
     Key("to", TEXT, "MAC address of the receiver."),
     Key("frame_id", whole(0, 0xFFFF)),
     Key("length", COUNT, "Bytes between frame id and cycle counter."),
+    Key("word", {"enum": ["STW1", "ZSW1", None]}, "The word that these frames, with those that come back, show.",
+        required=False),
+    Key("offset", COUNT | {"type": ["integer", "null"]}, "Where it stands behind the frame id.", required=False),
 ), model.Sender, "A station that sends cyclic frames in which no channel is known.")  # fmt: skip
 
 EVENT = Shape("event", (

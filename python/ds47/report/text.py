@@ -50,6 +50,8 @@ from ds47.spec.cyclic import telegrams
 
 FINDINGS_PER_RULE = 12
 RELATIONS_LISTED = 20
+NAMES_OFFERED = 4
+"""Drives whose words the frames show, for which `--cyclic` is offered."""
 CONNECTIONS_LISTED = 50
 EVENTS_LISTED = 60
 FILES_LISTED = 20
@@ -255,11 +257,18 @@ class Writer(_Writer):
             )
         if len(senders) > RELATIONS_LISTED:
             self._line("  " + self._say("more", number=str(len(senders) - RELATIONS_LISTED)))
-        first = senders[0]
-        back = [each for each in senders if (each.mac, each.to) == (first.to, first.mac)]
-        if back:
-            self._line("  " + self._say("senders_how"))
-            names = [f"--cyclic {each.mac}@{each.frame_id:04X}:0:pzd" for each in (first, back[0])]
+        known = [each for each in senders if each.word is not None]
+        pairs = [
+            (one, other) for one in known or senders for other in known or senders
+            if (one.mac, one.to) == (other.to, other.mac) and one.word != "ZSW1"
+        ]  # fmt: skip
+        if pairs:
+            self._line("  " + self._say("senders_offer" if known else "senders_form"))
+        for pair in pairs[: NAMES_OFFERED if known else 1]:
+            names = [
+                f"--cyclic {each.mac}@{each.frame_id:04X}:{'OFFSET' if each.offset is None else each.offset}:pzd"
+                for each in pair
+            ]
             self._copied("    " + " ".join(names))
 
     def _words_of(self, relation: Relation) -> None:
