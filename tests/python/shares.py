@@ -29,7 +29,8 @@ def share(items: Sequence[T]) -> list[T]:
 
 
 def own(items: Sequence[pytest.Item]) -> list[pytest.Item]:
-    """The tests of a run: of those that are made for many captures by name, its part."""
+    """The tests of a run: of those that are made for many captures by name, its part; none that are marked."""
+    items = [item for item in items if item.get_closest_marker("own") is None]
     made: dict[str, list[pytest.Item]] = {}
     for item in items:
         call = getattr(item, "callspec", None)

@@ -180,6 +180,10 @@ class Made:
 
     nodeid: str
     callspec: Any = None
+    marks: tuple[str, ...] = ()
+
+    def get_closest_marker(self, name: str) -> str | None:
+        return name if name in self.marks else None
 
 
 def test_tests_of_many_captures_are_divided_and_no_others(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -190,10 +194,11 @@ def test_tests_of_many_captures_are_divided_and_no_others(monkeypatch: pytest.Mo
 
     many, few = tests("many", "name", MANY), tests("few", "name", MANY - 1)
     whole = [*tests("words", "word", 2 * MANY), *many, Made("one"), *few]
+    marked = Made("marked", None, ("own",))
     several = []
     for part in range(3):
         monkeypatch.setenv("DS47_SHARE", f"{part}/3")
-        several.append([item.nodeid for item in own(whole)])
+        several.append([item.nodeid for item in own([*whole, marked])])
     assert sorted(each for part in several for each in part if each.startswith("many")) == sorted(
         item.nodeid for item in many
     )
