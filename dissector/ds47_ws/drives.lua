@@ -32,7 +32,7 @@ local function is_heeded(word)
 end
 
 local function key_of(source, frame_id)
-  return string.format("%s%d", source, frame_id) -- a source has six bytes, on PROFIBUS two
+  return source .. string.format("%d", frame_id) -- six bytes, on PROFIBUS two; %s of Lua 5.2 ends at a zero
 end
 
 local function push(lists, key, item)

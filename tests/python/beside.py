@@ -1,8 +1,8 @@
 """Captures that go on beside each other in one, each between stations of its own: a start of tshark costs more
 than all that it says of a capture.
 
-Addresses of Ethernet and of IP are other ones for each; names of stations, and addresses in what is said, stay.
-Which captures can stand it, and what they have to show then, is asked where they are compared.
+Addresses of Ethernet and of IP are other ones for each; names of stations, ARs and all else stay. What each has to
+show there is what it shows alone.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from ipaddress import IPv4Address
 from typing import BinaryIO
 
@@ -23,6 +23,7 @@ from ds47.capture.writer import PcapngWriter
 from ds47.model import CaptureResult
 
 START_NS = 1_767_254_400_000_000_000
+IP = b"\x08\x00"
 TAGS = (b"\x81\x00", b"\x88\xa8")
 Shown = Counter[tuple[str, str]]
 
@@ -41,7 +42,7 @@ class Beside:
         return io.BytesIO(self.content)
 
     def shown(self, result: CaptureResult) -> dict[str, Shown]:
-        """States and rules of each, and how often."""
+        """States, rules and events of each, and how often."""
         found = {name: Shown() for name, _ in self.owners}
         for each in result.transactions:
             found[self.owners[each.frames.first() - 1][0]][each.operation, each.state] += 1
@@ -49,36 +50,23 @@ class Beside:
             {"rule": each.rule, "frame": each.frame} for each in result.findings
         ):
             found[self.owners[told["frame"] - 1][0]]["rule", told["rule"]] += 1
+        for event in (each for line in result.timelines for each in line.events):
+            found[self.owners[event.frame - 1][0]]["event", event.name] += 1
         return found
 
 
-@dataclass
-class _Stations:
-    """The other addresses of one capture."""
-
-    number: int
-    known: dict[bytes, bytes] = field(default_factory=dict)
-
-    def other(self, address: bytes) -> bytes:
-        """Of the same length; a group stays what it is."""
-        if len(address) == 6 and address[0] & 1:
-            return address
-        if address not in self.known:
-            whose, which = divmod(self.number, 256), len(self.known) + 1
-            head = (2, 0x47, *whose, 0) if len(address) == 6 else (10, *whose)
-            self.known[address] = bytes((*head, which))
-        return self.known[address]
-
-    def frame(self, data: bytes) -> bytes:
-        at, new = 12, bytearray(data)
+def stations(frames: list[bytes]) -> tuple[list[bytes], list[bytes]]:
+    """The addresses of Ethernet, but for groups, and of IP, as they come."""
+    macs: dict[bytes, None] = {}
+    hosts: dict[bytes, None] = {}
+    for data in frames:
+        macs |= dict.fromkeys(each for each in (data[:6], data[6:12]) if not each[0] & 1)
+        at = 12
         while data[at : at + 2] in TAGS:
             at += 4
-        places = [(0, 6), (6, 12)]
-        if data[at : at + 2] == b"\x08\x00" and len(data) >= at + 22:
-            places += [(at + 14, at + 18), (at + 18, at + 22)]
-        for start, end in places:
-            new[start:end] = self.other(data[start:end])
-        return bytes(new)
+        if data[at : at + 2] == IP and len(data) >= at + 22:
+            hosts |= dict.fromkeys((data[at + 14 : at + 18], data[at + 18 : at + 22]))
+    return list(macs), list(hosts)
 
 
 def fits(capture: bytes) -> bool:
@@ -90,22 +78,23 @@ def fits(capture: bytes) -> bool:
 
 
 def beside(captures: Mapping[str, bytes]) -> Beside:
-    """All of them begin at once."""
+    """All of them begin at once. An address is another one wherever it stands in a frame."""
     shots: list[tuple[int, str, int, bytes, int]] = []
     addresses = {}
     for number, (name, capture) in enumerate(captures.items()):
-        stations = _Stations(number)
         with open_capture(io.BytesIO(capture)) as source:
             frames = [
                 (each.time_ns, each.data, each.original_length) for each in source.everything()
             ]
+        whose = divmod(number, 256)
+        macs, hosts = stations([data for _, data, _ in frames])
+        other = {old: bytes((2, 0x47, *whose, 0, at)) for at, old in enumerate(macs, 1)}
+        other |= {old: bytes((10, *whose, at)) for at, old in enumerate(hosts, 1)}
+        addresses |= {str(IPv4Address(other[old])): str(IPv4Address(old)) for old in hosts}
         for at, (time, data, length) in enumerate(frames, 1):
-            shots.append((time - frames[0][0], name, at, stations.frame(data), length))
-        addresses |= {
-            str(IPv4Address(new)): str(IPv4Address(old))
-            for old, new in stations.known.items()
-            if len(old) == 4
-        }
+            for old, new in other.items():
+                data = data.replace(old, new)
+            shots.append((time - frames[0][0], name, at, data, length))
     shots.sort(key=lambda each: each[0])
     target = io.BytesIO()
     with PcapngWriter(target) as writer:

@@ -9,6 +9,7 @@ import io
 from pathlib import Path
 from typing import Any
 
+import beside
 import pytest
 from test_lua_cyclic import by_chance, scenes
 from test_parameter_channels import (
@@ -80,17 +81,20 @@ def compare(tshark: Tshark, path: Path, *options: str) -> int:
 
 
 @pytest.mark.slow
-def test_the_result_of_scenes_is_that_of_the_analyzer(tshark: Tshark, tmp_path: Path) -> None:
-    counts = [compare(tshark, saved(tmp_path, each.content), *COMPLETE) for each in scenes()]
-    assert sum(counts) > 20
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(SEEDS))
-def test_the_result_of_random_talk_is_that_of_the_analyzer(
-    seed: int, tshark: Tshark, tmp_path: Path
+def test_the_result_of_scenes_and_of_talk_by_chance_is_that_of_the_analyzer(
+    tshark: Tshark, tmp_path: Path
 ) -> None:
-    compare(tshark, saved(tmp_path, by_chance(seed).content), *COMPLETE)
+    """All that can stand it beside each other, the rest alone."""
+    made = [*scenes(), *map(by_chance, range(SEEDS))]
+    together = {each.name: each.content for each in made if beside.fits(each.content)}
+    whole = beside.beside(together)
+    assert whole.shown(analyze(whole.open())) == {
+        name: beside.shown_alone(content) for name, content in together.items()
+    }
+    assert compare(tshark, saved(tmp_path, whole.content), *COMPLETE) > 50
+    for each in made:
+        if each.name not in together:
+            compare(tshark, saved(tmp_path, each.content), *COMPLETE)
 
 
 def test_a_filter_in_the_second_pass_changes_nothing(tshark: Tshark, path: Path) -> None:

@@ -10,6 +10,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+import beside
 import pytest
 from test_cyclic_scenes import SCENES, capture
 from test_lua_pzd import NAMES, without_connect
@@ -251,18 +252,41 @@ def test_words_of_each_frame(name: str, tshark: Tshark) -> None:
     assert compare_words(shown, path, analyze(path)) > 100
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(each, marks=() if each in QUICK else pytest.mark.slow) for each in SCENES]
-)
-def test_words_and_events_of_scenes(name: str, tshark: Tshark, tmp_path: Path) -> None:
-    path = scene(name, tmp_path)
+def words_and_events(tshark: Tshark, path: Path) -> list[list[str]]:
+    """The rows of all frames that have either."""
     shown = columns(*WORDS, "ds47.pzd", *EVENT[1:])  # which begins with the same column
-    found = rows(tshark("-r", path, *COMPLETE, "-Y", "ds47.pzd || ds47.pzd.event", *shown))
+    return rows(tshark("-r", path, *COMPLETE, "-Y", "ds47.pzd || ds47.pzd.event", *shown))
+
+
+def compare_both(found: list[list[str]], path: Path) -> None:
     result, at, behind = analyze(path), len(WORDS), len(WORDS) + 1
     words = [cells[:at] for cells in found if cells[at]]
     events = [[cells[0], *cells[behind:]] for cells in found if cells[behind]]
     assert compare_words(words, path, result) > 20
     assert as_told(events) == events_of(result)
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_words_and_events_of_a_scene(name: str, tshark: Tshark, tmp_path: Path) -> None:
+    path = scene(name, tmp_path)
+    compare_both(words_and_events(tshark, path), path)
+
+
+@pytest.mark.slow
+def test_words_and_events_of_scenes_beside_each_other(tshark: Tshark, tmp_path: Path) -> None:
+    """Their drives have the same frame ids, and other addresses."""
+    captures = {name: capture(scene) for name, scene in SCENES.items()}
+    whole = beside.beside(captures)
+    path = tmp_path / "beside.pcapng"
+    path.write_bytes(whole.content)
+    found: dict[str, list[list[str]]] = {name: [] for name in captures}
+    for cells in words_and_events(tshark, path):
+        name, number = whole.owners[int(cells[0]) - 1]
+        *rest, devices, slots = cells[1:]
+        told = ",".join(whole.addresses.get(each, each) for each in devices.split(","))
+        found[name].append([str(number), *rest, told, slots])
+    for name, cells_of in found.items():
+        compare_both(cells_of, scene(name, tmp_path))
 
 
 @pytest.mark.slow
