@@ -58,6 +58,7 @@ from ds47.s7.choices import Choices
 from ds47.s7.communication import Communication
 from ds47.s7.model import Job as S7Job
 from ds47.s7.transactions import build as build_s7
+from ds47.spec import rules
 from ds47.spec.semantics import limits
 from ds47.spec.statuses import status_hex
 
@@ -172,13 +173,15 @@ class _Over:
 
 _RULES = {PKW: ("DS50", "DS51"), PZD: ("DS52", "DS53"), S7: ("DS9",)}
 """How the ids of the rules of a channel begin; all others are about record calls."""
+_HALF_CAPTURED = "DS725"
+"""Of every channel: each says it of itself."""
 
 
 def rules_of_others(channels: Sequence[str]) -> tuple[str, ...]:
     """How the ids of the rules begin that are about none of these channels."""
     left = [each for channel, ids in _RULES.items() if channel not in channels for each in ids]
     if DS47 not in channels:
-        left += [f"DS{number}" for number in (1, 2, 3, 4, 7)]
+        left += [each for each in rules() if each[2] in "12347" and each != _HALF_CAPTURED]
     return tuple(left)
 
 
@@ -340,6 +343,8 @@ class Analysis:
 
     def _diagnose(self, capture: Capture | Series) -> None:
         """What only the whole capture can show."""
+        if DS47 not in self._options.channels:
+            return
         calls = self._calls.counts
         answers = calls["responses"] + calls["faults"] + calls["rejects"]
         gaps, dropped = capture.gaps, capture.dropped

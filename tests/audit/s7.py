@@ -52,9 +52,9 @@ class Case:
         return [each for each in self.jobs() if each.asked.number == self.frame]
 
     def answered(self) -> list[Job]:
-        return [
-            each for each in self.jobs() if each.answered and each.answered.number == self.frame
-        ]
+        """Those that are answered in the frame of the finding, without their job too."""
+        every = [*self.jobs(), *(each for line in self.lines for each in line.orphans)]
+        return [each for each in every if each.answered and each.answered.number == self.frame]
 
 
 def auditor(rule: str) -> Callable[[Auditor], Auditor]:
@@ -107,6 +107,19 @@ def _item(case: Case) -> Iterator[str]:
         failed = [i for i in job.items if i.code == case.args.get("code") and i.code != 0xFF]
         yield from case.ends(job.line, job.by_client)
         yield from case.wrong(operation=job.name, area=s7_wire.listed(failed))
+
+    yield from _best(case, [each(job) for job in case.answered()])
+
+
+@auditor("DS918")
+def _no_result(case: Case) -> Iterator[str]:
+    def each(job: Job) -> Iterator[str]:
+        silent = [i for i in job.items if i.code is None]
+        yield from case.ends(job.line, job.by_client)
+        yield from case.wrong(operation=job.name, area=s7_wire.listed(silent))
+        yield from case.wrong(count=len(silent), of=len(job.items))
+        if job.error or not silent:
+            yield "every item has a result"
 
     yield from _best(case, [each(job) for job in case.answered()])
 

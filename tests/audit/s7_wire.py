@@ -16,6 +16,8 @@ CR, CC, DR, DT = 0xE0, 0xD0, 0x80, 0xF0
 JOB, ACK, ANSWER, USER = 1, 2, 3, 7
 READ, WRITE, SETUP = 4, 5, 0xF0
 BITS = {1: 1, 2: 8, 3: 8, 4: 16, 5: 16, 6: 32, 7: 32, 8: 32, 0x1C: 16, 0x1D: 16}
+NOWHERE = 0
+"""The area of an item of an answer without its job."""
 LETTERS = {1: "X", 2: "B", 3: "B", 4: "W", 5: "W", 6: "D", 7: "D", 8: "D"}
 AREAS = {0x80: "P", 0x81: "I", 0x82: "Q", 0x83: "M", 0x84: "DB", 0x85: "DI", 0x1C: "C", 0x1D: "T"}
 
@@ -106,6 +108,8 @@ class Job:
 
 
 def listed(items: list[Item]) -> str:
+    if items and all(each.area == NOWHERE for each in items):
+        return f"{len(items)} x unknown address"
     texts = [each.text() for each in items]
     return ", ".join([*texts[:4], "..."] if len(texts) > 4 else texts) or "?"
 
@@ -159,6 +163,8 @@ class Line:
     setup: Frame | None = None
     lacks: bool = False
     jobs: list[Job] = field(default_factory=list)
+    orphans: list[Job] = field(default_factory=list)
+    """Answers without a job."""
     pdus: list[tuple[Frame, bool, int]] = field(default_factory=list)
     """Frame, who sends, bytes."""
     parts: list[Part] = field(default_factory=list)
@@ -346,7 +352,14 @@ def _answer(
             else:
                 job.bring(list(_values(content)))
         return
-    if parameter[:1] == bytes((SETUP,)):
+    if parameter[:1] in (bytes((READ,)), bytes((WRITE,))):
+        write = parameter[0] == WRITE
+        told = (
+            [(code, b"") for code in content[: parameter[1]]] if write else list(_values(content))
+        )
+        items = [Item(NOWHERE, 0, 0, 2, len(data), code, data) for code, data in told]
+        line.orphans.append(Job(line, not by_client, write, reference, frame, items, frame, error))
+    elif parameter[:1] == bytes((SETUP,)):
         line.parallel, _, line.length = struct.unpack_from(">HHH", parameter, 2)
         line.setup = frame
     elif error and line.setup is None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from ds47.lab import s7_wire
 from ds47.lab.client import Client
 from ds47.lab.s7 import Asked, Cpu, Link
-from ds47.lab.s7_wire import DB, DENIED, JOB, MISSING, db, flags
+from ds47.lab.s7_wire import ANSWER, DB, DENIED, JOB, MISSING, WRITE, db, flags
 from ds47.lab.scenario import Book
 
 BOOK = Book("s7")
@@ -78,6 +78,21 @@ def refused_items(client: Client) -> None:
     plc.refused = {(DB, 99): MISSING, (DB, 50): DENIED}
     link = plc.link().open().get(db(1, 0, 4), db(99, 0, 4), flags(10, 2))
     link.put((db(50, 0, 2), b"\1\2")).close()
+
+
+@BOOK.scene(
+    "DS918: the CPU gives one code for a write of three variables",
+    ("put", "partial"),
+    rules="DS918",
+)
+def one_code_for_all(client: Client) -> None:
+    """A write of three variables that is answered with one code."""
+    link = connected(client)
+    asked = link.ask_put(
+        *((each, bytes(each.size)) for each in (db(1, 0, 4), db(2, 7, 3), flags(10, 2)))
+    )
+    link.say(False, ANSWER, asked.reference, bytes((WRITE, 1)), b"\xff")
+    link.close()
 
 
 @BOOK.scene(

@@ -564,7 +564,7 @@ def cases(found: CaptureResult) -> list[Any]:
 
 def test_connections_that_come_to_nothing() -> None:
     alone = Talk().opened(cotp=False, pdu=None).say(True, connect())
-    assert cases(result(capture(alone))) == ["refused_no_confirm"]
+    assert cases(result(capture(alone))) == []  # CC may come behind the capture
     refused = Talk().opened(cotp=False, pdu=None).say(True, connect())
     refused.say(False, tpkt(bytes.fromhex("068000010000 80".replace(" ", ""))))
     assert cases(result(capture(refused))) == ["refused_disconnect"]

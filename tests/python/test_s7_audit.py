@@ -52,6 +52,17 @@ def jobs(tape: Tape) -> None:
 
 
 @scene
+def orphans(tape: Tape) -> None:
+    """Answers whose jobs are not in the capture, and one that has fewer results than items."""
+    talk = Talk(tape).open()
+    talk.take(DONE, 3, 3, reference=70)
+    talk.bring(b"1", 10, reference=71)
+    talk.ask((1, 0, 4), (2, 0, 4), (3, 0, 2))
+    talk.bring(b"1234", 5)
+    talk.close()
+
+
+@scene
 def crowd(tape: Tape) -> None:
     talk = Talk(tape, 1).open()
     open_jobs = [talk.ask((1, 10 * n, 4)) for n in range(3)]

@@ -85,7 +85,7 @@ class Line:
 
     def answer(self, job: Job, *codes: int, error: int = 0) -> Job:
         job.answered, job.error = self.at(), error
-        for item, code in zip(job.items, codes or [DONE] * len(job.items), strict=True):
+        for item, code in zip(job.items, codes or [DONE] * len(job.items), strict=False):
             item.code = None if error else code
             if job.operation == GET and item.code == DONE and item.address and item.value is None:
                 item.value = bytes(item.address.length)
@@ -194,6 +194,26 @@ def test_items_are_refused() -> None:
     ]  # fmt: skip
     assert "object does not exist" in words("DS908", told[0].args)
     assert "地址超出范围" in words("DS908", told[1].args, "zh")
+
+
+def test_items_without_a_result_say_so() -> None:
+    line = Line()
+    job = line.answer(line.ask(PUT, (db(0, 1), b"\1"), (db(4, 1), b"\2"), (db(8, 1), b"\3")), DONE)
+    remark = line.one("DS918")
+    assert (remark.job, remark.args["area"]) == (job, "DB1.DBB4, DB1.DBB8")
+    assert words("DS918", remark.args).startswith(
+        "The answer of 10.0.0.2 to a PUT has no result for 2 of 3"
+    )
+
+
+def test_what_an_answer_refuses_is_told_without_its_job() -> None:
+    line = Line()
+    items = [Item(None, None, code) for code in (DONE, 3, 3)]
+    line.over(Job(PUT, line.connection, True, 9, None, items, answered=At(7, 7), state=ORPHAN))
+    remark = line.one("DS908")
+    assert (remark.frame, remark.args["code"]) == (7, 3)
+    assert words("DS908", remark.args).startswith("PUT 2 x unknown address refused by ")
+    assert "2 个未知地址" in words("DS908", remark.args, "zh")
 
 
 def test_a_job_is_refused() -> None:
@@ -556,4 +576,7 @@ def test_every_rule_is_said_here_or_in_test_s7_moments() -> None:
 def test_nothing_is_mixed_or_split_in_captures_of_others(path: Path) -> None:
     """None of their clients splits an area, and WinCC's 32 + 4 bytes are within the room of one job."""
     found = analyze(path, AnalysisOptions(channels=("s7",))).findings
-    assert {each.rule for each in found} <= {"DS906", "DS908"}
+    lacks = (
+        {"DS725"} if path.name.startswith("wincc_s300_setup") else set()
+    )  # short segments are missing there
+    assert {each.rule for each in found} - {"DS906", "DS908"} == lacks

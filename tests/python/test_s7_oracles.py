@@ -179,6 +179,7 @@ def expected_rules(name: str) -> set[str]:
         for job in jobs:
             rules |= {"DS909"} if job.error else set()
             rules |= {"DS908"} if set(job.codes) - {0xFF} and job.items else set()
+            rules |= {"DS918"} if not job.error and len(job.codes) < len(job.items) else set()
             whole = job.codes == [0xFF] * len(job.items)
             rules |= {"DS906"} if len(job.items) > 1 and whole else set()
     for line in lines(name):

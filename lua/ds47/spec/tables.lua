@@ -108,6 +108,7 @@ M.limits = {
   call_expiry_ns = 60000000000,
   transaction_expiry_ns = 600000000000,
   fragment_expiry_ns = 30000000000,
+  unread_ns = 10000000000,
   slow_ns = 1000000000,
   polling_ns = 1000000000,
   pkw_slow_ns = 1000000000,
@@ -1367,7 +1368,7 @@ M.known = {
 }
 M.known.never_written = {ranges = {{9300, 9399}, {9500, 9949}, {10000, 10299}}, values = {{10, 95}}}
 
-M.message_parts = {["header"] = "报头", ["address {n} of {m}"] = "第 {n} 个参数地址，共 {m} 个", ["block header"] = "数据块的格式和数量", ["value block {n} of {m}"] = "第 {n} 个数值块，共 {m} 个", ["values of block {n}"] = "第 {n} 个数据块的数值"}
+M.message_parts = {["header"] = "报头", ["address {n} of {m}"] = "第 {n} 个参数地址，共 {m} 个", ["block header"] = "数据块的格式和数量", ["value block {n} of {m}"] = "第 {n} 个数值块，共 {m} 个", ["values of block {n}"] = "第 {n} 个数据块的数值", ["{n} x unknown address"] = "{n} 个未知地址"}
 
 later.diagnosis_words = [=[
 M.diagnosis_words = {

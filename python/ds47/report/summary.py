@@ -189,17 +189,17 @@ class Opening:
         yield from fitted("  " + line, self._width)
 
     def _advised(self, item: Diagnosis) -> str:
-        if is_lowered(item.rule, item.severity):
-            return self._say("advice_foreign")
-        known = self._options.rules.get(item.rule)
-        return advice(known, item.args, self._lang) if known else ""
+        """By what an advice is known: its rule, or the word that stands for those of other makers."""
+        return "advice_foreign" if is_lowered(item.rule, item.severity) else item.rule
 
     def _advice(self, item: Diagnosis, before: str) -> Iterator[str]:
-        """What to do, once for diagnoses that follow each other."""
-        text = self._advised(item)
-        if text and text != before:
-            for line in wrap("-> " + text, self._width - 4, 3):
-                yield "    " + line
+        """What to do, once for diagnoses of one rule that follow each other."""
+        key, known = self._advised(item), self._options.rules.get(item.rule)
+        if known is None or key == before:
+            return
+        text = self._say(key) if key != item.rule else advice(known, item.args, self._lang)
+        for line in wrap("-> " + text, self._width - 4, 3):
+            yield "    " + line
 
     def _look(self, item: Diagnosis, places: Places) -> Iterator[str]:
         """Where it shows; of a series the filter is that of the first file, then that of each other."""

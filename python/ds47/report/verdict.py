@@ -169,10 +169,10 @@ def blind(result: CaptureResult) -> list[Both]:
         lines.append(say("blind_open_pkw", n=silent))
     if any(each.channel == S7 for each in result.transactions):
         lines.append(say("blind_s7"))
-    orphans = [
-        each for each in result.transactions if each.state == "orphan" and each.channel != S7
-    ]
-    without_ar = sum(1 for each in orphans if each.ar is None and each.station is None)
+    orphans = [each for each in result.transactions if each.state == "orphan"]
+    without_ar = sum(
+        each.ar is None and each.station is None and each.channel != S7 for each in orphans
+    )
     if len(orphans) > without_ar:
         lines.append(say("blind_before", n=len(orphans) - without_ar))
     if without_ar:

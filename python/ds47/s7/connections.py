@@ -107,30 +107,40 @@ class Connections:
             line = talk.owner = _Line()
         reader = line.forward if from_client else line.backward
         before, held = reader.lost, reader.held
+        if piece.lost:
+            self._lose(line)
         for whole in reader.take(piece):
             self._tpdu(talk, line, from_client, whole)
-        connection = line.connection
-        if reader.lost > before and connection is not None:
-            connection.lost_bytes += reader.lost - before
-            self._jobs.lose(connection)
-            self._transfers.lose(connection)
+        if reader.lost > before and line.connection is not None:
+            line.connection.lost_bytes += reader.lost - before
+            self._lose(line)
         talk.kept += reader.held - held
+
+    def _lose(self, line: _Line) -> None:
+        """Bytes are lost: what its open jobs wait for may be among them."""
+        if line.connection is not None:
+            self._jobs.lose(line.connection)
+            self._transfers.lose(line.connection)
 
     def _over(self, talk: Talk, reset: bool, at: At) -> None:
         line: _Line | None = talk.owner
         if line is None:
-            if reset and talk.begun:
+            if reset and talk.begun and not talk.lacks(True) and not talk.lacks(False):
                 line = talk.owner = _Line()
                 self._refuse(line, self._connection(talk, line, at), "reset", at)
             return
         connection = line.connection
         if connection is None:
             return
-        if line.asked is not None and connection.confirmed is None and not _is_s7(connection):
-            self._refuse(line, connection, "reset" if reset else "no_confirm", line.asked)
-        self._jobs.close(connection)
-        self._transfers.close(connection)
+        since = at.time_ns - self._bounds.unread_ns if talk.open_ended else None
+        asked = line.asked
+        waited = asked is not None and (since is None or asked.time_ns < since)
+        if waited and not _is_s7(connection) and self._unconfirmed(line, connection):
+            self._refuse(line, connection, "reset" if reset else "no_confirm", asked or at)
+        self._jobs.close(connection, since)
+        self._transfers.close(connection, since)
         connection.closed = True
+        connection.missing = _missing(talk)
         self._listener.closed(connection)
         talk.owner = None
 
@@ -144,7 +154,7 @@ class Connections:
         if tpdu.kind == DT:
             self._data(line, connection, from_client, whole)
         elif tpdu.kind == DR:
-            if line.asked is not None and connection.confirmed is None:
+            if line.asked is not None and not from_client and self._unconfirmed(line, connection):
                 self._refuse(line, connection, "disconnect", at, tpdu.reason or 0)
         else:
             connection.client_tsap = tpdu.calling or connection.client_tsap
@@ -157,13 +167,21 @@ class Connections:
 
     def _connection(self, talk: Talk, line: _Line, at: At) -> Connection:
         self._number += 1
-        line.connection = Connection(self._number, talk.client, talk.server, at, at, talk.begun)
+        line.connection = Connection(
+            self._number, talk.client, talk.server, at, at, talk.begun, talk.lacks
+        )
         if len(self._all) < self._bounds.s7_told:
             self._all.append(line.connection)
         else:
             self.left_out += 1
         self._listener.opened(line.connection)
         return line.connection
+
+    def _unconfirmed(self, line: _Line, connection: Connection) -> bool:
+        """Whether there was no CC, and the capture lacks nothing of the server."""
+        return (
+            connection.confirmed is None and not line.backward.lost and not connection.lacks(False)
+        )
 
     def _refuse(self, line: _Line, connection: Connection, why: str, at: At, code: int = 0) -> None:
         if not line.refused:
@@ -270,6 +288,15 @@ class Connections:
         count(job.connection.counts, job)
         self._listener.over(job)
         self._settle(job)
+
+
+def _missing(talk: Talk) -> str | None:
+    """What the capture lacks of a connection: a key of diagnoses.toml."""
+    silent = talk.silent()
+    if silent is not None:
+        return "s7_client_missing" if silent else "s7_server_missing"
+    lost = talk.forward.lost or talk.backward.lost or talk.lacks(True) or talk.lacks(False)
+    return "s7_bytes_missing" if lost else None
 
 
 def count(counts: Counts, job: Job) -> None:

@@ -104,9 +104,11 @@ class Jobs:
             if key[0] == connection.number:
                 job.lost = True
 
-    def close(self, connection: Connection) -> None:
-        """A connection is over."""
+    def close(self, connection: Connection, since: int | None) -> None:
+        """A connection is over; where there is a time, the capture is: an answer to what is younger may come."""
         for key in [each for each in self._open if each[0] == connection.number]:
+            job = self._open[key]
+            job.lost = job.lost or is_recent(job, since)
             self._give_up(key)
         for from_client in (True, False):
             self._count.pop((connection.number, from_client), None)
@@ -142,11 +144,18 @@ class Jobs:
         job = self._take(key)
         if job is not None:
             job.state = UNANSWERED
+            job.lost = job.lost or job.connection.lacks(not job.from_client)
             self._close(job)
 
     def _close(self, job: Job) -> None:
         self._over(job)
         job.phase = "closed"
+
+
+def is_recent(job: Job, since: int | None) -> bool:
+    """Whether a job was asked, or a segment of it sent, at this time or later."""
+    last = job.segments[-1].at if job.segments else job.asked
+    return since is not None and last is not None and last.time_ns >= since
 
 
 def _state(items: list[Item]) -> str:

@@ -43,6 +43,8 @@ _NAMED = 4
 
 def areas(items: list[Item]) -> str:
     """What items name: DB1.DBB0..9, MB4; cut after four."""
+    if not any(each.address for each in items):
+        return f"{len(items)} x unknown address"
     named = [text(each.address) if each.address else "?" for each in items]
     return ", ".join([*named[:_NAMED], "..."] if len(named) > _NAMED else named) or "?"
 
@@ -76,6 +78,8 @@ class Judge(Listener):
         self._bounds, self._remark, self._blocks = bounds, remark, blocks
         self._notes = Notes(bounds.s7_notes)
         self._moments = Moments(bounds, self._notes, readback)
+        self._missing: dict[tuple[str, str, str], tuple[int, int]] = {}
+        """What the capture lacks of connections of two stations: the first frame, and of how many."""
         self._without_setup: dict[int, int] = {}
         """The first job of connections whose setup was not seen."""
         self._open: dict[int, list[Job]] = {}
@@ -90,8 +94,15 @@ class Judge(Listener):
 
     def finish(self) -> Iterator[Remark]:
         """What happened again and again, and what only the whole capture shows."""
+        yield from self._half_captured()
         yield from self._moments.finish()
         yield from self._notes.finish()
+
+    def _half_captured(self) -> Iterator[Remark]:
+        """What the capture lacks of the connections of two stations."""
+        for (controller, device, what), (frame, count) in self._missing.items():
+            args = {"what": what, "count": count, "controller": controller, "device": device}
+            yield Remark("DS725", frame, args)
 
     # Connections
 
@@ -131,6 +142,11 @@ class Judge(Listener):
     def closed(self, connection: Connection) -> None:
         """A connection is over."""
         self._moments.closed(connection)
+        if connection.missing is not None:
+            pair = connection.client.ip, connection.server.ip, connection.missing
+            first, count = self._missing.get(pair, (connection.opened.frame, 0))
+            if count or len(self._missing) < self._bounds.s7_notes:
+                self._missing[pair] = first, count + 1
         frame = self._without_setup.pop(connection.number, None)
         if frame is not None:
             args = {"device": connection.server.ip, "controller": connection.client.ip}
@@ -168,7 +184,9 @@ class Judge(Listener):
             self._tangled.discard(job)
         elif job.operation == USEND:
             self._shape(job)
-        elif job.state != ORPHAN:
+        elif job.state == ORPHAN:
+            self._refused(job)
+        else:
             self._settled(job)
             self._variables(job)
 
@@ -182,7 +200,10 @@ class Judge(Listener):
         number, parallel = job.connection.number, job.connection.parallel
         there = self._open.setdefault(number, [])
         there.append(job)
-        if parallel is None or len(there) <= parallel or job.connection.lost_bytes:
+        connection = job.connection
+        if parallel is None or len(there) <= parallel:
+            return
+        if connection.lost_bytes or connection.lacks(False):
             return
         crowd = self._crowds.get(number)
         if crowd is None or crowd.open_now < len(there):
@@ -216,13 +237,9 @@ class Judge(Listener):
             if not job.lost:
                 self._say("DS901", job, job.asked, operation=operation, area=areas(job.items))
             return
+        self._refused(job)
         if job.error:
-            self._say("DS909", job, at, operation=operation, area=areas(job.items), code=job.error)
             return
-        codes = [each.code for each in job.items if each.code not in (DONE, None)]
-        for code in dict.fromkeys(codes):
-            failed = [each for each in job.items if each.code == code]
-            self._say("DS908", job, at, operation=operation, area=areas(failed), code=code)
         block = self._blocks.of(job.partner.ip)
         if block is not None:
             self._blocked(job, job.asked, operation, block)
@@ -230,6 +247,22 @@ class Judge(Listener):
             args = {"device": job.partner.ip, "controller": job.asker.ip}
             key = (job.connection.number, job.from_client)
             self._notes.add("DS906", key, job.asked.frame, args)
+
+    def _refused(self, job: Job) -> None:
+        """What an answer refuses, whether its request is in the capture or not."""
+        at, operation = job.answered, job.operation.upper()
+        if at is None:
+            return
+        if job.error:
+            self._say("DS909", job, at, operation=operation, area=areas(job.items), code=job.error)
+            return
+        for code in dict.fromkeys(each.code for each in job.items):
+            failed = [each for each in job.items if each.code == code]
+            if code is None:
+                args = {"count": len(failed), "of": len(job.items)}
+                self._say("DS918", job, at, operation=operation, area=areas(failed), **args)
+            elif code != DONE:
+                self._say("DS908", job, at, operation=operation, area=areas(failed), code=code)
 
     def _blocked(self, job: Job, at: At, operation: str, block: Block) -> None:
         """Items that are larger than what the partner copies at once."""
@@ -253,7 +286,8 @@ class Judge(Listener):
     def _begun(self, job: Job, at: At) -> None:
         key = job.connection.number, job.from_client, job.r_id
         before = self._sending.get(key)
-        if before is not None and before.asked is not None and not before.lost:
+        lost = before is None or before.lost or job.connection.lacks(not job.from_client)
+        if before is not None and before.asked is not None and not lost:
             self._say("DS912", job, at, r_id=job.r_id, case="r_id_open", frame=before.asked.frame)
             self._tangled |= {job, before}
         if before is not None or len(self._sending) < self._bounds.s7_notes:

@@ -5,7 +5,7 @@ Plain values only, which every other module of this room fills or reads; nothing
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -181,6 +181,10 @@ class Connection:
     last: At
     begun: bool = False
     """Whether its beginning is in the capture (SYN, or CR)."""
+    lacks: Callable[[bool], bool] = lambda _: False
+    """Whether the capture lacks what the client, or the server, has sent last, or all of it."""
+    missing: str | None = None
+    """What the capture lacks of it when it is over: all that one end sent, or a part; a key of diagnoses.toml."""
     client_tsap: bytes | None = None
     server_tsap: bytes | None = None
     tpdu_size: int | None = None

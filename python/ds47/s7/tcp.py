@@ -1,7 +1,8 @@
 """TCP segments to the bytes of each direction, in their order (docs/s7.md 2).
 
 Copies and retransmissions are left out, and what comes too early waits, within bounds. What is lost is known as
-such when the other side has acknowledged it and more is there: nobody will send it again. What those bytes are is
+such when the other side has acknowledged it and more is there: nobody will send it again. What acknowledges bytes
+that were not seen yet waits a little: neighbours may have changed places in the capture. What the bytes are is
 `tpkt`. Fragments of IP are not put together: TCP of a PLC has none.
 """
 
@@ -23,6 +24,8 @@ WINDOW = 1 << 16
 """Bytes of a direction that may wait, and how far behind what was seen first something may still come."""
 MOST_WAITING = 256
 """Segments of a direction that may wait."""
+_AHEAD = 8
+"""Segments of a connection that wait for what they acknowledge."""
 _HOLES = 8
 """Lost ranges of a direction that are remembered: late bytes belong there."""
 _JUMP = 1 << 24
@@ -167,12 +170,19 @@ class Direction:
     """Bytes that this takes."""
     holes: list[tuple[int, int]]
     """Places of what was lost, from and up to."""
+    lost: bool
+    """Whether anything was."""
+    acknowledged_first: int | None
+    """What the other end said to have at first,"""
+    acknowledged_last: int | None
+    """and at last."""
 
     def __init__(self) -> None:
-        self.first = self.fin = None
+        self.first = self.fin = self.acknowledged_first = self.acknowledged_last = None
         self.next = self.place = self.held = 0
         self.waiting = []
         self.holes = []
+        self.lost = False
 
     def begin(self, sequence: int, seen: bool) -> None:
         """The first byte has this number; `seen`: the beginning of the connection is in the capture."""
@@ -198,9 +208,30 @@ class Direction:
                 found += self._drain(0)
         return found
 
+    def ahead(self, number: int) -> bool:
+        """Whether bytes before this number were not seen; the last one may be that of a FIN."""
+        return self.first is not None and distance(number, self.next) > 1
+
+    def lacks(self, begun: bool) -> bool:
+        """Whether the capture lacks what this end has sent last, or all of it.
+
+        `begun`: the connection begins in the capture.
+        """
+        last = self.acknowledged_last
+        if last is None:
+            return False
+        return (
+            self.ahead(last) if self.first is not None else begun or last != self.acknowledged_first
+        )
+
     def acknowledged(self, number: int) -> list[Piece]:
         """The other side has everything before this number: what is missing there will not come any more."""
         found: list[Piece] = []
+        last = self.acknowledged_last
+        if last is None:
+            self.acknowledged_first = self.acknowledged_last = number
+        elif number != last and distance(number, last) > 0:
+            self.acknowledged_last = number
         while self.waiting and distance(number, self.next) > 0:
             found += self.give_up()
         return found
@@ -211,6 +242,7 @@ class Direction:
             return []
         have, begin = self.place, self.waiting[0][0]
         self.holes = [*self.holes[1 - _HOLES :], (have, begin)]
+        self.lost = True
         self._pass(begin - have)
         return self._drain(begin - have)
 
@@ -267,6 +299,10 @@ class Talk:
     """Bytes that the listener keeps of it, as he says,"""
     held: int
     """and those of both directions with them, as they were counted last."""
+    early: list[tuple[Segment, At]]
+    """Segments that acknowledge what was not seen yet."""
+    open_ended: bool
+    """Whether the capture ends, or there is no more room, before the connection does."""
 
     def __init__(self, client: End, server: End, begun: bool) -> None:
         self.client = client
@@ -277,6 +313,19 @@ class Talk:
         self.over = self.reset = False
         self.owner = None
         self.kept = self.held = 0
+        self.early = []
+        self.open_ended = False
+
+    def lacks(self, from_client: bool) -> bool:
+        """Whether the capture lacks what one end has sent last, or all of it."""
+        return self.of(from_client).lacks(self.begun)
+
+    def silent(self) -> bool | None:
+        """Of which end the capture has no byte though it sent some: whether of the client. None: of none."""
+        for from_client in (True, False):
+            if not self.of(from_client).place and self.lacks(from_client):
+                return from_client
+        return None
 
     def of(self, from_client: bool) -> Direction:
         """What one end sends."""
@@ -323,7 +372,7 @@ class Streams:
         if segment.flags & RST:
             self._close(talk, reset=True, by_server=not from_client)
         elif not talk.over:
-            self._segment(talk, from_client, segment, at)
+            self._in_order(talk, from_client, segment, at)
         held = talk.forward.held + talk.backward.held + talk.kept
         self._held += held - talk.held
         talk.held = held
@@ -333,8 +382,24 @@ class Streams:
     def finish(self) -> None:
         """Nothing more comes."""
         for talk in list(self._talks.values()):
+            talk.open_ended = True
             self._close(talk, reset=False)
         self._talks.clear()
+
+    def _in_order(self, talk: Talk, from_client: bool, segment: Segment, at: At) -> None:
+        """A segment, or what it acknowledges first, where that comes behind it in the capture."""
+        other = talk.backward if from_client else talk.forward
+        number = segment.acknowledge
+        if segment.flags & ACK and number != other.next and other.ahead(number):
+            talk.early.append((segment, at))
+            if len(talk.early) <= _AHEAD:
+                return
+            segment, at = talk.early.pop(0)
+        self._segment(talk, segment.source == talk.client, segment, at)
+        early, talk.early = talk.early, []
+        for each, its_at in early:
+            if not talk.over:
+                self._in_order(talk, each.source == talk.client, each, its_at)
 
     def _segment(self, talk: Talk, from_client: bool, segment: Segment, at: At) -> None:
         own, other = talk.forward, talk.backward
@@ -349,7 +414,7 @@ class Streams:
                 own.holes = [hole for hole in own.holes if hole[0] >= 0]
         elif own.first is None and data:
             own.begin(sequence, seen=talk.begun)
-        if flags & ACK and other.waiting:
+        if flags & ACK:
             for piece in other.acknowledged(segment.acknowledge):
                 self._take(talk, not from_client, piece)
         if data:
@@ -386,7 +451,7 @@ class Streams:
         return abs(distance(segment.sequence, own.next)) > _JUMP and bool(segment.data)
 
     def _close(self, talk: Talk, reset: bool, by_server: bool = False) -> None:
-        if talk.over:
+        if talk.over or self._flushed(talk):
             return
         for from_client in (True, False):
             own = talk.of(from_client)
@@ -396,10 +461,19 @@ class Streams:
         talk.over, talk.reset = True, reset
         self._over(talk, by_server, self._now)
 
+    def _flushed(self, talk: Talk) -> bool:
+        """What waits for what it acknowledges waits no more; whether its FIN ends the connection."""
+        early, talk.early = talk.early, []
+        for segment, at in early:
+            if not talk.over:
+                self._segment(talk, segment.source == talk.client, segment, at)
+        return talk.over
+
     def _push_out(self) -> None:
         """The connection that was silent for longest is over."""
         _, talk = self._talks.popitem(last=False)
         self._held -= talk.held
+        talk.open_ended = True
         self._close(talk, reset=False)
 
 

@@ -10,6 +10,7 @@ from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from ds47.s7.jobs import is_recent
 from ds47.s7.model import (
     BSEND,
     OK,
@@ -123,9 +124,10 @@ class Transfers:
             if found.job.connection is connection:
                 found.job.lost = True
 
-    def close(self, connection: Connection) -> None:
-        """A connection is over."""
+    def close(self, connection: Connection, since: int | None) -> None:
+        """A connection is over; where there is a time, the capture is: of what is younger more may come."""
         for found in [each for each in self._open.values() if each.job.connection is connection]:
+            found.job.lost = found.job.lost or is_recent(found.job, since)
             self._give_up(found)
 
     def _begin(
@@ -145,7 +147,9 @@ class Transfers:
         return found
 
     def _give_up(self, found: _Open) -> None:
-        found.job.state = UNANSWERED if found.whole else ORPHAN
+        job = found.job
+        job.state = UNANSWERED if found.whole else ORPHAN
+        job.lost = job.lost or job.connection.lacks(True) or job.connection.lacks(False)
         self._close(found)
 
     def _close(self, found: _Open) -> None:

@@ -19,6 +19,7 @@ class Limits(Row):
     call_expiry_ns: int
     transaction_expiry_ns: int
     fragment_expiry_ns: int
+    unread_ns: int
     slow_ns: int
     polling_ns: int
     pkw_slow_ns: int
