@@ -777,6 +777,11 @@ class CaptureResult(_Plain):
         """What proves what is what, whether it is shown or not."""
         return self if self.whole is None else self.whole
 
+    def device(self, name: str) -> Device:
+        """A device by its IP address, or by its MAC address where a channel was named by hand."""
+        known = (each for each in self.devices if name in (each.ip, each.mac))
+        return next(known, None) or Device(name)
+
     @property
     def evidence(self) -> list[Transaction]:
         """All transactions, those that are not shown too."""

@@ -19,11 +19,11 @@ from ds47.capture import open_capture
 from ds47.capture.writer import PcapngWriter
 from ds47.cli import main
 from ds47.cyclic.named import parse
-from ds47.lab import captured, ether
+from ds47.lab import captured, ether, message
 from ds47.lab.client import Client, drive
 from ds47.lab.cyclic import INPUT, OUTPUT, Cyclic
 from ds47.lab.cyclic_scenes import machine, parameters
-from ds47.lab.drive import Drive
+from ds47.lab.drive import Cell, Drive
 from ds47.lab.machine import IDLE, OFF, ON, Machine
 from ds47.lab.stage import Stage
 from ds47.model import CaptureResult, Finding
@@ -133,6 +133,7 @@ def test_of_one_direction_nothing_is_said_of_responses() -> None:
     assert told(by_name(content, "output")) == (["superseded", "unanswered"], [])
 
 
+DRIVE = "00:1f:f8:00:00:01"
 FOREIGN, SIEMENS = 0x0493, 0x002A
 
 
@@ -326,3 +327,56 @@ def test_bits_that_few_use_refute_nothing_and_prove_less() -> None:
             "named",
             "named" if rules else "odd",
         ]
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_value_of_unknown_type_has_its_signed_reading_beside_it(
+    version: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stage = Stage()
+    it = machine(Client(stage)).start()
+    for pnu, value in ((1234, "ffe7"), (1235, "7fff"), (1236, "fffeee90"), (1237, "00000005")):
+        it.drive.cells[pnu, 0] = Cell(bytes.fromhex(value), double=len(value) > 4)
+        it.read(pnu)
+    content = captured(stage)
+    text = printed(content, tmp_path, capsys)
+    for line in (
+        "p1234[0] = 65511 (signed -25)",
+        "p1235[0] = 32767 ",
+        "p1236[0] = 4294897296 (signed -70000)",
+        "= 5 ",
+    ):
+        assert line in text
+    assert "65511（有符号数 -25）" in printed(content, tmp_path, capsys, "--lang", "zh")
+    compare(version, "en", [Source("signed", content, False)], tmp_path)
+
+
+def test_a_drive_stands_once_whose_channels_are_named_by_hand(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A record shows its address, its PKW is known by its MAC address; the Connect is not in the capture."""
+    stage = Stage()
+    client = Client(stage)
+    machine(client).start().read(700)
+    asked = message.read(1, 2, message.address(50304))
+    client.exchange(asked, message.answer(1, 1, 2, message.real(10.0)))
+    _, options = without_connect(captured(stage))
+    path = tmp_path / "running.pcapng"
+    with (
+        open_capture(io.BytesIO(captured(stage))) as source,
+        PcapngWriter(path) as writer,
+    ):
+        for each in source.everything():
+            if each.number > 2:
+                writer.write(each.time_ns, each.data)
+    result = analyze(path, options)
+    assert {each.device for each in result.transactions} == {DRIVE, "192.168.133.33"}
+    names = [f"{each.mac}@{each.frame_id:X}:{each.offset}:{each.kind}" for each in options.cyclic]
+    given = [word for name in names for word in ("--cyclic", name)]
+    assert main(["report", *given, str(path)]) == 0
+    text = capsys.readouterr().out
+    assert ": 1 drive, 2 transactions, all done" in text
+    assert "Other devices" not in text
+    (line,) = [each for each in text.splitlines() if each.startswith("  192.168.133.33  ")]
+    assert "2 transactions, all done" in line
+    assert main(["report", "-f", "html", *given, str(path)]) == 0

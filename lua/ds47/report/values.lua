@@ -11,6 +11,9 @@ local M = {}
 local MOST = 8 -- values of one parameter that are told one by one
 local OWN = 63 -- the drive object of a connection that stays within its own
 local NONE = {}
+-- From here on a word of PKW has another value where it has a sign; types of the tables with which it may.
+local HALF = { Word = 0x8000, DoubleWord = 0x80000000 }
+local OPEN = { unknown = true, Integer16 = true, Integer32 = true }
 
 M.PLACES = 8 -- of one situation in a buffer
 M.LEADING = { number = true, code = true } -- what of an entry says that there is one
@@ -90,6 +93,14 @@ local function buffer(row, first, values, told, words)
   return found[1] and { words.joined(found, "; ", "；") } or nil
 end
 
+-- `signed -25`: a word of PKW, which has no type, and of which nothing else tells it.
+local function signed(item, words)
+  local value, half, row = item.values[1], HALF[item.format], item.listed
+  if item.element_count or item.described or row and not OPEN[row.type] then return nil end
+  if not half or value < half then return nil end
+  return { words.say("value_signed", { value = format("%d", value - 2 * half) }) }
+end
+
 --- What the values of a parameter mean: an array of texts; nil where they say it themselves.
 -- @param item  a parameter; `told` is what lists of the user say of single values
 -- @param words of a language: `lang`, `say`, `noted`, `joined`, `quoted` and `escape` (formatting.lua)
@@ -109,7 +120,7 @@ function M.parts(item, words)
   elseif row and row.connects and not item.told then
     return connection(row.connects, values, words)
   end
-  return texts(row, values, told, words)
+  return texts(row, values, told, words) or signed(item, words)
 end
 
 return M

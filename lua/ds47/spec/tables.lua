@@ -1542,6 +1542,7 @@ M.report_words = {
   ms1_not_ready = {en = "the answer is not ready: ask again", zh = "应答未就绪：需再次读取"},
   transactions = {en = "{n} transaction|{n} transactions", zh = "{n} 个任务"},
   parameters = {en = "{n} parameter|{n} parameters", zh = "{n} 个参数"},
+  value_signed = {en = "signed {value}", zh = "有符号数 {value}"},
   value_from = {en = "from {source}", zh = "来自 {source}"},
   value_active = {en = "active", zh = "当前"},
   value_acknowledged = {en = "acknowledged situation {n}", zh = "已应答的第 {n} 次故障事件"},

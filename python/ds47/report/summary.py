@@ -78,12 +78,15 @@ class Opening:
     # Drives
 
     def _drives(self, result: CaptureResult) -> Iterator[str]:
-        states: dict[str, Counter[str]] = {}
+        asked: dict[str, Counter[str]] = {}
         for each in result.transactions:
             if each.channel != S7:
-                states.setdefault(each.device, Counter())[each.state] += 1
-        known = {each.ip: each for each in result.devices}
-        drives = [known.get(ip) or Device(ip) for ip in states]
+                asked.setdefault(each.device, Counter())[each.state] += 1
+        known = {name: result.device(name) for name in asked}
+        states: dict[str, Counter[str]] = {}
+        for name, counted in asked.items():
+            states.setdefault(known[name].ip, Counter()).update(counted)
+        drives = list({each.ip: each for each in known.values()}.values())
         others = [each for each in result.devices if each.ip not in states]
         smooth = Counts.of(result).smooth
         counts = [self._counts(states[each.ip], smooth) for each in drives]

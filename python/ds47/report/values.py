@@ -20,6 +20,10 @@ _MOST: Final = 8
 _OWN: Final = 63
 """The drive object of a connection that stays within its own."""
 _FAULTS, _ALARMS = "faults", "alarms"
+_HALF: Final = {"Word": 0x8000, "DoubleWord": 0x8000_0000}
+"""From here on a word of PKW has another value where it has a sign."""
+_OPEN: Final = ("unknown", "Integer16", "Integer32")
+"""Types of the tables with which it may have one."""
 PLACES: Final = 8
 """Places of one situation in a buffer."""
 LEADING: Final = ("number", "code")
@@ -46,15 +50,32 @@ def meaning(item: Parameter) -> Both | None:
         return _buffer(row, item.subindex, item.values, told)
     if row is not None and row.connects is not None and not told:
         return _connection(row.connects, item)
-    return _texts(row, item.values, told)
+    return _texts(row, item.values, told) or _signed(item)
 
 
 def may_mean(item: Parameter) -> bool:
     """Whether there may be anything to say of the values of a parameter."""
     row = item.listed
-    if item.told or item.pnu in profile.NUMBERS:
+    if item.told or item.pnu in profile.NUMBERS or _signed(item) is not None:
         return True
     return row is not None and bool(row.values_en or row.connects or row.buffer)
+
+
+def _signed(item: Parameter) -> Both | None:
+    """`signed -25`: a word of PKW, which has no type, and of which nothing else tells it."""
+    value, half = item.values[0] if item.values else None, _HALF.get(item.format or "")
+    known = item.described is not None or (
+        item.listed is not None and item.listed.type not in _OPEN
+    )
+    if (
+        item.element_count is not None
+        or known
+        or half is None
+        or not isinstance(value, int)
+        or value < half
+    ):
+        return None
+    return say("value_signed", value=str(value - 2 * half))
 
 
 def _is_whole(value: Value) -> bool:

@@ -6,6 +6,7 @@ Everything here is counted from the result model; the words are in spec/report.t
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from ds47.acyclic.index47 import ALWAYS
@@ -59,8 +60,12 @@ class Counts:
             captures=1,
             frames=result.frames,
             unreadable=0 if result.complete else 1,
-            drives={each.device for each in result.transactions if each.channel != S7},
-            watched={result.relations[each.relation - 1].device for each in result.timelines},
+            drives=_devices(
+                result, (each.device for each in result.transactions if each.channel != S7)
+            ),
+            watched=_devices(
+                result, (result.relations[each.relation - 1].device for each in result.timelines)
+            ),
             connections=len(result.connections) + result.connections_left_out,
             jobs=len(result.transactions),
             states=Counter(each.state for each in result.transactions),
@@ -103,6 +108,11 @@ class Counts:
         if self.severities["warning"] or self.lowered or self.unreadable or self.open:
             return "warn"
         return "good" if self.jobs or self.watched else "none"
+
+
+def _devices(result: CaptureResult, names: Iterable[str]) -> set[str]:
+    """The devices of these names, each once."""
+    return {result.device(name).ip for name in set(names)}
 
 
 def verdict(counts: Counts) -> Both:

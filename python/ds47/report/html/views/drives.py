@@ -42,16 +42,16 @@ class Drive:
 
 def drives(result: CaptureResult, targets: Targets | None = None) -> list[Drive]:
     """The drives in the order of their first transaction."""
-    known = {each.ip: each for each in result.devices}
+    known: dict[str, Device] = {}
     targets = targets or Targets(result.evidence)
     found: dict[str, Drive] = {}
     for item in result.transactions:
         if item.channel == S7:
             continue  # its partners are no drives
-        drive = found.get(item.device)
-        if drive is None:
-            drive = found[item.device] = Drive(known.get(item.device) or Device(item.device))
-        _count(drive, item, targets)
+        if item.device not in known:
+            known[item.device] = result.device(item.device)
+        device = known[item.device]
+        _count(found.setdefault(device.ip, Drive(device)), item, targets)
     for drive in found.values():
         drive.durations.sort()
     return list(found.values())
