@@ -4,6 +4,7 @@
 -- proven. Fields and texts are not here (pzd_tree.lua, info.lua), nor is what words mean (ds47.cyclic).
 
 local bits = require("ds47.support.bits")
+local ends_to = require("ds47.cyclic.channels").ends_to
 local pzd = require("ds47.cyclic.pzd")
 local tables = require("ds47.spec.tables")
 
@@ -132,14 +133,14 @@ end
 
 --- The words of drives in a cyclic frame, as far as earlier frames prove them: array of places.
 -- @param channels Analysis.cyclic
--- @param place where its words stand, as track.lua knows it: {at, source, frame_id}
+-- @param place where its words stand, as track.lua knows it: {at, source, receiver, frame_id}
 function M.live_words(channels, number, frame, place)
   local found, lines = {}, channels:drives()
   if #lines == 0 then
     return found
   end
   local at = place.at
-  for _, each in ipairs(channels:ends_in(number, place.source, place.frame_id)) do
+  for _, each in ipairs(channels:ends_in(number, place)) do
     for _, line in ipairs(lines) do
       if line.relation == each.relation and is_whole(each.side, frame, at) then
         found[#found + 1] = place_of(each, frame, at, line.recorder.speed, line.recorder.heeded)
@@ -157,7 +158,7 @@ function M.words(complete, number, frame, place)
     return NONE
   end
   local found, at = {}, place.at
-  for _, each in ipairs(ends) do
+  for _, each in ipairs(ends_to(ends, place.receiver)) do
     if counts(each.relation, number) and is_whole(each.side, frame, at) then
       found[#found + 1] = place_of(each, frame, at, each.speed, control_at(each.controls, number))
     end

@@ -663,12 +663,12 @@ function M.request_of(finding)
   return item and item.frames.write_request
 end
 
---- Where the words of a cyclic frame stand: {at (where its data begins), source and frame_id (which its
--- relations have)}, nil where it is too short. There may be a VLAN tag.
+--- Where the words of a cyclic frame stand: {at (where its data begins), source, receiver and frame_id (which
+-- its relations have)}, nil where it is too short. There may be a VLAN tag.
 function M.cyclic_place(frame)
   local at = sub(frame, 13, 14) == "\x81\x00" and 20 or 16
   local id = u16(frame, at - 2)
-  return id and { at = at, source = sub(frame, 7, 12), frame_id = id } or nil
+  return id and { at = at, source = sub(frame, 7, 12), receiver = sub(frame, 1, 6), frame_id = id } or nil
 end
 
 --- The same of a frame of PROFIBUS: nil where it is none of data exchange.
@@ -685,7 +685,7 @@ end
 -- @param place as `cyclic_place` gives it
 function M.standing(number, frame, place)
   local found = {}
-  for _, each in ipairs(current.cyclic:ends_in(number, place.source, place.frame_id)) do
+  for _, each in ipairs(current.cyclic:ends_in(number, place)) do
     local offset = place.at + each.side.offset
     local relation = each.relation
     local shown = relation.channel == "pkw" and relation.certainty ~= "lengths"

@@ -12,6 +12,7 @@ from tests.audit import (
     causes,
     claims,
     corrected,
+    cyclic,
     deals,
     described,
     html,
@@ -37,6 +38,7 @@ AUDITORS = {
     **dict.fromkeys(pzd.HABITS, lambda case: pzd.of_habit(case.finding, case.reading)),
     **dict.fromkeys(s7.AUDITORS, lambda case: s7.of(case.finding, case.reading)),
     **dict.fromkeys(stations.AUDITORS, stations.of),
+    "DS515": lambda case: cyclic.of_mixed(case.finding, case.reading),
     "DS514": lambda case: pkw.of_ignored(case.finding, case.reading),
     "DS507": lambda case: pzd.of_word(case.finding, case.reading),
 }  # fmt: skip

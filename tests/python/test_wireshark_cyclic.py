@@ -24,6 +24,7 @@ from test_parameter_channels import (
     rules_of,
     talk,
 )
+from test_shared_frame_ids import merged, two_controllers
 from test_wireshark_plugin import (
     COMPLETE,
     Tshark,
@@ -95,6 +96,24 @@ def test_the_result_of_scenes_and_of_talk_by_chance_is_that_of_the_analyzer(
     for each in made:
         if each.name not in together:
             compare(tshark, saved(tmp_path, each.content), *COMPLETE)
+
+
+def test_one_frame_id_to_two_controllers(tshark: Tshark, tmp_path: Path) -> None:
+    path = saved(tmp_path, two_controllers(1, 2))
+    assert compare(tshark, path, *COMPLETE) == 6
+    zsw1 = columns("eth.dst", "ds47.pzd.zsw1")
+    told = rows(tshark("-r", path, *COMPLETE, "-Y", "ds47.pzd.zsw1", *zsw1))
+    assert len({receiver for receiver, _ in told}) == 2
+    assert not [word for _, word in told if "," in word]
+
+
+def test_two_recordings_in_one_file(tshark: Tshark, tmp_path: Path) -> None:
+    path = saved(tmp_path, merged("saved-often", "slow-response", 300_000_000, whole=False))
+    compare(tshark, path, *COMPLETE)
+    told = rows(
+        tshark("-r", path, *COMPLETE, "-Y", 'ds47.finding == "DS515"', *columns("frame.number"))
+    )
+    assert len(told) == 1
 
 
 def test_a_filter_in_the_second_pass_changes_nothing(tshark: Tshark, path: Path) -> None:

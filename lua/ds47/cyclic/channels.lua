@@ -19,6 +19,7 @@ local handshake = require("ds47.cyclic.handshake")
 local operation = require("ds47.cyclic.operation")
 local relations = require("ds47.cyclic.relations")
 local rpc = require("ds47.profinet.rpc")
+local sequences = require("ds47.cyclic.sequences")
 local tables = require("ds47.spec.tables")
 local timeline = require("ds47.cyclic.timeline")
 
@@ -39,6 +40,8 @@ local SPEED = "^NSOLL" -- how the name of a word begins that is a setpoint of sp
 local LENGTHS, CONFIGURED, SEEN = relations.LENGTHS, relations.CONFIGURED, relations.SEEN
 local NAMED, ODD, REFUTED = relations.NAMED, relations.ODD, relations.REFUTED
 
+local NO_DOUBT = {{}, {}} -- the ends of a line that gets no more frames
+
 local Channels = {}
 Channels.__index = Channels
 
@@ -57,6 +60,7 @@ function M.new(listener, limits, every, naming)
     drives_ = {}, -- lines of PZD
     without_request = {}, -- relations of PKW in which none was seen
     ignored = {}, -- {relation, job} of what reads as a request and has no response
+    mixed = {}, -- {frame, device, sender, frame_id}: it proves that several sequences take turns
     asked = {}, -- places where one was, in a relation that another one may have replaced
     moved = {}, -- ends in which the last frame changed something
   }, Channels)
@@ -79,11 +83,16 @@ local function over(job, line)
   if #waiting < KEPT then
     waiting[#waiting + 1] = job
   end
-  if relation.certainty ~= LENGTHS then
-    line.waiting = {}
-    for _, each in ipairs(waiting) do
-      line.owner.listener:exchanged(relation, each)
-    end
+  line:hand_out()
+end
+
+-- What is over waits, too, while the frames of an end may be of two sequences (`doubt`).
+function Requests:hand_out()
+  local waiting, ends = self.waiting, self.ends
+  if self.relation.certainty == LENGTHS or ends[1].doubt or ends[2].doubt then return end
+  self.waiting = {}
+  for _, each in ipairs(waiting) do
+    self.owner.listener:exchanged(self.relation, each)
   end
 end
 
@@ -130,6 +139,8 @@ end
 
 function Requests:finish()
   self.channel:finish()
+  self.ends = NO_DOUBT
+  self:hand_out()
   local owner = self.owner
   local job = ignored(self, owner.limits.pkw_cycles)
   if job then owner.ignored[#owner.ignored + 1] = {relation = self.relation, job = job} end
@@ -207,6 +218,12 @@ function Drive:finish()
   if self.relation.certainty == NAMED and not self.recorder:has_sense() and looked then
     self.relation.certainty = ODD
   end
+end
+
+--- From this frame on its frames are of two drives: what was seen in them does not count.
+function Drive:cut(since)
+  if since then self.recorder:cut(since.frame) end
+  self.refuted = self.refuted or since == nil or #self.recorder.events == 0
 end
 
 --- What was wrong with its operation; when nothing more comes. An array of remarks.
@@ -301,6 +318,10 @@ local function parts_of(row)
     for at = side.offset, side.offset + side.watched - 1 do places[#places + 1] = at end
     places[#places + 1] = side.status
     places[#places + 1] = side.iops
+    if row.shared and side.status then -- all frames: what one says may be what another one said last
+      places[#places + 1] = side.status - 2
+      places[#places + 1] = side.status - 1
+    end
   end
   table.sort(places)
   for _, at in ipairs(places) do
@@ -312,6 +333,30 @@ local function parts_of(row)
     end
   end
   return parts
+end
+
+-- The sender at the other side: the receiver of the frames of an end.
+local function receiver_of(each)
+  local relation = each.relation or each.line.relation
+  return (each.sent and relation.input or relation.output).source
+end
+
+--- Of the ends of one sender and frame id those that are in a frame to this receiver: two controllers may
+-- have the same frame id.
+function M.ends_to(ends, receiver)
+  local found = {}
+  for place = 1, #ends do
+    if receiver_of(ends[place]) == receiver then found[#found + 1] = ends[place] end
+  end
+  return found[1] and found or ends
+end
+
+-- Whether the frames of a row go to several receivers: two controllers may have the same frame id.
+local function is_shared(row)
+  for place = 2, #row do
+    if receiver_of(row[place]) ~= receiver_of(row[1]) then return true end
+  end
+  return false
 end
 
 local function watch(self)
@@ -336,6 +381,7 @@ local function watch(self)
   end
   for _, rows in ipairs({self.rows, self.stations}) do
     for _, row in pairs(rows) do
+      row.shared, row.sequences = is_shared(row), {} -- these by receiver
       row.parts = parts_of(row)
       row.follows = false -- whether the frame behind one that says something new is looked at as well
       for _, each in ipairs(row) do row.follows = row.follows or each.side.cycle_ns == 0 end
@@ -646,6 +692,37 @@ local function give_up(self)
   end
 end
 
+-- Whether the frames of several sequences take turns: nothing is said of their relations any more.
+local function are_mixed(self, row, ends, frame, at, number, time)
+  local side, receiver = ends[1].side, sub(frame, 1, 6)
+  if not side.status or side.cycle_ns == 0 or #frame <= at + side.status then return false end
+  local found = row.sequences[receiver]
+  if found == nil then
+    found = sequences.new(side.cycle_ns)
+    row.sequences[receiver] = found
+  end
+  local high, low = byte(frame, at + side.status - 1, at + side.status)
+  local several = found:are_several(high * 256 + low, time, sub(frame, at + 1), number)
+  local doubt = found:are_doubtful()
+  for place = 1, #ends do ends[place].doubt = doubt end
+  if not several then return false end
+  self.mixed[#self.mixed + 1] = {
+    frame = number, device = ends[1].line.relation.device, sender = side.source, frame_id = side.frame_id,
+  }
+  local gone, left = {}, {}
+  for _, each in ipairs(ends) do
+    gone[each.line], each.line.relation.replaced = true, number
+    if each.line.recorder then each.line:cut(found.since) end
+    self.asked[relations.place(each.line.relation)] = true
+  end
+  for _, line in ipairs(self.lines) do
+    if not gone[line] then left[#left + 1] = line end
+  end
+  self.lines = left
+  watch(self)
+  return true
+end
+
 --- Takes a watched frame that is looked at (`is_news`).
 -- @param row, at as `row_of` gives them
 -- @param number, time  of the frame; a time as times.lua has it
@@ -658,8 +735,10 @@ function Channels:frame(row, frame, at, number, time)
   if row.follows and row.bytes ~= before then
     row.period, row.due = -1, 0
   end
-  for place = 1, #row do
-    local each = row[place]
+  local ends = row.shared and M.ends_to(row, sub(frame, 1, 6)) or row
+  if are_mixed(self, row, ends, frame, at, number, time) then return end
+  for place = 1, #ends do
+    local each = ends[place]
     if take(each, frame, at, number, time) then self.moved[#self.moved + 1] = each end
     hopeless = hopeless or (each.line.is_hopeless ~= nil and each.line:is_hopeless())
   end
@@ -740,20 +819,20 @@ end
 
 --- The ends of relations whose words are in a frame: array of {relation, side, sent}. Those that a later
 -- Connect replaced count for the frames before it.
--- @param source, frame_id  of the frame: MAC address and number
-function Channels:ends_in(number, source, frame_id)
+-- @param place  of the frame: source and receiver, MAC addresses, and frame_id
+function Channels:ends_in(number, place)
   local found = {}
   for _, relation in ipairs(self.all) do
     if (relation.frame or number) <= number and (relation.replaced == nil or number <= relation.replaced) then
       for _, way in ipairs({"output", "input"}) do
         local side = relation[way]
-        if side.source == source and side.frame_id == frame_id then
+        if side.source == place.source and side.frame_id == place.frame_id then
           found[#found + 1] = {relation = relation, side = side, sent = way == "output"}
         end
       end
     end
   end
-  return found
+  return M.ends_to(found, place.receiver)
 end
 
 --- The capture ends.

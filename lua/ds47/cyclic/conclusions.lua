@@ -77,6 +77,10 @@ end
 -- @param layout_of the layout of IND, by the address of a device
 function Conclusions:finish(layout_of)
   local found = {}
+  for _, each in ipairs(self.channels.mixed) do
+    local args = {device = each.device, sender = relations.mac_text(each.sender), frame_id = each.frame_id}
+    found[#found + 1] = {rule = "DS515", frame = each.frame, args = args}
+  end
   for _, drive in ipairs(self.channels:drives()) do
     add_of(found, drive.relation, drive:remarks())
   end

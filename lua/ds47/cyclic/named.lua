@@ -7,7 +7,7 @@
 local LENGTH = require("ds47.cyclic.pkw").LENGTH
 local relations = require("ds47.cyclic.relations")
 
-local char, find, floor, format = string.char, string.find, math.floor, string.format
+local char, find, floor = string.char, string.find, math.floor
 
 local M = {}
 
@@ -43,10 +43,6 @@ function M.list(text)
   return found
 end
 
-local function mac_text(source)
-  return (source:gsub(".", function(each) return format("%02x:", each:byte()) end):sub(1, -2))
-end
-
 local function side(name, behind, channel, length)
   return {
     source = name.source, frame_id = name.frame_id, offset = name.offset + behind, length = length,
@@ -56,7 +52,8 @@ end
 
 local function relation(channel, output, input, behind, length)
   return {
-    channel = channel, controller = mac_text(output.source), device = mac_text(input.source), telegrams = {},
+    channel = channel, telegrams = {},
+    controller = relations.mac_text(output.source), device = relations.mac_text(input.source),
     output = side(output, behind, channel, length), input = side(input, behind, channel, length),
     certainty = relations.NAMED,
   }

@@ -27,6 +27,11 @@ local LEAST_PZD = 4
 local STATIONS = 2 -- bytes of a sender on PROFIBUS; a MAC address has six
 local LONGEST = 1440 -- bytes of data that a cyclic frame has at the most
 
+--- A MAC address as text: 00:0e:cf:01:02:03.
+function M.mac_text(source)
+  return (source:gsub(".", function(each) return ("%02x:"):format(each:byte()) end):sub(1, -2))
+end
+
 -- Whether data lies in its frame: what a device sets up does, a broken capture may say anything.
 local function fits(data)
   return data and data.offset + data.length + data.iops <= data.frame_length and data.frame_length <= LONGEST

@@ -263,4 +263,23 @@ function Recorder:state_at(frame)
   return found
 end
 
+-- Those of a list that are about frames before one; `frame_of` an item.
+local function before(list, frame, frame_of)
+  local found = {}
+  for _, each in ipairs(list) do
+    if frame_of(each) < frame then found[#found + 1] = each end
+  end
+  return found
+end
+
+local function own_frame(item) return item.frame end
+
+--- Forgets what was seen from a frame on.
+function Recorder:cut(frame)
+  local operation = self.operation
+  self.events, self.faults = before(self.events, frame, own_frame), before(self.faults, frame, own_frame)
+  operation.faults = before(operation.faults, frame, function(number) return number end)
+  operation.remarks = before(operation.remarks, frame, own_frame)
+end
+
 return M

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from ds47.capture.scan import Watch
 from ds47.cyclic import named
@@ -18,6 +18,7 @@ from ds47.cyclic.handshake import ERROR, OK, Channel, Job, Moment
 from ds47.cyclic.named import Name
 from ds47.cyclic.operation import Operation
 from ds47.cyclic.relations import Relation, Side, channels, place_of, side
+from ds47.cyclic.sequences import Head, Sequences
 from ds47.cyclic.timeline import Recorder
 from ds47.findings.remark import Remark
 from ds47.model import CONFIGURED, LENGTHS, NAMED, ODD, PKW, PZD, REFUTED, SEEN, Timeline
@@ -28,6 +29,7 @@ from ds47.spec.cyclic import telegrams
 from ds47.spec.semantics import Limits
 
 _FRAME_ID = 2
+_COUNTER = 2
 _MAC = len("00:11:22:33:44:55")
 _VALID, _GOOD = 0x04, 0x80
 """The bit of the status of a frame that says that its data is valid, and that of IOPS."""
@@ -39,6 +41,15 @@ _DENSE, _RAREST = 1024, 1024
 """Of data exchange that says what was said before all is looked at for so long, and then one of ever more."""
 _SPEED = "NSOLL"
 """How the name of a word begins that is a setpoint of speed."""
+
+
+class Mixed(NamedTuple):
+    """A frame that proves it, and whose frames these are: device, MAC address of the sender, frame id."""
+
+    frame: int
+    device: str
+    sender: str
+    frame_id: int
 
 
 class _Line(Protocol):
@@ -78,6 +89,8 @@ class _Requests:
     valid: set[bool] = field(default_factory=set)
     asked: bool = False
     """Whether anything was."""
+    doubt: set[bool] = field(default_factory=set)
+    """Directions (`sent`) whose frames may be of two sequences: what is over waits until that is known."""
 
     def __post_init__(self) -> None:
         relation = self.relation
@@ -94,6 +107,8 @@ class _Requests:
 
     def finish(self) -> None:
         self.channel.finish()
+        self.doubt.clear()
+        self._hand_out()
 
     @property
     def unused(self) -> bool:
@@ -114,9 +129,12 @@ class _Requests:
             self.proven(relation)
         if len(self.waiting) < _KEPT:
             self.waiting.append(job)
-        if relation.certainty != LENGTHS:
+        self._hand_out()
+
+    def _hand_out(self) -> None:
+        if self.relation.certainty != LENGTHS and not self.doubt:
             for each in self.waiting:
-                self.closed(relation, each)
+                self.closed(self.relation, each)
             self.waiting.clear()
 
 
@@ -170,6 +188,12 @@ class Drive:
         self.recorder.operation.finish()
         if self.relation.certainty == NAMED and not self.recorder.has_sense and all(self.looks):
             self.relation.certainty = ODD
+
+    def cut(self, since: Head | None) -> None:
+        """From this frame on its frames are of two drives: what was seen in them does not count."""
+        if since is not None:
+            self.recorder.cut(since.frame, since.time_ns)
+        self.refuted = self.refuted or since is None or not self.recorder.events
 
     def remarks(self) -> Iterator[Remark]:
         """What was wrong with its operation; when nothing more comes."""
@@ -244,6 +268,10 @@ class CyclicChannels:
         self._bounds = bounds
         self._lines: list[_Line] = []
         self._sides: dict[tuple[str, int], list[tuple[_Line, Side, bool]]] = {}
+        self._sequences: dict[tuple[str, int, str], Sequences] = {}
+        """By sender, frame id and receiver."""
+        self.mixed: list[Mixed] = []
+        """Frames in which it is proven that those of several sequences take turns."""
         self._rows: dict[bytes, _Row] = {}
         """Those of stations of PROFIBUS, by their source."""
         self._relations: list[Relation] = []
@@ -420,7 +448,7 @@ class CyclicChannels:
             beside[0].relation.certainty = SEEN
 
     def _tell(self) -> None:
-        self._sides = {}
+        self._sides, self._sequences = {}, {}
         for line in self._lines:
             for each, sent in ((line.relation.output, True), (line.relation.input, False)):
                 key = each.source.hex(":"), each.frame_id
@@ -431,7 +459,7 @@ class CyclicChannels:
         }  # fmt: skip
         self._watch([
             Watch(
-                bytes.fromhex(mac.replace(":", "")), frame_id, _apart(each.parts for _, each, _ in found),
+                bytes.fromhex(mac.replace(":", "")), frame_id, _apart(_parts(found)),
                 follows=any(not each.cycle_ns for _, each, _ in found),
             )
             for (mac, frame_id), found in self._sides.items()
@@ -441,8 +469,10 @@ class CyclicChannels:
     def frame(self, packet: Packet) -> None:
         """A cyclic frame."""
         data, given_up = packet.payload, False
-        found = self._sides.get((packet.src_mac or "", int.from_bytes(data[:_FRAME_ID])))
-        for line, each, sent in found or ():
+        found = self._ends(packet)
+        if found and self._are_mixed(packet, found):
+            return
+        for line, each, sent in found:
             if len(data) >= _FRAME_ID + max(each.offset + each.length, (each.status or 0) + 1):
                 self._take(line, each, sent, data[_FRAME_ID:], packet.frame, packet.time_ns)
             if isinstance(line, Drive) and line.hopeless:
@@ -450,6 +480,40 @@ class CyclicChannels:
                 given_up = True
         if given_up:
             self._tell()
+
+    def _ends(self, packet: Packet) -> list[tuple[_Line, Side, bool]]:
+        """The directions of relations that are in a frame: two controllers may have the same frame id."""
+        key = packet.src_mac or "", int.from_bytes(packet.payload[:_FRAME_ID])
+        found = self._sides.get(key, [])
+        to_it = [end for end in found if _receiver(end) == packet.dst_mac]
+        return to_it or found
+
+    def _are_mixed(self, packet: Packet, found: list[tuple[_Line, Side, bool]]) -> bool:
+        """Whether the frames of several sequences take turns: nothing is said of their relations any more."""
+        line, side, _ = found[0]
+        data = packet.payload[_FRAME_ID:]
+        if side.status is None or not side.cycle_ns or len(data) <= side.status:
+            return False
+        key = packet.src_mac or "", side.frame_id, packet.dst_mac or ""
+        if key not in self._sequences:
+            self._sequences[key] = Sequences(side.cycle_ns)
+        counter = int.from_bytes(data[side.status - _COUNTER : side.status])
+        several = self._sequences[key].are_several(counter, packet.time_ns, data, packet.frame)
+        for line, _, sent in found:
+            if isinstance(line, _Requests):
+                doubt = self._sequences[key].are_doubtful
+                (line.doubt.add if doubt else line.doubt.discard)(sent)
+        if not several:
+            return False
+        self.mixed.append(Mixed(packet.frame, line.relation.device, key[0], side.frame_id))
+        gone = [line for line, _, _ in found]
+        for line in gone:
+            self._asked.add(line.relation.place)
+            if isinstance(line, Drive):
+                line.cut(self._sequences[key].since)
+        self._lines = [line for line in self._lines if not any(line is each for each in gone)]
+        self._tell()
+        return True
 
     def _take(
         self, line: _Line, each: Side, sent: bool, data: bytes, frame: int, time_ns: int
@@ -486,6 +550,24 @@ class CyclicChannels:
                 self._without_request.append(line.relation)
             else:
                 self._asked.add(line.relation.place)
+
+
+def _parts(ends: list[tuple[_Line, Side, bool]]) -> Iterator[tuple[tuple[int, int], ...]]:
+    """What matters in frames of one sender and frame id; to several receivers each one does.
+
+    What one of these says may be what another one said last.
+    """
+    several = len({_receiver(end) for end in ends}) > 1
+    for _, each, _ in ends:
+        yield each.parts
+        if several and each.status is not None:
+            yield ((each.status - _COUNTER, _COUNTER),)
+
+
+def _receiver(end: tuple[_Line, Side, bool]) -> str:
+    """The MAC address to which a direction goes."""
+    line, _, sent = end
+    return (line.relation.input if sent else line.relation.output).source.hex(":")
 
 
 def _shape(relation: Relation) -> tuple[object, ...]:

@@ -53,6 +53,9 @@ class Conclusions:
 
     def finish(self) -> Iterator[Remark]:
         """Everything else."""
+        for each in self._channels.mixed:
+            args = {"device": each.device, "sender": each.sender, "frame_id": each.frame_id}
+            yield Remark("DS515", each.frame, args)
         for drive in self._channels.drives():
             yield from _about(drive.relation, drive.remarks())
         for relation, habits in self._habits.values():

@@ -277,6 +277,17 @@ class Recorder:
         before = [each.state for each in self.events if each.frame <= frame]
         return before[-1] if before else None
 
+    def cut(self, frame: int, time_ns: int) -> None:
+        """Forgets what was seen from a frame on, at that time."""
+        operation = self.operation
+        self.events = [each for each in self.events if each.frame < frame]
+        self.faults = [each for each in self.faults if each[0] < frame]
+        operation.faults = [each for each in operation.faults if each < frame]
+        operation.remarks = [each for each in operation.remarks if each.frame < frame]
+        for values in (self.setpoint, self.actual):
+            values.points = [each for each in values.points if each.time_ns < time_ns]
+        self.end_ns = time_ns
+
     def _fault(self, code: int, frame: int) -> None:
         if code != (self.faults[-1][1] if self.faults else 0) and len(self.faults) < self.most:
             self.faults.append((frame, code))
