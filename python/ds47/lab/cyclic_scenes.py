@@ -324,19 +324,6 @@ def request_ignored_shortly(client: Client) -> None:
     machine(client, pause=10_000).start().read(700, cycles=20)
 
 
-@BOOK.scene("DS515: two recordings of a machine in one file take turns", rules="DS515")
-def mixed(client: Client) -> None:
-    """Two drives with one MAC address and frame ID: one runs, the other one stands and is asked."""
-    one, other = machine(client).control(ON), machine(client).control(OFF)
-    asked = bytes.fromhex("143a000000000000")
-    for number in range(60):
-        begun = client.stage.now_ns
-        one.cycle()
-        client.stage.now_ns = begun + 5_000_000
-        other.ask(asked if number % 20 < 10 else IDLE, cycles=1)
-        client.stage.now_ns = begun + 16_000_000
-
-
 @BOOK.scene("DS530: a change that is not accepted in operation, and is after OFF1",
             ERROR_CHANGE, OK_CHANGE, rules="DS501 DS530")  # fmt: skip
 def change_in_operation(client: Client) -> None:
