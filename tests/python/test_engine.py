@@ -536,12 +536,15 @@ def broken_tshark(folder: Path, program: str, rest: str) -> Path:
         ("kill -9 $$", "stopped early"),
     ],
 )
-def test_a_tshark_that_stops(program: str, tmp_path: Path, rest: str, words: str) -> None:
+def test_a_tshark_that_stops(
+    program: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, rest: str, words: str
+) -> None:
     path = CAPTURES / "record-global.pcapng"
-    broken = str(broken_tshark(tmp_path, program, rest))
+    broken = tshark.Tshark(broken_tshark(tmp_path, program, rest), tshark.prepare(program).script)
+    monkeypatch.setattr(tshark, "prepare", lambda _program: broken)
     with pytest.raises(CaptureError, match=words):
-        Engine("tshark", AnalysisOptions(), broken).analyze(path)
-    (found,) = Engine("both", AnalysisOptions(), broken).analyze(path).findings
+        Engine("tshark", AnalysisOptions()).analyze(path)
+    (found,) = Engine("both", AnalysisOptions()).analyze(path).findings
     assert found.rule == "DS601"
     assert words in sentence(found)
 

@@ -10,6 +10,7 @@ import random
 import shlex
 import subprocess
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 import pytest
@@ -61,6 +62,13 @@ def statuses() -> Iterator[int]:
             yield service << 24 | middle
 
 
+@cache
+def of_status(status: int, lang: str) -> tuple[bool, list[str]]:
+    """Whether it is known, and the lines of Python, which are the same for each Lua."""
+    meaning = _status(status, lang)  # as a text 00000001 may be a byte
+    return meaning.known, list(lines([meaning], lang))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("lang", ["en", "zh"])
 @pytest.mark.parametrize("lua", LUAS)
@@ -70,9 +78,9 @@ def test_every_status(lua: str, lang: str) -> None:
     got = answers(lua, [{"status": each, "lang": lang, "width": 100} for each in asked])
     known = 0
     for status, told in zip(asked, got, strict=True):
-        meanings = [_status(status, lang)]  # as a text 00000001 may be a byte
-        known += meanings[0].known
-        assert told == list(lines(meanings, lang)), f"{status:08X}"
+        is_known, wanted = of_status(status, lang)
+        known += is_known
+        assert told == wanted, f"{status:08X}"
     assert known > len(asked) // 4
 
 
@@ -89,23 +97,30 @@ def test_every_entry_of_a_status_is_asked_for() -> None:
     assert len(seen) == len(table["status"]) + len(table["local"])
 
 
+@cache
+def of_errors(lang: str, width: int) -> list[tuple[Question, list[str]]]:
+    """Each number of each maker, and the lines of Python."""
+    ids = [vendor.id for vendor in spec.vendors() if vendor.id is not None]
+    codes = {*range(300), *(code for vendor in spec.vendors() for code in vendor.errors), 0xFFFF}
+    found = []
+    for vendor in (None, 0x1234, *ids):
+        maker = None if vendor is None else find_vendor(f"0x{vendor:04X}")
+        for code in sorted(codes):
+            question: Question = {"error": code, "vendor": vendor, "lang": lang, "width": width}
+            meanings = explain(f"error 0x{code:02X}", lang, maker)
+            found.append((question, list(lines(meanings, lang, width))))
+    return found
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("width", [80, 100])
 @pytest.mark.parametrize("lang", ["en", "zh"])
 @pytest.mark.parametrize("lua", LUAS)
 def test_every_error_number(lua: str, lang: str, width: int) -> None:
-    ids = [vendor.id for vendor in spec.vendors() if vendor.id is not None]
-    codes = {*range(300), *(code for vendor in spec.vendors() for code in vendor.errors), 0xFFFF}
-    questions: list[Question] = [
-        {"error": code, "vendor": vendor, "lang": lang, "width": width}
-        for code in sorted(codes)
-        for vendor in (None, 0x1234, *ids)
-    ]
-    for question, told in zip(questions, answers(lua, questions), strict=True):
-        vendor = question["vendor"]
-        maker = None if vendor is None else find_vendor(f"0x{vendor:04X}")
-        meanings = explain(f"error 0x{question['error']:02X}", lang, maker)
-        assert told == list(lines(meanings, lang, width)), question
+    known = of_errors(lang, width)
+    got = answers(lua, [question for question, _ in known])
+    for (question, wanted), told in zip(known, got, strict=True):
+        assert told == wanted, question
 
 
 def requests() -> list[bytes]:

@@ -45,7 +45,10 @@ def offline():
 def install(house, offline, folder, line):
     subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True)
     words = [str(folder / "bin" / "python"), *line.split()[1:]]
-    done = subprocess.run([*offline, *words], cwd=house, capture_output=True, text=True)
+    uncompiled = os.environ | {"PIP_NO_COMPILE": "1"}  # what is imported is compiled then
+    done = subprocess.run(
+        [*offline, *words], cwd=house, capture_output=True, text=True, env=uncompiled
+    )
     assert done.returncode == 0, done.stderr
     return folder / "bin" / "ds47"
 
