@@ -17,12 +17,14 @@ local OF_ITS_MAKER = {DS508 = true} -- that AK 11 to 14 save is an extension of 
 local Conclusions = {}
 Conclusions.__index = Conclusions
 
--- Adds remarks that know of whose drive they are; those about tables of one maker are of no other.
+-- Adds remarks that know of whose drive they are; those about tables of one maker are of no other. They are
+-- copies: the capture may go on, and what is kept of it has to stay as it is.
 local function add_of(found, relation, remarks)
   for _, remark in ipairs(remarks) do
     if not OF_ITS_MAKER[remark.rule] or not relations.is_foreign(relation) then
-      remark.of = relation
-      found[#found + 1] = remark
+      local told = { of = relation }
+      for key, value in pairs(remark) do told[key] = value end
+      found[#found + 1] = told
     end
   end
 end
