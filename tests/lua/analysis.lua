@@ -1,12 +1,12 @@
 -- The analysis under plain Lua, for a comparison with that in Python: packets in, the complete result out.
 -- Usage: lua analysis.lua INPUT. Input is a JSON object a line, its `kind` says what it is:
 --   begin          {lang, look, layouts}: a new analysis; `look`: ended() after every packet, which must not
---                  matter; `layouts` of IND by device, "" stands for all others
+--                  matter; `lang`: "en zh" tells it in both languages; `layouts` of IND by device, "" stands for all others
 --   udp, fragment  a packet, as Analysis:packet and Analysis:fragment take it, bytes in hex, the time as
 --                  seconds and nanoseconds; of a frame that is cut its lengths as `captured` and `original`
 --   dcp, lldp      {payload, src_mac, dst_mac}
 --   rt             {frame, seconds, nanoseconds, data}: an Ethernet frame, in hex
---   end            {dropped}: prints the result as one line of JSON, keys as in schema ds47.report/2, but
+--   end            {dropped}: prints the result as one line of JSON for each language, keys as in schema ds47.report/2, but
 --                  `start` as [second, nanosecond] and `duration_ns` instead of `duration_ms`
 
 local root = arg[0]:match("^(.*[/\\])[^/\\]*$") or "./"
@@ -184,6 +184,7 @@ local function capture()
 end
 
 local look
+local languages -- those in which the result is told
 
 local function fed(line)
   for key, value in pairs(line) do
@@ -207,7 +208,7 @@ function take.begin(line)
     vendor_id = line.vendor_id ~= json.null and line.vendor_id or nil,
     ppos = ppo.list(line.ppos),
   })
-  language, look = line.lang, line.look
+  languages, look = line.lang, line.look
 end
 
 function take.udp(line)
@@ -243,7 +244,10 @@ end
 take["end"] = function(line)
   run.options.frames_dropped = line.dropped
   run.result = nil
-  print(json.encode(capture()))
+  for each in languages:gmatch("%S+") do
+    language = each
+    print(json.encode(capture()))
+  end
 end
 
 local count, EVERY = 0, 5 -- packets, and of how many one is watched more closely
