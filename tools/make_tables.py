@@ -57,6 +57,11 @@ end })
 """
 
 _ESCAPES = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\r": "\\r"}
+_NAME = re.compile("[A-Za-z_][A-Za-z0-9_]*")
+_RESERVED = frozenset((
+    "and", "break", "do", "else", "elseif", "end", "false", "for", "function", "goto", "if", "in",
+    "local", "nil", "not", "or", "repeat", "return", "then", "true", "until", "while",
+))  # fmt: skip
 
 FORMAT = (
     "code",
@@ -130,15 +135,9 @@ def literal(value: object) -> str:
 
 
 def _key(key: int | str) -> str:
-    if isinstance(key, str):
-        return f'["{key}"]' if "-" in key and key[0] != "[" else key
-    return f"[{key}]"
-
-
-def _quoted_keys(texts: Mapping[str, str]) -> str:
-    """A table whose keys are no names."""
-    items = (f"[{literal(key)}] = {literal(text)}" for key, text in texts.items())
-    return "{" + ", ".join(items) + "}"
+    """A key as Lua writes it: bare where it is a name of Lua."""
+    named = isinstance(key, str) and _NAME.fullmatch(key) and key not in _RESERVED
+    return str(key) if named else f"[{literal(key)}]"
 
 
 def block(
@@ -209,11 +208,7 @@ def _ids() -> Iterator[str]:
 
 
 def _codes() -> Iterator[str]:
-    named = {
-        name: {f'["{word}"]': code for word, code in codes.codes(name).items()}
-        for name in codes.tables()
-    }
-    yield from block("M.codes", named)
+    yield from block("M.codes", {name: codes.codes(name) for name in codes.tables()})
 
 
 def _fallback() -> Iterator[str]:
@@ -311,8 +306,7 @@ def _semantics() -> Iterator[str]:
     yield ""
     yield from block("M.phases", semantics.phases())
     yield ""
-    reasons = both(*map(semantics.reasons, LANGUAGES))
-    yield from block("M.reasons", {f'["{name}"]': words for name, words in reasons.items()})
+    yield from block("M.reasons", both(*map(semantics.reasons, LANGUAGES)))
 
 
 def _descriptions() -> Iterator[str]:
@@ -351,7 +345,7 @@ def _pkw() -> Iterator[str]:
         for code in cyclic.error_codes()
     }
     yield from table("M.pkw.errors", texts, key="{}")
-    families = {f"[{literal(name)}]": cyclic.error_codes(name) for name in cyclic.families()}
+    families = {name: cyclic.error_codes(name) for name in cyclic.families()}
     yield from block("M.pkw.families", families)
 
 
@@ -368,7 +362,7 @@ def _pzd() -> Iterator[str]:
         edges = [fields(row, ("id", "bit", "value", "speed")) for row in cyclic.edges(word)]
         yield from block(f"M.pzd.{word}_edges", edges)
     yield from block("M.pzd.events", {
-        f'["{event}"]': {lang: cyclic.event_text(event, lang) for lang in LANGUAGES}
+        event: {lang: cyclic.event_text(event, lang) for lang in LANGUAGES}
         for event in cyclic.event_ids()
     })  # fmt: skip
     yield f"M.pzd.state_errors = {literal(dict.fromkeys(sorted(cyclic.state_errors()), True))}"
@@ -444,9 +438,7 @@ def _explain() -> Iterator[str]:
     unknown = {"plc": entry.plc, "look_en": entry.look_en, "look_zh": entry.look_zh}
     causes = [{"en": each.en, "zh": each.zh, "basis": each.basis} for each in entry.causes]
     yield f"M.explain.unknown = {literal({**unknown, 'cause': causes})}"
-    yield from block(
-        "M.explain.plc", {f'["{name}"]': views for name, views in table["plc"].items()}
-    )
+    yield from block("M.explain.plc", table["plc"])
     yield from block("M.explain.filters", table["filter"])
     yield from block("M.explain.inputs", table["parameters"])
     ranks = {name: explanations.rank(name) for name in ERROR_RANKS}
@@ -564,7 +556,7 @@ def generate() -> str:
         _experts(),
         later("rules", _rules()),
         _known(),
-        [f"M.message_parts = {_quoted_keys(semantics.parts())}"],
+        [f"M.message_parts = {literal(semantics.parts())}"],
         later(
             "diagnosis_words",
             block("M.diagnosis_words", both(*map(semantics.plugin_words, LANGUAGES))),

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import runpy
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from lua_program import LUAS, lua_program
+from lua_program import LUAS, QUICK, lua_program
 
 from ds47 import __version__, spec
 from ds47.spec import semantics
@@ -29,6 +30,7 @@ local numbers = {}
 for _, made in ipairs({t.parameters, t.drives}) do
   for number in pairs(made) do numbers[number] = true end
 end
+for name in io.open(arg[1]):read("*a"):gmatch("later%.([%w_]+) = %[=%[") do assert(t[name], name) end
 print(count(numbers), count(t.rules), #t.experts, t.limits.transaction_expiry_ns)
 """
 
@@ -58,6 +60,14 @@ def test_a_stale_file_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     )
     assert result.returncode == 1
     assert "stale" in result.stderr
+
+
+def test_any_text_is_a_key() -> None:
+    keys = ("name", "end", "two words", "a-b", "7th", 'a "quoted" one', "名称")
+    literal = runpy.run_path(str(TOOL))["literal"]
+    asked = f"local t = {literal(dict.fromkeys(keys, 1))} for _, key in ipairs({literal(keys)})"
+    program = [lua_program(QUICK), "-e", f"{asked} do assert(t[key] == 1, key) end"]
+    subprocess.run(program, check=True)
 
 
 @pytest.mark.parametrize("lua", LUAS)
