@@ -1054,20 +1054,28 @@ def sections() -> dict[str, Texts]:
 
 
 SECTIONS = sections()
-SINAMICS, ABB, SEW, ANOTHER = 0x002A, 0x001A, 0x010A, 0xFEFE
-"""Vendor ids: three that have a table, one that has none."""
+
+
+def vendor_tables() -> Iterator[tuple[str, int | None, Texts]]:
+    """The name, the vendor id where one is known, and the numbers of each [vendor NAME 0xID]."""
+    for section, texts in SECTIONS.items():
+        if section.startswith("vendor "):
+            name, _, number = section.removeprefix("vendor ").partition(" 0x")
+            yield name, int(number, 16) if number else None, texts
+
+
+ANOTHER = 0xFEFE
+"""A vendor id that has no table."""
 WIDE = {0x0100, 0x0811, 0x0826, 0xFF02, 0xFFFF}
 """Error numbers beyond a byte, told for everyone: a low byte that the profile knows is no reason."""
 
 
 def error_rows() -> Iterator[Row]:
-    """Every error number as it is told where no vendor is known, for three vendors and for another one."""
+    """Every error number as it is told where no vendor is known, for each that has a table, and for another."""
     profile, sinamics = SECTIONS["profile"], SECTIONS["vendor SINAMICS 0x002A"]
-    tables: dict[int | None, Texts] = {
-        None: {}, SINAMICS: sinamics, ABB: SECTIONS["vendor ABB 0x001A"],
-        SEW: SECTIONS["vendor SEW 0x010A"], ANOTHER: {},
-    }  # fmt: skip
-    for vendor, own in tables.items():
+    tables: dict[int | None, Texts] = {None: {}}
+    tables |= {vendor: own for _, vendor, own in vendor_tables() if vendor is not None}
+    for vendor, own in (tables | {ANOTHER: {}}).items():
         for code in sorted({*range(256), *own, *WIDE}):
             shown = f"0x{code:02X}" if code < 0x100 else f"0x{code:04X}"
             english, chinese = f"Manufacturer-specific error {shown}", f"制造商特定错误 {shown}"
@@ -1084,15 +1092,9 @@ def error_rows() -> Iterator[Row]:
 
 def vendor_rows() -> Iterator[Row]:
     """The tables of the vendors, also of those whose id is not known."""
-    for section, texts in SECTIONS.items():
-        kind, _, who = section.partition(" ")
-        if kind == "vendor":
-            name, _, number = who.partition(" ")
-            vendor = int(number, 16) if number else None
-            for code, (english, chinese) in texts.items():
-                yield {
-                    "vendor": name, "vendor_id": vendor, "code": code, "en": english, "zh": chinese,
-                }  # fmt: skip
+    for name, vendor, texts in vendor_tables():
+        for code, (english, chinese) in texts.items():
+            yield {"vendor": name, "vendor_id": vendor, "code": code, "en": english, "zh": chinese}
 
 
 def status(value: int, english: str, chinese: str) -> Row:
