@@ -110,8 +110,8 @@ def test_what_comes_of_the_version_is_told_and_is_green(
     status, out, _ = run(capsys, *arguments)
     assert (status, out) == (0, (
         f"noted    {of_1_0.capture}\n"
-        "         stored by ds47 1.0.0; 3 changes come of the newer ds47 alone, in which these rules find more or "
-        "less: DS401, DS413, DS705 (2.0.0)\n"
+        "         stored by ds47 1.0.0; 3 changes come of the newer ds47 alone, by what changed in it: "
+        "DS401, DS413, DS705 (2.0.0)\n"
         "1 capture: 1 as stored, 0 not; to take over what comes of the version alone: "
         "ds47 accept --by-version PATH...\n"
     ))  # fmt: skip
@@ -204,7 +204,7 @@ def test_another_recording_is_said_to_leave_it_open(of_1_0: Place, capsys: Any) 
     of_1_0.edit(without("DS705"), another_recording)
     status, out, _ = run(capsys, "check", of_1_0.folder)
     assert status == 1
-    assert "stored by ds47 1.0.0; 1 change is of a rule that finds more or less since: DS705" in out
+    assert "stored by ds47 1.0.0; 1 change is about what changed in ds47 since: DS705" in out
     assert "it may also come of the capture or the device" in out
 
 
@@ -230,7 +230,7 @@ def test_a_version_that_says_nothing_explains_nothing(
 def test_in_chinese(of_1_0: Place, capsys: Any) -> None:
     of_1_0.edit(without("DS413"))
     _, out, _ = run(capsys, "check", of_1_0.folder, "--lang", "zh")
-    assert "结果由 ds47 1.0.0 存储；1 项变化仅由新版本引起" in out
+    assert "结果由 ds47 1.0.0 存储；1 项变化仅由新版本引起，其中有变更的是：DS413 (2.0.0)" in out
     assert "ds47 accept --by-version PATH..." in out
 
 
@@ -249,6 +249,31 @@ def test_which_rules_changed_between_two_versions(
     origin = Origin(stored, same_file=True, now=now)
     assert (origin.rules.get("DS401") == "2.0.0", origin.newer) == (changed, newer)
     assert "DS410" not in origin.rules
+
+
+def test_a_state_that_a_version_brought() -> None:
+    result = {"transactions": [{"frames": {"write_request": 1}}, {"frames": {"write_request": 2}}]}
+    new, known = (
+        Change("state", "", stored=at, now=at, was="unanswered", is_now=state)
+        for at, state in ((0, "incomplete"), (1, "superseded"))
+    )
+    value = Change("value", "", stored=0, now=0)
+    finding = Change(
+        "finding_gone", "", rule="DS401", was={"rule": "DS401", "frame": 1, "transaction": 1}
+    )
+    origin = Origin("1.0.0", same_file=True, now="2.0.0")
+
+    def explained(*changes: Change) -> list[str | None]:
+        return [each.version for each in origin.explained(changes, result, result)]
+
+    assert explained(new, known, finding) == ["2.0.0", None, "2.0.0"]
+    assert explained(new, value, finding) == [None, None, None]
+    (line,) = origin.lines(origin.explained([new, finding], result, result))
+    assert line.en == (
+        "stored by ds47 1.0.0; 2 changes come of the newer ds47 alone, by what changed in it: "
+        "state incomplete, DS401 (2.0.0)"
+    )
+    assert not list(Origin("1.0.0", same_file=False, now="1.9.0").lines([new]))
 
 
 def test_a_change_of_the_version_never_fails() -> None:

@@ -1,8 +1,8 @@
 """Which changes come of ds47 alone: the version that stored a result, and the rules that find more or less since.
 
 Pure. A change comes of the version alone where the file is the same, the rule changed between the two versions
-(`changed` in spec/rules.toml), and the transactions concerned have the same bytes and values. In another recording
-the capture or the device may be the reason, so nothing is explained there.
+(`changed` in spec/rules.toml) or the state came with one (`states` there), and the transactions concerned have the
+same bytes and values. Of another recording nothing is explained: the capture or the device may be the reason.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 
 from ds47 import spec
 from ds47.regression.compare import Change, Json
-from ds47.report.bilingual import Both, say
+from ds47.report.bilingual import Both, joined, say, state
 from ds47.version import __version__
 
 FINDINGS = ("finding_new", "finding_gone")
@@ -47,30 +47,37 @@ class Origin:
 
         A version under development is taken for the one that it becomes.
         """
-        then, now = _order(self.version), _known(self._now)
-        if then is None or then >= now:
-            return {}
-        last = (*now[:3], True)
         return {
             rule.id: version
             for rule in spec.rules().values()
             for version in rule.changed
-            if then < _known(version) <= last
+            if self._is_between(version)
         }
+
+    def _is_between(self, version: str) -> bool:
+        then, now = _order(self.version), _known(self._now)
+        return then is not None and then < now and then < _known(version) <= (*now[:3], True)
+
+    def _version_of(self, change: Change) -> str | None:
+        """The version that may explain a change, by its rule or its state."""
+        if change.kind in FINDINGS:
+            return self.rules.get(change.rule or "")
+        version = spec.new_states().get(change.is_now) if change.kind == "state" else None
+        return version if version and self._is_between(version) else None
 
     def explained(self, changes: Sequence[Change], stored: Json, now: Json) -> list[Change]:
         """The changes, with the version in those that come of it alone."""
         if not self.same_file or not self.rules:
             return list(changes)
-        touched = [each for each in changes if each.kind not in FINDINGS]
+        may_be = {id(each): self._version_of(each) for each in changes}
+        touched = [each for each in changes if each.kind not in FINDINGS and not may_be[id(each)]]
         olds = _Touched(stored, {each.stored for each in touched})
         news = _Touched(now, {each.now for each in touched})
         return [
-            replace(each, version=self.rules.get(each.rule or ""))
-            if each.kind in FINDINGS and not (olds.concerns(each.was) or news.concerns(each.is_now))
-            else each
+            each if olds.concerns(each.stored, each.was) or news.concerns(each.now, each.is_now)
+            else replace(each, version=may_be[id(each)])
             for each in changes
-        ]
+        ]  # fmt: skip
 
     def lines(self, changes: Sequence[Change]) -> Iterator[Both]:
         """What there is to say of the versions, where something changed."""
@@ -80,7 +87,7 @@ class Origin:
         if alone:
             yield self._line("version_alone", alone)
         if not self.same_file:
-            other = [each for each in changes if each.kind in FINDINGS and each.rule in self.rules]
+            other = [each for each in changes if self._version_of(each)]
             if other:
                 yield self._line("version_or_recording", other)
 
@@ -90,11 +97,17 @@ class Origin:
         return self._now if settled else self.version
 
     def _line(self, key: str, changes: Sequence[Change]) -> Both:
-        rules: dict[str, list[str]] = {}
-        for rule in sorted({each.rule or "" for each in changes}):
-            rules.setdefault(self.rules[rule], []).append(rule)
-        told = ", ".join(f"{', '.join(each)} ({version})" for version, each in rules.items())
-        return say(key, n=len(changes), number=str(len(changes)), version=self.version, rules=told)
+        names: dict[str, dict[str, Both]] = {}
+        for each in sorted(changes, key=lambda each: each.rule or ""):
+            name = each.rule or str(each.is_now)
+            told = Both.same(name) if each.rule else say("version_state", state=state(name))
+            names.setdefault(self._version_of(each) or "", {})[name] = told
+        rules = [
+            joined(list(told.values())).joined(Both.same(f"({version})"), zh=" ")
+            for version, told in names.items()
+        ]
+        number = len(changes)
+        return say(key, n=number, number=str(number), version=self.version, rules=joined(rules))
 
 
 class _Touched:
@@ -105,12 +118,14 @@ class _Touched:
         items = (result["transactions"][number - 1] for number in self._numbers)
         self._frames = {frame for item in items for frame in _numbers(item.get("frames"))}
 
-    def concerns(self, finding: Any) -> bool:
-        """Whether a finding of this result, None for none, rests on one of them."""
-        return finding is not None and (
-            finding["transaction"] in self._numbers
-            or not self._frames.isdisjoint((finding["frame"], *finding.get("frames", ())))
-        )
+    def concerns(self, place: int | None, value: Any) -> bool:
+        """Whether a change is in one of them, or is about a finding that rests on one."""
+        if place is not None:
+            return place + 1 in self._numbers
+        if not isinstance(value, dict) or "rule" not in value:
+            return False
+        frames = (value["frame"], *value.get("frames", ()))
+        return value["transaction"] in self._numbers or not self._frames.isdisjoint(frames)
 
 
 def _numbers(item: Any) -> Iterator[int]:

@@ -539,6 +539,12 @@ def rules() -> Mapping[str, Rule]:
 
 
 @cache
+def new_states() -> Mapping[str, str]:
+    """The states of a transaction that came after 1.0.0, with the version of each."""
+    return MappingProxyType(_load("rules.toml")["states"])
+
+
+@cache
 def _rules_by_name() -> Mapping[str, str]:
     return MappingProxyType({rule.name: rule.id for rule in rules().values()})
 
