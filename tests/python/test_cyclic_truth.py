@@ -380,3 +380,21 @@ def test_a_drive_stands_once_whose_channels_are_named_by_hand(
     (line,) = [each for each in text.splitlines() if each.startswith("  192.168.133.33  ")]
     assert "2 transactions, all done" in line
     assert main(["report", "-f", "html", *given, str(path)]) == 0
+
+
+def test_what_stands_in_the_frames_to_another_makers_drive_is_not_ok(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for vendor_id, severity in ((SIEMENS, "warning"), (FOREIGN, "note")):
+        stage = Stage()
+        machine(Client(stage, device=drive(vendor_id=vendor_id)), pause=10_000).start().read(
+            700, cycles=40
+        )
+        text = printed(captured(stage), tmp_path, capsys)
+        assert text.splitlines()[1].startswith("LOOK AT IT")
+        assert f"DS514 {severity}" in text
+    bus = on_profibus(talk((IDLE, 5), (READ, 40), pause=10_000))
+    assert bus is not None
+    text = printed(bus, tmp_path, capsys)
+    assert "LOOK AT IT: 1 drive, 1 transaction, 1 unanswered" in text
+    assert "The response to 1 request by PKW" in text

@@ -23,8 +23,10 @@ from ds47.profibus.bus import PROFIBUS_DL
 STATION = 3
 START_UP = 8
 """Frames before the first data exchange."""
-ONLY_PROFINET = {"controller-invalid", "request-ignored", "request-ignored-shortly"}
-"""IOPS, which PROFIBUS has not; lengths that prove nothing, where PROFIBUS has Chk_Cfg."""
+ONLY_PROFINET = {
+    "controller-invalid", "request-ignored", "request-ignored-shortly", "fault-of-another-maker",
+}  # fmt: skip
+"""IOPS, which PROFIBUS has not; lengths that prove nothing, where PROFIBUS has Chk_Cfg; vendor ids."""
 
 
 def sides(result: CaptureResult, way: str) -> list[Side]:

@@ -186,7 +186,8 @@ def test_long_runs_are_counted_frame_by_frame(
 
 
 SENDERS = (bytes.fromhex("0200000000a1"), bytes.fromhex("0200000000d2"))
-WATCHES = [(SENDERS[0], 0x8001, ((0, 4), (6, 3))), (SENDERS[1], 0x8002, ((2, 2),))]
+WATCHES = [(SENDERS[0], 0x8001, ((0, 4), (6, 3)), False), (SENDERS[1], 0x8002, ((2, 2),), True)]
+"""Of the second the frame behind one that says something new is given, too."""
 
 
 def cyclic(sender: int, frame_id: int, data: bytes, tag: tuple[int, ...] = ()) -> bytes:
@@ -203,14 +204,16 @@ def expected(frames: list[bytes]) -> list[int]:
     for number, data in enumerate(frames, 1):
         at = data.find(b"\x88\x92", 12, 18)
         key = data[6:12], data[at + 2 : at + 4]
-        for source, frame_id, parts in WATCHES:
+        for source, frame_id, parts, follows in WATCHES:
             whole = at > 0 and len(data) >= at + 4 + sum(parts[-1])
             if whole and key == (source, frame_id.to_bytes(2)):
                 told = [data[at + 4 + first : at + 4 + first + size] for first, size in parts]
                 said = told, number // scan.sampled(number, len(WATCHES))
-                if last.get(key) != said:
+                before = last.get(key)
+                if before != said:
                     wanted.append(number)
-                last[key] = said
+                changed = before is None or before[0] != told
+                last[key] = (told, -1) if follows and changed else said
         if scan.relevant(data, 0, len(data), 1, len(data)):
             wanted.append(number)
     return wanted

@@ -131,6 +131,17 @@ def test_events_are_expert_infos_and_faults_are_warnings(tshark: Tshark, tmp_pat
     assert "fault" in tshark("-r", path, "-q", "-z", "expert,warn")
 
 
+@pytest.mark.slow
+def test_a_finding_about_a_drive_of_another_maker_is_a_note(tshark: Tshark, tmp_path: Path) -> None:
+    for name, shown in (("fault", "ds520"), ("fault-of-another-maker", "ds520.note")):
+        path = scene(name, tmp_path)
+        found = tshark("-r", path, *COMPLETE, "-Y", 'ds47.finding == "DS520"').splitlines()
+        assert found == tshark("-r", path, *COMPLETE, "-Y", f"ds47.expert.{shown}").splitlines()
+        note = tshark("-r", path, *COMPLETE, "-Y", "ds47.finding.severity == 1").splitlines()
+        assert set(found) <= set(note) if shown.endswith("note") else not set(found) & set(note)
+        assert found
+
+
 def test_the_info_column_tells_events(tshark: Tshark) -> None:
     lines = tshark("-r", STORY, *COMPLETE, "-Y", "ds47.pzd.event").splitlines()
     told = [line.split(" DS47 ", 1)[1].split(" ", 1)[1] for line in lines]

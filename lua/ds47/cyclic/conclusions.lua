@@ -89,9 +89,7 @@ function Conclusions:finish(layout_of)
   for _, each in self.habits:iterate() do add_of(found, each.relation, each:finish()) end
   for _, each in ipairs(self.channels:unanswered()) do
     local relation = each.relation
-    if not relations.is_foreign(relation) then
-      add_of(found, relation, judge.unanswered(relation, each.job, layout_of(relation.device)))
-    end
+    add_of(found, relation, judge.unanswered(relation, each.job, layout_of(relation.device)))
   end
   for _, relation in ipairs(self.channels:unused()) do
     if not relations.is_foreign(relation) and relation.frame then

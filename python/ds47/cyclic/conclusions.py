@@ -61,8 +61,8 @@ class Conclusions:
         for relation, habits in self._habits.values():
             yield from _about(relation, habits.finish())
         for relation, job in self._channels.unanswered():
-            if not relation.is_foreign:
-                yield from judge.unanswered(relation, job, self._layout(relation.device))
+            ignored = judge.unanswered(relation, job, self._layout(relation.device))
+            yield from _about(relation, ignored)
         for relation in self._channels.unused():
             if not relation.is_foreign and relation.frame is not None:
                 where = {"device": relation.device, "slot": relation.slot}

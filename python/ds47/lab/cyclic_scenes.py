@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import struct
 
-from ds47.lab.client import Client
+from ds47.lab.client import Client, drive
 from ds47.lab.cyclic import BAD, GOOD, INPUT, OUTPUT, PKW, PZD, Cyclic, Module
 from ds47.lab.drive import Cell, Drive
 from ds47.lab.machine import ACKNOWLEDGE, IDLE, OFF, ON, Machine
@@ -65,6 +65,18 @@ def fault(client: Client) -> None:
     it = machine(client).start()
     it.drive.fault = 30002
     it.run(0.5).control(OFF).run(0.2).control(ACKNOWLEDGE).run(0.2).control(OFF).run(0.5)
+
+
+@BOOK.scene("DS520 of a drive of another maker, as a note", rules="DS520")
+def fault_of_another_maker(client: Client) -> None:
+    """A drive trips three times, and its maker is not the one whose tables are known."""
+    client.device = drive(vendor_id=0x0493)
+    it = machine(client).start()
+    for _ in range(3):
+        it.drive.fault = 30002
+        it.run(0.3).control(OFF).run(0.2).control(ACKNOWLEDGE).run(0.2).control(OFF).run(
+            0.3
+        ).start()
 
 
 @BOOK.scene("DS520 with the number, which telegram 352 carries", rules="DS520")
