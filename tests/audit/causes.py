@@ -968,6 +968,9 @@ def _half(case: Case) -> Iterator[str]:
         "dropped": dropped[0] if dropped else None, "cut": len(cut), "one_direction": rpc["requests"],
         "other_direction": rpc["responses"], "no_write": orphans,
     }.get(str(what))  # fmt: skip
+    if what == "cut":
+        sizes = {len(each.data) for each in capture.frames if each.number in cut}
+        yield from case.wrong("bytes", min(sizes) if len(sizes) == 1 else None)
     told = {each.frame for each in case.reading.findings if each.rule == "DS106"}
     if what != "cut" or case.args.get("count") != len(
         told

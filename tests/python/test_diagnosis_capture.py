@@ -525,8 +525,12 @@ def half(frame: int, what: str, count: int) -> Told:
 def test_dropped_and_cut_frames_are_counted() -> None:
     whole = Whole()
     for frame in (9, 7, 8):
-        whole.capture.cut(frame)
-    assert whole.end(dropped=14) == [half(1, "dropped", 14), half(7, "cut", 3)]
+        whole.capture.cut((frame, 140, 300))
+    _, _, cut = half(7, "cut", 3)
+    assert whole.end(dropped=14) == [half(1, "dropped", 14), ("DS725", 7, {**cut, "bytes": 140})]
+    for size in (96, 140):
+        whole.capture.cut((10, size, 300))
+    assert whole.end()[0][2]["bytes"] is None
     assert Whole(job(READ, ANSWER)).end(dropped=0) == []
 
 

@@ -5,6 +5,7 @@ Each conversation is played by the lab's client; what may be said of it is typed
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,7 +19,8 @@ from ds47.capture.writer import PcapngWriter
 from ds47.lab import message
 from ds47.lab.client import Client
 from ds47.lab.stage import Stage
-from ds47.model import CaptureResult, Diagnosis, Finding
+from ds47.model import CaptureResult, Diagnosis, Finding, Report
+from ds47.report import text
 from ds47.report.sentences import sentence
 from ds47.report.todo import answering
 from ds47.report.verdict import blind
@@ -111,6 +113,35 @@ def long_read(client: Client) -> None:
 def test_what_the_capture_cut_is_no_fault_of_the_message(tmp_path: Path) -> None:
     rules = {each.rule for each in result_of(long_read, tmp_path, 260).findings}
     assert rules == {"DS106", "DS725"}
+
+
+def cut_report(captures: Path, tmp_path: Path, snap: int) -> list[str]:
+    """The first lines of a report of a capture of real stacks of which so many bytes of each frame are kept."""
+    path = tmp_path / "cut.pcapng"
+    with open_capture(captures / "real-stacks/o3_two_controllers.pcapng") as capture:
+        frames = list(capture.everything(lambda _: True))
+    with PcapngWriter(path, link_type=1) as writer:
+        for frame in frames:
+            data = frame.data[:snap]
+            writer.write(frame.time_ns, data, original_length=frame.original_length)
+    stream = io.StringIO()
+    text.write(Report([analyze(path)]), stream)
+    return stream.getvalue().splitlines()[1:4]
+
+
+@pytest.mark.parametrize(
+    ("snap", "said"),
+    [
+        (140, "none of 816 record messages can be decoded: cut at 140 bytes"),
+        (60, "none of 834 RPC messages can be decoded: cut at 60 bytes"),
+    ],
+)
+def test_records_that_are_cut_before_they_begin_are_not_none(
+    captures: Path, tmp_path: Path, snap: int, said: str
+) -> None:
+    verdict, _, there = cut_report(captures, tmp_path, snap)
+    assert verdict == f"LOOK AT IT: {said}"
+    assert "no PROFINET RPC" not in there
 
 
 def requests_only(client: Client) -> None:

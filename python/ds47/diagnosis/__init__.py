@@ -25,6 +25,7 @@ from ds47.profidrive import Options, Request, decode_request
 from ds47.profidrive.dictionary import is_known, listed
 from ds47.profidrive.drive_objects import LOCAL, put
 from ds47.profidrive.model import VALUE, Block
+from ds47.profinet.ip import Cut
 from ds47.profinet.records import Record
 from ds47.spec import formats
 from ds47.spec.semantics import known
@@ -99,9 +100,9 @@ class Diagnoses:
         """A Write to an index that is not ours has been answered."""
         self._whole.foreign(peer, record)
 
-    def cut(self, frame: int) -> None:
+    def cut(self, cut: Cut) -> None:
         """A frame of ours was cut by the capture."""
-        self._whole.cut(frame)
+        self._whole.cut(cut)
 
     def finish(
         self, dropped: int | None, gaps: bool, requests: int, responses: int

@@ -22,6 +22,7 @@ from ds47.profidrive.dictionary import changes_itself
 from ds47.profidrive.drive_objects import LOCAL
 from ds47.profidrive.family import NOT_SUPPORTED
 from ds47.profidrive.model import Address
+from ds47.profinet.ip import Cut
 from ds47.profinet.records import Record
 from ds47.spec.semantics import known
 from ds47.spec.statuses import status_hex
@@ -121,6 +122,8 @@ class WholeCapture:
         self._all_orphans = 0
         self._first_frame = 0
         self._cut = _Tally()
+        self._cut_at: int | None = None
+        """Bytes of each frame that was cut, where all have as many."""
 
     def asked(self, job: Job) -> None:
         """A Write request asks for something."""
@@ -192,8 +195,10 @@ class WholeCapture:
         tally, _ = self._foreign.get(key) or self._foreign.put(key, (_Tally(), args))
         tally.add(asked.frame)
 
-    def cut(self, frame: int) -> None:
+    def cut(self, cut: Cut) -> None:
         """The capture cut a frame of ours."""
+        frame, captured, _ = cut
+        self._cut_at = captured if self._cut_at == captured or not self._cut.count else None
         self._cut.add(frame)
 
     def finish(
@@ -381,7 +386,8 @@ class WholeCapture:
         if dropped:
             yield self._half("dropped", 1, dropped)
         if self._cut.count:
-            yield self._half("cut", self._cut.first, self._cut.count)
+            args = {"what": "cut", "count": self._cut.count, "bytes": self._cut_at}
+            yield Remark("DS725", self._cut.first, args)
         if not (self._asked or self._all_orphans):
             return
         if requests and not responses:

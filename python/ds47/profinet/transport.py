@@ -12,7 +12,7 @@ from typing import Protocol
 from ds47.capture import Frame
 from ds47.profinet import rpc
 from ds47.profinet.calls import Call, CallTracker
-from ds47.profinet.ip import Reassembler
+from ds47.profinet.ip import Cut, Reassembler
 from ds47.profinet.link import Packet, Packets
 from ds47.profinet.records import Record
 from ds47.profinet.stations import Stations
@@ -75,7 +75,7 @@ class Transport:
         calls: CallTracker,
         stations: Stations,
         listener: Listener,
-        cut: Callable[[int], None],
+        cut: Callable[[Cut], None],
         cyclic: Callable[[Packet], None],
         tcp: Segments,
     ) -> None:
@@ -133,11 +133,11 @@ class Transport:
         if pdu is not None:
             self._pdu(pdu)
         elif packet.missing and packet.cut is not None:
-            self._cut(packet.frame)
+            self._cut(packet.cut)
 
     def _pdu(self, pdu: rpc.Pdu) -> None:
         if pdu.missing and pdu.cut is not None and pdu.opnum in _RECORD_CALLS:
-            self._cut(pdu.frame)  # a copy, too: it counts frames
+            self._cut(pdu.cut)  # a copy, too: it counts frames
         if self._calls.is_copy(pdu):
             return
         whole = self._joined(pdu) if pdu.fragmented else pdu

@@ -204,10 +204,10 @@ class Writer(_Writer):
             lost = self._say("machine_dropped", n=result.dropped)
             self._line("  " + self._paint("warning", lost))
         if not result.evidence and not result.connections:
-            there = _traffic(result).text(self.options.lang) or self._say(
-                "no_rpc" if result.bus is None else "no_bus_records"
-            )
-            self._line("  " + self._say("no_transaction") + f" ({there})")
+            there = _traffic(result).text(self.options.lang)
+            if not there and not counts.cut:
+                there = self._say("no_rpc" if result.bus is None else "no_bus_records")
+            self._line("  " + self._say("no_transaction") + f" ({there})" * bool(there))
 
     def _bus(self, bus: Bus, relations: Sequence[Relation]) -> None:
         """The stations of PROFIBUS."""

@@ -52,6 +52,8 @@ class Counts:
     """Findings about record calls that brought nothing."""
     lowered: int = 0
     """Findings that are notes only because nobody knows the tables of the maker."""
+    cut: Counter[tuple[str, int | None]] = field(default_factory=Counter)
+    """Messages that are cut before their record, by what is said of them and the bytes that are left of each."""
 
     @classmethod
     def of(cls, result: CaptureResult) -> Counts:
@@ -73,6 +75,7 @@ class Counts:
             severities=Counter(each.severity for each in result.findings),
             calls=sum(each.rule in CALLS for each in result.findings),
             lowered=sum(is_lowered(each.rule, each.severity) for each in result.findings),
+            cut=_cut(result),
         )
 
     def add(self, other: Counts) -> None:
@@ -89,6 +92,7 @@ class Counts:
         self.severities += other.severities
         self.calls += other.calls
         self.lowered += other.lowered
+        self.cut += other.cut
 
     @property
     def open(self) -> int:
@@ -118,18 +122,34 @@ def _devices(result: CaptureResult, names: Iterable[str]) -> set[str]:
 def verdict(counts: Counts) -> Both:
     """One line: `NOT OK: 1 drive, 452 transactions, 412 refused`."""
     head = say(f"verdict_{counts.level}")
-    if not counts.jobs and counts.watched:
-        tail = say("verdict_watched", n=len(counts.watched)).joined(
-            say("verdict_no_jobs"), ", ", "，"
-        )
-    elif not counts.jobs:
-        tail = say("verdict_no_jobs")
+    if not counts.jobs:
+        tail = _undecoded(counts.cut) or say("verdict_no_jobs")
+        if counts.watched:
+            tail = joined([say("verdict_watched", n=len(counts.watched)), tail])
     else:
         parts = [say("transactions", n=counts.jobs)]
         tail = joined([*_who(counts), *parts, *told(counts.states, smooth=counts.smooth)])
     if counts.unreadable:
         tail = joined([tail, say("told_unreadable", n=counts.unreadable)])
     return head.joined(tail, ": ", "：")
+
+
+def _cut(result: CaptureResult) -> Counter[tuple[str, int | None]]:
+    """Messages that are cut, where no record is known."""
+    rpc = result.rpc.get("requests") or result.rpc.get("responses")
+    word = "verdict_cut" if rpc else "verdict_cut_rpc"
+    told = [each.args for each in result.findings if each.args.get("what") == "cut"]
+    return Counter(
+        {(word, each.get("bytes")): each["count"] for each in told if not result.records}
+    )
+
+
+def _undecoded(cut: Counter[tuple[str, int | None]]) -> Both | None:
+    """Why record messages are no transactions; None where they are not cut, or at several lengths."""
+    if len(cut) != 1:
+        return None
+    ((word, length),) = cut
+    return None if length is None else say(word, n=cut.total(), bytes=str(length))
 
 
 def _who(counts: Counts) -> list[Both]:
