@@ -1,4 +1,4 @@
-"""Puts present output into README.md, README.zh.md and those pages of docs/ that are for reading first.
+"""Puts present output into README.md, README.zh.md and the pages of docs/.
 
 The commands are those that the blocks name; tests/python/test_readme.py checks the result. Above a block stands
 what of the output is shown: ``<!-- show 3, "What to do" 9 -->`` are the first three lines and nine from the first
@@ -15,9 +15,6 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
-FIRST = ("README.md", "README.zh.md", "docs/index.md", "docs/tutorial.md")
-FOLDERS = ("start", "how-to", "zh")
-"""Those below docs/ of which every page is one."""
 ANSWER = re.compile(
     r"(<!-- show ?([^\n]*?) ?-->\n```console\n\$ (ds47 [^\n]*)\n)(.*?)(```\n)", re.DOTALL
 )
@@ -49,9 +46,8 @@ def shown(lines: list[str], parts: str) -> str:
 
 
 def pages() -> list[Path]:
-    """The pages whose output is made anew."""
-    below = [path for folder in FOLDERS for path in sorted((DOCS / folder).glob("*.md"))]
-    return [*(ROOT / name for name in FIRST), *below]
+    """The pages that may show output."""
+    return [ROOT / "README.md", ROOT / "README.zh.md", *sorted(DOCS.rglob("*.md"))]
 
 
 def made(page: Path) -> str:
