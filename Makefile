@@ -17,14 +17,14 @@
 #   make site       build the documentation as a site that needs no network, build/site/html, and as a zip into dist/
 #   make release    write all of these, wheels, bill of materials and checksums into dist/, and check each
 #   make try-release  try what that wrote in bare systems without network: page, pyz, wheelhouse, container (root, Debian)
-#   make captures   let the lab write captures/ again
-#   make rule       write the skeletons of a new rule: ID=DS419
+#   make captures   let the lab write captures/ again, and store results where there are none
+#   make rule       write the skeletons of a new rule: ID=DS4 for the next of DS4xx, or ID=DS419
 #   make generated  write again all that follows from other files: tables, vectors, surface, manual, shown output
 #   make tables     write lua/ds47/spec/tables.lua from python/ds47/spec/*.toml again, and the JSON Schemas
 #   make surface    write what a version promises to keep, tests/vectors/surface.txt
 #   make man        write the manual pages from the help of the commands, man/
 #   make screenshot take the pictures of Wireshark again, and those of reports, page and site
-#   make readme     put present output into README.md, README.zh.md and the pages of docs/ that are read first
+#   make readme     put present output into README.md, README.zh.md and the pages of docs/
 #   make oracles    record the two S7 stacks anew and compare what they did with what is said of it (Linux)
 #   make constraints  resolve constraints.txt anew
 #   make clean      remove what the targets above made
@@ -146,6 +146,7 @@ try-release: $(STAMP)
 
 captures: $(STAMP)
 	$(BIN)/python -m ds47.lab captures
+	$(BIN)/ds47 baseline captures | sed '/is there already/d'
 
 tables: $(STAMP)
 	$(BIN)/python tools/make_tables.py

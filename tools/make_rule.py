@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 """Writes the skeletons of a new rule, to be filled in (docs/developers/development.md).
 
-    python tools/make_rule.py DS419            make rule ID=DS419
+    python tools/make_rule.py DS4              make rule ID=DS4       the next of DS4xx
+    python tools/make_rule.py DS419
 
-Its entry in spec/rules.toml, a conversation and an auditor: each fails a test as long as it says TODO. The
-condition is yours to write; the modules that judge rules of these hundreds are named.
+Its entry in spec/rules.toml, a scene of the lab, the vectors and an auditor: each fails a test as long as it says
+TODO. The condition is yours to write; the modules that judge rules of these hundreds are named.
 """
 
 from __future__ import annotations
@@ -12,25 +13,30 @@ from __future__ import annotations
 import argparse
 import re
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from ds47.version import __version__
 
 ROOT = Path(__file__).resolve().parent.parent
-RULES = "python/ds47/spec/rules.toml"
-BOOK, CLAIMS = "tests/vectors/sources/conversations.py", "tests/audit/claims.py"
+RULES, LAB = "python/ds47/spec/rules.toml", "python/ds47/lab/"
+TALKS, CAUSES = "tests/vectors/sources/conversations.py", "tests/vectors/sources/diagnoses.py"
+CLAIMS = "tests/audit/claims.py"
 PLACES = {
-    "1": ("profinet/calls", BOOK, CLAIMS), "2": ("acyclic/record_events", BOOK, CLAIMS),
-    "3": ("profidrive/parameter", BOOK, CLAIMS), "4": ("acyclic/judge", BOOK, CLAIMS),
-    "5": ("cyclic/judge", "python/ds47/lab/cyclic_scenes.py", "tests/audit/pzd.py"),
-    "7": ("diagnosis/refusal", "tests/vectors/sources/diagnoses.py", "tests/audit/causes.py"),
-    "8": ("profibus/judge", "python/ds47/lab/profibus_scenes.py", "tests/audit/stations.py"),
-    "9": ("s7/judge", "tests/python/s7_scenes.py", "tests/audit/s7.py"),
+    "1": ("profinet/calls", "transport", TALKS, CLAIMS),
+    "2": ("acyclic/record_events", "records", TALKS, CLAIMS),
+    "3": ("profidrive/parameter", "messages", "tests/vectors/sources/messages.py", CLAIMS),
+    "4": ("acyclic/judge", "conversation", TALKS, CLAIMS),
+    "5": ("cyclic/judge", "cyclic_scenes", None, "tests/audit/pzd.py"),
+    "7": ("diagnosis/refusal", "diagnoses", CAUSES, "tests/audit/causes.py"),
+    "8": ("profibus/judge", "profibus_scenes", None, "tests/audit/stations.py"),
+    "9": ("s7/judge", "tests/python/s7_scenes", None, "tests/audit/s7.py"),
 }  # fmt: skip
-"""Hundreds of an id -> the module that judges there, the scenes, the auditor."""
+"""Hundreds of an id -> the module that judges there, that of the lab with scenes, the vectors, the auditor."""
 ANALYZERS = "89"
 """Hundreds whose rules the plugin has not."""
 
+IDS = re.compile(r'^id = "(DS\d+)"$', re.MULTILINE)
 ENTRY = """\
 [[rule]]
 id = "{rule}"
@@ -52,9 +58,20 @@ advice_zh = "TODO。"
 """
 SCENE = '''
 
-@BOOK.scene("none", row(1), rules="{rule}@1#1")
+@BOOK.scene("TODO: what a reader of the capture sees", OK_READ, rules="{rule}")
+def todo(client: Client) -> None:
+    """TODO: what happens; the name of the function becomes that of the capture."""
+    answer = message.answer(1, 1, 1, message.real(10.0))
+    client.exchange(message.read(1, 1, message.address(21)), answer)
+'''
+VECTORS = '''
+
+BOOK.lab("{rule}", "{topic}-todo", "none", row(1, real(10.0)), rules="{rule}@1#1")
+
+
+@BOOK.scene("none", row(1, real(10.0)))
 def {name}_todo(client: Client) -> None:
-    """TODO: what happens, and why it is {rule}."""
+    """TODO: what is nearby and not {rule}."""
     client.exchange(ask(1), tell(1, 10.0))
 '''
 AUDITOR = """
@@ -68,41 +85,68 @@ def _{name}(case: Case) -> Iterator[str]:
 END = '\n\n\nif __name__ == "__main__":'
 
 
-def put_entry(text: str, rule: str) -> str:
-    """The catalogue with the entry of a rule in its place. ValueError where there is one."""
-    ids = re.findall(r'^id = "(DS\d+)"$', text, re.MULTILINE)
+def following(ids: Sequence[str], rule: str) -> str:
+    """The id of a new rule: that which is given, or the next of its hundred. ValueError where it cannot be one."""
+    free = [after for each in ids if (after := f"DS{int(each[2:]) + 1}") not in ids]
+    of_hundred = [each for each in free if each[2] == rule[2]]
+    if len(rule) == len("DS4"):
+        return of_hundred[-1]
     if rule in ids:
         raise ValueError(f"{rule} is in {RULES} already")
+    if rule not in of_hundred:
+        raise ValueError(f"{rule} leaves a gap: the next is {' or '.join(of_hundred)}")
+    return rule
+
+
+def put_entry(text: str, rule: str) -> str:
+    """The catalogue with the entry of a rule in its place."""
     only = "analyzer_only = true\n" if rule[2] in ANALYZERS else ""
     version = __version__.partition(".dev")[0]
     entry = ENTRY.format(rule=rule, only=only, version=version)
-    following = next((each for each in ids if each > rule), None)
-    if following is None:
+    behind = next((each for each in IDS.findall(text) if each > rule), None)
+    if behind is None:
         return f"{text}\n{entry}"
-    return text.replace(f'[[rule]]\nid = "{following}"', f'{entry}\n[[rule]]\nid = "{following}"')
+    return text.replace(f'[[rule]]\nid = "{behind}"', f'{entry}\n[[rule]]\nid = "{behind}"')
 
 
-def write(root: Path, rule: str) -> list[str]:
+def write(root: Path, wanted: str) -> list[str]:
     """Writes the skeletons into a checkout; what is left to do, a line each."""
-    name = rule.lower()
-    room, scenes, auditor = PLACES[rule[2]]
     catalogue = root / RULES
-    catalogue.write_text(put_entry(catalogue.read_text("utf-8"), rule), "utf-8")
-    if scenes.startswith("tests/vectors"):  # in other books a scene is more than a skeleton can say
-        book, claims = root / scenes, root / auditor
-        before, end, behind = book.read_text("utf-8").rpartition(END)
-        scene = SCENE.format(rule=rule, name=name).rstrip()
-        book.write_text(f"{before}\n{scene}{end}{behind}", "utf-8")
+    text = catalogue.read_text("utf-8")
+    rule = following(IDS.findall(text), wanted)
+    name = rule.lower()
+    room, lab, vectors, auditor = PLACES[rule[2]]
+    catalogue.write_text(put_entry(text, rule), "utf-8")
+    scenes = f"{lab}.py" if "/" in lab else f"{LAB}{lab}.py"
+    played = vectors in (TALKS, CAUSES)
+    if played:  # in other books a scene is more than a skeleton can say
+        told = (root / scenes).read_text("utf-8")
+        (topic,) = re.findall(r'^BOOK = Book\("(\w+)"\)', told, re.MULTILINE)
+        (root / scenes).write_text(told + SCENE.format(rule=rule), "utf-8")
+        book, claims = root / vectors, root / auditor
+        before, end, rest = book.read_text("utf-8").rpartition(END)
+        case = VECTORS.format(rule=rule, name=name, topic=topic).rstrip()
+        book.write_text(f"{before}\n{case}{end}{rest}", "utf-8")
         with claims.open("a", encoding="utf-8") as file:
             file.write(AUDITOR.format(rule=rule, name=name))
     conditions = [f"python/ds47/{room}.py"] + [f"lua/ds47/{room}.lua"] * (rule[2] not in ANALYZERS)
-    return [
+    left = [
         f"{RULES}: the texts, English and Chinese, and the arguments",
         *(f"{path}: the condition" for path in conditions),
-        f"{scenes}: a scene that shows {rule}, and one nearby that does not",
+        f"{scenes}: a scene that shows {rule}"
+        + ("" if vectors else ", and one nearby that does not"),
+    ]
+    if vectors:
+        left.append(
+            f"{vectors}: the same with all that is expected, and one nearby that is not {rule}"
+        )
+    if rule[2] == "8":
+        left.append(f"{LAB}profibus_stories.py: a story that has it, which becomes a capture")
+    return [
+        *left,
         f"{auditor}: what decides from the frames alone whether {rule} is true",
         "CHANGELOG.md: a line",
-        "then: make generated; make test; where stored captures have it, .venv/bin/ds47 accept captures",
+        "then: make captures; .venv/bin/ds47 accept --yes captures; make generated; make test",
     ]
 
 
@@ -110,8 +154,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("rule", metavar="DSnnn")
     rule = parser.parse_args().rule
-    if not re.fullmatch(rf"DS[{''.join(PLACES)}]\d\d", rule):
-        parser.error(f"{rule!r} is no id of a rule of the analysis: DS and three digits, not DS6xx")
+    if not re.fullmatch(rf"DS[{''.join(PLACES)}](\d\d)?", rule):
+        parser.error(f"{rule!r} is no rule of the analysis: DS419, or DS4 for its next; not DS6xx")
     try:
         print("To be filled in:", *write(ROOT, rule), sep="\n  ")
     except ValueError as problem:
