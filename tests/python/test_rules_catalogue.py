@@ -10,6 +10,7 @@ import re
 import string
 import tomllib
 from importlib import resources
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -58,6 +59,13 @@ def test_ids_are_unique_and_sorted() -> None:
     ids = [rule["id"] for rule in RULES]
     assert ids == sorted(set(ids))
     assert all(re.fullmatch(r"DS[1-9]\d\d", id_) for id_ in ids)
+
+
+def test_what_1_0_0_had_not_says_which_version_brought_it(vectors: Path) -> None:
+    known = (vectors / "stored" / "rules.1.0.0.txt").read_text("utf-8").split()
+    ids = {rule["id"]: rule.get("changed") for rule in RULES}
+    assert set(known) <= set(ids)
+    assert [id_ for id_ in ids if id_ not in known and not ids[id_]] == []
 
 
 def test_names_are_unique() -> None:

@@ -67,7 +67,7 @@ class Origin:
 
     def explained(self, changes: Sequence[Change], stored: Json, now: Json) -> list[Change]:
         """The changes, with the version in those that come of it alone."""
-        if not self.same_file or not self.rules:
+        if not changes or not self.same_file or not self.rules:
             return list(changes)
         may_be = {id(each): self._version_of(each) for each in changes}
         touched = [each for each in changes if each.kind not in FINDINGS and not may_be[id(each)]]
