@@ -1,13 +1,13 @@
 -- The analysis under plain Lua, for a comparison with that in Python: packets in, the complete result out.
 -- Usage: lua analysis.lua INPUT. Input is a JSON object a line, its `kind` says what it is:
---   begin          {lang, look, layouts}: a new analysis; `look`: ended() after every packet, which must not
---                  matter; `lang`: "en zh" tells it in both languages; `layouts` of IND by device, "" stands for all others
+--   begin          {lang, look, layouts}: a new analysis, told in these languages ("en zh"); `look`: ended()
+--                  after every packet, which must not matter; `layouts` of IND by device, "" for all others
 --   udp, fragment  a packet, as Analysis:packet and Analysis:fragment take it, bytes in hex, the time as
 --                  seconds and nanoseconds; of a frame that is cut its lengths as `captured` and `original`
 --   dcp, lldp      {payload, src_mac, dst_mac}
 --   rt             {frame, seconds, nanoseconds, data}: an Ethernet frame, in hex
---   end            {dropped}: prints the result as one line of JSON for each language, keys as in schema ds47.report/2, but
---                  `start` as [second, nanosecond] and `duration_ns` instead of `duration_ms`
+--   end            {dropped}: prints the result, for each language as one line of JSON, keys as in schema
+--                  ds47.report/2, but `start` as [second, nanosecond] and `duration_ns`, not `duration_ms`
 
 local root = arg[0]:match("^(.*[/\\])[^/\\]*$") or "./"
 package.path = root .. "../../lua/?.lua;" .. root .. "?.lua;" .. package.path
