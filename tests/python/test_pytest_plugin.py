@@ -15,6 +15,16 @@ pytest_plugins = ["pytester"]
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "regression.md"
 
 
+INSTALLED = "PYTEST_DISABLE_PLUGIN_AUTOLOAD", "PYTEST_PLUGINS"
+
+
+@pytest.fixture(autouse=True)
+def alone(monkeypatch):
+    """Plugins of others take longer to import than all that is looked at here."""
+    for name, value in zip(INSTALLED, ("1", "ds47.regression.pytest_plugin"), strict=True):
+        monkeypatch.setenv(name, value)
+
+
 @pytest.fixture
 def folder(pytester, captures):
     from ds47.cli import main
@@ -28,7 +38,10 @@ def folder(pytester, captures):
 
 
 @pytest.mark.slow
-def test_captures_are_tests(pytester, folder):
+def test_captures_are_tests(pytester, folder, monkeypatch):
+    """As it is installed: pytest finds the plugin itself."""
+    for name in INSTALLED:
+        monkeypatch.delenv(name)
     pytester.runpytest_subprocess("--ds47", "captures").assert_outcomes(passed=2)
     result = pytester.runpytest_subprocess("captures")
     result.assert_outcomes()

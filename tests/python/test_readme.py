@@ -9,12 +9,11 @@ import os
 import re
 import shlex
 import shutil
-import subprocess
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from forked import ds47
 from ringbuffer import recording
 
 README = Path(__file__).resolve().parents[2] / "README.md"
@@ -85,7 +84,7 @@ def run(command: Command, folder: Path) -> tuple[int, str, str]:
     status, errors = 0, b""
     for words in programs:
         if words[0] == "ds47":
-            program = [sys.executable, "-m", "ds47", *words[1:]]
+            arguments = words[1:]
         elif words[0] == "echo":
             data = (" ".join(words[1:]) + "\n").encode()
             continue
@@ -94,9 +93,7 @@ def run(command: Command, folder: Path) -> tuple[int, str, str]:
             data = b"".join((folder / word).read_bytes() for word in words[1:])
             continue
         environment = {**os.environ, **home_in(folder), "PYTHONUTF8": "1", "NO_COLOR": "1"}
-        result = subprocess.run(
-            program, cwd=folder, input=data, capture_output=True, env=environment, timeout=120
-        )
+        result = ds47(*arguments, cwd=folder, env=environment, data=data)
         status, data, errors = result.returncode, result.stdout, result.stderr
     if ">" in files:
         (folder / files[">"]).write_bytes(data)

@@ -262,8 +262,10 @@ def test_fields_stand_at_their_bytes(tshark: Tshark, tmp_path: Path) -> None:
              "ms1.length": (12, 1), "ms1.record": (13, 10)},
         21: {"ms1.error_decode": (10, 1), "ms1.status": (9, 4)},
     }  # fmt: skip
+    packets = tshark("-r", path, "-T", "pdml", "-J", "ds47_profibus").split("<packet>")
+    assert len(packets) == 1 + len(shots(request()))
     for number, wanted in places.items():
-        text = tshark("-r", path, "-Y", f"frame.number == {number}", "-T", "pdml")
+        text = packets[number]
         for key, (at, size) in wanted.items():
             field = text.split(f'name="{PREFIX}{key}"', 1)[1]
             assert f'size="{size}" pos="{at}"' in field[: field.index(">")], (number, key)
@@ -489,20 +491,19 @@ def without_plugin(home: Path, *arguments: str | Path) -> str:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("link", [PROFIBUS_DL, 300, USER0])
-@pytest.mark.parametrize("options", [(), ON])
 def test_frames_that_are_not_profibus_stay_as_they_were(
-    link: int, options: tuple[str, ...], tshark: Tshark, tmp_path: Path
+    link: int, tshark: Tshark, tmp_path: Path
 ) -> None:
+    """Their rows, and their trees below."""
     path = saved(tmp_path / "foreign.cap", FOREIGN, link)
-    for form in ((), ("-V",)):
-        plain = without_plugin(tmp_path, "-r", path, *form)
-        assert plain
+    plain, rows_alone = (without_plugin(tmp_path, "-r", path, *form) for form in (("-P", "-V"), ()))
+    assert plain
+    for options in ((), ON):
         for passes in ((), COMPLETE):
-            found = tshark("-r", path, *options, *passes, *form)
-            assert (
-                found.replace("[Protocols in frame: ds47_profibus:", "[Protocols in frame: ")
-                == plain
-            )
+            found = tshark("-r", path, *options, *passes, "-P", "-V")
+            named = found.replace("[Protocols in frame: ds47_profibus:", "[Protocols in frame: ")
+            assert named == plain
+        assert tshark("-r", path, *options) == rows_alone  # here nobody asks for a tree
 
 
 @pytest.mark.slow
