@@ -61,6 +61,12 @@ def test_a_format_of_the_report(name: str) -> None:
     assert lacking("report", option, manual_of("report"), name) == []
 
 
+def test_the_page_of_the_report_begins_with_all_formats() -> None:
+    head = PAGES[ROOT / "docs/report.md"].partition("\n| ")[0]
+    missing = [name for name in FORMATS if f"`{name}`" not in head]
+    assert not missing, f"docs/report.md, first paragraph: -f {', '.join(missing)}"
+
+
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_command(name: str) -> None:
     assert lacking(name, "", manual_of(name), name) == []

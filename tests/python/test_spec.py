@@ -117,6 +117,10 @@ def test_every_parameter_of_a_maker_says_where_it_was_read() -> None:
         assert not (row.connects and row.access == "r")
 
 
+def test_every_vendor_says_where_its_numbers_were_read() -> None:
+    assert all(row["source"] for row in spec._load("errors.toml")["vendor"])
+
+
 def test_rules() -> None:
     assert list(spec.rules()) == sorted(spec.rules())
     assert spec.rules()["DS315"].severity == "error"

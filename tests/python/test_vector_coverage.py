@@ -80,10 +80,12 @@ ELSEWHERE = {
 """Rules that no conversation can show, and why."""
 
 
-def covered(wanted: set[str], shown: set[str]) -> None:
+def covered(wanted: set[str], shown: set[str], source: str = "messages.py") -> None:
+    """`source` is the file in tests/vectors/sources/ that has to show it."""
     assert wanted, "the table is empty"
     missing = wanted - shown
-    assert missing == NOT_YET & wanted, f"no vector for {', '.join(sorted(missing))}"
+    told = f"tests/vectors/sources/{source} has nothing for {', '.join(sorted(missing))}; then make generated"
+    assert missing == NOT_YET & wanted, told
 
 
 def blocks(case: dict[str, Any]) -> list[tuple[int, dict[str, Any]]]:
@@ -157,6 +159,7 @@ def test_error_numbers() -> None:
     covered(
         {f"error 0x{code:02X} (vendor {vendor})" for vendor in known for code in range(256)},
         {f"error 0x{code:02X} (vendor {vendor})" for vendor, code in texts},
+        "message_texts.txt",
     )
     strangers = {vendor for vendor, _ in texts} - known
     assert strangers, "no vendor without a table"
@@ -174,7 +177,7 @@ def test_tables_of_vendors() -> None:
         f"error 0x{code:02X} ({vendor.name})" for vendor in spec.vendors() for code in vendor.errors
     }
     shown = {f"error 0x{each['code']:02X} ({each['vendor']})" for each in MESSAGES["vendors"]}
-    covered(table, shown)
+    covered(table, shown, "message_texts.txt")
     assert shown == table
 
 
@@ -184,10 +187,12 @@ def test_statuses() -> None:
     covered(
         {f"error code 0x{code:02X}" for code in words.code},
         {f"error code 0x{value >> 24:02X}" for value in values},
+        "message_texts.txt",
     )
     covered(
         {f"error decode 0x{code:02X}" for code in words.decode},
         {f"error decode 0x{value >> 16 & 0xFF:02X}" for value in values},
+        "message_texts.txt",
     )
     for decode, table in ((0x80, words.access), (0x81, words.protocol)):
         covered(
@@ -197,6 +202,7 @@ def test_statuses() -> None:
                 for value in values
                 if value >> 16 & 0xFF == decode
             },
+            "message_texts.txt",
         )
     for lang in ("en", "zh"):
         texts = [each[lang] for each in MESSAGES["statuses"]]
@@ -228,7 +234,7 @@ def test_options_of_an_analysis() -> None:
     names = {field.name for field in fields(AnalysisOptions)}
     shown = {option for case in CONVERSATIONS for option in case.get("options", {})}
     assert "indices" in names
-    covered(names - NOT_OF_THE_WIRE, shown)
+    covered(names - NOT_OF_THE_WIRE, shown, "conversations.py")
 
 
 def rules_of_messages() -> set[str]:
@@ -247,13 +253,15 @@ def rules_of_conversations() -> set[str]:
 def test_rules_of_one_message() -> None:
     table = {rule for rule, row in spec.rules().items() if row.scope == "message"}
     covered(table - NO_MESSAGE, rules_of_messages())
-    covered(set(NO_MESSAGE), rules_of_conversations())
+    covered(set(NO_MESSAGE), rules_of_conversations(), "conversations.py")
     assert {rule for rule in spec.rules() if rule.startswith("DS3")} <= table
 
 
 def test_rules_of_conversations() -> None:
-    others = {rule for rule in spec.rules() if not rule.startswith("DS3")}
-    covered(others - set(ELSEWHERE), rules_of_conversations())
+    others = {rule for rule in spec.rules() if not rule.startswith("DS3")} - set(ELSEWHERE)
+    causes = {rule for rule in others if rule.startswith("DS7")}
+    covered(others - causes, rules_of_conversations(), "conversations.py")
+    covered(causes, rules_of_conversations(), "diagnoses.py")
     assert not set(ELSEWHERE) & rules_of_conversations()
 
 
