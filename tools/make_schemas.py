@@ -1,5 +1,7 @@
 """Writes the JSON Schemas of results, python/ds47/schema/: report-2, transaction-2 (a line of ndjson) and table-1.
 
+And the columns of table-1 into docs/data.md.
+
     .venv/bin/python tools/make_schemas.py            writes the files
     .venv/bin/python tools/make_schemas.py --check    fails when one is not what would be written
 
@@ -34,7 +36,8 @@ from ds47.report.contract import (
     whole,
 )
 
-TARGET = Path(__file__).resolve().parent.parent / "python" / "ds47" / "schema"
+ROOT = Path(__file__).resolve().parent.parent
+TARGET, PAGE = ROOT / "python" / "ds47" / "schema", ROOT / "docs" / "data.md"
 Schema = dict[str, Any]
 _DRAFT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -315,18 +318,33 @@ def _row(columns: dict[str, Schema], about: str, own: dict[str, Schema] | None =
     return entity(keys, about)
 
 
+def page() -> str:
+    """docs/data.md with the columns of both tables."""
+    text, definitions = PAGE.read_text("utf-8"), table()["$defs"]
+    for heading in ("Parquet", "CSV"):
+        rows = ""
+        for name, column in definitions[heading.lower()]["properties"].items():
+            about = definitions[name] if "$ref" in column else column
+            kind, unit = about["arrow"].partition("[")[0], about.get("unit", "")
+            rows += f"| `{name}` | {kind} | {unit} | {about['description']} |\n"
+        before, heading, after = text.partition(f"\n## {heading}\n")
+        above, rule, below = after.partition("\n|---|---|---|---|\n")
+        below = below[below.index("\n\n") + 1 :]
+        text = before + heading + above + rule + rows + below
+    return text
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description="Writes python/ds47/schema/.")
     parser.add_argument("--check", action="store_true", help="only say whether they are up to date")
     check: bool = parser.parse_args().check
     stale = False
-    for name, made in (
-        ("report-2", report()),
-        ("transaction-2", transaction()),
-        ("table-1", table()),
-    ):
-        path = TARGET / f"{name}.schema.json"
-        text = json.dumps(made, indent=2, ensure_ascii=False) + "\n"
+    schemas = {"report-2": report(), "transaction-2": transaction(), "table-1": table()}
+    files = {
+        TARGET / f"{name}.schema.json": json.dumps(made, indent=2, ensure_ascii=False) + "\n"
+        for name, made in schemas.items()
+    }
+    for path, text in (files | {PAGE: page()}).items():
         if not check:
             path.write_text(text, encoding="utf-8", newline="\n")
         elif not path.exists() or path.read_text(encoding="utf-8") != text:

@@ -25,6 +25,7 @@ local ppo = require("ds47.cyclic.ppo")
 local sentences = require("ds47.report.sentences")
 local status = require("ds47.spec.statuses")
 local suggest = require("ds47.diagnosis.suggest")
+local tables = require("ds47.spec.tables")
 local times = require("ds47.support.times")
 local unchanged = require("unchanged")
 
@@ -91,9 +92,17 @@ local function word(code)
   return null(code and status.status_hex(code))
 end
 
+-- The keys of a transaction that are told as they are; those of SHAPED, and those inside others, are not.
+local SHAPED = { transaction = true, polls = true, start = true, duration_ms = true, drive_object = true }
+local plain = "id duration_ns"
+for _, field in ipairs(tables.transaction_fields) do
+  if not SHAPED[field[1]] and not field[1]:find(".", 1, true) then
+    plain = plain .. " " .. field[1]
+  end
+end
+
 local function transaction(item, run, whole)
-  local result = object(item, "id channel operation state controller device station ar api slot subslot "
-    .. "index request_reference axis duration_ns cycles")
+  local result = object(item, plain)
   result.frames = object(item.frames, "write_request write_response read_request read_response")
   result.frames.polls, result.frames.rereads = reads(item.frames.polls), reads(item.frames.rereads)
   local seconds, nanoseconds = times.split(item.start_ns)
