@@ -118,9 +118,7 @@ def test_a_result_is_the_report_of_its_capture(capsys: Any, folder: Path, tmp_pa
         assert document == json.loads(alone)
 
 
-@pytest.mark.parametrize(
-    "format_name", ["text", "overview", "json", "ndjson", "csv", "html", "junit", "sarif"]
-)
+@pytest.mark.parametrize("format_name", sorted({*report.FORMATS} - {"parquet"}))
 def test_the_report_of_stored_results_is_the_report(
     capsys: Any, folder: Path, tmp_path: Path, format_name: str
 ) -> None:

@@ -210,7 +210,7 @@ def test_the_errors_of_a_response_with_a_request_are_told_though_it_was_read_bef
 
 def many(count: int, answered: bool) -> Job:
     words = [message.real(number) for number in range(count)]
-    asked = message.read(1, 1, *[RAMP] * count)
+    asked = message.read(1, 1, *(message.address(2000 + number) for number in range(count)))
     return job(asked, message.answer(1, 1, 1, *words) if answered else None)
 
 

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from ds47.report import FORMATS
+
 pytestmark = pytest.mark.slow
 
 
@@ -41,7 +43,7 @@ def installed(*arguments, cwd):
     return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, check=True).stdout
 
 
-@pytest.mark.parametrize("kind", ["text", "json", "parameters", "csv", "junit", "sarif"])
+@pytest.mark.parametrize("kind", sorted({*FORMATS} - {"html", "parquet"}))
 def test_it_reports_what_the_command_reports(run, captures, kind):
     words = ["report", "-f", kind, "tour-machine.pcapng"]
     done = run(*words, cwd=captures)

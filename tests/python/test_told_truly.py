@@ -738,7 +738,7 @@ def test_all_reads_for_nothing_are_counted(tmp_path: Path) -> None:
 
 # The number of parameters (DS304), the reference of a channel (DS415)
 
-MANY = [SPEED] * 45
+MANY = [message.address(2000 + number) for number in range(45)]
 
 
 def all_answered(client: Client) -> None:
