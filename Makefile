@@ -20,7 +20,7 @@
 #   make captures   let the lab write captures/ again, and store results where there are none
 #   make rule       write the skeletons of a new rule: ID=DS4 for the next of DS4xx, or ID=DS419
 #   make generated  write again all that follows from other files: tables, vectors, surface, manual, shown output
-#   make tables     write lua/ds47/spec/tables.lua from python/ds47/spec/*.toml again, and the JSON Schemas
+#   make tables     write lua/ds47/spec/tables.lua from python/ds47/spec/*.toml again, the JSON Schemas, and the columns in docs/data.md
 #   make surface    write what a version promises to keep, tests/vectors/surface.txt
 #   make man        write the manual pages from the help of the commands, man/
 #   make screenshot take the pictures of Wireshark again, and those of reports, page and site
