@@ -64,34 +64,40 @@ end
 
 --- Whether there was a second one just now: what is found meanwhile may be of both.
 function Sequences:are_doubtful()
-  return #self.heads > 1 and self.alone < QUIET
+  return #self.heads > 1
 end
 
 --- Whether it is proven with this frame that there are several, in turn.
 -- @param time as times.lua has it
 -- @param frame its number
 function Sequences:are_several(counter, time, data, frame)
-  local heads = self.heads
+  local heads, times = self.heads, self.times
+  local head = {counter = counter, time = time, data = data, frame = frame}
   local newest = heads[#heads]
   if newest and (time < newest.time or newest.counter == counter and newest.data == data) then
     return false -- out of order, or a copy
   end
+  insert(times, time)
+  if #times > FRAMES then remove(times, 1) end
+  if #heads == 1 then
+    self.since = newest
+    if off_by(self, newest, counter, time) then
+      heads[1] = head
+      return false
+    end
+  end
   local at = continued(self, counter, time)
-  if not self:are_doubtful() then self.since = newest end
   if at == nil then
     self.turns, self.alone = 0, 0
     if #heads == MOST then remove(heads, 1) end
-  else
-    if at < #heads then
-      self.turns, self.alone = self.turns + TURN, 0
-    else
-      self.turns, self.alone = max(self.turns - 1, 0), self.alone + 1
-    end
+  elseif at < #heads then
+    self.turns, self.alone = self.turns + TURN, 0
     remove(heads, at)
+  else
+    self.turns, self.alone = max(self.turns - 1, 0), self.alone + 1
+    if self.alone < QUIET then remove(heads) else self.heads = {} end
   end
-  insert(heads, {counter = counter, time = time, data = data, frame = frame})
-  insert(self.times, time)
-  if #self.times > FRAMES then remove(self.times, 1) end
+  insert(self.heads, head)
   return self.turns >= ENOUGH and are_many(self)
 end
 

@@ -495,14 +495,14 @@ class CyclicChannels:
         if side.status is None or not side.cycle_ns or len(data) <= side.status:
             return False
         key = packet.src_mac or "", side.frame_id, packet.dst_mac or ""
-        if key not in self._sequences:
-            self._sequences[key] = Sequences(side.cycle_ns)
+        sequences = self._sequences.get(key)
+        if sequences is None:
+            sequences = self._sequences[key] = Sequences(side.cycle_ns)
         counter = int.from_bytes(data[side.status - _COUNTER : side.status])
-        several = self._sequences[key].are_several(counter, packet.time_ns, data, packet.frame)
+        several = sequences.are_several(counter, packet.time_ns, data, packet.frame)
         for line, _, sent in found:
             if isinstance(line, _Requests):
-                doubt = self._sequences[key].are_doubtful
-                (line.doubt.add if doubt else line.doubt.discard)(sent)
+                (line.doubt.add if sequences.are_doubtful else line.doubt.discard)(sent)
         if not several:
             return False
         self.mixed.append(Mixed(packet.frame, line.relation.device, key[0], side.frame_id))
@@ -510,7 +510,7 @@ class CyclicChannels:
         for line in gone:
             self._asked.add(line.relation.place)
             if isinstance(line, Drive):
-                line.cut(self._sequences[key].since)
+                line.cut(sequences.since)
         self._lines = [line for line in self._lines if not any(line is each for each in gone)]
         self._tell()
         return True

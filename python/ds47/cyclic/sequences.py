@@ -54,17 +54,23 @@ class Sequences:
     @property
     def are_doubtful(self) -> bool:
         """Whether there was a second one just now: what is found meanwhile may be of both."""
-        return len(self._heads) > 1 and self._alone < _QUIET
+        return len(self._heads) > 1
 
     def are_several(self, counter: int, time_ns: int, data: bytes, frame: int) -> bool:
         """Whether it is proven with this frame that there are several, in turn."""
-        heads = self._heads
+        heads, head = self._heads, Head(counter, time_ns, data, frame)
         newest = heads[-1] if heads else None
-        if newest and (time_ns < newest.time_ns or newest[:3:2] == (counter, data)):
+        if newest and (
+            time_ns < newest.time_ns or (newest.counter == counter and newest.data == data)
+        ):
             return False  # out of order, or a copy
-        at = self._continued(counter, time_ns)
-        if not self.are_doubtful:
+        self._times.append(time_ns)
+        if newest and len(heads) == 1:
             self.since = newest
+            if self._off(newest, counter, time_ns) is not None:
+                heads[0] = head
+                return False
+        at = self._continued(counter, time_ns)
         if at is None:
             self._turns = self._alone = 0
             del heads[: len(heads) - _MOST + 1]
@@ -73,9 +79,8 @@ class Sequences:
             del heads[at]
         else:
             self._turns, self._alone = max(self._turns - 1, 0), self._alone + 1
-            del heads[at]
-        heads.append(Head(counter, time_ns, data, frame))
-        self._times.append(time_ns)
+            del heads[at if self._alone < _QUIET else 0 :]
+        heads.append(head)
         return self._turns >= _ENOUGH and self._are_many()
 
     def _are_many(self) -> bool:
