@@ -34,6 +34,7 @@ local parameter = require("ds47.profidrive.parameter")
 local recordcalls = require("ds47.acyclic.record_calls")
 local recordevents = require("ds47.acyclic.record_events")
 local records = require("ds47.profinet.records")
+local relations = require("ds47.cyclic.relations")
 local rpc = require("ds47.profinet.rpc")
 local rules = require("ds47.acyclic.judge")
 local services = require("ds47.acyclic.services")
@@ -456,6 +457,9 @@ function Analysis:exchanged(relation, job)
   self.cyclic:identify()
   local layout = self:pkw_layout(relation.device)
   job.order = job.order or self.pairing:number()
+  if relations.is_bus(relation) and self.bus.line.unsure >= job.request.at.frame then
+    job.heard = false -- something of the line was not seen: its response may have been there
+  end
   local item = pkw.build(relation, job, layout)
   self.dictionary:explain(item)
   lists.explain(item)

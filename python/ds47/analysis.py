@@ -438,6 +438,10 @@ class Analysis:
         if not self._catalogue.is_empty:
             naming.explain(transaction, self._catalogue, relation.vendor_id, None)
         self._objects.transaction(transaction)
+        if relation.is_bus and self._bus.line.unsure >= job.request.at.frame:
+            job.heard = (
+                False  # something of the line was not seen: its response may have been there
+            )
         order, remarks = self._pairing.number(), self._conclusions.exchanged(relation, job)
         remarks += self._conclusions.transaction(transaction)
         if PKW in self._options.channels:

@@ -76,7 +76,7 @@ end
 local function on_top(live)
   local over = setmetatable({
     options = live.options, judge = live.judge, dictionary = live.dictionary,
-    findings = live.findings:on_top(), diagnoses = live.diagnoses:apart(),
+    bus = live.bus, findings = live.findings:on_top(), diagnoses = live.diagnoses:apart(),
     finished_jobs = live.finished_jobs:on_top(),
     pairing = {count = live.pairing.count, number = live.pairing.number},
   }, getmetatable(live))
