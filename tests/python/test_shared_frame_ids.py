@@ -10,6 +10,7 @@ import io
 import random
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from uuid import UUID
 
@@ -19,6 +20,7 @@ from test_lua_analysis import VERSIONS, Source, compare
 from tests.audit import run
 
 from ds47.analysis import analyze
+from ds47.cyclic.closeup import closeup
 from ds47.cyclic.sequences import Sequences
 from ds47.lab import captured
 from ds47.lab.client import Client, controller
@@ -158,6 +160,13 @@ def test_two_controllers_with_one_frame_id_are_two(tmp_path: Path) -> None:
     path = tmp_path / "two.pcapng"
     path.write_bytes(two_controllers(1, 2))
     assert [str(each) for each in run.audit(path)] == []
+    relation = both.relations[both.timelines[0].relation - 1]
+    seen = closeup(str(path), relation, 100, 10**9)
+    assert len({each.frame for each in seen if each.by_controller}) == pytest.approx(
+        len(seen) / 2, abs=1
+    )
+    apart = [b.time_ns - a.time_ns for a, b in pairwise(e for e in seen if not e.by_controller)]
+    assert set(apart) == {16 * MS}
 
 
 @pytest.mark.slow

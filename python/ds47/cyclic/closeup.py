@@ -15,6 +15,8 @@ from ds47.model import Relation
 
 REACH: Final = 4000
 """So many frames before and after the one are looked at."""
+_GROUP = 0x01
+"""The bit of the first byte of a MAC address that several stations have."""
 _REVERSE = 0x0800
 """STW1 bit 11 turns the sign of the setpoint."""
 
@@ -63,9 +65,11 @@ def _seen(frame: Frame, relation: Relation) -> Seen | None:
         return None
     kind, at = network_layer(frame.data, 0, len(frame.data), ETHERNET)
     sender = frame.data[6:12].hex(":"), int.from_bytes(frame.data[at : at + 2])
-    for side, by_controller in ((relation.output, True), (relation.input, False)):
+    output, input_ = relation.output, relation.input
+    for side, other, by_controller in ((output, input_, True), (input_, output, False)):
         words = frame.data[at + 2 + side.offset : at + 6 + side.offset]
-        if kind == PROFINET and sender == (side.mac, side.frame_id) and len(words) == 4:
+        to_it = frame.data[:6].hex(":") == other.mac or frame.data[0] & _GROUP
+        if kind == PROFINET and sender == (side.mac, side.frame_id) and to_it and len(words) == 4:
             raw = int.from_bytes(words[2:], signed=True)
             turned = by_controller and int.from_bytes(words[:2]) & _REVERSE
             return Seen(frame.number, frame.time_ns, by_controller, -raw if turned else raw)
