@@ -260,14 +260,12 @@ def _plugin_rules() -> dict[str, spec.Rule]:
 
 
 def _rules() -> Iterator[str]:
-    left_out = ("analyzer_only", "changed", "group", "args")
+    left_out = ("analyzer_only", "changed", "group", "many", "many_zh", "args")
     names = tuple(name for name in spec.Rule.__annotations__ if name not in left_out)
     yield from block(
         "M.rules", {number: fields(row, names) for number, row in _plugin_rules().items()}
     )
     for number, row in _plugin_rules().items():
-        if row.group or number.startswith("DS7"):
-            yield f"M.rules.{number}.group = {literal(row.group)}"
         if row.args:
             yield f"M.rules.{number}.args = {literal(row.args)}"
 

@@ -515,7 +515,10 @@ def _says(item: Headline, finding: Finding) -> bool:
         return True
     if item.times == 1:
         return False
-    if item.text == RULES[item.rule]["title"]:
+    device, title = str(finding.args.get("device")), RULES[item.rule]["title"]
+    if item.text == title or re.fullmatch(
+        rf"{re.escape(device)}(?: slot \d+)?: {title}", item.text
+    ):
         return True
     if not list(problems(item.rule, item.text, finding.args)):
         return True

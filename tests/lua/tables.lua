@@ -16,7 +16,7 @@ file:close()
 local SAME_AS_KEY = {code = true, id = true}
 local EXPLAINING = { -- for the reader of a table alone
   note = true, confirmed = true, zh_from = true, plc = true, wireshark = true,
-  analyzer_only = true,
+  analyzer_only = true, many = true, many_zh = true, -- headlines are the analyzer's
 }
 
 local flat, entries = {}, 0
@@ -71,8 +71,8 @@ local function is_analyzers(key)
   return key:find("^analyzer_words%.") or rule and stored["rules." .. rule .. ".analyzer_only"]
 end
 for key, want in pairs(stored) do
-  local explaining = (EXPLAINING[key:match("[^.]+$")] or key:find("%.sources%.") or key:find("%.changed%."))
-    and not key:find("^codes%.") -- which may be words
+  local explaining = (EXPLAINING[key:match("[^.]+$")] or key:find("%.sources%.") or key:find("%.changed%.")
+    or key:find("^rules%.%w+%.group%.")) and not key:find("^codes%.") -- which may be words
   if not explaining and not is_analyzers(key) and flat[key] ~= want then differs(key, flat[key], want) end
 end
 for key, value in pairs(flat) do

@@ -208,6 +208,22 @@ def test_one_of_several_sentences_stands_for_no_other():
     assert sentence(told, "zh") == spec.rules()["DS404"].title_zh
 
 
+def test_a_title_that_stands_for_several_says_of_whom_they_are():
+    inhibited = {"device": "192.168.0.5", "slot": 2, "limit": 5.0}
+    findings = [
+        Finding("DS523", "error", n, args={**inhibited, "seconds": n + 0.5}) for n in (6, 9)
+    ]
+    findings.append(Finding("DS523", "error", 12, args={**inhibited, "slot": 3, "seconds": 7.5}))
+    several, alone = headlines(findings)
+    assert (several.count, sentence(several)) == (2, "192.168.0.5 slot 2: ON without a new edge")
+    assert sentence(alone).startswith("Switching on of 192.168.0.5 slot 3 is inhibited")
+    refused = {"device": "10.0.0.2", "controller": "10.0.0.1", "operation": "PUT", "code": 0x8404}
+    (told,) = headlines(
+        Finding("DS909", "error", n, args={**refused, "area": f"MB{n}"}) for n in (1, 2)
+    )
+    assert sentence(told).startswith("PUT refused by 10.0.0.2 as a whole: ")
+
+
 def test_an_advice_begins_with_the_error_number_that_was_seen():
     rule = spec.rules()["DS719"]
     state, enabled = "0x11: see in the parameter list", "0x6B: remove the enable"

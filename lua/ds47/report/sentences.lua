@@ -98,18 +98,17 @@ end
 
 local shown -- forward: the words of a key have arguments too
 
-local function fill(template, rule, args, lang, many)
+local function fill(template, rule, args, lang)
   local parts, text = pieces(template), {}
   for number, part in ipairs(parts) do
-    text[number] = number % 2 == 1 and part or shown(part, rule, args, lang, many)
+    text[number] = number % 2 == 1 and part or shown(part, rule, args, lang)
   end
   return concat(text)
 end
 
--- The words of a key; those for several cases where there are such.
-local function key_words(key, lang, many)
-  local texts = many and tables.diagnosis_words[key .. "_many"] or tables.diagnosis_words[key]
-  return word(texts, lang)
+-- The words of a key.
+local function key_words(key, lang)
+  return word(tables.diagnosis_words[key], lang)
 end
 
 -- The error number that the rule is about, and what it means.
@@ -119,7 +118,7 @@ local function error_of(rule, args, lang)
   if kind == "pkw" then return integer(code) .. " " .. cyclic.error_text(code, lang) end
   local text = spec.error_hex(code) .. " " .. spec.error_text(code, lang, args.vendor_id)
   if not args.among then return text end
-  return (word(tables.diagnosis_words.among, lang):gsub("{error}", {["{error}"] = text}))
+  return (key_words("among", lang):gsub("{error}", {["{error}"] = text}))
 end
 
 -- The words of the status that the rule is about.
@@ -163,10 +162,9 @@ local function part(text, lang)
   return (known:gsub("{(%w)}", { n = numbers[1], m = numbers[2] }))
 end
 
-function shown(name, rule, args, lang, many)
+function shown(name, rule, args, lang)
   if name == "parameter" then
-    local key = args.pnu and "parameter" or "parameter_unknown"
-    return fill(key_words(key, lang, many), rule, args, lang, many)
+    return fill(key_words(args.pnu and "parameter" or "parameter_unknown", lang), rule, args, lang)
   elseif name == "text" then
     return text_of(args, lang)
   elseif name == "error" then
@@ -180,7 +178,7 @@ function shown(name, rule, args, lang, many)
   elseif kind == "reason" then
     return reason(args, lang)
   elseif kind == "key" then
-    return fill(key_words(value, lang, many), rule, args, lang, many)
+    return fill(key_words(value, lang), rule, args, lang)
   elseif kind == "place" then
     return place(value, lang)
   elseif kind == "text" and type(value) == "string" then
@@ -239,45 +237,9 @@ function M.advice(row, args, lang)
   return concat(found, zh and "" or " ")
 end
 
--- Names in a sentence that stand for several arguments.
-local SHOWS = {
-  text = {status = true},
-  error = {code = true, among = true},
-  drive = {device = true, slot = true},
-  parameter = {pnu = true, subindex = true},
-}
-
--- Whether a sentence shows none of these arguments, nor the words of a key of it.
-local function shows_none(template, rule, args, differs, many)
-  local parts = pieces(template)
-  for number = 2, #parts, 2 do
-    local name = parts[number]
-    local value = args[name]
-    for _, each in ipairs(differs) do
-      if each == name or (SHOWS[name] or NONE)[each] then
-        return false
-      end
-    end
-    if rule.args[name] == "key" and value ~= nil
-      and not shows_none(key_words(value, "en", many), rule, args, differs, many) then
-      return false
-    end
-  end
-  return true
-end
-
---- What a finding says, or what is true of all cases of a headline {rule, args, differs}: the sentence of one
--- case where nothing that it names differs, else that of many, else the title.
-function M.sentence(item, lang)
-  local row, differs = tables.rules[item.rule], item.differs or NONE
-  if #differs == 0 then
-    return M.words(item.rule, item.args, lang)
-  elseif shows_none(row.message, row, item.args, differs, false) then
-    return fill(lang == "zh" and row.message_zh or row.message, row, item.args, lang)
-  elseif row.many and shows_none(row.many, row, item.args, differs, true) then
-    return fill(lang == "zh" and row.many_zh or row.many, row, item.args, lang, true)
-  end
-  return lang == "zh" and row.title_zh or row.title
+--- What a finding says.
+function M.sentence(finding, lang)
+  return M.words(finding.rule, finding.args, lang)
 end
 
 return M

@@ -48,7 +48,11 @@ def _in_common(item: Diagnosis, lang: str) -> str:
         if template and names.isdisjoint(item.differs):
             chosen = template if lang != "zh" else row.many_zh if many else row.message_zh
             return chosen.format_map(_Shown(row, item.args, lang, many))
-    return row.title_zh if lang == "zh" else row.title
+    title, device = row.title_zh if lang == "zh" else row.title, item.args.get("device")
+    if device is None:
+        return title
+    where = drive(device, item.args.get("slot"), lang)
+    return say("cause_device", device=where, message=title).text(lang)
 
 
 def _names(row: Rule, template: str, args: Mapping[str, Any], many: bool) -> set[str]:

@@ -26,8 +26,17 @@ ABOUT = (
 Flat = Iterator[tuple[str, Any]]
 KEYS = ("code", "last", "number", "id")
 """Fields that say again what stands in the key."""
-EXPLAINING = ("note", "confirmed", "zh_from", "plc", "wireshark", "analyzer_only")
-"""Fields for the reader of a table alone: the Lua tables leave them out."""
+EXPLAINING = (
+    "note",
+    "confirmed",
+    "zh_from",
+    "plc",
+    "wireshark",
+    "analyzer_only",
+    "many",
+    "many_zh",
+)
+"""Fields for the reader of a table alone, and of headlines, which are the analyzer's: the Lua tables lack them."""
 
 
 def fields(where: str, row: Any) -> Flat:
@@ -137,7 +146,7 @@ def explaining(key: str) -> bool:
     if kind == "rules" and spec.rules()[rest.partition(".")[0]].analyzer_only:
         return True
     return key.rpartition(".")[2] in EXPLAINING or any(
-        f".{each}." in key for each in ("sources", "changed")
+        f".{each}." in key for each in ("sources", "changed", "group")
     )
 
 
