@@ -89,3 +89,23 @@ def test_a_fault_goes_after_its_acknowledgement() -> None:
     assert told(*steps)[-1].endswith("fault gone, 500.0 ms after acknowledge fault")
     assert " after " not in told(*steps[:2], (0x0240, 9))[-1]  # DS524: it had no effect
     assert " after " not in told((0x04FE, 1), (FAULT, 1.5), (0x0240, 2))[-1]
+
+
+@pytest.mark.parametrize(
+    ("after", "rules"),
+    [
+        ([(0x047C, 1.004), (0x0260, 1.1), (OFF, 3)], []),
+        ([(0x0260, 1.1), (OFF, 3)], ["DS529"]),
+        ([(0x0260, 1.1), (0x047C, 2), (OFF, 3)], ["DS529"]),
+    ],
+)
+def test_an_off_whose_command_comes_a_frame_late_is_none_of_the_drive(
+    after: list[tuple[int | str, float]], rules: list[str]
+) -> None:
+    """The capture lost the frame with the command, or has the two in the other order."""
+    operation = Operation({}, limits())
+    recorder = Recorder(operation, trusted=True, speed=True)
+    steps = [(ON, 0), (RUNS, 0), (0x0227, 1), *after]
+    for number, (what, seconds) in enumerate(steps, 1):
+        say(recorder, what, number, round(seconds * 1e9))
+    assert [each.rule for each in operation.remarks] == rules

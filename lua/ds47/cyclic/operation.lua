@@ -50,6 +50,7 @@ function M.new(where, limits)
     away = standing("DS526", limits.deviation_ns),
     least = nil, most = nil, -- setpoints while it was locked
     was_equal = false,
+    off = {}, -- OFF2 and OFF3 of the drive, until it is known that no control word asked for them
   }, Operation)
 end
 
@@ -158,15 +159,29 @@ local function edges(self, last, now)
   if bit(last.zsw1, FAULT) == 1 or bit(now.zsw1, FAULT) == 1 then return end
   for _, off in ipairs(OFF) do
     if falls("zsw1", off.active) and bit(now.heeded, off.asked) == 1 then
-      say(self, "DS529", now.frame, {off = off.name})
+      self.off[#self.off + 1] = {begun = now, asked = off.asked, name = off.name}
     end
   end
+end
+
+-- OFF2 and OFF3 for which nobody asked, also not in a frame that the capture may have lost.
+local function by_itself(self, now)
+  local left = {}
+  for _, each in ipairs(self.off) do
+    if now.time - each.begun.time > self.limits.off_asked_ns then
+      say(self, "DS529", each.begun.frame, {off = each.name})
+    elseif bit(now.heeded, each.asked) == 1 then
+      left[#left + 1] = each
+    end
+  end
+  self.off = left
 end
 
 --- Both sides after a frame, while the data of both is valid.
 function Operation:look(now)
   local last = self.last
   self.last = now
+  if self.off[1] then by_itself(self, now) end
   if last then edges(self, last, now) end
   not_running(self, now)
   fault_stays(self, last, now)

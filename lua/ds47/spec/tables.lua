@@ -116,6 +116,7 @@ M.limits = {
   inhibited_ns = 2000000000,
   acknowledge_ns = 2000000000,
   locked_ns = 2000000000,
+  off_asked_ns = 50000000,
   deviation_ns = 5000000000,
   s7_split_ns = 1000000000,
   s7_writers_ns = 1000000000,

@@ -96,6 +96,8 @@ class Operation:
     _span: tuple[int, int] | None = None
     """Least and greatest setpoint while it was locked."""
     _was_equal: bool = False
+    _off: list[tuple[Now, int, str]] = field(default_factory=list)
+    """OFF2 and OFF3 of the drive, the bit of STW1 that would ask for it, until it is known that none did."""
 
     def __post_init__(self) -> None:
         bounds = self.bounds
@@ -108,6 +110,7 @@ class Operation:
     def look(self, now: Now) -> None:
         """Both sides after a frame, while the data of both is valid."""
         last, self._last = self._last, now
+        self._by_itself(now)
         if last is not None:
             self._edges(last, now)
         self._not_running(now)
@@ -146,7 +149,17 @@ class Operation:
             return
         for active, asked, name in _OFF:
             if falling & active and now.heeded & asked:
-                self._say("DS529", now.frame, off=name)
+                self._off.append((now, asked, name))
+
+    def _by_itself(self, now: Now) -> None:
+        """OFF2 and OFF3 for which nobody asked, also not in a frame that the capture may have lost."""
+        for each in list(self._off):
+            begun, asked, name = each
+            late = now.time_ns - begun.time_ns > self.bounds.off_asked_ns
+            if late or not now.heeded & asked:
+                self._off.remove(each)
+            if late:
+                self._say("DS529", begun.frame, off=name)
 
     # What stands
 

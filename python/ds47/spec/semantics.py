@@ -27,6 +27,7 @@ class Limits(Row):
     inhibited_ns: int
     acknowledge_ns: int
     locked_ns: int
+    off_asked_ns: int
     deviation_ns: int
     s7_split_ns: int
     s7_writers_ns: int
