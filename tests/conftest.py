@@ -70,16 +70,27 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
     return (yield)
 
 
-@pytest.hookimpl(wrapper=True)
-def pytest_fixture_setup(fixturedef: pytest.FixtureDef[object]) -> Generator[None, object, object]:
-    """What is made once for many tests does not count for the first of them."""
-    global _elsewhere
-    start = _cpu()
-    try:
-        return (yield)
-    finally:
-        if fixturedef.scope != "function":
-            _elsewhere += _cpu() - start
+class _MadeForMany:
+    """What is made once for many tests does not count for the first of them.
+
+    No function of this file: pytest asks one for the fixtures of a session only in the folder of its root.
+    """
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_fixture_setup(
+        self, fixturedef: pytest.FixtureDef[object]
+    ) -> Generator[None, object, object]:
+        global _elsewhere
+        start = _cpu()
+        try:
+            return (yield)
+        finally:
+            if fixturedef.scope != "function":
+                _elsewhere += _cpu() - start
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.pluginmanager.register(_MadeForMany())
 
 
 @pytest.hookimpl(wrapper=True)

@@ -159,6 +159,7 @@ def test_random_requests(lua: str) -> None:
     compare(lua, *at_random())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", ["all_bytes", "fields", "values", "zeros", "even_offsets", ""])
 def test_random_requests_hold_every_kind_of_repair(what: str) -> None:
     found = [json.loads(answer) for answer in at_random()[1]]
