@@ -100,12 +100,16 @@ def main() -> None:
         action="store_true",
         help="a tenth of the frames, nothing compiled; writes nothing",
     )
+    parser.add_argument(
+        "--trial", action="store_true", help="a tenth of --small, to see that it runs"
+    )
     parser.add_argument("-n", type=int, default=3, help="runs of each (default 3)")
     parser.add_argument("--no-write", action="store_true", help="leave docs/benchmarks.md alone")
     parser.add_argument("--against", metavar="COMMIT", help="an earlier version, side by side")
     arguments = parser.parse_args()
+    arguments.small |= arguments.trial
     run.DATA.mkdir(exist_ok=True)
-    frames = 20_000 if arguments.small else 200_000
+    frames = 2_000 if arguments.trial else 20_000 if arguments.small else 200_000
     kinds = ["plain"] if arguments.small else ["plain", "compiled"]
     packages = versions(arguments.against, kinds)
     parts = [

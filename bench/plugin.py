@@ -24,7 +24,7 @@ import statistics
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import window
@@ -222,6 +222,9 @@ def main() -> None:
         "--small", action="store_true",
         help="a tenth of the frames, and one tshark where none is named; for CI, writes nothing",
     )  # fmt: skip
+    parser.add_argument(
+        "--trial", action="store_true", help="a tenth of --small, to see that it runs"
+    )
     parser.add_argument("-n", type=int, default=3, help="runs of each (default 3)")
     parser.add_argument(
         "--window", action="store_true", help="loading in the window instead; writes nothing"
@@ -236,8 +239,10 @@ def main() -> None:
         "tshark", nargs="*", help="programs to measure instead of all; with --window a wireshark"
     )
     arguments = parser.parse_args()
+    arguments.small |= arguments.trial
+    loads = [replace(each, small=each.small // 10) if arguments.trial else each for each in LOADS]
     if arguments.window:
-        captures = {load.title: load.capture(arguments.small) for load in LOADS}
+        captures = {load.title: load.capture(arguments.small) for load in loads}
         for program in arguments.tshark or ["wireshark"]:
             window.measure(program, captures, PLUGIN, PROFILE.parent, arguments.n)
         return
@@ -248,7 +253,7 @@ def main() -> None:
     if not programs:
         print("No tshark: the cost of the plugin is not measured")
         return
-    captures = {load: load.capture(arguments.small) for load in LOADS}
+    captures = {load: load.capture(arguments.small) for load in loads}
     if arguments.operations:
         print_operations(programs, captures, arguments.small)
         return

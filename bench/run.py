@@ -227,11 +227,13 @@ class Programs:
 # Sections
 
 
-def sections(programs: Programs, small: bool) -> list[Section]:
+def sections(programs: Programs, small: bool, trial: bool) -> list[Section]:
     """What is measured, small or whole."""
     frames, record_frames, slice_frames = (
         (100_000, 20_000, 800) if small else (1_000_000, 200_000, 4_000)
     )
+    if trial:
+        frames, record_frames, slice_frames = 10_000, 2_000, 80
     one = made(f"noise-{frames}.pcap", "make_noise.py", frames)
     dense = made(f"dense-{record_frames}.pcapng", "make_dense.py", record_frames)
     part = made(f"dense-{slice_frames}.pcapng", "make_dense.py", slice_frames)
@@ -402,9 +404,13 @@ def main() -> None:
     parser.add_argument(
         "--small", action="store_true", help="small captures, for CI; writes nothing"
     )
+    parser.add_argument(
+        "--trial", action="store_true", help="a tenth of --small, to see that it runs"
+    )
     parser.add_argument("-n", type=int, default=5, help="runs of each program (default 5)")
     parser.add_argument("--no-write", action="store_true", help="leave docs/benchmarks.md alone")
     arguments = parser.parse_args()
+    arguments.small |= arguments.trial
     DATA.mkdir(exist_ok=True)
     packages: dict[str, Path] = {}
     checks: dict[str, Callable[[Path], bool]] = {"plain": lambda _: True, "compiled": is_compiled}
@@ -417,7 +423,7 @@ def main() -> None:
         if check(package):
             packages[kind] = package
     parts = []
-    for section in sections(Programs(packages), arguments.small):
+    for section in sections(Programs(packages), arguments.small, arguments.trial):
         parts.append(table(section, measure(section, arguments.n)))
         print(parts[-1] + "\n", flush=True)
     parts.append(machine(arguments.n))
