@@ -208,7 +208,7 @@ def test_room_is_what_the_device_said(tmp_path: Path) -> None:
 
 def cut_by_the_capture(client: Client) -> None:
     long_read(client)
-    asked = [message.address(2902, 0, 20)] * 3
+    asked = [message.address(pnu, 0, 20) for pnu in (2902, 2903, 2904)]
     found = [message.real(*range(20))] * 3
     client.exchange(message.read(2, 1, *asked), message.answer(2, 1, 1, *found))
 
