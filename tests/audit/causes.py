@@ -17,7 +17,7 @@ from itertools import combinations, pairwise
 from pathlib import Path
 from typing import Any
 
-from tests.audit import message, wire, words
+from tests.audit import message, s7, wire, words
 from tests.audit.claims import Auditor, Case, means, vendor
 from tests.audit.memory import LOCAL, MAYBE, NO_SUCH_AXIS, OF_THE_DEVICE, SURE, Memory, Target
 from tests.audit.reading import NOT_READY, Complaint, Deal, Finding, Reading, shown
@@ -954,6 +954,9 @@ def _poll_frames(deal: Deal) -> list[int | None]:
 @auditor("DS725")
 def _half(case: Case) -> Iterator[str]:
     what, capture = case.args.get("what"), case.reading.capture
+    if str(what).startswith("s7_"):
+        yield from s7.missing(case.args, case.reading)
+        return
     rpc = case.reading.plain["rpc"]
     orphans = sum(each.asked is None and not each.cyclic for each in case.reading.deals)
     dropped = [

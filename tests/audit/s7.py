@@ -87,6 +87,20 @@ def _many(case: Case, frames: list[list[int]], count: int | None = None) -> Iter
     yield from case.wrong(count=len(frames) if count is None else count, frames=sorted(kept))
 
 
+def missing(args: dict[str, Any], reading: Reading) -> Iterator[str]:
+    """What is not so of DS725 about S7: the capture lacks all that one end sent, or a part."""
+    count = 0
+    for client, server, both in s7_wire.ways(reading.capture.frames):
+        silent = next((up for up in (True, False) if both[up].silent), None)
+        told = {True: "s7_client_missing", False: "s7_server_missing"}.get(silent or False)
+        if silent is None:
+            told = "s7_bytes_missing" if both[True].lacks or both[False].lacks else None
+        ends = client[0], server[0], told
+        count += ends == tuple(args[name] for name in ("controller", "device", "what"))
+    if count < args["count"]:  # of another one nobody knows that it is S7
+        yield f"{count} connections are so, not {args['count']}"
+
+
 # Jobs
 
 

@@ -258,6 +258,64 @@ def _segments(
         yield frame, source, target, number, whole[13], whole[(whole[12] >> 4) * 4 :]
 
 
+def ways(frames: list[Frame]) -> Iterator[tuple[_End, _End, dict[bool, Way]]]:
+    """Client and server of each connection, and what the capture has of the bytes of both (True: of the client)."""
+    found: dict[tuple[_End, _End], dict[bool, Way]] = {}
+    for frame in frames:
+        for _, source, target, number, flags, data in _segments(frame, (PORT,)):
+            up = target[1] == PORT
+            ends = (source, target) if up else (target, source)
+            both = found.setdefault(ends, {True: Way(), False: Way()})
+            if flags & 2:
+                both[up].start = (number + 1) & 0xFFFFFFFF
+                both[not up].opens = True
+            if data:
+                both[up].pieces.append((number, len(data)))
+            if flags & 16:
+                packet = _ip(frame)
+                head = (packet[0] & 15) * 4
+                both[not up].has.append(int.from_bytes(packet[head + 8 : head + 12]))
+    for (client, server), both in found.items():
+        yield client, server, both
+
+
+@dataclass
+class Way:
+    """The bytes that one end of a connection sends, as far as the capture shows them."""
+
+    pieces: list[tuple[int, int]] = field(default_factory=list)
+    """The number of the first one, and how many."""
+    has: list[int] = field(default_factory=list)
+    """What the other end says to have."""
+    start: int | None = None
+    """The number of the first byte, where its SYN is in the capture."""
+    opens: bool = False
+    """Whether the SYN of the other end is."""
+
+    @property
+    def silent(self) -> bool:
+        """Whether there is none, and the other end has some."""
+        return not self.pieces and self.lacks
+
+    @property
+    def lacks(self) -> bool:
+        """Whether some are missing before others, or before what the other end has."""
+        if not self.pieces and self.start is None:
+            return len(set(self.has)) > (0 if self.opens else 1)
+        middle = 1 << 31
+        first = self.pieces[0][0] if self.start is None else self.start
+
+        def place(number: int) -> int:
+            return (number - first + middle) & 0xFFFFFFFF
+
+        there = min([middle, *(place(number) for number, _ in self.pieces)])
+        for number, size in sorted(self.pieces, key=lambda each: place(each[0])):
+            if place(number) > there:
+                return True
+            there = max(there, place(number) + size)
+        return max(map(place, self.has), default=0) > there + 1
+
+
 def _ip(frame: Frame) -> bytes:
     data = frame.data
     if frame.link == 1:
