@@ -146,6 +146,28 @@ def check(reading: Reading) -> Iterator[Complaint]:
                 yield Complaint("pzd", f"frame {each['frame']}", f"{each['word']} is {word}")
 
 
+def offers(reading: Reading) -> Iterator[Complaint]:
+    """Whether the words at the offsets that the report offers may be those of a drive, and whether it offers them."""
+    for sender in reading.plain.get("senders", ()):
+        option = f"{sender['mac']}@{sender['frame_id']:04X}:{sender.get('offset')}:pzd"
+        if sender.get("word") is None:
+            continue
+        head, words = cyclic.TYPE + sender["frame_id"].to_bytes(2), set()
+        for frame in reading.capture.frames[:2000]:
+            at = 12 if frame.data[12:14] == cyclic.TYPE else 16
+            if frame.data[6:12].hex(":") == sender["mac"] and frame.data[at : at + 4] == head:
+                start = at + 4 + sender["offset"]
+                words.add(int.from_bytes(frame.data[start : start + 2]))
+        if sender["word"] == "STW1":
+            so = not any(each & 0xF000 for each in words) and any(
+                each & 0x406 == 0x406 for each in words
+            )
+        else:
+            so = all(each & 7 in (0, 1, 3, 7) or each & 8 for each in words)
+        if not so or option not in reading.text:
+            yield Complaint("pzd", option, f"is no {sender['word']}, or is not offered")
+
+
 COMMANDS = {
     "ON": (0, 1), "OFF1": (0, 0), "OFF2": (1, 0), "OFF3": (2, 0), "enable operation": (3, 1),
     "operation no longer enabled": (3, 0), "acknowledge fault": (7, 1),

@@ -68,6 +68,7 @@ def complaints(item: Reading, drives: dict[str, Drive] | None = None) -> Iterato
     yield from pkw.check(item)
     yield from pzd.check(item)
     yield from pzd.stories(item)
+    yield from pzd.offers(item)
     for finding in item.findings:
         yield from of_finding(finding, item, memory)
         yield from words.check(finding, item)

@@ -40,7 +40,7 @@ end
 function M.explain(item, drives)
   local parameter = turned_down(item)
   local drive = parameter and same(item, drives)
-  if not drive then return nil end
+  if not drive or not drive.recorder:has_sense() then return nil end
   local recorder, first, last = drive.recorder, item.frames.write_request, item.frames.read_response
   local running = recorder:running(first, last)
   if running == nil then return nil end

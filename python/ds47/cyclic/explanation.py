@@ -51,7 +51,7 @@ def turned_down(item: Transaction) -> TurnedDown | None:
 def explain(it: TurnedDown, drives: Sequence[Drive]) -> Remark | None:
     """What the status word of the same drive object says; None where that is not known."""
     drive = _same(it, drives)
-    if drive is None:
+    if drive is None or not drive.recorder.has_sense:
         return None
     running = drive.recorder.running(it.request, it.response)
     if running is None:
