@@ -42,7 +42,7 @@ NUMBERS = {
 """Type of an argument -> how a number stands in a sentence."""
 HEX = ("hex", "code", "s7_item")
 MOST_VALUES, MOST_CHARACTERS = 4, 100
-ABSENT = "(?:-|\\?|no error number)"
+ABSENT = "(?:-|\\?|no error number(?: that is known here)?)"
 NEVER = "(?!)"
 
 

@@ -114,7 +114,9 @@ end
 -- The error number that the rule is about, and what it means.
 local function error_of(rule, args, lang)
   local code, kind = args.code, rule.args.code
-  if code == nil then return word(tables.report_words.no_error_number, lang) end
+  if code == nil then
+    return word(tables.report_words[kind == "pkw" and "no_known_number" or "no_error_number"], lang)
+  end
   if kind == "pkw" then return integer(code) .. " " .. cyclic.error_text(code, lang) end
   local text = spec.error_hex(code) .. " " .. spec.error_text(code, lang, args.vendor_id)
   if not args.among then return text end

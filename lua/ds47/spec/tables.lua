@@ -1403,6 +1403,7 @@ M.report_words = {
   about_unanswered = {en = "No response to the request is in the capture.", zh = "抓包中没有该请求的应答。"},
   about_superseded = {en = "The next request was accepted before a response to this one was fetched.", zh = "在读取本请求的应答之前，下一个请求已被接受。"},
   about_orphan = {en = "A response whose request is not in the capture.", zh = "其请求不在抓包中的应答。"},
+  no_known_number = {en = "no error number that is known here", zh = "没有已知的错误号"},
   no_error_number = {en = "no error number", zh = "没有错误号"},
   operation_read = {en = "read", zh = "读"},
   operation_change = {en = "change", zh = "修改"},

@@ -170,7 +170,8 @@ class _Shown(dict[str, str]):
         """The error number that the rule is about, and what it means."""
         code, kind = self._args.get("code"), self._row.args["code"]
         if code is None:
-            return say("no_error_number").text(self._lang)
+            known = "no_known_number" if kind == "pkw" else "no_error_number"
+            return say(known).text(self._lang)
         if kind == "pkw":
             return f"{code} {pkw_error_text(code, self._lang)}"
         if kind == "s7_item":
