@@ -290,6 +290,12 @@ end
 -- The text in pieces that stay whole: a word with the blanks behind it, or a wide character.
 local function pieces(text)
   local characters, found, piece = {}, {}, ""
+  if not find(text, "[\128-\255]") then
+    found[1] = text:match("^ +")
+    for word in text:gmatch("[^ ]+ *") do found[#found + 1] = word end
+    if not find(text, "[^ ]$") then found[#found + 1] = "" end
+    return found
+  end
   for character in text:gmatch(M.CHARACTER) do
     characters[#characters + 1] = character
   end
