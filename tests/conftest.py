@@ -97,8 +97,9 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_runtest_makereport(
     item: pytest.Item,
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Up to the end of the call: what ends with the last test of a file, or of all, is not of that test."""
     report = yield
-    if report.when == "teardown" and item.get_closest_marker("slow") is None:
+    if report.when == "call" and item.get_closest_marker("slow") is None:
         report.user_properties.append(("cpu", _cpu() - _elsewhere))
     return report
 

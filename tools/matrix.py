@@ -153,8 +153,8 @@ def main() -> int:
     parser.add_argument(
         "--others",
         action="store_true",
-        help="leave out what the plain test run covers: this machine's own tshark, plain Lua; and the others,"
-        " of the tests that take every capture, have one part of them each",
+        help="leave out what the plain test run covers: this machine's own tshark, plain Lua, tests marked own;"
+        " of tests made for many captures by name each tshark has one part",
     )
     parser.add_argument("--jobs", type=int, default=4, help="at once")
     parser.add_argument("--pytest", action="append", default=[], help="an argument for pytest")

@@ -1,4 +1,4 @@
-"""The part of many captures that a run takes: in the matrix each tshark has one, and all of them the whole.
+"""What a run of the matrix takes: each tshark has a part of many captures, and all of them the whole.
 
 Divided are the captures that a test goes through itself (`share`), and the tests of which there is one for each of
 many captures (`own`).
