@@ -61,6 +61,11 @@ def test_the_next_number_is_told() -> None:
         make_rule.following(ids, "DS504")
 
 
+@pytest.mark.parametrize("name", TOUCHED)
+def test_no_skeleton_is_left(name: str) -> None:
+    assert "TODO" not in (ROOT / name).read_text("utf-8")
+
+
 def test_a_rule_that_is_there_already_stays_as_it_is(copy: Path) -> None:
     with pytest.raises(ValueError, match="DS415 is in"):
         make_rule.write(copy, "DS415")
