@@ -119,9 +119,9 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 
 LONG = (
-    "test_compiled.py", "test_wireshark_vectors.py", "test_lua_analysis.py", "test_one_page.py",
-    "test_cyclic_scenes.py", "test_engine.py", "test_wheelhouse.py", "test_audit.py",
-    "test_folders.py", "test_profibus_master.py",
+    "test_compiled.py", "test_lua_analysis.py", "test_wireshark_plugin.py", "test_profibus_master.py",
+    "test_cluster.py", "test_folders.py", "test_audit.py", "test_engine.py", "test_readme.py",
+    "test_lua_explain.py", "test_wheelhouse.py", "test_pytest_plugin.py", "test_one_page.py",
 )  # fmt: skip
 """Files that take the longest, the longest first."""
 
