@@ -20,7 +20,7 @@ from ds47.report import Options
 from ds47.report.clock import Clock
 from ds47.report.sentences import sentence
 from ds47.report.summary import Opening
-from ds47.report.verdict import Counts
+from ds47.report.verdict import FAILED, Counts
 from ds47.report.zones import UNIVERSAL
 from ds47.s7.tcp import from_frame
 
@@ -97,6 +97,10 @@ def test_what_a_cut_says_is_true_of_the_whole(path: Path, tmp_path: Path) -> Non
         for each in result.findings:
             if each.rule not in OF_RECORDING | OF_WHAT_IS_THERE and said(each) not in true:
                 wrong[name, sentence(each)] += 1
+        failed = {
+            (each.operation, each.state) for each in result.transactions if each.state in FAILED
+        }
+        assert failed <= {(each.operation, each.state) for each in whole.transactions}, name
     assert not wrong, "\n".join(f"{n} x {each}" for each, n in wrong.most_common(40))
 
 

@@ -102,7 +102,8 @@ class Transfers:
         elif part.last:
             job.error, job.answered = 0, at
             whole = found.whole and len(found.data) == job.total
-            job.state = OK if whole else PARTIAL if found.whole else ORPHAN
+            short = UNANSWERED if job.lost else PARTIAL  # lost segments were not left out
+            job.state = OK if whole else short if found.whole else ORPHAN
             self._close(found)
         return True
 
