@@ -56,6 +56,7 @@ function M.new(listener, limits, every, naming)
     rows = {}, -- source, EtherType and frame id -> row
     senders = 0, -- how many rows there are
     stations = {}, -- the same of stations of PROFIBUS, by source
+    named = {}, -- relations that a user named
     all = {}, -- relations, those that a later Connect replaced and those that are only candidates too
     drives_ = {}, -- lines of PZD
     without_request = {}, -- relations of PKW in which none was seen
@@ -393,6 +394,7 @@ end
 
 --- Channels that a user names, before the first frame: relations as named.lua gives them.
 function Channels:name(named)
+  self.named = named
   for _, relation in ipairs(named) do add(self, relation, false) end
   watch(self)
 end
@@ -425,10 +427,8 @@ end
 
 --- Of whom the drives are whose channels were named, as far as the capture has shown it.
 function Channels:identify()
-  for _, each in ipairs(self.all) do
-    if relations.is_named(each) and each.vendor_id == nil and self.naming then
-      each.vendor_id = self.naming:vendor_of(each.device)
-    end
+  for _, each in ipairs(self.named) do
+    each.vendor_id = self.naming and self.naming:vendor_of(each.device)
   end
 end
 

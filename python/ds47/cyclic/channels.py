@@ -275,6 +275,7 @@ class CyclicChannels:
         self._rows: dict[bytes, _Row] = {}
         """Those of stations of PROFIBUS, by their source."""
         self._relations: list[Relation] = []
+        self._named: list[Relation] = []
         self._drives: list[Drive] = []
         self._without_request: list[Relation] = []
         self._ignored: list[tuple[Relation, Job]] = []
@@ -366,14 +367,14 @@ class CyclicChannels:
         for relation in named.relations(names):
             if relation.channel in self._wanted:
                 self._add(relation)
+                self._named.append(relation)
         if self._lines:
             self._tell()
 
     def identify(self) -> None:
         """Of whom the drives are whose channels were named, as far as the capture has shown it."""
-        for each in self._relations:
-            if each.is_named and each.vendor_id is None:
-                each.vendor_id = self._maker(each.device)
+        for each in self._named:
+            each.vendor_id = self._maker(each.device)
 
     def configured(self, relations: Sequence[Relation], output: bytes, input_: bytes) -> None:
         """A station of PROFIBUS gets its configuration: the channels in its data, in place of those before.
