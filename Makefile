@@ -81,6 +81,7 @@ test-all: system
 audit: $(STAMP)
 	$(BIN)/python -m tests.audit --count $(N) --seed $(SEED) captures/*.pcapng captures/*-stacks/*.pcapng \
 		captures/profibus/*.pcapng
+	$(BIN)/python -m tests.audit --holes --count $(N) --seed $(SEED) captures/real-stacks/*.pcapng
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

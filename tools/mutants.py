@@ -80,8 +80,14 @@ S7 = (
 )
 WHOLE = ("test_conversations", "test_real_stacks", "test_stored_captures", "test_hostile")
 TESTS: dict[str, tuple[str, ...]] = {
-    "python/ds47/acyclic/pairing.py": ("test_pairing", "test_profibus_calls", *WHOLE),
-    "python/ds47/profinet/calls.py": ("test_calls", *WHOLE),
+    "python/ds47/acyclic/pairing.py": (
+        "test_pairing",
+        "test_completeness",
+        "test_profibus_calls",
+        *WHOLE,
+    ),
+    "python/ds47/profinet/completeness.py": ("test_completeness", *WHOLE),
+    "python/ds47/profinet/calls.py": ("test_calls", "test_completeness", *WHOLE),
     "python/ds47/profinet/rpc.py": ("test_rpc", "test_calls", "test_short_ways", *WHOLE),
     "python/ds47/acyclic/judge.py": RULES,
     "python/ds47/acyclic/readback.py": RULES,

@@ -15,6 +15,7 @@ local lists = require("ds47.parameters.naming")
 local idents = require("ds47.profibus.idents")
 local calls = require("ds47.profinet.calls")
 local channels = require("ds47.cyclic.channels")
+local completeness = require("ds47.profinet.completeness")
 local conclusions = require("ds47.cyclic.conclusions")
 local dictionary = require("ds47.profidrive.dictionary")
 local ending = later("ds47.acyclic.ending")
@@ -85,13 +86,15 @@ function M.new(options)
     original = nil, -- the frame of which the last one is a mirror port's copy; nil of all others
     result = nil,
   }, Analysis)
-  self.pairing = pairing.new(limits, self)
+  self.completeness = completeness.new(limits.activities)
+  self.pairing = pairing.new(limits, self, self.completeness)
   self.gate = gate.Gate.new(options.indices, limits.waiting_calls, options.forbid_47)
   self.judge = rules.new(limits, slow_ns, function(device) return self.gate:waits(device) end)
   self.dictionary = dictionary.new(self.judge.written.objects, limits.described_parameters)
   self.events = recordevents.RecordEvents.new(self.gate, self.pairing, self.codec, self)
-  self.records = recordcalls.RecordCalls.new(self.events, self.gate, self.pairing, self, self.naming)
-  self.calls = calls.CallTracker.new(limits, self.records)
+  self.records = recordcalls.RecordCalls.new(self.events, self.gate, self.pairing, self, self.naming,
+    self.completeness)
+  self.calls = calls.CallTracker.new(limits, self.records, self.completeness)
   local stations = idents.new()
   self.ms1 = ms1calls.new(self.events, self.findings, stations)
   self.services = services.CallTracker.new(self.ms1)
@@ -157,6 +160,12 @@ end
 function Analysis:datagram(pdu, ip_id, src_mac)
   begin(self, pdu.frame)
   local tracker = self.calls
+  if pdu.mapper then
+    if pdu.ptype == 0 then
+      tracker:passes(pdu)
+    end
+    return
+  end
   local is_copy, original = tracker:is_copy(pdu, ip_id)
   if is_copy then
     self.original = original
@@ -472,7 +481,8 @@ function Analysis:exchanged(relation, job)
 end
 
 --- A Read without record on a channel that has no request (docs/pairing.md P33).
-function Analysis:nothing_to_read(record, device)
+-- @param missing  what may be missing of the requests (P73); nil where nothing can be
+function Analysis:nothing_to_read(record, device, missing)
   local half = record.response
   if half == nil or half.status == nil then -- without a status it is DS108, the cause
     return
@@ -483,7 +493,11 @@ function Analysis:nothing_to_read(record, device)
   if never then -- what the capture shows since the start-up cannot lie before it
     args.device, args.index = device, record.index
   end
-  self.findings:add(rules.remark(never and "DS808" or "DS206", half.frame, args))
+  if missing and not never then
+    self.findings:add(rules.remark("DS110", half.frame, missing))
+  else
+    self.findings:add(rules.remark(never and "DS808" or "DS206", half.frame, args))
+  end
 end
 
 return M

@@ -18,7 +18,7 @@ from ds47.acyclic import learning
 from ds47.acyclic.index47 import Index47
 from ds47.acyclic.judge import Judge
 from ds47.acyclic.ms1_calls import Ms1Calls, StartUps
-from ds47.acyclic.pairing import Job, Pairing, Peer
+from ds47.acyclic.pairing import Job, Missing, Pairing, Peer
 from ds47.acyclic.record_calls import RecordCalls
 from ds47.acyclic.record_events import RecordEvents
 from ds47.acyclic.services import CallTracker as ServiceTracker
@@ -51,6 +51,7 @@ from ds47.profidrive import Options, decode_response
 from ds47.profidrive.dictionary import Dictionary, explain_transaction
 from ds47.profidrive.drive_objects import DriveObjects
 from ds47.profinet.calls import CallTracker
+from ds47.profinet.completeness import Completeness
 from ds47.profinet.records import Half, Record
 from ds47.profinet.stations import Stations as Names
 from ds47.profinet.transport import Transport
@@ -222,10 +223,11 @@ class Analysis:
         self._judge = Judge(bounds, slow_ns, index47.waits)
         self._catalogue = Catalogue(options.lists)
         self._dictionary = Dictionary(self._judge.objects, bounds.described_parameters)
-        self._diagnoses = Diagnoses(options.codec)
+        self._completeness = Completeness(bounds.activities)
+        self._diagnoses = Diagnoses(options.codec, self._completeness)
         self._pairing = Pairing(
             bounds, self._answered, self._closed, self._nothing_to_read, self._refused,
-            self._asked, self._judge.connected,
+            self._asked, self._judge.connected, self._completeness,
         )  # fmt: skip
         self._stations = Names(bounds.stations, options.vendor_id)
         vendor = self._stations.vendor if options.vendor_id is not None else None
@@ -235,9 +237,9 @@ class Analysis:
         self._events = RecordEvents(index47, self._pairing, options.codec, self._remark)
         self._records = RecordCalls(
             self._events, index47, self._pairing, self._remark, self._diagnoses.foreign,
-            self._cyclic.connected, bounds, vendor,
+            self._cyclic.connected, self._completeness, bounds, vendor,
         )  # fmt: skip
-        self._calls = CallTracker(bounds, self._records.handlers())
+        self._calls = CallTracker(bounds, self._records.handlers(), self._completeness)
         choices = options.s7 if S7 in options.channels else None
         self._s7 = Communication(choices, bounds, self._communicated, self._remark)
         self._transport = Transport(
@@ -289,7 +291,7 @@ class Analysis:
         self._bus.finish()
         self._bus_stations.finish()
         self._services.finish()
-        self._pairing.finish()
+        self._pairing.finish(self._events.newest_ns)
         self._records.finish()
         self._cyclic.finish()
         self._operation()
@@ -345,14 +347,13 @@ class Analysis:
         """What only the whole capture can show."""
         if DS47 not in self._options.channels:
             return
-        calls = self._calls.counts
-        answers = calls["responses"] + calls["faults"] + calls["rejects"]
-        gaps, dropped = capture.gaps, capture.dropped
-        for remark in self._diagnoses.finish(dropped, gaps, calls["requests"], answers):
+        for remark in self._diagnoses.finish(capture.dropped, capture.gaps):
             self._findings.add(remark)
 
     def _remark(self, remark: Remark) -> None:
         """A transport finding; where transactions are handed out, it goes with that of its job."""
+        if remark.rule == "DS107":
+            self._diagnoses.steps_back(remark.frame, remark.args["milliseconds"])
         job = remark.job
         if self._on_transaction is not None and job is not None:
             if job.phase != "closed":
@@ -478,11 +479,17 @@ class Analysis:
         transaction.findings = sorted({remark.rule for remark in remarks})
         to(transaction, [self._findings.told(remark, order) for remark in remarks])
 
-    def _nothing_to_read(self, peer: Peer, record: Record) -> None:
-        self._diagnoses.nothing_to_read(peer, record)
+    def _nothing_to_read(self, peer: Peer, record: Record, missing: Missing | None) -> None:
         half = record.response
-        if half is not None and half.status is not None:  # without a status it is DS108, the cause
-            self._findings.add(self._not_asked(peer, record, half))
+        if half is None or half.status is None:
+            return  # it is DS108, the cause
+        remark = self._not_asked(peer, record, half)
+        if remark.rule == "DS808":
+            missing = None
+        elif missing is not None:
+            remark = Remark("DS110", half.frame, missing._asdict())
+        self._diagnoses.nothing_to_read(peer, record, missing)
+        self._findings.add(remark)
 
     def _not_asked(self, peer: Peer, record: Record, half: Half) -> Remark:
         """Of a Read that found nothing; what the capture shows since the start-up cannot lie before it."""

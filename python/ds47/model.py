@@ -22,7 +22,17 @@ SIEMENS = 0x002A
 """PROFINET vendor id of the drives whose own parameters and error numbers are known."""
 OPERATIONS = ("read", "change", "vendor", "unknown", "get", "put", "bsend", "usend")
 """The last four are those of S7."""
-STATES = ("ok", "partial", "error", "mismatch", "refused", "unanswered", "superseded", "orphan")
+STATES = (
+    "ok",
+    "partial",
+    "error",
+    "mismatch",
+    "refused",
+    "unanswered",
+    "superseded",
+    "incomplete",
+    "orphan",
+)
 SEVERITIES = ("note", "warning", "error")
 """From harmless to serious, so that an index compares two of them."""
 DS47, PKW, PZD, S7 = CHANNELS = ("ds47", "pkw", "pzd", "s7")

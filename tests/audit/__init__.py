@@ -21,6 +21,7 @@ itself, as `python -m ds47` prints it, and the catalogue's names of arguments. I
     drive           a simulated drive that can be asked whether it would take a request
     conversations   random conversations, one for each plan of hypothesis
     lines           the same on PROFIBUS
+    gaps            what a capture does not have; cuts makes such captures, holes reads them beside the whole one
     run             all of it over a capture
     seeds           many conversations; `python -m tests.audit` for them and for captures
 """

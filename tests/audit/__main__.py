@@ -4,6 +4,7 @@ python -m tests.audit --count 1000 --seed 7     random conversations; every hund
 python -m tests.audit captures/*.pcapng         captures
 python -m tests.audit --plan '{...}'            one conversation, planned as a complaint shows it
 python -m tests.audit --plan '{...}' --keep FILE   writes its capture
+python -m tests.audit --holes ...               the same, each with holes
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from tests.audit import run, seeds
+from tests.audit import holes, run, seeds
 from tests.audit.reading import Complaint
 
 
@@ -25,6 +26,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1, help="seed of the first hundred")
     parser.add_argument("--plan", type=seeds.plan, help="one conversation, as JSON")
     parser.add_argument("--keep", type=Path, help="only write the capture of the plan")
+    parser.add_argument("--holes", action="store_true", help="read them with holes")
     given = parser.parse_args()
     if given.keep is not None:
         seeds.play(given.plan).tape.write(given.keep)
@@ -41,10 +43,10 @@ def main() -> int:
 
 def _all(given: argparse.Namespace) -> Iterator[tuple[str, list[Complaint]]]:
     for path in given.captures:
-        yield str(path), run.audit(path)
-    for plan, found in seeds.over([given.plan] if given.plan else []):
+        yield str(path), list(holes.of(path)) if given.holes else run.audit(path)
+    for plan, found in seeds.over([given.plan] if given.plan else [], cut=given.holes):
         yield plan.text(), found
-    for plan, found in seeds.everywhere(given.count, given.seed):
+    for plan, found in seeds.everywhere(given.count, given.seed, cut=given.holes):
         yield plan.text(), found
 
 

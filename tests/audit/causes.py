@@ -18,10 +18,12 @@ from pathlib import Path
 from typing import Any
 
 from tests.audit import message, s7, wire, words
-from tests.audit.claims import Auditor, Case, means, vendor
+from tests.audit.claims import Auditor, Case, absent, means, vendor
 from tests.audit.memory import LOCAL, MAYBE, NO_SUCH_AXIS, OF_THE_DEVICE, SURE, Memory, Target
 from tests.audit.reading import NOT_READY, Complaint, Deal, Finding, Reading, shown
 
+DISORDER_MS = 1000
+"""By how much time steps back at the most where frames are out of order."""
 AUDITORS: dict[str, Auditor] = {}
 SIEMENS = 0x002A
 IN_USE = 0xDF80B500
@@ -35,6 +37,7 @@ TOO_LONG = 0x15
 TYPE_ERRORS = (0x02, 0x05, 0x17)
 SOURCE_MOST = 9_999
 SAVE_ONE, SAVE_ALL = 971, 977
+RECORDS = (wire.READ, wire.WRITE, wire.IMPLICIT)
 SPEC = Path(__file__).parents[2] / "python/ds47/spec"
 
 
@@ -103,17 +106,20 @@ def _early(case: Case) -> Iterator[str]:
     yield from case.wrong("by", deal.frames["write_response"])
     if frame != case.frame or frame is None or by is None or frame > by or deal.write_status:
         yield "the Write was answered before"
+    elif (case.reading.time(frame) or 0) > (case.reading.time(by) or 0):
+        yield "by their own times the Write was answered before"
 
 
 @auditor("DS703")
 def _nothing_asked(case: Case) -> Iterator[str]:
     polled = {poll["response"] for deal in case.reading.deals for poll in deal.polls}
     ours = {(deal.controller, deal.device, deal.ar, deal.index) for deal in case.reading.deals}
+    unknown = {each.frame for each in case.reading.findings if each.rule == "DS110"}
     found = [
         each for each in case.reading.capture.records
         if not each.write and each.status == NOT_READY and each.answered not in polled
         and (each.index in (0xB02E, 0xB02F) or (each.controller, each.device, str(each.ar) if each.ar.int else None, each.index) in ours)
-        and each.device == case.args.get("device")
+        and each.device == case.args.get("device") and each.answered not in unknown
     ]  # fmt: skip
     yield from case.wrong("count", len(found))
     if not found or case.frame not in [each.answered for each in found]:
@@ -147,7 +153,15 @@ def _once_more(case: Case) -> Iterator[str]:
         each.write for each in case.reading.deals
         if each.channel == key and each.state == "refused" and (first or 0) < (each.write or 0) < until
     ]  # fmt: skip
-    yield from _how_again(case, one, [*(each.asked for each in between if each.status), *faults])
+    if case.reading.line is None:
+        yield from case.reading.gaps.between(one.controller, one.device, first or 0, until)
+    behind = [
+        each.asked for each in case.reading.on_channel.get(key, [])
+        if each.write and each.status != 0 and (first or 0) < _at(each) < case.frame
+    ]  # fmt: skip
+    yield from _how_again(
+        case, one, [*(each.asked for each in between if each.status), *faults], behind
+    )
     told = case.args.get("case")
     if between and told == "again":
         yield f"a new request was written in frame {_at(between[-1])}"
@@ -165,11 +179,13 @@ def _at(record: wire.Record) -> int:
     return record.asked or record.answered or 0
 
 
-def _how_again(case: Case, one: wire.Record, refused: list[int | None]) -> Iterator[str]:
+def _how_again(
+    case: Case, one: wire.Record, refused: list[int | None], behind: list[int]
+) -> Iterator[str]:
     """How the response was read once more: after a refused Write, without an AR, or with nothing before it."""
     told, write = case.args.get("case"), case.args.get("write")
     if told == "again_after_refusal":
-        if write not in refused:
+        if write not in (*refused, *behind):
             yield f"write {write!r} is none of the refused {refused}"
         return
     yield from case.wrong("write", None)
@@ -217,6 +233,8 @@ def _two_users(case: Case) -> Iterator[str]:
     refused = all(each.write_status for each in here or held)
     if max(until) < came[0].asked or args["first"] > came[0].asked or refused:
         yield f"the request of frame {args['first']} was not open in frame {came[0].asked}"
+    for each in here:
+        yield from absent(case, each, case.frame)
 
 
 def _turned_away(record: wire.Record, case: Case) -> Iterator[str]:
@@ -232,7 +250,8 @@ def _turned_away(record: wire.Record, case: Case) -> Iterator[str]:
             "superseded",
             "refused",
         )
-        if deal.place == place and begun and still and deal.index != SHARED:
+        unsure = list(absent(case, deal, record.answered or record.asked))
+        if deal.place == place and begun and still and deal.index != SHARED and not unsure:
             yield f"the request of frame {deal.write} was open, and is in the capture"
 
 
@@ -412,10 +431,10 @@ def _too_long(case: Case) -> Iterator[str]:
     if not deal.fits:
         yield "it is the response to another request"
     lengths = {
-        len(each.answer.data)
-        for each in case.reading.deals
+        length for each in case.reading.deals
         if each.device == deal.device and each.answer is not None
-    }
+        for length in (len(each.answer.data), *_stated(each, case.reading))
+    }  # fmt: skip
     if case.args.get("room") == "room_seen" and limit not in lengths:
         yield f"no response of the device has {limit} bytes"
     elif case.args.get("room") == "room_stated" and limit not in _longest(
@@ -427,6 +446,13 @@ def _too_long(case: Case) -> Iterator[str]:
     yield from _no_room(case, deal.asked, deal.answer)
     if there == len(deal.asked.addresses):
         yield "all found room"
+
+
+def _stated(deal: Deal, reading: Reading) -> list[int]:
+    """The length of a response by its record, of one that the capture cut."""
+    frame = reading.capture.frame(deal.read or 0)
+    reads = reading.answered_at.get(deal.read or 0, [])
+    return [each.stated for each in reads] if frame is not None and frame.cut else []
 
 
 def _no_room(case: Case, asked: message.Message, answer: message.Message) -> Iterator[str]:
@@ -752,12 +778,14 @@ Moment = tuple[int, int]
 @auditor("DS721")
 def _unsaved(case: Case) -> Iterator[str]:
     here = [each for each in case.reading.deals if each.device == case.args.get("device")]
-    saves = [save for each in here for save in _saves(case.reading, each)]
+    known = [save for each in here for save in saves(case.reading, each)]
+    hole = case.reading.gaps.newest(str(case.args.get("device")))
+    known += [((hole, 0), each, True, False) for each in here[:1]]  # a save may be missing there
     kept: list[tuple[int, Deal]] = []
     perhaps = 0
     for deal in here:
         for at, seen in _lasting(case.reading, deal):
-            after = [save for save in saves if save[0] > at]
+            after = [save for save in known if save[0] > at]
             if any(_has_saved(deal, *save[1:]) for save in after):
                 continue
             sure = [by for _, by, _, done in after if done and _surely_one(case.memory, deal, by)]
@@ -779,7 +807,7 @@ def _unsaved(case: Case) -> Iterator[str]:
         yield f"the first of them is in frame {min(frames)}"
 
 
-def _saves(reading: Reading, deal: Deal) -> Iterator[tuple[Moment, Deal, bool, bool]]:
+def saves(reading: Reading, deal: Deal) -> Iterator[tuple[Moment, Deal, bool, bool]]:
     """When which transaction may have saved, whether all drive objects, and whether that is known."""
     if _unasked_change(reading, deal):
         yield (deal.read or 0, deal.id), deal, True, False
@@ -859,6 +887,7 @@ def _lost(case: Case) -> Iterator[str]:
         return
     if deal.answer is not None or deal.write_status:
         yield f"it was answered in frame {deal.read}"
+    yield from absent(case, deal, frame or 10**9)
     call = case.reading.call_at.get(frame or 0)
     stations = {deal.controller, deal.device}
     ends = call is not None and call.request.operation in (wire.CONNECT, wire.RELEASE)
@@ -909,9 +938,7 @@ def _about(told: object, truth: float, share: float) -> bool:
 @auditor("DS724")
 def _storm(case: Case) -> Iterator[str]:
     args, reading = case.args, case.reading
-    start = next(
-        (each for each in reading.deals if case.frame in _poll_frames(each)), None
-    )  # fmt: skip
+    start = next((each for each in reading.deals if case.frame in _first_poll(each)), None)
     if start is None or start.device != args.get("device"):
         yield "no poll of this device is in this frame"
         return
@@ -929,6 +956,10 @@ def _storm(case: Case) -> Iterator[str]:
     yield from min(problems, key=len)
 
 
+def _first_poll(deal: Deal) -> list[int | None]:
+    return [*deal.polls[0].values()] if deal.polls else []
+
+
 def _pace(case: Case, run: list[Deal]) -> Iterator[str]:
     args, time = case.args, case.reading.time
     gaps, taken = [], []
@@ -941,52 +972,81 @@ def _pace(case: Case, run: list[Deal]) -> Iterator[str]:
         # Without the record: as long as the drive was heard to work on it.
         end = time(each.read or each.polls[-1]["response"] or max(each.all_frames)) or 0
         taken.append(end - (time(each.write) or 0))
+    if any(gap < 0 for gap in [*gaps, *taken]):
+        return  # the clock was set back
     if not gaps or not _about(args.get("period"), sum(gaps) / len(gaps) / 1e6, 0.026):
         yield f"period {args.get('period')!r} is {sum(gaps) / max(1, len(gaps)) / 1e6:.3f}"
     if not _about(args.get("time"), sum(taken) / len(taken) / 1e6, 0.001):
         yield f"time {args.get('time')!r} is {sum(taken) / len(taken) / 1e6:.3f}"
 
 
-def _poll_frames(deal: Deal) -> list[int | None]:
-    return [poll["request"] or poll["response"] for poll in deal.polls[:1]]
-
-
 @auditor("DS725")
 def _half(case: Case) -> Iterator[str]:
-    what, capture = case.args.get("what"), case.reading.capture
-    if str(what).startswith("s7_"):
+    what, capture = str(case.args.get("what")), case.reading.capture
+    if what.startswith("s7_"):
         yield from s7.missing(case.args, case.reading)
         return
-    rpc = case.reading.plain["rpc"]
-    orphans = sum(each.asked is None and not each.cyclic for each in case.reading.deals)
-    dropped = [
-        int(each.split(" frame")[0].split()[-1].replace(",", ""))
-        for each in case.reading.text.splitlines() if "machine dropped" in each
+    pair = str(case.args.get("controller")), str(case.args.get("device"))
+    if what == "disorder":
+        pairs = {(each.controller, each.device) for each in case.reading.deals if not each.cyclic}
+        steps = [
+            each for each in case.reading.findings
+            if each.rule == "DS107" and each.args["milliseconds"] < DISORDER_MS
+        ]  # fmt: skip
+        late = sum(len(case.reading.gaps.late(*each)) for each in pairs)
+        yield from case.wrong("count", len(steps) + late)
+        return
+    if what in ("dropped", "cut"):
+        dropped = [
+            int(each.split(" frame")[0].split()[-1].replace(",", ""))
+            for each in case.reading.text.splitlines() if "machine dropped" in each
+        ]  # fmt: skip
+        cut = {
+            each.number for each in capture.frames
+            if each.cut and any(
+                each.number in pdu.frames and pdu.operation in RECORDS for pdu in capture.pdus
+            )
+        }  # fmt: skip
+        if what == "cut":
+            sizes = {len(each.data) for each in capture.frames if each.number in cut}
+            yield from case.wrong("bytes", min(sizes) if len(sizes) == 1 else None)
+        told = {each.frame for each in case.reading.findings if each.rule == "DS106"}
+        if what == "dropped" or case.args.get("count") != len(told):
+            yield from case.wrong("count", dropped[0] if what == "dropped" else len(cut))
+        return
+    deals = [
+        each for each in case.reading.deals
+        if not each.cyclic and (each.controller, each.device) == pair
     ]  # fmt: skip
-    cut = {
-        each.number for each in capture.frames
-        if each.cut and any(each.number in pdu.frames for pdu in capture.pdus)
+    yield from _of_pair(case, what, pair, [each for each in deals if each.asked], deals)
+
+
+def _of_pair(
+    case: Case, what: str, pair: tuple[str, str], asked: list[Deal], deals: list[Deal]
+) -> Iterator[str]:
+    """What is missing of what two stations say to each other."""
+    gaps = case.reading.gaps
+    true: dict[str, int | None] = {
+        "only_requests": len(asked), "only_responses": len(deals) - len(asked),
+        "no_write": len(deals) - len(asked), "half_calls": len(gaps.halves(*pair)),
+        "gaps": None,
     }  # fmt: skip
-    true = {
-        "dropped": dropped[0] if dropped else None, "cut": len(cut), "one_direction": rpc["requests"],
-        "other_direction": rpc["responses"], "no_write": orphans,
-    }.get(str(what))  # fmt: skip
-    if what == "cut":
-        sizes = {len(each.data) for each in capture.frames if each.number in cut}
-        yield from case.wrong("bytes", min(sizes) if len(sizes) == 1 else None)
-    told = {each.frame for each in case.reading.findings if each.rule == "DS106"}
-    if what != "cut" or case.args.get("count") != len(
-        told
-    ):  # which may be those of the channel alone
-        yield from case.wrong("count", true)
-    if what == "one_direction" and (
-        rpc["responses"] or any(each.response for each in capture.calls)
-    ):
+    if what not in true:
+        yield f"what {what!r} is nothing"
+        return
+    if what != "gaps":
+        yield from case.wrong("count", true[what])
+    if what == "only_requests" and (pair[1], pair[0]) in gaps.heard:
         yield "there are responses"
-    if what == "other_direction" and (rpc["requests"] or capture.calls):
+    if what == "only_responses" and pair in gaps.asked:
         yield "there are requests"
-    if what == "no_write" and any(each.asked for each in case.reading.deals):
-        yield "a request was captured"
+    if what == "no_write" and asked:
+        yield f"the request of frame {asked[0].write} was captured"
+    if what == "gaps":
+        missing = gaps.of(*pair)
+        told = ", ".join([*(each.text for each in missing[:8]), *["..."][: len(missing) > 8]])
+        if told != ", ".join(dict.fromkeys(str(case.args.get("numbers")).split(", "))):
+            yield f"numbers {case.args.get('numbers')!r} is {told!r}"
 
 
 def diagnoses(reading: Reading) -> Iterator[Complaint]:

@@ -313,6 +313,26 @@ def _nothing(case: Case) -> Iterator[str]:
     ]  # fmt: skip
     if waiting:
         yield f"#{waiting[0].id} was open on this channel"
+    if case.reading.line is None and not read.implicit:
+        yield from _not_asked(case, read)
+
+
+def _not_asked(case: Case, read: wire.Record) -> Iterator[str]:
+    """Why a Read may be for a request that is not in the capture: what is known of the channel begins behind it."""
+    ar = None if read.ar.int == 0 else str(read.ar)
+    key = (read.controller, read.device, ar, *read.channel[3:])
+    free = [
+        each.answered for each in case.reading.on_channel.get(key, [])
+        if not each.write and each.answered and each.answered < case.frame
+    ] + [
+        call.request.frame for call in case.reading.capture.calls
+        if call.request.operation == wire.CONNECT and read.ar.bytes in call.request.body
+    ]  # fmt: skip
+    before = [frame for frame in free if frame < case.frame]
+    if not before:
+        yield "its request may have been sent before the capture began"
+        return
+    yield from case.reading.gaps.between(read.controller, read.device, max(before), case.frame)
 
 
 @auditor("DS207")
@@ -624,6 +644,31 @@ def _unanswered(case: Case) -> Iterator[str]:
         yield f"the response is in frame {deal.read}"
     yield from _reason(case, deal)
     yield from case.wrong("dropped", _dropped(case.reading))
+    yield from absent(case, deal, _over(case, deal))
+
+
+def absent(case: Case, deal: Deal, end: int) -> Iterator[str]:
+    """Why nobody knows that a response was not fetched up to a frame: what the capture may lack of it."""
+    begin, gaps = deal.write or 0, case.reading.gaps
+    if case.reading.line is not None or deal.cyclic:
+        return
+    yield from gaps.unheard(deal.controller, deal.device)
+    yield from gaps.between(deal.controller, deal.device, begin, end)
+    stop = case.reading.time(end)
+    for each in case.reading.on_channel.get(deal.channel, []):
+        lost = not each.write and begin < each.asked < end and each.answered is None
+        silent = stop is not None and stop - (case.reading.time(each.asked) or 0) >= 10**9
+        if lost and not silent and not each.call.again:
+            yield f"the response to the Read of frame {each.asked} is not in the capture"
+
+
+def _over(case: Case, deal: Deal) -> int:
+    """The frame in which a transaction ended that has no response."""
+    if case.args.get("reason") == "release":
+        return min(case.reading.releases(deal), default=10**9)
+    last = (case.reading.time(max(deal.all_frames)) or 0) + 600 * 10**9
+    late = [each.number for each in case.reading.capture.frames if each.time_ns > last]
+    return min(late, default=10**9)
 
 
 def _asked_for(case: Case, asked: message.Message, *, changes: bool) -> Iterator[str]:
@@ -655,7 +700,7 @@ def _reason(case: Case, deal: Deal) -> Iterator[str]:
     silent = end - (case.reading.time(max(deal.all_frames)) or 0) > 600 * 10**9
     if told == "release" and not released:
         yield "its AR was not released"
-    elif told == "end" and released:
+    elif told == "end" and any(case.reading.call_at[frame].response for frame in released):
         yield f"its AR was released in frame {released[0]}"
     elif told == "end" and (own := [frame for frame in later if not _older(case, deal, frame)]):
         yield f"the channel goes on in frame {own[0]}"
@@ -701,6 +746,16 @@ def _later(case: Case, deal: Deal, refused: set[int | None]) -> Iterator[str]:
         yield f"the Write of frame {taken[0]} was accepted"
 
 
+def _pending(case: Case, deal: Deal) -> Iterator[str]:
+    """That a later Write has no response, whatever came behind it."""
+    later = [
+        each for each in case.reading.on_channel.get(deal.channel, [])
+        if each.write and each.asked > (deal.write or 0)
+    ]  # fmt: skip
+    if all(each.answered is not None for each in later):
+        yield "each later Write of its channel has its response"
+
+
 def _dropped(reading: Reading) -> bool:
     """Whether the capture says that frames were dropped: told by the report itself, on another line."""
     return "machine dropped" in reading.text or any(
@@ -738,11 +793,15 @@ def _orphan(case: Case) -> Iterator[str]:
         and last
         and last.state not in ("refused", "mismatch")  # then it says nothing of its request either
         and not any(each.call.response and each.call.response.cut for each in reads)
+        and not list(
+            case.reading.gaps.between(last.controller, last.device, last.read or 0, case.frame)
+        )
     ):
         yield f"the same response was read in frame {last.read}, the request is in {last.write}"
     elif told == "unasked":
         for other in case.reading.deals:
-            if other.channel == deal.channel and _is_open(other, case.frame, case.reading):
+            open_still = _is_open(other, case.frame, case.reading) and other.state != "incomplete"
+            if other.channel == deal.channel and open_still:
                 yield f"the request of frame {other.write} is open"
     yield from case.wrong("dropped", _dropped(case.reading))
 
@@ -886,10 +945,12 @@ def _superseded(case: Case) -> Iterator[str]:
         each.answered for each in case.reading.capture.records
         if not each.write and each.data and case.reading.same_place(deal, each)
         and (request or 0) < (each.answered or 0) < (by or 0)
+        and (not each.asked or each.asked > (request or 0))
         and not _is_old(each, deal, case.reading) and not _is_of_an_older(each, deal, case.reading)
     ]  # fmt: skip
     if brought:
         yield f"a response was fetched in frame {brought[0]}"
+    yield from absent(case, deal, case.frame)
 
 
 def _is_of_an_older(record: wire.Record, deal: Deal, reading: Reading) -> bool:
@@ -929,6 +990,9 @@ def _reference(case: Case) -> Iterator[str]:
     if previous.asked.reference != deal.asked.reference:
         yield f"the request before (frame {previous.write}) has {previous.asked.reference}"
     yield from case.wrong("first", previous.write)
+    if case.reading.line is None:
+        between = case.reading.gaps.between
+        yield from between(deal.controller, deal.device, previous.write or 0, case.frame)
 
 
 @auditor("DS416")
@@ -1039,3 +1103,121 @@ def _not_supported(case: Case) -> Iterator[str]:
     yield from case.wrong("id", deal.asked.id)
     if deal.answer.id != 0x80:
         yield f"the response ID is 0x{deal.answer.id or 0:02X}"
+
+
+# What the capture lacks
+
+
+@auditor("DS110")
+def _incomplete(case: Case) -> Iterator[str]:
+    args, deal, gaps = case.args, case.deal, case.reading.gaps
+    what = str(args.get("what"))
+    known = ("first", "last", "numbers")
+    told = {name for name in known if args.get(name) is not None}
+    first = {"first"} if what in ("read_answer", "write_answer") else set()
+    if told not in ([{*known}, {"last", "numbers"}] if what == "calls" else [first]):
+        yield f"{what} tells {sorted(told)}"
+    if deal is None:
+        yield from _read_for_nothing(case, what)
+        return
+    if deal.write != case.frame or deal.answer is not None:
+        yield f"the request is in frame {deal.write}, its response in {deal.read}"
+    pair = deal.controller, deal.device
+    late = gaps.late(*pair)
+    why: dict[str, Callable[[], Iterator[str]]] = {
+        "calls": lambda: _is_gap(case, *pair),
+        "requests": lambda: _lacks_requests(case, *pair, deal.write or 0),
+        "halves": lambda: iter([] if late or gaps.newest(deal.device) else ["nothing is missing"]),
+        "one_direction": lambda: iter(
+            ["the device said something"] if pair[::-1] in gaps.heard else []
+        ),
+        "read_answer": lambda: _is_without(case, deal, False),
+        "write_answer": lambda: _is_without(case, deal, True),
+        "ends": lambda: _ends(case, deal),
+        "unseen": lambda: _unseen(case, deal),
+        "later": lambda: iter([]) if late else _pending(case, deal),
+    }
+    yield from why[what]() if what in why else [f"what {what!r} is nothing"]
+
+
+def _read_for_nothing(case: Case, what: str) -> Iterator[str]:
+    """Of a Read that brought nothing: its request may be there and not in the capture."""
+    reads = [each for each in case.answers() if not each.write and not each.data]
+    if not reads:
+        yield "no Read without a record is answered in this frame"
+        return
+    pair = reads[0].controller, reads[0].device
+    if what == "calls":
+        yield from _is_gap(case, *pair)
+    elif what == "requests":
+        yield from _lacks_requests(case, *pair, 0)
+    elif what == "begins":
+        unknown = {each.frame for each in case.reading.findings if each.rule == "DS110"}
+        before = [
+            each for each in case.reading.capture.records
+            if each.channel == reads[0].channel and not each.write and each.answered not in unknown
+            and (each.data or each.status not in (None, 0, NOT_READY)) and (each.answered or 0) < case.frame
+        ]  # fmt: skip
+        silent = before and (case.reading.time(case.frame) or 0) - (
+            case.reading.time(before[-1].answered) or 0
+        ) > 600 * 10**9  # fmt: skip
+        if before and not silent and not case.reading.gaps.newest(pair[1]):
+            yield f"what was asked for before was fetched in frame {before[-1].answered}"
+    elif what not in ("one_direction", "halves", "later", "write_answer"):
+        yield f"what {what!r} is nothing"
+
+
+def _lacks_requests(case: Case, client: str, server: str, begin: int) -> Iterator[str]:
+    """That a request is missing behind a frame: a response shows it, or it is there and cut."""
+    gaps = case.reading.gaps
+    found = [each.frame for each in gaps.strays(client, server)]
+    found += gaps.cut(client, server)
+    found += gaps.late(client, server)
+    if (client, server) in gaps.asked and not any(frame > begin for frame in found):
+        yield "no response without its request follows, nor a Write that is cut"
+
+
+def _is_gap(case: Case, client: str, server: str) -> Iterator[str]:
+    """That these numbers are missing, behind the one frame and before the other."""
+    args, found = case.args, case.reading.gaps.of(client, server)
+    mine = [
+        frame for frame, *who in case.reading.capture.numbers
+        if who[0] == client and frame in (args.get("first"), args.get("last"))
+    ]  # fmt: skip
+    strays = [each.frame for each in case.reading.gaps.strays(client, server)]
+    if args.get("last") not in (*mine, *strays) or (args.get("first") or 0) >= args["last"]:
+        yield "no calls are in these frames, one after the other"
+    if args.get("numbers") not in [each.text for each in found]:
+        yield f"the numbers {args.get('numbers')} are not missing there: {[each.text for each in found]}"
+
+
+def _is_without(case: Case, deal: Deal, write: bool) -> Iterator[str]:
+    """That a call of a transaction has no response."""
+    calls = [
+        each for each in case.reading.asked_at.get(case.args.get("first") or 0, [])
+        if each.write is write and case.reading.same_place(deal, each)
+    ]  # fmt: skip
+    if not calls or (write and case.args.get("first") != deal.write):
+        yield f"no such call is in frame {case.args.get('first')}"
+    elif all(each.answered is not None and not _swapped(case, each) for each in calls):
+        yield f"the call is answered in frame {calls[0].answered}"
+    elif calls[0].asked < (deal.write or 0):
+        yield "the call came before the request"
+
+
+def _swapped(case: Case, record: wire.Record) -> bool:
+    """Whether what stands before an answer in the capture came behind it, by their times."""
+    frames = case.reading.capture.frames[: record.answered or 0]
+    return any(each.time_ns > frames[-1].time_ns for each in frames[record.asked - 1 :])
+
+
+def _ends(case: Case, deal: Deal) -> Iterator[str]:
+    """That the capture ends before a response may be expected."""
+    capture = case.reading.capture
+    later = [each.time_ns for each in capture.frames if each.number > (deal.write or 0)]
+    calls = [case.reading.time(each.frame) or 0 for each in capture.pdus]
+    newest = max(later, default=0) if case.reading.line is not None else calls[-1]
+    if newest - (case.reading.time(deal.write) or 0) >= 10 * 10**9 and case.reading.line is None:
+        yield "the capture goes on for 10 s and more"
+    if released := case.reading.releases(deal):
+        yield f"its AR was released in frame {released[0]}"

@@ -71,7 +71,9 @@ def _answered(deal: Deal, number: int, reading: Reading) -> Iterator[str]:
         yield f"response {data.hex()} is {reads[0].data.hex()}"
     if not any(each.status == deal.read_status for each in reads):
         yield f"read status {deal.read_status} is {reads[0].status}"
-    if deal.frames["read_request"] not in [each.asked or None for each in reads]:
+    asked = [each.asked or None for each in reads]
+    late = any(each.asked > number for each in reads)  # then it may not be told any more
+    if deal.frames["read_request"] not in [*asked, *[None][:late]]:
         yield f"the Read request is in frame {reads[0].asked}"
 
 
@@ -93,6 +95,8 @@ def state(deal: Deal, reading: Reading) -> tuple[str, ...]:
     if deal.write_status or (deal.read_status not in OK) or fault:
         return ("refused",)
     if answer is None or asked is None:
+        if "DS110" in deal.plain["findings"]:
+            return ("incomplete",)
         return ("superseded",) if _displaced(deal, reading) else ("unanswered",)
     if not deal.fits:
         return ("mismatch",)
@@ -143,7 +147,11 @@ def _state(deal: Deal, reading: Reading) -> Iterator[str]:
 
 
 def _times(deal: Deal, reading: Reading) -> Iterator[str]:
-    early = [frame for frame in deal.all_frames if frame < (deal.write or 0)]
+    asked = reading.time(deal.write) or 0
+    early = [
+        frame for frame in deal.all_frames
+        if frame < (deal.write or 0) and (reading.time(frame) or 0) < asked
+    ]  # fmt: skip
     if early:
         yield f"frame {early[0]} is one of its frames, and the request came in frame {deal.write}"
         return
@@ -155,11 +163,9 @@ def _times(deal: Deal, reading: Reading) -> Iterator[str]:
         told is not None and truth is not None and abs(told - truth) > 1e-6
     ):
         yield f"duration {told} ms is {truth}"
-    first = min(
-        (reading.time(frame) or 0 for frame in deal.all_frames[:1]), default=None
-    )  # fmt: skip
-    if first is not None and instant(deal.plain["start"]) != first:
-        yield f"start {deal.plain['start']} is not the time of frame {deal.all_frames[0]}"
+    first = [deal.write] if deal.write is not None else deal.all_frames[:2]
+    if instant(deal.plain["start"]) not in [reading.time(frame) for frame in first]:
+        yield f"start {deal.plain['start']} is not the time of frame {first[0]}"
 
 
 def _values(deal: Deal) -> Iterator[str]:

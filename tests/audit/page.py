@@ -24,12 +24,23 @@ COUNTED = {
     r"(failed in part|partial|partly|in part|refused in part)": "partial",
     r"(answered wrongly|mismatch(es)?|do(es)? not fit.*)": "mismatch",
     r"(without an answer|unanswered|without a response|no response)": "unanswered",
-    r"(overtaken|superseded)": "superseded",
+    r"(overtaken|superseded)": "superseded", r"incomplete": "incomplete",
     r"((answers?|responses?) without (its|their|a) request|orphans?)": "orphan",
     r"captures? not read to (its|their) end": "unread", r"S7 connections?": "connections",
 }  # fmt: skip
 """Words of a count -> the state that is counted."""
-TOLD = ("refused", "error", "partial", "mismatch", "unanswered", "superseded", "orphan")
+TOLD = (
+    "refused",
+    "error",
+    "partial",
+    "mismatch",
+    "unanswered",
+    "superseded",
+    "incomplete",
+    "orphan",
+)
+OPEN = ("unanswered", "superseded", "incomplete")
+"""States of which nobody knows what became of it."""
 _HEAD = re.compile(r"^(DS\d{3}) (error|warning|note) ([a-z0-9-]+): (.*)$")
 _TIMES = re.compile(r" \(([\d,]+) times?(?: in ([\d,]+) frames?)?\)$")
 _REST = re.compile(
@@ -221,7 +232,7 @@ def _verdict(lines: list[str], reading: Reading) -> Iterator[str]:
     states = {each.state for each in reading.deals}
     severities = {each.severity for each in reading.findings}
     bad = "error" in severities or states & {"refused", "error", "partial", "mismatch"}
-    look = "warning" in severities or states & {"unanswered", "superseded"}
+    look = "warning" in severities or states & {*OPEN}
     look = look or not reading.plain["complete"]
     look = look or any(each.severity != RULES[each.rule]["severity"] for each in reading.findings)
     true = (
@@ -321,9 +332,7 @@ def near(told: str, ms: float | None) -> bool:
 
 def _blind(lines: list[str], reading: Reading) -> Iterator[str]:
     text = " ".join(each.strip() for each in lines)
-    unseen = sum(
-        each.state in ("unanswered", "superseded") and not each.cyclic for each in reading.deals
-    )
+    unseen = sum(each.state in OPEN and not each.cyclic for each in reading.deals)
     found = re.search(r"drive made of ([\d,]+)", text)
     if int(found[1].replace(",", "") if found else 0) != unseen and lines:
         yield f"{found[0] if found else 'nothing'}: {unseen} are open"
@@ -344,7 +353,7 @@ def _blind(lines: list[str], reading: Reading) -> Iterator[str]:
     if found and int(found[1]) != others:
         yield f"{found[0]}: there are {others}"
     taken = any(
-        each.operation == "change" and each.state in ("ok", "partial", "unanswered", "superseded")
+        each.operation == "change" and each.state in ("ok", "partial", *OPEN)
         for each in reading.deals
     )  # fmt: skip
     if "still in force" in text and not taken:

@@ -31,6 +31,7 @@ FORMS = {
     "read ends": r"RDREC, no response before the capture ends",
     "read again": r"RDREC (?:(?P<times>\d+) x )?VALID once more, LEN (?P<length>\d+)",
     "never": r"RDREC not started in this capture",
+    "absent": r"RDREC, if there was one, is not in the capture",
     "given up": r"RDREC not started again in this capture",
     "without": r"no record by RDREC in this capture",
     "superseded": r"no response by RDREC before the next WRREC",
@@ -135,6 +136,8 @@ def _order(calls: list[Told], deal: Deal, reading: Reading) -> Iterator[str]:
         kinds = ("fault", "unseen")
         told = [each for each in told if each not in kinds]
         true = [each for each in true if each not in kinds]
+    if any(each.rule == "DS109" for each in reading.findings):  # calls that were given up
+        told, true = ([each for each in kinds if each != "unseen"] for kinds in (told, true))
     if deal.write is not None and told != true:
         yield f"the Reads are told as {_runs(told)}, and came as {_runs(true)}"
 
@@ -241,12 +244,15 @@ def _length(told: Told, deal: Deal, reading: Reading) -> Iterator[str]:
 def _without(told: Told, deal: Deal, reading: Reading) -> Iterator[str]:
     """Calls that are said not to have been, or to have no response."""
     last = max([deal.write or 0, *(each["request"] or 0 for each in deal.polls)])
-    if told.kind in ("never", "given up"):
+    if told.kind in ("never", "given up", "absent"):
         after = [
             _at(each) for each in _channel(deal, reading)
             if not each.write and not each.implicit and last < each.asked
             and deal.write in _askers(each, deal, reading)[0]
         ]  # fmt: skip
+        if told.kind == "absent":  # of other Reads nobody knows whose they are
+            own = {each.frame for each in reading.findings if each.transaction == deal.id}
+            after = [frame for frame in after if frame in own]
         if deal.read is not None or (told.kind == "never" and deal.polls):
             yield f"RDREC {told.kind}, but it was"
         elif after:

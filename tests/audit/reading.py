@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.audit import dp, message, wire
+from tests.audit.gaps import Gaps
 
 NOT_READY = 0xDE80B500
 _TERM = re.compile(r"frame\.number == (\d+)|frame\.number in \{(\d+)\.\.(\d+)\}")
@@ -182,6 +183,10 @@ class Reading:
         """The line of PROFIBUS; None in a capture of PROFINET."""
         found: dp.Line | None = self.capture.line
         return found
+
+    @cached_property
+    def gaps(self) -> Gaps:
+        return Gaps(self.capture)
 
     @cached_property
     def by_id(self) -> dict[int, Deal]:

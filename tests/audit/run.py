@@ -47,10 +47,10 @@ TABLE = Path(__file__).parents[2] / "python/ds47/spec/rules.toml"
 
 
 @cache
-def declared() -> dict[str, set[str]]:
-    """The arguments that the catalogue says each rule carries."""
+def declared() -> dict[str, dict[str, str]]:
+    """The arguments that the catalogue says each rule carries, and their types."""
     rows = tomllib.loads(TABLE.read_text(encoding="utf-8"))["rule"]
-    return {row["id"]: set(row.get("args", ())) for row in rows}
+    return {row["id"]: row.get("args", {}) for row in rows}
 
 
 def audit(path: Path, drives: dict[str, Drive] | None = None) -> list[Complaint]:
@@ -99,7 +99,7 @@ def of_finding(finding: Finding, item: Reading, memory: Memory) -> Iterator[Comp
         yield Complaint(finding.rule, where, "has no auditor")
     for text in function(claims.Case(finding, item, memory)) if function else ():
         yield Complaint(finding.rule, where, f"{text} [{finding.message}]")
-    if set(finding.args) != declared()[finding.rule]:
+    if set(finding.args) != set(declared()[finding.rule]):
         yield Complaint(finding.rule, where, f"carries {sorted(finding.args)}")
     yield from letters.check(finding, item)
     yield from _severity(finding, item)

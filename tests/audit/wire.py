@@ -18,9 +18,10 @@ OPERATIONS = ("Connect", "Release", "Read", "Write", "Control", "ReadImplicit")
 CONNECT, RELEASE, READ, WRITE, CONTROL, IMPLICIT = range(6)
 PARTS = ("1", "2", "3", "4")
 """dea00001 to dea00004: the interfaces of PROFINET."""
+MAPPER = "e1af8308-5d1f-11c9-91a4-08002b14a0fa"
 WRITE_MULTIPLE = 0xE040
 BLOCK = 64
-COPY_NS, AGAIN_NS = 1_000_000, 10_000_000_000
+COPY_NS, AGAIN_NS, CALL_NS = 1_000_000, 10_000_000_000, 60_000_000_000
 
 
 @dataclass
@@ -126,6 +127,8 @@ class Capture:
     """Of those of IP whose first fragment is there: its frame."""
     lately: dict[tuple[object, ...], int] = field(default_factory=dict)
     """Datagrams with a fragment of RPC, and when they came: the same soon after is a copy of the capture."""
+    numbers: list[tuple[int, str, str, UUID, int]] = field(default_factory=list)
+    """Of each request, also of one to the endpoint mapper: frame, client, server, activity and sequence number."""
     torn: dict[tuple[object, ...], int] = field(default_factory=dict)
     """RPC fragments that the capture cut: what stands behind them is not known."""
     line: Any = None
@@ -206,7 +209,7 @@ def _resolution(options: bytes, order: str) -> int:
 # Below RPC
 
 
-def _packet(frame: Frame) -> bytes:
+def ip_packet(frame: Frame) -> bytes:
     """The IPv4 packet of a frame, empty where there is none."""
     data = frame.data
     if frame.link == 1:
@@ -273,7 +276,7 @@ def read(path: Path) -> Capture:
     whole = _Whole(capture)
     halves: dict[tuple[object, ...], dict[int, tuple[bytes, int]]] = {}
     for frame in capture.frames:
-        packet = _packet(frame)
+        packet = ip_packet(frame)
         if len(packet) < 21 or packet[0] >> 4 != 4 or packet[9] != 17:
             continue
         datagram = whole.add(frame, packet)
@@ -281,6 +284,8 @@ def read(path: Path) -> Capture:
             pdu = _pdu(frame, datagram, halves, capture)
             if pdu is not None:
                 capture.pdus.append(pdu)
+                number = pdu.frame, pdu.source, pdu.target, pdu.activity, pdu.sequence
+                capture.numbers += [number][: pdu.kind == REQUEST]
     _calls(capture)
     for call in capture.calls:
         capture.records += _records(call)
@@ -302,9 +307,13 @@ def _pdu(
 
     interface = str(uuid(24))
     ours = interface[:7] == "dea0000" and interface[7] in PARTS and interface[9:13] == "6c97"
-    if data[0] != 4 or not ours:
+    if data[0] != 4 or not (ours or interface == MAPPER):
         return None
     sequence, operation = struct.unpack_from(order + "IH", data, 64)
+    if not ours:
+        number = frame.number, datagram.source, datagram.target, uuid(40), sequence
+        capture.numbers += [number][: data[1] == REQUEST]
+        return None
     size, number = struct.unpack_from(order + "HH", data, 74)
     body = data[80 : 80 + size]
     pdu = Pdu(
@@ -366,6 +375,10 @@ def _calls(capture: Capture) -> None:
             newest[pdu.key] = call = Call(pdu)
             sequence[pdu.key[:2]] = pdu.sequence
             capture.calls.append(call)
+            early = [each for each in capture.strays if _is_early(each, pdu)]
+            if early:  # frames out of order: by their times it came later
+                call.response = early[-1]
+                capture.strays.remove(early[-1])
         elif pdu.kind in (RESPONSE, FAULT, REJECT):
             if known is None:
                 capture.strays.append(pdu)
@@ -373,9 +386,13 @@ def _calls(capture: Capture) -> None:
                 known.response = pdu
 
 
+def _is_early(stray: Pdu, request: Pdu) -> bool:
+    return stray.key == request.key and 0 <= stray.time_ns - request.time_ns <= CALL_NS
+
+
 def _is_again(call: Call, pdu: Pdu, newest: int | None) -> bool:
     if call.response is None:
-        return True
+        return call.request.body == pdu.body and pdu.time_ns - call.request.time_ns <= CALL_NS
     late = pdu.time_ns - call.response.time_ns
     return call.request.body == pdu.body and late <= AGAIN_NS and newest == pdu.sequence
 
@@ -439,6 +456,11 @@ def _unasked(pdu: Pdu) -> Iterator[Record]:
             Call(pdu, pdu), 0, pdu.frame, b"" if write else block[BLOCK : BLOCK + stated], stated, 0,
             status,
         )  # fmt: skip
+
+
+def is_placeless(pdu: Pdu) -> bool:
+    """Whether a Write is cut before its header ends, or is one of several records."""
+    return len(pdu.body) < 20 + BLOCK or _is_multiple(pdu.body[20:])
 
 
 def _is_multiple(blocks: bytes) -> bool:

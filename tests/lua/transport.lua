@@ -5,6 +5,7 @@
 package.path = arg[1] .. "/?.lua;" .. package.path
 
 local calls = require("ds47.profinet.calls")
+local completeness = require("ds47.profinet.completeness")
 local dcp = require("ds47.profinet.dcp")
 local gate = require("ds47.acyclic.index47")
 local ip = require("ds47.profinet.ip")
@@ -722,7 +723,9 @@ local GOOD_REQUEST = "\1\1\1\1\16\1\3\232\0\0"
 local function calls_of(ear, extra)
   local door = gate.Gate.new(extra, 4096)
   local events = recordevents.RecordEvents.new(door, ear, nil, ear)
-  return calls.CallTracker.new(LIMITS, recordcalls.RecordCalls.new(events, door, ear, ear))
+  local missing = completeness.new(LIMITS.activities)
+  local made = recordcalls.RecordCalls.new(events, door, ear, ear, nil, missing)
+  return calls.CallTracker.new(LIMITS, made, missing)
 end
 
 local function test_record_calls()

@@ -12,6 +12,7 @@
 package.path = arg[1] .. "/?.lua;" .. package.path
 
 local calls = require("ds47.profinet.calls")
+local completeness = require("ds47.profinet.completeness")
 local connect = require("ds47.profinet.connect")
 local dcp = require("ds47.profinet.dcp")
 local gate = require("ds47.acyclic.index47")
@@ -109,8 +110,12 @@ function Ear.read_lost(_, peer, record)
   tell("read_lost", {peer = peer, record = record_of(record)})
 end
 
-function Ear.release(_, controller, device, ar, frame)
-  tell("release", {controller = controller, device = device, ar = hex(ar), frame = frame})
+function Ear.read_asked_late(_, peer, record, answer)
+  tell("read_asked_late", {peer = peer, record = record_of(record), answer = answer})
+end
+
+function Ear.release(_, controller, device, ar, at)
+  tell("release", {controller = controller, device = device, ar = hex(ar), frame = at.frame})
 end
 
 function Ear.write_unasked(_, peer, record)
@@ -157,8 +162,8 @@ function Ear.set_up(_, request, response)
   })
 end
 
-function Ear.connected(_, controller, device, frame, _, only)
-  tell("connected", {controller = controller, device = device, frame = frame, only = only or false})
+function Ear.connected(_, controller, device, at, _, only)
+  tell("connected", {controller = controller, device = device, frame = at.frame, only = only or false})
 end
 
 function Ear.remark(_, remark, job)
@@ -172,13 +177,14 @@ local function new_run()
   local ear = setmetatable({jobs = 0}, Ear)
   local gates = gate.Gate.new({}, tables.limits.waiting_calls, arg[2] == "forbid_47")
   local events = recordevents.RecordEvents.new(gates, ear, nil, ear)
+  local missing = completeness.new(tables.limits.activities)
   local run = {
-    events = events, records = recordcalls.RecordCalls.new(events, gates, ear, ear),
+    events = events, records = recordcalls.RecordCalls.new(events, gates, ear, ear, nil, missing),
     naming = naming.Naming.new(),
     fragments = rpc.Fragments.new(tables.limits.fragment_expiry_ns),
     reassembly = ip.Reassembly.new(tables.limits),
   }
-  run.calls = calls.CallTracker.new(tables.limits, run.records)
+  run.calls = calls.CallTracker.new(tables.limits, run.records, missing)
   return run
 end
 

@@ -33,7 +33,16 @@ class Heard:
 
             return handler
 
-        names = ("request", "response", "orphan", "retransmission", "fault", "lost", "pushed out")
+        names = (
+            "request",
+            "response",
+            "orphan",
+            "late",
+            "retransmission",
+            "fault",
+            "lost",
+            "pushed out",
+        )
         self.tracker = CallTracker(self.bounds, Handlers(*map(note, names)))
 
     def feed(self, *sequence: Pdu) -> Heard:
@@ -229,7 +238,7 @@ def test_the_context_of_the_layer_above_stays_with_the_call() -> None:
 
     got: list[object] = []
     ignore = lambda *_: None  # noqa: E731
-    handlers = Handlers(ask, lambda call: got.append(call.context), *[ignore] * 5)
+    handlers = Handlers(ask, lambda call: got.append(call.context), *[ignore] * 6)
     tracker = CallTracker(LIMITS, handlers)
     for pdu in pdus(lambda client: client.read(b"data", client.at(index=CHANNEL.index))):
         tracker.feed(pdu)

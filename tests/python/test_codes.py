@@ -12,7 +12,7 @@ from ds47.profibus import ms1
 from ds47.spec import codes, cyclic, profibus, request_ids
 
 FIXED = {
-    "states": "ok partial error mismatch refused unanswered superseded orphan",
+    "states": "ok partial error mismatch refused unanswered superseded orphan incomplete",
     "operations": "read change vendor unknown get put bsend usend",
     "channels": "ds47 pkw pzd s7",
     "severities": "note warning error",

@@ -14,7 +14,9 @@ from ds47.acyclic.pairing import STATUS_NOT_READY, Job, Peer
 from ds47.diagnosis import capture
 from ds47.diagnosis.capture import WholeCapture
 from ds47.lab import message
+from ds47.profinet.completeness import Completeness, Numbers
 from ds47.profinet.records import Half, Record
+from ds47.profinet.rpc import Pdu
 from ds47.spec.semantics import known
 
 SPEED, FIXED, TEN = message.address(21), message.address(2900), message.real(10.0)
@@ -36,8 +38,8 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 class Whole:
     """A capture of which one thing after the other is told."""
 
-    def __init__(self, *jobs: Job) -> None:
-        self.capture = WholeCapture()
+    def __init__(self, *jobs: Job, lacks: Completeness | None = None) -> None:
+        self.capture = WholeCapture(lacks)
         self.jobs(*jobs)
 
     def jobs(self, *jobs: Job) -> Whole:
@@ -53,7 +55,7 @@ class Whole:
         """A Read without record, on a channel that has no request; without an AR a ReadImplicit."""
         record = Record(False, ar is None, ar or bytes(16), 0, *at, 0)
         record.response = Half(frame, frame, status=status)
-        self.capture.nothing_to_read(Peer(controller, device, 0x2A, 0x501), record)
+        self.capture.nothing_to_read(Peer(controller, device, 0x2A, 0x501), record, None)
         return self
 
     def foreign(
@@ -67,11 +69,8 @@ class Whole:
         self.capture.foreign(Peer("c", device, 0x2A, 0x501), record)
         return self
 
-    def end(
-        self, *, gaps: bool = False, dropped: int | None = None, requests: int = 1,
-        responses: int = 1,
-    ) -> list[Told]:  # fmt: skip
-        found = self.capture.finish(dropped, gaps, requests, responses)
+    def end(self, *, gaps: bool = False, dropped: int | None = None) -> list[Told]:
+        found = self.capture.finish(dropped, gaps)
         return [(each.rule, each.frame, each.args) for each in found]
 
     def of(self, rule: str, **more: Any) -> list[Told]:
@@ -194,7 +193,7 @@ def test_other_refused_reads_are_no_reads_for_nothing() -> None:
     assert Whole(job(READ, ANSWER)).idle(9, status=LOCKED).idle(9, status=None).end() == []
     record = Record(False, False, bytes(16), 0, *HERE, 0)
     whole = Whole(job(READ, ANSWER))
-    whole.capture.nothing_to_read(Peer("c", "d", 0x2A, 0x501), record)
+    whole.capture.nothing_to_read(Peer("c", "d", 0x2A, 0x501), record, None)
     assert whole.end() == []
 
 
@@ -518,16 +517,36 @@ def test_requests_that_are_held_are_changes() -> None:
 # What the capture does not have (DS725)
 
 
-def half(frame: int, what: str, count: int) -> Told:
-    return "DS725", frame, {"what": what, "count": count}
+PAIR = {"controller": "c", "device": "d"}
+
+
+def half(frame: int, what: str, **args: Any) -> Told:
+    return "DS725", frame, {"what": what, **args}
+
+
+def said(frame: int, seq: int = 0, *, answered: bool = False, opnum: int = 3) -> Pdu:
+    """A request of the controller, or the response to one."""
+    hosts = ("d", "c", 7, None) if answered else ("c", "d", 7, None)
+    body = (b"", 0, frame, frame, *hosts, "c", "d")
+    return Pdu(2 if answered else 0, True, bytes(16), bytes(16), seq, opnum, 0, True, False, *body)
+
+
+def asked(*numbers: int) -> tuple[Completeness, Numbers]:
+    """A controller that asks with these numbers, in the frames 1, 2 and so on."""
+    lacks, first = Completeness(8), said(1, numbers[0])
+    counted = Numbers(first)
+    lacks.began(first, counted)
+    for frame, number in enumerate(numbers[1:], 2):
+        counted.add(said(frame, number))
+    return lacks, counted
 
 
 def test_dropped_and_cut_frames_are_counted() -> None:
     whole = Whole()
     for frame in (9, 7, 8):
         whole.capture.cut((frame, 140, 300))
-    _, _, cut = half(7, "cut", 3)
-    assert whole.end(dropped=14) == [half(1, "dropped", 14), ("DS725", 7, {**cut, "bytes": 140})]
+    cut = half(7, "cut", count=3, bytes=140)
+    assert whole.end(dropped=14) == [half(1, "dropped", count=14), cut]
     for size in (96, 140):
         whole.capture.cut((10, size, 300))
     assert whole.end()[0][2]["bytes"] is None
@@ -535,17 +554,76 @@ def test_dropped_and_cut_frames_are_counted() -> None:
 
 
 def test_one_direction_alone_is_told_with_the_first_frame() -> None:
-    asked = Whole(job(READ, frame=3, write_response=None), job(READ, frame=5, write_response=None))
-    assert asked.end(requests=2, responses=0) == [half(3, "one_direction", 2)]
-    assert asked.end(requests=2, responses=1) == []
-    answers = Whole(job(None, ANSWER, frame=3))
-    assert answers.end(requests=0, responses=5) == [half(6, "other_direction", 5)]
-    assert Whole().end(requests=3, responses=0) == []
+    jobs = [job(READ, frame=frame, write_response=None) for frame in (3, 5)]
+    lacks, numbers = asked(0, 1)
+    assert Whole(*jobs, lacks=lacks).end() == [half(3, "only_requests", count=2, **PAIR)]
+    numbers.heard = True
+    assert Whole(*jobs, lacks=lacks).end() == []
+    alone = Completeness(8)
+    alone.unasked(said(3, answered=True))
+    answers = Whole(job(None, ANSWER, frame=3), lacks=alone)
+    assert answers.end() == [half(6, "only_responses", count=1, **PAIR)]
+    assert Whole(lacks=lacks).end() == []
+
+
+def test_the_response_to_a_call_of_the_device_is_none_of_the_device() -> None:
+    """That of the controller to ApplicationReady; the call itself is something that the device said."""
+    ready = said(1, answered=True, opnum=4)
+    ready.client, ready.server = "d", "c"
+    for before in (True, False):
+        lacks = Completeness(8)
+        if before:
+            lacks.unasked(ready)
+        first = said(3)
+        lacks.began(first, Numbers(first))
+        if not before:
+            lacks.unasked(ready)
+        whole = Whole(job(READ, frame=3, write_response=None), lacks=lacks)
+        assert [args["what"] for _, _, args in whole.end()] == ["only_requests"]
+        lacks.began(ready, Numbers(ready))
+        assert whole.end() == []
+
+
+def test_numbers_that_are_missing_are_named() -> None:
+    lacks, numbers = asked(5, 6, 8, 9, 12)
+    numbers.heard = True
+    told = half(3, "gaps", numbers="7, 10..11", **PAIR)
+    assert Whole(job(READ, ANSWER), lacks=lacks).end() == [told]
+    numbers.add(said(6, 7))
+    told = half(5, "gaps", numbers="10..11", **PAIR)
+    assert Whole(job(READ, ANSWER), lacks=lacks).end() == [told]
+
+
+def test_calls_with_one_half_are_counted() -> None:
+    lacks, numbers = asked(5, 6)
+    numbers.heard = True
+    lacks.lost(said(2, 6), numbers)
+    assert Whole(job(READ, ANSWER), lacks=lacks).end() == []  # it was the last one
+    lacks.lost(said(1, 5), numbers)
+    lacks.unasked(said(9, 4, answered=True, opnum=2))
+    told = half(1, "half_calls", count=2, **PAIR)
+    assert Whole(job(READ, ANSWER), lacks=lacks).end() == [told]
+
+
+def test_a_response_before_its_request_is_a_matter_of_the_order() -> None:
+    lacks, numbers = asked(5, 6)
+    numbers.heard = True
+    lacks.unasked(said(9, 7, answered=True))
+    lacks.asked_after_all(said(9, 7, answered=True))
+    told = half(9, "disorder", count=1)
+    assert Whole(job(READ, ANSWER), lacks=lacks).end() == [told]
+
+
+def test_small_steps_of_the_time_are_a_matter_of_the_order() -> None:
+    whole = Whole(job(READ, ANSWER))
+    for frame, milliseconds in ((9, 0.5), (7, 999.0), (5, 1000.0)):
+        whole.capture.steps_back(frame, milliseconds)
+    assert whole.end() == [half(7, "disorder", count=2)]
 
 
 def test_reads_alone_are_told() -> None:
     reads = Whole(job(None, ANSWER, frame=3), job(None, ANSWER, frame=13))
-    assert reads.end() == [half(6, "no_write", 2)]
+    assert reads.end() == [half(6, "no_write", count=2, **PAIR)]
     assert reads.jobs(job(READ, ANSWER, frame=20)).end() == []
     assert Whole().end() == []
 

@@ -63,7 +63,7 @@ class Ear:
         self.told: list[dict[str, Any]] = []
         self._calls: list[Call] = []
         self._jobs: dict[int, Job] = {}
-        self.pairing = Pairing(limits(), lambda job: None, self._closed, lambda peer, record: None)
+        self.pairing = Pairing(limits(), lambda job: None, self._closed, lambda *about: None)
 
     def run(self, frames: Iterable[bytes]) -> list[dict[str, Any]]:
         line = Line()

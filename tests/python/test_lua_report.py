@@ -423,7 +423,7 @@ def test_statistics_count_what_the_result_holds(lua: Run, results: list[CaptureR
         each["drive_ns"] = 1_000_000 * number
     text = lua([wanted])[0]
     assert text.startswith(
-        "DS47 statistics: tour-machine.pcapng\n35 frames, 8 transactions (4 ok, "
+        "DS47 statistics: tour-machine.pcapng\n37 frames, 8 transactions (4 ok, "
     )
     times = rows(text, "Response time in ms: from the Write request to the Read response")
     assert times == [
@@ -444,7 +444,7 @@ def test_statistics_count_what_the_result_holds(lua: Run, results: list[CaptureR
     slow = rows(text, "Slowest transactions", 2)
     assert len(slow) == 6
     assert slow[0][:7] == ["27.000", "1.000", "#2", "13", "change", "192.168.133.33", "DO"]
-    open_ones = rows(text, "Requests without a response (unanswered, superseded)", 2)
+    open_ones = rows(text, "Requests without a response (unanswered, superseded, incomplete)", 2)
     assert open_ones == [
         ["34", "#8", "unanswered", "change", "192.168.133.33", "DO", "2", "p50303[0]", ":=", "10.0"]
     ]
@@ -486,7 +486,7 @@ def test_long_lists_are_cut_and_say_so(lua: Run) -> None:
     base.transactions = [dataclasses.replace(item, id=n) for n in range(1, 61)]
     text = lua([job("statistics", base)])[0]
     assert "  and 10 more\n" in text
-    cut = rows(text, "Requests without a response (unanswered, superseded)")[1]
+    cut = rows(text, "Requests without a response (unanswered, superseded, incomplete)")[1]
     assert cut[-1].endswith("...")
 
 
@@ -524,7 +524,7 @@ def statistics(lua: Run, *transactions: Transaction, shares: Any = (), **changes
 RESPONSE_TIME = "Response time in ms: from the Write request to the Read response"
 SHARE = "Share of the drive in ms: the same without the pause of the program\nbefore its first Read"
 SLOWEST = "Slowest transactions"
-OPEN = "Requests without a response (unanswered, superseded)"
+OPEN = "Requests without a response (unanswered, superseded, incomplete)"
 
 
 def test_half_of_the_times_are_at_most_p50_and_95_of_100_at_most_p95(lua: Run) -> None:
@@ -745,7 +745,7 @@ Slowest transactions
   12.000  2.000   #1      7  read       192.168.133.33 DO 2
       p50303[0]
 
-Requests without a response (unanswered, superseded)
+Requests without a response (unanswered, superseded, incomplete)
   Frame  No.  State       Operation  Device
       Asked
   ------------------------------------------------------

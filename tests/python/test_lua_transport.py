@@ -23,7 +23,7 @@ from typing import Any
 import pytest
 
 from ds47.acyclic.index47 import Index47
-from ds47.acyclic.pairing import Peer
+from ds47.acyclic.pairing import Moment, Peer
 from ds47.acyclic.record_calls import RecordCalls
 from ds47.acyclic.record_events import RecordEvents
 from ds47.capture import Frame, open_capture
@@ -32,6 +32,7 @@ from ds47.findings.remark import Remark
 from ds47.profidrive import Options
 from ds47.profinet import connect, dcp, ip, lldp, rpc
 from ds47.profinet.calls import CallTracker
+from ds47.profinet.completeness import Completeness
 from ds47.profinet.link import Packet, Packets, dissect, mac
 from ds47.profinet.records import Half, Record, parse_request, parse_response, released_ar
 from ds47.profinet.stations import Stations
@@ -114,6 +115,12 @@ def _peer(peer: Peer) -> dict[str, Any]:
     return _known(**peer._asdict())
 
 
+class JobNumber(int):
+    """Stands for a job."""
+
+    insisted = False
+
+
 @dataclass
 class Ear:
     """Stands for pairing and for whoever takes the findings, as `Ear` of the Lua script does."""
@@ -128,7 +135,7 @@ class Ear:
         self.jobs += 1
         self.tell("write_request", job=self.jobs, peer=_peer(peer), record=_record(record),
                   shaped=message.shaped)  # fmt: skip
-        return self.jobs
+        return JobNumber(self.jobs)
 
     def write_response(self, job: int, half: Half | None, *, fault: bool = False) -> None:
         self.tell("write_response", job=job, half=_half(half), fault=fault)
@@ -142,8 +149,11 @@ class Ear:
     def read_lost(self, peer: Peer, record: Record) -> None:
         self.tell("read_lost", peer=_peer(peer), record=_record(record))
 
-    def release(self, controller: str, device: str, ar: bytes, frame: int) -> None:
-        self.tell("release", controller=controller, device=device, ar=ar.hex(), frame=frame)
+    def read_asked_late(self, peer: Peer, record: Record, answer: int) -> None:
+        self.tell("read_asked_late", peer=_peer(peer), record=_record(record), answer=answer)
+
+    def release(self, controller: str, device: str, ar: bytes, at: Moment) -> None:
+        self.tell("release", controller=controller, device=device, ar=ar.hex(), frame=at.frame)
 
     def set_up(self, request: rpc.Pdu, response: rpc.Pdu) -> None:
         """A Connect with the frame ids that the device gave."""
@@ -169,12 +179,12 @@ class Ear:
         self,
         controller: str,
         device: str,
-        frame: int,
+        at: Moment,
         ar: bytes | None = None,
         *,
         only: bool = False,
     ) -> None:
-        self.tell("connected", controller=controller, device=device, frame=frame, only=only)
+        self.tell("connected", controller=controller, device=device, frame=at.frame, only=only)
 
     def write_unasked(self, peer: Peer, record: Record) -> None:
         self.tell("write_unasked", peer=_peer(peer), record=_record(record))
@@ -230,10 +240,18 @@ class Run:
         self.naming = Stations()
         self.fragments = rpc.Fragments(limits().fragment_expiry_ns)
         self.events = RecordEvents(gate, self.ear, Options(), self.ear.remark)  # type: ignore[arg-type]
+        missing = Completeness(limits().activities)
         self.records = RecordCalls(
-            self.events, gate, self.ear, self.ear.remark, _ignore, self.ear.set_up, limits()
+            self.events,
+            gate,
+            self.ear,
+            self.ear.remark,
+            _ignore,
+            self.ear.set_up,
+            missing,
+            limits(),
         )  # type: ignore[arg-type]
-        self.calls = CallTracker(limits(), self.records.handlers())
+        self.calls = CallTracker(limits(), self.records.handlers(), missing)
 
     def run(self, frames: Iterable[Frame]) -> list[dict[str, Any]]:
         source = Packets()

@@ -35,7 +35,7 @@ class Channel:
             self.bounds,
             self.answered.append,
             self.closed.append,
-            lambda peer, record: self.nothing.append((peer, record)),
+            lambda peer, record, missing: self.nothing.append((peer, record, missing)),
         )
 
     def half(self, data: bytes = b"", status: int | None = None) -> Half:

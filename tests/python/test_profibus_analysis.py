@@ -72,9 +72,7 @@ def calls(path: Path) -> list[Call]:
     def ignore(*_: Any) -> None:
         pass
 
-    tracker = CallTracker(
-        limits(), Handlers(found.append, ignore, ignore, ignore, ignore, ignore, ignore)
-    )
+    tracker = CallTracker(limits(), Handlers(found.append, *[ignore] * 7))
     with open_capture(path) as capture:
         for packet in Packets().of(capture):
             pdu = rpc.parse(packet) if packet.kind == "udp" else None

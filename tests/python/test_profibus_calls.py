@@ -296,7 +296,7 @@ def paired(frames: Iterable[bytes]) -> list[Job]:
     """The jobs that the pairing makes of the calls."""
     jobs: dict[int, Job] = {}
     closed: list[Job] = []
-    pairing = Pairing(limits(), lambda job: None, closed.append, lambda peer, record: None)
+    pairing = Pairing(limits(), lambda job: None, closed.append, lambda *about: None)
 
     def peer(call: Call) -> Peer:
         return Peer(str(call.master), str(call.station))

@@ -422,7 +422,7 @@ def test_the_words_that_fill_a_diagnosis_are_of_its_language():
     moved = diagnosis(
         "DS708", {"device": DRIVE, "place": place, "status": "DF80B600", "other": other}
     )
-    part = diagnosis("DS725", {"what": "no_write", "count": 4})
+    part = diagnosis("DS725", {"what": "no_write", "count": 4, "controller": "c", "device": DRIVE})
     for lang in ("en", "zh"):
         words, row = diagnosis_words(lang), spec.rules()["DS708"]
         template = row.message if lang == "en" else row.message_zh
@@ -435,7 +435,9 @@ def test_the_words_that_fill_a_diagnosis_are_of_its_language():
         assert getattr(messages.message(moved), lang) == told
         row = spec.rules()["DS725"]
         template = row.message if lang == "en" else row.message_zh
-        told = template.format(what=words["no_write"].format(count=4), count=4)
+        told = template.format(
+            what=words["no_write"].format(count=4, controller="c", device=DRIVE), count=4
+        )
         assert getattr(messages.message(part), lang) == told
 
 
@@ -729,8 +731,8 @@ def test_the_first_screen_says_what_matters(captures):
     text = " ".join("".join(Elements(page(analyze(captures / "tour-machine.pcapng"))).text).split())
     for part in (
         "NOT OK: 1 drive, 8 transactions, 1 partial, 1 error, 1 refused, 1 unanswered",
-        "The file was read to its end: 35 frames.",
-        "Both directions are there: 17 calls, 17 responses.",
+        "The file was read to its end: 37 frames.",
+        "Both directions are there: 18 calls, 18 responses.",
         "press-1-drive",
         DRIVE,
         "p50076[1] cannot be changed now: 0x6B No change access while the controller is enabled",

@@ -86,9 +86,20 @@ def test_what_is_not_pnio_is_none(at: int, value: int) -> None:
 
 def test_foreign_interface() -> None:
     packet = one(">")
-    foreign = UUID("e1af8308-5d1f-11c9-91a4-08002b14a0fa").bytes  # the endpoint mapper
-    data = packet.payload[:24] + foreign + packet.payload[40:]
-    assert rpc.parse(replace(packet, payload=data)) is None
+    for foreign in ("e1af8308-5d1f-11c9-91a4-08002b14a0fb", "367abb81-9844-35f1-ad32-98f038001003"):
+        data = packet.payload[:24] + UUID(foreign).bytes + packet.payload[40:]
+        assert rpc.parse(replace(packet, payload=data)) is None
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_calls_of_the_endpoint_mapper_have_numbers_and_nothing_else(order: str) -> None:
+    packet, mapper = one(order), UUID("e1af8308-5d1f-11c9-91a4-08002b14a0fa")
+    interface = mapper.bytes_le if order == "<" else mapper.bytes
+    payload = packet.payload[:24] + interface + packet.payload[40:]
+    said, ours = rpc.parse(replace(packet, payload=payload)), rpc.parse(packet)
+    assert said is not None
+    assert ours is not None
+    assert (said.opnum, said.seq, said.activity) == (rpc.NO_OPERATION, ours.seq, ours.activity)
 
 
 def test_the_upper_bits_of_the_type_are_not_looked_at() -> None:

@@ -149,10 +149,22 @@ def requests_only(client: Client) -> None:
     client.ask_write(message.read(2, 1, SPEED))
 
 
+def requests_and_an_answer(client: Client) -> None:
+    requests_only(client)
+    client.write(message.read(3, 1, SPEED))
+
+
+def test_of_one_direction_nothing_is_said(tmp_path: Path) -> None:
+    both = told(requests_only, "DS110", tmp_path)
+    assert all(each.endswith("nothing that the device sent is in the capture") for each in both)
+    assert len(both) == 2
+
+
 def test_a_capture_that_goes_on_has_not_ended(tmp_path: Path) -> None:
-    first, last = told(requests_only, "DS401", tmp_path)
-    assert first.endswith("its responses are not in the capture")
-    assert last.endswith("the capture ends")
+    first, second, last = told(requests_and_an_answer, "DS110", tmp_path)
+    assert first.endswith("the response to its Write is not in the capture")
+    assert second == first
+    assert last.endswith("the capture ends before a response")
 
 
 def read_without_ar(client: Client) -> None:

@@ -358,7 +358,7 @@ def test_a_file_is_followed_as_it_grows(tmp_path: Path) -> None:
         assert watch.line(SOON).startswith("#2 ")
         watch.process.send_signal(signal.SIGINT)
         assert watch.process.wait(10) == 0
-        assert "Summary of 35 frames" in watch.rest()
+        assert "Summary of 37 frames" in watch.rest()
         assert watch.errors.empty()
 
 

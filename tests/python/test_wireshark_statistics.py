@@ -161,7 +161,7 @@ def test_statistics_are_the_same_however_the_file_is_read(
         shark(*ways, "-q", *plugin, *asked("statistics", "name=tour"), "-r", tour).out
         for ways in ([], ["-2"], ["-2", "-R", "frame"])
     ]
-    assert said[0].startswith("DS47 statistics: tour\n35 frames, 8 transactions (4 ok, 1 partial, ")
+    assert said[0].startswith("DS47 statistics: tour\n37 frames, 8 transactions (4 ok, 1 partial, ")
     assert said == [said[0]] * 3
     assert re.search(
         r"^  192\.168\.133\.33\n.*\n    change +4 +2 +3\.000 +15\.000 ", said[0], re.MULTILINE
@@ -174,7 +174,7 @@ def test_statistics_are_the_same_however_the_file_is_read(
 def test_statistics_stand_behind_the_packet_list(shark: Run, plugin: list[str], tour: Path) -> None:
     lines = shark(*plugin, *asked("statistics"), "-r", tour).out.split("DS47 statistics\n")
     assert len(lines) == 2
-    assert lines[0].count("\n") == 35
+    assert lines[0].count("\n") == 37
 
 
 def test_csv_on_standard_output(shark: Run, plugin: list[str], tour: Path) -> None:
@@ -236,7 +236,7 @@ def test_a_report_without_a_name_begins_with_its_frames(
     shark: Run, plugin: list[str], tour: Path
 ) -> None:
     assert shark("-q", *plugin, *asked("report"), "-r", tour).out.startswith(
-        "35 frames\n8 transactions: 4 ok, "
+        "37 frames\n8 transactions: 4 ok, "
     )
 
 
@@ -413,7 +413,7 @@ def test_check_installation(shark: Run, plugin: list[str], tour: Path, tmp_path:
     assert re.search(r"^Lua +5\.[2-4]$", text, re.MULTILINE)
     assert "dissector/ds47.lua\n" in text
     assert re.search(r"^Other copies +none$", text, re.MULTILINE)
-    assert re.search(r"^Open capture +17 RPC requests, 17 responses, 8 trans", text, re.MULTILINE)
+    assert re.search(r"^Open capture +18 RPC requests, 18 responses, 8 trans", text, re.MULTILINE)
 
 
 def test_check_installation_finds_another_copy(
@@ -518,5 +518,5 @@ def test_an_installed_plugin_takes_arguments(shark: Run, tour: Path) -> None:
     path.parent.mkdir(parents=True)
     path.write_text(bundle(plugin_sources()), encoding="utf-8")
     again = ["-X", f"lua_script:{path}", *asked("statistics")]
-    assert shark("-q", *again, "-r", tour).out.startswith("DS47 statistics\n35 frames, 8 trans")
+    assert shark("-q", *again, "-r", tour).out.startswith("DS47 statistics\n37 frames, 8 trans")
     assert shark("-q", "-r", tour).out == ""

@@ -96,7 +96,11 @@ end
 function M.result(live)
   live.cyclic:identify()
   local over = on_top(live)
-  local findings, jobs, twins = over.findings, live.pairing:left_open()
+  local halves = live.calls:halves()
+  local jobs, twins = live.pairing:left_open(live.events.newest_ns, function(peer)
+    return halves[peer.controller .. "\0" .. peer.device]
+  end)
+  local findings = over.findings
   local events = {gate = live.gate, pairing = live.pairing, findings = findings, twins = twins}
   local counts = lose_calls(live, setmetatable(events, Events))
   for _, job in ipairs(jobs) do

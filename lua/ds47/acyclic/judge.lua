@@ -396,7 +396,9 @@ function Judge:left_open(job, dropped)
   put_request(self, remarks, job)
   put_reads(remarks, job)
   local write = job:write_request()
-  if write and not job:write_refused() and not job.contested then
+  if write and job.missing then
+    put(remarks, "DS110", write.frame, job.missing)
+  elseif write and not job:write_refused() and not job.contested then
     local change = is_change(job)
     if job.superseded_by ~= nil then
       local args = {request = write.frame, by = job.superseded_by}

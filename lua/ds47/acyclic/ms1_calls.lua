@@ -51,7 +51,7 @@ StartUps.__index = StartUps
 
 --- Hears of the exchanges of a line, for the stations that get their parameters (Set_Prm): a station may have
 -- been switched off and on before that, as a device before its Connect.
--- @param pairing is told of them: pairing:connected(master, station, frame)
+-- @param pairing is told of them: pairing:connected(master, station, {frame, time_ns})
 function M.start_ups(pairing)
   return setmetatable({pairing = pairing, stations = {}}, StartUps)
 end
@@ -68,7 +68,8 @@ function StartUps:take(exchange)
   if dp.service(item) == "parameters" and answer and not dp.refuses(answer.item) then
     local peer = M.peer(item.sa, item.da)
     self.stations[peer.device] = self.stations[peer.device] or exchange.request.frame
-    self.pairing:connected(peer.controller, peer.device, exchange.request.frame)
+    local asked = exchange.request
+  self.pairing:connected(peer.controller, peer.device, {frame = asked.frame, time_ns = asked.time_ns})
   end
 end
 

@@ -47,11 +47,15 @@ Job.accepted = false
 --   superseding: the request that displaced this one; until it is closed
 --   rival: whose request was open when this one was turned away as in conflict with another; the same
 --   repeats: frame of an earlier response that was read once more where a new one was due
+--   between: the Write without its response before the first re-read, which may be the response to it
 --   ended: frame that ended the connection while the request was open
 --   limit: name of the limit that pushed it out: a response may still come
 --   passed: true for a Write that waited for its response when no request was said to be open (P28)
 --   contested: true where a record that went to an older request may be the response to this one (P72)
 --   remarks: what its answer says of it, until it is closed; whoever is told of the answer keeps it there
+--   fetching: array of the Reads that were sent for it and have no response up to now; nil for none
+--   insisted: true where a call of it was sent again: its client had no response
+--   missing: why nobody knows what became of it, {what, first, last, numbers} (completeness.lua, P73)
 --   uncertain: true for an orphan whose request a limit may have pushed out
 
 -- A job on a channel. A Write has the reference that was asked for before it there, and its frame.
@@ -77,6 +81,24 @@ function Job:note_call(rule, frame)
     self.calls = {}
   end
   self.calls[math.min(#self.calls + 1, MOST_READS)] = {rule = rule, frame = frame}
+end
+
+--- A Read was sent for this job.
+function Job:fetch(half)
+  local fetching = self.fetching or {}
+  fetching[#fetching + 1], self.fetching = half, fetching
+end
+
+--- A Read of this job is over.
+function Job:fetched(half)
+  local fetching = self.fetching
+  for place, each in ipairs(fetching or NONE) do
+    if each == half then
+      table.remove(fetching, place)
+      self.fetching = fetching[1] and fetching or nil
+      return
+    end
+  end
 end
 
 --- The half of the Write request that asked; nil for an orphan.
@@ -174,9 +196,11 @@ Pairing.__index = Pairing
 -- @param listener  told `asked(job)` of each Write request; `refused(job)` when a Write was refused;
 --   `connected(device, frame)` of each Connect; `answered(job)`, once, when a job has its response;
 --   `closed(job)`, once, when nothing more can come; `late(job)` before a Write response changes a closed
---   one; `nothing_to_read(record, device)` for a Read without record on a channel that has no request
-function M.new(limits, listener)
+--   one; `nothing_to_read(record, device, missing)` for a Read without record on a channel without a request
+-- @param completeness  what is missing of what stations say to each other; nil for nothing
+function M.new(limits, listener, completeness)
   return setmetatable({
+    completeness = completeness,
     limits = limits,
     expiry_ns = limits.transaction_expiry_ns,
     listener = listener,
@@ -184,9 +208,9 @@ function M.new(limits, listener)
     of_ar = {}, -- AR key -> its channel keys, in the order of first sight
     of_place = {}, -- place -> its channel keys, whoever asks there, in the order of first sight
     delivered = ordered.new(), -- place -> its newest accepted request whose response was read, whoever asked
-    connects = ordered.new(), -- AR key -> frame of its newest Connect
+    connects = ordered.new(), -- AR key -> its newest Connect, {frame, time_ns}
     connected_ars = ordered.new(), -- controller and device -> the newest AR of which they have one
-    replaced = {}, -- key of an AR with open requests that a Connect seems to have replaced -> its frame
+    replaced = {}, -- key of an AR with open requests that a Connect seems to have replaced -> by what
     any_replaced = false, -- whether there may be one: seldom, and asked for every record
     forgot_requests = false, -- whether a limit pushed out requests whose responses may still come
     count = 0,
@@ -208,28 +232,121 @@ local function touch(self, job, role, half)
   end
 end
 
-local function end_job(self, job, event)
-  job.phase = PHASES[job.phase][event]
-  self.listener:closed(job)
-  if job.rival then -- or a closed job would keep all that came after it
-    job.rival = nil
+-- A job of which something is missing tells the Read that was sent for it.
+local function tell_read(job)
+  if job.missing and job.fetching and job.read_request == nil then
+    job.read_request = job.fetching[1]
   end
 end
 
--- The frame of a Connect of its AR that came after the request of a job, nil for none.
+local function end_job(self, job, event)
+  tell_read(job)
+  job.phase = PHASES[job.phase][event]
+  self.listener:closed(job)
+  if job.rival or job.between then -- or a closed job would keep all that came after it
+    job.rival, job.between = nil, nil
+  end
+end
+
+-- The Connect of its AR that came after the request of a job, its frame and its time; nil for none.
 local function connected_since(self, job)
   local asked = job:write_request()
   local key = ar_key(job.peer, job.record)
   local connect = asked and (self.replaced[key] or self.connects:get(key))
-  return connect and connect > asked.frame and connect or nil
+  if connect and connect.frame > asked.frame then
+    return connect.frame, connect.time_ns
+  end
+  return nil
 end
 
-local function lose(self, job, reason, ended)
+-- What is not in the capture (P73)
+
+-- What may be missing behind a frame of what the controller sent; PROFIBUS has no numbers.
+local function behind(self, peer, frame, lost)
+  if peer.station or not self.completeness then
+    return nil
+  end
+  return self.completeness:behind(peer.controller, peer.device, frame, lost)
+end
+
+-- What may be missing behind a frame of what was asked for on a channel; behind 0 the begin of the capture.
+local function asked_behind(self, peer, channel, since)
+  if channel.unseen > since then
+    return {what = "requests"}
+  end
+  return since == 0 and {what = "begins"} or behind(self, peer, since)
+end
+
+-- The frame in which nothing was open on a channel before a Read; 0 where none is known. A Connect may be
+-- behind it: what is known of an AR that proves itself late is told late.
+local function free_since(self, channel, half)
+  local connect = self.connects:get(channel.ar_key)
+  return math.max(channel.ended, connect and connect.frame < half.frame and connect.frame or 0)
+end
+
+-- Whether so little of what the controller sent came behind a request that its Read may still come.
+local function ends_soon(self, peer, asked, newest_ns)
+  if not peer.station and self.completeness then
+    newest_ns = self.completeness:spoke_ns(peer.controller, peer.device)
+  end
+  return newest_ns == nil or newest_ns - asked.time_ns < self.limits.unread_ns
+end
+
+-- Why a request is over without its response -> what is not in the capture then.
+local ENDS = {["end"] = "ends", expired = "unseen", later = "later", unseen = "unseen"}
+
+-- Whether a Read without response shows that the device was silent: its client did not go on.
+local function is_silence(self, job, lost)
+  local read, peer, ended_ns = job.fetching[1], job.peer, job.ended_ns
+  if job.insisted or ended_ns == nil or self.completeness == nil then
+    return job.insisted
+  end
+  return self.completeness:is_whole_before(peer.controller, peer.device, read.frame, lost)
+    and ended_ns - read.time_ns >= self.limits.silence_ns
+end
+
+-- Which call of a job, or which half of one, may be missing; not on PROFIBUS, which has no calls.
+local function lacks_calls(self, job, asked, lost)
+  if job.fetching and not job.limit and not is_silence(self, job, lost) then
+    return {what = "read_answer", first = job.fetching[1].frame}
+  end
+  local found = behind(self, job.peer, asked.frame, lost)
+  if found == nil and job.write_response == nil and job.phase == "asked"
+    and not (job.limit or job.insisted) then
+    return {what = "write_answer", first = asked.frame}
+  end
+  return found
+end
+
+-- Why nobody knows whether the response of a job was fetched, or came; nil where that is known.
+-- @param newest_ns, lost  at the end of the capture: its time, and whether a call is open
+local function lacks(self, job, reason, newest_ns, lost)
+  local asked = job:write_request()
+  if asked == nil or job.read_response or job:write_refused() then
+    return nil
+  end
+  local found = not job.peer.station and lacks_calls(self, job, asked, lost) or nil
+  if found or job.limit then
+    return found
+  elseif (reason == "end" or reason == "expired")
+    and (job.ended or not ends_soon(self, job.peer, asked, newest_ns)) then
+    return nil
+  end
+  return ENDS[reason] and {what = ENDS[reason]} or nil
+end
+
+-- `at` is what ended its connection, {frame, time_ns}; nil where nothing is known of that.
+local function lose(self, job, reason, at)
   if reason ~= "" then
     job.reason = reason
   end
   if job.read_response == nil then
-    job.ended = ended or connected_since(self, job)
+    if at then
+      job.ended, job.ended_ns = at.frame, at.time_ns
+    else
+      job.ended, job.ended_ns = connected_since(self, job)
+    end
+    job.missing = job.missing or lacks(self, job, reason)
   end
   end_job(self, job, "lost")
 end
@@ -293,7 +410,7 @@ local function jobs_of(channel)
   return jobs
 end
 
-local function close_channel(self, channel, reason, ended, limit)
+local function close_channel(self, channel, reason, at, limit)
   take_out(self.of_ar, channel.ar_key, channel.key)
   take_out(self.of_place, channel.place, channel.key)
   self.channels:pop(channel.key)
@@ -301,7 +418,7 @@ local function close_channel(self, channel, reason, ended, limit)
     if limit then
       push_out(self, job, limit)
     else
-      lose(self, job, reason, ended)
+      lose(self, job, reason, at)
     end
   end
   if self.of_ar[channel.ar_key] == nil then
@@ -326,7 +443,8 @@ local function new_channel(self, key, peer, record)
     accepted = 0, -- `order` of the newest Write that was accepted
     heard = 0, -- frame of the newest record that was read
     unasked = 0, -- frame of the newest Write response whose request is not in the capture
-    ended = 0, -- frame of the newest Read response that ended a transaction
+    unseen = 0, -- the same, of one that was accepted: it displaced what was open
+    ended = 0, -- frame of the newest Read response that ended a transaction, or found none
   }
   self.channels:set(key, channel)
   put_in(self.of_ar, of_ar, key)
@@ -380,6 +498,24 @@ function Pairing:number()
   return self.count
 end
 
+-- An accepted Write displaces a request without its response; whose response may be missing, too.
+-- A Read that was sent behind that Write is for it.
+local function displace(self, job, by)
+  local asked = by.record.request
+  for place = #(job.fetching or NONE), asked and 1 or math.huge, -1 do
+    if job.fetching[place].frame >= asked.frame then
+      job:fetched(job.fetching[place])
+    end
+  end
+  job.missing = lacks(self, job, "")
+  if job.missing == nil then
+    job.superseded_by = asked and asked.frame
+    job.superseding = by
+  end
+  end_job(self, job, "displaced")
+  job.superseding = nil -- for the same reason as in end_job
+end
+
 -- An accepted Write opens; it displaces what was open and ends the grace of a refused one.
 local function accept(self, channel, job)
   job.accepted = true
@@ -390,10 +526,7 @@ local function accept(self, channel, job)
     remove(channel.asked, job)
     local open = channel.open
     if open then
-      open.superseded_by = job.record.request and job.record.request.frame
-      open.superseding = job
-      end_job(self, open, "displaced")
-      open.superseding = nil -- for the same reason
+      displace(self, open, job)
     end
     if channel.refused then
       lose(self, channel.refused, "")
@@ -413,7 +546,8 @@ local function rival_of(self, channel, job)
       found = held
     end
   end
-  return found
+  local asked = found and found:write_request()
+  return asked and behind(self, found.peer, asked.frame) == nil and found or nil
 end
 
 local function refuse(self, channel, job)
@@ -474,6 +608,17 @@ local function may_be(channel, job, data)
   return job.order > channel.accepted or kind_fits(job.message, data)
 end
 
+-- Whether the Write of a job was sent behind the request of a Read.
+local function is_later(job, record)
+  local asked, read = job:write_request(), record.request
+  return asked ~= nil and read ~= nil and asked.frame > read.frame
+end
+
+-- Whether a record has the reference and the kind of a request.
+local function mirrors(job, data)
+  return data ~= "" and job:reference() == data:byte(1) and kind_fits(job.message, data) ~= false
+end
+
 -- The job a Read answers; a Write whose response was not seen counts when the answer fits.
 local function addressee(channel, event, record)
   local open, asked = channel.open, channel.asked
@@ -485,7 +630,8 @@ local function addressee(channel, event, record)
   if event == "read_record" and not (open and open:reference() == reference) then
     for place = #asked, 1, -1 do
       local job = asked[place]
-      if job:reference() == reference and not job.passed and may_be(channel, job, data) then
+      if job:reference() == reference and not (job.passed or is_later(job, record))
+        and may_be(channel, job, data) then
         return job
       end
     end
@@ -495,7 +641,7 @@ local function addressee(channel, event, record)
   end
   local waiting = waiting_of(channel)
   if waiting then
-    if event == "read_record" and bytes(channel.last) == data then
+    if event == "read_record" and (bytes(channel.last) == data or not mirrors(waiting, data)) then
       return nil -- an old answer
     end
     return waiting
@@ -534,8 +680,8 @@ end
 
 -- Whether a request that was refused is answered as the last one was. Of a Write without a Write response
 -- nothing follows: two questions may have the same answer.
-local function compare(last, job, half)
-  if bytes(last) == half.data then
+local function compare(self, last, job, half)
+  if bytes(last) == half.data and behind(self, job.peer, last.read_response.frame) == nil then
     job.repeats = last.read_response.frame
   end
 end
@@ -554,8 +700,11 @@ end
 
 local function read(self, channel, job, event, record)
   local half, phase = record.response, job.phase
+  if job.insisted then
+    job.insisted = nil
+  end
   if phase == "refused" and event == "read_record" then
-    compare(channel.last, job, half)
+    compare(self, channel.last, job, half)
   elseif phase == "asked" and event ~= "read_empty" then
     presume(self, channel, job)
   end
@@ -593,6 +742,7 @@ end
 local function reread(self, channel, job, record)
   job.phase = PHASES[job.phase].reread
   if not job.rereads[1] then
+    job.between = waiting_of(channel)
     local written = math.max(channel.written or 0, channel.unasked)
     local unaccepted = written > job.read_response.frame and "again_unaccepted"
     job.again = record.implicit and "again_without_ar" or unaccepted or "again"
@@ -604,7 +754,10 @@ end
 --- A Write that asks for something. Returns the job, for `write_response`.
 function Pairing:write_request(peer, record, message)
   local channel = channel_of(self, peer, record, record.request.time_ns)
-  local job = new_job(self, channel, peer, record, message, channel.reference, channel.written)
+  local missing = channel.written and behind(self, peer, channel.written)
+  local known = not missing or missing.what == "one_direction" -- the request before it
+  local job = new_job(self, channel, peer, record, message, known and channel.reference or nil,
+    known and channel.written or nil)
   local asked, half = channel.asked, record.request
   local count = #asked + 1
   asked[count] = job
@@ -624,6 +777,9 @@ function Pairing:write_response(job, response, fault)
     self.listener:late(job)
   end
   job.write_response = response
+  if job.insisted then
+    job.insisted = nil
+  end
   if fault or job.write_fault then
     job.write_fault = fault or nil
   end
@@ -670,10 +826,86 @@ function Pairing:write_unasked(peer, record)
   if half.status ~= 0 then
     return
   end
+  channel.unseen = half.frame
   pass_over(channel)
   if channel.last then
     lose(self, channel.last, "")
     channel.last = nil
+  end
+end
+
+-- Whether a program counts its references: one more than before, or two where it leaves out 0.
+local function counts(job)
+  local before, now = job.previous_reference, job:reference()
+  local step = before and now and (now - before) % 256
+  return step == 1 or step == 2
+end
+
+-- Whether a Write without its response waits that is newer than a job; of a record, one that it mirrors.
+local function has_later(channel, job, data)
+  for _, each in ipairs(channel.asked) do
+    if each.order > job.order and not each.passed and (data == "" or mirrors(each, data)) then
+      return true
+    end
+  end
+  return false
+end
+
+-- Why a record, or the refusal of a Read, may be for another Write than that of a job; nil: it is not.
+-- It is not for a Write that is missing where the record mirrors the reference and the program counts it,
+-- unless such a Write was accepted on this channel.
+local function of_another(self, channel, job, half)
+  local asked, open, data = job:write_request(), channel.open, half.data
+  local has_data = data ~= ""
+  if asked == nil or job.peer.station or job == channel.refused and not has_data then
+    return nil -- refused already, the last one
+  end
+  local fits, other = mirrors(job, data), open ~= nil and open ~= job
+  if has_data and not (fits or other) and job.write_response == nil then
+    return {what = "write_answer", first = asked.frame}
+  elseif has_data and not fits and job.fetching then
+    return {what = "read_answer", first = job.fetching[1].frame}
+  elseif has_later(channel, job, data) then
+    return {what = "later"}
+  end
+  local since = job == channel.refused and free_since(self, channel, half) or asked.frame
+  local found = asked_behind(self, job.peer, channel, since)
+  if found == nil or not has_data or channel.unseen > since then
+    return found
+  end
+  return not (fits and (found.what == "begins" or counts(job))) and found or nil
+end
+
+-- Nobody knows any more what becomes of a job.
+local function set_aside(self, channel, job, missing)
+  if channel.open == job then
+    channel.open = nil
+  elseif channel.refused == job then
+    channel.refused = nil
+  else
+    remove(channel.asked, job)
+  end
+  if not job:write_refused() then
+    job.missing = missing
+  end
+  lose(self, job, "")
+end
+
+-- A Read that brought nothing, where no request is open as far as is known.
+-- @param missing  why it may be for a request that was taken for open; nil where it is not
+local function nothing(self, peer, channel, record, missing)
+  local half, known = record.response, missing == nil
+  if known and not peer.station then
+    missing = asked_behind(self, peer, channel, free_since(self, channel, half))
+  elseif known and channel.ended == 0 then
+    missing = {what = "begins"}
+  end
+  self.listener:nothing_to_read(record, peer.device, missing)
+  if half.status ~= nil and known then
+    pass_over(channel)
+    if missing == nil then
+      channel.ended = half.frame
+    end
   end
 end
 
@@ -686,29 +918,40 @@ function Pairing:read_response(peer, record)
     channel.heard = half.frame
   end
   local job = addressee(channel, event, record)
+  local late = job and is_later(job, record)
+  if late then
+    job = nil -- what the Read asked for is over: its response came late
+  end
   if channel.refused and channel.refused ~= job then
     lose(self, channel.refused, "")
     channel.refused = nil
+  end
+  local missing = job and (event == "read_record" or event == "read_refused")
+    and of_another(self, channel, job, half) or nil
+  if missing then
+    set_aside(self, channel, job, missing)
+    job = nil
   end
   if job then
     read(self, channel, job, event, record)
     return job
   end
   if event ~= "read_record" then
-    self.listener:nothing_to_read(record, peer.device)
-    if half.status ~= nil then
-      pass_over(channel)
+    if not late then
+      nothing(self, peer, channel, record, missing)
     end
     return nil
   end
   local last = last_response(self, channel, record)
-  if bytes(last) == half.data and last.phase ~= "closed" then
+  local again = bytes(last) == half.data and missing == nil
+    and behind(self, peer, last.read_response.frame) == nil
+  if again and last.phase ~= "closed" then
     reread(self, channel, last, record)
     return last
   end
   job = new_job(self, channel, peer, record, nil)
   job.phase, job.uncertain = "open", self.forgot_requests or nil
-  if bytes(last) == half.data then
+  if again then
     job.repeats = last.read_response.frame
   end
   read(self, channel, job, event, record)
@@ -738,6 +981,15 @@ function Pairing:read_lost(peer, record)
   return job
 end
 
+--- The request of a Read whose response was in an earlier frame.
+function Pairing:read_asked_late(peer, record, answered)
+  local channel = self.channels:get(channel_key(peer, record))
+  local last = channel and channel.last
+  if last and last.read_response and last.read_response.frame == answered then
+    last.read_request = record.request
+  end
+end
+
 --- The job that a Read request asks for, as far as is known before its response; nil for none.
 -- Changes nothing.
 function Pairing:expected(peer, record)
@@ -748,8 +1000,9 @@ function Pairing:expected(peer, record)
   return channel.open or waiting_of(channel) or channel.refused or nil
 end
 
---- The AR is over with this frame: what is open on its channels, or on those of one index, stays unanswered.
-function Pairing:release(controller, device, ar, frame, index)
+--- The AR is over: what is open on its channels, or on those of one index, stays unanswered.
+-- @param at  {frame, time_ns} of what ends it
+function Pairing:release(controller, device, ar, at, index)
   local of_ar = records.ar_text(controller, device, ar)
   local over = {}
   for key in (self.of_ar[of_ar] or NO_KEYS):iterate() do
@@ -757,7 +1010,7 @@ function Pairing:release(controller, device, ar, frame, index)
     over[#over + 1] = (index == nil or channel.index == index) and channel or nil
   end
   for _, channel in ipairs(over) do
-    close_channel(self, channel, "release", frame)
+    close_channel(self, channel, "release", at)
   end
   if index then
     return
@@ -782,7 +1035,7 @@ local function is_free(channel)
 end
 
 -- An AR of which the two have one is set up: it replaces the one before, if nothing more is said on that.
-local function replace(self, pair, ar, frame)
+local function replace(self, pair, ar, at)
   local before = self.connected_ars:get(pair)
   local siblings = before ~= nil and before ~= ar and self.of_ar[before]
   if not siblings then
@@ -790,49 +1043,54 @@ local function replace(self, pair, ar, frame)
   end
   for key in siblings:iterate() do
     if not is_free(self.channels:get(key)) then
-      self.replaced[before], self.any_replaced = frame, true
+      self.replaced[before], self.any_replaced = at, true
       return
     end
   end
 end
 
 --- An AR is set up: requests of the same AR that are open now have lost their connection.
+-- @param at  {frame, time_ns} of the Connect
 -- @param ar  nil where it is not known
 -- @param only  whether a controller has one of this kind with a device: it replaces the one before
-function Pairing:connected(controller, device, frame, ar, only)
+function Pairing:connected(controller, device, at, ar, only)
   if ar then
     local pair, key = pair_key(controller, device), records.ar_text(controller, device, ar)
-    self.connects:keep(key, frame, self.limits.channels)
+    self.connects:keep(key, at, self.limits.channels)
     if only then
-      replace(self, pair, key, frame)
+      replace(self, pair, key, at)
       self.connected_ars:keep(pair, key, self.limits.channels)
     end
   end
-  self.listener:connected(device, frame)
+  self.listener:connected(device, at.frame)
 end
 
 -- A job as the end of the capture closes it; what it holds that may grow is its own.
-local function left_open(self, job, why)
+local function left_open(self, job, why, newest_ns, lost)
   local twin = flat(job)
   for _, name in ipairs({"polls", "rereads", "empty_reads", "calls"}) do
     twin[name] = job[name][1] and flat(job[name]) or nil
   end
   twin.reason = why[job] or "end"
   if job.read_response == nil then
-    twin.ended = connected_since(self, job)
+    twin.ended, twin.ended_ns = connected_since(self, job)
+    twin.missing = job.missing or lacks(self, twin, twin.reason, newest_ns, lost and lost(job.peer))
+    tell_read(twin)
   end
   twin.phase = PHASES[job.phase].lost
   return twin
 end
 
 --- The jobs that are open, as the end of the capture closes them: copies, in that order.
+-- @param newest_ns  time of the newest call that is ours; nil for none
+-- @param lost  a function of a peer: the frame of its first call that is open though the client went on
 -- @return an array of them, and each by the job that it is a copy of
-function Pairing:left_open()
+function Pairing:left_open(newest_ns, lost)
   local found, twins = {}, {}
   for _, channel in self.channels:iterate() do
     local why = at_the_end(channel)
     for _, job in ipairs(jobs_of(channel)) do
-      twins[job] = left_open(self, job, why)
+      twins[job] = left_open(self, job, why, newest_ns, lost)
       found[#found + 1] = twins[job]
     end
   end

@@ -85,9 +85,12 @@ M.RecordCalls = RecordCalls
 -- @param listener  takes the transport findings: listener:remark({rule, frame, args, offset}, job or nil);
 --   and hears of every answered Connect: listener:set_up(request, response)
 -- @param naming    knows the vendors of devices whose calls do not say it (stations.lua)
-function RecordCalls.new(events, gate, pairing, listener, naming)
+-- @param completeness  hears of Writes of which the capture cut off where they go
+function RecordCalls.new(events, gate, pairing, listener, naming, completeness)
   return setmetatable({
     events = events, gate = gate, pairing = pairing, listener = listener, naming = naming,
+    completeness = completeness,
+    alone = ordered.new(), -- the newest responses without a request (DS102), by their frames
     forgot_requests = false, -- whether a limit pushed out a request whose response may still come
     limits = ordered.new(), -- name of a limit -> what it pushed out: {frame = of the first, count}
   }, RecordCalls)
@@ -186,16 +189,17 @@ end
 
 -- An AR begins or ends.
 function RecordCalls:_connection(pdu, opnum)
+  local at = {frame = pdu.frame, time_ns = pdu.time_ns}
   if opnum == RELEASE then
     local ar = records.released_ar(pdu)
     if ar then
-      self.pairing:release(pdu.client, pdu.server, ar, pdu.frame)
+      self.pairing:release(pdu.client, pdu.server, ar, at)
       local of_ar = records.ar_text(pdu.client, pdu.server, ar)
       self.gate:follow(of_ar, self.events.event_of(placed(self, pdu), self, "_released", ar))
     end
   elseif opnum == CONNECT then
     local ar, only = records.connected_ar(pdu), records.is_only_ar(pdu)
-    self.pairing:connected(pdu.client, pdu.server, pdu.frame, ar, only)
+    self.pairing:connected(pdu.client, pdu.server, at, ar, only)
   end
 end
 
@@ -209,6 +213,9 @@ function RecordCalls:request(call)
   local record, multiple, nested = parse_request(pdu)
   local events, pairing = self.events, self.pairing
   call.context = record
+  if pdu.missing ~= 0 and opnum == rpc.WRITE and (multiple or record == nil) then
+    self.completeness:cut(pdu)
+  end
   if multiple then
     events:wrote_multiple()
   end
@@ -227,10 +234,34 @@ function RecordCalls:request(call)
   end
 end
 
+--- The request of a response that was heard of already, as one without its request.
+function RecordCalls:late_request(call)
+  local pdu, answer = call.request, call.response
+  for _, alone in ipairs(self.alone:pop(answer.frame) or {}) do
+    alone.withdrawn = true
+  end
+  local is_read = pdu.opnum == rpc.READ or pdu.opnum == rpc.READ_IMPLICIT
+  if not is_read or select(2, parse_response(answer)) == nil then
+    self:request(call)
+    self:response(call)
+    return
+  end
+  local record = parse_request(pdu)
+  while record do
+    self.events:asked_late(placed(self, pdu), record, answer.frame)
+    record = record.following
+  end
+end
+
 function RecordCalls:retransmission(call, pdu)
   local operation = OPERATIONS[pdu.opnum] or "?"
   local args = {operation = operation, first = call.request.frame}
   self:_about_call(call, {rule = "DS103", frame = pdu.frame, args = args})
+  local record = ours_from(self, call.context)
+  while record do
+    self.events:sent_again(placed(self, pdu), record)
+    record = ours_after(self, record)
+  end
 end
 
 function RecordCalls:lost(call)
@@ -299,10 +330,17 @@ function RecordCalls:orphan_response(pdu, certain)
   if not operation then
     return
   end
-  local record = ours_from(self, (select(2, parse_response(pdu))))
+  local first = select(2, parse_response(pdu))
+  if first == nil then
+    self.completeness:cut(pdu)
+  end
+  local record = ours_from(self, first)
   while record do
     if certain and not self.forgot_requests then
       local remark = {rule = "DS102", frame = pdu.frame, args = {operation = operation}}
+      local alone = self.alone:get(pdu.frame) or {}
+      alone[#alone + 1] = remark
+      self.alone:keep(pdu.frame, alone, tables.limits.calls)
       self.events:about(placed(self, pdu), record, remark)
     end
     self.events:unasked(placed(self, pdu), record)
@@ -331,7 +369,8 @@ end
 
 -- What waited for its AR to prove itself is behind a Release then, as all else was when that came.
 function RecordCalls:_released(ar, pdu)
-  self.pairing:release(pdu.client, pdu.server, ar, pdu.frame, SHARED_INDEX)
+  local at = {frame = pdu.frame, time_ns = pdu.time_ns}
+  self.pairing:release(pdu.client, pdu.server, ar, at, SHARED_INDEX)
 end
 
 M.OPERATIONS = OPERATIONS

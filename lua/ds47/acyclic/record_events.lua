@@ -69,6 +69,26 @@ end
 local function event_read_request(self, origin, record, _, peer)
   clock(self, origin)
   record.job = self.pairing:expected(peer, record) -- for what is said of the call
+  if record.job then
+    record.job:fetch(record.request)
+  end
+end
+
+local function event_read_asked_late(self, _, record, answer, peer)
+  self.pairing:read_asked_late(peer, record, answer)
+end
+
+local function event_sent_again(_, _, record)
+  if record.job then
+    record.job.insisted = true
+  end
+end
+
+-- A Read is over, to whomever its response goes.
+local function event_read_failed(_, _, record)
+  if record.job then
+    record.job:fetched(record.request)
+  end
 end
 
 local function event_write_request(self, origin, record, message, peer)
@@ -94,6 +114,7 @@ end
 
 local function event_read_answered(self, origin, record, _, peer)
   clock(self, origin)
+  event_read_failed(self, origin, record)
   self.pairing:read_response(peer, record)
 end
 
@@ -206,6 +227,21 @@ function RecordEvents:asked(origin, record)
   end
 end
 
+--- The request of a Read whose response was in an earlier frame.
+function RecordEvents:asked_late(origin, record, answer)
+  local index = record.place.index
+  local counts = self.counts[index] or new_counts(self, index)
+  counts.read = counts.read + 1
+  if self.gate.ours[index] then
+    pass(self, event_read_asked_late, nil, origin, record, answer)
+  end
+end
+
+--- A request whose client had no response.
+function RecordEvents:sent_again(origin, record)
+  pass(self, event_sent_again, nil, origin, record)
+end
+
 --- The response to a request.
 function RecordEvents:answered(origin, record)
   if record.place.write then
@@ -226,9 +262,7 @@ end
 
 --- A request that was turned away before anybody looked at its record.
 function RecordEvents:failed(origin, record)
-  if record.write then
-    pass(self, event_write_failed, nil, origin, record)
-  end
+  pass(self, record.write and event_write_failed or event_read_failed, nil, origin, record)
 end
 
 --- A request whose response does not come any more.

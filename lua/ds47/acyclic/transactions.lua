@@ -103,6 +103,8 @@ function M.state(job, parameters)
     return "orphan"
   elseif refused(job) then
     return "refused"
+  elseif job.missing then
+    return "incomplete"
   elseif read == nil then
     return job.superseded_by ~= nil and "superseded" or "unanswered"
   elseif is_mismatch(job) then

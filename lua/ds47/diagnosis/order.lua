@@ -29,7 +29,7 @@ local function read_too_early(remarks, job)
     return
   end
   local read = first_read(job)
-  if read and read.frame < answer.frame then
+  if read and read.frame < answer.frame and read.time_ns <= answer.time_ns then
     put(remarks, "DS702", read.frame, {frame = read.frame, by = answer.frame})
   end
 end
@@ -49,7 +49,7 @@ local function old_answer(remarks, job)
     local case = refused and "again_after_refusal" or "again_without_ar"
     put_again(remarks, case, read.frame, job.repeats, refused and refused.frame)
   end
-  if job.rereads[1] then
+  if job.rereads[1] and not (job.between and job.between.write_response == nil) then
     put_again(remarks, job.again, job.rereads[1].response.frame, read.frame)
   end
 end
@@ -98,14 +98,18 @@ local function turned_away(remarks, job, asked)
     if job.rival and job.rival.order > job.order then
       return -- the two crossed: it was not open yet when this one was sent
     end
-    local held = job.rival and job.rival:write_request()
-    clash(remarks, job.rival, job, held and held.frame, asked.frame)
+    local rival = job.rival
+    if rival and (rival.missing or rival.fetching) then
+      rival = nil -- its response may have been fetched before
+    end
+    local held = rival and rival:write_request()
+    clash(remarks, rival, job, held and held.frame, asked.frame)
   end
 end
 
 -- What was to be read, or was waited for; of a change many programs never read the answer.
 local function connection_lost(remarks, job, asked)
-  if job.ended == nil or job.contested or job.read_response or job:write_refused() then
+  if job.missing or job.ended == nil or job.contested or job.read_response or job:write_refused() then
     return
   end
   if job.message.operation == "read" or job.read_request or job.polls[1] or job.empty_reads[1] then

@@ -140,8 +140,9 @@ end
 function Diagnoses:closed(job)
   local read, message, response, device = job.read_response, job.message, job.response, job.peer.device
   local longest = self.longest.values[device]
-  if read and #read.data > (longest and longest[ONLY] or 0) then
-    self:_learn_length(device, #read.data)
+  local bytes = read and (read.cut and read.stated or #read.data) or 0
+  if bytes > (longest and longest[ONLY] or 0) then
+    self:_learn_length(device, bytes)
   end
   local in_order, well = order.is_usual(job), is_answered_well(job, response)
   local remarks = NONE
@@ -150,7 +151,7 @@ function Diagnoses:closed(job)
     if not in_order then
       order.add(remarks, job)
     end
-    if not well then
+    if not well and not job.missing then
       self:_cause(remarks, job)
     end
     for number = 1, #remarks do

@@ -163,14 +163,24 @@ function Findings:at(frame)
     return NONE
   end
   local result = {}
-  for number, remark in ipairs(remarks) do
-    result[number] = self:finding(remark)
+  for _, remark in ipairs(remarks) do
+    if not remark.withdrawn then
+      result[#result + 1] = self:finding(remark)
+    end
   end
   return sorted(result, "order")
 end
 
-local function add_all(self, remarks, store, result, offers)
+local function standing(remarks)
+  local result = {}
   for _, remark in ipairs(remarks) do
+    result[#result + 1] = not remark.withdrawn and remark or nil
+  end
+  return result
+end
+
+local function add_all(self, remarks, store, result, offers)
+  for _, remark in ipairs(standing(remarks)) do
     local owner = remark.order and store:by_order(remark.order)
     local finding = self:finding(remark, owner and owner.id)
     finding.corrected = remark.corrected and offers:offered(remark.corrected)

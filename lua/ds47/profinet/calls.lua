@@ -8,8 +8,10 @@
 --
 -- An activity is {newest = sequence number of its newest request, by_seq = its calls, oldest and last = the
 -- ends of their chain, which is in the order of their requests, count = how many there are, answered = how
--- many of them have a response}: calls are few, and are forgotten in lots.
+-- many of them have a response, server = the one that was called last, numbers = its sequence numbers
+-- (completeness.lua)}: calls are few, and are forgotten in lots.
 
+local completeness = require("ds47.profinet.completeness")
 local ordered = require("ds47.support.ordered")
 
 local M = {}
@@ -27,12 +29,17 @@ M.CallTracker = CallTracker
 -- @param limits the flat table of tables.lua (copy_ns, retransmission_ns, call_expiry_ns, datagrams,
 --   activities, calls, answered_calls, rpc_messages)
 -- @param handlers a table with methods request(call), response(call), orphan_response(pdu, certain),
+--   late_request(call) of one that comes behind its response and was sent before it,
 --   retransmission(call, pdu), fault(call, pdu), lost(call), pushed_out(call, limit); each is called at most
 --   once for one event. `certain`: that the request is not in the capture; `limit`: the name of the one that
 --   pushed the call out, whose response may still come
-function CallTracker.new(limits, handlers)
+-- @param missing  hears of what is not in the capture (completeness.lua)
+function CallTracker.new(limits, handlers, missing)
   return setmetatable({
     limits = limits, handlers = handlers, activities = ordered.new(),
+    completeness = missing or completeness.new(limits.activities),
+    early = ordered.new(), -- the newest responses without a request
+    given_up = ordered.new(), -- the newest requests whose responses did not come in time
     many_calls = math.min(2 * limits.answered_calls, limits.calls), -- up to so many nothing is forgotten
     begun_requests = ordered.new(), -- requests of which fragments were seen, as far as is known
     -- The newest datagrams by a key (`is_copy`), and those before them: when there are so many new ones that
@@ -149,8 +156,9 @@ local function count(self, name)
   counts[name] = counts[name] + 1
 end
 
-local function lose(self, call)
+local function lose(self, call, activity)
   count(self, "unanswered")
+  self.completeness:lost(call.request, activity.numbers)
   self.handlers:lost(call)
 end
 
@@ -166,6 +174,10 @@ local function forget_answered(activity, spare)
   end
 end
 
+local function begun_key(pdu)
+  return pdu.conversation .. pdu.seq
+end
+
 -- Loses the unanswered calls that are too old.
 local function lose_old(self, activity, now)
   local expiry, before, call, lost = self.limits.call_expiry_ns, nil, activity.oldest, nil
@@ -179,7 +191,8 @@ local function lose_old(self, activity, now)
     end
   end
   for _, each in ipairs(lost or NONE) do
-    lose(self, each)
+    self.given_up:keep(begun_key(each.request), true, self.limits.calls)
+    lose(self, each, activity)
   end
 end
 
@@ -225,8 +238,9 @@ local function is_retransmission(self, activity, call, pdu)
   return pdu.time_ns - response.time_ns <= self.limits.retransmission_ns and activity.newest == pdu.seq
 end
 
-local function request(self, pdu)
-  local activities, seq = self.activities, pdu.seq
+-- The activity of a PDU, which spoke last.
+local function activity_of(self, pdu)
+  local activities = self.activities
   local key = pdu.conversation
   local activity = activities.values[key]
   if activity then
@@ -234,10 +248,37 @@ local function request(self, pdu)
       activities:move_to_end(key)
     end
   else
-    activity = {newest = seq, by_seq = {}, oldest = nil, last = nil, count = 0, answered = 0}
+    activity = {
+      newest = pdu.seq, by_seq = {}, oldest = nil, last = nil, count = 0, answered = 0, server = nil,
+      numbers = completeness.numbers(pdu),
+    }
     activities:set(key, activity)
     make_room(self)
   end
+  if activity.server ~= pdu.server then
+    activity.server = pdu.server
+    self.completeness:began(pdu, activity.numbers)
+  end
+  return activity
+end
+
+local function answer(self, activity, call, pdu)
+  call.response, activity.answered, activity.numbers.heard = pdu, activity.answered + 1, true
+  self.newest = call
+end
+
+-- The response that came before the request of a call, by their times the other way round; nil for none.
+local function early_response(self, pdu)
+  if self.early.length == 0 then
+    return nil
+  end
+  local early = self.early:pop(begun_key(pdu))
+  local passed = early and early.time_ns - pdu.time_ns
+  return early and passed >= 0 and passed <= self.limits.call_expiry_ns and early or nil
+end
+
+local function request(self, pdu)
+  local activity, seq = activity_of(self, pdu), pdu.seq
   expire(self, activity, pdu.time_ns)
   local call = activity.by_seq[seq]
   if call then
@@ -248,24 +289,42 @@ local function request(self, pdu)
       return
     end
     if not call.response then
-      lose(self, call)
+      lose(self, call, activity)
     end
     forget(activity, call)
   end
+  activity.numbers:add(pdu)
   activity.newest = seq
   call = {request = pdu, response = nil, context = nil, later = nil}
   append(activity, seq, call)
   self.newest, self.asks_again = call, false
-  self.handlers:request(call)
+  local early = early_response(self, pdu)
+  if early then
+    answer(self, activity, call, early)
+    self.completeness:asked_after_all(early)
+    if early.ptype == 2 then
+      self.handlers:late_request(call)
+    else
+      self.handlers:request(call)
+      self.handlers:fault(call, early)
+    end
+  else
+    self.handlers:request(call)
+  end
 end
 
-local function begun_key(pdu)
-  return pdu.conversation .. pdu.seq
-end
-
-local function answer(self, activity, call, pdu)
-  call.response, activity.answered = pdu, activity.answered + 1
-  self.newest = call
+-- Hears of a response or fault without its request; whether that certainly is not in the capture.
+local function unasked(self, pdu)
+  local key, activity = begun_key(pdu), self.activities.values[pdu.conversation]
+  local begun = self.begun_requests:get(key) ~= nil
+  if not self.given_up:get(key) then
+    self.early:keep(key, pdu, self.limits.calls)
+    if activity and pdu.seq > activity.numbers.highest then
+      activity.numbers:add(pdu)
+    end
+    self.completeness:unasked(pdu)
+  end
+  return not begun
 end
 
 local function response(self, pdu)
@@ -275,7 +334,7 @@ local function response(self, pdu)
     call = activity.by_seq[pdu.seq]
   end
   if not call then
-    self.handlers:orphan_response(pdu, self.begun_requests:get(begun_key(pdu)) == nil)
+    self.handlers:orphan_response(pdu, unasked(self, pdu))
   elseif not call.response then
     answer(self, activity, call, pdu)
     self.handlers:response(call)
@@ -286,7 +345,9 @@ end
 
 local function fault(self, pdu)
   local call, activity = call_of(self, pdu)
-  if call and not call.response then
+  if not call then
+    unasked(self, pdu)
+  elseif not call.response then
     answer(self, activity, call, pdu)
     self.handlers:fault(call, pdu)
   end
@@ -309,6 +370,11 @@ function CallTracker:feed(pdu)
   end
 end
 
+--- Takes a call that is none of PROFINET: only its number counts.
+function CallTracker:passes(pdu)
+  activity_of(self, pdu).numbers:add(pdu)
+end
+
 --- Takes a fragment that completes no message: its call is not without request or response.
 function CallTracker:begun(pdu)
   if pdu.ptype == 0 then
@@ -329,6 +395,20 @@ end
 function CallTracker:open_call(pdu)
   local call = pdu.ptype == 2 and call_of(self, pdu)
   return call and call.response == nil and call or nil
+end
+
+--- Of pairs of stations the first call that is open though its client went on: a table of its frames by
+-- client .. "\0" .. server.
+function CallTracker:halves()
+  local found, activities = {}, self.activities.values
+  for _, call in ipairs(self:unanswered()) do
+    local asked = call.request
+    if asked.seq < activities[asked.conversation].numbers.highest then
+      local pair = asked.client .. "\0" .. asked.server
+      found[pair] = math.min(found[pair] or asked.frame, asked.frame)
+    end
+  end
+  return found
 end
 
 --- The calls without a response: those of the activity that spoke longest ago first, each in its order.

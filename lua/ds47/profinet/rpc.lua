@@ -36,6 +36,12 @@ for number = 1, 4 do
   LITTLE_INTERFACES[char(number) .. "\x00\xa0\xde\x97\x6c\xd1\x11" .. NODE] = true
 end
 
+-- That of the endpoint mapper, whose calls are numbered with those of PROFINET.
+local MAPPERS = {
+  [false] = "\xe1\xaf\x83\x08\x5d\x1f\x11\xc9\x91\xa4\x08\x00\x2b\x14\xa0\xfa",
+  [true] = "\x08\x83\xaf\xe1\x1f\x5d\xc9\x11\x91\xa4\x08\x00\x2b\x14\xa0\xfa",
+}
+
 -- Whose calls it is: a request, ping, cancel or fack comes from the client.
 local FROM_CLIENT = {[0] = true, [1] = true, [8] = true, [9] = true}
 
@@ -65,14 +71,16 @@ local function digest_of(text)
   return digest * 4294967296
 end
 
--- The head for a header and the addresses of a packet; nil where it is not PNIO RPC.
+-- The head for a header and the addresses of a packet; nil where it is no RPC of PROFINET or of the
+-- endpoint mapper.
 local function new_head(header, source, destination)
   local version, ptype, flags, _, order = byte(header, 1, 5)
   ptype = ptype % 32
   local little = order % (2 * LITTLE) >= LITTLE
   local interface = sub(header, INTERFACE + 1, ACTIVITY)
+  local mapper = interface == MAPPERS[little]
   if version ~= VERSION or ptype > MOST_PTYPE
-    or not (little and LITTLE_INTERFACES or BIG_INTERFACES)[interface] then
+    or not (mapper or (little and LITTLE_INTERFACES or BIG_INTERFACES)[interface]) then
     return nil
   end
   local client, server = source, destination
@@ -86,6 +94,7 @@ local function new_head(header, source, destination)
     activity = activity,
     source = source, destination = destination, client = client, server = server,
     conversation = client .. "\0" .. activity,
+    mapper = mapper or nil, -- true: what is said to the endpoint mapper
     digest = digest_of(source .. "\0" .. destination .. "\0" .. activity), -- to know a datagram again
     fragment = 0, missing = 0, -- of most PDUs; the others have their own
     operations = {}, operation_count = 0,

@@ -53,8 +53,8 @@ local function waits_of(transactions)
     local channel = channel_of(item)
     local following = after[channel]
     after[channel] = item.start_ns
-    if item.state == "unanswered" then
-      local quiet = (following or last) - item.start_ns > expiry
+    if item.state == "unanswered" or item.state == "incomplete" then
+      local quiet = item.state == "unanswered" and (following or last) - item.start_ns > expiry
       waits[item.id] = quiet and "busy" or following and "unseen" or "ends"
     end
   end
@@ -351,6 +351,8 @@ local function last_read(item, left_out, length, wait)
     return nil
   elseif item.state == "superseded" then
     return { block = "RDREC", outcome = "superseded" }
+  elseif item.state == "incomplete" and not item.station then
+    return #left_out == 0 and { block = "RDREC", outcome = "missing" } or nil
   elseif #left_out == 0 and wait ~= "beside" then
     local unread = #(frames.polls or {}) > 0 and "given_up" or "never"
     return { block = "RDREC", outcome = item.station and "without" or unread }

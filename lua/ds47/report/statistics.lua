@@ -72,8 +72,8 @@ local TEXTS = {
   state = { en = "State", zh = "状态" },
   asked = { en = "Asked", zh = "请求内容" },
   unanswered = {
-    en = "Requests without a response (unanswered, superseded)",
-    zh = "没有应答的请求（无应答、被取代）",
+    en = "Requests without a response (unanswered, superseded, incomplete)",
+    zh = "没有应答的请求（无应答、被取代、不完整）",
   },
   rules = { en = "Findings by rule, each with its first frame", zh = "按规则统计的结论（附首次出现的帧）" },
   rule = { en = "Rule", zh = "规则" },
@@ -232,7 +232,7 @@ end
 local function unanswered(transactions)
   local list = {}
   for _, item in ipairs(transactions) do
-    if item.state == "unanswered" or item.state == "superseded" then
+    if item.state == "unanswered" or item.state == "superseded" or item.state == "incomplete" then
       list[#list + 1] = item
     end
   end

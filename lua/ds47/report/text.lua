@@ -10,7 +10,9 @@ local M = {}
 local concat, integer, say = table.concat, words.integer, words.say
 
 local WIDTH = 100 -- columns of a line
-local STATES = { "ok", "partial", "error", "mismatch", "refused", "unanswered", "superseded", "orphan" }
+local STATES = {
+  "ok", "partial", "error", "mismatch", "refused", "unanswered", "superseded", "incomplete", "orphan",
+}
 local SEVERITIES = { "error", "warning", "note" } -- from serious to harmless
 local RANK = { error = 1, warning = 2, note = 3 }
 

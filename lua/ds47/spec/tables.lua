@@ -108,6 +108,7 @@ M.limits = {
   call_expiry_ns = 60000000000,
   transaction_expiry_ns = 600000000000,
   fragment_expiry_ns = 30000000000,
+  silence_ns = 1000000000,
   unread_ns = 10000000000,
   slow_ns = 1000000000,
   polling_ns = 1000000000,
@@ -307,7 +308,7 @@ M.response_ids = {
 }
 
 M.codes = {
-  states = {ok = 1, partial = 2, error = 3, mismatch = 4, refused = 5, unanswered = 6, superseded = 7, orphan = 8},
+  states = {ok = 1, partial = 2, error = 3, mismatch = 4, refused = 5, unanswered = 6, superseded = 7, orphan = 8, incomplete = 9},
   operations = {read = 1, change = 2, vendor = 3, unknown = 4, get = 5, put = 6, bsend = 7, usend = 8},
   channels = {ds47 = 1, pkw = 2, pzd = 3, s7 = 4},
   severities = {note = 1, warning = 2, error = 3},
@@ -1009,6 +1010,7 @@ M.experts = {
   {id = "DS107", title = "Time steps back", severity = "note", expert = "sequence"},
   {id = "DS108", title = "RPC body empty or too short", severity = "warning", expert = "malformed"},
   {id = "DS109", title = "Limit of ds47 reached", severity = "warning", expert = "protocol"},
+  {id = "DS110", title = "Incomplete in the capture", severity = "note", expert = "sequence"},
   {id = "DS201", title = "Read refused", severity = "error", expert = "response"},
   {id = "DS202", title = "Record length does not match", severity = "warning", expert = "malformed"},
   {id = "DS203", title = "Write refused", severity = "error", expert = "response"},
@@ -1112,6 +1114,7 @@ M.rules = {
   DS107 = {id = "DS107", name = "time-steps-back", title = "Time steps back", severity = "note", scope = "capture", anchor = "frame", expert = "sequence", message = "Time steps back by {milliseconds} ms from frame {first} to this one", cause = "The clock of the capturing computer was set during the capture, or the file was merged from several interfaces and is not in order of time.", advice = "Times across this frame are not reliable; the order in the file is kept. A merged file can be put in order with reordercap or mergecap. Switch off time synchronisation of the computer during a capture.", title_zh = "时间倒退", message_zh = "从帧 {first} 到本帧，时间倒退了 {milliseconds} ms", cause_zh = "抓包期间修改了计算机时钟，或文件由多个接口合并而成且未按时间排序。", advice_zh = "跨过该帧的时间不可靠；分析保持文件中的顺序。合并的文件可用 reordercap 或 mergecap 重新排序。抓包期间请关闭计算机的时间同步。"},
   DS108 = {id = "DS108", name = "empty-rpc-body", title = "RPC body empty or too short", severity = "warning", scope = "transport", anchor = "frame", expert = "malformed", message = "RPC body is empty or too short for a record call", cause = "The sender built a call without argument or record header, or the frame is damaged. Some device stacks respond like this when they do not know the API; fuzzers and security scanners do it too.", advice = "See which station sends it. Check the API of the call (PROFIdrive is 0x3A00 on some drives and 0 on others). If controller and drive do it in normal operation, compare their firmware version with the release notes; if it is any other station, ask why it calls the RPC port of the drive.", title_zh = "RPC 报文体为空或过短", message_zh = "RPC 报文体为空或过短，不构成数据记录调用", cause_zh = "发送方的调用缺少参数头或记录头，或帧已损坏。有些设备协议栈在不认识 API 时会这样应答；模糊测试工具和安全扫描器也会这样做。", advice_zh = "查明是哪个站点发送的。检查调用的 API（PROFIdrive 在有些驱动器上为 0x3A00，在另一些上为 0）。如果控制器或驱动器在正常运行中如此，核对其固件版本和版本说明；如果是其他站点，查清它为何访问驱动器的 RPC 端口。"},
   DS109 = {id = "DS109", name = "limit-reached", title = "Limit of ds47 reached", severity = "warning", scope = "capture", anchor = "frame", expert = "protocol", message = "Limit {limit} = {most} of ds47 reached: {count} given up, the first in this frame", cause = "More calls, fragments or channels are open at once than ds47 keeps: the capture holds one direction of a busy line, a load test or a scanner, or very many stations.", advice = "Do not conclude anything from the silence about calls from this frame on: a response may be in the capture. Capture at the drive, or cut the capture into parts by station or by time (editcap, tshark -Y) and look at each.", title_zh = "达到 ds47 的限制", message_zh = "达到 ds47 的限制 {limit} = {most}：放弃了 {count} 个，第一个在该帧", cause_zh = "同时未完成的调用、分片或通道多于 ds47 所保留的数量：抓包只含繁忙线路的一个方向、正在进行负载测试或扫描，或站点非常多。", advice_zh = "不要因为该帧之后的调用没有提示就下结论：应答可能就在抓包中。请在驱动器处抓包，或按站点或时间拆分抓包文件（editcap、tshark -Y）后分别查看。"},
+  DS110 = {id = "DS110", name = "incomplete-in-the-capture", title = "Incomplete in the capture", severity = "note", scope = "transport", anchor = "frame", expert = "sequence", message = "Nobody knows what became of this: {what}", cause = "The capture lost frames, shows one direction only, begins too late or ends too early, or calls take another path than the mirrored port. This says nothing about the program, the drive or the cable.", advice = "Capture at the port of the controller or of the drive, both directions, with enough buffer (dumpcap -B 64); begin before the first request and let the capture run a few seconds longer than the fault.", title_zh = "抓包中不完整", message_zh = "结果无从得知：{what}", cause_zh = "抓包丢帧、只有一个方向、开始过晚或结束过早，或者调用没有经过镜像端口。这与程序、驱动器和电缆无关。", advice_zh = "在控制器或驱动器的端口上同时抓取两个方向，使用足够的缓冲区（dumpcap -B 64）；在第一个请求之前开始抓包，并在故障之后再持续几秒。"},
   DS201 = {id = "DS201", name = "read-refused", title = "Read refused", severity = "error", scope = "record", anchor = "read_response", expert = "response", message = "Read refused with status {status}: {text}", cause = "The record was read at the wrong place (ID, slot, subslot or INDEX), MLEN does not fit, the response is no longer there, or the drive could not execute the request.", advice = "Read STATUS of RDREC and look the code up. ID and INDEX must be the same as at WRREC, MLEN at least as long as the response. B0: no parameter channel at this index; B2: wrong slot or subslot; B6: access denied, the submodule is not plugged or belongs to another connection; B7: error in the header of the DS47 request, check the bytes that WRREC sent.", title_zh = "读取被拒绝", message_zh = "读取被拒绝，状态 {status}：{text}", cause_zh = "读取位置错误（ID、插槽、子插槽或 INDEX），MLEN 不合适，应答已不存在，或驱动器无法执行该任务。", advice_zh = "查看 RDREC 的 STATUS 并查询该代码。ID 和 INDEX 必须与 WRREC 相同，MLEN 至少等于应答长度。B0：该索引没有参数通道；B2：插槽或子插槽错误；B6：拒绝访问，子模块未插入或属于另一个连接；B7：DS47 请求报头有错误，检查 WRREC 发送的字节。"},
   DS202 = {id = "DS202", name = "record-length", title = "Record length does not match", severity = "warning", scope = "record", anchor = "frame", expert = "malformed", message = "Record length does not match: header says {stated} bytes, {present} are there", cause = "The capture cut the frame, or the sender fills the length field of the record header wrongly. What is there is decoded.", advice = "If the frame is complete in the capture, report it to the maker of the sending device with its firmware version. Otherwise capture again without a snap length.", title_zh = "记录长度不符", message_zh = "记录长度不符：报头为 {stated} 字节，实际为 {present} 字节", cause_zh = "抓包截短了帧，或发送方填写的记录头长度不正确。已有的数据仍会被解码。", advice_zh = "如果抓包中的帧是完整的，请将此问题连同固件版本反馈给发送设备的制造商。否则请不限截取长度重新抓包。"},
   DS203 = {id = "DS203", name = "write-refused", title = "Write refused", severity = "error", scope = "record", anchor = "write_response", expert = "response", message = "Write refused with status {status}: {text}", cause = "The drive did not take the parameter request: wrong slot, subslot or index, wrong length, an error in the DS47 header, or a request of the same or another client is still being processed.", advice = "Read STATUS of WRREC. B0/B2: check ID and INDEX = 47 (or 16#B02E/16#B02F); B1: check LEN; B5: wait for the response of the last request, fetch it with RDREC, then send again; B6: access denied, the submodule is not plugged or belongs to another connection; B7: check reference, request ID, DO-ID and number of parameters in the first four bytes.", title_zh = "写入被拒绝", message_zh = "写入被拒绝，状态 {status}：{text}", cause_zh = "驱动器没有接受参数任务：插槽、子插槽或索引错误，长度错误，DS47 报头有错误，或同一客户端、其他客户端的任务仍在处理中。", advice_zh = "查看 WRREC 的 STATUS。B0/B2：检查 ID 和 INDEX = 47（或 16#B02E/16#B02F）；B1：检查 LEN；B5：等待上一个任务的应答并用 RDREC 取走后再发送；B6：拒绝访问，子模块未插入或属于另一个连接；B7：检查前四个字节中的请求参考、请求 ID、DO-ID 和参数数量。"},
@@ -1211,6 +1214,7 @@ M.rules.DS105.args = {kind = "text", have = "number"}
 M.rules.DS106.args = {captured = "number", original = "number", length = "number", completed = "frame"}
 M.rules.DS107.args = {milliseconds = "ms3", first = "frame"}
 M.rules.DS109.args = {limit = "text", most = "number", count = "number"}
+M.rules.DS110.args = {what = "key", first = "frame", last = "frame", numbers = "text"}
 M.rules.DS201.args = {status = "status"}
 M.rules.DS202.args = {stated = "number", present = "number"}
 M.rules.DS203.args = {status = "status"}
@@ -1299,6 +1303,7 @@ M.known = {
   held = 5,
   held_jitter = 20,
   held_period = 10000,
+  disorder = 1000,
   storm_polls = 10,
   storm_jobs = 3,
   storm_total = 100,
@@ -1345,7 +1350,7 @@ M.diagnosis_words = {
   two_stations = {en = "{controller} wrote in frame {frame} while the request of {other} (frame {first}) was open: two stations use one channel", zh = "{controller} 在第 {frame} 帧写入请求，而 {other} 的请求（第 {first} 帧）尚未完成：两个站使用同一通道"},
   two_ars = {en = "{controller} wrote in frame {frame} (AR {ar}) while its request of frame {first} (AR {other_ar}) was open: two connections of one station use one channel", zh = "{controller} 在第 {frame} 帧（AR {ar}）写入请求，而它在第 {first} 帧（AR {other_ar}）的请求尚未完成：同一个站的两个连接使用同一通道"},
   one_station = {en = "{controller} wrote in frame {frame} while its own request of frame {first} was open: the response had not been fetched", zh = "{controller} 在第 {frame} 帧写入请求，而它自己在第 {first} 帧的请求尚未完成：应答还没有被取走"},
-  unasked = {en = "the capture shows none open on its channel, parameter numbers are unknown", zh = "抓包中其通道上没有未完成的请求，参数号未知"},
+  unasked = {en = "the capture does not show which one it answers, parameter numbers are unknown", zh = "抓包未显示它应答的是哪个请求，参数号未知"},
   unasked_without_ar = {en = "it was read without an AR (ReadImplicit) and which request it belongs to is not known, nor are the parameter numbers", zh = "应答不经 AR 读取（ReadImplicit），属于哪个请求以及参数号均未知"},
   unasked_again = {en = "it was read once more without an AR (ReadImplicit), when its transaction was over already", zh = "应答不经 AR 再次被读取（ReadImplicit），其任务此前已经结束"},
   format_read = {en = "{pnu} is read as {better} ({better_code}) in frame {seen}", zh = "{pnu} 在第 {seen} 帧以 {better}（{better_code}）读取"},
@@ -1369,6 +1374,16 @@ M.diagnosis_words = {
   again_unaccepted = {en = "and the capture shows no new request that was accepted in between", zh = "抓包中期间没有新的请求被接受"},
   again_without_ar = {en = "without an AR (ReadImplicit)", zh = "不经 AR（ReadImplicit）"},
   again_after_refusal = {en = "after the Write in frame {write} had been refused", zh = "此前帧 {write} 的写入已被拒绝"},
+  calls = {en = "calls behind frame {first} and before frame {last} are not in the capture (RPC sequence numbers {numbers})", zh = "第 {first} 帧之后、第 {last} 帧之前的调用不在抓包中（RPC 序列号 {numbers}）"},
+  requests = {en = "at least one request is missing in the capture, cut, or out of order", zh = "抓包中至少缺少一个请求，或该请求被截断、顺序颠倒"},
+  one_direction = {en = "nothing that the device sent is in the capture", zh = "设备发送的内容都不在抓包中"},
+  halves = {en = "of other calls only the request or only the response is in the capture, or they are out of order", zh = "另有调用只有请求或只有应答在抓包中，或顺序颠倒"},
+  read_answer = {en = "the response to the Read in frame {first} is not in the capture, or out of order", zh = "第 {first} 帧的读请求的应答不在抓包中，或顺序颠倒"},
+  write_answer = {en = "the response to its Write is not in the capture", zh = "其写请求的应答不在抓包中"},
+  begins = {en = "its request may have been sent before the capture began", zh = "其请求可能在抓包开始之前已经发出"},
+  ends = {en = "the capture ends before a response", zh = "抓包在应答之前结束"},
+  later = {en = "a later Write of its channel has no response in the capture, or a late one, and may have displaced it", zh = "其通道上后来的写请求在抓包中没有应答或应答滞后，可能已将其取代"},
+  unseen = {en = "its responses are not in the capture", zh = "其应答不在抓包中"},
   unseen_user = {en = "{controller} was turned away in frame {frame}: another request was open", zh = "{controller} 的请求（第 {frame} 帧）被拒绝：另有一个请求尚未完成"},
   pzd_S1 = {en = "S1 switching on inhibited", zh = "S1 接通禁止"},
   pzd_S2 = {en = "S2 ready to switch on", zh = "S2 接通就绪"},
@@ -1394,6 +1409,7 @@ M.report_words = {
   state_refused = {en = "refused", zh = "被拒绝"},
   state_unanswered = {en = "unanswered", zh = "无应答"},
   state_superseded = {en = "superseded", zh = "被取代"},
+  state_incomplete = {en = "incomplete", zh = "不完整"},
   state_orphan = {en = "orphan", zh = "无请求"},
   about_ok = {en = "The drive carried out the request for all parameters.", zh = "驱动器已对全部参数执行任务。"},
   about_partial = {en = "Negative response: some parameters with an error number, the others done.", zh = "否定应答：部分参数带错误号，其余已执行。"},
@@ -1401,6 +1417,7 @@ M.report_words = {
   about_mismatch = {en = "The response does not mirror the request (reference, DO, ID), or has more values than were asked for.", zh = "应答与请求不对应（请求参考号、DO、ID），或数值多于请求。"},
   about_refused = {en = "The record call itself (Write or Read) ended with a negative STATUS.", zh = "数据记录调用本身（写或读）以否定的 STATUS 结束。"},
   about_unanswered = {en = "No response to the request is in the capture.", zh = "抓包中没有该请求的应答。"},
+  about_incomplete = {en = "Part of it is not in the capture: nobody knows what became of it.", zh = "其中一部分不在抓包中：结果无从得知。"},
   about_superseded = {en = "The next request was accepted before a response to this one was fetched.", zh = "在读取本请求的应答之前，下一个请求已被接受。"},
   about_orphan = {en = "A response whose request is not in the capture.", zh = "其请求不在抓包中的应答。"},
   no_known_number = {en = "no error number that is known here", zh = "没有已知的错误号"},
@@ -1438,6 +1455,7 @@ M.report_words = {
   plc_write_ends = {en = "WRREC, no response before the capture ends", zh = "WRREC，直到抓包结束没有应答"},
   plc_write_unseen = {en = "WRREC, its response is not in the capture", zh = "WRREC，其应答不在抓包中"},
   plc_write_missing = {en = "WRREC not in the capture", zh = "WRREC 不在抓包中"},
+  plc_read_missing = {en = "RDREC, if there was one, is not in the capture", zh = "如有 RDREC，不在抓包中"},
   plc_read_polled = {en = "RDREC ERROR, STATUS {status}|RDREC {n} x ERROR, STATUS {status}", zh = "RDREC {n} 次 ERROR，STATUS {status}"},
   plc_read_done = {en = "RDREC VALID, STATUS {status}, LEN {length}", zh = "RDREC VALID，STATUS {status}，LEN {length}"},
   plc_read_cut = {en = "RDREC VALID, STATUS {status}, LEN {length} ({captured} of them captured)", zh = "RDREC VALID，STATUS {status}，LEN {length}（抓到其中 {captured} 个字节）"},

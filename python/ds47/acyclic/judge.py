@@ -126,7 +126,9 @@ class Judge:
         if _is_change(job):
             self._written.settled(job, stray=False)
         write = job.write_request
-        if write is not None and not job.write_refused and not job.contested:
+        if job.missing is not None and write is not None:
+            remarks.append(Remark("DS110", write.frame, job.missing._asdict()))
+        elif write is not None and not job.write_refused and not job.contested:
             change = _is_change(job)
             if job.superseded_by is not None:
                 rule = "DS414" if change else "DS413"

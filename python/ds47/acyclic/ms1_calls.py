@@ -10,7 +10,7 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import ClassVar
 
-from ds47.acyclic.pairing import Peer
+from ds47.acyclic.pairing import Moment, Peer
 from ds47.acyclic.record_events import Jobs, RecordEvents
 from ds47.acyclic.services import Call, Handlers
 from ds47.findings.remark import Remark
@@ -125,12 +125,12 @@ class StartUps:
     A station may have been switched off and on before that, as a device before its Connect.
 
     Args:
-        connected: is told master, station and frame.
+        connected: is told master, station, and when.
     """
 
     SERVICES: ClassVar = frozenset({dp.PARAMETERS})
 
-    def __init__(self, connected: Callable[[str, str, int], None]) -> None:
+    def __init__(self, connected: Callable[[str, str, Moment], None]) -> None:
         self._connected = connected
         self._seen: dict[str, int] = {}
 
@@ -147,7 +147,8 @@ class StartUps:
         if item.sa is not None and item.da is not None:
             who = peer(item.sa, item.da)
             self._seen.setdefault(who.device, exchange.request.frame)
-            self._connected(who.controller, who.device, exchange.request.frame)
+            at = Moment(exchange.request.frame, exchange.request.time_ns)
+            self._connected(who.controller, who.device, at)
 
 
 @lru_cache(maxsize=4096)

@@ -16,6 +16,7 @@ from typing import Final, NamedTuple, TypeVar
 from ds47.profidrive import Request, Response
 from ds47.profidrive.dictionary import Meaning, family_of
 from ds47.profidrive.family import kind_fits
+from ds47.profinet.completeness import Completeness, Hole
 from ds47.profinet.records import Half, Record
 from ds47.spec.semantics import Limits, phases
 
@@ -45,6 +46,34 @@ class Peer(NamedTuple):
     def drives(self) -> str:
         """Whose parameters it has, as far as is known."""
         return family_of(self.vendor_id, self.family)
+
+
+class Moment(NamedTuple):
+    """A frame and its time."""
+
+    frame: int
+    time_ns: int
+
+
+_NEVER: Final = Moment(0, 0)
+_ENDS: Final = {"end": "ends", "expired": "unseen", "later": "later", "unseen": "unseen"}
+"""Why a request is over without its response -> what is not in the capture then."""
+
+
+class Missing(NamedTuple):
+    """What is not in the capture, so that nobody can say that it did not come (docs/pairing.md, P73).
+
+    Attributes:
+        what: a key of diagnoses.toml.
+        first: the frame behind which it is missing,
+        last: the frame before which it is,
+        numbers: and the RPC sequence numbers, as far as these are known.
+    """
+
+    what: str
+    first: int | None = None
+    last: int | None = None
+    numbers: str | None = None
 
 
 ChannelKey = tuple[str, str, bytes, int, int, int, int]
@@ -83,8 +112,18 @@ class Job:
     """Frame of an earlier response that was read once more where a new one was due."""
     again: str
     """Of the first re-read, how it came about: a key of diagnoses.toml."""
+    between: Job | None
+    """The Write without its response before the first re-read, which may have brought the response to it."""
     ended: int | None
-    """Frame that ended the connection while the request was open."""
+    """Frame that ended the connection while the request was open,"""
+    ended_ns: int | None
+    """and its time."""
+    fetching: list[Half]
+    """The Reads that were sent for it and have no response up to now."""
+    insisted: bool
+    """Whether a call of it was sent again: its client had no response."""
+    missing: Missing | None
+    """Why nobody knows what became of it."""
     limit: str
     """Name of the limit that pushed it out (spec/limits.toml): a response may still come. "" for none."""
     passed: bool
@@ -139,7 +178,11 @@ class Job:
         self.rival = None
         self.repeats = None
         self.again = ""
-        self.ended = None
+        self.between = None
+        self.ended = self.ended_ns = None
+        self.fetching = []
+        self.insisted = False
+        self.missing = None
         self.limit = ""
         self.passed = False
         self.contested = False
@@ -185,8 +228,10 @@ class Channel:
     """The frame of the newest record that was read; 0 for none."""
     unasked: int
     """The frame of the newest Write response whose request is not in the capture; 0 for none."""
+    unseen: int
+    """The same, of one that was accepted: it displaced what was open."""
     ended: int
-    """The frame of the newest Read response that ended a transaction; 0 for none."""
+    """The frame of the newest Read response that ended a transaction, or found none; 0 for neither."""
 
     def __init__(
         self,
@@ -206,7 +251,7 @@ class Channel:
         self.written = None
         self.accepted = 0
         self.heard = 0
-        self.unasked = 0
+        self.unasked = self.unseen = 0
         self.ended = 0
 
     def pass_over(self) -> None:
@@ -245,6 +290,7 @@ class Pairing:
         refused: called when a Write is refused: what comes after that is seldom of interest.
         asked: called for each Write that asks for something.
         connected: called for each Connect, with the device and its frame.
+        completeness: what is missing of what stations say to each other; None: nothing.
     """
 
     def __init__(
@@ -252,12 +298,14 @@ class Pairing:
         limits: Limits,
         answered: Callable[[Job], None],
         closed: Callable[[Job], None],
-        nothing_to_read: Callable[[Peer, Record], None],
+        nothing_to_read: Callable[[Peer, Record, Missing | None], None],
         refused: Callable[[Job], None] | None = None,
         asked: Callable[[Job], None] | None = None,
         connected: Callable[[str, int], None] | None = None,
+        completeness: Completeness | None = None,
     ) -> None:
         self._limits = limits
+        self._completeness = completeness
         self._tell_refused = refused
         self._asked = asked
         self._tell_connected = connected
@@ -273,21 +321,25 @@ class Pairing:
         """Whether a limit pushed out requests whose responses may still come."""
         self._delivered: OrderedDict[tuple[str, int, int, int, int], Job] = OrderedDict()
         """The newest accepted request of a place whose response was read, whoever asked."""
-        self._connects: OrderedDict[tuple[str, str, bytes], int] = OrderedDict()
-        """The newest Connect of each AR, by its frame."""
+        self._connects: OrderedDict[tuple[str, str, bytes], Moment] = OrderedDict()
+        """The newest Connect of each AR."""
         self._connected: OrderedDict[tuple[str, str], bytes] = OrderedDict()
         """Of the ARs of which two stations have one, that which they set up last and did not release."""
-        self.replaced: dict[tuple[str, str, bytes], int] = {}
+        self.replaced: dict[tuple[str, str, bytes], Moment] = {}
         """ARs with open requests that a Connect seems to have replaced; until anything is said on them."""
         self._count = 0
+        self._newest_ns: int | None = None
 
     def write_request(self, peer: Peer, record: Record, message: Request) -> Job:
         """A Write that asks for something. Returns the job, for `write_response`."""
         assert record.request is not None
         channel = self._channel(peer, record, record.request.time_ns)
         job = self._job(peer, record, message)
-        job.previous_reference, channel.reference = channel.reference, message.request_reference
-        job.previous, channel.written = channel.written, record.request.frame
+        before = channel.written
+        missing = None if before is None else self._behind(peer, before)
+        if missing is None or missing.what == "one_direction":
+            job.previous_reference, job.previous = channel.reference, before
+        channel.reference, channel.written = message.request_reference, record.request.frame
         channel.asked.append(job)
         if self._asked is not None:
             self._asked(job)
@@ -299,6 +351,7 @@ class Pairing:
         """The answer to a Write: accepted (status 0), refused (any other status, or an RPC fault)."""
         job.write_response = response
         job.write_fault = fault
+        job.insisted = False
         status = response.status if response else None
         if job.phase == "closed" or (status is None and not fault):
             return
@@ -332,6 +385,7 @@ class Pairing:
             channel.refused = None
         if half.status != 0:
             return
+        channel.unseen = half.frame
         channel.pass_over()
         if channel.last is not None:
             self._lose(channel.last, "")
@@ -346,27 +400,160 @@ class Pairing:
         if event == "read_record":
             channel.heard = half.frame
         job = self._addressee(channel, event, record)
+        late = job is not None and _is_later(job, record)
+        if late:
+            job = None  # what the Read asked for is over: its response came late
         if channel.refused is not None and channel.refused is not job:
             self._lose(channel.refused, "")
             channel.refused = None
+        missing = None
+        if job is not None and event in ("read_record", "read_refused"):
+            missing = self._of_another(channel, job, half)
+            if missing is not None:
+                self._set_aside(channel, job, missing)
+                job = None
         if job is not None:
             self._read(channel, job, event, record)
             return job
         if event != "read_record":
-            self._nothing_to_read(peer, record)
-            if half.status is not None:
-                channel.pass_over()
+            if not late:
+                self._nothing(peer, channel, record, missing)
             return None
         read = self._last_response(peer, channel, record)
-        if read is not None and _bytes(read) == half.data and read.phase != "closed":
+        first = read.read_response if read is not None else None
+        again = first is not None and first.data == half.data and missing is None
+        again = again and first is not None and self._behind(peer, first.frame) is None
+        if read is not None and again and read.phase != "closed":
             self._reread(channel, read, record)
             return read
         job = self._job(peer, record, None)
         job.phase, job.certain = "open", not self._pushed_out
-        if read is not None and read.read_response is not None and _bytes(read) == half.data:
-            job.repeats = read.read_response.frame
+        if first is not None and again:
+            job.repeats = first.frame
         self._read(channel, job, event, record)
         return job
+
+    # What is not in the capture (P73)
+
+    def _behind(self, peer: Peer, frame: int) -> Missing | None:
+        """What may be missing behind a frame of what the controller sent; PROFIBUS has no numbers."""
+        if peer.station is not None or self._completeness is None:
+            return None
+        found = self._completeness.behind(peer.controller, peer.device, frame)
+        if not isinstance(found, Hole):
+            return None if found is None else Missing(found)
+        return Missing("calls", found.after or None, found.before, found.told())
+
+    def _lacks(self, job: Job, reason: str) -> Missing | None:
+        """Why nobody knows whether the response of a job was fetched, or came."""
+        asked = job.write_request
+        if asked is None or job.read_response is not None or job.write_refused:
+            return None
+        if job.peer.station is None:
+            found = self._lacks_calls(job, asked)
+            if found is not None or job.limit:
+                return found
+        if reason in ("end", "expired") and (job.ended or not self._ends_soon(job.peer, asked)):
+            return None
+        what = _ENDS.get(reason)
+        return None if what is None else Missing(what)
+
+    def _lacks_calls(self, job: Job, asked: Half) -> Missing | None:
+        """Which call of a job, or which half of one, may be missing; not on PROFIBUS, which has no calls."""
+        if job.fetching and not job.limit and not self._is_silence(job):
+            return Missing("read_answer", job.fetching[0].frame)
+        found = self._behind(job.peer, asked.frame)
+        if found is None and not job.limit and job.write_response is None and job.phase == "asked":
+            return None if job.insisted else Missing("write_answer", asked.frame)
+        return found
+
+    def _is_silence(self, job: Job) -> bool:
+        """Whether a Read without response shows that the device was silent: its client did not go on."""
+        if job.insisted:
+            return True
+        read, peer, ended_ns = job.fetching[0], job.peer, job.ended_ns
+        if ended_ns is None or self._completeness is None:
+            return False
+        whole = self._completeness.is_whole_before(peer.controller, peer.device, read.frame)
+        return whole and ended_ns - read.time_ns >= self._limits.silence_ns
+
+    def _ends_soon(self, peer: Peer, asked: Half) -> bool:
+        """Whether so little of what the controller sent came behind a request that its Read may still come."""
+        newest_ns = self._newest_ns
+        if peer.station is None and self._completeness is not None:
+            newest_ns = self._completeness.spoke_ns(peer.controller, peer.device)
+        return newest_ns is None or newest_ns - asked.time_ns < self._limits.unread_ns
+
+    def _of_another(self, channel: Channel, job: Job, half: Half) -> Missing | None:
+        """Why a record, or the refusal of a Read, may be for another Write than that of a job; None: it is not.
+
+        It is not for a Write that is missing where the record mirrors the reference and the program counts it,
+        unless such a Write was accepted on this channel.
+        """
+        asked = job.write_request
+        if asked is None or job.peer.station is not None:
+            return None
+        if job is channel.refused and not half.data:
+            return None  # it is refused already
+        fits, other = _mirrors(job, half), channel.open not in (None, job)
+        if half.data and not (fits or other) and job.write_response is None:
+            return Missing("write_answer", asked.frame)
+        if half.data and not fits and job.fetching:
+            return Missing("read_answer", job.fetching[0].frame)
+        newer = (each for each in channel.asked if each.order > job.order and not each.passed)
+        if any(not half.data or _mirrors(each, half) for each in newer):
+            return Missing("later")
+        free = self._free_since(job.peer, channel, job.record, half)
+        since = free if job is channel.refused else asked.frame
+        found = self._asked_behind(job.peer, channel, since)
+        if found is None or not half.data or channel.unseen > since:
+            return found
+        return None if fits and (found.what == "begins" or _counts(job)) else found
+
+    def _set_aside(self, channel: Channel, job: Job, missing: Missing) -> None:
+        """Nobody knows any more what becomes of a job."""
+        if channel.open is job:
+            channel.open = None
+        elif channel.refused is job:
+            channel.refused = None
+        else:
+            channel.asked.remove(job)
+        if not job.write_refused:
+            job.missing = missing
+        self._lose(job, "")
+
+    def _free_since(self, peer: Peer, channel: Channel, record: Record, read: Half) -> int:
+        """The frame in which nothing was open on a channel before a Read; 0 where none is known.
+
+        A Connect may be behind it: what is known of an AR that proves itself late is told late.
+        """
+        connect = self._connects.get(_key(peer, record)[:3], _NEVER).frame
+        return max(channel.ended, connect if connect < read.frame else 0)
+
+    def _asked_behind(self, peer: Peer, channel: Channel, since: int) -> Missing | None:
+        """What may be missing behind a frame of what was asked for on a channel; 0: the begin of the capture."""
+        if channel.unseen > since:
+            return Missing("requests")
+        return self._behind(peer, since) if since else Missing("begins")
+
+    def _nothing(
+        self, peer: Peer, channel: Channel, record: Record, missing: Missing | None
+    ) -> None:
+        """A Read that brought nothing, where no request is open as far as is known."""
+        half = record.response
+        assert half is not None
+        known = missing is None
+        if known and peer.station is None:
+            missing = self._asked_behind(
+                peer, channel, self._free_since(peer, channel, record, half)
+            )
+        elif known and not channel.ended:
+            missing = Missing("begins")
+        self._nothing_to_read(peer, record, missing)
+        if half.status is not None and known:
+            channel.pass_over()
+            if missing is None:
+                channel.ended = half.frame
 
     def is_again(self, peer: Peer, record: Record) -> bool:
         """Whether a ReadImplicit brings the bytes of the last response of its place (P55). Changes nothing."""
@@ -392,6 +579,7 @@ class Pairing:
         assert record.response is not None
         self._step(job, "reread")
         if not job.rereads:
+            job.between = channel.waiting()
             read = job.read_response.frame if job.read_response else 0
             written = max(channel.written or 0, channel.unasked)
             job.again = "again_unaccepted" if written > read else "again"
@@ -419,18 +607,26 @@ class Pairing:
             job.read_request = read
         return job
 
+    def read_asked_late(self, peer: Peer, record: Record, answer: int) -> None:
+        """The request of a Read whose response was in an earlier frame."""
+        channel = self.channels.get(_key(peer, record))
+        last = channel.last if channel is not None else None
+        read = last.read_response if last is not None else None
+        if last is not None and read is not None and read.frame == answer:
+            last.read_request = record.request
+
     def release(
         self,
         controller: str,
         device: str,
         ar: bytes,
-        frame: int | None = None,
+        at: Moment | None = None,
         index: int | None = None,
     ) -> None:
         """The AR is over: what is open on its channels, or on those of one index, stays unanswered."""
         for key in list(self._of_ar.get((controller, device, ar), ())):
             if index is None or key[-1] == index:
-                self._close_channel(key, "release", frame)
+                self._close_channel(key, "release", at)
         if index is not None:
             return
         if self._connected.get((controller, device)) == ar:
@@ -440,7 +636,7 @@ class Pairing:
         self,
         controller: str,
         device: str,
-        frame: int,
+        at: Moment,
         ar: bytes | None = None,
         *,
         only: bool = False,
@@ -451,20 +647,20 @@ class Pairing:
         if nothing is said on that from now on.
         """
         if ar is not None:
-            self._put(self._connects, (controller, device, ar), frame)
+            self._put(self._connects, (controller, device, ar), at)
             if only:
-                self._replace(controller, device, ar, frame)
+                self._replace(controller, device, ar, at)
                 self._put(self._connected, (controller, device), ar)
         if self._tell_connected is not None:
-            self._tell_connected(device, frame)
+            self._tell_connected(device, at.frame)
 
-    def _replace(self, controller: str, device: str, ar: bytes, frame: int) -> None:
+    def _replace(self, controller: str, device: str, ar: bytes, at: Moment) -> None:
         before = self._connected.get((controller, device))
         if before is None or before == ar:
             return
         key = controller, device, before
         if not all(self.channels[each].is_free() for each in self._of_ar.get(key, ())):
-            self.replaced[key] = frame
+            self.replaced[key] = at
 
     def _put(self, memory: OrderedDict[_K, _T], key: _K, value: _T) -> None:
         memory[key] = value
@@ -477,8 +673,9 @@ class Pairing:
         if self.replaced:
             self.replaced.pop((controller, device, ar), None)
 
-    def finish(self) -> None:
-        """The capture is over."""
+    def finish(self, newest_ns: int | None = None) -> None:
+        """The capture is over, with the time of the newest record call that is ours."""
+        self._newest_ns = newest_ns
         while self.channels:
             self._close_channel(next(iter(self.channels)), "end")
 
@@ -521,16 +718,26 @@ class Pairing:
         if job.phase == "asked":
             channel.asked.remove(job)
             if channel.open is not None:
-                channel.open.superseded_by = (
-                    job.record.request.frame if job.record.request else None
-                )
-                channel.open.superseding = job
-                self._end(channel.open, "displaced")
+                self._displace(channel.open, job)
             if channel.refused is not None:
                 self._lose(channel.refused, "")
                 channel.refused = None
             channel.open = job
         self._step(job, "write_accepted")
+
+    def _displace(self, job: Job, by: Job) -> None:
+        """An accepted Write displaces a request without its response; whose response may be missing, too.
+
+        A Read that was sent behind that Write is for it.
+        """
+        asked = by.record.request
+        if asked is not None:
+            job.fetching = [read for read in job.fetching if read.frame < asked.frame]
+        job.missing = self._lacks(job, "")
+        if job.missing is None:
+            job.superseded_by = asked.frame if asked is not None else None
+            job.superseding = by
+        self._end(job, "displaced")
 
     def _presume(self, channel: Channel, job: Job) -> None:
         """What is read proves that a Write was accepted; its response is missing in the capture.
@@ -553,6 +760,9 @@ class Pairing:
             held = channel.open
             if held is not None and held is not job and (not found or held.order > found.order):
                 found = held
+        asked = found.write_request if found is not None else None
+        if found is None or asked is None or self._behind(found.peer, asked.frame) is not None:
+            return None
         return found
 
     def _refuse(self, channel: Channel, job: Job) -> None:
@@ -579,7 +789,7 @@ class Pairing:
             for job in reversed(channel.asked):
                 if (
                     job.reference == reference
-                    and not job.passed
+                    and not (job.passed or _is_later(job, record))
                     and _may_be(channel, job, record.response)
                 ):
                     return job
@@ -588,15 +798,19 @@ class Pairing:
             return _by_kind(channel, opened, record) if by_kind else opened
         waiting = channel.waiting()
         if waiting is not None:
-            old_answer = event == "read_record" and _bytes(channel.last) == data
+            half = record.response
+            if event != "read_record" or half is None:
+                return waiting
+            old_answer = _bytes(channel.last) == data or not _mirrors(waiting, half)
             return None if old_answer else waiting
         return channel.refused
 
     def _read(self, channel: Channel, job: Job, event: str, record: Record) -> None:
         half = record.response
         assert half is not None
+        job.insisted = False
         if event == "read_record" and job.phase == "refused":
-            _compare(channel.last, job, half)
+            self._compare(channel.last, job, half)
         if job.phase == "asked" and event != "read_empty":
             self._presume(channel, job)
         self._step(job, event)
@@ -625,6 +839,16 @@ class Pairing:
             if job.message is not None and not job.write_refused:
                 self._put(self._delivered, _spot(job.peer, job.record), job)
 
+    def _compare(self, last: Job | None, job: Job, half: Half) -> None:
+        """Whether a request that was refused is answered as the last one was.
+
+        Of a Write without a Write response nothing follows: two questions may have the same answer.
+        """
+        if last is None or last.read_response is None or last.read_response.data != half.data:
+            return
+        if self._behind(job.peer, last.read_response.frame) is None:
+            job.repeats = last.read_response.frame
+
     def _keep(self, reads: list[_T], read: _T) -> None:
         """The reads of one transaction: of more than `Limits.reads` the first and the newest are kept."""
         if len(reads) >= self._limits.reads:
@@ -640,14 +864,17 @@ class Pairing:
         if asked is not None and job.ended is None and job.read_response is None:
             key = job.peer.controller, job.peer.device, job.record.ar
             connect = self.replaced.get(key) or self._connects.get(key)
-            if connect is not None and connect > asked.frame:
-                job.ended = connect
+            if connect is not None and connect.frame > asked.frame:
+                job.ended, job.ended_ns = connect
+        job.missing = job.missing or self._lacks(job, reason)
         self._end(job, "lost")
 
     def _end(self, job: Job, event: str) -> None:
+        if job.missing is not None and job.fetching and job.read_request is None:
+            job.read_request = job.fetching[0]
         self._step(job, event)
         self._closed(job)
-        job.superseding = job.rival = None  # or each would keep the next one alive
+        job.superseding = job.rival = job.between = None  # or each would keep the next one alive
 
     def _push_out(self, job: Job, limit: str) -> None:
         """Nothing more is known of a job from now on, and not because nothing came."""
@@ -656,7 +883,7 @@ class Pairing:
         self._lose(job, "")
 
     def _close_channel(
-        self, key: ChannelKey, reason: str, frame: int | None = None, limit: str = ""
+        self, key: ChannelKey, reason: str, at: Moment | None = None, limit: str = ""
     ) -> None:
         _take_out(self._of_ar, key[:3], key)
         _take_out(self._of_place, (key[1], *key[3:]), key)
@@ -666,7 +893,7 @@ class Pairing:
             if limit:
                 self._push_out(job, limit)
                 continue
-            job.ended = frame
+            job.ended, job.ended_ns = at or (None, None)
             self._lose(job, why.get(job.order, reason))
         if key[:3] not in self._of_ar:
             self.replaced.pop(key[:3], None)
@@ -739,6 +966,23 @@ def _by_kind(channel: Channel, opened: Job, record: Record) -> Job:
     return opened
 
 
+def _is_later(job: Job, record: Record) -> bool:
+    """Whether the Write of a job was sent behind the request of a Read."""
+    asked, read = job.write_request, record.request
+    return asked is not None and read is not None and asked.frame > read.frame
+
+
+def _mirrors(job: Job, half: Half) -> bool:
+    """Whether a record has the reference and the kind of a request."""
+    return bool(half.data) and job.reference == half.data[0] and _is_of_kind(job, half) is not False
+
+
+def _counts(job: Job) -> bool:
+    """Whether a program counts its references: one more than before, or two where it leaves out 0."""
+    before, now = job.previous_reference, job.reference
+    return before is not None and now is not None and (now - before) % 256 in (1, 2)
+
+
 def _may_be(channel: Channel, job: Job, half: Half | None) -> bool:
     """Whether a record may be for the Write that it mirrors: for one before an accepted one only by its kind."""
     return job.order > channel.accepted or (half is not None and _is_of_kind(job, half) is True)
@@ -746,16 +990,6 @@ def _may_be(channel: Channel, job: Job, half: Half | None) -> bool:
 
 def _is_of_kind(job: Job, half: Half) -> bool | None:
     return None if job.message is None else kind_fits(job.message, half.data)
-
-
-def _compare(last: Job | None, job: Job, half: Half) -> None:
-    """Whether a request that was refused is answered as the last one was.
-
-    Of a Write without a Write response nothing follows: two questions may have the same answer.
-    """
-    if last is None or last.read_response is None or last.read_response.data != half.data:
-        return
-    job.repeats = last.read_response.frame
 
 
 def _read_event(half: Half) -> str:

@@ -6,17 +6,19 @@ call (DS1xx, DS208). Knows of a record where it goes, and nothing of what it hol
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Final
 
 from ds47.acyclic.index47 import SHARED_INDEX, Index47
-from ds47.acyclic.pairing import Pairing, Peer
+from ds47.acyclic.pairing import Moment, Pairing, Peer
 from ds47.acyclic.record_events import Jobs, RecordEvents
 from ds47.findings.remark import Remark
 from ds47.profinet import rpc
 from ds47.profinet.calls import Call, Handlers
+from ds47.profinet.completeness import Completeness
 from ds47.profinet.ip import Cut
 from ds47.profinet.records import (
     Half,
@@ -73,6 +75,7 @@ class RecordCalls:
         remark: takes the transport findings.
         foreign: hears of every answered Write to an index that cannot be ours, or without its request.
         connected: hears of every answered Connect.
+        completeness: hears of Writes of which the capture cut off where they go.
         limits: the numbers of spec/limits.toml.
         vendor: gives the vendor id of the device at an IP address whose calls do not say it; None: nobody does.
     """
@@ -85,6 +88,7 @@ class RecordCalls:
         remark: Callable[[Remark], None],
         foreign: Callable[[Peer, Record], None],
         connected: Callable[[rpc.Pdu, rpc.Pdu], None],
+        completeness: Completeness,
         limits: Limits,
         vendor: Callable[[str], int | None] | None = None,
     ) -> None:
@@ -96,16 +100,19 @@ class RecordCalls:
         self._remark = remark
         self._foreign = foreign
         self._connected = connected
+        self._completeness = completeness
         self._forgot_requests = False
         """Whether a limit pushed out a request whose response may still come."""
         self._pushed_out: dict[str, _PushedOut] = {}
         """By the name of the limit."""
+        self._alone: OrderedDict[int, list[Remark]] = OrderedDict()
+        """The newest responses without a request (DS102), by their frames."""
 
     def handlers(self) -> Handlers:
         """What to give to the `CallTracker`."""
         return Handlers(
-            self._request, self._response, self._orphan_response, self._retransmission,
-            self._fault, self._lost, self._call_pushed_out,
+            self._request, self._response, self._orphan_response, self._late_request,
+            self._retransmission, self._fault, self._lost, self._call_pushed_out,
         )  # fmt: skip
 
     def finish(self) -> None:
@@ -166,16 +173,20 @@ class RecordCalls:
     def _request(self, call: Call) -> None:
         pdu = call.request
         if pdu.opnum == RPC_RELEASE and (ar := released_ar(pdu)):
-            over = partial(self._pairing.release, pdu.client, pdu.server, ar, pdu.frame)
+            at = Moment(pdu.frame, pdu.time_ns)
+            over = partial(self._pairing.release, pdu.client, pdu.server, ar, at)
             over()
             self._index47.follow((pdu.client, pdu.server, ar), partial(over, SHARED_INDEX))
         if pdu.opnum == RPC_CONNECT:
             ar, only = connected_ar(pdu), is_only_ar(pdu)
-            self._pairing.connected(pdu.client, pdu.server, pdu.frame, ar, only=only)
+            at = Moment(pdu.frame, pdu.time_ns)
+            self._pairing.connected(pdu.client, pdu.server, at, ar, only=only)
         if pdu.opnum not in _OPERATIONS:
             return
         body = parse_request(pdu)
         context = call.context = _Context(body, self._peer(pdu))
+        if pdu.missing and pdu.opnum == RPC_WRITE and (body.multiple or not body.records):
+            self._completeness.cut(pdu)
         if body.multiple:
             self._events.count(RECORD_WRITE_MULTIPLE, write=True)
         pairing = self._pairing
@@ -188,9 +199,30 @@ class RecordCalls:
             if self._events.concerns(record.index):
                 self._events.asked(context.peer, record, _cut(pdu), context.jobs)
 
+    def _late_request(self, call: Call) -> None:
+        """The request of a response that was heard of already, as one without its request."""
+        pdu, answer = call.request, call.response
+        assert answer is not None
+        for alone in self._alone.pop(answer.frame, ()):
+            alone.withdrawn = True
+        if pdu.opnum not in (RPC_READ, RPC_READ_IMPLICIT) or not parse_response(answer)[1]:
+            self._request(call)
+            self._response(call)
+            return
+        for record in parse_request(pdu).records:
+            self._events.count(record.index, write=False)
+            if self._events.concerns(record.index):
+                self._events.asked_late(self._peer(pdu), record, answer.frame)
+
     def _retransmission(self, call: Call, pdu: rpc.Pdu) -> None:
         args = {"operation": _OPERATIONS.get(pdu.opnum, "?"), "first": call.request.frame}
         self._about_call(call, Remark("DS103", pdu.frame, args))
+        context = _context(call)
+        if context is None:
+            return
+        for record in context.body.records:
+            if self._events.concerns(record.index):
+                self._events.sent_again(self._peer(pdu), record, context.jobs)
 
     def _lost(self, call: Call) -> None:
         context = _context(call)
@@ -246,12 +278,19 @@ class RecordCalls:
     def _orphan_response(self, pdu: rpc.Pdu, certain: bool) -> None:
         if pdu.opnum not in _OPERATIONS:
             return
-        for record in parse_response(pdu)[1]:
+        records = parse_response(pdu)[1]
+        if not records:
+            self._completeness.cut(pdu)
+        for record in records:
             if not self._events.concerns(record.index) or record.response is None:
                 continue
             if certain and not self._forgot_requests:
                 args = {"operation": _OPERATIONS[pdu.opnum]}
-                self._events.about(self._peer(pdu), record, Remark("DS102", pdu.frame, args))
+                remark = Remark("DS102", pdu.frame, args)
+                self._alone.setdefault(pdu.frame, []).append(remark)
+                if len(self._alone) > self._limits.calls:
+                    self._alone.popitem(last=False)
+                self._events.about(self._peer(pdu), record, remark)
             if record.write:
                 self._foreign(self._peer(pdu), record)
             self._events.unasked(self._peer(pdu), record, _cut(pdu))

@@ -109,7 +109,7 @@ class RecordEvents:
         half = record.response
         assert half is not None
         if not record.write:
-            self._read_answered(peer, record, half, cut)
+            self._read_answered(peer, record, half, cut, jobs)
         elif self._index47.passes(_ar(peer, record), record.index):
             self._write_answered(record, half, jobs)
         else:
@@ -122,12 +122,23 @@ class RecordEvents:
         if record.write:
             self.pass_on(peer, record, partial(self._pairing.write_unasked, peer, record))
         else:
-            self._read_answered(peer, record, half, cut)
+            self._read_answered(peer, record, half, cut, {})
+
+    def asked_late(self, peer: Peer, record: Record, answer: int) -> None:
+        """The request of a Read whose response was in an earlier frame, with that frame."""
+        self.pass_on(peer, record, partial(self._pairing.read_asked_late, peer, record, answer))
 
     def failed(self, peer: Peer, record: Record, half: Half, jobs: Jobs) -> None:
         """A request that was turned away before anybody looked at its record."""
         if record.write:
-            self.pass_on(peer, record, partial(self._write_failed, record, half, jobs))
+            event = partial(self._write_failed, record, half, jobs)
+        else:
+            event = partial(_fetched, record, jobs)
+        self.pass_on(peer, record, event)
+
+    def sent_again(self, peer: Peer, record: Record, jobs: Jobs) -> None:
+        """A request whose client had no response."""
+        self.pass_on(peer, record, partial(self._insisted, record, jobs))
 
     def lost(self, peer: Peer, record: Record) -> None:
         """A request whose response does not come any more."""
@@ -158,6 +169,7 @@ class RecordEvents:
         job = self._pairing.expected(peer, record)
         if job is not None:
             jobs[record.position] = job
+            job.fetching.append(half)
 
     def _write(self, peer: Peer, record: Record, half: Half, jobs: Jobs, message: Request) -> None:
         self._clock(half)
@@ -174,20 +186,28 @@ class RecordEvents:
         if job is not None:
             self._pairing.write_response(job, half, fault=True)
 
-    def _read_answered(self, peer: Peer, record: Record, half: Half, cut: Cut | None) -> None:
+    def _insisted(self, record: Record, jobs: Jobs) -> None:
+        job = jobs.get(record.position)
+        if job is not None:
+            job.insisted = True
+
+    def _read_answered(
+        self, peer: Peer, record: Record, half: Half, cut: Cut | None, jobs: Jobs
+    ) -> None:
         if half.missing:
             self._length(peer, record, half, cut)
         if self._index47.passes(_ar(peer, record), record.index):
-            self._read(peer, record, half)
+            self._read(peer, record, half, jobs)
             return
         shaped = False
         if half.data and not half.missing:
             shaped = decode_response(half.data, None, self._codec).shaped
             shaped = shaped or self._pairing.is_again(peer, record)
-        self.pass_on(peer, record, partial(self._read, peer, record, half), shaped=shaped)
+        self.pass_on(peer, record, partial(self._read, peer, record, half, jobs), shaped=shaped)
 
-    def _read(self, peer: Peer, record: Record, half: Half) -> None:
+    def _read(self, peer: Peer, record: Record, half: Half, jobs: Jobs) -> None:
         self._clock(half)
+        _fetched(record, jobs)
         self._pairing.read_response(peer, record)
 
     def _job_remark(self, remark: Remark, record: Record, jobs: Jobs) -> None:
@@ -217,6 +237,13 @@ class RecordEvents:
             args = {"milliseconds": (newest - half.time_ns) / 1e6, "first": before}
             self._remark(Remark("DS107", half.frame, args))
         self.newest_ns, self.newest_frame = half.time_ns, half.frame
+
+
+def _fetched(record: Record, jobs: Jobs) -> None:
+    """A Read is over, to whomever its response goes."""
+    job = jobs.get(record.position)
+    if job is not None and record.request in job.fetching:
+        job.fetching.remove(record.request)
 
 
 def _ar(peer: Peer, record: Record) -> ArKey:

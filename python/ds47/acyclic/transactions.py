@@ -84,6 +84,8 @@ def _state(job: Job, parameters_: list[Parameter], stray: bool) -> str:
         return "orphan"
     if _refused(job):
         return "refused"
+    if job.missing is not None:
+        return "incomplete"
     if job.superseded_by is not None and read is None:
         return "superseded"
     if read is None:

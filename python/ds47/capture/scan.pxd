@@ -3,6 +3,7 @@ cimport cython
 
 cdef const unsigned char* _UUIDS
 cdef unsigned int _BIG_1, _BIG_2, _LITTLE_1, _LITTLE_2, _TAIL_1, _TAIL_2
+cdef unsigned int _MAPPER_BIG_1, _MAPPER_BIG_2, _MAPPER_LITTLE_1, _MAPPER_LITTLE_2, _MAPPER_TAIL_1, _MAPPER_TAIL_2
 cdef unsigned int _IPV4, _PROFINET, _LLDP, _TCP, _UDP, _PNIO_PORT, _ENHANCED
 cdef long _ETHERNET, _RAW, _RAW_IPV4, _SLL, _SLL2, _PROFIBUS_DL, _USER0
 cdef Py_ssize_t _MAX_FRAME, _BATCH, _ENTRY, _FIRST_AHEAD, _AHEAD, _KEPT, _FAR, _ROW, _SAMPLE, _RAREST, _OFTEN, _NEXT
@@ -22,6 +23,9 @@ cdef bint _is_rt(const unsigned char* data, Py_ssize_t start, Py_ssize_t capture
 cdef bint _is_pnio(
     const unsigned char* data, Py_ssize_t start, Py_ssize_t end, bint cut, bint on_port
 ) noexcept nogil
+
+@cython.locals(first="unsigned int", second="unsigned int")
+cdef bint _is_mapper(const unsigned char* data, Py_ssize_t start) noexcept nogil
 
 @cython.locals(at=Py_ssize_t)
 cdef Py_ssize_t _network(

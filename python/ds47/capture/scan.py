@@ -12,7 +12,8 @@ a regular expression (`Runs`). A test holds both to the same answer. Compiled, a
 the file itself, without the interpreter (`Scan.ahead`), for a thread (ahead.py).
 
 A frame matters when, after VLAN tags or a cooked header, it is
-* IPv4 UDP with RPC version 4 and the PNIO interface UUID (docs/protocol.md E.2), on any port;
+* IPv4 UDP with RPC version 4 and the PNIO interface UUID (docs/protocol.md E.2), on any port, or with that of the
+  endpoint mapper, whose calls are numbered with those of PROFINET;
 * any fragment of an IPv4 UDP datagram: only reassembly can tell;
 * IPv4 TCP from or to a port that is wanted (`Scan.tcp`), no fragment;
 * PROFINET DCP (0x8892, frame ids 0xFEFC..0xFEFF) or LLDP (0x88CC), which name the stations;
@@ -62,6 +63,9 @@ _UUIDS = UUIDS
 _BIG_1, _BIG_2 = 0xDEA00001, 0x6C9711D1  # words of the first UUID in network order
 _LITTLE_1, _LITTLE_2 = 0x0100A0DE, 0x976CD111  # of a little-endian sender
 _TAIL_1, _TAIL_2 = 0x827100A0, 0x2442DF7D
+_MAPPER_BIG_1, _MAPPER_BIG_2 = 0xE1AF8308, 0x5D1F11C9  # of the endpoint mapper
+_MAPPER_LITTLE_1, _MAPPER_LITTLE_2 = 0x0883AFE1, 0x1F5DC911
+_MAPPER_TAIL_1, _MAPPER_TAIL_2 = 0x91A40800, 0x2B14A0FA
 
 # Of so many frames of a watched sender one is given, whatever it says: at first, at last, and how often before
 # it is half as many. A short capture shows its values finely, and a long one costs no more for it.
@@ -112,7 +116,7 @@ def is_pnio(data: Bytes, start: int, end: int, cut: bool = False, on_port: bool 
 def _is_pnio(data: Bytes, start: int, end: int, cut: bool, on_port: bool) -> bool:
     if end - start >= 40:
         if _u32(data, start + 32, True) != _TAIL_1 or _u32(data, start + 36, True) != _TAIL_2:
-            return False
+            return _is_mapper(data, start)
         first, second = _u32(data, start + 24, True), _u32(data, start + 28, True)
         if second == _BIG_2:
             return data[start] == 4 and _BIG_1 <= first <= _BIG_1 + 3
@@ -130,6 +134,20 @@ def _is_pnio(data: Bytes, start: int, end: int, cut: bool, on_port: bool) -> boo
         if at == have:
             return True
     return False
+
+
+def _is_mapper(data: Bytes, start: int) -> bool:
+    """Whether an RPC PDU is one of the endpoint mapper, in either byte order."""
+    first, second = _u32(data, start + 24, True), _u32(data, start + 28, True)
+    return (
+        data[start] == 4
+        and _u32(data, start + 32, True) == _MAPPER_TAIL_1
+        and _u32(data, start + 36, True) == _MAPPER_TAIL_2
+        and (
+            (first == _MAPPER_BIG_1 and second == _MAPPER_BIG_2)
+            or (first == _MAPPER_LITTLE_1 and second == _MAPPER_LITTLE_2)
+        )
+    )
 
 
 def network_layer(data: Bytes, start: int, end: int, link_type: int) -> tuple[int, int]:

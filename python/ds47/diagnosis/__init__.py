@@ -15,7 +15,7 @@ from functools import cache, partial
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from ds47.acyclic.judge import PNU_ACCESS_IDENTIFICATION, is_mismatch
-from ds47.acyclic.pairing import Job, Peer
+from ds47.acyclic.pairing import Job, Missing, Peer
 from ds47.diagnosis import length, order, refusal
 from ds47.diagnosis.capture import WholeCapture
 from ds47.diagnosis.targets import Reach, reach_of
@@ -25,6 +25,7 @@ from ds47.profidrive import Options, Request, decode_request
 from ds47.profidrive.dictionary import is_known, listed
 from ds47.profidrive.drive_objects import LOCAL, put
 from ds47.profidrive.model import VALUE, Block
+from ds47.profinet.completeness import Completeness
 from ds47.profinet.ip import Cut
 from ds47.profinet.records import Record
 from ds47.spec import formats
@@ -49,11 +50,12 @@ class Diagnoses:
 
     Args:
         codec: dialects of the messages.
+        completeness: what is missing of what stations say to each other.
     """
 
-    def __init__(self, codec: Options) -> None:
+    def __init__(self, codec: Options, completeness: Completeness | None = None) -> None:
         self._codec = codec
-        self._whole = WholeCapture()
+        self._whole = WholeCapture(completeness)
         self._formats: OrderedDict[tuple[str, Reach, int], Seen] = OrderedDict()
         """Format in which a parameter was read last in one and the same way,"""
         self._anywhere: OrderedDict[tuple[str, int], int | None] = OrderedDict()
@@ -78,12 +80,13 @@ class Diagnoses:
     def closed(self, job: Job) -> list[Remark]:
         """What a closed job shows, and the findings it has, were caused by."""
         self._whole.closed(job)
-        if job.read_response is not None:
-            self._learn_length(job.peer.device, len(job.read_response.data))
+        if (answer := job.read_response) is not None:
+            length = answer.stated if answer.cut else len(answer.data)
+            self._learn_length(job.peer.device, length)
         remarks = list(order.of(job))
         response = job.response
         usual = response is not None and not response.flaws and response.response_id in _DONE
-        if not usual or _is_odd(job):
+        if job.missing is None and (not usual or _is_odd(job)):
             remarks += self._cause(job)
         self._learn(job)
         for remark in remarks:
@@ -92,9 +95,9 @@ class Diagnoses:
                 remark.corrected = self._offer(job, remark.corrected)
         return remarks
 
-    def nothing_to_read(self, peer: Peer, record: Record) -> None:
-        """A Read without record on a channel that has no request."""
-        self._whole.nothing_to_read(peer, record)
+    def nothing_to_read(self, peer: Peer, record: Record, missing: Missing | None) -> None:
+        """A Read without record on a channel that has no request, as far as none is missing."""
+        self._whole.nothing_to_read(peer, record, missing)
 
     def foreign(self, peer: Peer, record: Record) -> None:
         """A Write to an index that is not ours has been answered."""
@@ -104,14 +107,13 @@ class Diagnoses:
         """A frame of ours was cut by the capture."""
         self._whole.cut(cut)
 
-    def finish(
-        self, dropped: int | None, gaps: bool, requests: int, responses: int
-    ) -> Iterator[Remark]:
-        """The diagnoses of the whole capture; its RPC calls in numbers.
+    def steps_back(self, frame: int, milliseconds: float) -> None:
+        """The time steps back in a frame of ours."""
+        self._whole.steps_back(frame, milliseconds)
 
-        `gaps`: frames are missing inside, dropped ones or a file of a series.
-        """
-        return self._whole.finish(dropped, gaps, requests, responses)
+    def finish(self, dropped: int | None, gaps: bool) -> Iterator[Remark]:
+        """The diagnoses of the whole capture; `gaps`: frames are missing inside, or a file of a series."""
+        return self._whole.finish(dropped, gaps)
 
     def _cause(self, job: Job) -> Iterator[Remark]:
         """One cause explains a job: a repair all of it, or lengths; else each refusal has its own."""

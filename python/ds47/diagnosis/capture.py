@@ -12,7 +12,7 @@ from functools import lru_cache
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from ds47.acyclic.judge import is_mismatch
-from ds47.acyclic.pairing import STATUS_NOT_READY, Job, Peer
+from ds47.acyclic.pairing import STATUS_NOT_READY, Job, Missing, Peer
 from ds47.diagnosis.repetition import Repetition, place_args
 from ds47.diagnosis.saving import Unsaved
 from ds47.diagnosis.targets import target_of
@@ -22,6 +22,7 @@ from ds47.profidrive.dictionary import changes_itself
 from ds47.profidrive.drive_objects import LOCAL
 from ds47.profidrive.family import NOT_SUPPORTED
 from ds47.profidrive.model import Address
+from ds47.profinet.completeness import Completeness, Hole
 from ds47.profinet.ip import Cut
 from ds47.profinet.records import Record
 from ds47.spec.semantics import known
@@ -31,6 +32,8 @@ CHANGED, CHANGED_IN_PART = 0x02, 0x82
 """Response ids of a change."""
 _INVALID_SLOT = 0xB2
 _NO_ACCESS = 0xDF80B600
+_TOLD = 8
+"""Holes of which the numbers are told."""
 _NO_AXIS = -1
 """Stands among axes where the device has said that there is no such axis: then the axis byte counts."""
 
@@ -84,6 +87,28 @@ class _Read(NamedTuple):
     frame: int
 
 
+class _Seen:
+    """What was seen of two stations."""
+
+    __slots__ = ("asked", "first", "orphans", "station")
+
+    def __init__(self) -> None:
+        self.asked = self.orphans = self.first = 0
+        """Transactions with and without their request, and the first frame of any."""
+        self.station: int | None = None
+        """The address of the device on PROFIBUS."""
+
+    def add(self, job: Job) -> None:
+        first = job.record.request if job.message is not None else job.read_response
+        if job.message is not None:
+            self.asked += 1
+        else:
+            self.orphans += 1
+        if first is not None:
+            self.first = min(self.first or first.frame, first.frame)
+        self.station = job.peer.station
+
+
 class _Tally:
     """How often, and where first and last."""
 
@@ -101,7 +126,8 @@ class _Tally:
 class WholeCapture:
     """Sees every closed job, every Read for nothing and every Write to a foreign index."""
 
-    def __init__(self) -> None:
+    def __init__(self, completeness: Completeness | None = None) -> None:
+        self._completeness = completeness
         self._opened: _Memory[list[_Open]] = _Memory()
         self._idle: _Memory[list[_Read]] = _Memory()
         self._idle_reads: _Memory[_Tally] = _Memory()
@@ -117,11 +143,10 @@ class WholeCapture:
         self._unsaved: _Memory[Unsaved] = _Memory()
         self._asking: _Memory[bool] = _Memory()
         self._repetition = Repetition()
-        self._asked = False
-        """Whether a Write request was seen."""
-        self._all_orphans = 0
-        self._first_frame = 0
+        self._seen: _Memory[_Seen] = _Memory()
+        """By pair of stations."""
         self._cut = _Tally()
+        self._disorder = _Tally()
         self._cut_at: int | None = None
         """Bytes of each frame that was cut, where all have as many."""
 
@@ -134,22 +159,20 @@ class WholeCapture:
         """A job is over."""
         message, record, device = job.message, job.record, job.peer.device
         place = _place(record)
-        first = record.request or job.read_response
-        if first is not None and not self._first_frame:
-            self._first_frame = first.frame
+        pair = job.peer.controller, device
+        seen = self._seen.get(pair) or self._seen.put(pair, _Seen())
+        seen.add(job)
         if message is None:
-            self._all_orphans += 1
             self._accept(device, place, job)
-            self._orphan((job.peer.controller, device), place, job)
+            self._orphan(pair, place, job)
             self._changed_unseen(job)
             return
-        self._asked = True
         asks = job.peer.controller, device, place[1:]
         if asks not in self._asking.entries:
             self._asking.put(asks, True)
         self._slot(device, place, job)
         if job.read_response is None:
-            self._open((job.peer.controller, device), place, job)
+            self._open(pair, place, job)
         elif record.index == LOCAL:
             self._axis(device, place, job)
         if message.operation == "change":
@@ -157,8 +180,8 @@ class WholeCapture:
         if job.polls or self._repetition.storms:
             self._repetition.closed(job, place)
 
-    def nothing_to_read(self, peer: Peer, record: Record) -> None:
-        """A Read without record on a channel that has no request."""
+    def nothing_to_read(self, peer: Peer, record: Record, missing: Missing | None) -> None:
+        """A Read without record on a channel that has no request, as far as none is missing."""
         half = record.response
         if half is None or half.status is None:
             return
@@ -166,7 +189,8 @@ class WholeCapture:
         if half.status == STATUS_NOT_READY:
             pair = peer.controller, peer.device
             tally = self._idle_reads.get(peer.device)
-            (tally or self._idle_reads.put(peer.device, _Tally())).add(half.frame)
+            if missing is None:
+                (tally or self._idle_reads.put(peer.device, _Tally())).add(half.frame)
             _append(self._idle, pair, _Read(_ar(record), place, None, None, half.frame))
         else:
             self._refusal(peer.device, place, half.status, half.frame)
@@ -201,10 +225,13 @@ class WholeCapture:
         self._cut_at = captured if self._cut_at == captured or not self._cut.count else None
         self._cut.add(frame)
 
-    def finish(
-        self, dropped: int | None, gaps: bool, requests: int, responses: int
-    ) -> Iterator[Remark]:
-        """All that can be said now; requests and responses are the RPC calls of the capture."""
+    def steps_back(self, frame: int, milliseconds: float) -> None:
+        """The time steps back in a frame of ours: by so little only where frames are not in their order."""
+        if milliseconds < known().disorder:
+            self._disorder.add(frame)
+
+    def finish(self, dropped: int | None, gaps: bool) -> Iterator[Remark]:
+        """All that can be said now; of frames that the file says are missing, and whether some are inside it."""
         yield from self._read_there(gaps)
         yield from self._nothing()
         for _, (tally, args) in self._foreign.items():
@@ -213,7 +240,11 @@ class WholeCapture:
         yield from self._ignored_axes()
         yield from self._lost()
         yield from self._repetition.finish()
-        yield from self._halves(dropped, requests, responses)
+        yield from self._missing(dropped)
+
+    def _newest_hole(self, device: str) -> int:
+        """The newest frame behind which something of a device may be missing; 0 for none."""
+        return 0 if self._completeness is None else self._completeness.newest(device)
 
     # Requests here, Reads there (DS706), Reads for nothing (DS703)
 
@@ -238,6 +269,8 @@ class WholeCapture:
         Where frames are missing that request may be among them.
         """
         for pair, opened in [] if gaps else self._opened.items():
+            if self._newest_hole(pair[1]):
+                continue
             idle = list(self._idle.get(pair) or [])
             strays = self._unasked(pair, self._orphans.get(pair) or [])
             for each in opened:
@@ -298,7 +331,7 @@ class WholeCapture:
 
     def _slots(self) -> Iterator[Remark]:
         for (device, place), (tally, status) in self._refusing.items():
-            if self._accepting.get((device, place[1:])):
+            if self._accepting.get((device, place[1:])) or self._newest_hole(device):
                 continue
             other = next(
                 (there for (who, *spot), there in self._answering.items()
@@ -371,6 +404,8 @@ class WholeCapture:
 
     def _lost(self) -> Iterator[Remark]:
         for device, unsaved in self._unsaved.items():
+            if hole := self._newest_hole(device):
+                unsaved.save_all((hole, 0), seen=False)
             facts = unsaved.told()
             if facts is not None:
                 first = facts.pop("first")
@@ -382,23 +417,43 @@ class WholeCapture:
 
     # What the capture does not have (DS725)
 
-    def _halves(self, dropped: int | None, requests: int, responses: int) -> Iterator[Remark]:
+    def _missing(self, dropped: int | None) -> Iterator[Remark]:
         if dropped:
-            yield self._half("dropped", 1, dropped)
+            yield Remark("DS725", 1, {"what": "dropped", "count": dropped})
         if self._cut.count:
             args = {"what": "cut", "count": self._cut.count, "bytes": self._cut_at}
             yield Remark("DS725", self._cut.first, args)
-        if not (self._asked or self._all_orphans):
-            return
-        if requests and not responses:
-            yield self._half("one_direction", self._first_frame, requests)
-        elif responses and not requests:
-            yield self._half("other_direction", self._first_frame, responses)
-        elif not self._asked:
-            yield self._half("no_write", self._first_frame, self._all_orphans)
+        for frame in self._completeness.late if self._completeness is not None else ():
+            self._disorder.add(frame)
+        if self._disorder.count and self._seen.entries:
+            args = {"what": "disorder", "count": self._disorder.count}
+            yield Remark("DS725", self._disorder.first, args)
+        for pair, seen in self._seen.items():
+            for what, frame, args in self._missing_of(pair, seen):
+                who = {"controller": pair[0], "device": pair[1]}
+                yield Remark("DS725", frame, {"what": what, **who, **args})
 
-    def _half(self, what: str, frame: int, count: int) -> Remark:
-        return Remark("DS725", frame, {"what": what, "count": count})
+    def _missing_of(self, pair: Pair, seen: _Seen) -> Iterator[tuple[str, int, dict[str, Any]]]:
+        """What the capture lacks of two stations, each with its first frame."""
+        lacks = None
+        if seen.station is None and self._completeness is not None:
+            lacks = self._completeness.lacks(*pair)
+        if lacks is not None and seen.asked and not lacks.hears:
+            yield "only_requests", seen.first, {"count": seen.asked}
+        elif lacks is not None and seen.orphans and not lacks.asks:
+            yield "only_responses", seen.first, {"count": seen.orphans}
+        elif seen.orphans and not seen.asked:
+            yield "no_write", seen.first, {"count": seen.orphans}
+        elif lacks is not None and lacks.halves:
+            yield "half_calls", lacks.half, {"count": lacks.halves}
+        if lacks is not None and lacks.holes:
+            yield "gaps", lacks.holes[0].before, {"numbers": _numbers(lacks.holes)}
+
+
+def _numbers(holes: list[Hole]) -> str:
+    """The sequence numbers that are missing, of some holes only where these are many."""
+    told = [hole.told() for hole in holes[:_TOLD]]
+    return ", ".join([*told, "..."] if len(holes) > _TOLD else told)
 
 
 def _outcome(message: Request, response: Response | None) -> Iterator[tuple[Address, bool | None]]:

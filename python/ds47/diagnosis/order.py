@@ -31,7 +31,7 @@ def _read_too_early(job: Job) -> Iterator[Remark]:
     reads = [request for request, _ in job.polls] + [job.read_request]
     for read in reads:
         if read is not None:
-            if read.frame < answer.frame:
+            if read.frame < answer.frame and read.time_ns <= answer.time_ns:
                 yield Remark("DS702", read.frame, {"frame": read.frame, "by": answer.frame})
             return
 
@@ -42,7 +42,8 @@ def _old_answer(job: Job) -> Iterator[Remark]:
         refused = job.write_request
         case = "again_without_ar" if refused is None else "again_after_refusal"
         yield _again(case, read.frame, job.repeats, refused.frame if refused else None)
-    if read is not None and job.rereads:
+    unseen = job.between is not None and job.between.write_response is None
+    if read is not None and job.rereads and not unseen:
         yield _again(job.again, job.rereads[0][1].frame, read.frame)
 
 
@@ -72,6 +73,8 @@ def _turned_away(job: Job, asked: Half) -> Iterator[Remark]:
         rival = job.rival
         if rival is not None and rival.order > job.order:
             return  # the two crossed: it was not open yet when this one was sent
+        if rival is not None and (rival.missing is not None or rival.fetching):
+            rival = None  # its response may have been fetched before
         held = rival.write_request if rival else None
         yield _clash(rival, job, held.frame if held else None, asked.frame)
 
@@ -106,7 +109,9 @@ def _case(held: Job | None, came: Job) -> str:
 def _connection_lost(job: Job, asked: Half) -> Iterator[Remark]:
     """What was to be read, or was waited for; of a change many programs never read the answer."""
     message = job.message
-    if job.ended is None or job.contested or job.read_response is not None or job.write_refused:
+    if job.missing is not None or job.ended is None or job.contested:
+        return
+    if job.read_response is not None or job.write_refused:
         return
     waited = bool(job.polls or job.empty_reads or job.read_request)
     if not waited and (message is None or message.operation != "read"):

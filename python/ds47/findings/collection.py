@@ -99,7 +99,8 @@ class Findings:
         """
         findings: list[Finding] = []
         owners: dict[int, Transaction] = {}
-        for remark in sorted(self._remarks, key=lambda remark: remark.frame):
+        remarks = (remark for remark in self._remarks if not remark.withdrawn)
+        for remark in sorted(remarks, key=lambda remark: remark.frame):
             owner = transactions.get(remark.job.order) if remark.job else None
             findings.append(self.told(remark, owner.id if owner else None))
             if owner and remark.rule not in owner.findings:

@@ -15,6 +15,8 @@ from ds47.model import SEVERITIES, Diagnosis, Finding
 from ds47.spec import rules
 from ds47.spec.semantics import known
 
+_OF_THE_RECORDING: Final = "DS725"
+"""What the capture lacks comes first: whoever reads the rest has to know it."""
 _OFFERED: Final = 8
 """Corrected requests of a cause that are kept until it is known which of them holds."""
 
@@ -81,12 +83,21 @@ class Grouping:
                 offered.append((corrected, finding.transaction))
 
     def result(self) -> list[Diagnosis]:
-        """The diagnoses, worst first, then the most frequent."""
+        """The diagnoses: what the capture lacks, then the worst first, then the most frequent."""
 
         def order(item: tuple[Cause, _Cases]) -> tuple[Any, ...]:
             about, each = item[0], item[1].told
             severity = -SEVERITIES.index(each.severity)
-            return severity, -each.count, each.rule, each.frames, about.device or "", about.key
+            recorded = each.rule != _OF_THE_RECORDING
+            return (
+                recorded,
+                severity,
+                -each.count,
+                each.rule,
+                each.frames,
+                about.device or "",
+                about.key,
+            )
 
         for about, offered in self._corrected.items():
             told = self._groups[about].told

@@ -48,5 +48,7 @@ class Remark:
     """Of a diagnosis: the request as it should have been, or who knows it when the capture is over."""
     time_ns: int | None = None
     """Time of its frame, where that was known when it was made."""
+    withdrawn: bool = False
+    """Whether a later frame has shown that it is not so."""
     of: Subject | None = None
     """Whose drive it is, where that decides how serious it is."""

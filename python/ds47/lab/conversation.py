@@ -65,16 +65,24 @@ for _name, _title, _rules, _expect, _request, _response in EXCHANGES:
     BOOK.add(_name, _title, _shows, _build, [_expect], _rules)
 
 
+def _goes_on(client: Client) -> None:
+    """The capture does not end before it is clear that nobody reads: 12 s later the same client reads I&M0."""
+    client.wait(12_000)
+    client.read(bytes(54), at=client.at(index=0xAFF0))
+
+
 @BOOK.scene("RDREC is never started", ("read", "unanswered"), rules="DS401")
 def read_unanswered(client: Client) -> None:
     """A read whose response nobody fetches."""
     client.write(READ)
+    _goes_on(client)
 
 
 @BOOK.scene("WRREC only, as many programs do", ("change", "unanswered"), rules="DS402")
 def change_unread(client: Client) -> None:
     """A change whose response nobody fetches."""
     client.write(CHANGE)
+    _goes_on(client)
 
 
 @BOOK.scene("the Write request was not captured", ("read", "orphan"), rules="DS403 DS725")

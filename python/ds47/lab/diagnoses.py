@@ -18,11 +18,14 @@ from ds47.lab.wire import Channel
 BOOK = Book("diagnosis")
 
 UNANSWERED = ("read", "unanswered")
+INCOMPLETE = ("read", "incomplete")
 REFUSED = ("read", "refused")
 ORPHAN = ("read", "orphan")
 
 CYCLE = 10
 """Milliseconds of a cycle of the program: a block sees the end of another one in the next."""
+LONG = 12_000
+"""Milliseconds in which nobody reads: then it is clear that nobody will."""
 
 SPEED, CURRENT = message.address(21), message.address(27)
 FAULTS = message.address(945, 0, 4)

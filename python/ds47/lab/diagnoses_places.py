@@ -14,6 +14,7 @@ from ds47.lab.diagnoses import (
     DF_SLOT,
     GLOBAL,
     LOCAL,
+    LONG,
     ORPHAN,
     REFUSED,
     UNANSWERED,
@@ -36,9 +37,12 @@ BOOK = Book("diagnosis")
 )
 def request_here_read_there(client: Client) -> None:
     """Two hardware identifiers: the Read is refused."""
+    client.connect("plc-1")
     client.write(read(1))
     client.wait(CYCLE)
     polls(client, 3, at=client.at(subslot=2))
+    client.wait(LONG)
+    polls(client, 1, at=client.at(subslot=2))
 
 
 @BOOK.scene("the same polls at the submodule that was asked, and the response at last", OK_READ)
@@ -54,6 +58,7 @@ def request_here_read_there_not(client: Client) -> None:
     "asked at slot 1.1, answered at 1.2: a drive with one channel for all its submodules",
     UNANSWERED,
     ORPHAN,
+    OK_READ,
     rules="DS401 DS403 DS706",
 )
 def request_here_read_there_answered(client: Client) -> None:
@@ -61,6 +66,8 @@ def request_here_read_there_answered(client: Client) -> None:
     client.write(read(1))
     client.wait(CYCLE)
     client.read(speed(1), at=client.at(subslot=2))
+    client.wait(LONG)
+    ask(client, 2, at=client.at(slot=2))
 
 
 # 16#47 is not 47 (DS707)

@@ -8,7 +8,9 @@ from ds47.lab import message
 from ds47.lab.client import Client, controller, drive
 from ds47.lab.diagnoses import (
     CYCLE,
+    INCOMPLETE,
     LOCAL,
+    LONG,
     ORPHAN,
     UNANSWERED,
     ask,
@@ -155,8 +157,8 @@ def _heard_from(client: Client, speaker: str) -> None:
 
 @BOOK.scene(
     "a mirror port that carries what the controller sends and nothing else",
-    *[UNANSWERED] * 3,
-    rules="DS101 DS401 DS725",
+    *[INCOMPLETE] * 3,
+    rules="DS101 DS110 DS725",
 )
 def half_captured(client: Client) -> None:
     """Requests only."""
@@ -219,17 +221,23 @@ def _ten_values(client: Client, snap: int) -> None:
 @BOOK.scene(
     "the capturing machine says that it lost 14 frames, among them those of a Read",
     OK_READ,
-    UNANSWERED,
+    INCOMPLETE,
     OK_READ,
-    rules="DS401 DS725",
+    rules="DS110 DS725",
 )
 def half_captured_dropped(client: Client) -> None:
     """Frames lost while capturing."""
-    _with_a_gap(client, dropped=14)
+    ask(client, 1)
+    client.write(read(2))
+    client.stage.deaf = True
+    client.read(speed(2))
+    client.stage.deaf = False
+    ask(client, 3, at=client.at(slot=2))
+    client.stage.dropped = 14
 
 
 @BOOK.scene(
-    "the same Read is missing, but the capture says that it lost nothing: nobody read",
+    "no Read at all, and no call is missing by its number: nobody read",
     OK_READ,
     UNANSWERED,
     OK_READ,
@@ -237,18 +245,11 @@ def half_captured_dropped(client: Client) -> None:
 )
 def half_captured_dropped_not(client: Client) -> None:
     """A Read that never was."""
-    _with_a_gap(client, dropped=0)
-
-
-def _with_a_gap(client: Client, dropped: int) -> None:
     ask(client, 1)
     client.write(read(2))
-    client.stage.deaf = True
-    client.read(speed(2))
-    client.stage.deaf = False
-    other = client.at(slot=2)
-    ask(client, 3, at=other)
-    client.stage.dropped = dropped
+    client.wait(LONG)
+    ask(client, 3, at=client.at(slot=2))
+    client.stage.dropped = 0
 
 
 @BOOK.scene(

@@ -98,9 +98,10 @@ def read_empty(client: Client) -> None:
     client.read(ANSWER)
 
 
-@BOOK.scene("a Read before the first Write", OK_READ, rules="DS206 DS703")
+@BOOK.scene("a Read before the first Write of its connection", OK_READ, rules="DS206 DS703")
 def nothing_to_read(client: Client) -> None:
     """A Read that no request goes before."""
+    client.connect("plc-1")
     client.poll(BUSY)
     client.exchange(READ, ANSWER)
 
@@ -160,7 +161,7 @@ def multiple_nested(client: Client) -> None:
 @BOOK.scene(
     "ReadImplicit of 0xB02F is a channel of its own: nothing there, though the AR has a response",
     OK_READ,
-    rules="DS206",
+    rules="DS110",
 )
 def implicit(client: Client) -> None:
     """ReadImplicit."""

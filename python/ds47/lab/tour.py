@@ -14,6 +14,8 @@ RAMP_UP, RAMP_DOWN = message.address(50303, 0, 1), message.address(50304, 0, 1)
 FAULTS = message.address(945, 0, 4)
 REFUSED_WHILE_BUSY = 0xDF80B500
 LOCKED = 0x6B
+IDENTIFICATION = 0xAFF0
+"""I&M0: none of our calls, but the capture goes on with it."""
 
 
 @BOOK.scene(
@@ -55,3 +57,5 @@ def machine(client: Client) -> None:
     client.exchange(message.read(7, DO, RAMP_UP, message.address(50999)), mixed)
     client.wait(150)
     client.write(message.change(8, DO, (RAMP_UP, ten)))
+    client.wait(12_000)
+    client.read(bytes(54), at=client.at(index=IDENTIFICATION))

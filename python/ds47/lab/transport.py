@@ -118,7 +118,9 @@ def ip_fragments_disorder(client: Client) -> None:
 
 
 @BOOK.scene(
-    "a fragment of the Read response is lost; the controller reads again", OK_READ, rules="DS105"
+    "a fragment of the Read response is lost; the controller reads again",
+    OK_READ,
+    rules="DS105 DS725",
 )
 def ip_fragments_incomplete(client: Client) -> None:
     """IP fragments, one of them lost."""
@@ -137,7 +139,7 @@ def rpc_fragments(client: Client) -> None:
 @BOOK.scene(
     "the middle fragment of the Read response is lost; the controller reads again",
     OK_READ,
-    rules="DS105",
+    rules="DS105 DS725",
 )
 def rpc_fragments_incomplete(client: Client) -> None:
     """RPC fragments, one of them lost."""
@@ -279,7 +281,7 @@ def ephemeral_port(client: Client) -> None:
 @BOOK.scene(
     "the response to the Write was not captured; the Read proves that it was accepted",
     OK_READ,
-    rules="DS101",
+    rules="DS101 DS725",
 )
 def write_unanswered(client: Client) -> None:
     """A Write response that is missing."""
@@ -300,7 +302,7 @@ def starts_late(client: Client) -> None:
 
 
 @BOOK.scene(
-    "the capture ends after the Write response", OK_READ, ("read", "unanswered"), rules="DS401"
+    "the capture ends after the Write response", OK_READ, ("read", "incomplete"), rules="DS110"
 )
 def ends_early(client: Client) -> None:
     """Capture ends in the middle of a transaction."""
@@ -311,8 +313,8 @@ def ends_early(client: Client) -> None:
 @BOOK.scene(
     "the last frame of the capture is a Write request",
     OK_READ,
-    ("read", "unanswered"),
-    rules="DS101 DS401",
+    ("read", "incomplete"),
+    rules="DS101 DS110",
 )
 def ends_in_call(client: Client) -> None:
     """Capture ends in the middle of a call."""

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from ds47.profinet.completeness import Completeness, Numbers
 from ds47.profinet.rpc import Pdu
 from ds47.spec.semantics import Limits
 
@@ -40,10 +41,15 @@ class Activity:
     newest: int
     """Number of the newest call."""
     calls: dict[int, Call]
+    server: str
+    """Which of its servers was called last."""
+    numbers: Numbers
 
-    def __init__(self, newest: int) -> None:
-        self.newest = newest
+    def __init__(self, pdu: Pdu) -> None:
+        self.newest = pdu.seq
         self.calls = {}
+        self.server = ""
+        self.numbers = Numbers(pdu)
 
 
 @dataclass(slots=True)
@@ -54,6 +60,8 @@ class Handlers:
     response: Callable[[Call], None]
     orphan_response: Callable[[Pdu, bool], None]
     """With whether it is certain that its request is not in the capture."""
+    late_request: Callable[[Call], None]
+    """The request of such a response, which comes behind it in the capture and before it by their times."""
     retransmission: Callable[[Call, Pdu], None]
     fault: Callable[[Call, Pdu], None]
     lost: Callable[[Call], None]
@@ -70,12 +78,17 @@ class CallTracker:
     """Feeds on whole RPC messages in the order of the capture.
 
     Memory is bounded by `Limits`; a call without response is reported as lost when it expires or at
-    `finish`, and as pushed out when there are too many.
+    `finish`, and as pushed out when there are too many. What is missing is told to `completeness`.
     """
 
-    def __init__(self, limits: Limits, handlers: Handlers) -> None:
+    def __init__(
+        self, limits: Limits, handlers: Handlers, completeness: Completeness | None = None
+    ) -> None:
         self._limits = limits
         self._handlers = handlers
+        self._completeness = completeness or Completeness(limits.activities)
+        self._early: OrderedDict[tuple[str, bytes, int], Pdu] = OrderedDict()
+        """The newest responses without a request."""
         self._many_calls = min(2 * limits.answered_calls, limits.calls)
         """Up to so many of one activity nothing is forgotten."""
         self._activities: OrderedDict[tuple[str, bytes], Activity] = OrderedDict()
@@ -85,6 +98,8 @@ class CallTracker:
         """The newest ones, and when they came; when they are enough, all that came before them is forgotten."""
         self._earlier: dict[_DatagramKey, int] = {}
         """Those before them."""
+        self._given_up: OrderedDict[tuple[str, bytes, int], None] = OrderedDict()
+        """The newest requests whose responses did not come in time."""
         self._begun: OrderedDict[tuple[str, bytes, int], None] = OrderedDict()
         """Requests of which fragments were seen, as far as is known."""
         self.counts = dict.fromkeys(
@@ -153,19 +168,15 @@ class CallTracker:
     def finish(self) -> None:
         """The capture is over: every open call is lost."""
         while self._activities:
-            for call in self._activities.popitem(last=False)[1].calls.values():
+            activity = self._activities.popitem(last=False)[1]
+            for call in activity.calls.values():
                 if call.response is None:
-                    self._lose(call)
+                    self._lose(call, activity.numbers)
 
     def _request(self, pdu: Pdu) -> None:
         self.counts["requests"] += 1
-        key = (pdu.client, pdu.activity)
-        activity = self._activities.get(key)
-        if activity is None:
-            activity = self._activities[key] = Activity(pdu.seq)
-            self._make_room()
-        self._activities.move_to_end(key)
-        calls, seq = activity.calls, pdu.seq
+        activity, seq = self._activity(pdu), pdu.seq
+        calls = activity.calls
         if calls:
             self._expire(activity, pdu.time_ns)
         call = calls.get(seq)
@@ -175,11 +186,44 @@ class CallTracker:
                 self._handlers.retransmission(call, pdu)
                 return
             if call.response is None:
-                self._lose(call)
+                self._lose(call, activity.numbers)
             del calls[seq]  # the new one goes to the end
+        self._number(activity.numbers, pdu)
         call = calls[seq] = Call(pdu)
         activity.newest = seq
-        self._handlers.request(call)
+        early = self._early.pop((pdu.client, pdu.activity, seq), None) if self._early else None
+        if early is None or not 0 <= early.time_ns - pdu.time_ns <= self._limits.call_expiry_ns:
+            self._handlers.request(call)
+            return
+        call.response = early
+        self._completeness.asked_after_all(early)
+        if early.ptype == 2:
+            self._handlers.late_request(call)
+        else:
+            self._handlers.request(call)
+            self._handlers.fault(call, early)
+
+    def _activity(self, pdu: Pdu) -> Activity:
+        key = (pdu.client, pdu.activity)
+        activity = self._activities.get(key)
+        if activity is None:
+            activity = self._activities[key] = Activity(pdu)
+            self._make_room()
+        self._activities.move_to_end(key)
+        if activity.server is not pdu.server:  # the same text may stand there twice: no harm
+            activity.server = pdu.server
+            self._completeness.began(pdu, activity.numbers)
+        return activity
+
+    def passes(self, pdu: Pdu) -> None:
+        """Takes a call that is none of PROFINET: only its number counts."""
+        self._number(self._activity(pdu).numbers, pdu)
+
+    def _number(self, numbers: Numbers, pdu: Pdu) -> None:
+        if pdu.seq == numbers.highest + 1:
+            numbers.highest, numbers.newest = pdu.seq, pdu
+        elif pdu is not numbers.newest:  # its first one
+            numbers.add(pdu)
 
     def _is_retransmission(self, activity: Activity, call: Call, pdu: Pdu) -> bool:
         if call.request.opnum != pdu.opnum or call.request.body != pdu.body:
@@ -197,22 +241,37 @@ class CallTracker:
             if activity.calls:
                 self._expire(activity, pdu.time_ns)
             call = activity.calls.get(pdu.seq)
-        if call is None:
-            begun = (pdu.client, pdu.activity, pdu.seq) in self._begun
-            self._handlers.orphan_response(pdu, not begun)
+        if call is None or activity is None:
+            self._handlers.orphan_response(pdu, self._unasked(pdu))
             return
         before = call.response
         if before is None:
-            call.response = pdu
+            call.response, activity.numbers.heard = pdu, True
             self._handlers.response(call)
         elif before.body != pdu.body:
             self._handlers.orphan_response(pdu, True)
 
+    def _unasked(self, pdu: Pdu) -> bool:
+        """Hears of a response or fault without its request; whether that certainly is not in the capture."""
+        key = pdu.client, pdu.activity, pdu.seq
+        begun = key in self._begun
+        if key not in self._given_up:
+            self._early[key] = pdu
+            if len(self._early) > self._limits.calls:
+                self._early.popitem(last=False)
+            activity = self._activities.get(key[:2])
+            if activity is not None and pdu.seq > activity.numbers.highest:
+                self._number(activity.numbers, pdu)
+            self._completeness.unasked(pdu)
+        return not begun
+
     def _fault(self, pdu: Pdu) -> None:
         activity = self._activities.get((pdu.client, pdu.activity))
         call = activity.calls.get(pdu.seq) if activity else None
-        if call is not None and call.response is None:
-            call.response = pdu
+        if activity is None or call is None:
+            self._unasked(pdu)
+        elif call.response is None:
+            call.response, activity.numbers.heard = pdu, True
             self._handlers.fault(call, pdu)
 
     def _expire(self, activity: Activity, now: int) -> None:
@@ -226,7 +285,9 @@ class CallTracker:
             seq for seq, call in calls.items()
             if call.response is None and now - call.request.time_ns > limit
         ]:  # fmt: skip
-            self._lose(calls.pop(seq))
+            call = calls.pop(seq)
+            self._give_up(call)
+            self._lose(call, activity.numbers)
         answered = [seq for seq, call in calls.items() if call.response is not None]
         for seq in answered[: -self._limits.answered_calls]:
             del calls[seq]
@@ -235,12 +296,19 @@ class CallTracker:
             if call.response is None:
                 self._handlers.pushed_out(call, "calls")
 
+    def _give_up(self, call: Call) -> None:
+        asked = call.request
+        self._given_up[asked.client, asked.activity, asked.seq] = None
+        if len(self._given_up) > self._limits.calls:
+            self._given_up.popitem(last=False)
+
     def _make_room(self) -> None:
         while len(self._activities) > self._limits.activities:
             for call in self._activities.popitem(last=False)[1].calls.values():
                 if call.response is None:
                     self._handlers.pushed_out(call, "activities")
 
-    def _lose(self, call: Call) -> None:
+    def _lose(self, call: Call, numbers: Numbers) -> None:
+        self._completeness.lost(call.request, numbers)
         self.counts["unanswered"] += 1
         self._handlers.lost(call)

@@ -53,6 +53,10 @@ _UUID: Final = struct.Struct(">IHH8s")
 _PTYPE_BITS: Final = 0x1F
 _FROM_CLIENT: Final = frozenset((0, 1, 8, 9))
 _PNIO_NODE: Final = UUIDS[8:16]
+_MAPPER: Final = (0xE1AF8308, 0x5D1F, 0x11C9, bytes.fromhex("91a408002b14a0fa"))
+"""The interface of the endpoint mapper."""
+NO_OPERATION: Final = -1
+"""`Pdu.opnum` of what is said to the endpoint mapper."""
 
 
 @dataclass(slots=True, init=False)
@@ -133,7 +137,7 @@ class Pdu:
 
 
 def parse(packet: Packet) -> Pdu | None:
-    """The PDU in a UDP packet; None where it is not PNIO RPC or its header is cut off."""
+    """The PDU in a UDP packet; None where it is none of PROFINET or the endpoint mapper, or its header is cut."""
     data = packet.payload
     if len(data) < RPC_SIZE or data[RPC_VERSION] != RPC_VERSION_4:
         return None
@@ -143,10 +147,12 @@ def parse(packet: Packet) -> Pdu | None:
     little = data[RPC_ORDER] & RPC_LITTLE != 0
     layout = _LITTLE if little else _BIG
     (
-        o1, o2, o3, o4, i1, i2, _i3, i4, a1, a2, a3, a4,
+        o1, o2, o3, o4, i1, i2, i3, i4, a1, a2, a3, a4,
         _boot, _version, seq, opnum, _ihint, _ahint, length, fragment,
     ) = layout.unpack_from(data, RPC_OBJECT)  # fmt: skip
-    if i4 != _PNIO_NODE or i1 & 0xFFFFFFF0 != 0xDEA00000 or i2 != 0x6C97:
+    if (i1, i2, i3, i4) == _MAPPER:
+        opnum = NO_OPERATION
+    elif i4 != _PNIO_NODE or i1 & 0xFFFFFFF0 != 0xDEA00000 or i2 != 0x6C97:
         return None
     flags = data[RPC_FLAGS]
     fragmented = flags & RPC_IS_FRAGMENT != 0

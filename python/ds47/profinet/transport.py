@@ -136,6 +136,10 @@ class Transport:
             self._cut(packet.cut)
 
     def _pdu(self, pdu: rpc.Pdu) -> None:
+        if pdu.opnum == rpc.NO_OPERATION:
+            if pdu.ptype == 0:
+                self._calls.passes(pdu)
+            return
         if pdu.missing and pdu.cut is not None and pdu.opnum in _RECORD_CALLS:
             self._cut(pdu.cut)  # a copy, too: it counts frames
         if self._calls.is_copy(pdu):

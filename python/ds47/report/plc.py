@@ -46,8 +46,8 @@ class Call(NamedTuple):
     `done` (DONE, VALID), `cut` (the same, of which the capture has only a part), `error`, `fault` (ERROR,
     the STATUS is made by the PLC), `bare` (a response without STATUS and record), `empty` (VALID without a
     record), `busy` (until the block gives up), `ends` (no response before the capture ends), `unseen` (the
-    response, or a part of it, is not in the capture), `missing` (not in the capture), `polled` (ERROR with
-    DE80B500), `again` (VALID once more), `never`, `given_up` (not started, not started again),
+    response, or a part of it, is not in the capture), `missing` (not in the capture, if it was at all), `polled`
+    (ERROR with DE80B500), `again` (VALID once more), `never`, `given_up` (not started, not started again),
     `superseded` (no response before the next WRREC), `implicit` (a Read without an AR, which no block makes),
     `nothing` (no record came: the capture has no response, or the station of PROFIBUS refused the service),
     `without` (no record came there, whether a Read was started or not: of those refused the result does not tell).
@@ -123,6 +123,9 @@ class Witness:
             calls.append(Call("RDREC", outcome, 0, length=length, captured=captured))
         elif item.state == "superseded" and frames.read_request is None:
             calls.append(Call("RDREC", "superseded"))
+        elif item.state == "incomplete" and item.station is None:
+            if not left_out and frames.read_request is None:
+                calls.append(Call("RDREC", "missing"))
         elif not left_out and frames.read_request is None and wait != "beside":
             unread = "given_up" if frames.polls else "never"
             calls.append(Call("RDREC", unread if item.station is None else "without"))
@@ -145,11 +148,11 @@ def _waits(transactions: Sequence[Transaction]) -> dict[int, str]:
         channel = _channel(item)
         following = after.get(channel)
         after[channel] = item.start_ns
-        if item.state != "unanswered":
+        if item.state not in ("unanswered", "incomplete"):
             continue
         known = end if following is None else following
         waits[item.id] = "ends" if following is None else "unseen"
-        if known - item.start_ns > expiry:
+        if known - item.start_ns > expiry and item.state == "unanswered":
             waits[item.id] = "busy"
     return waits
 

@@ -17,7 +17,7 @@ from ds47.spec.layouts import RECORD_WRITE_MULTIPLE
 
 FAILED = ("refused", "error", "partial", "mismatch")
 """States of a transaction that did not do what it was meant to do."""
-OPEN = ("unanswered", "superseded")
+OPEN = ("unanswered", "superseded", "incomplete")
 """States of a transaction of which nobody knows what became of it."""
 CALLS = ("DS101", "DS104", "DS105", "DS108", "DS207")
 """Rules about a record call that brought nothing: where one did, not all is done."""

@@ -19,6 +19,7 @@ class Limits(Row):
     call_expiry_ns: int
     transaction_expiry_ns: int
     fragment_expiry_ns: int
+    silence_ns: int
     unread_ns: int
     slow_ns: int
     polling_ns: int
@@ -101,6 +102,7 @@ class Known(Row):
     held: int
     held_jitter: int
     held_period: int
+    disorder: int
     storm_polls: int
     storm_jobs: int
     storm_total: int

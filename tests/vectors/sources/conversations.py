@@ -266,10 +266,10 @@ def p9_reused_after_59_s(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P7 P11 P42 reused-number lost",
-    tx(1, "unanswered", (1,), None, NOTHING),
+    "P7 P11 P73 reused-number lost",
+    tx(1, "incomplete", (1,), None, NOTHING),
     row(2, real(2.5, pnu=27), first=2),
-    rules="DS101@1#1 DS401@1#1",
+    rules="DS101@1#1 DS110@1#1",
 )
 def p9_other_record_unanswered(client: Client) -> None:
     """The same sequence number with another record while the call is open: not the same request."""
@@ -280,7 +280,7 @@ def p9_other_record_unanswered(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P38 P42 lost", tx(1, "unanswered", (1, 2, 3), None, NOTHING), rules="DS401@1#1 DS101@3#1"
+    "P38 P73 lost", tx(1, "incomplete", (1, 2, 3), None, NOTHING), rules="DS110@1#1 DS101@3#1"
 )
 def p11_call_at_end(client: Client) -> None:
     """The capture ends after the Read request: call and transaction are unanswered."""
@@ -675,10 +675,10 @@ def p27_superseded_after_polls(client: Client) -> None:
 
 @BOOK.scene(
     "P33 lost poll orphan",
-    tx(1, "unanswered", (1,), None, NOTHING),
+    tx(1, "incomplete", (1,), None, NOTHING),
     row(2, real(2.5, pnu=27), first=2),
     orphan(3, 8, real(1.5, pnu=None)),
-    rules="DS101@1#1 DS206@7 DS401@1#1 DS403@9#3",
+    rules="DS101@1#1 DS206@7 DS110@1#1 DS403@9#3",
 )
 def p28_passed_over(client: Client) -> None:
     """A Read finds no request open: a record that comes after that is not the response to an older Write."""
@@ -690,11 +690,11 @@ def p28_passed_over(client: Client) -> None:
 
 @BOOK.scene(
     "P31 lost orphan",
-    tx(1, "unanswered", (1,), None, NOTHING),
+    tx(1, "incomplete", (1,), None, NOTHING),
     row(2, real(2.5, pnu=27), first=2),
     orphan(3, 7, real(2.5, pnu=None), ref=2),
     orphan(4, 9, real(1.5, pnu=None)),
-    rules="DS101@1#1 DS102@6 DS401@1#1 DS403@8#3 DS403@10#4",
+    rules="DS101@1#1 DS102@6 DS110@1#1 DS403@8#3 DS403@10#4",
 )
 def p70_unasked_write(client: Client) -> None:
     """A Write is accepted whose request is lost: the same record once more may be the response to that."""
@@ -709,7 +709,7 @@ def p70_unasked_write(client: Client) -> None:
     "P30 lost poll refused",
     tx(1, "refused", (1, 2), None, NOTHING, write="DF80B700", polls=[(3, 4)]),
     orphan(2, 8, real(1.5, pnu=None)),
-    rules="DS102@5 DS203@2#1 DS206@7 DS403@9#2",
+    rules="DS102@5 DS203@2#1 DS110@7 DS403@9#2",
 )
 def p70_unasked_refused(client: Client) -> None:
     """A Write is refused whose request is lost: no Read after it is for the refused Write before it."""
@@ -721,10 +721,10 @@ def p70_unasked_refused(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P36 lost unanswered",
-    tx(1, "unanswered", (1,), None, NOTHING),
+    "P36 lost incomplete",
+    tx(1, "incomplete", (1,), None, NOTHING),
     row(2, real(2.5, pnu=27), first=4),
-    rules="DS101@1#1 DS207@3#1 DS401@1#1",
+    rules="DS101@1#1 DS207@3#1 DS110@1#1",
 )
 def p28_nothing_read(client: Client) -> None:
     """A Read that brings nothing does not prove that the Write before it was accepted: it is not superseded."""
@@ -748,10 +748,10 @@ def p28_late_record(client: Client) -> None:
 
 
 @BOOK.scene(
-    "lost refused unanswered",
+    "lost refused incomplete",
     tx(1, "refused", (1, 2), None, NOTHING, write="DF80B700"),
-    tx(2, "unanswered", (3, None, 4), None, par(27), ref=2),
-    rules="DS101@3#2 DS101@4#2 DS203@2#1 DS401@3#2",
+    tx(2, "incomplete", (3, None, 4), None, par(27), ref=2),
+    rules="DS101@3#2 DS101@4#2 DS203@2#1 DS110@3#2",
 )
 def p68_behind_a_refused_write(client: Client) -> None:
     """The Read without a response comes after a Write without a response, and is not one of the refused Write."""
@@ -778,10 +778,10 @@ def p28_read_before_write_response(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P42 lost",
-    tx(1, "unanswered", (1,), None, NOTHING),
+    "P73 lost",
+    tx(1, "incomplete", (1,), None, NOTHING),
     tx(2, "ok", (2, None, 3, 4), 2, real(2.5, pnu=27), ref=2),
-    rules="DS101@1#1 DS101@2#2 DS401@1#1",
+    rules="DS101@1#1 DS101@2#2 DS110@1#1",
 )
 def p28_two_asked_second_answered(client: Client) -> None:
     """Two Writes without response, the Read brings the record of the second."""
@@ -791,10 +791,10 @@ def p28_two_asked_second_answered(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P42 lost",
+    "P73 lost",
     tx(1, "ok", (1, None, 3, 4), 3, real(1.5)),
-    tx(2, "unanswered", (2,), None, par(27), ref=2),
-    rules="DS101@1#1 DS101@2#2 DS401@2#2",
+    tx(2, "incomplete", (2,), None, par(27), ref=2),
+    rules="DS101@1#1 DS101@2#2 DS110@2#2",
 )
 def p28_two_asked_first_answered(client: Client) -> None:
     """Two Writes without response, the Read brings the record of the first."""
@@ -819,9 +819,9 @@ def p68_lost_read_of_an_older_request(client: Client) -> None:
 
 @BOOK.scene(
     "lost",
-    tx(1, "unanswered", (1, 2), None, NOTHING),
-    tx(2, "unanswered", (3,), None, par(27), ref=2),
-    rules="DS101@3#2 DS401@1#1 DS401@3#2",
+    tx(1, "incomplete", (1, 2), None, NOTHING),
+    tx(2, "incomplete", (3,), None, par(27), ref=2),
+    rules="DS101@3#2 DS110@1#1 DS110@3#2",
 )
 def p69_a_later_write_may_have_displaced_it(client: Client) -> None:
     """The channel goes on behind an open request, with a Write whose response is not in the capture."""
@@ -844,10 +844,10 @@ def p28_presumed_displaces(client: Client) -> None:
 
 @BOOK.scene(
     "lost poll",
-    tx(1, "change unanswered", (1,), None, ramp(1.0)),
+    tx(1, "change incomplete", (1,), None, ramp(1.0)),
     row(2, real(2.5, pnu=27), first=2),
     row(3, real(1.5), first=8),
-    rules="DS101@1#1 DS206@7 DS402@1#1",
+    rules="DS101@1#1 DS206@7 DS110@1#1",
 )
 def p28_passed(client: Client) -> None:
     """A Write without its response, then an accepted one: no later Read is that of the first."""
@@ -891,10 +891,10 @@ def p71_count(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P29 P43 lost mismatch unanswered",
+    "P29 P43 lost mismatch incomplete",
     tx(1, "mismatch", (1, 2, 4, 5), 4, real(2.5, pnu=None)),
-    tx(2, "change unanswered", (3,), None, ramp(10.0), ref=2),
-    rules="DS101@3#2 DS402@3#2 DS404@5#1",
+    tx(2, "change incomplete", (3,), None, ramp(10.0), ref=2),
+    rules="DS101@3#2 DS110@3#2 DS404@5#1",
 )
 def p71_family_of_the_open_one(client: Client) -> None:
     """A response to a read is that of the read, though a change was written behind it."""
@@ -904,10 +904,10 @@ def p71_family_of_the_open_one(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P29 P43 lost mismatch unanswered",
+    "P29 P43 lost mismatch incomplete",
     tx(1, "mismatch", (1, 2, 3, 5), 4, par(None, error=(2, 0))),
-    tx(2, "change unanswered", (4,), None, ramp(10.0), ref=2),
-    rules="DS101@4#2 DS404@5#1 DS405@5#1 DS410@5#1",
+    tx(2, "change incomplete", (4,), None, ramp(10.0), ref=2),
+    rules="DS110@4#2 DS101@4#2 DS404@5#1 DS405@5#1 DS410@5#1",
 )
 def p71_asked_before(client: Client) -> None:
     """The Read that brings it was asked for before the change was written: it is for the open read."""
@@ -918,11 +918,11 @@ def p71_asked_before(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P29 P43 lost mismatch unanswered",
+    "P29 P43 lost mismatch incomplete",
     row(1, par(RAMP, "Float32", 5.0, error=(2, 0)), state="change error"),
     tx(2, "mismatch", (5, 6, 8, 9), 4, par(None, error=(2, 0)), ref=2),
-    tx(3, "change unanswered", (7,), None, ramp(10.0), ref=3),
-    rules="DS410@4#1 DS701@4#1 DS101@7#3 DS402@7#3 DS404@9#2 DS405@9#2 DS410@9#2",
+    tx(3, "change incomplete", (7,), None, ramp(10.0), ref=3),
+    rules="DS410@4#1 DS701@4#1 DS101@7#3 DS110@7#3 DS404@9#2 DS405@9#2 DS410@9#2",
 )
 def p71_old_answer(client: Client) -> None:
     """What is read is the last response once more: it is no new one of the change that has its kind."""
@@ -950,10 +950,10 @@ def p72_superseded(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P43 lost mismatch unanswered",
+    "P43 lost mismatch incomplete",
     tx(1, "mismatch", (1, 2, 4, 5), 4, real(2.5, pnu=None)),
-    tx(2, "unanswered", (3,), None, par(27), ref=2),
-    rules="DS101@3#2 DS404@5#1",
+    tx(2, "incomplete", (3,), None, par(27), ref=2),
+    rules="DS110@3#2 DS101@3#2 DS404@5#1",
 )
 def p72_unanswered(client: Client) -> None:
     """A record may be of either of two reads: of the newer one is not said that it is without a response."""
@@ -976,14 +976,15 @@ def p71_one_reference_for_all(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P29 P33 lost poll disorder",
-    tx(1, "ok", (1, 8, 10, 11), 10, real(1.5)),
+    "P33 lost poll disorder orphan",
+    tx(1, "incomplete", (1, 8), None, NOTHING),
     row(2, real(2.5, pnu=27), first=2),
-    tx(3, "unanswered", (9,), None, par(28), ref=1),
-    rules="DS206@7 DS101@9#3",
+    tx(3, "incomplete", (9,), None, par(28), ref=1),
+    orphan(4, 10, real(1.5, pnu=None)),
+    rules="DS110@1#1 DS110@9#3 DS206@7 DS101@9#3 DS403@11#4",
 )
-def p72_one_reference_for_all(client: Client) -> None:
-    """Two reads have one reference: the record goes to the open one, and may be that of the other (no DS401)."""
+def p77_one_reference_for_all(client: Client) -> None:
+    """Two reads have one reference: the record may be that of the open one or of the other; it goes to none."""
     call = client.ask_write(ask())
     client.exchange(ask(2, 27), tell(2, 2.5))
     client.poll()
@@ -994,9 +995,9 @@ def p72_one_reference_for_all(client: Client) -> None:
 
 @BOOK.scene(
     "P31 lost reread",
-    tx(1, "unanswered", (1,), None, NOTHING),
+    tx(1, "incomplete", (1,), None, NOTHING),
     row(2, real(2.5, pnu=27), real(3.5, pnu=28), first=2, ref=1, rereads=[(6, 7)]),
-    rules="DS101@1#1 DS401@1#1 DS415@2#2 DS704@7#2",
+    rules="DS101@1#1 DS110@1#1 DS415@2#2 DS704@7#2",
 )
 def p28_other_kind(client: Client) -> None:
     """A response is read once more that has the reference of an older Write, and not its number of parameters."""
@@ -1101,9 +1102,19 @@ def p33_empty_body_nothing_asked(client: Client) -> None:
     client.reply(client.ask_read(), b"")
 
 
-@BOOK.scene("nothing-to-read", rules="DS206@2 DS206@4 DS206@6")
+@BOOK.scene("P78 nothing-to-read", rules="DS110@2 DS110@4 DS110@6")
+def p73_nothing_to_read(client: Client) -> None:
+    """The same Reads at the begin of a capture: their request may lie before it."""
+    client.channel = client.at(index=0xB02F)
+    client.poll(BUSY)
+    client.poll(0xDE80B000, with_header=False)
+    client.read(b"")
+
+
+@BOOK.scene("nothing-to-read", rules="DS206@4 DS206@6 DS206@8")
 def p33_nothing_to_read(client: Client) -> None:
-    """Reads without data on a channel without a request: busy, refused, and positive."""
+    """Reads without data on a channel without a request since its Connect: busy, refused, and positive."""
+    client.connect("plc")
     client.channel = client.at(index=0xB02F)
     client.poll(BUSY)
     client.poll(0xDE80B000, with_header=False)
@@ -1119,9 +1130,9 @@ BOOK.lab(
 
 
 @BOOK.scene(
-    "P38 P40 P42 poll",
-    tx(1, "unanswered", (1, 2), None, NOTHING, polls=[(3, 4)]),
-    rules="DS401@1#1",
+    "P38 P40 P73 poll",
+    tx(1, "incomplete", (1, 2), None, NOTHING, polls=[(3, 4)]),
+    rules="DS110@1#1",
 )
 def p34_polls_then_end(client: Client) -> None:
     """Only polls until the end of the capture: unanswered, not refused."""
@@ -1155,10 +1166,25 @@ BOOK.lab(
     "P42 unanswered",
     tx(1, "unanswered", (1, 2), None, NOTHING),
     tx(2, "change unanswered", (3, 4), None, ramp(10.0), ref=2, slot=2),
+    row(3, real(1.5), first=5, slot=3),
     rules="DS401@1#1 DS402@3#2",
 )
 def p38_end(client: Client) -> None:
-    """A read and a change that nobody fetches until the capture ends."""
+    """A read and a change that nobody fetches until the capture ends, 12 s later."""
+    client.write(ask())
+    client.write(put(2, 10.0), at=client.at(slot=2))
+    client.wait(12_000)
+    client.exchange(ask(3), tell(3, 1.5), at=client.at(slot=3))
+
+
+@BOOK.scene(
+    "P38 P80 incomplete",
+    tx(1, "incomplete", (1, 2), None, NOTHING),
+    tx(2, "change incomplete", (3, 4), None, ramp(10.0), ref=2, slot=2),
+    rules="DS110@1#1 DS110@3#2",
+)
+def p73_end(client: Client) -> None:
+    """The capture ends right behind them: their responses may be fetched after it."""
     client.write(ask())
     client.write(put(2, 10.0), at=client.at(slot=2))
 
@@ -1325,6 +1351,7 @@ BOOK.lab(
     tx(1, "unanswered", (1, 2), None, NOTHING),
     tx(2, "change unanswered", (3, 4), None, ramp(10.0), ref=2, slot=2),
     orphan(3, 5, real(1.5, pnu=None), slot=3),
+    row(4, real(1.5), first=7, slot=4),
     rules="DS401@1#1 DS402@3#2 DS403@6#3",
 )
 def p47_dropped(client: Client) -> None:
@@ -1333,6 +1360,8 @@ def p47_dropped(client: Client) -> None:
     client.write(ask())
     client.write(put(2, 10.0), at=client.at(slot=2))
     client.read(tell(1, 1.5), at=client.at(slot=3))
+    client.wait(12_000)
+    client.exchange(ask(4), tell(4, 1.5), at=client.at(slot=4))
 
 
 @BOOK.scene(
@@ -1506,10 +1535,10 @@ def p34_polled_1001_ms(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P11 P38 lost unanswered",
+    "P11 P38 lost incomplete",
     row(1, real(1.5)),
-    tx(2, "unanswered", (6, 7), None, par(27), ref=2),
-    rules="DS101@5 DS401@6#2",
+    tx(2, "incomplete", (6, 7), None, par(27), ref=2),
+    rules="DS101@5 DS110@6#2",
 )
 def p29_lost_read_before_the_write(client: Client) -> None:
     """A Read without its RPC response came before the Write that is open when it is given up: not its Read."""
@@ -1933,6 +1962,107 @@ def p65_displaced(client: Client) -> None:
     client.exchange(*fetched(9.5, 4))
     client.exchange(*changed(10.0, 5))
     client.exchange(*fetched(9.5, 6))
+
+
+# What is not in the capture
+
+
+@BOOK.scene(
+    "P7 P38 P42 lost retransmission release",
+    tx(1, "unanswered", (1, 2), None, NOTHING),
+    rules="DS101@3#1 DS103@4#1 DS401@1#1 DS722@1#1",
+)
+def p74_sent_again(client: Client) -> None:
+    """The Read is sent again: its client had no response, and the connection ended without one."""
+    client.write(ask())
+    call = client.ask_read()
+    client.wait(500)
+    client.ask(call, wire.read_request(call.sequence, client.channel))
+    client.release()
+
+
+@BOOK.scene(
+    "P38 P73 P80 lost incomplete release",
+    tx(1, "incomplete", (1, 2, 3), None, NOTHING),
+    rules="DS101@3#1 DS110@1#1",
+)
+def p74_went_on(client: Client) -> None:
+    """The Read has no response, and its client goes on at once: that had one."""
+    client.write(ask())
+    client.ask_read()
+    client.release()
+
+
+@BOOK.scene(
+    "P73 P80 incomplete",
+    tx(1, "incomplete", (1, 2), None, NOTHING),
+    row(2, real(2.5, pnu=27), first=3),
+    rules="DS110@1#1",
+)
+def p75_number_missing(client: Client) -> None:
+    """A number is missing between a request and the one that displaces it: its Read may have been that call."""
+    client.write(ask())
+    client.call(wire.READ)
+    client.exchange(ask(2, 27), tell(2, 2.5))
+
+
+@BOOK.scene(
+    "P41 superseded other-index",
+    tx(1, "superseded", (1, 2), None, NOTHING),
+    row(2, real(1.5), first=3, slot=2),
+    row(3, real(2.5, pnu=27), first=9),
+    rules="DS413@9#1 DS705@9#1",
+)
+def p75_number_late(client: Client) -> None:
+    """The number comes late, in a Read of I&M0: all calls are there, and the request is superseded."""
+    client.write(ask())
+    late, place = client.call(wire.READ), client.at(index=0xAFF0)
+    client.exchange(ask(2), tell(2, 1.5), at=client.at(slot=2))
+    client.ask(late, wire.read_request(late.sequence, place))
+    client.accept_read(late, b"I&M0", at=place)
+    client.exchange(ask(3, 27), tell(3, 2.5))
+
+
+@BOOK.scene(
+    "P73 P80 incomplete interleaved",
+    tx(1, "incomplete", (2, 3), None, NOTHING),
+    row(2, real(2.5, pnu=27), first=4),
+    rules="DS102@1 DS110@2#1",
+)
+def p76_two_activities(client: Client) -> None:
+    """The next request is of another activity, and of these stations something is missing: nothing is proven."""
+    client.accept_write(client.call(wire.WRITE), ask(), at=client.at(slot=2))
+    client.write(ask())
+    other = replace(client, activity=UUID(int=0x47), sequence=0)
+    other.exchange(ask(2, 27), tell(2, 2.5))
+
+
+@BOOK.scene(
+    "P32 P73 P80 incomplete orphan",
+    tx(1, "incomplete", (1, 2), None, NOTHING),
+    orphan(2, 4, real(2.5, pnu=None), ref=2),
+    rules="DS102@3 DS110@1#1 DS403@5#2",
+)
+def p77_unseen_write(client: Client) -> None:
+    """A Write is accepted whose request is lost: what is read then is of that, and no mismatch of the open one."""
+    client.write(ask())
+    client.accept_write(client.call(wire.WRITE), ask(2, 27))
+    client.read(tell(2, 2.5))
+
+
+@BOOK.scene(
+    "P2 disorder",
+    tx(1, "ok", (2, 1, 3, 4), 3, real(1.5)),
+)
+def p79_response_first(client: Client) -> None:
+    """The Write response stands before its request, and is later by their times."""
+    call = client.call(wire.WRITE)
+    client.wait(1)
+    client.accept_write(call, ask())
+    client.wait(-2)
+    client.ask_write(ask(), again=call)
+    client.wait(1)
+    client.read(tell(1, 1.5))
 
 
 if __name__ == "__main__":

@@ -121,13 +121,27 @@ def ds704_write_response_lost(client: Client) -> None:
 
 
 @BOOK.scene(
-    "lost",
+    "incomplete",
     row(1, real(1.5), rereads=[(6, 7)]),
-    tx(2, "unanswered", (5,), None, par(27), ref=2),
-    rules="DS101@5#2 DS401@5#2 DS704@7#1",
+    tx(2, "incomplete", (5, 8), None, par(27), ref=2),
+    rules="DS110@5#2 DS704@7#1",
 )
 def ds704_unaccepted_between(client: Client) -> None:
-    """A request lies between, and the capture does not show that it was accepted."""
+    """A request lies between, and was accepted only afterwards."""
+    client.exchange(ask(1), tell(1, 1.5))
+    call = client.ask_write(ask(2, 27))
+    client.read(tell(1, 1.5))
+    client.accept_write(call, ask(2, 27))
+
+
+@BOOK.scene(
+    "lost",
+    row(1, real(1.5), rereads=[(6, 7)]),
+    tx(2, "incomplete", (5,), None, par(27), ref=2),
+    rules="DS101@5#2 DS110@5#2",
+)
+def ds704_unseen_between(client: Client) -> None:
+    """Near miss: whether the request between was accepted before, the capture does not show."""
     client.exchange(ask(1), tell(1, 1.5))
     client.ask_write(ask(2, 27))
     client.read(tell(1, 1.5))
@@ -576,7 +590,20 @@ def ds722_connect(client: Client) -> None:
     rules="DS101@3#1 DS401@1#1 DS722@1#1",
 )
 def ds722_read_under_way(client: Client) -> None:
-    """The same while its Read is under way."""
+    """The same while its Read is under way, and its client waits 3 s for the response."""
+    client.write(ask())
+    client.ask_read()
+    client.wait(3_000)
+    client.connect("plc")
+
+
+@BOOK.scene(
+    "incomplete lost",
+    tx(1, "incomplete", (1, 2, 3), None, NOTHING),
+    rules="DS101@3#1 DS110@1#1",
+)
+def ds722_read_not_waited_for(client: Client) -> None:
+    """Near miss: the client goes on at once, as with a response: that may be missing in the capture."""
     client.write(ask())
     client.ask_read()
     client.connect("plc")
@@ -603,14 +630,14 @@ BOOK.lab(
 )
 
 
-@BOOK.scene("unanswered", tx(1, "unanswered", (3, 4), None, NOTHING), rules="DS401@3#1")
+@BOOK.scene("incomplete", tx(1, "incomplete", (3, 4), None, NOTHING), rules="DS110@3#1")
 def ds722_connected_before(client: Client) -> None:
     """Near miss: the connection is older than the request."""
     client.connect("plc")
     client.write(ask())
 
 
-@BOOK.scene("unanswered", tx(1, "unanswered", (1, 2), None, NOTHING), rules="DS401@1#1")
+@BOOK.scene("incomplete", tx(1, "incomplete", (1, 2), None, NOTHING), rules="DS110@1#1")
 def ds722_another_connects(client: Client) -> None:
     """Near miss: another controller connects to the drive."""
     client.write(ask())
@@ -628,10 +655,10 @@ BOOK.lab(
 
 
 @BOOK.scene(
-    "unanswered",
-    tx(1, "unanswered", (1, 2), None, NOTHING),
+    "incomplete",
+    tx(1, "incomplete", (1, 2), None, NOTHING),
     row(2, real(1.5), ar=str(AR2), ref=1),
-    rules="DS401@1#1",
+    rules="DS110@1#1",
 )
 def ds722_connect_not_seen(client: Client) -> None:
     """Near miss: of what kind the first AR is, the capture does not show; there may be both."""
@@ -642,10 +669,10 @@ def ds722_connect_not_seen(client: Client) -> None:
 
 
 @BOOK.scene(
-    "unanswered",
-    tx(1, "unanswered", (3, 4), None, NOTHING),
+    "incomplete",
+    tx(1, "incomplete", (3, 4), None, NOTHING),
     row(2, real(1.5), first=7, ar=str(AR2), ref=1),
-    rules="DS401@3#1",
+    rules="DS110@3#1",
 )
 def ds722_supervisor_connects(client: Client) -> None:
     """Near miss: the same station sets up a supervisor's AR, which stands beside the other."""
@@ -657,10 +684,10 @@ def ds722_supervisor_connects(client: Client) -> None:
 
 
 @BOOK.scene(
-    "unanswered",
-    tx(1, "unanswered", (3, 4), None, NOTHING),
+    "incomplete",
+    tx(1, "incomplete", (3, 4), None, NOTHING),
     row(2, real(1.5), first=7, slot=2, ref=1),
-    rules="DS401@3#1",
+    rules="DS110@3#1",
 )
 def ds722_another_ar_connects(client: Client) -> None:
     """Near miss: the same controller sets up another AR, and the one that asked goes on."""
@@ -671,10 +698,10 @@ def ds722_another_ar_connects(client: Client) -> None:
 
 
 @BOOK.scene(
-    "unanswered",
+    "incomplete",
     row(1, real(1.5), ar=str(AR2)),
-    tx(2, "unanswered", (5, 6), None, NOTHING),
-    rules="DS401@5#2",
+    tx(2, "incomplete", (5, 6), None, NOTHING),
+    rules="DS110@5#2",
 )
 def ds722_second_ar_connects(client: Client) -> None:
     """Near miss: the controller has two ARs already; which one the third replaces is not known."""

@@ -1,0 +1,283 @@
+-- What of a conversation is not in the capture: one judgement, asked by every rule that says that
+-- something did not come.
+--
+-- Lives here: the calls whose sequence numbers are missing, Writes whose requests are, and who was never
+-- heard. A missing number shows that a call may be missing, and says nothing of responses; that none is
+-- missing proves nothing across activities. What that means for a transaction is pairing.lua's business
+-- (docs/pairing.md, P73).
+
+local ordered = require("ds47.support.ordered")
+local WRITE = require("ds47.profinet.rpc").WRITE
+
+local M = {}
+
+-- Holes of one activity and Writes without their request of a pair that are kept by themselves: older holes
+-- are as one, and of the others the newest are asked for.
+local KEPT = 64
+-- Missing numbers of one hole that may still come: frames are seldom out of order by more.
+local FILLED = 256
+
+-- Sequence numbers: of one activity, as a set, because they may come out of order.
+
+local Numbers = {}
+Numbers.__index = Numbers
+
+--- The numbers of an activity.
+-- `lowest` and `highest`: of its numbers; `newest`: the request with the highest one; `again`: the newest
+-- number that was there before, for the next one tells whether the client counts anew; `heard`: whether a
+-- call was answered; `holes`: array of {after, before (frames), first, last (numbers), missing (how many of
+-- `open`), open (set of numbers that may still come, or nil)}, in the order of their frames.
+-- @param pdu  the first request
+function M.numbers(pdu)
+  return setmetatable({
+    lowest = pdu.seq, highest = pdu.seq, newest = pdu, again = -2, heard = false, holes = {},
+  }, Numbers)
+end
+
+local function new_hole(after, before, first, last)
+  local hole = {after = after, before = before, first = first, last = last, missing = 0, open = nil}
+  if last - first < FILLED then
+    hole.open, hole.missing = {}, last - first + 1
+    for number = first, last do
+      hole.open[number] = true
+    end
+  end
+  return hole
+end
+
+-- Whether a number was missing up to now.
+local function fills(holes, number)
+  for place, hole in ipairs(holes) do
+    if hole.open and hole.open[number] then
+      hole.open[number], hole.missing = nil, hole.missing - 1
+      if hole.missing == 0 then
+        table.remove(holes, place)
+      end
+      return true
+    end
+  end
+  return false
+end
+
+-- One that does not follow the highest one, and is higher.
+local function skip(self, pdu)
+  local holes = self.holes
+  holes[#holes + 1] = new_hole(self.newest.frame, pdu.frame, self.highest + 1, pdu.seq - 1)
+  if #holes > KEPT then
+    local older = table.remove(holes, 1)
+    holes[1].after, holes[1].first, holes[1].open = older.after, older.first, nil
+  end
+end
+
+--- One more number: that of a request, or of a response whose request is not there.
+function Numbers:add(pdu)
+  local number = pdu.seq
+  if number > self.highest then
+    if number > self.highest + 1 then
+      skip(self, pdu)
+    end
+    self.highest, self.newest = number, pdu
+  elseif pdu == self.newest then
+    return -- its first one
+  elseif number < self.lowest then
+    self.lowest = number
+  elseif number == self.again + 1 then
+    self.lowest, self.highest, self.newest = self.again, number, pdu
+  elseif not fills(self.holes, number) then
+    self.again = number
+  end
+end
+
+--- The numbers that are missing in a hole, for a sentence.
+local function told(hole)
+  if hole.first == hole.last then
+    return ("%d"):format(hole.first)
+  end
+  return ("%d..%d"):format(hole.first, hole.last)
+end
+
+-- Pairs of stations
+
+local Completeness = {}
+Completeness.__index = Completeness
+
+--- Of every client and server, what is missing between them.
+-- @param most  pairs that are remembered; the oldest goes first
+function M.new(most)
+  return setmetatable({most = most, pairs = ordered.new()}, Completeness)
+end
+
+local function key_of(client, server)
+  return client .. "\0" .. server
+end
+
+-- {activities = array of Numbers; since = frame since which all calls are of activities that were there
+-- before; heard = whether the station that is called has said anything; unasked = frames of Writes that are
+-- not there; lost = frames of calls of which only one half is there, half = the first of them}
+local function pair_of(self, client, server)
+  local key = key_of(client, server)
+  local pair = self.pairs:get(key)
+  if pair == nil then
+    local back = self.pairs:get(key_of(server, client))
+    local heard = back ~= nil and back.activities[1] ~= nil
+    pair = {activities = {}, since = 0, heard = heard, unasked = {}, half = 0, lost = {}}
+    self.pairs:set(key, pair)
+    if self.pairs.length > self.most then
+      self.pairs:pop_first()
+    end
+  end
+  return pair
+end
+
+local function contains(activities, numbers)
+  for _, each in ipairs(activities) do
+    if each == numbers then
+      return true
+    end
+  end
+  return false
+end
+
+--- The first call of an activity to a server.
+function Completeness:began(pdu, numbers)
+  local pair = pair_of(self, pdu.client, pdu.server)
+  local activities = pair.activities
+  if not contains(activities, numbers) then
+    activities[#activities + 1], pair.since = numbers, pdu.frame
+    if #activities > KEPT then
+      pair.heard = table.remove(activities, 1).heard or pair.heard
+    end
+  end
+  local back = self.pairs:get(key_of(pdu.server, pdu.client))
+  if back then
+    back.heard = true
+  end
+end
+
+-- Of a call only one half is there.
+local function has_half(pair, frame)
+  pair.half = pair.half == 0 and frame or math.min(pair.half, frame)
+end
+
+-- One more frame: the oldest one and the newest ones are kept.
+local function keep(frames, frame)
+  frames[#frames + 1] = frame
+  if #frames > KEPT then
+    table.remove(frames, 2)
+  end
+end
+
+local function take_out(frames, frame)
+  for place = #frames, 1, -1 do
+    if frames[place] == frame then
+      table.remove(frames, place)
+      return
+    end
+  end
+end
+
+--- A response or fault whose request is not in the capture, as far as is known.
+function Completeness:unasked(pdu)
+  local pair = pair_of(self, pdu.client, pdu.server)
+  pair.heard = true
+  has_half(pair, pdu.frame)
+  local placeless = pdu.opnum == WRITE or pdu.ptype ~= 2 -- a fault tells no place
+  keep(placeless and pair.unasked or pair.lost, pdu.frame)
+end
+
+--- A call of which nobody knows where it goes: a Write that is cut, or a response without a record.
+function Completeness:cut(pdu)
+  keep(pair_of(self, pdu.client, pdu.server).unasked, pdu.frame)
+end
+
+--- The request of a response that was heard of as one without its request.
+function Completeness:asked_after_all(response)
+  local pair = pair_of(self, response.client, response.server)
+  take_out(pair.unasked, response.frame)
+  take_out(pair.lost, response.frame)
+end
+
+--- A call has no response.
+function Completeness:lost(request, numbers)
+  if request.seq < numbers.highest then
+    local pair = pair_of(self, request.client, request.server)
+    keep(pair.lost, request.frame)
+    has_half(pair, request.frame)
+  end
+end
+
+--- The time of the newest call of a client to a server, by the numbers; nil for none.
+function Completeness:spoke_ns(client, server)
+  local pair, newest = self.pairs:get(key_of(client, server)), nil
+  for _, numbers in ipairs(pair and pair.activities or {}) do
+    local time_ns = numbers.newest.time_ns
+    newest = newest and newest > time_ns and newest or time_ns
+  end
+  return newest
+end
+
+--- Whether all is there that a client said to a server and heard of it before a frame.
+-- @param half  the first call that is open though its client went on, its frame; nil asks what was told
+function Completeness:is_whole_before(client, server, frame, half)
+  local pair = self.pairs:get(key_of(client, server))
+  if pair == nil then
+    return false
+  end
+  for _, numbers in ipairs(pair.activities) do
+    if numbers.holes[1] then
+      return false
+    end
+  end
+  local first = pair.half == 0 and half or pair.half
+  return pair.unasked[1] == nil and (first == 0 or first == nil or first >= frame)
+end
+
+local function hears(pair)
+  if pair.heard then
+    return true
+  end
+  for _, numbers in ipairs(pair.activities) do
+    if numbers.heard then
+      return true
+    end
+  end
+  return false
+end
+
+-- What is missing behind a frame by the numbers; `across`: behind any.
+local function hole_behind(activities, since, across)
+  for _, numbers in ipairs(activities) do
+    local hole = numbers.holes[#numbers.holes]
+    if hole and (across or hole.before > since) then
+      local first = hole.after ~= 0 and hole.after or nil
+      return {what = "calls", first = first, last = hole.before, numbers = told(hole)}
+    end
+  end
+  return nil
+end
+
+--- What may be missing of the calls of a client behind a frame: {what = key of the words, first, last
+-- (frames), numbers}; nil where nothing can be.
+-- Of two activities nothing follows from their numbers. There it counts whether the capture lacks anything
+-- of this pair.
+-- @param lost  true: a call is open of which only the request is there; nil asks what was told
+function Completeness:behind(client, server, since, lost)
+  local pair = self.pairs:get(key_of(client, server))
+  if pair == nil or pair.activities[1] == nil then
+    return {what = "requests"}
+  elseif not hears(pair) then
+    return {what = "one_direction"}
+  end
+  local across, unasked = since < pair.since, pair.unasked
+  local hole = hole_behind(pair.activities, since, across)
+  if hole then
+    return hole
+  elseif unasked[1] and (across or unasked[#unasked] > since) then
+    return {what = "requests"}
+  elseif across and (lost or pair.lost[1]) then
+    return {what = "halves"}
+  end
+  return nil
+end
+
+return M

@@ -1,0 +1,272 @@
+"""What of a conversation is not in the capture: one judgement, asked by every rule of absence.
+
+Lives here: calls whose sequence numbers are missing, Writes whose requests are, and who was never heard. A missing
+number shows that a call may be missing, and says nothing of responses; that none is missing proves nothing across
+activities. What that means for a transaction is the business of `ds47.acyclic.pairing` (docs/pairing.md, P73).
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from typing import Final, Literal
+
+from ds47.profinet.rpc import Pdu
+from ds47.spec.layouts import RPC_WRITE
+
+What = Literal["one_direction", "requests", "halves"]
+"""All that one side sent; requests of Writes; the other halves of calls."""
+_RESPONSE: Final = 2
+_KEPT: Final = 64
+"""Holes of one activity, and responses without requests of a pair, that are kept by themselves."""
+_FILLED: Final = 256
+"""Missing numbers of one hole that may still come: frames are seldom out of order by more."""
+
+
+class Hole:
+    """Sequence numbers of an activity that are missing between two of its requests.
+
+    Attributes:
+        after: frame of the request before it, 0 where that is not known,
+        before: and of the one behind it.
+        first: the first number that is missing,
+        last: and the last one.
+        missing: those that are missing, as far as they may still come.
+    """
+
+    __slots__ = ("after", "before", "first", "last", "missing")
+
+    def __init__(self, after: int, before: int, first: int, last: int) -> None:
+        self.after, self.before, self.first, self.last = after, before, first, last
+        self.missing = set(range(first, last + 1)) if last - first < _FILLED else None
+
+    def told(self) -> str:
+        """Its numbers, for a sentence."""
+        return str(self.first) if self.first == self.last else f"{self.first}..{self.last}"
+
+    def take_in(self, older: Hole) -> None:
+        """Covers an older one, too, and what is between them."""
+        self.after, self.first, self.missing = older.after, older.first, None
+
+
+class Numbers:
+    """The sequence numbers of one activity, as a set: they may come out of order."""
+
+    __slots__ = ("again", "heard", "highest", "holes", "lowest", "newest")
+
+    def __init__(self, pdu: Pdu) -> None:
+        self.lowest = self.highest = pdu.seq
+        self.again = -2
+        """The newest number that was there before: the next one tells whether the client counts anew."""
+        self.newest = pdu
+        """The request with the highest number."""
+        self.heard = False
+        """Whether one of its calls was answered."""
+        self.holes: list[Hole] = []
+        """In the order of their frames."""
+
+    def add(self, pdu: Pdu) -> None:
+        """One more that does not follow the highest one."""
+        number = pdu.seq
+        if number > self.highest:
+            if number > self.highest + 1:
+                self._skip(pdu)
+            self.highest, self.newest = number, pdu
+        elif number < self.lowest:
+            self.lowest = number
+        elif number == self.again + 1:
+            self.lowest, self.highest, self.newest = self.again, number, pdu
+        elif not self._fills(number):
+            self.again = number
+
+    def _skip(self, pdu: Pdu) -> None:
+        self.holes.append(Hole(self.newest.frame, pdu.frame, self.highest + 1, pdu.seq - 1))
+        if len(self.holes) > _KEPT:
+            self.holes[1].take_in(self.holes.pop(0))
+
+    def _fills(self, number: int) -> bool:
+        """Whether a number was missing up to now."""
+        for hole in self.holes:
+            if hole.missing is not None and number in hole.missing:
+                hole.missing.remove(number)
+                if not hole.missing:
+                    self.holes.remove(hole)
+                return True
+        return False
+
+
+class Pair:
+    """What one station says to another one."""
+
+    __slots__ = (
+        "activities",
+        "half",
+        "halves",
+        "heard",
+        "lost",
+        "since",
+        "unasked",
+    )  # fmt: skip
+
+    def __init__(self) -> None:
+        self.activities: list[Numbers] = []
+        self.since = 0
+        """Since which frame all calls are of activities that were there before."""
+        self.heard = False
+        """Whether the station that is called has said anything,"""
+        self.unasked: list[int] = []
+        """and in which frames to a Write that is not there: the oldest one, and the newest ones."""
+        self.lost: list[int] = []
+        """The frames of Reads without their requests, and of calls whose client went on: the oldest and newest."""
+        self.half = self.halves = 0
+        """The first frame of any call with one half, and how many there are."""
+
+    @property
+    def hears(self) -> bool:
+        """Whether anything that the server sent to the client is in the capture up to now."""
+        return self.heard or any(each.heard for each in self.activities)
+
+    @property
+    def asks(self) -> bool:
+        """Whether a call of the client is."""
+        return bool(self.activities)
+
+    @property
+    def holes(self) -> list[Hole]:
+        """All of them in the order of their frames."""
+        return sorted(
+            (hole for each in self.activities for hole in each.holes), key=lambda hole: hole.before
+        )
+
+    def has_half(self, frame: int) -> None:
+        """A call is there in one half."""
+        self.half = min(self.half or frame, frame)
+        self.halves += 1
+
+    def unknown(self, frame: int) -> None:
+        """A Write was sent, and nobody knows where."""
+        _keep(self.unasked, frame)
+
+    @property
+    def newest(self) -> int:
+        """The newest frame behind which something may be missing; 0 for none."""
+        holes = (hole.before for each in self.activities for hole in each.holes[-1:])
+        return max([0, *self.lost, *self.unasked, *holes])
+
+
+def _keep(frames: list[int], frame: int) -> None:
+    frames.append(frame)
+    if len(frames) > _KEPT:
+        del frames[1]  # the newest ones are asked for
+
+
+class Completeness:
+    """Of every client and server, what is missing between them.
+
+    Args:
+        most: pairs and their activities that are remembered; the oldest goes first.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._pairs: OrderedDict[tuple[str, str], Pair] = OrderedDict()
+        self.late: list[int] = []
+        """The first and the newest frames of responses whose request comes behind them."""
+
+    # What is heard
+
+    def began(self, pdu: Pdu, numbers: Numbers) -> None:
+        """The first call of an activity to a server."""
+        pair = self._pair(pdu.client, pdu.server)
+        if numbers not in pair.activities:
+            pair.activities.append(numbers)
+            pair.since = pdu.frame
+            if len(pair.activities) > _KEPT:
+                pair.heard |= pair.activities.pop(0).heard
+        back = self._pairs.get((pdu.server, pdu.client))
+        if back is not None:
+            back.heard = True
+
+    def unasked(self, pdu: Pdu) -> None:
+        """A response or fault whose request is not in the capture, as far as is known."""
+        pair = self._pair(pdu.client, pdu.server)
+        pair.heard = True
+        pair.has_half(pdu.frame)
+        if pdu.opnum == RPC_WRITE or pdu.ptype != _RESPONSE:  # a fault tells no place
+            pair.unknown(pdu.frame)
+        else:
+            _keep(pair.lost, pdu.frame)
+
+    def cut(self, pdu: Pdu) -> None:
+        """A call of which nobody knows where it goes: a Write that is cut, or a response without a record."""
+        self._pair(pdu.client, pdu.server).unknown(pdu.frame)
+
+    def asked_after_all(self, response: Pdu) -> None:
+        """The request of such a response came behind it."""
+        pair = self._pair(response.client, response.server)
+        for frames in (pair.unasked, pair.lost):
+            if response.frame in frames:
+                frames.remove(response.frame)
+        pair.halves -= 1
+        _keep(self.late, response.frame)
+
+    def lost(self, request: Pdu, numbers: Numbers) -> None:
+        """A call has no response."""
+        if request.seq < numbers.highest:
+            pair = self._pair(request.client, request.server)
+            _keep(pair.lost, request.frame)
+            pair.has_half(request.frame)
+
+    def _pair(self, client: str, server: str) -> Pair:
+        pair = self._pairs.get((client, server))
+        if pair is None:
+            pair = self._pairs[client, server] = Pair()
+            back = self._pairs.get((server, client))
+            pair.heard = back is not None and back.asks
+            if len(self._pairs) > self._most:
+                self._pairs.popitem(last=False)
+        return pair
+
+    # What is asked
+
+    def lacks(self, client: str, server: str) -> Pair:
+        """What is missing between two stations."""
+        return self._pairs.get((client, server)) or Pair()
+
+    def behind(self, client: str, server: str, since: int) -> What | Hole | None:
+        """What may be missing of the calls of a client behind a frame; None where nothing can be.
+
+        Of two activities nothing follows from their numbers. There it counts whether the capture lacks anything of
+        this pair.
+        """
+        pair = self._pairs.get((client, server))
+        if pair is None or not pair.asks:
+            return "requests"
+        if not pair.hears:
+            return "one_direction"
+        across = since < pair.since
+        for numbers in pair.activities:
+            if numbers.holes and (across or numbers.holes[-1].before > since):
+                return numbers.holes[-1]
+        if pair.unasked and (across or pair.unasked[-1] > since):
+            return "requests"
+        return "halves" if across and pair.lost else None
+
+    def spoke_ns(self, client: str, server: str) -> int | None:
+        """The time of the newest call of a client to a server, by the numbers; None for none."""
+        pair = self._pairs.get((client, server))
+        times = [each.newest.time_ns for each in pair.activities] if pair is not None else []
+        return max(times, default=None)
+
+    def is_whole_before(self, client: str, server: str, frame: int) -> bool:
+        """Whether all is there that a client said to a server and heard of it before a frame."""
+        pair = self._pairs.get((client, server))
+        if pair is None or pair.holes or pair.unasked:
+            return False
+        return not pair.half or pair.half >= frame
+
+    def newest(self, server: str) -> int:
+        """The newest frame behind which something that was said with a server may be missing; 0 for none."""
+        return max(
+            (pair.newest for (_, called), pair in self._pairs.items() if called == server),
+            default=0,
+        )

@@ -1,0 +1,155 @@
+"""Holes in a capture: what mirror ports, short captures and merged files make of a conversation.
+
+A cut is a list of the frames that are left, in their order. Each keeps its number of the whole capture, so that
+`holes` can ask the whole one whether what is said of the cut one is true.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from tests.audit import wire
+from tests.audit.wire import Frame
+
+Cut = list[Frame]
+SECOND = 10**9
+SNAP = 300
+
+
+def every(step: int, start: int = 0) -> Callable[[Cut], Cut]:
+    """Every so-manieth frame is lost."""
+    return lambda frames: [each for at, each in enumerate(frames, 1) if (at - start) % step]
+
+
+def servers(frames: Cut) -> set[bytes]:
+    """The IP addresses to which record calls go."""
+    return {
+        packet[16:20] for each in frames
+        if (packet := wire.ip_packet(each))[9:10] == b"\x11" and _asks(packet)
+    }  # fmt: skip
+
+
+def _asks(packet: bytes) -> bool:
+    data = packet[(packet[0] & 15) * 4 + 8 :]
+    if len(data) < 80 or data[:2] != b"\x04\x00":
+        return False
+    operation = int.from_bytes(data[68:70], "little" if data[4] >> 4 == 1 else "big")
+    return operation in (wire.READ, wire.WRITE, wire.IMPLICIT)
+
+
+def to_devices(frames: Cut) -> Cut:
+    """Nothing that a device sent."""
+    devices = servers(frames)
+    return [each for each in frames if wire.ip_packet(each)[12:16] not in devices]
+
+
+def from_devices(frames: Cut) -> Cut:
+    """Nothing that was sent to a device."""
+    devices = servers(frames)
+    return [each for each in frames if wire.ip_packet(each)[16:20] not in devices]
+
+
+def without_middle(frames: Cut) -> Cut:
+    """A hole in the middle."""
+    return frames[: len(frames) // 3] + frames[len(frames) // 2 :]
+
+
+def middle(frames: Cut) -> Cut:
+    """Neither begin nor end."""
+    return frames[len(frames) // 3 : 2 * len(frames) // 3]
+
+
+def snapped(frames: Cut) -> Cut:
+    """No frame longer than a snap length."""
+    return [replace(each, data=each.data[:SNAP]) for each in frames]
+
+
+def swapped(step: int) -> Callable[[Cut], Cut]:
+    """Neighbours out of order, each with its own time."""
+
+    def swap(frames: Cut) -> Cut:
+        found = list(frames)
+        for at in range(step, len(found), step):
+            found[at - 1], found[at] = found[at], found[at - 1]
+        return found
+
+    return swap
+
+
+def clock_back(frames: Cut) -> Cut:
+    """The clock of the capture is set back in the middle."""
+    half = len(frames) // 2
+    return frames[:half] + [
+        replace(each, time_ns=each.time_ns - 5 * SECOND) for each in frames[half:]
+    ]
+
+
+def doubled(frames: Cut) -> Cut:
+    """Seen at two ports and merged: each frame twice, the second 20 us later."""
+    return [replace(each, time_ns=each.time_ns + late) for each in frames for late in (0, 20_000)]
+
+
+def twice(frames: Cut) -> Cut:
+    """Merged with itself a minute later."""
+    late = frames[-1].time_ns - frames[0].time_ns + 90 * SECOND
+    return frames + [replace(each, time_ns=each.time_ns + late) for each in frames]
+
+
+def elsewhere(frames: Cut) -> Cut:
+    """The same in another plant: the third byte of each IP address is another one."""
+    found = []
+    for each in frames:
+        data, at = bytearray(each.data), len(each.data) - len(wire.ip_packet(each))
+        for byte in (at + 14, at + 18):
+            if byte < len(data):
+                data[byte] ^= 1
+        found.append(replace(each, data=bytes(data)))
+    return found
+
+
+def merged(one: Cut, two: Cut) -> Cut:
+    """Two recordings as one: of the next frames always the earlier one."""
+    first, second, found = list(reversed(one)), list(reversed(two)), Cut()
+    while first and second:
+        found.append((first if first[-1].time_ns <= second[-1].time_ns else second).pop())
+    return found + first[::-1] + second[::-1]
+
+
+ALL: dict[str, Callable[[Cut], Cut]] = {
+    "every 5th lost": every(5),
+    "every 11th lost": every(11),
+    "every 17th lost": every(17, 5),
+    "to devices": to_devices,
+    "from devices": from_devices,
+    "hole": without_middle,
+    "middle": middle,
+    "snapped": snapped,
+    "3rd swapped": swapped(3),
+    "7th swapped": swapped(7),
+    "clock back": clock_back,
+    "doubled": doubled,
+    "twice": twice,
+}
+"""What is made of a conversation, by its name."""
+LONGER = ("twice",)
+"""Of these the conversation goes on behind its end: of what is said there it is not the truth."""
+
+
+def of(frames: Cut, names: Iterable[str] = ALL) -> Iterator[tuple[str, Cut]]:
+    """Those that leave something and change something."""
+    for name in names:
+        left = ALL[name](frames)
+        if left and left != frames:
+            yield name, left
+
+
+def write(path: Path, frames: Cut) -> None:
+    """As a pcap file with nanoseconds."""
+    parts = [struct.pack("<IHHiIII", 0xA1B23C4D, 2, 4, 0, 0, 65535, frames[0].link)]
+    for each in frames:
+        head = divmod(each.time_ns, SECOND)
+        parts.append(struct.pack("<4I", *head, len(each.data), each.length) + each.data)
+    path.write_bytes(b"".join(parts))

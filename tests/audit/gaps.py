@@ -1,0 +1,130 @@
+"""What a capture of PROFINET does not have, by its frames alone; and whether a sentence of absence may be said.
+
+A client numbers the calls of an activity one after the other, whoever is called and by which interface. So a number
+between two others that nobody saw is a call that nobody saw. It may be the one that a sentence says never was.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from uuid import UUID
+
+from tests.audit import wire
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Numbers that are missing, and the frames of the calls around them."""
+
+    first: int
+    last: int
+    after: int
+    before: int
+
+    @property
+    def text(self) -> str:
+        return str(self.first) if self.first == self.last else f"{self.first}..{self.last}"
+
+
+class Gaps:
+    """What is missing of what stations say to each other."""
+
+    def __init__(self, capture: wire.Capture) -> None:
+        self._capture = capture
+        self._seen: dict[tuple[str, UUID], dict[int, int]] = defaultdict(dict)
+        """Of each activity its numbers, and in which frames they were seen first."""
+        self._of: dict[tuple[str, str], set[UUID]] = defaultdict(set)
+        for frame, client, server, activity, number in capture.numbers:
+            self._seen[client, activity].setdefault(number, frame)
+            self._of[client, server].add(activity)
+        for stray in capture.strays:
+            seen = self._seen[stray.client, stray.activity]
+            if seen and min(seen.values()) < stray.frame:
+                seen.setdefault(stray.sequence, stray.frame)
+
+    @cached_property
+    def heard(self) -> set[tuple[str, str]]:
+        """Who said anything to whom."""
+        return {(each.source, each.target) for each in self._capture.pdus}
+
+    @cached_property
+    def asked(self) -> set[tuple[str, str]]:
+        """Who called whom."""
+        return {pair for pair, activities in self._of.items() if activities}
+
+    def of(self, client: str, server: str) -> list[Gap]:
+        """The numbers that are missing of the activities in which a client calls a server."""
+        found = []
+        for activity in self._of[client, server]:
+            seen = self._seen[client, activity]
+            numbers = sorted(seen)
+            found += [
+                Gap(one + 1, two - 1, seen[one], seen[two])
+                for one, two in pairwise(numbers) if two > one + 1
+            ]  # fmt: skip
+        return sorted(found, key=lambda each: each.before)
+
+    def strays(self, client: str, server: str) -> list[wire.Pdu]:
+        """The responses without a request."""
+        return [
+            each for each in self._capture.strays
+            if (each.target, each.source) == (client, server)
+        ]  # fmt: skip
+
+    def halves(self, client: str, server: str) -> list[int]:
+        """The frames of calls of which one half is there: no request, or no response though its client went on."""
+        found = [each.frame for each in self.strays(client, server)]
+        for call in self._capture.calls:
+            asked = call.request
+            mine = (asked.source, asked.target) == (client, server) and call.response is None
+            if mine and asked.sequence < max(self._seen[client, asked.activity], default=0):
+                found.append(asked.frame)
+        return sorted(found)
+
+    def cut(self, client: str, server: str) -> list[int]:
+        """The frames of Writes of which the capture cut off where they go, or some of their records."""
+        return [
+            call.request.frame for call in self._capture.calls
+            if call.request.cut and call.request.operation == wire.WRITE and wire.is_placeless(call.request)
+            and (call.request.source, call.request.target) == (client, server)
+        ]  # fmt: skip
+
+    def newest(self, server: str) -> int:
+        """The frame behind which nothing is missing of what anybody asked of a server; 0 where nothing is."""
+        pairs = {(client, called) for client, called in self._of if called == server}
+        pairs |= {
+            (each.target, each.source) for each in self._capture.strays if each.source == server
+        }
+        found = [gap.before for pair in pairs for gap in self.of(*pair)]
+        found += [frame for pair in pairs for frame in (*self.halves(*pair), *self.cut(*pair))]
+        return max([0, *found])
+
+    def late(self, client: str, server: str) -> list[int]:
+        """The frames of responses that come before their requests."""
+        return [
+            call.response.frame for call in self._capture.calls
+            if call.response is not None and call.response.frame < call.request.frame
+            and (call.request.source, call.request.target) == (client, server)
+        ]  # fmt: skip
+
+    def unheard(self, client: str, server: str) -> Iterator[str]:
+        """Whose part of a conversation is not in the capture at all."""
+        if (client, server) not in self.asked:
+            yield f"nothing that {client} asked is in the capture"
+        elif (server, client) not in self.heard:
+            yield f"nothing that {server} said is in the capture"
+
+    def between(self, client: str, server: str, first: int, last: int) -> Iterator[str]:
+        """Why a Write may be missing between two frames."""
+        for gap in self.of(client, server):
+            if first < gap.before <= last:
+                yield f"calls {gap.text} are not in the capture (frames {gap.after} to {gap.before})"
+        for stray in self.strays(client, server):
+            reads = stray.operation in (wire.READ, wire.IMPLICIT)
+            nowhere = reads and len(stray.body) < 20 + wire.BLOCK
+            if (stray.operation == wire.WRITE or nowhere) and first < stray.frame < last:
+                yield f"the request answered in frame {stray.frame} is not in the capture"

@@ -1,0 +1,224 @@
+"""Whether what is said of a capture with holes is true of the whole one.
+
+Of program, drive and cable the whole conversation is the truth: findings, the states of transactions, values. What is
+said of the recording is a matter of the cut one, and `run` looks at that as at any other capture.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from tests.audit import causes, cuts, reading, run, wire
+from tests.audit.claims import Case
+from tests.audit.memory import Memory
+from tests.audit.reading import Complaint, Deal, Finding, Reading
+
+OF_THE_RECORDING = {
+    "DS101", "DS102", "DS103", "DS105", "DS106", "DS107", "DS109", "DS110", "DS403", "DS725",
+}  # fmt: skip
+"""Rules about what is in the capture."""
+COUNTS = {"count", "polls", "milliseconds", "seconds", "period", "time", "dropped", "number"}
+"""Arguments that count or time what is in the capture."""
+
+OF_COUNTS = {"DS701": {"case"}}
+"""Arguments of a rule that follow from such a count."""
+ALIKE = {
+    **dict.fromkeys(("DS401", "DS402"), "its AR was released"),  # the cut has not the Release
+    "DS413": "the new request that followed",  # a later one did, too
+    "DS414": "the new request that followed",
+    "DS701": "a STATUS tells of it",  # of the Write, which the cut does not have
+    # Of it the cut has no response, or not in its order.
+    "DS704": ("a new request was written", "no new request was written"),
+}
+"""How complaints begin of what is true of the whole as well."""
+
+
+@cache
+def _of_type(rule: str, *types: str) -> set[str]:
+    return {name for name, kind in run.declared()[rule].items() if kind in types}
+
+
+class Whole:
+    """A conversation without holes."""
+
+    def __init__(self, item: Reading) -> None:
+        self.item = item
+        self.memory = Memory(item)
+        self.told: dict[tuple[str, int], list[Finding]] = {}
+        for each in item.findings:
+            self.told.setdefault((each.rule, each.frame), []).append(each)
+        self.by_write = {(each.write, each.place): each for each in item.deals if each.write}
+        self.first = _first_frames(item)
+        self.by_frame: dict[int, list[Deal]] = {}
+        for deal in item.deals:
+            for frame in deal.all_frames:
+                self.by_frame.setdefault(frame, []).append(deal)
+
+
+def _first_frames(item: Reading) -> dict[int, int]:
+    """Of each frame of a request that was sent again, or of a fragment, the one that the report tells."""
+    found = {frame: pdu.frame for pdu in item.capture.pdus for frame in pdu.frames}
+    return {**found, **{frame: call.request.frame for frame, call in item.call_at.items()}}
+
+
+def _agrees(rule: str, told: dict[str, Any], true: dict[str, Any]) -> bool:
+    """Whether arguments say nothing else than those of the whole; None says nothing, and a count is that of the cut."""
+    fixed = set(told) - COUNTS - OF_COUNTS.get(rule, set())
+    return all(told[name] is None or told[name] == true[name] for name in fixed)
+
+
+def of(path: Path, names: Iterable[str] = cuts.ALL) -> Iterator[Complaint]:
+    """What is not so in the reports of cuts of a capture."""
+    whole = Whole(reading.read(path, page=False))
+    with tempfile.TemporaryDirectory() as folder:
+        for name, frames in cuts.of(whole.item.capture.frames, names):
+            there = Path(folder, "cut.pcap")
+            cuts.write(there, frames)
+            ended = name not in cuts.LONGER
+            for each in check(whole, reading.read(there, page=False), frames, ended=ended):
+                yield Complaint(each.rule, f"{each.where} ({name})", each.text)
+
+
+def check(
+    whole: Whole, cut: Reading, frames: cuts.Cut, *, ended: bool = True
+) -> Iterator[Complaint]:
+    """What is not so in the report of one cut; `frames` are those of the whole one that are left.
+
+    `ended`: whether it ends where the whole one does, or earlier.
+    """
+    numbers = [each.number for each in frames]
+    whole_one = numbers == sorted(numbers) and len(set(numbers)) == len(whole.item.capture.frames)
+    for complaint in run.complaints(cut, {}):
+        if complaint.rule != "line" or whole_one:  # else nobody knows whose all Reads are
+            yield complaint
+    origin = [0, *(whole.first.get(at, at) for at in numbers)]
+    for deal in cut.deals:
+        same = _same(whole, deal, origin)
+        settled = ended or (same is not None and same.answer is not None)
+        for text in _deal(same, deal, cut, origin) if not deal.cyclic and settled else ():
+            yield Complaint("whole transaction", f"#{deal.id}", text)
+    for finding in cut.findings if ended else ():
+        if finding.rule not in OF_THE_RECORDING:
+            for text in _finding(whole, finding, cut, origin):
+                where = f"frame {finding.frame}, {origin[finding.frame]} of all"
+                yield Complaint(finding.rule, where, f"{text} [{finding.message}]")
+
+
+def merged(one: Path, two: Path) -> Iterator[Complaint]:
+    """What is not so in the report of two recordings as one: the states of their transactions stay."""
+    with tempfile.TemporaryDirectory() as folder:
+        there, plant = Path(folder, "merged.pcap"), Path(folder, "elsewhere.pcap")
+        cuts.write(plant, cuts.elsewhere(wire.frames(two)))
+        cuts.write(there, cuts.merged(wire.frames(one), wire.frames(plant)))
+        cut, *whole = (reading.read(path, page=False) for path in (there, one, plant))
+    yield from run.complaints(cut, {})
+    told = Counter(
+        (each.plain["start"], each.place, each.state) for each in cut.deals if each.answer
+    )
+    for item in whole:
+        for deal in item.deals:
+            if deal.answer and not told[deal.plain["start"], deal.place, deal.state]:
+                yield Complaint(
+                    "merged", f"#{deal.id} of {item.name}", f"is no longer {deal.state}"
+                )
+
+
+def _same(whole: Whole, deal: Deal, origin: list[int]) -> Deal | None:
+    """The transaction of the whole conversation that one of a cut is of."""
+    if deal.write is not None:
+        return whole.by_write.get((origin[deal.write], deal.place))
+    there = whole.by_frame.get(origin[deal.read or 0], [])
+    return next((each for each in there if each.place == deal.place), None)
+
+
+def _deal(same: Deal | None, deal: Deal, cut: Reading, origin: list[int]) -> Iterator[str]:
+    if same is None:
+        yield f"no transaction of the whole has frame {origin[deal.write or deal.read or 0]}"
+        return
+    allowed = {same.state, "orphan" if deal.write is None else "incomplete"}
+    if same.state == "unanswered":
+        allowed.add("superseded")  # the cut has not what ended the connection before
+    frames = (cut.capture.frame(at) for at in (deal.read, deal.write) if at is not None)
+    short = any(each is not None and each.cut for each in frames)
+    if deal.frames["write_response"] is None and same.state == "refused":
+        return  # that it was refused the cut does not show, nor that an old answer was read
+    if short and same.answer is not None:
+        allowed |= {"ok", "partial", "error"}  # which is decided by what is there
+    if deal.state not in allowed:
+        yield f"{deal.state} is {same.state} (#{same.id} of the whole)"
+    read = origin[deal.read or 0]
+    told = _alike(deal, same)  # the same once more, or the begin of it
+    if deal.read is not None and read not in same.all_frames and not told:
+        yield f"its response is that of frame {same.read} of the whole, not of {read}"
+    same_one = deal.state == same.state and read in same.all_frames
+    if same_one and deal.answer and same.answer and not short:
+        mine = [_values(each) for each in deal.parameters]
+        if mine != [_values(each) for each in same.parameters]:
+            yield f"parameters are others than those of #{same.id} of the whole"
+
+
+def _values(plain: dict[str, Any]) -> tuple[object, ...]:
+    return tuple(repr(plain[name]) for name in ("pnu", "subindex", "values", "error"))
+
+
+def _finding(whole: Whole, finding: Finding, cut: Reading, origin: list[int]) -> Iterator[str]:
+    """What of a finding is not so of the whole: neither its report says that, nor do its frames."""
+    deal = cut.deal(finding)
+    same = _same(whole, deal, origin) if deal is not None else None
+    args, frame = dict(finding.args), origin[finding.frame]
+    if finding.rule != "DS704":
+        frame = _first_time(frame, deal is not None and finding.frame == deal.read, deal, same)
+    for name in _of_type(finding.rule, "frame"):
+        if isinstance(args[name], int):
+            args[name] = origin[args[name]]
+    moved = Finding(
+        finding.rule, finding.severity, frame, [frame], args,
+        finding.offset, finding.message, "", same.id if same else None, None,
+    )  # fmt: skip
+    if moved.rule == "DS721":
+        yield from _saved(whole, args, origin)
+        return
+    there = whole.told.get((moved.rule, moved.frame), [])
+    if any(_agrees(moved.rule, args, each.args) for each in there):
+        return
+    free = COUNTS | OF_COUNTS.get(moved.rule, set())
+    for text in run.AUDITORS[moved.rule](Case(moved, whole.item, whole.memory)):
+        alike = text.startswith(ALIKE.get(moved.rule, "-"))
+        if text.split(" ")[0] not in free and not _says_nothing(text, args) and not alike:
+            yield text
+
+
+def _saved(whole: Whole, args: dict[str, Any], origin: list[int]) -> Iterator[str]:
+    """Whether all was saved while the cut one ran: what comes behind its end, it cannot show."""
+    for deal in whole.item.deals if args["count"] else ():
+        for moment, _, everything, done in causes.saves(whole.item, deal):
+            inside = args["last"] < moment[0] <= max(origin) and deal.device == args["device"]
+            if inside and everything and done:
+                yield f"all was saved in frame {moment[0]}"
+
+
+def _says_nothing(complaint: str, args: dict[str, Any]) -> bool:
+    """Whether somebody complains of an argument that is not known in the cut capture."""
+    name, _, rest = complaint.partition(" ")
+    return name in args and args[name] is None and rest.startswith("None is ")
+
+
+def _first_time(frame: int, read: bool, deal: Deal | None, same: Deal | None) -> int:
+    """The frame in which a response was read first, of one that was read again."""
+    if deal is None or same is None or same.read is None:
+        return frame
+    again = frame in [each["response"] for each in same.rereads]
+    return same.read if again or (read and _alike(deal, same)) else frame
+
+
+def _alike(deal: Deal, same: Deal) -> bool:
+    """Whether one of two responses begins with the other one."""
+    if deal.answer is None or same.answer is None:
+        return False
+    one, other = deal.answer.data, same.answer.data
+    return one.startswith(other) or other.startswith(one)

@@ -1,0 +1,96 @@
+"""Captures and conversations with holes: what is said of program, drive and cable is true of the whole one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from tests.audit import cuts, holes, seeds, wire
+
+ROOT = Path(__file__).parents[2]
+STACKS = sorted((ROOT / "captures/real-stacks").glob("*.pcapng"))
+SMALL = ROOT / "captures/conversation-superseded-read.pcapng"
+OF_ONE_CHANNEL = ("conversation", "diagnosis", "format", "message", "record", "transport")
+STORED = sorted(
+    path for name in OF_ONE_CHANNEL for path in (ROOT / "captures").glob(f"{name}-*.pcapng")
+)
+FALSE_STILL = {
+    "diagnosis-connection-lost-unread-not.pcapng": {"DS402"},
+    "diagnosis-half-captured-dropped.pcapng": {"DS110"},
+    "transport-ip-fragments-incomplete.pcapng": {"DS101", "DS105"},
+    "transport-reused-numbers.pcapng": {"DS102", "DS413", "transaction", "whole transaction"},
+    "transport-rpc-fragments-incomplete.pcapng": {"DS105"},
+}
+"""Captures of which cuts are told falsely, and where. A repair is noticed.
+
+A client that uses its numbers twice hides a hole behind the second time.
+"""
+SHARES = 8
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", cuts.ALL)
+@pytest.mark.parametrize("path", STACKS, ids=lambda path: path.stem)
+def test_a_real_stack_with_holes(path: Path, name: str) -> None:
+    assert list(map(str, holes.of(path, [name]))) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("share", range(SHARES))
+def test_stored_captures_with_holes(share: int) -> None:
+    found = {path.name: list(holes.of(path)) for path in STORED[share::SHARES]}
+    told = {name: {each.rule for each in some} for name, some in found.items() if some}
+    wanted = {name: rules for name, rules in FALSE_STILL.items() if name in found}
+    assert told == wanted, [str(each) for some in found.values() for each in some]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("share", range(4))
+def test_random_conversations_with_holes(share: int, tmp_path: Path) -> None:
+    for plan in seeds.planned(12, 470 + share):
+        assert list(map(str, seeds.of_cuts(plan, tmp_path))) == [], plan.text()
+
+
+@pytest.mark.parametrize("name", ["to devices", "from devices", "hole"])
+def test_a_small_conversation_with_holes(name: str) -> None:
+    assert list(map(str, holes.of(SMALL, [name]))) == []
+
+
+# The cuts themselves
+
+
+def left(name: str) -> list[int]:
+    return [each.number for each in cuts.ALL[name](wire.frames(SMALL))]
+
+
+def test_what_cuts_leave() -> None:
+    assert len(wire.frames(SMALL)) == 6
+    assert left("every 5th lost") == [1, 2, 3, 4, 6]
+    assert left("to devices") == [1, 3, 5]
+    assert left("from devices") == [2, 4, 6]
+    assert left("hole") == [1, 2, 4, 5, 6]
+    assert left("middle") == [3, 4]
+    assert left("3rd swapped") == [1, 2, 4, 3, 5, 6]
+    assert left("doubled") == [1, 1, 2, 2, 3, 3, 4, 4, 5, 5, 6, 6]
+    assert left("twice") == [*range(1, 7)] * 2
+
+
+def test_a_merged_capture_takes_the_earlier_frame() -> None:
+    frames = wire.frames(SMALL)
+    late = [cuts.replace(each, time_ns=each.time_ns + 1_500_000) for each in frames]
+    times = [each.time_ns for each in cuts.merged(frames, late)]
+    assert times == sorted(times)
+    assert len(times) == 12
+    plant = cuts.elsewhere(frames)
+    assert cuts.servers(frames) == {bytes((192, 168, 133, 33))}
+    assert cuts.servers(plant) == {bytes((192, 168, 132, 33))}
+
+
+def test_what_the_whole_conversation_does_not_say_is_noticed() -> None:
+    item, other = (holes.reading.read(SMALL, page=False) for _ in range(2))
+    frames = item.capture.frames
+    assert list(map(str, holes.check(holes.Whole(item), item, frames))) == []
+    other.deals.clear()
+    other.findings.clear()
+    told = {each.rule for each in holes.check(holes.Whole(other), item, frames)}
+    assert told >= {"whole transaction", "DS413"}

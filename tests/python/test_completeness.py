@@ -1,0 +1,459 @@
+"""Completeness: what of a conversation is not in the capture, from small conversations of the lab's client.
+
+Frames are taken out by their numbers; what is left goes through a `CallTracker`, or is analysed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from io import BytesIO
+
+import pytest
+from talk import pdus
+
+from ds47.analysis import analyze
+from ds47.lab import captured, message, wire
+from ds47.lab.client import Client
+from ds47.lab.stage import Stage
+from ds47.profinet.calls import CallTracker, Handlers
+from ds47.profinet.completeness import Completeness, Hole, Numbers
+from ds47.profinet.rpc import Pdu
+from ds47.spec.semantics import limits
+
+CLIENT, SERVER = "192.168.133.2", "192.168.133.33"
+ASK = message.read(1, 1, message.address(21))
+TELL = message.answer(1, 1, 1, message.real(1.0))
+
+
+def quiet(*_: object) -> None:
+    """A handler that hears nothing."""
+
+
+def heard(calls: Iterable[Pdu], kept: int = 64) -> Completeness:
+    """What is known of them to be missing."""
+    found = Completeness(kept)
+    tracker = CallTracker(limits(), Handlers(*[quiet] * 8), found)
+    for each in calls:
+        tracker.feed(each)
+    return found
+
+
+def three(client: Client) -> None:
+    """Three jobs: frames 1 to 12, each Write, response, Read, response; numbers 0 to 5."""
+    for _ in range(3):
+        client.exchange(ASK, TELL)
+
+
+def without(play: Callable[[Client], object], *frames: int) -> Completeness:
+    """What is known of a conversation without some of its frames."""
+    return heard(each for each in pdus(play) if each.frame not in frames)
+
+
+# Numbers of an activity
+
+
+def said(number: int, frame: int = 1) -> Pdu:
+    """A request with a number."""
+    (made,) = pdus(lambda client: client.ask_write(ASK))
+    made.seq, made.frame = number, frame
+    return made
+
+
+def holes(*numbers: int) -> list[str]:
+    made = Numbers(said(numbers[0]))
+    for frame, number in enumerate(numbers[1:], 2):
+        if number == made.highest + 1:
+            made.highest, made.newest = number, said(number, frame)
+        else:
+            made.add(said(number, frame))
+    return [f"{hole.after}-{hole.before}: {hole.told()}" for hole in made.holes]
+
+
+@pytest.mark.parametrize(
+    ("numbers", "expected"),
+    [
+        ((5, 6, 7), []),
+        ((5, 7), ["1-2: 6"]),
+        ((5, 8, 9, 12), ["1-2: 6..7", "3-4: 10..11"]),
+        ((5, 8, 7), ["1-2: 6..7"]),
+        ((5, 8, 7, 6), []),
+        ((5, 8, 6, 7, 9), []),
+        ((5, 7, 6, 9), ["2-4: 8"]),
+        ((5, 6, 3, 7), []),
+        ((5, 6, 3, 8), ["2-4: 7"]),
+        ((5, 6, 3, 4, 7), []),
+        ((0, 1, 2, 0, 1, 2), []),
+        ((0, 1, 2, 3, 1, 2, 4), ["6-7: 3"]),
+        ((0, 1, 2, 3, 1, 4), []),
+    ],
+)
+def test_holes_are_numbers_that_are_missing_of_the_set(
+    numbers: tuple[int, ...], expected: list[str]
+) -> None:
+    assert holes(*numbers) == expected
+
+
+def test_a_hole_that_is_too_wide_is_not_filled() -> None:
+    assert holes(0, 256, 1) == ["1-2: 1..255"]
+    wide, narrow = Hole(1, 2, 1, 257), Hole(1, 2, 1, 256)
+    assert wide.missing is None
+    assert narrow.missing is not None
+    assert len(narrow.missing) == 256
+
+
+def test_of_many_holes_the_oldest_are_as_one() -> None:
+    made = Numbers(said(0))
+    for step in range(1, 67):
+        made.add(said(2 * step, step + 1))
+    assert len(made.holes) == 64
+    first, second = made.holes[:2]
+    assert (first.after, first.before, first.told(), first.missing) == (1, 4, "1..5", None)
+    assert (second.after, second.before, second.told()) == (4, 5, "7")
+
+
+# Of two stations
+
+
+def test_nothing_is_missing_of_a_whole_conversation() -> None:
+    found = heard(pdus(three))
+    pair = found.lacks(CLIENT, SERVER)
+    assert [found.behind(CLIENT, SERVER, frame) for frame in (0, 1, 11, 12)] == [None] * 4
+    assert (pair.holes, pair.halves, found.late, found.newest(SERVER)) == ([], 0, [], 0)
+    assert pair.hears
+    assert pair.asks
+
+
+def test_a_missing_call_is_a_hole_behind_what_came_before_it() -> None:
+    found = without(three, 5, 6)
+    hole = found.behind(CLIENT, SERVER, 3)
+    assert isinstance(hole, Hole)
+    assert (hole.after, hole.before, hole.told()) == (3, 7, "2")
+    assert found.behind(CLIENT, SERVER, 6) is hole
+    assert found.behind(CLIENT, SERVER, 7) is None
+    assert found.newest(SERVER) == 7
+    assert found.newest(CLIENT) == 0
+
+
+def test_a_write_response_without_its_request_shows_that_a_request_is_missing() -> None:
+    found = without(three, 5)
+    pair = found.lacks(CLIENT, SERVER)
+    assert [found.behind(CLIENT, SERVER, frame) for frame in (3, 5, 6, 7)] == [
+        "requests", "requests", None, None,
+    ]  # fmt: skip
+    assert (pair.halves, pair.half, pair.holes, found.newest(SERVER)) == (1, 6, [], 6)
+
+
+def test_a_read_response_without_its_request_is_a_half() -> None:
+    found = without(three, 7)
+    pair = found.lacks(CLIENT, SERVER)
+    assert found.behind(CLIENT, SERVER, 1) is None
+    assert (pair.halves, pair.half, pair.lost, found.newest(SERVER)) == (1, 8, [8], 8)
+    assert not found.is_whole_before(CLIENT, SERVER, 9)
+    assert found.is_whole_before(CLIENT, SERVER, 8)
+
+
+def test_a_call_without_response_is_a_half_once_its_client_went_on() -> None:
+    asked = [each for each in pdus(three) if each.frame != 6]
+    found = Completeness(64)
+    tracker = CallTracker(limits(), Handlers(*[quiet] * 8), found)
+    for each in asked:
+        tracker.feed(each)
+    assert found.lacks(CLIENT, SERVER).halves == 0
+    tracker.finish()
+    assert (found.lacks(CLIENT, SERVER).halves, found.lacks(CLIENT, SERVER).half) == (1, 5)
+    assert found.newest(SERVER) == 5
+
+
+def test_the_last_call_may_still_get_its_response() -> None:
+    found = Completeness(64)
+    tracker = CallTracker(limits(), Handlers(*[quiet] * 8), found)
+    for each in pdus(three):
+        if each.frame != 12:
+            tracker.feed(each)
+    tracker.finish()
+    assert found.lacks(CLIENT, SERVER).halves == 0
+
+
+def test_who_was_never_heard() -> None:
+    asked = heard(each for each in pdus(three) if each.ptype == 0)
+    assert asked.behind(CLIENT, SERVER, 5) == "one_direction"
+    assert not asked.lacks(CLIENT, SERVER).hears
+    told = heard(each for each in pdus(three) if each.ptype != 0)
+    assert told.behind(CLIENT, SERVER, 5) == "requests"
+    assert not told.lacks(CLIENT, SERVER).asks
+    assert told.lacks(CLIENT, SERVER).hears
+    assert told.behind("192.168.133.9", SERVER, 5) == "requests"
+
+
+def test_a_server_that_calls_itself_was_heard() -> None:
+    """The device asks its controller for ApplicationReady: it is not the other half that is missing."""
+    asked = [each for each in pdus(three) if each.ptype == 0]
+    found = heard(asked)
+    assert found.behind(CLIENT, SERVER, 5) == "one_direction"
+    back = Completeness(64)
+    back.began(turned(asked[0]), Numbers(said(0)))
+    back.began(asked[0], Numbers(said(0)))
+    assert back.lacks(CLIENT, SERVER).hears
+    forth = Completeness(64)
+    forth.began(asked[0], Numbers(said(0)))
+    assert not forth.lacks(CLIENT, SERVER).hears
+    forth.began(turned(asked[0]), Numbers(said(0)))
+    assert forth.lacks(CLIENT, SERVER).hears
+
+
+def turned(pdu: Pdu) -> Pdu:
+    """The same request the other way."""
+    (other,) = pdus(lambda client: client.ask_write(ASK))
+    other.client, other.server = pdu.server, pdu.client
+    return other
+
+
+def test_a_response_before_its_request_is_out_of_order() -> None:
+    frames = pdus(three)
+    frames[4], frames[5] = frames[5], frames[4]
+    frames[6], frames[7] = frames[7], frames[6]
+    found = heard(frames)
+    pair = found.lacks(CLIENT, SERVER)
+    assert (found.late, pair.halves) == ([frames[4].frame, frames[6].frame], 0)
+    assert (pair.unasked, pair.lost, found.newest(SERVER)) == ([], [], 0)
+
+
+def test_the_oldest_pair_goes_first() -> None:
+    found = Completeness(1)
+    asked = next(each for each in pdus(three) if each.ptype == 0)
+    found.began(asked, Numbers(said(0)))
+    found.began(turned(asked), Numbers(said(0)))
+    assert not found.lacks(CLIENT, SERVER).asks
+    assert found.lacks(SERVER, CLIENT).asks
+
+
+def test_activities_of_a_pair_are_bounded_and_it_stays_heard() -> None:
+    found = Completeness(64)
+    for number in range(66):
+        made = Numbers(said(number))
+        made.heard = number == 0
+        found.began(said(number, number + 1), made)
+    pair = found.lacks(CLIENT, SERVER)
+    assert (len(pair.activities), pair.activities[0].lowest, pair.since) == (64, 2, 66)
+    assert pair.hears
+
+
+def test_frames_of_a_pair_are_bounded() -> None:
+    found = Completeness(64)
+    (write,) = pdus(lambda client: client.ask_write(ASK))
+    for frame in range(1, 70):
+        write.frame = frame
+        found.cut(write)
+    kept = found.lacks(CLIENT, SERVER).unasked
+    assert (len(kept), kept[0], kept[1], kept[-1]) == (64, 1, 7, 69)
+
+
+def test_numbers_of_two_activities_say_nothing_of_each_other() -> None:
+    """Where calls go on in another activity, anything that is missing of the two stations counts."""
+    first = [each for each in pdus(three) if each.frame not in (5, 6)]
+    second = pdus(three)
+    for each in second:
+        each.frame += 12
+        each.activity = bytes(16)
+    found = heard([*first, *second])
+    assert isinstance(found.behind(CLIENT, SERVER, 8), Hole)
+    assert found.behind(CLIENT, SERVER, 13) is None
+    whole = heard([*pdus(three), *second])
+    assert whole.behind(CLIENT, SERVER, 8) is None
+    half = heard([*(each for each in pdus(three) if each.frame != 7), *second])
+    assert half.behind(CLIENT, SERVER, 9) == "halves"
+    assert half.behind(CLIENT, SERVER, 13) is None
+    asked = heard([*(each for each in pdus(three) if each.frame != 5), *second])
+    assert asked.behind(CLIENT, SERVER, 9) == "requests"
+
+
+def test_whole_before() -> None:
+    assert heard(pdus(three)).is_whole_before(CLIENT, SERVER, 12)
+    assert not without(three, 5).is_whole_before(CLIENT, SERVER, 3)
+    assert not without(three, 5, 6).is_whole_before(CLIENT, SERVER, 12)
+    assert not Completeness(64).is_whole_before(CLIENT, SERVER, 12)
+
+
+# What of it is said of jobs (docs/pairing.md, P73 to P80)
+
+
+def ask(reference: int) -> bytes:
+    return message.read(reference, 1, message.address(21))
+
+
+def tell(reference: int) -> bytes:
+    return message.answer(reference, 1, 1, message.real(1.0))
+
+
+def counted(client: Client) -> None:
+    for reference in (1, 2, 3):
+        client.exchange(ask(reference), tell(reference))
+
+
+def written(client: Client) -> None:
+    for reference in (1, 2, 3):
+        client.write(ask(reference))
+
+
+def polled(client: Client) -> None:
+    client.exchange(ask(1), tell(1))
+    client.poll()
+    client.exchange(ask(2), tell(2))
+
+
+def refused(client: Client) -> None:
+    client.write(ask(1))
+    client.write(ask(2))
+    client.poll(NOT_THERE)
+
+
+def unread(client: Client) -> None:
+    client.write(ask(1))
+    client.ask_read()
+    client.write(ask(2))
+    client.read(tell(2))
+
+
+def slow(*references: int) -> Callable[[Client], None]:
+    """Jobs of six frames each: the Read is sent twice."""
+
+    def play(client: Client) -> None:
+        for reference in references:
+            client.write(ask(reference))
+            client.poll()
+            client.read(tell(reference))
+
+    return play
+
+
+NOT_THERE = 0xDE80B700
+Told = tuple[str, list[tuple[object, ...]]]
+
+
+def analysed(play: Callable[[Client], object], *frames: int) -> Told:
+    """The states of transactions, and the findings that say what nobody knows or what did not come."""
+    stage = Stage()
+    play(Client(stage))
+    stage.shots = [shot for number, shot in enumerate(stage.shots, 1) if number not in frames]
+    result = analyze(BytesIO(captured(stage)))
+    found: list[tuple[object, ...]] = []
+    for each in result.findings:
+        if each.rule == "DS110":
+            found.append(
+                (each.frame, *(value for value in each.args.values() if value is not None))
+            )
+        elif each.rule in ABSENT:
+            found.append((each.rule, each.frame))
+    return " ".join(each.state for each in result.transactions), found
+
+
+ABSENT = ("DS206", "DS401", "DS402", "DS404", "DS413", "DS415", "DS704", "DS705", "DS722")
+
+
+@pytest.mark.parametrize(
+    ("play", "frames", "states", "told"),
+    [
+        (three, (), "ok ok ok", [("DS415", 5), ("DS415", 9)]),
+        (three, (2,), "ok ok ok", [("DS415", 4), ("DS415", 8)]),
+        (three, (4,), "incomplete ok ok", [(1, "read_answer", 3), ("DS415", 4), ("DS415", 8)]),
+        (three, (5,), "ok orphan ok", []),
+        (three, (3, 4), "incomplete ok ok", [(1, "calls", 1, 3, "1"), ("DS415", 7)]),
+        (three, (4, 5), "incomplete orphan ok", [(1, "requests")]),
+        (three, (5, 6), "ok orphan ok", []),
+        (three, (3, 4, 5, 6), "incomplete orphan ok", [(1, "calls", 1, 3, "1..2")]),
+        (three, (4, 5, 6), "incomplete orphan ok", [(1, "calls", 3, 4, "2")]),
+        (counted, (4, 5), "incomplete orphan ok", [(1, "read_answer", 3)]),
+        (counted, (7, 8), "ok incomplete ok", [(5, "calls", 5, 7, "3")]),
+        (written, (), "superseded superseded incomplete", [("DS413", 3), (5, "ends"), ("DS413", 5)]),
+        (written, (2,), "incomplete superseded incomplete", [(1, "write_answer", 1), (4, "ends"), ("DS413", 4)]),
+        (written, (3,), "incomplete incomplete", [(1, "requests"), (4, "ends")]),
+        (written, (3, 4), "incomplete incomplete", [(1, "calls", 1, 3, "1"), (3, "ends")]),
+        (written, (4, 5, 6), "incomplete incomplete", [(1, "later"), (3, "write_answer", 3)]),
+        (written, (6,), "superseded incomplete incomplete", [(3, "later"), ("DS413", 3), (5, "write_answer", 5)]),
+        (polled, (), "ok ok", [("DS206", 6)]),
+        (polled, (4, 5), "incomplete ok", [(1, "read_answer", 3)]),
+        (polled, (7, 8), "ok orphan", [("DS206", 6)]),
+        (polled, (1, 2), "orphan ok", [("DS206", 4)]),
+        (refused, (), "superseded refused", [("DS413", 3)]),
+        (refused, (3,), "incomplete", [(1, "requests"), (5, "requests")]),
+        (refused, (4,), "incomplete incomplete", [(1, "later"), (3, "write_answer", 3), (5, "later")]),
+        (refused, (3, 4), "incomplete", [(1, "calls", 1, 3, "1"), (4, "calls", 1, 3, "1")]),
+        (refused, (6,), "superseded incomplete", [(3, "read_answer", 5), ("DS413", 3)]),
+        (unread, (), "incomplete ok", [(1, "read_answer", 3)]),
+        (unread, (2,), "incomplete ok", [(1, "read_answer", 2)]),
+        (unread, (3, 4), "incomplete orphan", [(1, "requests")]),
+        (slow(1, 2, 3), (), "ok ok ok", []),
+        (slow(1, 2, 3), (9, 10), "ok ok ok", []),
+        (slow(254, 255, 1), (15, 16), "ok ok ok", []),
+        (slow(1, 4, 5), (9, 10), "ok incomplete orphan ok", [(7, "calls", 7, 9, "4")]),
+        (slow(1, 1, 2), (9, 10), "ok incomplete orphan ok", [(7, "calls", 7, 9, "4"), ("DS415", 7)]),
+        (slow(1, 2), (3, 4), "incomplete orphan ok", [(1, "calls", 1, 3, "1")]),
+        (slow(1, 2), (3,), "ok ok", []),
+        (slow(1, 2), (8,), "ok ok", []),
+    ],
+)  # fmt: skip
+def test_what_is_said_of_a_conversation_with_holes(
+    play: Callable[[Client], object],
+    frames: tuple[int, ...],
+    states: str,
+    told: list[tuple[object, ...]],
+) -> None:
+    assert analysed(play, *frames) == (states, told)
+
+
+def one_job(*then: Callable[[Client], object]) -> Callable[[Client], None]:
+    """A Write, and what follows."""
+
+    def play(client: Client) -> None:
+        client.write(ask(1))
+        for each in then:
+            each(client)
+
+    return play
+
+
+def sent_twice(client: Client) -> None:
+    call = client.ask_read()
+    client.wait(500)
+    client.ask(call, wire.read_request(call.sequence, client.channel))
+
+
+def pause(milliseconds: float) -> Callable[[Client], None]:
+    return lambda client: client.wait(milliseconds)
+
+
+def asked_again(client: Client) -> None:
+    call = client.ask_write(ask(2))
+    client.wait(500)
+    client.ask_write(ask(2), again=call)
+    client.wait(500)
+    client.write(ask(3))
+
+
+@pytest.mark.parametrize(
+    ("play", "states", "told"),
+    [
+        (one_job(sent_twice, Client.release), "unanswered", [("DS401", 1), ("DS722", 1)]),
+        (one_job(Client.ask_read, Client.release), "incomplete", [(1, "read_answer", 3)]),
+        (one_job(Client.ask_read, pause(998), Client.release), "incomplete", [(1, "read_answer", 3)]),
+        (one_job(Client.ask_read, pause(999), Client.release), "unanswered", [("DS401", 1), ("DS722", 1)]),
+        (one_job(Client.release), "unanswered", [("DS401", 1), ("DS722", 1)]),
+        (one_job(), "incomplete", [(1, "ends")]),
+        (one_job(asked_again), "superseded incomplete incomplete", [(3, "unseen"), (5, "ends"), ("DS413", 5)]),
+    ],
+)  # fmt: skip
+def test_what_shows_that_nothing_came(
+    play: Callable[[Client], object], states: str, told: list[tuple[object, ...]]
+) -> None:
+    assert analysed(play) == (states, told)
+
+
+@pytest.mark.parametrize(("milliseconds", "state"), [(9_990, "incomplete"), (10_010, "unanswered")])
+def test_a_capture_that_goes_on_without_a_response(milliseconds: int, state: str) -> None:
+    def play(client: Client) -> None:
+        client.write(ask(1))
+        other = client.at(slot=2)
+        client.wait(milliseconds - 4)
+        client.exchange(ask(2), tell(2), other)
+
+    assert analysed(play)[0].split()[0] == state
