@@ -118,7 +118,7 @@ def test_nothing_is_missing_of_a_whole_conversation() -> None:
     found = heard(pdus(three))
     pair = found.lacks(CLIENT, SERVER)
     assert [found.behind(CLIENT, SERVER, frame) for frame in (0, 1, 11, 12)] == [None] * 4
-    assert (pair.holes, pair.halves, found.late, found.newest(SERVER)) == ([], 0, [], 0)
+    assert (pair.holes, pair.halves, found.late, found.newest(SERVER)) == ([], 0, 0, 0)
     assert pair.hears
     assert pair.asks
 
@@ -214,7 +214,7 @@ def test_a_response_before_its_request_is_out_of_order() -> None:
     frames[6], frames[7] = frames[7], frames[6]
     found = heard(frames)
     pair = found.lacks(CLIENT, SERVER)
-    assert (found.late, pair.halves) == ([frames[4].frame, frames[6].frame], 0)
+    assert (pair.halves, found.late, found.first_late) == (0, 2, 6)
     assert (pair.unasked, pair.lost, found.newest(SERVER)) == ([], [], 0)
 
 

@@ -42,13 +42,14 @@ end
 
 local put = M.put
 
--- Whether a response is none to a request, whatever its reference.
-local function is_other(request, response)
+-- Whether a response is none to a request, whatever its reference. Of a request that the capture cut not all
+-- addresses are known.
+local function is_other(request, response, cut)
   return response.axis ~= request.axis
     or response.response_id == nil
     or request.request_id == nil
     or not family.family_fits(request.request_id, response.response_id)
-    or #places_of(response) > #request.addresses
+    or #places_of(response) > #request.addresses and not cut
 end
 
 --- Whether the response cannot be the answer to the request (docs/pairing.md, states).
@@ -57,7 +58,8 @@ function M.is_mismatch(job)
   if request == nil or response == nil then
     return false
   end
-  return response.request_reference ~= request.request_reference or is_other(request, response)
+  return response.request_reference ~= request.request_reference
+    or is_other(request, response, job.record.request.cut)
 end
 
 local is_mismatch = M.is_mismatch
@@ -321,7 +323,7 @@ local function learn_limit(self, job)
     return
   end
   local addresses = request.addresses
-  for number = 1, #places_of(response) do
+  for number = 1, math.min(#places_of(response), #addresses) do
     local address = addresses[number]
     if address.pnu == PNU_ACCESS_IDENTIFICATION and address.attribute == VALUE then
       local block = response.blocks[number]

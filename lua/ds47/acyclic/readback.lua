@@ -347,7 +347,7 @@ function ReadBack:read(job)
     return NONE
   end
   local found, access, places, addresses, pnus = NONE, nil, places_of(response), request.addresses, self.pnus
-  for number = 1, #places do
+  for number = 1, math.min(#places, #addresses) do
     local address = addresses[number]
     local pnu = address.pnu
     if pnus[pnu] or pnu == DO_IDENTIFICATION or places[number].error then

@@ -221,8 +221,10 @@ local function classes_in(layout, request, peer)
     return classes
   end
   classes = memory_for(peer)
-  for number, place in ipairs(layout.places) do
-    local class, in_format = {}, class_in_format(class_of(request.addresses[number], peer), place)
+  for number, address in ipairs(request.addresses) do -- of a request that the capture cut not all are there
+    local place = layout.places[number]
+    if place == nil then break end
+    local class, in_format = {}, class_in_format(class_of(address, peer), place)
     for key, value in pairs(in_format) do class[key] = value end
     class.value_count, class.words, class.__index = place.value_count, nil, class
     classes[number] = class

@@ -40,9 +40,15 @@ def is_mismatch(job: Job) -> bool:
         or response.axis != request.axis
         or response.response_id is None
         or request.request_id is None
-        or len(response.blocks) > len(request.addresses)
+        or (len(response.blocks) > len(request.addresses) and not _is_cut(job))
         or not family_fits(request.request_id, response.response_id)
     )
+
+
+def _is_cut(job: Job) -> bool:
+    """Whether the capture cut the request: then not all of its addresses are known."""
+    asked = job.write_request
+    return asked is not None and asked.cut
 
 
 def drive_time_ns(job: Job) -> int | None:

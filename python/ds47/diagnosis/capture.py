@@ -423,8 +423,9 @@ class WholeCapture:
         if self._cut.count:
             args = {"what": "cut", "count": self._cut.count, "bytes": self._cut_at}
             yield Remark("DS725", self._cut.first, args)
-        for frame in self._completeness.late if self._completeness is not None else ():
-            self._disorder.add(frame)
+        if self._completeness is not None and self._completeness.late:
+            self._disorder.add(self._completeness.first_late)
+            self._disorder.count += self._completeness.late - 1
         if self._disorder.count and self._seen.entries:
             args = {"what": "disorder", "count": self._disorder.count}
             yield Remark("DS725", self._disorder.first, args)

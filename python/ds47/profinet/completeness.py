@@ -169,8 +169,8 @@ class Completeness:
     def __init__(self, most: int) -> None:
         self._most = most
         self._pairs: OrderedDict[tuple[str, str], Pair] = OrderedDict()
-        self.late: list[int] = []
-        """The first and the newest frames of responses whose request comes behind them."""
+        self.late = self.first_late = 0
+        """How many responses come before their request, and the frame of the first one."""
 
     # What is heard
 
@@ -207,7 +207,8 @@ class Completeness:
             if response.frame in frames:
                 frames.remove(response.frame)
         pair.halves -= 1
-        _keep(self.late, response.frame)
+        self.late += 1
+        self.first_late = min(self.first_late or response.frame, response.frame)
 
     def lost(self, request: Pdu, numbers: Numbers) -> None:
         """A call has no response."""
