@@ -988,7 +988,7 @@ def _half(case: Case) -> Iterator[str]:
         return
     pair = str(case.args.get("controller")), str(case.args.get("device"))
     if what == "disorder":
-        pairs = {(each.controller, each.device) for each in case.reading.deals if not each.cyclic}
+        pairs = {(each.request.source, each.request.target) for each in capture.calls}
         steps = [
             each for each in case.reading.findings
             if each.rule == "DS107" and each.args["milliseconds"] < DISORDER_MS
