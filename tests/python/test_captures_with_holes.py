@@ -13,6 +13,7 @@ import pytest
 
 from ds47.analysis import analyze
 from ds47.model import CaptureResult
+from ds47.report.html.verdict import quality
 
 FOLDER = Path(__file__).resolve().parents[3] / "shared/captures/sentences"
 OF_THE_PROGRAM = frozenset(
@@ -106,3 +107,16 @@ def test_calls_across_the_disorder_are_whole() -> None:
     assert [case for case, _ in lacks(name)] == ["disorder"]
     assert rules(name) & {"DS101", "DS102", "DS403"} == set()
     assert "orphan" not in states(name)
+
+
+@pytest.mark.parametrize(
+    ("sender", "said"),
+    [
+        ("controllers", "Only requests (164), no response: mirror both directions of the port."),
+        ("device", "Only responses (164), no request: mirror both directions of the port."),
+    ],
+)
+def test_the_page_knows_one_direction(sender: str, said: str) -> None:
+    lines = [each.text.en for each in quality(result(f"one-direction-from-{sender}.pcapng"))]
+    assert said in lines
+    assert not [each for each in lines if "Both directions" in each]

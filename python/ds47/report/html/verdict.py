@@ -58,7 +58,16 @@ def _dropped(result: CaptureResult) -> Remark:
     return Remark("good", say("dropped_none"))
 
 
+_ONE_WAY = ("only_requests", "only_responses")
+
+
 def _directions(result: CaptureResult) -> Remark:
+    """What the calls of all stations say, but for stations of which only one direction is there (DS725)."""
+    one_way = [each.args for each in result.diagnoses if each.args.get("what") in _ONE_WAY]
+    if one_way:
+        what = one_way[0]["what"]
+        number = sum(each["count"] or 0 for each in one_way if each["what"] == what)
+        return Remark("bad", say(what, n=number))
     asked = result.rpc.get("requests", 0)
     answered = sum(result.rpc.get(key, 0) for key in ("responses", "faults", "rejects"))
     if not asked and not answered:
