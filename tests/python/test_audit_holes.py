@@ -15,7 +15,6 @@ STORED = sorted(
     path for name in OF_ONE_CHANNEL for path in (ROOT / "captures").glob(f"{name}-*.pcapng")
 )
 FALSE_STILL = {
-    "diagnosis-connection-lost-unread-not.pcapng": {"DS402"},
     "diagnosis-half-captured-dropped.pcapng": {"DS110"},
     "transport-ip-fragments-incomplete.pcapng": {"DS101", "DS105"},
     "transport-reused-numbers.pcapng": {"DS102", "DS413", "transaction", "whole transaction"},
