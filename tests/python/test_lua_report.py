@@ -262,11 +262,11 @@ def told_by_json(result: CaptureResult, lang: str) -> str:
         counted("findings", severities, SEVERITIES, "{} {}"),
     ]
     by_rule = sorted(findings, key=lambda each: (SEVERITIES.index(each["severity"]), each["rule"]))
-    for rule, group in groupby(by_rule, key=itemgetter("rule")):
+    for (severity, rule), group in groupby(by_rule, key=itemgetter("severity", "rule")):
         found, about = list(group), rules[rule]
         told += [
             words("findings_of_rule", lang, rule=rule, name=" " + about.name,
-                  severity=words(f"severity_{about.severity}", lang),
+                  severity=words(f"severity_{severity}", lang),
                   findings=words("findings", lang, len(found))),
             "-> " + (about.advice_zh if zh else about.advice),
         ]  # fmt: skip

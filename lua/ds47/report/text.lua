@@ -37,14 +37,15 @@ function M.by_state(transactions, lang)
   end)
 end
 
---- Findings by rule: an array of arrays, the serious rules first, then by id.
+--- Findings by rule and severity: an array of arrays, the serious ones first, then by id.
 function M.by_rule(findings)
   local rules, groups = {}, {}
   for _, each in ipairs(findings) do
-    local group = rules[each.rule]
+    local about = each.rule .. each.severity
+    local group = rules[about]
     if not group then
       group = {}
-      rules[each.rule] = group
+      rules[about] = group
       groups[#groups + 1] = group
     end
     group[#group + 1] = each
