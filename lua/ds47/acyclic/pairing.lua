@@ -834,11 +834,11 @@ function Pairing:write_unasked(peer, record)
   end
 end
 
--- Whether a program counts its references: one more than before, or two where it leaves out 0.
+-- Whether a program counts its references, as far as is known: one more than before, or two past 0.
 local function counts(job)
   local before, now = job.previous_reference, job:reference()
   local step = before and now and (now - before) % 256
-  return step == 1 or step == 2
+  return before == nil or step == 1 or step == 2
 end
 
 -- Whether a Write without its response waits that is newer than a job; of a record, one that it mirrors.

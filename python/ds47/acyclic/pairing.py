@@ -978,9 +978,9 @@ def _mirrors(job: Job, half: Half) -> bool:
 
 
 def _counts(job: Job) -> bool:
-    """Whether a program counts its references: one more than before, or two where it leaves out 0."""
+    """Whether a program counts its references, as far as is known: one more than before, or two past 0."""
     before, now = job.previous_reference, job.reference
-    return before is not None and now is not None and (now - before) % 256 in (1, 2)
+    return before is None or (now is not None and (now - before) % 256 in (1, 2))
 
 
 def _may_be(channel: Channel, job: Job, half: Half | None) -> bool:
