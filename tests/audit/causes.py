@@ -980,9 +980,20 @@ def _pace(case: Case, run: list[Deal]) -> Iterator[str]:
         yield f"time {args.get('time')!r} is {sum(taken) / len(taken) / 1e6:.3f}"
 
 
+_SAYS_OF = {
+    "dropped": ("count",), "cut": ("count", "bytes"), "disorder": ("count",),
+    "gaps": ("numbers", "controller", "device"),
+}  # fmt: skip
+"""What DS725 carries, where that is not the number, and the two stations."""
+
+
 @auditor("DS725")
 def _half(case: Case) -> Iterator[str]:
     what, capture = str(case.args.get("what")), case.reading.capture
+    kept = {"what", *_SAYS_OF.get(what, ("count", "controller", "device"))}
+    for name in sorted(set(case.args) - kept):
+        if case.args[name] is not None:
+            yield f"{name} is nothing that {what!r} says"
     if what.startswith("s7_"):
         yield from s7.missing(case.args, case.reading)
         return

@@ -502,7 +502,11 @@ def _device(item: Headline, group: list[Finding], reading: Reading) -> Iterator[
     if named is None or any(item.text in each.message for each in group):
         return
     item.text = item.text.removeprefix(named[0])
-    if len({each.device for each in reading.deals}) < 2:
+    stations = {each.device for each in reading.deals}
+    stations |= {
+        f"dp{each['address']}" for each in (reading.plain.get("bus") or {}).get("stations", ())
+    }
+    if len(stations) < 2:
         yield f"names {named[1]}, and there is no other"
     of = {each.frame: about(each, reading) for each in group}
     others = [frame for frame, device in of.items() if device not in (None, named[1])]
