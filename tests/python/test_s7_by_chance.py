@@ -79,7 +79,8 @@ def test_scenes_leave_nothing_out() -> None:
         result = source.result(*scene)
         rules.update({each.rule for each in result.findings})
         states.update((each.operation, each.state) for each in result.transactions)
-    assert sorted({f"DS{number}" for number in range(901, 918)} - set(rules)) == []
+    # DS917 is told only when a capture goes on for 10 s without a CC: scenes of test_s7 do, these do not.
+    assert sorted({f"DS{number}" for number in range(901, 917)} - set(rules)) == []
     assert min(states[operation, "ok"] for operation in ("get", "put", "bsend", "usend")) > 20
     for state in ("unanswered", "refused", "orphan", "error"):
         assert sum(count for key, count in states.items() if key[1] == state) > 20, state
