@@ -36,6 +36,7 @@ from ds47.cyclic.senders import senders
 from ds47.cyclic.transactions import build as build_pkw
 from ds47.diagnosis import Diagnoses
 from ds47.findings.collection import Findings
+from ds47.findings.grouping import OF_THE_RECORDING
 from ds47.findings.remark import Exchange, Remark
 from ds47.findings.times import FrameTimes
 from ds47.model import CHANNELS, DS47, PKW, PZD, S7, CaptureResult, Finding, Transaction
@@ -174,15 +175,13 @@ class _Over:
 
 _RULES = {PKW: ("DS50", "DS51"), PZD: ("DS52", "DS53"), S7: ("DS9",)}
 """How the ids of the rules of a channel begin; all others are about record calls."""
-_HALF_CAPTURED = "DS725"
-"""Of every channel: each says it of itself."""
 
 
 def rules_of_others(channels: Sequence[str]) -> tuple[str, ...]:
     """How the ids of the rules begin that are about none of these channels."""
     left = [each for channel, ids in _RULES.items() if channel not in channels for each in ids]
     if DS47 not in channels:
-        left += [each for each in rules() if each[2] in "12347" and each != _HALF_CAPTURED]
+        left += [each for each in rules() if each[2] in "12347" and each != OF_THE_RECORDING]
     return tuple(left)
 
 
@@ -440,9 +439,7 @@ class Analysis:
             naming.explain(transaction, self._catalogue, relation.vendor_id, None)
         self._objects.transaction(transaction)
         if relation.is_bus and self._bus.line.unsure >= job.request.at.frame:
-            job.heard = (
-                False  # something of the line was not seen: its response may have been there
-            )
+            job.heard = False  # its response may be among what was not seen of the line
         order, remarks = self._pairing.number(), self._conclusions.exchanged(relation, job)
         remarks += self._conclusions.transaction(transaction)
         if PKW in self._options.channels:

@@ -522,6 +522,10 @@ class Sender(NamedTuple):
     word: str | None = None
     offset: int | None = None
 
+    def is_answered_by(self, other: Sender) -> bool:
+        """Whether another one sends to this one what this one sends to it."""
+        return (self.mac, self.to) == (other.to, other.mac)
+
 
 class Event(NamedTuple):
     """Something that happened to a drive: an edge of a bit of its words, or data that is no longer valid.

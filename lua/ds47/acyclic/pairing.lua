@@ -6,6 +6,7 @@
 
 local kind_fits = require("ds47.profidrive.family").kind_fits
 local flat = require("ds47.support.flat").copy
+local take_from = require("ds47.support.arrays").take_out
 local ordered = require("ds47.support.ordered")
 local records = require("ds47.profinet.records")
 local tables = require("ds47.spec.tables")
@@ -92,12 +93,9 @@ end
 --- A Read of this job is over.
 function Job:fetched(half)
   local fetching = self.fetching
-  for place, each in ipairs(fetching or NONE) do
-    if each == half then
-      table.remove(fetching, place)
-      self.fetching = fetching[1] and fetching or nil
-      return
-    end
+  if fetching then
+    take_from(fetching, half)
+    self.fetching = fetching[1] and fetching or nil
   end
 end
 
@@ -170,20 +168,6 @@ local function keep(job, name, read)
   end
   local count = #reads
   reads[count < MOST_READS and count + 1 or count] = read
-end
-
-local function remove(jobs, job)
-  local count = #jobs
-  if jobs[count] == job then -- mostly it is the newest
-    jobs[count] = nil
-    return
-  end
-  for place = 1, count do
-    if jobs[place] == job then
-      table.remove(jobs, place)
-      return
-    end
-  end
 end
 
 -- Pairing
@@ -523,7 +507,7 @@ local function accept(self, channel, job)
     channel.accepted = job.order
   end
   if job.phase == "asked" then
-    remove(channel.asked, job)
+    take_from(channel.asked, job)
     local open = channel.open
     if open then
       displace(self, open, job)
@@ -560,7 +544,7 @@ local function refuse(self, channel, job)
     return
   end
   if before == "asked" then
-    remove(channel.asked, job)
+    take_from(channel.asked, job)
   else
     channel.open = nil
   end
@@ -690,7 +674,7 @@ end
 -- newer one: the record of an older request came late.
 local function presume(self, channel, job)
   if channel.open and channel.open.order > job.order then
-    remove(channel.asked, job)
+    take_from(channel.asked, job)
     job.phase = PHASES[job.phase].write_accepted
   else
     accept(self, channel, job)
@@ -883,7 +867,7 @@ local function set_aside(self, channel, job, missing)
   elseif channel.refused == job then
     channel.refused = nil
   else
-    remove(channel.asked, job)
+    take_from(channel.asked, job)
   end
   if not job:write_refused() then
     job.missing = missing

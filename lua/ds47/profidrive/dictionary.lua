@@ -14,6 +14,7 @@ local formats = require("ds47.profidrive.formats")
 local lookup = require("ds47.spec.lookup")
 local ordered = require("ds47.support.ordered")
 local tables = require("ds47.spec.tables")
+local take_out = require("ds47.support.arrays").take_out
 
 local abs, find, format, match = math.abs, string.find, string.format, string.match
 
@@ -133,18 +134,10 @@ local function take(said, found, frame)
   end
 end
 
-local function removed(list, item)
-  for number = #list, 1, -1 do
-    if list[number] == item then
-      table.remove(list, number)
-    end
-  end
-end
-
 function Dictionary:_forget(key)
   local entry = self.all:pop(key)
   local ways = self.ways[entry.place]
-  removed(ways, entry)
+  take_out(ways, entry)
   if #ways == 0 then
     self.ways[entry.place] = nil
   end

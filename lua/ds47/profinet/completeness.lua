@@ -7,6 +7,7 @@
 -- (docs/pairing.md, P73).
 
 local ordered = require("ds47.support.ordered")
+local take_out = require("ds47.support.arrays").take_out
 local WRITE = require("ds47.profinet.rpc").WRITE
 
 local M = {}
@@ -164,15 +165,6 @@ local function keep(frames, frame)
   frames[#frames + 1] = frame
   if #frames > KEPT then
     table.remove(frames, 2)
-  end
-end
-
-local function take_out(frames, frame)
-  for place = #frames, 1, -1 do
-    if frames[place] == frame then
-      table.remove(frames, place)
-      return
-    end
   end
 end
 

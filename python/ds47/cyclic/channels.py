@@ -268,6 +268,9 @@ class CyclicChannels:
         self._bounds = bounds
         self._lines: list[_Line] = []
         self._sides: dict[tuple[str, int], list[tuple[_Line, Side, bool]]] = {}
+        """By sender and frame id,"""
+        self._sides_to: dict[tuple[str, int, str], list[tuple[_Line, Side, bool]]] = {}
+        """and by receiver, too."""
         self._sequences: dict[tuple[str, int, str], Sequences] = {}
         """By sender, frame id and receiver."""
         self.mixed: list[Mixed] = []
@@ -449,11 +452,12 @@ class CyclicChannels:
             beside[0].relation.certainty = SEEN
 
     def _tell(self) -> None:
-        self._sides, self._sequences = {}, {}
+        self._sides, self._sides_to, self._sequences = {}, {}, {}
         for line in self._lines:
             for each, sent in ((line.relation.output, True), (line.relation.input, False)):
-                key = each.source.hex(":"), each.frame_id
-                self._sides.setdefault(key, []).append((line, each, sent))
+                key, end = (each.source.hex(":"), each.frame_id), (line, each, sent)
+                self._sides.setdefault(key, []).append(end)
+                self._sides_to.setdefault((*key, _receiver(end)), []).append(end)
         self._rows = {
             bytes.fromhex(source.replace(":", "")): _Row(found)
             for (source, _), found in self._sides.items() if len(source) < _MAC
@@ -485,9 +489,8 @@ class CyclicChannels:
     def _ends(self, packet: Packet) -> list[tuple[_Line, Side, bool]]:
         """The directions of relations that are in a frame: two controllers may have the same frame id."""
         key = packet.src_mac or "", int.from_bytes(packet.payload[:_FRAME_ID])
-        found = self._sides.get(key, [])
-        to_it = [end for end in found if _receiver(end) == packet.dst_mac]
-        return to_it or found
+        to_it = self._sides_to.get((*key, packet.dst_mac or ""))
+        return to_it or self._sides.get(key, [])
 
     def _are_mixed(self, packet: Packet, found: list[tuple[_Line, Side, bool]]) -> bool:
         """Whether the frames of several sequences take turns: nothing is said of their relations any more."""
@@ -501,9 +504,9 @@ class CyclicChannels:
             sequences = self._sequences[key] = Sequences(side.cycle_ns)
         counter = int.from_bytes(data[side.status - _COUNTER : side.status])
         several = sequences.are_several(counter, packet.time_ns, data, packet.frame)
-        for line, _, sent in found:
-            if isinstance(line, _Requests):
-                (line.doubt.add if sequences.are_doubtful else line.doubt.discard)(sent)
+        for each, _, sent in found:
+            if isinstance(each, _Requests):
+                (each.doubt.add if sequences.are_doubtful else each.doubt.discard)(sent)
         if not several:
             return False
         self.mixed.append(Mixed(packet.frame, line.relation.device, key[0], side.frame_id))

@@ -6,18 +6,18 @@ ON there, or both words are those of one that a PLC controls and have the state 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import product
 from typing import NamedTuple
 
 from ds47.cyclic.operation import Operation
 from ds47.cyclic.relations import sizes
-from ds47.cyclic.timeline import Recorder
+from ds47.cyclic.timeline import FREE, Recorder
 from ds47.spec.semantics import limits
 
 _GOOD = 0x80
-_UNUSED, _CONTROLLED = 0xF000, 0x0406
-"""Bits of STW1 that speak against it, and those without which no drive runs."""
+_CONTROLLED = 0x0406
+"""Bits of STW1 without which no drive runs."""
 _PAIRS = 64
 """More pairs of offsets than these say nothing."""
 
@@ -58,7 +58,7 @@ def _may_be(words: set[int], sent: bool) -> bool:
     if not sent:
         return all(each & 7 in (0, 1, 3, 7) or each & 8 for each in words)
     controlled = any(each & _CONTROLLED == _CONTROLLED for each in words)
-    return controlled and not any(each & _UNUSED for each in words)
+    return controlled and not any(each & FREE for each in words)
 
 
 def _is_good(images: Sequence[Image], at: int) -> bool:
@@ -72,10 +72,7 @@ def _play(output: Sequence[Image], input_: Sequence[Image], out: int, in_: int) 
     recorder = Recorder(Operation({}, limits()), trusted=True, speed=None)
     both = [(each.time_ns, True, each.data[out : out + 4]) for each in output]
     both += [(each.time_ns, False, each.data[in_ : in_ + 4]) for each in input_]
-    for number, (time_ns, sent, words) in enumerate(_in_time(both), 1):
+    both.sort(key=lambda each: each[0])
+    for number, (time_ns, sent, words) in enumerate(both, 1):
         (recorder.sent if sent else recorder.answered)(words, number, time_ns)
     return recorder
-
-
-def _in_time(both: Iterable[tuple[int, bool, bytes]]) -> list[tuple[int, bool, bytes]]:
-    return sorted(both, key=lambda each: each[0])

@@ -52,12 +52,8 @@ def senders(frames: Iterable[Frame]) -> list[Sender]:
 
 def _look(found: dict[_Key, Sender], images: dict[_Key, list[Image]]) -> None:
     """Says of two that send to each other where control and status word stand, where their frames show it."""
-    for one, other in [(a, b) for a in found for b in found if _is_answer(found[a], found[b])]:
+    for one, other in [(a, b) for a in found for b in found if found[a].is_answered_by(found[b])]:
         places = offsets(images[one], images[other])
         if places is not None and found[one].word is None and found[other].word is None:
             found[one] = found[one]._replace(word="STW1", offset=places[0])
             found[other] = found[other]._replace(word="ZSW1", offset=places[1])
-
-
-def _is_answer(one: Sender, other: Sender) -> bool:
-    return (one.mac, one.to) == (other.to, other.mac)

@@ -17,11 +17,11 @@ _SLACK = 1024
 _MOST = 4
 """Sequences that are followed."""
 _TURN, _ENOUGH = 2, 6
+"""What a turn to another sequence counts for; each frame that goes on with the same one takes 1 away."""
 _FRAMES = 10
 """Frames of one sender do not come in less than three quarters of their cycles."""
 _QUIET = 8
 """Frames of one sequence after which another one is over."""
-"""What a turn to another sequence counts for; each frame that goes on with the same one takes 1 away."""
 
 
 class Head(NamedTuple):

@@ -29,7 +29,7 @@ _LEGAL = frozenset((1, 3, 7))
 _ILLEGAL = frozenset((2, 4, 6))
 """No drive without a fault has these."""
 _INHIBITED, _FAULT = 0x0040, 0x0008
-_FREE = 0xF000
+FREE = 0xF000
 """Bits of STW1 that most controllers leave at 0; telegram 20, motor potentiometers and some makers use them."""
 _REACTION_NS = 2_000_000_000
 """So soon after ON a drive has the next state."""
@@ -171,7 +171,7 @@ class Recorder:
     def _control(self, stw1: int, frame: int, time_ns: int) -> None:
         before, self._stw1 = self._stw1, stw1
         heeded, now = self._heeded, stw1 >> HEEDED & 1
-        self.odd = self.odd or bool(stw1 & _FREE and not now)
+        self.odd = self.odd or bool(stw1 & FREE and not now)
         if now:
             self._heeded = stw1
         if now and stw1 & ~(heeded or 0) & 1 and (self._zsw1 or 0) & 7 == 1:
@@ -229,7 +229,7 @@ class Recorder:
         stw1, zsw1 = self._stw1, self._zsw1
         if self.proven or not self.trusted or stw1 is None or zsw1 is None:
             return
-        heeded = bool(stw1 >> HEEDED & 1) and (self.reacted or not stw1 & _FREE)
+        heeded = bool(stw1 >> HEEDED & 1) and (self.reacted or not stw1 & FREE)
         self.proven = heeded and bool(zsw1 >> REQUESTED & 1) and _is_legal(zsw1)
 
     def _learnt(self, raw: int) -> bool:

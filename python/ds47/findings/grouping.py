@@ -15,7 +15,7 @@ from ds47.model import SEVERITIES, Diagnosis, Finding
 from ds47.spec import rules
 from ds47.spec.semantics import known
 
-_OF_THE_RECORDING: Final = "DS725"
+OF_THE_RECORDING: Final = "DS725"
 """What the capture lacks comes first: whoever reads the rest has to know it."""
 _OFFERED: Final = 8
 """Corrected requests of a cause that are kept until it is known which of them holds."""
@@ -88,16 +88,9 @@ class Grouping:
         def order(item: tuple[Cause, _Cases]) -> tuple[Any, ...]:
             about, each = item[0], item[1].told
             severity = -SEVERITIES.index(each.severity)
-            recorded = each.rule != _OF_THE_RECORDING
-            return (
-                recorded,
-                severity,
-                -each.count,
-                each.rule,
-                each.frames,
-                about.device or "",
-                about.key,
-            )
+            recorded = each.rule != OF_THE_RECORDING
+            where = about.device or "", about.key
+            return recorded, severity, -each.count, each.rule, each.frames, *where
 
         for about, offered in self._corrected.items():
             told = self._groups[about].told

@@ -188,7 +188,7 @@ class CallTracker:
             if call.response is None:
                 self._lose(call, activity.numbers)
             del calls[seq]  # the new one goes to the end
-        self._number(activity.numbers, pdu)
+        activity.numbers.add(pdu)
         call = calls[seq] = Call(pdu)
         activity.newest = seq
         early = self._early.pop((pdu.client, pdu.activity, seq), None) if self._early else None
@@ -217,13 +217,7 @@ class CallTracker:
 
     def passes(self, pdu: Pdu) -> None:
         """Takes a call that is none of PROFINET: only its number counts."""
-        self._number(self._activity(pdu).numbers, pdu)
-
-    def _number(self, numbers: Numbers, pdu: Pdu) -> None:
-        if pdu.seq == numbers.highest + 1:
-            numbers.highest, numbers.newest = pdu.seq, pdu
-        elif pdu is not numbers.newest:  # its first one
-            numbers.add(pdu)
+        self._activity(pdu).numbers.add(pdu)
 
     def _is_retransmission(self, activity: Activity, call: Call, pdu: Pdu) -> bool:
         if call.request.opnum != pdu.opnum or call.request.body != pdu.body:
@@ -261,7 +255,7 @@ class CallTracker:
                 self._early.popitem(last=False)
             activity = self._activities.get(key[:2])
             if activity is not None and pdu.seq > activity.numbers.highest:
-                self._number(activity.numbers, pdu)
+                activity.numbers.add(pdu)
             self._completeness.unasked(pdu)
         return not begun
 

@@ -65,12 +65,14 @@ class Numbers:
         """In the order of their frames."""
 
     def add(self, pdu: Pdu) -> None:
-        """One more that does not follow the highest one."""
+        """One more number: that of a request, or of a response whose request is not there."""
         number = pdu.seq
         if number > self.highest:
             if number > self.highest + 1:
                 self._skip(pdu)
             self.highest, self.newest = number, pdu
+        elif pdu is self.newest:
+            return  # its first one
         elif number < self.lowest:
             self.lowest = number
         elif number == self.again + 1:
@@ -97,15 +99,7 @@ class Numbers:
 class Pair:
     """What one station says to another one."""
 
-    __slots__ = (
-        "activities",
-        "half",
-        "halves",
-        "heard",
-        "lost",
-        "since",
-        "unasked",
-    )  # fmt: skip
+    __slots__ = ("activities", "half", "halves", "heard", "lost", "since", "unasked")
 
     def __init__(self) -> None:
         self.activities: list[Numbers] = []

@@ -260,7 +260,7 @@ class Writer(_Writer):
         known = [each for each in senders if each.word is not None]
         pairs = [
             (one, other) for one in known or senders for other in known or senders
-            if (one.mac, one.to) == (other.to, other.mac) and one.word != "ZSW1"
+            if one.is_answered_by(other) and one.word != "ZSW1"
         ]  # fmt: skip
         if pairs:
             self._line("  " + self._say("senders_offer" if known else "senders_form"))
