@@ -120,10 +120,18 @@ def _nothing_asked(case: Case) -> Iterator[str]:
         if not each.write and each.status == NOT_READY and each.answered not in polled
         and (each.index in (0xB02E, 0xB02F) or (each.controller, each.device, str(each.ar) if each.ar.int else None, each.index) in ours)
         and each.device == case.args.get("device") and each.answered not in unknown
+        and not _is_late(each, case.reading)
     ]  # fmt: skip
     yield from case.wrong("count", len(found))
     if not found or case.frame not in [each.answered for each in found]:
         yield "no such Read is answered in this frame"
+
+
+def _is_late(read: wire.Record, reading: Reading) -> bool:
+    """Whether a Write of its channel stands between a Read and its response: nobody says what that was for."""
+    key = (read.controller, read.device, str(read.ar) if read.ar.int else None, *read.channel[3:])
+    asked = (each.asked for each in reading.on_channel.get(key, []) if each.write)
+    return any((read.asked or 0) < frame < (read.answered or 0) for frame in asked if read.asked)
 
 
 @auditor("DS704")
@@ -149,9 +157,12 @@ def _once_more(case: Case) -> Iterator[str]:
     taken = [_at(each) for each in between if each.status == 0]
     if taken:
         yield f"a new request was accepted in frame {taken[0]}"
+    began = min(first or 0, other.asked or first or 0)  # frames may be out of order
+    since = case.reading.time(first or 0) or 0
     faults = [
         each.write for each in case.reading.deals
-        if each.channel == key and each.state == "refused" and (first or 0) < (each.write or 0) < until
+        if each.channel == key and each.state == "refused" and began < (each.write or 0) < until
+        and (each.write > first or (case.reading.time(each.write) or 0) > since)
     ]  # fmt: skip
     if case.reading.line is None:
         yield from case.reading.gaps.between(one.controller, one.device, first or 0, until)

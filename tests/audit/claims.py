@@ -1173,7 +1173,8 @@ def _lacks_requests(case: Case, client: str, server: str, begin: int) -> Iterato
     found = [each.frame for each in gaps.strays(client, server)]
     found += gaps.cut(client, server)
     found += gaps.late(client, server)
-    if (client, server) in gaps.asked and not any(frame > begin for frame in found):
+    since = 0 if gaps.began_behind(client, server, begin) else begin
+    if (client, server) in gaps.asked and not any(frame > since for frame in found):
         yield "no response without its request follows, nor a Write that is cut"
 
 

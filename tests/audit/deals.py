@@ -119,7 +119,7 @@ def _outcome(
         return ("ok", "partial", "error")  # what stood there is not known
     if answer.unknown is not None:
         return ("partial", "error", "ok")
-    if done == len(asked.addresses):
+    if done == deal.parameters_asked:
         return ("error",) if (answer.id or 0) & 0x80 else ("ok",)
     return ("partial",) if done else ("error",)
 

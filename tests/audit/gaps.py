@@ -68,6 +68,11 @@ class Gaps:
             ]  # fmt: skip
         return sorted(found, key=lambda each: each.before)
 
+    def began_behind(self, client: str, server: str, frame: int) -> bool:
+        """Whether an activity has its first call behind a frame: of two nothing follows from their numbers."""
+        activities = self._of[client, server]
+        return any(min(self._seen[client, each].values()) > frame for each in activities)
+
     def strays(self, client: str, server: str) -> list[wire.Pdu]:
         """The responses without a request."""
         return [

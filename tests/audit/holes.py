@@ -31,6 +31,7 @@ ALIKE = {
     **dict.fromkeys(("DS401", "DS402"), "its AR was released"),  # the cut has not the Release
     "DS413": "the new request that followed",  # a later one did, too
     "DS414": "the new request that followed",
+    "DS714": "the drive reads it as",  # what was read the cut does not have
     "DS701": "a STATUS tells of it",  # of the Write, which the cut does not have
     # Of it the cut has no response, or not in its order.
     "DS704": ("a new request was written", "no new request was written"),
@@ -186,6 +187,8 @@ def _finding(whole: Whole, finding: Finding, cut: Reading, origin: list[int]) ->
     there = whole.told.get((moved.rule, moved.frame), [])
     if any(_agrees(moved.rule, args, each.args) for each in there):
         return
+    if frame != origin[finding.frame] and deal and same and not _same_bytes(deal, same):
+        return  # of the record itself, of which another Read brought more or less: `run` looks at that
     free = COUNTS | OF_COUNTS.get(moved.rule, set())
     for text in run.AUDITORS[moved.rule](Case(moved, whole.item, whole.memory)):
         alike = text.startswith(ALIKE.get(moved.rule, "-"))
@@ -214,6 +217,10 @@ def _first_time(frame: int, read: bool, deal: Deal | None, same: Deal | None) ->
         return frame
     again = frame in [each["response"] for each in same.rereads]
     return same.read if again or (read and _alike(deal, same)) else frame
+
+
+def _same_bytes(deal: Deal, same: Deal) -> bool:
+    return bool(deal.answer and same.answer and deal.answer.data == same.answer.data)
 
 
 def _alike(deal: Deal, same: Deal) -> bool:

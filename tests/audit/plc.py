@@ -359,7 +359,16 @@ def _is_open(write: int, at: int, deal: Deal, reading: Reading) -> bool:
     owner = _owner(write, deal, reading)
     if owner is None or any(write < frame < at for frame in reading.releases(owner)):
         return False
-    return owner.read is None or owner.read > at
+    return (owner.read is None or owner.read > at) and not _others(write, at, deal, reading)
+
+
+def _others(write: int, at: int, deal: Deal, reading: Reading) -> list[wire.Record]:
+    """The Reads between a Write and a frame that are for another Write."""
+    return [
+        each for each in _channel(deal, reading)
+        if not each.write and write < _at(each) < at
+        and _given(each, deal, reading) not in (write, None)
+    ]  # fmt: skip
 
 
 def _is_over(write: int, at: int, deal: Deal, reading: Reading) -> bool:
@@ -368,11 +377,10 @@ def _is_over(write: int, at: int, deal: Deal, reading: Reading) -> bool:
     if owner is None:
         return True
     reads = [each for each in _channel(deal, reading) if not each.write and write < _at(each) < at]
-    others = [each for each in reads if _given(each, deal, reading) not in (write, None)]
     before = max([write, *(_at(each) for each in reads)])
     silent = (reading.time(at) or 0) - (reading.time(before) or 0) > 600 * 10**9
     released = any(write < frame < at for frame in reading.releases(owner))
-    return bool(others) or silent or released
+    return bool(_others(write, at, deal, reading)) or silent or released
 
 
 def _given(record: wire.Record, deal: Deal, reading: Reading) -> int | None:

@@ -53,6 +53,8 @@ class Deal:
         self.write_status = _status(plain["status"]["write"])
         self.read_status = _status(plain["status"]["read"])
         self.duration_ms: float | None = plain["duration_ms"]
+        self.cut = False
+        """Whether the capture cut the Write request."""
         self.s7 = plain["channel"] == "s7"
         self.cyclic = self.s7 or plain["channel"] == "pkw"
         """Its messages are none of DS47: `pkw` and `s7` read them."""
@@ -121,8 +123,16 @@ class Deal:
         return (
             asked.reference == answer.reference and asked.axis == answer.axis
             and answer.id in (asked.id, asked.id | 0x80, 0x80)
-            and len(answer.blocks) <= len(asked.addresses)
+            and len(answer.blocks) <= self.parameters_asked
         )  # fmt: skip
+
+    @property
+    def parameters_asked(self) -> int:
+        """How many parameters the request asks for; of one that the capture cut, by its header."""
+        asked = self.asked
+        if asked is None:
+            return 0
+        return asked.data[3] if self.cut and len(asked.data) > 3 else len(asked.addresses)
 
     def pairs(self) -> Iterable[tuple[message.Address, message.Block]]:
         """Address and block of each parameter of a response that fits."""
@@ -176,6 +186,9 @@ class Reading:
 
     def __post_init__(self) -> None:
         self.deals = [Deal(each) for each in self.plain["transactions"]]
+        for deal in self.deals:
+            frame = self.capture.frame(deal.write or 0)
+            deal.cut = frame is not None and frame.cut
         self.findings = [Finding.of(each) for each in self.plain["findings"]]
 
     @property

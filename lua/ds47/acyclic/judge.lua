@@ -42,14 +42,24 @@ end
 
 local put = M.put
 
--- Whether a response is none to a request, whatever its reference. Of a request that the capture cut not all
--- addresses are known.
-local function is_other(request, response, cut)
+--- How many parameters a request asks for; one that the capture cut, by its header; nil without that.
+function M.parameters_asked(job)
+  local request = job.message
+  if job.record.request.cut then
+    return request.parameter_count
+  end
+  return #request.addresses
+end
+
+local parameters_asked = M.parameters_asked
+
+-- Whether a response is none to a request that asks for so many parameters, whatever its reference.
+local function is_other(request, response, asked)
   return response.axis ~= request.axis
     or response.response_id == nil
     or request.request_id == nil
     or not family.family_fits(request.request_id, response.response_id)
-    or #places_of(response) > #request.addresses and not cut
+    or asked ~= nil and #places_of(response) > asked
 end
 
 --- Whether the response cannot be the answer to the request (docs/pairing.md, states).
@@ -59,7 +69,7 @@ function M.is_mismatch(job)
     return false
   end
   return response.request_reference ~= request.request_reference
-    or is_other(request, response, job.record.request.cut)
+    or is_other(request, response, parameters_asked(job))
 end
 
 local is_mismatch = M.is_mismatch
@@ -277,12 +287,12 @@ local function put_response(self, remarks, job, stray)
   put_blocks(remarks, half.frame, job, stray)
 end
 
-local function put_polls(self, remarks, half, polls)
+local function put_polls(self, remarks, half, polls, read_before)
   if #polls >= self.limits.polls then
     put(remarks, "DS204", half.frame, {count = #polls})
   end
   local since = half.time_ns - (polls[1].request or polls[1].response).time_ns
-  if since > self.limits.polling_ns then
+  if since > self.limits.polling_ns and not read_before then
     local args = {milliseconds = json.float(since / 1e6), limit = floor(self.limits.polling_ns / 1000000)}
     put(remarks, "DS205", half.frame, args)
   end
@@ -291,10 +301,11 @@ end
 local function put_time(self, remarks, job)
   local half, polls, write = job.read_response, job.polls, job.message and job.record.request
   if polls[1] then
-    put_polls(self, remarks, half, polls)
+    put_polls(self, remarks, half, polls, job.read_before)
   end
-  if not write or half.time_ns - write.time_ns <= self.slow_ns or half.data == "" then
-    return -- the drive's share is never more
+  local quick = not write or half.time_ns - write.time_ns <= self.slow_ns -- the drive's share is never more
+  if quick or half.data == "" or job.read_before then
+    return
   end
   local share = drive_time_ns(job)
   if share ~= nil and share > self.slow_ns then

@@ -55,6 +55,7 @@ Job.accepted = false
 --   contested: true where a record that went to an older request may be the response to this one (P72)
 --   remarks: what its answer says of it, until it is closed; whoever is told of the answer keeps it there
 --   fetching: array of the Reads that were sent for it and have no response up to now; nil for none
+--   read_before: true where an earlier Read that is not in the capture may have brought the response
 --   insisted: true where a call of it was sent again: its client had no response
 --   missing: why nobody knows what became of it, {what, first, last, numbers} (completeness.lua, P73)
 --   uncertain: true for an orphan whose request a limit may have pushed out
@@ -285,8 +286,9 @@ local function is_silence(self, job, lost)
   if job.insisted or ended_ns == nil or self.completeness == nil then
     return job.insisted
   end
+  local until_ns = self.completeness:went_on_ns(peer.controller, peer.device, read.frame) or ended_ns
   return self.completeness:is_whole_before(peer.controller, peer.device, read.frame, lost)
-    and ended_ns - read.time_ns >= self.limits.silence_ns
+    and until_ns - read.time_ns >= self.limits.silence_ns
 end
 
 -- Which call of a job, or which half of one, may be missing; not on PROFIBUS, which has no calls.
@@ -295,8 +297,7 @@ local function lacks_calls(self, job, asked, lost)
     return {what = "read_answer", first = job.fetching[1].frame}
   end
   local found = behind(self, job.peer, asked.frame, lost)
-  if found == nil and job.write_response == nil and job.phase == "asked"
-    and not (job.limit or job.insisted) then
+  if found == nil and job.write_response == nil and not (job.limit or job.insisted) then
     return {what = "write_answer", first = asked.frame}
   end
   return found
@@ -587,9 +588,10 @@ local function by_kind(channel, open, record)
   return open
 end
 
--- Whether a record may be for the Write that it mirrors: for one before an accepted one only by its kind.
+-- Whether a record may be for the Write that it mirrors: for one before an accepted one only by its kind, and
+-- where it is not the last one once more.
 local function may_be(channel, job, data)
-  return job.order > channel.accepted or kind_fits(job.message, data)
+  return job.order > channel.accepted or kind_fits(job.message, data) and bytes(channel.last) ~= data
 end
 
 -- Whether the Write of a job was sent behind the request of a Read.
@@ -598,9 +600,11 @@ local function is_later(job, record)
   return asked ~= nil and read ~= nil and asked.frame > read.frame
 end
 
--- Whether a record has the reference and the kind of a request.
+-- Whether a record has the reference, the axis and the kind of a request.
 local function mirrors(job, data)
-  return data ~= "" and job:reference() == data:byte(1) and kind_fits(job.message, data) ~= false
+  local axis, got = job.message and job.message.axis, data:byte(3)
+  local same = axis == nil or got == nil or axis == got
+  return same and data ~= "" and job:reference() == data:byte(1) and kind_fits(job.message, data) ~= false
 end
 
 -- The job a Read answers; a Write whose response was not seen counts when the answer fits.
@@ -633,10 +637,17 @@ local function addressee(channel, event, record)
   return channel.refused
 end
 
+-- Whether a Read between the last one that came too early and this one may be missing, or its response.
+local function may_be_read(self, job)
+  local last = job.polls[#job.polls]
+  return last and (job.fetching or behind(self, job.peer, last.response.frame)) ~= nil or nil
+end
+
 -- A Read that ends the waiting of a job: with the record, or with a refusal.
 local function answer(self, channel, job, record)
   local half = record.response
   job.read_request, job.read_response = record.request, half
+  job.read_before = may_be_read(self, job)
   channel.ended = half.frame
   if channel.open == job then
     channel.open = nil
@@ -825,10 +836,10 @@ local function counts(job)
   return before == nil or step == 1 or step == 2
 end
 
--- Whether a Write without its response waits that is newer than a job; of a record, one that it mirrors.
-local function has_later(channel, job, data)
+-- Whether a Write without its response is newer than a job; of a record that fits, one that it mirrors.
+local function has_later(channel, job, fits, data)
   for _, each in ipairs(channel.asked) do
-    if each.order > job.order and not each.passed and (data == "" or mirrors(each, data)) then
+    if each.order > job.order and not each.passed and (not fits or mirrors(each, data)) then
       return true
     end
   end
@@ -841,18 +852,18 @@ end
 local function of_another(self, channel, job, half)
   local asked, open, data = job:write_request(), channel.open, half.data
   local has_data = data ~= ""
-  if asked == nil or job.peer.station or job == channel.refused and not has_data then
-    return nil -- refused already, the last one
+  if asked == nil or job.peer.station then
+    return nil
   end
   local fits, other = mirrors(job, data), open ~= nil and open ~= job
   if has_data and not (fits or other) and job.write_response == nil then
     return {what = "write_answer", first = asked.frame}
   elseif has_data and not fits and job.fetching then
     return {what = "read_answer", first = job.fetching[1].frame}
-  elseif has_later(channel, job, data) then
+  elseif has_later(channel, job, fits, data) then
     return {what = "later"}
   end
-  local since = job == channel.refused and free_since(self, channel, half) or asked.frame
+  local since = has_data and job == channel.refused and free_since(self, channel, half) or asked.frame
   local found = asked_behind(self, job.peer, channel, since)
   if found == nil or not has_data or channel.unseen > since then
     return found

@@ -15,7 +15,8 @@ local tables = require("ds47.spec.tables")
 local uuid_text = require("ds47.spec.units").uuid_text
 
 local huge, min, setmetatable = math.huge, math.min, setmetatable
-local is_mismatch, NOT_SUPPORTED = rules.is_mismatch, family.NOT_SUPPORTED
+local is_mismatch, parameters_asked = rules.is_mismatch, rules.parameters_asked
+local NOT_SUPPORTED = family.NOT_SUPPORTED
 
 local M = {}
 
@@ -65,7 +66,7 @@ local function outcome_as_far_as_seen(done, failed, negative)
   return done > 0 and "partial" or "error"
 end
 
-local function outcome(job, parameters)
+local function outcome(job)
   local response = job.response
   if response == nil or response.response_id == NOT_SUPPORTED then
     return "error"
@@ -89,15 +90,14 @@ local function outcome(job, parameters)
   if job.read_response.cut then
     return outcome_as_far_as_seen(done, failed, negative)
   end
-  local asked = math.max(#parameters, job.message and #job.message.addresses or 0)
-  if done == asked then
+  if done == parameters_asked(job) then
     return negative and "error" or "ok"
   end
   return done > 0 and "partial" or "error"
 end
 
 --- The state of a closed job: the first of docs/pairing.md P39 to P46 that applies.
-function M.state(job, parameters)
+function M.state(job)
   local read = job.read_response
   if job.message == nil then
     return "orphan"
@@ -110,7 +110,7 @@ function M.state(job, parameters)
   elseif is_mismatch(job) then
     return "mismatch"
   end
-  return outcome(job, parameters)
+  return outcome(job)
 end
 
 -- Parameters
@@ -414,7 +414,7 @@ local KEYS = {
   order = function(_, job) return job.order end,
   operation = function(_, job) return M.operation(job) end,
   parameters = function(_, job, owner) return M.parameters(job, owner) end,
-  state = function(item, job) return M.state(job, item.parameters) end,
+  state = function(_, job) return M.state(job) end,
   frames = function(_, job) return frames_of(job) end,
   drive_ns = function(_, job) return rules.drive_time_ns(job) end, -- for the statistics; no key of the report
   write_status = function(_, job) return job.write_response and job.write_response.status end,

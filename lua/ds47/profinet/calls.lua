@@ -293,6 +293,10 @@ local function request(self, pdu)
     end
     forget(activity, call)
   end
+  local before = activity.by_seq[activity.newest]
+  if before and not before.response then
+    self.completeness:went_on(before.request, pdu)
+  end
   activity.numbers:add(pdu)
   activity.newest = seq
   call = {request = pdu, response = nil, context = nil, later = nil}

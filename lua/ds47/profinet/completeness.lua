@@ -114,7 +114,8 @@ end
 
 -- {activities = array of Numbers; since = frame since which all calls are of activities that were there
 -- before; heard = whether the station that is called has said anything; unasked = frames of Writes that are
--- not there; lost = frames of calls of which only one half is there, half = the first of them}
+-- not there; lost = frames of calls of which only one half is there, half = the first of them; went_on =
+-- frame of a call without its response -> when its client sent the next one}
 local function pair_of(self, client, server)
   local key = key_of(client, server)
   local pair = self.pairs:get(key)
@@ -122,6 +123,7 @@ local function pair_of(self, client, server)
     local back = self.pairs:get(key_of(server, client))
     local heard = back ~= nil and back.activities[1] ~= nil
     pair = {activities = {}, since = 0, heard = heard, unasked = {}, half = 0, lost = {}}
+    pair.went_on = ordered.new()
     self.pairs:set(key, pair)
     if self.pairs.length > self.most then
       self.pairs:pop_first()
@@ -196,6 +198,17 @@ function Completeness:lost(request, numbers)
     keep(pair.lost, request.frame)
     has_half(pair, request.frame)
   end
+end
+
+--- A client calls again before the response to its last call is there.
+function Completeness:went_on(open, by)
+  pair_of(self, open.client, open.server).went_on:keep(open.frame, by.time_ns, KEPT)
+end
+
+--- When a client sent its next call after one that has no response; nil where it did not.
+function Completeness:went_on_ns(client, server, frame)
+  local pair = self.pairs:get(key_of(client, server))
+  return pair and pair.went_on:get(frame)
 end
 
 --- The time of the newest call of a client to a server, by the numbers; nil for none.

@@ -35,20 +35,23 @@ def is_mismatch(job: Job) -> bool:
     request, response = job.message, job.response
     if request is None or response is None:
         return False
+    asked = parameters_asked(job)
     return (
         response.request_reference != request.request_reference
         or response.axis != request.axis
         or response.response_id is None
         or request.request_id is None
-        or (len(response.blocks) > len(request.addresses) and not _is_cut(job))
+        or (asked is not None and len(response.blocks) > asked)
         or not family_fits(request.request_id, response.response_id)
     )
 
 
-def _is_cut(job: Job) -> bool:
-    """Whether the capture cut the request: then not all of its addresses are known."""
-    asked = job.write_request
-    return asked is not None and asked.cut
+def parameters_asked(job: Job) -> int | None:
+    """How many parameters a request asks for; one that the capture cut, by its header. None where that is not there."""
+    asked, request = job.write_request, job.message
+    assert asked is not None
+    assert request is not None
+    return request.parameter_count if asked.cut else len(request.addresses)
 
 
 def drive_time_ns(job: Job) -> int | None:
@@ -263,12 +266,12 @@ class Judge:
             remarks.append(Remark("DS204", half.frame, {"count": len(job.polls)}))
         if job.polls:
             since = half.time_ns - (job.polls[0][0] or job.polls[0][1]).time_ns
-            if since > self._limits.polling_ns:
+            if since > self._limits.polling_ns and not job.read_before:
                 limit = self._limits.polling_ns // 1_000_000
                 args = {"milliseconds": since / 1e6, "limit": limit}
                 remarks.append(Remark("DS205", half.frame, args))
         share = drive_time_ns(job)
-        if share is not None and share > self._slow_ns and half.data:
+        if share is not None and share > self._slow_ns and half.data and not job.read_before:
             args = {"milliseconds": share / 1e6, "limit": self._slow_ns // 1_000_000}
             remarks.append(Remark("DS416", half.frame, args))
 

@@ -120,6 +120,8 @@ class Job:
     """and its time."""
     fetching: list[Half]
     """The Reads that were sent for it and have no response up to now."""
+    read_before: bool
+    """Whether a Read that is not in the capture, or not whole, may have brought the response before this one did."""
     insisted: bool
     """Whether a call of it was sent again: its client had no response."""
     missing: Missing | None
@@ -181,6 +183,7 @@ class Job:
         self.between = None
         self.ended = self.ended_ns = None
         self.fetching = []
+        self.read_before = False
         self.insisted = False
         self.missing = None
         self.limit = ""
@@ -463,7 +466,7 @@ class Pairing:
         if job.fetching and not job.limit and not self._is_silence(job):
             return Missing("read_answer", job.fetching[0].frame)
         found = self._behind(job.peer, asked.frame)
-        if found is None and not job.limit and job.write_response is None and job.phase == "asked":
+        if found is None and not job.limit and job.write_response is None:
             return None if job.insisted else Missing("write_answer", asked.frame)
         return found
 
@@ -474,8 +477,10 @@ class Pairing:
         read, peer, ended_ns = job.fetching[0], job.peer, job.ended_ns
         if ended_ns is None or self._completeness is None:
             return False
-        whole = self._completeness.is_whole_before(peer.controller, peer.device, read.frame)
-        return whole and ended_ns - read.time_ns >= self._limits.silence_ns
+        pair = peer.controller, peer.device
+        until_ns = self._completeness.went_on_ns(*pair, read.frame) or ended_ns
+        whole = self._completeness.is_whole_before(*pair, read.frame)
+        return whole and until_ns - read.time_ns >= self._limits.silence_ns
 
     def _ends_soon(self, peer: Peer, asked: Half) -> bool:
         """Whether so little of what the controller sent came behind a request that its Read may still come."""
@@ -493,18 +498,16 @@ class Pairing:
         asked = job.write_request
         if asked is None or job.peer.station is not None:
             return None
-        if job is channel.refused and not half.data:
-            return None  # it is refused already
         fits, other = _mirrors(job, half), channel.open not in (None, job)
         if half.data and not (fits or other) and job.write_response is None:
             return Missing("write_answer", asked.frame)
         if half.data and not fits and job.fetching:
             return Missing("read_answer", job.fetching[0].frame)
         newer = (each for each in channel.asked if each.order > job.order and not each.passed)
-        if any(not half.data or _mirrors(each, half) for each in newer):
+        if any(not fits or _mirrors(each, half) for each in newer):
             return Missing("later")
         free = self._free_since(job.peer, channel, job.record, half)
-        since = free if job is channel.refused else asked.frame
+        since = free if job is channel.refused and half.data else asked.frame
         found = self._asked_behind(job.peer, channel, since)
         if found is None or not half.data or channel.unseen > since:
             return found
@@ -821,6 +824,7 @@ class Pairing:
                 self._keep(job.empty_reads, half)
         else:
             job.read_request, job.read_response = record.request, half
+            job.read_before = self._may_be_read(job)
             channel.ended = half.frame
             if channel.open is job:
                 channel.open = None
@@ -838,6 +842,12 @@ class Pairing:
             channel.last = job
             if job.message is not None and not job.write_refused:
                 self._put(self._delivered, _spot(job.peer, job.record), job)
+
+    def _may_be_read(self, job: Job) -> bool:
+        """Whether a Read between the last one that came too early and this one may be missing, or its response."""
+        if not job.polls:
+            return False
+        return bool(job.fetching) or self._behind(job.peer, job.polls[-1][1].frame) is not None
 
     def _compare(self, last: Job | None, job: Job, half: Half) -> None:
         """Whether a request that was refused is answered as the last one was.
@@ -973,8 +983,14 @@ def _is_later(job: Job, record: Record) -> bool:
 
 
 def _mirrors(job: Job, half: Half) -> bool:
-    """Whether a record has the reference and the kind of a request."""
-    return bool(half.data) and job.reference == half.data[0] and _is_of_kind(job, half) is not False
+    """Whether a record has the reference, the axis and the kind of a request."""
+    axis = job.message.axis if job.message else None
+    return (
+        job.reference is not None
+        and half.data[:1] == bytes((job.reference,))
+        and (axis is None or half.data[2:3] in (b"", bytes((axis,))))
+        and _is_of_kind(job, half) is not False
+    )
 
 
 def _counts(job: Job) -> bool:
@@ -984,8 +1000,13 @@ def _counts(job: Job) -> bool:
 
 
 def _may_be(channel: Channel, job: Job, half: Half | None) -> bool:
-    """Whether a record may be for the Write that it mirrors: for one before an accepted one only by its kind."""
-    return job.order > channel.accepted or (half is not None and _is_of_kind(job, half) is True)
+    """Whether a record may be for the Write that it mirrors.
+
+    For one before an accepted one only by its kind, and where it is not the last one once more.
+    """
+    if job.order > channel.accepted or half is None:
+        return job.order > channel.accepted
+    return _is_of_kind(job, half) is True and _bytes(channel.last) != half.data
 
 
 def _is_of_kind(job: Job, half: Half) -> bool | None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from itertools import zip_longest
 
 from ds47 import spec
-from ds47.acyclic.judge import is_mismatch
+from ds47.acyclic.judge import is_mismatch, parameters_asked
 from ds47.acyclic.pairing import Job
 from ds47.model import Frames, Parameter, ParameterError, Read, Transaction
 from ds47.profidrive import Address, Block
@@ -39,7 +39,7 @@ def build(job: Job) -> Transaction:
             explain(item, meaning)
     return Transaction(
         operation(job),
-        _state(job, parameters_, stray),
+        _state(job, stray),
         peer.controller,
         peer.device,
         None if record.ar == NIL_UUID else uuid_text(record.ar),
@@ -73,12 +73,8 @@ def operation(job: Job) -> str:
     return "unknown"
 
 
-def state(job: Job, parameters_: list[Parameter]) -> str:
-    """The state of a closed job: the first of design order that applies."""
-    return _state(job, parameters_, is_mismatch(job))
-
-
-def _state(job: Job, parameters_: list[Parameter], stray: bool) -> str:
+def _state(job: Job, stray: bool) -> str:
+    """The state of a closed job: the first of docs/pairing.md, P39 to P46, that applies."""
     read = job.read_response
     if job.message is None:
         return "orphan"
@@ -92,14 +88,14 @@ def _state(job: Job, parameters_: list[Parameter], stray: bool) -> str:
         return "unanswered"
     if stray:
         return "mismatch"
-    return _outcome(job, parameters_)
+    return _outcome(job)
 
 
 def _refused(job: Job) -> bool:
     return job.write_refused or bool(job.read_response and job.read_response.status)
 
 
-def _outcome(job: Job, parameters_: list[Parameter]) -> str:
+def _outcome(job: Job) -> str:
     response = job.response
     response_id = response.response_id if response else None
     if response is None or response_id is None or response_id == NOT_SUPPORTED:
@@ -118,9 +114,7 @@ def _outcome(job: Job, parameters_: list[Parameter]) -> str:
     half = job.read_response
     if half is not None and half.cut:
         return _outcome_as_far_as_seen(done, failed, negative)
-    assert job.message is not None
-    asked = max(len(parameters_), len(job.message.addresses))
-    if done == asked:
+    if done == parameters_asked(job):
         return "error" if negative else "ok"
     return "partial" if done else "error"
 

@@ -188,6 +188,9 @@ class CallTracker:
             if call.response is None:
                 self._lose(call, activity.numbers)
             del calls[seq]  # the new one goes to the end
+        before = calls.get(activity.newest)
+        if before is not None and before.response is None:
+            self._completeness.went_on(before.request, pdu)
         activity.numbers.add(pdu)
         call = calls[seq] = Call(pdu)
         activity.newest = seq

@@ -99,7 +99,7 @@ class Numbers:
 class Pair:
     """What one station says to another one."""
 
-    __slots__ = ("activities", "half", "halves", "heard", "lost", "since", "unasked")
+    __slots__ = ("activities", "half", "halves", "heard", "lost", "since", "unasked", "went_on")
 
     def __init__(self) -> None:
         self.activities: list[Numbers] = []
@@ -113,6 +113,8 @@ class Pair:
         """The frames of Reads without their requests, and of calls whose client went on: the oldest and newest."""
         self.half = self.halves = 0
         """The first frame of any call with one half, and how many there are."""
+        self.went_on: dict[int, int] = {}
+        """Frame of a call without its response -> when its client sent the next one; the newest ones."""
 
     @property
     def hears(self) -> bool:
@@ -211,6 +213,13 @@ class Completeness:
             _keep(pair.lost, request.frame)
             pair.has_half(request.frame)
 
+    def went_on(self, open_: Pdu, by: Pdu) -> None:
+        """A client calls again before the response to its last call is there."""
+        times = self._pair(open_.client, open_.server).went_on
+        times[open_.frame] = by.time_ns
+        if len(times) > _KEPT:
+            del times[next(iter(times))]
+
     def _pair(self, client: str, server: str) -> Pair:
         pair = self._pairs.get((client, server))
         if pair is None:
@@ -251,6 +260,10 @@ class Completeness:
         pair = self._pairs.get((client, server))
         times = [each.newest.time_ns for each in pair.activities] if pair is not None else []
         return max(times, default=None)
+
+    def went_on_ns(self, client: str, server: str, frame: int) -> int | None:
+        """When a client sent its next call after one that has no response; None where it did not."""
+        return self.lacks(client, server).went_on.get(frame)
 
     def is_whole_before(self, client: str, server: str, frame: int) -> bool:
         """Whether all is there that a client said to a server and heard of it before a frame."""
