@@ -260,6 +260,7 @@ def _turned_away(record: wire.Record, case: Case) -> Iterator[str]:
         still = ended > (record.answered or record.asked) and deal.state not in (
             "superseded",
             "refused",
+            "incomplete",
         )
         unsure = list(absent(case, deal, record.answered or record.asked))
         if deal.place == place and begun and still and deal.index != SHARED and not unsure:
@@ -367,7 +368,7 @@ def _ignored(case: Case) -> Iterator[str]:
         yield f"axes {told} are {sorted(each for each in true if each is not None)}"
     if (args.get("place") or {}).get("index") != LOCAL:
         yield "the axis counts at this index"
-    if not any(each.read == case.frame for each in here):
+    if not any(case.frame in each.all_frames for each in here):
         yield "no such transaction is in this frame"
 
 
@@ -398,8 +399,8 @@ def _too_short(case: Case) -> Iterator[str]:
 
 
 def _just_as_long(asked: message.Message) -> int | None:
-    """The number of parameters for which a request is just as long as it has to be."""
-    for number in range(1, asked.count or 1):
+    """The greatest number of parameters for which a request is just as long as it has to be."""
+    for number in range((asked.count or 1) - 1, 0, -1):
         other = message.request(asked.data[:3] + bytes([number]) + asked.data[4:])
         if other.sound and not other.missing and not other.rest:
             return number
@@ -436,7 +437,7 @@ def _too_long(case: Case) -> Iterator[str]:
         yield "no response to a request is in this frame"
         return
     limit = case.args.get("limit")
-    yield from case.wrong("parameters", len(deal.asked.addresses))
+    yield from case.wrong("parameters", deal.parameters_asked)
     there = sum(not block.failed for block in deal.answer.blocks)
     yield from case.wrong("number", there)
     if not deal.fits:
@@ -455,7 +456,7 @@ def _too_long(case: Case) -> Iterator[str]:
     elif case.args.get("room") not in ("room_seen", "room_stated"):
         yield f"room {case.args.get('room')!r} is none"
     yield from _no_room(case, deal.asked, deal.answer)
-    if there == len(deal.asked.addresses):
+    if there == deal.parameters_asked:
         yield "all found room"
 
 
@@ -949,7 +950,7 @@ def _about(told: object, truth: float, share: float) -> bool:
 @auditor("DS724")
 def _storm(case: Case) -> Iterator[str]:
     args, reading = case.args, case.reading
-    start = next((each for each in reading.deals if case.frame in _first_poll(each)), None)
+    start = next((each for each in reading.deals if case.frame in _polls(each)), None)
     if start is None or start.device != args.get("device"):
         yield "no poll of this device is in this frame"
         return
@@ -967,8 +968,8 @@ def _storm(case: Case) -> Iterator[str]:
     yield from min(problems, key=len)
 
 
-def _first_poll(deal: Deal) -> list[int | None]:
-    return [*deal.polls[0].values()] if deal.polls else []
+def _polls(deal: Deal) -> list[int | None]:
+    return [frame for poll in deal.polls for frame in poll.values()]
 
 
 def _pace(case: Case, run: list[Deal]) -> Iterator[str]:

@@ -1129,7 +1129,7 @@ def _incomplete(case: Case) -> Iterator[str]:
         "requests": lambda: _lacks_requests(case, *pair, deal.write or 0),
         "halves": lambda: iter([] if late or gaps.newest(deal.device) else ["nothing is missing"]),
         "one_direction": lambda: iter(
-            ["the device said something"] if pair[::-1] in gaps.heard else []
+            ["the device said something"] if gaps.spoke(*pair) < (deal.write or 0) else []
         ),
         "read_answer": lambda: _is_without(case, deal, False),
         "write_answer": lambda: _is_without(case, deal, True),
@@ -1161,7 +1161,11 @@ def _read_for_nothing(case: Case, what: str) -> Iterator[str]:
         silent = before and (case.reading.time(case.frame) or 0) - (
             case.reading.time(before[-1].answered) or 0
         ) > 600 * 10**9  # fmt: skip
-        if before and not silent and not case.reading.gaps.newest(pair[1]):
+        asked = (
+            reads[0].asked or case.frame
+        )  # out of order, a Release may stand before the response
+        over = any(asked < call.request.frame < case.frame for call in case.reading.given_up)
+        if before and not silent and not over and not case.reading.gaps.newest(pair[1]):
             yield f"what was asked for before was fetched in frame {before[-1].answered}"
     elif what not in ("one_direction", "halves", "later", "write_answer"):
         yield f"what {what!r} is nothing"

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from math import inf
 from uuid import UUID
 
 from tests.audit import wire
@@ -50,6 +51,11 @@ class Gaps:
     def heard(self) -> set[tuple[str, str]]:
         """Who said anything to whom."""
         return {(each.source, each.target) for each in self._capture.pdus}
+
+    def spoke(self, client: str, server: str) -> float:
+        """The first frame in which a server said something to a client."""
+        frames = (e.frame for e in self._capture.pdus if (e.source, e.target) == (server, client))
+        return min(frames, default=inf)
 
     @cached_property
     def asked(self) -> set[tuple[str, str]]:

@@ -6,6 +6,7 @@ said of the recording is a matter of the cut one, and `run` looks at that as at 
 
 from __future__ import annotations
 
+import re
 import tempfile
 from collections import Counter
 from collections.abc import Iterable, Iterator
@@ -63,8 +64,9 @@ class Whole:
 
 def _first_frames(item: Reading) -> dict[int, int]:
     """Of each frame of a request that was sent again, or of a fragment, the one that the report tells."""
-    found = {frame: pdu.frame for pdu in item.capture.pdus for frame in pdu.frames}
-    return {**found, **{frame: call.request.frame for frame, call in item.call_at.items()}}
+    again = {frame: call.request.frame for frame, call in item.call_at.items()}
+    pieces = ((frame, pdu.frame) for pdu in item.capture.pdus for frame in pdu.frames)
+    return {**again, **{frame: again.get(whole, whole) for frame, whole in pieces}}
 
 
 def _agrees(rule: str, told: dict[str, Any], true: dict[str, Any]) -> bool:
@@ -146,6 +148,8 @@ def _deal(same: Deal | None, deal: Deal, cut: Reading, origin: list[int]) -> Ite
         allowed.add("superseded")  # the cut has not what ended the connection before
     frames = (cut.capture.frame(at) for at in (deal.read, deal.write) if at is not None)
     short = any(each is not None and each.cut for each in frames)
+    if _alike(deal, same) and not _same_bytes(deal, same):
+        short = True  # another Read brought more of the same record, or less
     if deal.frames["write_response"] is None and same.state == "refused":
         return  # that it was refused the cut does not show, nor that an old answer was read
     if short and same.answer is not None:
@@ -189,9 +193,11 @@ def _finding(whole: Whole, finding: Finding, cut: Reading, origin: list[int]) ->
         return
     if frame != origin[finding.frame] and deal and same and not _same_bytes(deal, same):
         return  # of the record itself, of which another Read brought more or less: `run` looks at that
+    if deal and deal.write is None and same and same.answer and not same.fits:
+        return  # the same: the whole reads it as the answer to a request that it is not the answer to
     free = COUNTS | OF_COUNTS.get(moved.rule, set())
     for text in run.AUDITORS[moved.rule](Case(moved, whole.item, whole.memory)):
-        alike = text.startswith(ALIKE.get(moved.rule, "-"))
+        alike = text.startswith(ALIKE.get(moved.rule, "-")) or _is_outside(moved.rule, text, origin)
         if text.split(" ")[0] not in free and not _says_nothing(text, args) and not alike:
             yield text
 
@@ -203,6 +209,14 @@ def _saved(whole: Whole, args: dict[str, Any], origin: list[int]) -> Iterator[st
             inside = args["last"] < moment[0] <= max(origin) and deal.device == args["device"]
             if inside and everything and done:
                 yield f"all was saved in frame {moment[0]}"
+
+
+def _is_outside(rule: str, complaint: str, origin: list[int]) -> bool:
+    """Whether a place was turned away while the cut one ran, and took something before or after that."""
+    found = re.fullmatch(r"a call there is accepted in frame (\d+)", complaint)
+    return (
+        rule == "DS708" and found is not None and int(found[1]) not in range(origin[1], max(origin))
+    )
 
 
 def _says_nothing(complaint: str, args: dict[str, Any]) -> bool:

@@ -510,7 +510,7 @@ def slot_refuses_twice(client: Client) -> None:
         (cut_change, (8,), {"DS711": "after 8 bytes: number of parameters 1 needs 14"}),
         (cut_change, (10,), {"DS711": "after 10 bytes: number of parameters 1 needs 14"}),
         (cut_change, (15,), {"DS711": "after 15 bytes: number of parameters 1 needs 16"}),
-        (asked_there_unseen, (), {"DS725": "there by their request or their response alone: 1"}),
+        (asked_there_unseen, (), {"DS725": "or not captured: 1"}),
         (reads_elsewhere_and_before, (), {"DS706": "slot 1.2", "DS703": "2 x Read"}),
         (reads_elsewhere_before, (), {"DS703": "1 x Read"}),
         (reads_in_another_api, (), {"DS703": "1 x Read"}),

@@ -44,7 +44,7 @@ Job.reason = ""
 Job.again = "" -- of the first re-read, how it came about: a key of tables.diagnosis_words
 Job.accepted = false
 -- Further: write_response, read_request, read_response, response, previous_reference, superseded_by; and
---   previous: frame of the request before it on its channel, whose reference that is
+--   previous: frame of the request before it on its channel, as far as the capture shows; it has that reference
 --   superseding: the request that displaced this one; until it is closed
 --   rival: whose request was open when this one was turned away as in conflict with another; the same
 --   repeats: frame of an earlier response that was read once more where a new one was due
@@ -600,11 +600,9 @@ local function is_later(job, record)
   return asked ~= nil and read ~= nil and asked.frame > read.frame
 end
 
--- Whether a record has the reference, the axis and the kind of a request.
+-- Whether a record has the reference and the kind of a request.
 local function mirrors(job, data)
-  local axis, got = job.message and job.message.axis, data:byte(3)
-  local same = axis == nil or got == nil or axis == got
-  return same and data ~= "" and job:reference() == data:byte(1) and kind_fits(job.message, data) ~= false
+  return data ~= "" and job:reference() == data:byte(1) and kind_fits(job.message, data) ~= false
 end
 
 -- The job a Read answers; a Write whose response was not seen counts when the answer fits.
@@ -751,8 +749,8 @@ function Pairing:write_request(peer, record, message)
   local channel = channel_of(self, peer, record, record.request.time_ns)
   local missing = channel.written and behind(self, peer, channel.written)
   local known = not missing or missing.what == "one_direction" -- the request before it
-  local job = new_job(self, channel, peer, record, message, known and channel.reference or nil,
-    known and channel.written or nil)
+  local reference = known and channel.reference or nil
+  local job = new_job(self, channel, peer, record, message, reference, channel.written)
   local asked, half = channel.asked, record.request
   local count = #asked + 1
   asked[count] = job
@@ -833,13 +831,16 @@ end
 local function counts(job)
   local before, now = job.previous_reference, job:reference()
   local step = before and now and (now - before) % 256
-  return before == nil or step == 1 or step == 2
+  return before == nil and job.previous == nil or step == 1 or step == 2 -- `nil`: the first one
 end
 
--- Whether a Write without its response is newer than a job; of a record that fits, one that it mirrors.
-local function has_later(channel, job, fits, data)
+-- Whether a Read may be for a Write without its response that is newer than the one of a job.
+local function may_be_newer(channel, job, record)
+  local data = record.response.data
+  local strange = data == "" or kind_fits(job.message, data) == false and bytes(channel.last) ~= data
   for _, each in ipairs(channel.asked) do
-    if each.order > job.order and not each.passed and (not fits or mirrors(each, data)) then
+    local passed = each.passed or is_later(each, record)
+    if each.order > job.order and not passed and (strange or mirrors(each, data)) then
       return true
     end
   end
@@ -849,18 +850,20 @@ end
 -- Why a record, or the refusal of a Read, may be for another Write than that of a job; nil: it is not.
 -- It is not for a Write that is missing where the record mirrors the reference and the program counts it,
 -- unless such a Write was accepted on this channel.
-local function of_another(self, channel, job, half)
+local function of_another(self, channel, job, record)
+  local half = record.response
   local asked, open, data = job:write_request(), channel.open, half.data
   local has_data = data ~= ""
   if asked == nil or job.peer.station then
     return nil
   end
   local fits, other = mirrors(job, data), open ~= nil and open ~= job
+  local sought = record.request or half
   if has_data and not (fits or other) and job.write_response == nil then
     return {what = "write_answer", first = asked.frame}
-  elseif has_data and not fits and job.fetching then
+  elseif has_data and not fits and job.fetching and job.fetching[1].frame < sought.frame then
     return {what = "read_answer", first = job.fetching[1].frame}
-  elseif has_later(channel, job, fits, data) then
+  elseif may_be_newer(channel, job, record) then
     return {what = "later"}
   end
   local since = has_data and job == channel.refused and free_since(self, channel, half) or asked.frame
@@ -922,7 +925,7 @@ function Pairing:read_response(peer, record)
     channel.refused = nil
   end
   local missing = job and (event == "read_record" or event == "read_refused")
-    and of_another(self, channel, job, half) or nil
+    and of_another(self, channel, job, record) or nil
   if missing then
     set_aside(self, channel, job, missing)
     job = nil

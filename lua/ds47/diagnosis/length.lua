@@ -163,9 +163,9 @@ local function without_room(request, blocks, length, most, size_of)
 end
 
 -- The numbers of the parameters that have their values: one response could carry those.
-local function answered(request, blocks)
+local function answered(blocks)
   local found = {}
-  for number = 1, min(#blocks, #request.addresses) do
+  for number = 1, #blocks do
     found[#found + 1] = not blocks[number].error and number or nil
   end
   return found
@@ -187,13 +187,13 @@ function M.answer_too_long(remarks, job, stated, longest, size_of)
   local most = limit or max(longest, tables.known.channel_bytes)
   local what, number = without_room(request, response.blocks, #half.data, most, size_of)
   if what then
-    local address, good = request.addresses[number], answered(request, response.blocks)
+    local address, good = request.addresses[number], answered(response.blocks)
     put(remarks, "DS713", half.frame, {
-      parameters = #request.addresses, number = #good, what = what,
+      parameters = rules.parameters_asked(job), number = #good, what = what,
       pnu = address.pnu, subindex = address.subindex,
       room = limit and "room_stated" or "room_seen", limit = limit or longest,
     })
-    if #good > 0 and #good < #request.addresses then
+    if good[1] and #good < #request.addresses and good[#good] <= #request.addresses then
       remarks[#remarks].corrected = suggest.only(request, good)
     end
   end

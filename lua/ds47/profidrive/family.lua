@@ -23,7 +23,7 @@ function M.family_fits(request_id, response_id)
   return response_id == known.positive or response_id == known.negative
 end
 
---- Whether a response is of the family of a request and has as many parameters, whatever else it mirrors.
+--- Whether a response is of the family of a request, of its axis, and has as many parameters.
 -- nil where either lacks a part of its header.
 -- @param request  what was asked
 -- @param data     the bytes of the response
@@ -32,8 +32,8 @@ function M.kind_fits(request, data)
   if asked == nil or count == nil or #data < MESSAGE_SIZE then
     return nil
   end
-  local _, id, _, got = data:byte(1, MESSAGE_SIZE)
-  return M.family_fits(asked, id) and got == count
+  local _, id, axis, got = data:byte(1, MESSAGE_SIZE)
+  return M.family_fits(asked, id) and axis == request.axis and got == count
 end
 
 return M

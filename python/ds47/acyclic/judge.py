@@ -47,7 +47,7 @@ def is_mismatch(job: Job) -> bool:
 
 
 def parameters_asked(job: Job) -> int | None:
-    """How many parameters a request asks for; one that the capture cut, by its header. None where that is not there."""
+    """How many parameters a request asks for, of a cut one by its header; None without that."""
     asked, request = job.write_request, job.message
     assert asked is not None
     assert request is not None

@@ -99,7 +99,7 @@ class Job:
     """Decoded by whoever is told of the answer."""
     previous_reference: int | None
     previous: int | None
-    """Frame of the request before it on its channel, whose reference that is."""
+    """Frame of the request before it on its channel, as far as the capture shows; it has that reference."""
     superseded_by: int | None
     reason: str
     accepted: bool
@@ -121,7 +121,7 @@ class Job:
     fetching: list[Half]
     """The Reads that were sent for it and have no response up to now."""
     read_before: bool
-    """Whether a Read that is not in the capture, or not whole, may have brought the response before this one did."""
+    """Whether an earlier Read that is not in the capture, or not whole, may have brought the response."""
     insisted: bool
     """Whether a call of it was sent again: its client had no response."""
     missing: Missing | None
@@ -340,8 +340,9 @@ class Pairing:
         job = self._job(peer, record, message)
         before = channel.written
         missing = None if before is None else self._behind(peer, before)
+        job.previous = before
         if missing is None or missing.what == "one_direction":
-            job.previous_reference, job.previous = channel.reference, before
+            job.previous_reference = channel.reference
         channel.reference, channel.written = message.request_reference, record.request.frame
         channel.asked.append(job)
         if self._asked is not None:
@@ -411,7 +412,7 @@ class Pairing:
             channel.refused = None
         missing = None
         if job is not None and event in ("read_record", "read_refused"):
-            missing = self._of_another(channel, job, half)
+            missing = self._of_another(channel, job, record)
             if missing is not None:
                 self._set_aside(channel, job, missing)
                 job = None
@@ -489,22 +490,23 @@ class Pairing:
             newest_ns = self._completeness.spoke_ns(peer.controller, peer.device)
         return newest_ns is None or newest_ns - asked.time_ns < self._limits.unread_ns
 
-    def _of_another(self, channel: Channel, job: Job, half: Half) -> Missing | None:
+    def _of_another(self, channel: Channel, job: Job, record: Record) -> Missing | None:
         """Why a record, or the refusal of a Read, may be for another Write than that of a job; None: it is not.
 
         It is not for a Write that is missing where the record mirrors the reference and the program counts it,
         unless such a Write was accepted on this channel.
         """
-        asked = job.write_request
+        asked, half = job.write_request, record.response
+        assert half is not None
         if asked is None or job.peer.station is not None:
             return None
         fits, other = _mirrors(job, half), channel.open not in (None, job)
         if half.data and not (fits or other) and job.write_response is None:
             return Missing("write_answer", asked.frame)
-        if half.data and not fits and job.fetching:
+        read = record.request.frame if record.request is not None else half.frame
+        if half.data and not fits and job.fetching and job.fetching[0].frame < read:
             return Missing("read_answer", job.fetching[0].frame)
-        newer = (each for each in channel.asked if each.order > job.order and not each.passed)
-        if any(not fits or _mirrors(each, half) for each in newer):
+        if _may_be_newer(channel, job, record):
             return Missing("later")
         free = self._free_since(job.peer, channel, job.record, half)
         since = free if job is channel.refused and half.data else asked.frame
@@ -983,20 +985,30 @@ def _is_later(job: Job, record: Record) -> bool:
 
 
 def _mirrors(job: Job, half: Half) -> bool:
-    """Whether a record has the reference, the axis and the kind of a request."""
-    axis = job.message.axis if job.message else None
-    return (
-        job.reference is not None
-        and half.data[:1] == bytes((job.reference,))
-        and (axis is None or half.data[2:3] in (b"", bytes((axis,))))
-        and _is_of_kind(job, half) is not False
-    )
+    """Whether a record has the reference and the kind of a request."""
+    return bool(half.data) and job.reference == half.data[0] and _is_of_kind(job, half) is not False
 
 
 def _counts(job: Job) -> bool:
     """Whether a program counts its references, as far as is known: one more than before, or two past 0."""
     before, now = job.previous_reference, job.reference
-    return before is None or (now is not None and (now - before) % 256 in (1, 2))
+    if before is None:
+        return job.previous is None  # the first one
+    return now is not None and (now - before) % 256 in (1, 2)
+
+
+def _may_be_newer(channel: Channel, job: Job, record: Record) -> bool:
+    """Whether a Read may be for a Write without its response that is newer than the one of a job."""
+    half = record.response
+    assert half is not None
+    old_answer = bool(half.data) and _bytes(channel.last) == half.data
+    strange = not half.data or (_is_of_kind(job, half) is False and not old_answer)
+    return any(
+        each.order > job.order
+        and not (each.passed or _is_later(each, record))
+        and (strange or _mirrors(each, half))
+        for each in channel.asked
+    )
 
 
 def _may_be(channel: Channel, job: Job, half: Half | None) -> bool:

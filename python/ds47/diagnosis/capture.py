@@ -518,10 +518,16 @@ def _append(memory: _Memory[list[_V]], key: object, item: _V) -> None:
 
 
 def _elsewhere(opened: _Open, reads: list[_Read], *, answer: bool = False) -> _Read | None:
-    """The first Read at another place while the request was open; an answer must be that to it."""
+    """The first Read at another place while the request was open; an answer must be that to it.
+
+    A place where Reads were before has a request of its own, perhaps from before the capture.
+    """
+    before = {read.place[1:] for read in reads if read.frame < opened.frame and not answer}
     for read in reads:
         if read.place[1:] == opened.place[1:] or read.frame < opened.frame:
             continue  # the API is not told
+        if read.place[1:] in before:
+            continue
         if read.ar not in (opened.ar, None):
             continue  # another program reads there
         if opened.until is not None and read.frame > opened.until:

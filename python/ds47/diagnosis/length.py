@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Final
 
-from ds47.acyclic.judge import is_mismatch
+from ds47.acyclic.judge import is_mismatch, parameters_asked
 from ds47.acyclic.pairing import STATUS_NOT_READY, Job
 from ds47.findings.remark import Remark
 from ds47.profidrive import Address, Request, decode_request
@@ -139,24 +139,23 @@ def answer_too_long(
     if found is None:
         return
     what, number = found
-    address, good = request.addresses[number], answered(request, response.blocks)
+    address, good = request.addresses[number], answered(response.blocks)
     args: dict[str, Any] = {
-        "parameters": len(request.addresses), "number": len(good), "what": what,
+        "parameters": parameters_asked(job), "number": len(good), "what": what,
         "pnu": address.pnu, "subindex": address.subindex,
         "room": "room_seen" if limit is None else "room_stated", "limit": limit or longest,
     }  # fmt: skip
     corrected = None
-    if 0 < len(good) < len(request.addresses):
+    if good and len(good) < len(request.addresses) and good[-1] < len(request.addresses):
         from ds47.diagnosis import suggest  # only here: most captures need no correction
 
         corrected = suggest.only(request, good)
     yield Remark("DS713", half.frame, args, corrected=corrected)
 
 
-def answered(request: Request, blocks: list[Block]) -> list[int]:
+def answered(blocks: list[Block]) -> list[int]:
     """The numbers, from 0, of the parameters that have their values: one response could carry those."""
-    count = len(request.addresses)
-    return [number for number, block in enumerate(blocks[:count]) if block.error is None]
+    return [number for number, block in enumerate(blocks) if block.error is None]
 
 
 def _without_room(

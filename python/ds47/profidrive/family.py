@@ -27,7 +27,7 @@ def family_fits(request_id: int, response_id: int) -> bool:
 
 
 def kind_fits(request: Request, data: bytes) -> bool | None:
-    """Whether a response is of the family of a request and has as many parameters, whatever else it mirrors.
+    """Whether a response is of the family of a request, of its axis, and has as many parameters.
 
     Args:
         request: what was asked.
@@ -36,4 +36,4 @@ def kind_fits(request: Request, data: bytes) -> bool | None:
     asked, count = request.request_id, request.parameter_count
     if asked is None or count is None or len(data) < MESSAGE_SIZE:
         return None
-    return family_fits(asked, data[1]) and data[3] == count
+    return family_fits(asked, data[1]) and data[2] == request.axis and data[3] == count

@@ -934,13 +934,13 @@ def p71_old_answer(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P43 lost mismatch superseded poll",
+    "P43 P73 lost mismatch incomplete poll",
     tx(1, "mismatch", (1, 2, 4, 5), 4, real(2.5, pnu=None)),
-    tx(2, "superseded", (3,), None, par(27), ref=2, polls=[(6, 7)]),
+    tx(2, "incomplete", (3,), None, par(27), ref=2, polls=[(6, 7)]),
     row(3, real(1.5), first=8),
-    rules="DS101@3#2 DS404@5#1",
+    rules="DS110@3#2 DS101@3#2 DS404@5#1",
 )
-def p72_superseded(client: Client) -> None:
+def p72_displaced(client: Client) -> None:
     """A record may be of either of two reads: that of the newer one is not said to be unread (no DS413)."""
     client.write(ask())
     client.ask_write(ask(2, 27))
