@@ -19,7 +19,7 @@ itself, as `python -m ds47` prints it, and the catalogue's names of arguments. I
     stations        the table of the stations of PROFIBUS, and what findings DS8xx claim
     html            the page: tiles, drives, problems, the rows of its data
     drive           a simulated drive that can be asked whether it would take a request
-    conversations   random conversations, one for each plan of hypothesis
+    conversations   random conversations, one for each plan
     lines           the same on PROFIBUS
     gaps            what a capture does not have; cuts makes such captures, holes reads them beside the whole one
     run             all of it over a capture

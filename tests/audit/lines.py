@@ -13,9 +13,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from random import Random
 
-from hypothesis import strategies as st
 from tests.audit import drive as drives
-from tests.audit.conversations import START_NS, Requests, often
+from tests.audit.conversations import START_NS, Requests, seldom
 from tests.audit.drive import Drive
 
 from ds47.lab import wire
@@ -482,32 +481,33 @@ def plan(known: dict[str, object]) -> Plan:
     return Plan(**{**known, "stations": tuple(Part(**each) for each in parts)})  # type: ignore[arg-type]
 
 
-def plans() -> st.SearchStrategy[Plan]:
-    """Plans of all kinds; the simplest has one station with PPO1."""
-    part = st.builds(
-        Part,
-        master=st.integers(0, 1),
-        configuration=st.sampled_from(CONFIGURATIONS),
-        dpv1=often(True, st.just(False)),
-        ms2=often(None, st.just(12)),
-        low=st.booleans(),
-        ident=st.sampled_from((0x80B5, 0x8045, 0x0001)),
-        constant=st.booleans(),
-        cyclic=st.booleans(),
-        jobs=st.integers(1, 10),
-    )
-    return st.builds(
-        Plan,
-        seed=st.integers(0, 2**24 - 1),
-        link=often(LINK, st.just(OWN)),
-        late=often(0, st.integers(1, 120)),
-        loss=often(0.0, st.sampled_from((0.01, 0.05))),
-        noise=often(0.0, st.sampled_from((0.01, 0.05))),
-        trouble=st.sampled_from((0.0, 0.0, 0.02, 0.1)),
-        doubled=often(False, st.just(True)),
-        snap=often(None, st.sampled_from((10, 16, 40))),
-        back=often(False, st.just(True)),
-        stations=st.lists(part, min_size=1, max_size=3).map(tuple),
+def planned(random: Random) -> Plan:
+    """A plan of any kind; the simplest has one station with PPO1."""
+    parts = [
+        Part(
+            master=random.randint(0, 1),
+            configuration=random.choice(CONFIGURATIONS),
+            dpv1=seldom(random, False, True),
+            ms2=seldom(random, 12, None),
+            low=random.random() < 0.5,
+            ident=random.choice((0x80B5, 0x8045, 0x0001)),
+            constant=random.random() < 0.5,
+            cyclic=random.random() < 0.5,
+            jobs=random.randint(1, 10),
+        )
+        for _ in range(random.randint(1, 3))
+    ]
+    return Plan(
+        seed=random.getrandbits(24),
+        link=seldom(random, OWN, LINK),
+        late=seldom(random, random.randint(1, 120), 0),
+        loss=seldom(random, random.choice((0.01, 0.05)), 0.0),
+        noise=seldom(random, random.choice((0.01, 0.05)), 0.0),
+        trouble=random.choice((0.0, 0.0, 0.02, 0.1)),
+        doubled=seldom(random, True, False),
+        snap=seldom(random, random.choice((10, 16, 40)), None),
+        back=seldom(random, True, False),
+        stations=tuple(parts),
     )
 
 

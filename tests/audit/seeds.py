@@ -1,4 +1,4 @@
-"""Random conversations, planned by hypothesis, audited one after the other or by all processors.
+"""Random conversations, audited one after the other or by all processors.
 
 A seed stands for a share of them: the same plans each time.
 """
@@ -12,9 +12,8 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from itertools import repeat
 from pathlib import Path
+from random import Random
 
-from hypothesis import HealthCheck, Phase, given, seed, settings
-from hypothesis import strategies as st
 from tests.audit import conversations, cuts, holes, lines, run
 from tests.audit.reading import Complaint
 
@@ -34,11 +33,6 @@ def plan(text: str) -> Plan:
     return lines.plan(known) if "stations" in known else conversations.plan(known)
 
 
-def plans() -> st.SearchStrategy[Plan]:
-    """Plans of both kinds: every third is a line of PROFIBUS."""
-    return st.one_of(conversations.plans(), conversations.plans(), lines.plans())
-
-
 def play(planned: Plan) -> conversations.Conversation | lines.Conversation:
     """The conversation of a plan."""
     return lines.play(planned) if isinstance(planned, lines.Plan) else conversations.play(planned)
@@ -49,21 +43,13 @@ def kept() -> list[Plan]:
     return [plan(line) for line in PLANS.read_text(encoding="utf-8").splitlines()]
 
 
-def planned(count: int, number: int) -> list[Plan]:
-    """So many plans of a seed."""
-    found: list[Plan] = []
-
-    @seed(number)
-    @settings(
-        max_examples=count, database=None, deadline=None, phases=[Phase.generate],
-        suppress_health_check=list(HealthCheck),
-    )  # fmt: skip
-    @given(plans())
-    def collect(plan: Plan) -> None:
-        found.append(plan)
-
-    collect()
-    return found
+def planned(count: int, number: int, *, talks: bool = False) -> list[Plan]:
+    """So many plans of a seed: every third is a line of PROFIBUS, unless only talks on PROFINET are asked for."""
+    random = Random(number)
+    return [
+        conversations.planned(random) if talks or at % 3 else lines.planned(random)
+        for at in range(count)
+    ]
 
 
 def of_plan(plan: Plan, folder: Path) -> list[Complaint]:
@@ -119,4 +105,4 @@ def everywhere(
 
 
 def _share(count: int, number: int, cut: bool) -> list[tuple[Plan, list[Complaint]]]:
-    return list(over(planned(count, number), cut=cut))
+    return list(over(planned(count, number, talks=cut), cut=cut))

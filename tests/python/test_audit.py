@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, given, seed, settings
 from test_profibus_bus import everything_wrong
 from tests.audit import (
     conversations,
@@ -109,16 +108,8 @@ def test_another_capture(path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("number", range(SLICES))
 def test_random_conversations(number: int, tmp_path: Path) -> None:
-    @seed(number)
-    @settings(
-        max_examples=CONVERSATIONS // SLICES, database=None, deadline=None,
-        suppress_health_check=list(HealthCheck), print_blob=False,
-    )  # fmt: skip
-    @given(many.plans())
-    def audited(plan: Plan) -> None:
+    for plan in many.planned(CONVERSATIONS // SLICES, number):
         assert list(map(str, many.of_plan(plan, tmp_path))) == [], plan.text()
-
-    audited()
 
 
 @pytest.mark.parametrize("plan", many.kept(), ids=lambda plan: str(plan.seed))

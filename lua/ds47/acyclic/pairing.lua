@@ -44,7 +44,7 @@ Job.reason = ""
 Job.again = "" -- of the first re-read, how it came about: a key of tables.diagnosis_words
 Job.accepted = false
 -- Further: write_response, read_request, read_response, response, previous_reference, superseded_by; and
---   previous: frame of the request before it on its channel, as far as the capture shows; it has that reference
+--   previous: frame of the request before it on its channel, whose reference that is
 --   superseding: the request that displaced this one; until it is closed
 --   rival: whose request was open when this one was turned away as in conflict with another; the same
 --   repeats: frame of an earlier response that was read once more where a new one was due
@@ -749,8 +749,8 @@ function Pairing:write_request(peer, record, message)
   local channel = channel_of(self, peer, record, record.request.time_ns)
   local missing = channel.written and behind(self, peer, channel.written)
   local known = not missing or missing.what == "one_direction" -- the request before it
-  local reference = known and channel.reference or nil
-  local job = new_job(self, channel, peer, record, message, reference, channel.written)
+  local job = new_job(self, channel, peer, record, message, known and channel.reference or nil,
+    known and channel.written or nil)
   local asked, half = channel.asked, record.request
   local count = #asked + 1
   asked[count] = job
@@ -827,11 +827,11 @@ function Pairing:write_unasked(peer, record)
   end
 end
 
--- Whether a program counts its references, as far as is known: one more than before, or two past 0.
+-- Whether a program counts its references: one more than before, or two past 0.
 local function counts(job)
   local before, now = job.previous_reference, job:reference()
   local step = before and now and (now - before) % 256
-  return before == nil and job.previous == nil or step == 1 or step == 2 -- `nil`: the first one
+  return step == 1 or step == 2
 end
 
 -- Whether a Read may be for a Write without its response that is newer than the one of a job.
@@ -859,9 +859,10 @@ local function of_another(self, channel, job, record)
   end
   local fits, other = mirrors(job, data), open ~= nil and open ~= job
   local sought = record.request or half
+  local doubtful = not fits or bytes(channel.last) == data and not counts(job)
   if has_data and not (fits or other) and job.write_response == nil then
     return {what = "write_answer", first = asked.frame}
-  elseif has_data and not fits and job.fetching and job.fetching[1].frame < sought.frame then
+  elseif has_data and doubtful and job.fetching and job.fetching[1].frame < sought.frame then
     return {what = "read_answer", first = job.fetching[1].frame}
   elseif may_be_newer(channel, job, record) then
     return {what = "later"}

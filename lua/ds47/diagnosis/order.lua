@@ -99,7 +99,8 @@ local function turned_away(remarks, job, asked)
       return -- the two crossed: it was not open yet when this one was sent
     end
     local rival = job.rival
-    if rival and (rival.missing or rival.fetching) then
+    local fetching = rival and rival.fetching
+    if rival and (rival.missing or fetching and fetching[1].frame < asked.frame) then
       rival = nil -- its response may have been fetched before
     end
     local held = rival and rival:write_request()

@@ -99,7 +99,7 @@ class Job:
     """Decoded by whoever is told of the answer."""
     previous_reference: int | None
     previous: int | None
-    """Frame of the request before it on its channel, as far as the capture shows; it has that reference."""
+    """Frame of the request before it on its channel, whose reference that is."""
     superseded_by: int | None
     reason: str
     accepted: bool
@@ -340,9 +340,8 @@ class Pairing:
         job = self._job(peer, record, message)
         before = channel.written
         missing = None if before is None else self._behind(peer, before)
-        job.previous = before
         if missing is None or missing.what == "one_direction":
-            job.previous_reference = channel.reference
+            job.previous_reference, job.previous = channel.reference, before
         channel.reference, channel.written = message.request_reference, record.request.frame
         channel.asked.append(job)
         if self._asked is not None:
@@ -504,7 +503,8 @@ class Pairing:
         if half.data and not (fits or other) and job.write_response is None:
             return Missing("write_answer", asked.frame)
         read = record.request.frame if record.request is not None else half.frame
-        if half.data and not fits and job.fetching and job.fetching[0].frame < read:
+        doubtful = not fits or (_bytes(channel.last) == half.data and not _counts(job))
+        if half.data and doubtful and job.fetching and job.fetching[0].frame < read:
             return Missing("read_answer", job.fetching[0].frame)
         if _may_be_newer(channel, job, record):
             return Missing("later")
@@ -990,11 +990,9 @@ def _mirrors(job: Job, half: Half) -> bool:
 
 
 def _counts(job: Job) -> bool:
-    """Whether a program counts its references, as far as is known: one more than before, or two past 0."""
+    """Whether a program counts its references: one more than before, or two past 0."""
     before, now = job.previous_reference, job.reference
-    if before is None:
-        return job.previous is None  # the first one
-    return now is not None and (now - before) % 256 in (1, 2)
+    return before is not None and now is not None and (now - before) % 256 in (1, 2)
 
 
 def _may_be_newer(channel: Channel, job: Job, record: Record) -> bool:
