@@ -49,16 +49,17 @@ def test_family_fits(asked: int, got: int, fits: bool) -> None:
     [
         (
             READ,
-            message.answer(7, 0x81, 9, message.error(0)),
+            message.answer(7, 0x81, 1, message.error(0)),
             True,
-        ),  # reference and axis are no part of it
+        ),  # the reference is no part of it
+        (READ, message.answer(1, 0x81, 9, message.error(0)), False),
         (READ, message.answer(1, 0x80, 1, message.error(0x21)), True),
         (READ, message.changed(1, 1), False),
         (READ, message.answer(1, 1, 1, TEN, TEN), False),
         (READ, b"\1\1\1", None),
         (READ[:3], message.answer(1, 1, 1, TEN), None),
     ],
-    ids=["negative", "0x80", "family", "count", "no header", "no header asked"],
+    ids=["negative", "axis", "0x80", "family", "count", "no header", "no header asked"],
 )
 def test_kind_fits(asked: bytes, data: bytes, fits: bool | None) -> None:
     assert kind_fits(decode_request(asked), data) is fits
