@@ -158,11 +158,9 @@ def _once_more(case: Case) -> Iterator[str]:
     if taken:
         yield f"a new request was accepted in frame {taken[0]}"
     began = min(first or 0, other.asked or first or 0)  # frames may be out of order
-    since = case.reading.time(first or 0) or 0
     faults = [
         each.write for each in case.reading.deals
         if each.channel == key and each.state == "refused" and began < (each.write or 0) < until
-        and (each.write > first or (case.reading.time(each.write) or 0) > since)
     ]  # fmt: skip
     if case.reading.line is None:
         yield from case.reading.gaps.between(one.controller, one.device, first or 0, until)

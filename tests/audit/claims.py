@@ -1220,7 +1220,11 @@ def _ends(case: Case, deal: Deal) -> Iterator[str]:
     """That the capture ends before a response may be expected."""
     capture = case.reading.capture
     later = [each.time_ns for each in capture.frames if each.number > (deal.write or 0)]
-    calls = [case.reading.time(each.frame) or 0 for each in capture.pdus]
+    pair = deal.controller, deal.device  # of a plant beside it nothing follows
+    calls = [
+        case.reading.time(each.frame) or 0 for each in capture.pdus
+        if pair in ((each.source, each.target), (each.target, each.source))
+    ]  # fmt: skip
     newest = max(later, default=0) if case.reading.line is not None else calls[-1]
     if newest - (case.reading.time(deal.write) or 0) >= 10 * 10**9 and case.reading.line is None:
         yield "the capture goes on for 10 s and more"
