@@ -94,9 +94,9 @@ class Drive:
                 )  # fmt: skip
 
     def before(self, frame: int, by_controller: bool) -> tuple[Look, Look]:
-        """The frame of a side before one, and this one."""
+        """The frame of a side before one, and this one; twice the first, where this one is of the other side."""
         side = [each for each in self.looks if each.by_controller == by_controller]
-        place = [each.frame for each in side].index(frame)
+        place = next((at for at, each in enumerate(side) if each.frame == frame), 0)
         return side[max(0, place - 1)], side[place]
 
     def while_(self, frame: int, seconds: float) -> list[Look]:

@@ -18,6 +18,7 @@ from ds47.s7.model import (
     DONE,
     ERROR,
     GET,
+    INCOMPLETE,
     OK,
     ORPHAN,
     PARTIAL,
@@ -173,11 +174,11 @@ def test_a_job_without_an_answer() -> None:
     assert remark.args == {**ENDS, "operation": "GET", "area": "DB1.DBB0..3, M100.0"}
 
 
-@pytest.mark.parametrize("how", ["lost", "orphan"])
-def test_an_answer_that_may_be_there(how: str) -> None:
+@pytest.mark.parametrize("state", [INCOMPLETE, ORPHAN])
+def test_an_answer_that_may_be_there(state: str) -> None:
     line = Line()
     job = line.ask(GET, db(0, 4))
-    job.lost, job.state = how == "lost", ORPHAN if how == "orphan" else UNANSWERED
+    job.state = state
     line.over(job)
     assert line.rules() == []
 

@@ -11,7 +11,19 @@ from typing import NamedTuple
 
 from ds47.s7.addresses import text
 from ds47.s7.consistency import Access
-from ds47.s7.model import DB, DONE, ELEMENTS, GET, OK, PUT, UNANSWERED, Address, Item, Job
+from ds47.s7.model import (
+    DB,
+    DONE,
+    ELEMENTS,
+    GET,
+    INCOMPLETE,
+    OK,
+    PUT,
+    UNANSWERED,
+    Address,
+    Item,
+    Job,
+)
 from ds47.spec import s7
 
 BITS = 0x83
@@ -170,7 +182,9 @@ class Splits:
         before, behind = last.items[-1].address, job.items[0].address
         if before is None or behind is None or before.end != behind.start or not fills(last):
             return False
-        if last.state != OK and (last.state != UNANSWERED or last.phase != "open"):
+        if last.state != OK and (
+            last.state not in (UNANSWERED, INCOMPLETE) or last.phase != "open"
+        ):
             return False
         if len(self._parts) > 1 and len(last.items) > 1:
             return False

@@ -14,6 +14,7 @@ from ds47.s7.model import (
     DONE,
     ERROR,
     GET,
+    INCOMPLETE,
     OK,
     ORPHAN,
     PARTIAL,
@@ -143,8 +144,8 @@ class Jobs:
     def _give_up(self, key: _Key) -> None:
         job = self._take(key)
         if job is not None:
-            job.state = UNANSWERED
             job.lost = job.lost or job.connection.lacks(not job.from_client)
+            job.state = INCOMPLETE if job.lost else UNANSWERED
             self._close(job)
 
     def _close(self, job: Job) -> None:

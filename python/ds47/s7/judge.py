@@ -18,6 +18,7 @@ from ds47.s7.model import (
     DONE,
     ELEMENTS,
     GET,
+    INCOMPLETE,
     OK,
     ORPHAN,
     PUT,
@@ -234,8 +235,8 @@ class Judge(Listener):
         if at is None or job.asked is None:
             return
         if job.state == UNANSWERED:
-            if not job.lost:
-                self._say("DS901", job, job.asked, operation=operation, area=areas(job.items))
+            self._say("DS901", job, job.asked, operation=operation, area=areas(job.items))
+        if job.state in (UNANSWERED, INCOMPLETE):
             return
         self._refused(job)
         if job.error:

@@ -10,10 +10,11 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 GET, PUT, BSEND, USEND = OPERATIONS = ("get", "put", "bsend", "usend")
-OK, ERROR, PARTIAL, REFUSED, UNANSWERED, ORPHAN = (
-    "ok", "error", "partial", "refused", "unanswered", "orphan",
+OK, ERROR, PARTIAL, REFUSED, UNANSWERED, INCOMPLETE, ORPHAN = (
+    "ok", "error", "partial", "refused", "unanswered", "incomplete", "orphan",
 )  # fmt: skip
-"""States of a job: all items went well, none, some; the whole job was refused; no answer; no request."""
+"""States of a job: all items went well, none, some; the whole job was refused; no answer; none in a capture that
+lacks something there; no request."""
 DB = 0x84
 """The area of data blocks; all others have no number."""
 ELEMENTS = frozenset((0x1C, 0x1D))

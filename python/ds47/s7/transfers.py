@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from ds47.s7.jobs import is_recent
 from ds47.s7.model import (
     BSEND,
+    INCOMPLETE,
     OK,
     ORPHAN,
     PARTIAL,
@@ -102,7 +103,7 @@ class Transfers:
         elif part.last:
             job.error, job.answered = 0, at
             whole = found.whole and len(found.data) == job.total
-            short = UNANSWERED if job.lost else PARTIAL  # lost segments were not left out
+            short = INCOMPLETE if job.lost else PARTIAL  # lost segments were not left out
             job.state = OK if whole else short if found.whole else ORPHAN
             self._close(found)
         return True
@@ -149,8 +150,9 @@ class Transfers:
 
     def _give_up(self, found: _Open) -> None:
         job = found.job
-        job.state = UNANSWERED if found.whole else ORPHAN
         job.lost = job.lost or job.connection.lacks(True) or job.connection.lacks(False)
+        silent = INCOMPLETE if job.lost else UNANSWERED
+        job.state = silent if found.whole else ORPHAN
         self._close(found)
 
     def _close(self, found: _Open) -> None:
