@@ -86,7 +86,8 @@ function M.new(options)
     original = nil, -- the frame of which the last one is a mirror port's copy; nil of all others
     result = nil,
   }, Analysis)
-  self.completeness = completeness.new(limits.activities)
+  local function lost_on_line(station) return self.bus.line:lost(station) end
+  self.completeness = completeness.new(limits.activities, lost_on_line)
   self.pairing = pairing.new(limits, self, self.completeness)
   self.gate = gate.Gate.new(options.indices, limits.waiting_calls, options.forbid_47)
   self.judge = rules.new(limits, slow_ns, function(device) return self.gate:waits(device) end)
@@ -466,8 +467,10 @@ function Analysis:exchanged(relation, job)
   self.cyclic:identify()
   local layout = self:pkw_layout(relation.device)
   job.order = job.order or self.pairing:number()
-  if relations.is_bus(relation) and self.bus.line.unsure >= job.request.at.frame then
-    job.heard = false -- something of the line was not seen: its response may have been there
+  if relations.is_bus(relation) then
+    local line, station = self.bus.line, tonumber(relation.device:match("%d+$"))
+    local unseen = math.max(line.unsure, line:lost(station))
+    job.heard = job.heard and unseen < job.request.at.frame -- else its response may be there
   end
   local item = pkw.build(relation, job, layout)
   self.dictionary:explain(item)

@@ -222,7 +222,9 @@ class Analysis:
         self._judge = Judge(bounds, slow_ns, index47.waits)
         self._catalogue = Catalogue(options.lists)
         self._dictionary = Dictionary(self._judge.objects, bounds.described_parameters)
-        self._completeness = Completeness(bounds.activities)
+        self._completeness = Completeness(
+            bounds.activities, lambda station: self._bus.line.lost(station)
+        )
         self._diagnoses = Diagnoses(options.codec, self._completeness)
         self._pairing = Pairing(
             bounds, self._answered, self._closed, self._nothing_to_read, self._refused,
@@ -438,8 +440,11 @@ class Analysis:
         if not self._catalogue.is_empty:
             naming.explain(transaction, self._catalogue, relation.vendor_id, None)
         self._objects.transaction(transaction)
-        if relation.is_bus and self._bus.line.unsure >= job.request.at.frame:
-            job.heard = False  # its response may be among what was not seen of the line
+        if relation.is_bus:
+            unseen = max(self._bus.line.unsure, self._completeness.newest(relation.device))
+            job.heard = (
+                job.heard and unseen < job.request.at.frame
+            )  # else its response may be there
         order, remarks = self._pairing.number(), self._conclusions.exchanged(relation, job)
         remarks += self._conclusions.transaction(transaction)
         if PKW in self._options.channels:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import struct
 import tomllib
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -1131,6 +1132,7 @@ def _incomplete(case: Case) -> Iterator[str]:
         "one_direction": lambda: iter(
             ["the device said something"] if gaps.spoke(*pair) < (deal.write or 0) else []
         ),
+        "line": lambda: _lacks_turns(case, deal.device, deal.write or 0),
         "read_answer": lambda: _is_without(case, deal, False),
         "write_answer": lambda: _is_without(case, deal, True),
         "ends": lambda: _ends(case, deal),
@@ -1151,6 +1153,8 @@ def _read_for_nothing(case: Case, what: str) -> Iterator[str]:
         yield from _is_gap(case, *pair)
     elif what == "requests":
         yield from _lacks_requests(case, *pair, 0)
+    elif what == "line":
+        yield from _lacks_turns(case, pair[1], 0)
     elif what == "begins":
         unknown = {each.frame for each in case.reading.findings if each.rule == "DS110"}
         before = [
@@ -1194,6 +1198,25 @@ def _is_gap(case: Case, client: str, server: str) -> Iterator[str]:
         yield "no calls are in these frames, one after the other"
     if args.get("numbers") not in [each.text for each in found]:
         yield f"the numbers {args.get('numbers')} are not missing there: {[each.text for each in found]}"
+
+
+def _lacks_turns(case: Case, device: str, begin: int) -> Iterator[str]:
+    """That of a station an exchange or an answer is missing behind a frame: by retries, the FCB and the order."""
+    line = case.reading.line
+    turns = line.of(int(device.removeprefix("dp"))) if line is not None else []
+    found = [
+        each.asked.number for each in turns
+        if each.asked.counts and not each.repeats
+        and (each.answer is None or each.answer.number > each.asked.number + 1)
+    ]  # fmt: skip
+    for master in {each.asked.sa for each in turns}:
+        own = [each.asked for each in turns if each.asked.sa == master]
+        found += [
+            two.number for one, two in pairwise(own)
+            if one.counts and two.counts and one.fc & 0x20 == two.fc & 0x20
+        ]  # fmt: skip
+    if not any(number >= begin for number in found):
+        yield "each exchange with the station is there, with its answer"
 
 
 def _is_without(case: Case, deal: Deal, write: bool) -> Iterator[str]:

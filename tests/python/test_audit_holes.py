@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from random import Random
 
 import pytest
-from tests.audit import cuts, holes, seeds, wire
+from tests.audit import cuts, holes, lines, seeds, wire
 
 ROOT = Path(__file__).parents[2]
 STACKS = sorted((ROOT / "captures/real-stacks").glob("*.pcapng"))
@@ -48,6 +50,24 @@ def test_stored_captures_with_holes(share: int) -> None:
 def test_random_conversations_with_holes(share: int, tmp_path: Path) -> None:
     for plan in seeds.planned(8, 470 + share, talks=True):
         assert list(map(str, seeds.of_cuts(plan, tmp_path))) == [], plan.text()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["every 11th lost", "every 17th lost"])
+def test_records_of_lines_with_holes(name: str, tmp_path: Path) -> None:
+    """On PROFIBUS retries and the FCB tell what is missing: of transactions nothing is said that is not so."""
+    told, path, random = [], tmp_path / "line.pcap", Random(60)
+    for _ in range(12):
+        plan = lines.planned(random)
+        whole = replace(
+            plan, loss=0.0, noise=0.0, snap=None, doubled=False, back=False, trouble=0.0
+        )
+        lines.play(whole).tape.write(path)
+        told += [
+            f"{each} {whole.text()}" for each in holes.of(path, [name])
+            if each.rule == "whole transaction" or each.rule.startswith(("DS2", "DS4", "DS7"))
+        ]  # fmt: skip
+    assert told == []
 
 
 @pytest.mark.parametrize("name", ["to devices", "from devices", "hole"])

@@ -28,7 +28,7 @@ import test_profibus_ppo
 import troubles
 from test_conversations import CASES, capture
 from test_cyclic_scenes import SCENES
-from tests.audit import seeds
+from tests.audit import cuts, seeds, wire
 from whole_capture import without_analyzers
 
 from ds47 import lab
@@ -397,6 +397,12 @@ def test_lines_of_profibus_give_the_same_result(version: str, tmp_path: Path) ->
         for name, scene in lab.everything().items()
         if name.startswith("profibus-")
     ]
+    path = tmp_path / "line.pcap"
+    for plan in seeds.planned(18, number=60)[::3]:
+        seeds.play(plan).tape.write(path)
+        for name, frames in cuts.of(wire.frames(path), ["every 5th lost", "every 11th lost"]):
+            cuts.write(path, frames)
+            sources.append(Source(f"{name} {plan.text()}", path.read_bytes(), False))
     compare(version, "en", sources, tmp_path)
     compare(version, "zh", sources[:1], tmp_path)
 

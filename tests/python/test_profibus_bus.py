@@ -18,7 +18,9 @@ from ds47.lab.master import NO_DPV1, PPO3, SET_PRM, Master
 from ds47.lab.master import READY as DIAGNOSIS
 from ds47.model import BusStation, CaptureResult, Finding
 from ds47.profibus.judge import Judge
+from ds47.profibus.line import Line, Seen
 from ds47.profibus.stations import MOST_FRAMES, Stations
+from ds47.profibus.telegram import decode
 from ds47.spec import rules
 from ds47.spec.semantics import Limits, limits
 
@@ -143,6 +145,25 @@ def test_no_answer_is_counted() -> None:
     wire.exchange(STATION)
     finding = one(wire, "DS804")
     assert (finding.frame, finding.args) == (first, {"device": "dp3", "count": 2, "of": 12})
+
+
+def test_what_was_said_with_a_station_is_all_there() -> None:
+    assert _lost(running().stage.shots) == 0
+
+
+@pytest.mark.parametrize("number", [12, 13, 15, 16, 18, 19])
+def test_a_frame_that_is_missing_is_noticed_by_the_next_request(number: int) -> None:
+    """An answer, because nobody repeats the request; a request, because the FCB is that of the one before."""
+    frames = list(running().stage.shots)
+    del frames[number - 1]
+    assert _lost(frames) in range(number, number + 4)
+
+
+def _lost(frames: list[Any]) -> int:
+    line = Line()
+    for number, each in enumerate(frames, 1):
+        line.take(Seen(number, each.time_ns, decode(each.data)))
+    return line.lost(STATION)
 
 
 def test_the_end_of_a_capture_is_no_missing_answer() -> None:

@@ -246,10 +246,12 @@ end
 
 -- What is not in the capture (P73)
 
--- What may be missing behind a frame of what the controller sent; PROFIBUS has no numbers.
+-- What may be missing behind a frame of what the controller sent.
 local function behind(self, peer, frame, lost)
-  if peer.station or not self.completeness then
+  if not self.completeness then
     return nil
+  elseif peer.station then
+    return self.completeness.lost_on_line(peer.station) > frame and {what = "line"} or nil
   end
   return self.completeness:behind(peer.controller, peer.device, frame, lost)
 end
@@ -291,9 +293,11 @@ local function is_silence(self, job, lost)
     and until_ns - read.time_ns >= self.limits.silence_ns
 end
 
--- Which call of a job, or which half of one, may be missing; not on PROFIBUS, which has no calls.
+-- Which call of a job, or which half of one, may be missing; PROFIBUS has no calls.
 local function lacks_calls(self, job, asked, lost)
-  if job.fetching and not job.limit and not is_silence(self, job, lost) then
+  if job.peer.station then
+    return behind(self, job.peer, asked.frame)
+  elseif job.fetching and not job.limit and not is_silence(self, job, lost) then
     return {what = "read_answer", first = job.fetching[1].frame}
   end
   local found = behind(self, job.peer, asked.frame, lost)
@@ -310,7 +314,7 @@ local function lacks(self, job, reason, newest_ns, lost)
   if asked == nil or job.read_response or job:write_refused() then
     return nil
   end
-  local found = not job.peer.station and lacks_calls(self, job, asked, lost) or nil
+  local found = lacks_calls(self, job, asked, lost)
   if found or job.limit then
     return found
   elseif (reason == "end" or reason == "expired")
@@ -854,8 +858,10 @@ local function of_another(self, channel, job, record)
   local half = record.response
   local asked, open, data = job:write_request(), channel.open, half.data
   local has_data = data ~= ""
-  if asked == nil or job.peer.station then
+  if asked == nil then
     return nil
+  elseif job.peer.station then
+    return not (mirrors(job, data) and counts(job)) and behind(self, job.peer, asked.frame) or nil
   end
   local fits, other = mirrors(job, data), open ~= nil and open ~= job
   local sought = record.request or half
@@ -894,10 +900,8 @@ end
 -- @param missing  why it may be for a request that was taken for open; nil where it is not
 local function nothing(self, peer, channel, record, missing)
   local half, known = record.response, missing == nil
-  if known and not peer.station then
+  if known then
     missing = asked_behind(self, peer, channel, free_since(self, channel, half))
-  elseif known and channel.ended == 0 then
-    missing = {what = "begins"}
   end
   self.listener:nothing_to_read(record, peer.device, missing)
   if half.status ~= nil and known then

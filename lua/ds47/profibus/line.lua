@@ -29,11 +29,13 @@ M.Line = Line
 function Line.new()
   return setmetatable({
     open = nil, -- the exchange that waits for its answer
-    last = {}, -- who asks whom -> the bytes of the newest request
+    last = {}, -- who asks whom -> the bytes of the newest request,
+    counted = {}, -- and its FCB, where that counts
     before = nil, -- the bytes of the frame before,
     same = false, -- whether the frame has them, too,
     echo = false, -- and whether it is so the second of two, the fourth of four and so on
     unsure = 0,
+    gone = {}, -- station -> the last frame before which something that was said with it was not seen
   }, Line)
 end
 
@@ -81,11 +83,19 @@ end
 function Line:_request(seen)
   local item, open = seen.item, self.open
   if open and open.request.item.data == item.data and (item.fcv == 1 or self.same) then
-    open.due = true
+    open.due, open.retried = true, true
     return nil
   end
   self.open = nil
   local row, key = tables.profibus.request[item.code], way(item.sa, item.da)
+  local last = self.counted[key]
+  if open and open.request.item.fcv == 1 and not open.retried then
+    self.gone[open.request.item.da] = seen.frame
+  end
+  if last and item.fcv == 1 and last == item.fcb and self.last[key] ~= item.data then
+    self.gone[item.da] = seen.frame
+  end
+  self.counted[key] = item.fcv == 1 and item.fcb or nil
   local exchange = {
     request = seen, answer = nil, due = true,
     again = item.fcv == 1 and self.last[key] == item.data,
@@ -129,6 +139,12 @@ function Line:_forget(answer)
   else
     self.last[way(answer.da, answer.sa)] = nil
   end
+end
+
+--- The last frame before which something that was said with a station was not seen; 0 for none.
+-- A master repeats a request without an answer, and turns the FCB round with each new one.
+function Line:lost(station)
+  return self.gone[station] or 0
 end
 
 return M

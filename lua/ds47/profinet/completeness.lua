@@ -103,9 +103,11 @@ local Completeness = {}
 Completeness.__index = Completeness
 
 --- Of every client and server, what is missing between them.
--- @param most  pairs that are remembered; the oldest goes first
-function M.new(most)
-  return setmetatable({most = most, pairs = ordered.new()}, Completeness)
+-- @param most          pairs that are remembered; the oldest goes first
+-- @param lost_on_line  station of PROFIBUS -> the newest frame before which something that was said with it
+--   may be missing
+function M.new(most, lost_on_line)
+  return setmetatable({most = most, pairs = ordered.new(), lost_on_line = lost_on_line}, Completeness)
 end
 
 local function key_of(client, server)

@@ -1377,6 +1377,7 @@ M.diagnosis_words = {
   calls = {en = "calls behind frame {first} and before frame {last} are not in the capture (RPC sequence numbers {numbers})", zh = "第 {first} 帧之后、第 {last} 帧之前的调用不在抓包中（RPC 序列号 {numbers}）"},
   requests = {en = "at least one request is missing in the capture, cut, or out of order", zh = "抓包中至少缺少一个请求，或该请求被截断、顺序颠倒"},
   one_direction = {en = "so far nothing that the device sent is in the capture", zh = "到此为止设备发送的内容都不在抓包中"},
+  line = {en = "something that was said with the station behind its request is not in the capture, or out of order", zh = "其请求之后与该站之间的部分报文不在抓包中，或顺序错乱"},
   halves = {en = "of other calls only the request or only the response is in the capture, or they are out of order", zh = "另有调用只有请求或只有应答在抓包中，或顺序颠倒"},
   read_answer = {en = "the response to the Read in frame {first} is not in the capture, or out of order", zh = "第 {first} 帧的读请求的应答不在抓包中，或顺序颠倒"},
   write_answer = {en = "the response to its Write is not in the capture", zh = "其写请求的应答不在抓包中"},

@@ -19,6 +19,7 @@ from ds47.profibus.idents import Idents
 from ds47.profibus.judge import Judge
 from ds47.profibus.line import Exchange
 from ds47.profibus.ms1 import MOST_DATA
+from ds47.profinet.completeness import STATION
 from ds47.profinet.records import Record
 
 
@@ -154,4 +155,4 @@ class StartUps:
 @lru_cache(maxsize=4096)
 def peer(master: int, station: int, family: str | None = None) -> Peer:
     """Who talks to whom: `dp2` is the station with the address 2."""
-    return Peer(f"dp{master}", f"dp{station}", station=station, family=family)
+    return Peer(f"{STATION}{master}", f"{STATION}{station}", station=station, family=family)

@@ -439,9 +439,13 @@ class Pairing:
     # What is not in the capture (P73)
 
     def _behind(self, peer: Peer, frame: int) -> Missing | None:
-        """What may be missing behind a frame of what the controller sent; PROFIBUS has no numbers."""
-        if peer.station is not None or self._completeness is None:
+        """What may be missing behind a frame of what the controller sent."""
+        if self._completeness is None:
             return None
+        if peer.station is not None:
+            return (
+                Missing("line") if self._completeness.lost_on_line(peer.station) > frame else None
+            )
         found = self._completeness.behind(peer.controller, peer.device, frame)
         if not isinstance(found, Hole):
             return None if found is None else Missing(found)
@@ -452,17 +456,18 @@ class Pairing:
         asked = job.write_request
         if asked is None or job.read_response is not None or job.write_refused:
             return None
-        if job.peer.station is None:
-            found = self._lacks_calls(job, asked)
-            if found is not None or job.limit:
-                return found
+        found = self._lacks_calls(job, asked)
+        if found is not None or job.limit:
+            return found
         if reason in ("end", "expired") and (job.ended or not self._ends_soon(job.peer, asked)):
             return None
         what = _ENDS.get(reason)
         return None if what is None else Missing(what)
 
     def _lacks_calls(self, job: Job, asked: Half) -> Missing | None:
-        """Which call of a job, or which half of one, may be missing; not on PROFIBUS, which has no calls."""
+        """Which call of a job, or which half of one, may be missing; PROFIBUS has no calls."""
+        if job.peer.station is not None:
+            return self._behind(job.peer, asked.frame)
         if job.fetching and not job.limit and not self._is_silence(job):
             return Missing("read_answer", job.fetching[0].frame)
         found = self._behind(job.peer, asked.frame)
@@ -497,8 +502,11 @@ class Pairing:
         """
         asked, half = job.write_request, record.response
         assert half is not None
-        if asked is None or job.peer.station is not None:
+        if asked is None:
             return None
+        if job.peer.station is not None:
+            found = self._behind(job.peer, asked.frame)
+            return None if _mirrors(job, half) and _counts(job) else found
         fits, other = _mirrors(job, half), channel.open not in (None, job)
         if half.data and not (fits or other) and job.write_response is None:
             return Missing("write_answer", asked.frame)
@@ -548,12 +556,10 @@ class Pairing:
         half = record.response
         assert half is not None
         known = missing is None
-        if known and peer.station is None:
+        if known:
             missing = self._asked_behind(
                 peer, channel, self._free_since(peer, channel, record, half)
             )
-        elif known and not channel.ended:
-            missing = Missing("begins")
         self._nothing_to_read(peer, record, missing)
         if half.status is not None and known:
             channel.pass_over()

@@ -98,6 +98,10 @@ class Line:
         """those among them that stand directly behind the same answer."""
         self.unsure = 0
         """The last such answer or damaged frame: before it something may have been that was not seen."""
+        self._lost: dict[int, int] = {}
+        """Of a station the last frame before which an exchange with it, or a part of one, was not seen."""
+        self._counted: dict[bytes, int | None] = {}
+        """By who asks whom the FCB of the last request, where it counts."""
         self._before = b""
         """The bytes of the frame before,"""
         self._same = False
@@ -126,6 +130,24 @@ class Line:
         if self._open is not None:
             self._open.passed, self._open.due = True, False
         return ()
+
+    def lost(self, station: int) -> int:
+        """The last frame before which something that was said with a station was not seen; 0 for none.
+
+        A master repeats a request without an answer, and turns the FCB round with each new one.
+        """
+        return self._lost.get(station, 0)
+
+    def _count(self, seen: Seen, last: Telegram | None) -> None:
+        """Whether the exchange before a request is not there, or not its answer."""
+        over, front = self._open, seen.item.front
+        if over is not None and over.request.item.front.fcv == 1 and not over.retried:
+            self._lost[_asked(over.request)] = seen.frame
+        counted = front.fcb if front.fcv == 1 else None
+        same = last is not None and last.data == seen.item.data
+        if counted is not None and counted == self._counted.get(front.way) and not same:
+            self._lost[_asked(seen)] = seen.frame
+        self._counted[front.way] = counted
 
     def finish(self) -> Sequence[Exchange]:
         """No frame comes any more."""
@@ -171,6 +193,7 @@ class Line:
                 over.retries.append(seen)
             return ()
         last = self._last.get(front.way)
+        self._count(seen, last)
         again = front.fcv == 1 and last is not None and last.data == item.data
         exchange = Exchange(seen, again, front.silent)
         if exchange.silent:
@@ -201,6 +224,13 @@ class Line:
             self._last.clear()
         else:
             self._last.pop(answer.front.back, None)
+
+
+def _asked(request: Seen) -> int:
+    """The station that a request goes to."""
+    station = request.item.front.da
+    assert station is not None
+    return station
 
 
 def _fits(request: Front, answer: Front) -> bool:

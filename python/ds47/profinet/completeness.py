@@ -8,6 +8,7 @@ activities. What that means for a transaction is the business of `ds47.acyclic.p
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Callable
 from typing import Final, Literal
 
 from ds47.profinet.rpc import Pdu
@@ -15,6 +16,8 @@ from ds47.spec.layouts import RPC_WRITE
 
 What = Literal["one_direction", "requests", "halves"]
 """All that one side sent; requests of Writes; the other halves of calls."""
+STATION: Final = "dp"
+"""What the name of a station of PROFIBUS begins with; its address follows."""
 _RESPONSE: Final = 2
 _KEPT: Final = 64
 """Holes of one activity, and responses without requests of a pair, that are kept by themselves."""
@@ -162,8 +165,10 @@ class Completeness:
         most: pairs and their activities that are remembered; the oldest goes first.
     """
 
-    def __init__(self, most: int) -> None:
+    def __init__(self, most: int, lost_on_line: Callable[[int], int] = lambda _: 0) -> None:
         self._most = most
+        self.lost_on_line = lost_on_line
+        """The newest frame behind which something may be missing that was said with a station of PROFIBUS."""
         self._pairs: OrderedDict[tuple[str, str], Pair] = OrderedDict()
         self.late = self.first_late = 0
         """How many responses come before their request, and the frame of the first one."""
@@ -274,7 +279,7 @@ class Completeness:
 
     def newest(self, server: str) -> int:
         """The newest frame behind which something that was said with a server may be missing; 0 for none."""
-        return max(
-            (pair.newest for (_, called), pair in self._pairs.items() if called == server),
-            default=0,
-        )
+        if server.startswith(STATION):
+            return self.lost_on_line(int(server.removeprefix(STATION)))
+        pairs = (pair for (_, called), pair in self._pairs.items() if called == server)
+        return max((pair.newest for pair in pairs), default=0)
