@@ -9,7 +9,6 @@ from __future__ import annotations
 import struct
 import tomllib
 from collections.abc import Callable, Iterator
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -1201,21 +1200,13 @@ def _is_gap(case: Case, client: str, server: str) -> Iterator[str]:
 
 
 def _lacks_turns(case: Case, device: str, begin: int) -> Iterator[str]:
-    """That of a station an exchange or an answer is missing behind a frame: by retries, the FCB and the order."""
+    """That of a station an exchange or an answer is missing behind a frame."""
     line = case.reading.line
-    turns = line.of(int(device.removeprefix("dp"))) if line is not None else []
-    found = [
-        each.asked.number for each in turns
-        if each.asked.counts and not each.repeats
-        and (each.answer is None or each.answer.number > each.asked.number + 1)
+    late = [
+        each.answer.number for each in (line.turns if line is not None else [])
+        if each.answer is not None and each.answer.number > each.asked.number + 1
     ]  # fmt: skip
-    for master in {each.asked.sa for each in turns}:
-        own = [each.asked for each in turns if each.asked.sa == master]
-        found += [
-            two.number for one, two in pairwise(own)
-            if one.counts and two.counts and one.fc & 0x20 == two.fc & 0x20
-        ]  # fmt: skip
-    if not any(number >= begin for number in found):
+    if not any(number >= begin for number in (*case.reading.gaps.turns(device), *late)):
         yield "each exchange with the station is there, with its answer"
 
 

@@ -106,6 +106,9 @@ class Gaps:
 
     def newest(self, server: str) -> int:
         """The frame behind which nothing is missing of what anybody asked of a server; 0 where nothing is."""
+        if self._capture.line is not None:
+            known = server.removeprefix("dp").isdigit()
+            return max([0, *(self.turns(server) if known else [])])
         pairs = {(client, called) for client, called in self._of if called == server}
         pairs |= {
             (each.target, each.source) for each in self._capture.strays if each.source == server
@@ -113,6 +116,27 @@ class Gaps:
         found = [gap.before for pair in pairs for gap in self.of(*pair)]
         found += [frame for pair in pairs for frame in (*self.halves(*pair), *self.cut(*pair))]
         return max([0, *found])
+
+    def turns(self, station: str) -> list[int]:
+        """Of a station of PROFIBUS the requests behind which an answer is missing, or an exchange before them.
+
+        A master repeats what has no answer, and turns the FCB round with each new request.
+        """
+        line = self._capture.line
+        turns = line.of(int(station.removeprefix("dp"))) if line is not None else []
+        found = [
+            each.asked.number + 1 for each in turns
+            if each.asked.counts and each.answer is None and not each.repeats and not each.last
+        ]  # fmt: skip
+        stray = [each.number for each in line.stray] if line is not None else []
+        for master in {each.asked.sa for each in turns}:
+            own = [each.asked for each in turns if each.asked.sa == master]
+            found += [
+                two.number for one, two in pairwise(own)
+                if one.counts and two.counts and one.fc & 0x20 == two.fc & 0x20
+                and (one.data != two.data or any(one.number < at < two.number for at in stray))
+            ]  # fmt: skip
+        return found
 
     def late(self, client: str, server: str) -> list[int]:
         """The frames of responses that come before their requests."""

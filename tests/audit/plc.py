@@ -138,6 +138,8 @@ def _order(calls: list[Told], deal: Deal, reading: Reading) -> Iterator[str]:
         true = [each for each in true if each not in kinds]
     if any(each.rule == "DS109" for each in reading.findings):  # calls that were given up
         told, true = ([each for each in kinds if each != "unseen"] for kinds in (told, true))
+    if "DS110" in deal.plain["findings"]:
+        true = true[: len(told)]  # of those behind, nobody knows whose they are
     if deal.write is not None and told != true:
         yield f"the Reads are told as {_runs(told)}, and came as {_runs(true)}"
 
