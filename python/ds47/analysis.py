@@ -442,9 +442,8 @@ class Analysis:
         self._objects.transaction(transaction)
         if relation.is_bus:
             unseen = max(self._bus.line.unsure, self._completeness.newest(relation.device))
-            job.heard = (
-                job.heard and unseen < job.request.at.frame
-            )  # else its response may be there
+            if unseen >= job.request.at.frame:
+                job.heard = False  # its response may be among what was not seen of the line
         order, remarks = self._pairing.number(), self._conclusions.exchanged(relation, job)
         remarks += self._conclusions.transaction(transaction)
         if PKW in self._options.channels:
