@@ -44,7 +44,7 @@ Job.reason = ""
 Job.again = "" -- of the first re-read, how it came about: a key of tables.diagnosis_words
 Job.accepted = false
 -- Further: write_response, read_request, read_response, response, previous_reference, superseded_by; and
---   previous: frame of the request before it on its channel, whose reference that is
+--   previous: frame of the request before it on its channel, as far as the capture shows
 --   superseding: the request that displaced this one; until it is closed
 --   rival: whose request was open when this one was turned away as in conflict with another; the same
 --   repeats: frame of an earlier response that was read once more where a new one was due
@@ -753,8 +753,8 @@ function Pairing:write_request(peer, record, message)
   local channel = channel_of(self, peer, record, record.request.time_ns)
   local missing = channel.written and behind(self, peer, channel.written)
   local known = not missing or missing.what == "one_direction" -- the request before it
-  local job = new_job(self, channel, peer, record, message, known and channel.reference or nil,
-    known and channel.written or nil)
+  local reference = known and channel.reference or nil
+  local job = new_job(self, channel, peer, record, message, reference, channel.written)
   local asked, half = channel.asked, record.request
   local count = #asked + 1
   asked[count] = job
@@ -831,11 +831,12 @@ function Pairing:write_unasked(peer, record)
   end
 end
 
--- Whether a program counts its references: one more than before, or two past 0.
+-- Whether a program counts its references, as far as is known: one more than before, or two past 0. Of the
+-- first one on a channel it may, and a capture that has only what somebody chose has no other.
 local function counts(job)
   local before, now = job.previous_reference, job:reference()
   local step = before and now and (now - before) % 256
-  return step == 1 or step == 2
+  return before == nil and job.previous == nil and not job.fetching or step == 1 or step == 2
 end
 
 -- Whether a Read may be for a Write without its response that is newer than the one of a job.
@@ -861,7 +862,8 @@ local function of_another(self, channel, job, record)
   if asked == nil then
     return nil
   elseif job.peer.station then
-    return not (mirrors(job, data) and counts(job)) and behind(self, job.peer, asked.frame) or nil
+    local sure = mirrors(job, data) and kind_fits(job.message, data)
+    return not (sure and counts(job)) and behind(self, job.peer, asked.frame) or nil
   end
   local fits, other = mirrors(job, data), open ~= nil and open ~= job
   local sought = record.request or half

@@ -99,7 +99,7 @@ class Job:
     """Decoded by whoever is told of the answer."""
     previous_reference: int | None
     previous: int | None
-    """Frame of the request before it on its channel, whose reference that is."""
+    """Frame of the request before it on its channel, as far as the capture shows."""
     superseded_by: int | None
     reason: str
     accepted: bool
@@ -338,10 +338,10 @@ class Pairing:
         assert record.request is not None
         channel = self._channel(peer, record, record.request.time_ns)
         job = self._job(peer, record, message)
-        before = channel.written
+        before = job.previous = channel.written
         missing = None if before is None else self._behind(peer, before)
         if missing is None or missing.what == "one_direction":
-            job.previous_reference, job.previous = channel.reference, before
+            job.previous_reference = channel.reference
         channel.reference, channel.written = message.request_reference, record.request.frame
         channel.asked.append(job)
         if self._asked is not None:
@@ -506,7 +506,8 @@ class Pairing:
             return None
         if job.peer.station is not None:
             found = self._behind(job.peer, asked.frame)
-            return None if _mirrors(job, half) and _counts(job) else found
+            sure = _mirrors(job, half) and _is_of_kind(job, half) is True
+            return None if sure and _counts(job) else found
         fits, other = _mirrors(job, half), channel.open not in (None, job)
         if half.data and not (fits or other) and job.write_response is None:
             return Missing("write_answer", asked.frame)
@@ -996,9 +997,14 @@ def _mirrors(job: Job, half: Half) -> bool:
 
 
 def _counts(job: Job) -> bool:
-    """Whether a program counts its references: one more than before, or two past 0."""
+    """Whether a program counts its references, as far as is known: one more than before, or two past 0.
+
+    Of the first one on a channel it may, and a capture that has only what somebody chose has no other.
+    """
     before, now = job.previous_reference, job.reference
-    return before is not None and now is not None and (now - before) % 256 in (1, 2)
+    if before is None:
+        return job.previous is None and not job.fetching
+    return now is not None and (now - before) % 256 in (1, 2)
 
 
 def _may_be_newer(channel: Channel, job: Job, record: Record) -> bool:

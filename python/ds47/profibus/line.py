@@ -100,6 +100,8 @@ class Line:
         """The last such answer or damaged frame: before it something may have been that was not seen."""
         self._lost: dict[int, int] = {}
         """Of a station the last frame before which an exchange with it, or a part of one, was not seen."""
+        self._marks: dict[int, int] = {}
+        """What the newest frame shows of that: it is behind the request of which it gives the exchange."""
         self._counted: dict[bytes, int | None] = {}
         """By who asks whom the FCB of the last request, where it counts."""
         self._before = b""
@@ -117,6 +119,9 @@ class Line:
             cut: whether the recording did not keep all of it.
         """
         item = seen.item
+        if self._marks:
+            self._lost.update(self._marks)
+            self._marks.clear()
         self._same = item.data == self._before
         self._echo = self._same and not self._echo
         self._before = item.data
@@ -142,15 +147,16 @@ class Line:
         """Whether the exchange before a request is not there, or not its answer."""
         over, front = self._open, seen.item.front
         if over is not None and over.request.item.front.fcv == 1 and not over.retried:
-            self._lost[_asked(over.request)] = seen.frame
+            self._marks[_asked(over.request)] = seen.frame
         counted = front.fcb if front.fcv == 1 else None
         same = last is not None and last.data == seen.item.data
         if counted is not None and counted == self._counted.get(front.way) and not same:
-            self._lost[_asked(seen)] = seen.frame
+            self._marks[_asked(seen)] = seen.frame
         self._counted[front.way] = counted
 
     def finish(self) -> Sequence[Exchange]:
         """No frame comes any more."""
+        self._lost.update(self._marks)
         over, self._open = self._open, None
         if over is None:
             return ()
