@@ -127,10 +127,15 @@ def _nothing_asked(case: Case) -> Iterator[str]:
         yield "no such Read is answered in this frame"
 
 
+def _channel(record: wire.Record) -> tuple[Any, ...]:
+    """What `Reading.on_channel` and `Deal.channel` call the channel of a record."""
+    ar = str(record.ar) if record.ar.int else None
+    return (record.controller, record.device, ar, *record.channel[3:])
+
+
 def _is_late(read: wire.Record, reading: Reading) -> bool:
     """Whether a Write of its channel stands between a Read and its response: nobody says what that was for."""
-    key = (read.controller, read.device, str(read.ar) if read.ar.int else None, *read.channel[3:])
-    asked = (each.asked for each in reading.on_channel.get(key, []) if each.write)
+    asked = (each.asked for each in reading.on_channel.get(_channel(read), []) if each.write)
     return any((read.asked or 0) < frame < (read.answered or 0) for frame in asked if read.asked)
 
 
@@ -147,8 +152,7 @@ def _once_more(case: Case) -> Iterator[str]:
     same = one.channel[3:] == other.channel[3:] and one.device == other.device
     if (first or 0) >= (frame or 0) or not same:
         yield "they are not of one place, one after the other"
-    ar = None if one.ar.int == 0 else str(one.ar)
-    key = (one.controller, one.device, ar, *one.channel[3:])
+    key = _channel(one)
     until = one.asked or one.answered or 0  # a response whose request was lost has no other frame
     between = [
         each for each in case.reading.on_channel.get(key, [])

@@ -1164,9 +1164,8 @@ def _read_for_nothing(case: Case, what: str) -> Iterator[str]:
         silent = before and (case.reading.time(case.frame) or 0) - (
             case.reading.time(before[-1].answered) or 0
         ) > 600 * 10**9  # fmt: skip
-        asked = (
-            reads[0].asked or case.frame
-        )  # out of order, a Release may stand before the response
+        asked = reads[0].asked or case.frame
+        # Out of order, a Release may stand before the response.
         over = any(asked < call.request.frame < case.frame for call in case.reading.given_up)
         if before and not silent and not over and not case.reading.gaps.newest(pair[1]):
             yield f"what was asked for before was fetched in frame {before[-1].answered}"

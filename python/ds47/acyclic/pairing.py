@@ -443,9 +443,8 @@ class Pairing:
         if self._completeness is None:
             return None
         if peer.station is not None:
-            return (
-                Missing("line") if self._completeness.lost_on_line(peer.station) > frame else None
-            )
+            lost = self._completeness.lost_on_line(peer.station)
+            return Missing("line") if lost > frame else None
         found = self._completeness.behind(peer.controller, peer.device, frame)
         if not isinstance(found, Hole):
             return None if found is None else Missing(found)
@@ -1026,9 +1025,9 @@ def _may_be(channel: Channel, job: Job, half: Half | None) -> bool:
 
     For one before an accepted one only by its kind, and where it is not the last one once more.
     """
-    if job.order > channel.accepted or half is None:
-        return job.order > channel.accepted
-    return _is_of_kind(job, half) is True and _bytes(channel.last) != half.data
+    return job.order > channel.accepted or (
+        half is not None and _is_of_kind(job, half) is True and _bytes(channel.last) != half.data
+    )
 
 
 def _is_of_kind(job: Job, half: Half) -> bool | None:

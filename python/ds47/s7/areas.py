@@ -182,9 +182,8 @@ class Splits:
         before, behind = last.items[-1].address, job.items[0].address
         if before is None or behind is None or before.end != behind.start or not fills(last):
             return False
-        if last.state != OK and (
-            last.state not in (UNANSWERED, INCOMPLETE) or last.phase != "open"
-        ):
+        unsettled = last.state in (UNANSWERED, INCOMPLETE) and last.phase == "open"
+        if last.state != OK and not unsettled:
             return False
         if len(self._parts) > 1 and len(last.items) > 1:
             return False
