@@ -17,7 +17,7 @@ from itertools import combinations, pairwise
 from pathlib import Path
 from typing import Any
 
-from tests.audit import message, s7, wire, words
+from tests.audit import message, s7, stations, wire, words
 from tests.audit.claims import Auditor, Case, absent, means, vendor
 from tests.audit.memory import LOCAL, MAYBE, NO_SUCH_AXIS, OF_THE_DEVICE, SURE, Memory, Target
 from tests.audit.reading import NOT_READY, Complaint, Deal, Finding, Reading, shown
@@ -266,7 +266,7 @@ def _turned_away(record: wire.Record, case: Case) -> Iterator[str]:
         )
         unsure = list(absent(case, deal, record.answered or record.asked))
         if deal.place == place and begun and still and deal.index != SHARED and not unsure:
-            yield f"the request of frame {deal.write} was open, and is in the capture"
+            yield f"it is known whose request was open: that of frame {deal.write}"
 
 
 def _is_place(told: object, deal: Deal | wire.Record) -> bool:
@@ -996,7 +996,7 @@ def _pace(case: Case, run: list[Deal]) -> Iterator[str]:
 
 _SAYS_OF = {
     "dropped": ("count",), "cut": ("count", "bytes"), "disorder": ("count",),
-    "gaps": ("numbers", "controller", "device"),
+    "gaps": ("numbers", "controller", "device"), "bus_answers": ("count", "device"),
 }  # fmt: skip
 """What DS725 carries, where that is not the number, and the two stations."""
 
@@ -1010,6 +1010,9 @@ def _half(case: Case) -> Iterator[str]:
             yield f"{name} is nothing that {what!r} says"
     if what.startswith("s7_"):
         yield from s7.missing(case.args, case.reading)
+        return
+    if what == "bus_answers":
+        yield from stations.missing(case)
         return
     pair = str(case.args.get("controller")), str(case.args.get("device"))
     if what == "disorder":

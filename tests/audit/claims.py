@@ -559,7 +559,9 @@ def _missing(case: Case) -> Iterator[str]:
         yield f"need {case.args.get('need')!r} is {found.missing}"
     yield from case.wrong("what", _cut_part(found))
     frame = case.reading.capture.frame(case.frame)
-    if frame is not None and frame.cut:
+    records = case.reading.asked_at.get(case.frame, [])  # of several in a frame some may be whole
+    whole = any(each.data == found.data and each.stated == len(found.data) for each in records)
+    if frame is not None and frame.cut and not whole:
         yield "the capture cut the frame, not the sender the message"
 
 
@@ -1169,6 +1171,11 @@ def _read_for_nothing(case: Case, what: str) -> Iterator[str]:
         over = any(asked < call.request.frame < case.frame for call in case.reading.given_up)
         if before and not silent and not over and not case.reading.gaps.newest(pair[1]):
             yield f"what was asked for before was fetched in frame {before[-1].answered}"
+    elif what == "read_answer":
+        first = case.reading.asked_at.get(case.args.get("first") or 0, [])
+        mine = [each for each in first if each.channel == reads[0].channel and not each.write]
+        if not mine or all(each.answered and not _swapped(case, each) for each in mine):
+            yield f"no such Read without an answer is in frame {case.args.get('first')}"
     elif what not in ("one_direction", "halves", "later", "write_answer"):
         yield f"what {what!r} is nothing"
 

@@ -17,6 +17,8 @@ from tests.audit.wire import Frame
 Cut = list[Frame]
 SECOND = 10**9
 SNAP = 300
+LINES = (147, 257)
+"""Link types of PROFIBUS."""
 
 
 def every(step: int, start: int = 0) -> Callable[[Cut], Cut]:
@@ -25,14 +27,28 @@ def every(step: int, start: int = 0) -> Callable[[Cut], Cut]:
 
 
 def servers(frames: Cut) -> set[bytes]:
-    """The IP addresses to which record calls go."""
+    """The IP addresses to which record calls go, and S7."""
     return {
         packet[16:20] for each in frames
-        if (packet := wire.ip_packet(each))[9:10] == b"\x11" and _asks(packet)
+        if _asks(packet := wire.ip_packet(each)) or _is_to_s7(packet)
     }  # fmt: skip
 
 
+def _is_to_s7(packet: bytes) -> bool:
+    at = (packet[0] & 15) * 4 if packet[9:10] == b"\x06" else len(packet)
+    return packet[at + 2 : at + 4] == (102).to_bytes(2, "big")
+
+
+def _answers(frame: wire.Frame) -> bool:
+    """Whether it is an answer on a line of PROFIBUS."""
+    data = frame.data
+    fc = {0x10: 3, 0x68: 6, 0xA2: 3}.get(data[0] if data else 0)
+    return data[:1] == b"\xe5" or (fc is not None and len(data) > fc and not data[fc] & 0x40)
+
+
 def _asks(packet: bytes) -> bool:
+    if packet[9:10] != b"\x11":
+        return False
     data = packet[(packet[0] & 15) * 4 + 8 :]
     if len(data) < 80 or data[:2] != b"\x04\x00":
         return False
@@ -42,12 +58,16 @@ def _asks(packet: bytes) -> bool:
 
 def to_devices(frames: Cut) -> Cut:
     """Nothing that a device sent."""
+    if frames[0].link in LINES:
+        return [each for each in frames if not _answers(each)]
     devices = servers(frames)
     return [each for each in frames if wire.ip_packet(each)[12:16] not in devices]
 
 
 def from_devices(frames: Cut) -> Cut:
     """Nothing that was sent to a device."""
+    if frames[0].link in LINES:
+        return [each for each in frames if _answers(each)]
     devices = servers(frames)
     return [each for each in frames if wire.ip_packet(each)[16:20] not in devices]
 

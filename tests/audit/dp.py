@@ -278,7 +278,7 @@ def _look_ahead(turn: Turn, later: list[Heard], taken: set[int], waited: set[int
             passed, whole = False, True
             turn.repeats.append(each)
             taken.add(each.number)
-        elif each.short or _is_answer(turn.asked, each):
+        elif each.time_ns >= turn.asked.time_ns and (each.short or _is_answer(turn.asked, each)):
             turn.answer = each
             return
     turn.last = not passed
@@ -290,21 +290,12 @@ def _is_answer(asked: Heard, told: Heard) -> bool:
 
 
 def _is_again(turn: Turn, before: list[Turn], found: Line) -> bool:
-    """Whether it is the turn before with its station once more, as far as the recording shows all between them."""
-    asked = turn.asked
-    ways = [
-        each for each in before
-        if not each.silent and (each.asked.sa, each.asked.da) == (asked.sa, asked.da)
-    ]  # fmt: skip
-    if not ways or not asked.counts or ways[-1].asked.data != asked.data:
+    """Whether it is the turn before once more: a master repeats at once, before it says anything else."""
+    if not before or not turn.asked.counts or before[-1].asked.data != turn.asked.data:
         return False
-    end = ways[-1].answer or ways[-1].asked
-    between = [
-        each.number for each in found.stray
-        if each.short or (each.da, each.sa) == (asked.sa, asked.da)
-    ]  # fmt: skip
-    between += found.doubts
-    return not any(end.number < each < asked.number for each in between)
+    between = [each.number for each in found.stray] + found.doubts
+    between += [each.number for each in found.flow if each.token]
+    return not any(before[-1].asked.number < each < turn.asked.number for each in between)
 
 
 # Records
@@ -349,12 +340,15 @@ def _answer(
     function = du[0] & ~NEGATIVE
     if function not in (READ, WRITE):
         opened.pop(key, None)
-    elif held is not None and held.record.write == (function == WRITE):
+    elif held is not None and held.record.write == (function == WRITE) and (
+        du[0] & NEGATIVE or len(du) < 3 or (du[1], du[2]) == (held.record.slot, held.record.index)
+    ):  # fmt: skip
         del opened[key]
         _ends(held.record, told, wire.RESPONSE)
         found.polls[told.number] = held.polled
         found.stations[told.number] = key[1]
     elif not turn.again and not du[0] & NEGATIVE and len(du) > 2:
+        opened.pop(key, None)
         record = _record(turn.asked, told, du, du[0] == WRITE)
         _ends(record, told, wire.RESPONSE)
         found.records.append(record)

@@ -128,13 +128,12 @@ class Gaps:
             each.asked.number + 1 for each in turns
             if each.asked.counts and each.answer is None and not each.repeats and not each.last
         ]  # fmt: skip
-        stray = [each.number for each in line.stray] if line is not None else []
         for master in {each.asked.sa for each in turns}:
-            own = [each.asked for each in turns if each.asked.sa == master]
+            own = [each for each in turns if each.asked.sa == master]
             found += [
-                two.number for one, two in pairwise(own)
-                if one.counts and two.counts and one.fc & 0x20 == two.fc & 0x20
-                and (one.data != two.data or any(one.number < at < two.number for at in stray))
+                two.asked.number for one, two in pairwise(own)
+                if one.asked.counts and two.asked.counts and not two.again
+                and one.asked.fc & 0x20 == two.asked.fc & 0x20
             ]  # fmt: skip
         return found
 

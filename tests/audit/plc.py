@@ -352,7 +352,7 @@ def _askers(record: wire.Record, deal: Deal, reading: Reading) -> tuple[set[int]
 
 def _owner(write: int, deal: Deal, reading: Reading) -> Deal | None:
     """The transaction of a Write of the same channel."""
-    own = (each for each in reading.deals if each.write == write and each.channel == deal.channel)
+    own = (each for each in reading.by_channel.get(deal.channel, ()) if each.write == write)
     return next(own, None)
 
 
@@ -387,10 +387,10 @@ def _is_over(write: int, at: int, deal: Deal, reading: Reading) -> bool:
 
 def _given(record: wire.Record, deal: Deal, reading: Reading) -> int | None:
     """The Write of the transaction to which a Read is given, by its frames or by what is said of the Read."""
-    frames = {record.asked, record.answered, *_fragments(record, reading)}
-    said = {each.transaction for each in reading.findings if each.frame in frames}
-    for each in reading.deals:
-        if each.channel == deal.channel and (_at(record) in each.all_frames or each.id in said):
+    frames = (record.asked, record.answered or 0, *_fragments(record, reading))
+    said = set().union(*(reading.said_of.get(frame, ()) for frame in frames))
+    for each in reading.by_channel.get(deal.channel, ()):
+        if _at(record) in each.all_frames or each.id in said:
             return each.write or 0
     return None
 

@@ -392,10 +392,11 @@ def of_change(finding: Finding, reading: Reading) -> Iterator[str]:
         (each["pnu"], each["subindex"]) for each in deal["parameters"] if each["error"]
     ]:
         yield "it is another parameter"
-    (drive,) = [
+    drive = [
         each for each in drives(reading)
         if (each.relation["device"], each.relation["slot"]) == (deal["device"], deal["slot"])
-    ]  # fmt: skip
+        and each.looks and each.looks[0].frame <= last
+    ][-1]  # fmt: skip
     known = [each for each in drive.looks if each.zsw1 is not None and each.frame <= last]
     there = [each for each in known if each.frame >= first] or known[-1:]
     runs = finding.rule == "DS530"

@@ -68,7 +68,7 @@ class Deal:
             else None
         )
 
-    @property
+    @cached_property
     def channel(self) -> tuple[object, ...]:
         """Who asks whom where."""
         return (
@@ -206,6 +206,21 @@ class Reading:
         return {each.id: each for each in self.deals}
 
     @cached_property
+    def by_channel(self) -> dict[tuple[object, ...], list[Deal]]:
+        found: dict[tuple[object, ...], list[Deal]] = {}
+        for deal in self.deals:
+            found.setdefault(deal.channel, []).append(deal)
+        return found
+
+    @cached_property
+    def said_of(self) -> dict[int, set[int | None]]:
+        """The transactions to which the findings of a frame belong."""
+        found: dict[int, set[int | None]] = {}
+        for each in self.findings:
+            found.setdefault(each.frame, set()).add(each.transaction)
+        return found
+
+    @cached_property
     def by_frame(self) -> dict[int, list[wire.Pdu]]:
         found: dict[int, list[wire.Pdu]] = {}
         for pdu in self.capture.pdus:
@@ -331,14 +346,14 @@ def report(paths: list[Path], *options: str) -> str:
     return out.getvalue()
 
 
-def read(path: Path, *, page: bool = True) -> Reading:
-    """Analyses a capture and reads it; without its page where that takes too long."""
+def read(path: Path, *, text: bool = True, page: bool = True) -> Reading:
+    """Analyses a capture and reads it; without its text and its page where nobody reads them."""
     captures = json.loads(report([path], "-f", "json"))["captures"]
     if not captures:
         raise ValueError(f"{path} is no capture that ds47 can read")
     plain = captures[0]
-    text = report([path], "--plc")
+    lines = report([path], "--plc") if text else ""
     html = report([path], "-f", "html") if page else ""
     capture = wire.read(path)
     dp.enter(capture)
-    return Reading(path.name, plain, capture, text, html)
+    return Reading(path.name, plain, capture, lines, html)

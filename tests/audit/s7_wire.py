@@ -376,7 +376,7 @@ def _ask(
 ) -> None:
     items: list[Item] = []
     groups, at = [], 2
-    for _ in range(parameter[1]):
+    for _ in range(parameter[1] if len(parameter) > 1 else 0):
         size, before = parameter[at + 1], len(items)
         if parameter[at + 2] == 0x10:
             kind, count, db, place = struct.unpack_from(">BHHI", parameter, at + 3)

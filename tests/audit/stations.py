@@ -16,6 +16,8 @@ from tests.audit.dp import Line, Turn
 from tests.audit.page import near, whole
 from tests.audit.reading import Complaint, Reading
 
+FCB = 0x20
+"""Of the FC of a request."""
 KEPT = 60
 """Frames that a finding names of what happens again and again."""
 MOST_POLLS, MOST_WANTING, MOST_BYTES = 100, 10, 240
@@ -41,6 +43,9 @@ class Station:
     def __init__(self, line: Line, address: int) -> None:
         self.line, self.address = line, address
         self.turns = [each for each in line.of(address) if _is_request(each)]
+        self.asked = [
+            each.asked for each in line.of(address) if each.asked.fc & 15 != dp.STATUS_REQUEST
+        ]
 
     def asks(self) -> bool:
         return any(
@@ -50,8 +55,18 @@ class Station:
     def answered(self, service: str) -> list[Turn]:
         return [each for each in self.turns if each.answer and each.asked.service == service]
 
-    def unanswered(self) -> list[Turn]:
-        return [each for each in self.turns if not each.answer and not each.broken and not each.cut]
+    def unanswered(self, *, had: bool = False) -> list[Turn]:
+        """Those without an answer that the master had not either, or `had`, as its next request shows."""
+        found = []
+        for each in self.turns:
+            at, master = each.asked.number, each.asked.sa
+            later = [two for two in self.asked if two.number > at and two.sa == master]
+            if each.answer or each.broken or each.cut or not later:
+                continue
+            turned = later[0].counts and (later[0].fc ^ each.asked.fc) & FCB
+            if turned if had else not later[0].counts:
+                found.append(each)
+        return found
 
     def damaged(self) -> list[int]:
         """Frames in the place of answers; the request may have one after it was repeated."""
@@ -98,9 +113,16 @@ class Station:
         ]
 
     def before(self, turns: list[Turn], frame: int) -> Turn | None:
-        """The last of them that was over before a frame."""
+        """The last of them that was over before a frame; None where a newer one has no answer."""
         over = [each for each in turns if each.answer and each.answer.number < frame]
-        return over[-1] if over else None
+        if not over:
+            return None
+        newer = [
+            each for each in self.turns
+            if each.asked.service == over[-1].asked.service and not each.answer
+            and over[-1].asked.number < each.asked.number < frame
+        ]  # fmt: skip
+        return None if newer else over[-1]
 
     def rows(self) -> list[tuple[list[int], bool]]:
         """Rows of answers that ask for Slave_Diag, and whether it was read at the end of each."""
@@ -501,6 +523,15 @@ def _repeats(case: Case, station: Station) -> Iterator[str]:
 def _no_answer(case: Case, station: Station) -> Iterator[str]:
     yield from _are(case, [each.asked.number for each in station.unanswered()])
     yield from case.wrong("of", len(station.turns))
+
+
+def missing(case: Case) -> Iterator[str]:
+    """Requests whose answers their master had, and the capture has not."""
+    line, station = case.reading.line, str(case.args.get("device")).removeprefix("dp")
+    lost = Station(line, int(station)).unanswered(had=True) if line and station.isdigit() else []
+    if not lost or case.finding.frame != lost[0].asked.number:
+        yield f"such requests are {[each.asked.number for each in lost]}"
+    yield from case.wrong("count", len(lost))
 
 
 def _not_enabled(case: Case, station: Station) -> Iterator[str]:

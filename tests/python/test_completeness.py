@@ -316,6 +316,18 @@ def unread(client: Client) -> None:
     client.read(tell(2))
 
 
+def turned_away(client: Client) -> None:
+    client.exchange(ask(1), tell(1))
+    client.write(ask(2), IN_USE)
+    client.poll()
+    client.read(tell(2))
+
+
+def busy(client: Client) -> None:
+    client.write(ask(1))
+    client.write(ask(2), IN_USE)
+
+
 def slow(*references: int) -> Callable[[Client], None]:
     """Jobs of six frames each: the Read is sent twice."""
 
@@ -328,7 +340,7 @@ def slow(*references: int) -> Callable[[Client], None]:
     return play
 
 
-NOT_THERE = 0xDE80B700
+NOT_THERE, IN_USE = 0xDE80B700, 0xDF80B500
 Told = tuple[str, list[tuple[object, ...]]]
 
 
@@ -344,6 +356,8 @@ def analysed(play: Callable[[Client], object], *frames: int) -> Told:
             found.append(
                 (each.frame, *(value for value in each.args.values() if value is not None))
             )
+        elif each.rule == "DS705":
+            found.append((each.rule, each.frame, each.args["first"]))
         elif each.rule in ABSENT:
             found.append((each.rule, each.frame))
     return " ".join(each.state for each in result.transactions), found
@@ -384,6 +398,13 @@ ABSENT = ("DS206", "DS401", "DS402", "DS404", "DS413", "DS415", "DS704", "DS705"
         (unread, (), "incomplete ok", [(1, "read_answer", 3)]),
         (unread, (2,), "incomplete ok", [(1, "read_answer", 2)]),
         (unread, (3, 4), "incomplete orphan", [(1, "requests")]),
+        (turned_away, (), "ok refused", [("DS705", 5, None)]),
+        (
+            turned_away, (4,), "incomplete refused orphan",
+            [(1, "read_answer", 3), ("DS705", 4, None), (7, "read_answer", 3)],
+        ),
+        (busy, (), "incomplete refused", [(1, "ends"), ("DS705", 3, 1)]),
+        (busy, (2,), "incomplete refused", [(1, "write_answer", 1), ("DS705", 2, None)]),
         (slow(1, 2, 3), (), "ok ok ok", []),
         (slow(1, 2, 3), (9, 10), "ok ok ok", []),
         (slow(254, 255, 1), (15, 16), "ok ok ok", []),

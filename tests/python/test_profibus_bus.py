@@ -13,7 +13,7 @@ import pytest
 
 from ds47.analysis import analyze
 from ds47.lab import captured
-from ds47.lab.fdl import frame
+from ds47.lab.fdl import FIRST, frame
 from ds47.lab.master import NO_DPV1, PPO3, SET_PRM, Master
 from ds47.lab.master import READY as DIAGNOSIS
 from ds47.model import BusStation, CaptureResult, Finding
@@ -141,10 +141,42 @@ def test_a_damaged_answer_is_that_of_its_station_though_a_retry_was_answered() -
 def test_no_answer_is_counted() -> None:
     wire = running()
     first = wire.ask(STATION, "00" * 12)
+    wire.restart(STATION)
     wire.ask(STATION, "01" * 12)
+    wire.restart(STATION)
     wire.exchange(STATION)
     finding = one(wire, "DS804")
     assert (finding.frame, finding.args) == (first, {"device": "dp3", "count": 2, "of": 12})
+
+
+def test_an_answer_that_the_master_had_is_missing_in_the_capture() -> None:
+    """FCB turns round with the next request; who asks for FDL_Status, or another master, says nothing of it."""
+    wire = running()
+    first = wire.ask(STATION, "00" * 12)
+    wire.look([STATION])
+    wire.put(frame(STATION, 1, FIRST, b""))
+    wire.exchange(STATION)
+    wire.ask(STATION, "00" * 12)
+    wire.repeat()
+    wire.exchange(STATION)
+    assert (station(wire).unanswered, found(wire)) == (0, found(wire, "DS803"))
+    (finding,) = (each for each in result(wire).findings if each.rule == "DS725")
+    assert finding.frame == first
+    told = {name: value for name, value in finding.args.items() if value is not None}
+    assert told == {"what": "bus_answers", "count": 2, "device": "dp3"}
+
+
+def test_an_answer_that_is_older_than_its_request_is_none() -> None:
+    wire = running()
+    wire.ask(STATION, "00" * 12)
+    wire.tell(STATION, "00" * 12)
+    wire.exchange(STATION)
+    assert station(wire).exchanges == 7
+    shots = wire.stage.shots
+    shots[-3], shots[-2] = shots[-2], shots[-3]
+    bus = result(wire).bus
+    assert bus is not None
+    assert (station(wire).exchanges, bus.stray) == (6, 1)
 
 
 def test_what_was_said_with_a_station_is_all_there() -> None:
@@ -175,13 +207,13 @@ def test_the_end_of_a_capture_is_no_missing_answer() -> None:
 
 def test_a_token_says_that_the_master_waited_in_vain() -> None:
     wire = running()
-    at = wire.ask(STATION, "00" * 12)
+    wire.ask(STATION, "00" * 12)
     wire.token()
-    assert (one(wire, "DS804").frame, station(wire).requests) == (at, 10)
+    assert (station(wire).requests, station(wire).unanswered) == (10, 0)
     wire.token()
     wire.spoil(1, 128)
     told = station(wire)
-    assert (told.requests, told.unanswered, told.damaged) == (10, 1, 0)
+    assert (told.requests, told.unanswered, told.damaged) == (10, 0, 0)
     wire.repeat()
     assert station(wire).requests == 9
     wire.tell(STATION, "00" * 12)
@@ -450,10 +482,11 @@ def everything_wrong() -> Master:
     wire.ask(3, "5f002ff1" + "00" * 240, 51, 51)
     wire.tell(3, "df80b100", 51, 51)
     wire.ask(4, "")
-    wire.ask(4, "")
-    wire.repeat()
+    wire.restart(4)
     wire.exchange(3)
     wire.spoil()
+    wire.ask(4, "")
+    wire.repeat()
     wire.exchange(3)
     wire.spoil(1)
     wire.record(3, "5e01ff40")
@@ -497,13 +530,16 @@ def by_chance(seed: int) -> tuple[Master, dict[int, dict[str, int]], dict[str, i
             line["damaged"] += 1
         told["exchanges"] += kind == "answer"
         told["damaged"] += kind == "damaged"
-        told["unanswered"] += kind == "nothing"
+        if kind == "nothing":
+            told["unanswered"] += 1
+            wire.restart(each)
         if chance.random() < 0.2:
             wire.token()
             line["tokens"] += 1
-    wire.exchange(stations[0], "00" * 4, "00" * 4)
-    counts[stations[0]]["requests"] += 1
-    counts[stations[0]]["exchanges"] += 1
+    for each in stations:
+        wire.exchange(each, "00" * 4, "00" * 4)
+        counts[each]["requests"] += 1
+        counts[each]["exchanges"] += 1
     return wire, counts, line
 
 
@@ -573,6 +609,8 @@ def test_each_frame_twice_is_a_line_of_two_places() -> None:
     wire.exchange(STATION)
     wire.spoil()
     wire.exchange(STATION)
+    wire.restart(4)
+    wire.exchange(4)
     single, double = wire, twice(wire)
     one, two = result(single).bus, result(double).bus
     assert one is not None

@@ -229,6 +229,13 @@ def test_an_answer_without_its_request() -> None:
     assert call.record.write
 
 
+def test_an_answer_of_another_record_is_none_of_the_open_call() -> None:
+    heard = Heard(Talk().ask(READ).answer().ask("").answer("5e01300401020304").frames)
+    assert heard.events == [("asked", 0), ("lost", 0)]
+    (call,) = heard.unasked
+    assert (call.record.slot, call.record.index) == (1, 0x30)
+
+
 def test_an_abort_ends_a_call() -> None:
     heard = Heard(Talk(sap=7).ask(READ).answer().ask("").answer("58000000").frames)
     assert heard.events == [("asked", 0), ("lost", 0)]

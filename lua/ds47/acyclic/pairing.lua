@@ -836,7 +836,8 @@ end
 local function counts(job)
   local before, now = job.previous_reference, job:reference()
   local step = before and now and (now - before) % 256
-  return before == nil and job.previous == nil and not job.fetching or step == 1 or step == 2
+  local first = before == nil and job.previous == nil and not (job.fetching or job:write_refused())
+  return first or step == 1 or step == 2
 end
 
 -- Whether a Read may be for a Write without its response that is newer than the one of a job.
@@ -850,6 +851,15 @@ local function may_be_newer(channel, job, record)
     end
   end
   return false
+end
+
+-- The Read of a job whose answer is missing, where a Write behind it was refused: it may have ended that.
+local function wrote_behind(channel, job)
+  local refused = channel.refused
+  if refused and refused ~= job and job.fetching and refused.order > job.order then
+    return {what = "read_answer", first = job.fetching[1].frame}
+  end
+  return nil
 end
 
 -- Why a record, or the refusal of a Read, may be for another Write than that of a job; nil: it is not.
@@ -927,12 +937,14 @@ function Pairing:read_response(peer, record)
   if late then
     job = nil -- what the Read asked for is over: its response came late
   end
+  local missing = job and wrote_behind(channel, job)
   if channel.refused and channel.refused ~= job then
     lose(self, channel.refused, "")
     channel.refused = nil
   end
-  local missing = job and (event == "read_record" or event == "read_refused")
-    and of_another(self, channel, job, record) or nil
+  if job and not missing and (event == "read_record" or event == "read_refused") then
+    missing = of_another(self, channel, job, record)
+  end
   if missing then
     set_aside(self, channel, job, missing)
     job = nil

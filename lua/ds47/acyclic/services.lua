@@ -132,6 +132,12 @@ local function new_call(exchange, message, request, response)
   }
 end
 
+-- Whether an answer is one to a request; a refusal names no place. Else the request it is to was not seen.
+local function is_of(record, answer)
+  local same = not answer.slot or answer.slot == record.slot and answer.index == record.index
+  return same and record.write == (answer.name == "write")
+end
+
 function CallTracker:_asked(key, asked, exchange)
   self:_lose(key)
   if asked.code ~= ms1.READ and asked.code ~= ms1.WRITE or not asked.slot or not asked.index then
@@ -159,11 +165,12 @@ function CallTracker:_answer(key, exchange)
     return -- not there yet
   elseif answer.name ~= "read" and answer.name ~= "write" then
     self:_lose(key)
-  elseif call and call.record.write == (answer.name == "write") then
+  elseif call and is_of(call.record, answer) then
     self.open:pop(key)
     call.record.response = half_of(seen, answer)
     self.handlers:answered(call)
   elseif not exchange.again and answer.slot and answer.index then
+    self:_lose(key)
     self.handlers:unasked(new_call(exchange, answer, nil, half_of(seen, answer)))
   end
 end

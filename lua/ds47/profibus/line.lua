@@ -8,7 +8,7 @@
 -- An exchange is a request and what became of it:
 --   request  what was seen of it
 --   answer   the same; nil where none came, or nobody answers such a request
---   again    whether it repeats the exchange before between the two: the master has no answer to that
+--   again    whether it repeats the exchange before: the master has no answer to that
 --   silent   whether nobody answers such a request
 --   due      whether its answer may still come: no token came behind it, nor a frame that the recording cut
 
@@ -29,8 +29,8 @@ M.Line = Line
 function Line.new()
   return setmetatable({
     open = nil, -- the exchange that waits for its answer
-    last = {}, -- who asks whom -> the bytes of the newest request,
-    counted = {}, -- and its FCB, where that counts
+    last = nil, -- the bytes of the request before, where nothing but its answer stands behind it
+    counted = {}, -- who asks whom -> the FCB of the newest request, where that counts
     before = nil, -- the bytes of the frame before,
     same = false, -- whether the frame has them, too,
     echo = false, -- and whether it is so the second of two, the fourth of four and so on
@@ -50,11 +50,11 @@ local function damage(self, seen, cut)
   for _, flaw in ipairs(seen.item.flaws) do short = short or cut and flaw.kind == "cut" end
   self.unsure = seen.frame
   if not open then
-    self.last = {}
+    self.last = nil
   elseif short and open.due then
     open.due = false
   elseif short and not self.echo then
-    self.last, self.open = {}, nil
+    self.last, self.open = nil, nil
     return open
   end
   return nil
@@ -71,6 +71,7 @@ function Line:take(seen, cut)
   if item.flaws[1] then
     return damage(self, seen, cut)
   elseif item.kind == "SD4" then
+    self.last = nil
     if self.open then self.open.due = false end
   elseif item.request then
     return self:_request(seen)
@@ -92,17 +93,18 @@ function Line:_request(seen)
   if open and open.request.item.fcv == 1 and not open.retried then
     self.gone[open.request.item.da] = seen.frame
   end
-  if last and item.fcv == 1 and last == item.fcb and self.last[key] ~= item.data then
+  local again = item.fcv == 1 and self.last == item.data
+  if last and item.fcv == 1 and last == item.fcb and not again then
     self.gone[item.da] = seen.frame
   end
   self.counted[key] = item.fcv == 1 and item.fcb or nil
   local exchange = {
-    request = seen, answer = nil, due = true,
-    again = item.fcv == 1 and self.last[key] == item.data,
+    request = seen, answer = nil, due = true, again = again,
     silent = item.da == ALL_STATIONS or row ~= nil and row.silent or false,
   }
+  self.last = not exchange.silent and item.data or nil
   if not exchange.silent then
-    self.last[key], self.open = item.data, exchange
+    self.open = exchange
     return open
   elseif open then
     return open, exchange
@@ -122,23 +124,14 @@ end
 
 function Line:_answer(seen)
   local over, item = self.open, seen.item
-  if not over or not fits(over.request.item, item) then
+  local early = over and seen.time_ns < over.request.time_ns
+  if not over or early or not fits(over.request.item, item) then
     self.unsure = seen.frame
-    self:_forget(item)
+    self.last = nil -- between the two was a request that was not seen: nothing repeats that before it
     return nil
   end
   self.open, over.answer = nil, seen
   return over
-end
-
--- Between the requests before and behind this answer was one that was not seen. They may be alike, FCB
--- included, and the second is no repetition of the first.
-function Line:_forget(answer)
-  if answer.kind == "SC" then
-    self.last = {}
-  else
-    self.last[way(answer.da, answer.sa)] = nil
-  end
 end
 
 --- The last frame before which something that was said with a station was not seen; 0 for none.

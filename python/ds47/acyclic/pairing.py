@@ -406,16 +406,15 @@ class Pairing:
         late = job is not None and _is_later(job, record)
         if late:
             job = None  # what the Read asked for is over: its response came late
+        missing = None if job is None else _wrote_behind(channel, job)
         if channel.refused is not None and channel.refused is not job:
             self._lose(channel.refused, "")
             channel.refused = None
-        missing = None
-        if job is not None and event in ("read_record", "read_refused"):
+        if job is not None and missing is None and event in ("read_record", "read_refused"):
             missing = self._of_another(channel, job, record)
-            if missing is not None:
-                self._set_aside(channel, job, missing)
-                job = None
-        if job is not None:
+        if job is not None and missing is not None:
+            self._set_aside(channel, job, missing)
+        elif job is not None:
             self._read(channel, job, event, record)
             return job
         if event != "read_record":
@@ -1002,8 +1001,16 @@ def _counts(job: Job) -> bool:
     """
     before, now = job.previous_reference, job.reference
     if before is None:
-        return job.previous is None and not job.fetching
+        return job.previous is None and not (job.fetching or job.write_refused)
     return now is not None and (now - before) % 256 in (1, 2)
+
+
+def _wrote_behind(channel: Channel, job: Job) -> Missing | None:
+    """The Read of a job whose answer is missing, where a Write behind it was refused: it may have ended that."""
+    refused = channel.refused
+    if refused is None or not job.fetching or refused.order <= job.order:
+        return None
+    return Missing("read_answer", job.fetching[0].frame)
 
 
 def _may_be_newer(channel: Channel, job: Job, record: Record) -> bool:

@@ -115,7 +115,7 @@ class CallTracker:
                     call.polls.append(exchange)
         elif answer.function not in ("read", "write"):
             self._lose(key)
-        elif call is not None and call.record.write == (answer.function == "write"):
+        elif call is not None and _is_of(call.record, answer):
             del self._open[key]
             call.record.response = _half(seen, answer)
             self._handlers.answered(call)
@@ -124,6 +124,7 @@ class CallTracker:
 
     def _unasked(self, key: tuple[int, int, int], answer: ms1.Message, seen: Seen) -> None:
         if answer.slot is not None and answer.index is not None:
+            self._lose(key)
             write = answer.function == "write"
             record = Record(write, False, NIL_UUID, NO_API, answer.slot, 0, answer.index, 0)
             record.response = _half(seen, answer)
@@ -133,6 +134,13 @@ class CallTracker:
         call = self._open.pop(key, None)
         if call is not None:
             self._handlers.lost(call)
+
+
+def _is_of(record: Record, answer: ms1.Message) -> bool:
+    """Whether an answer is one to a request; a refusal names no place. Else the request it is to was not seen."""
+    place = answer.slot, answer.index
+    same = place in ((None, None), (record.slot, record.index))
+    return same and record.write == (answer.function == "write")
 
 
 def _half(seen: Seen, message: ms1.Message) -> Half:

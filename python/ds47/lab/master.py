@@ -78,6 +78,10 @@ class Master:
         """The last request once more, as it went out."""
         return self.put(self._asked)
 
+    def restart(self, station: int) -> None:
+        """No answer came, after all repetitions: the next request begins anew, without FCV."""
+        self._fcb.pop(station, None)
+
     def tell(
         self,
         station: int,

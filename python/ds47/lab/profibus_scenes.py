@@ -94,16 +94,21 @@ def recorded_twice(master: Master) -> None:
 
 @BOOK.scene("DS804: a request without an answer", rules="DS804")
 def no_answer(master: Master) -> None:
-    """The station misses a request."""
+    """The station misses a request, and the master begins anew with it."""
     running(master).ask(MOTOR, "00" * 12)
+    master.restart(MOTOR)
     master.token()
     going(master)
 
 
-@BOOK.scene("Near DS804: nobody is at the addresses 4 to 9, and the capture ends before an answer")
+@BOOK.scene(
+    "Near DS804: nobody is at the addresses 4 to 9, the recorder missed an answer and stops before another one",
+    rules="DS725",
+)  # fmt: skip
 def nobody_there(master: Master) -> None:
-    """The master looks for other stations."""
-    running(master).look(range(4, 10))
+    """The master had the first answer, for its next request has the other FCB; then the capture ends."""
+    running(master).ask(MOTOR, "00" * 12)
+    master.look(range(4, 10))
     going(master).ask(MOTOR, "00" * 12)
 
 

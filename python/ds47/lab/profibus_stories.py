@@ -264,9 +264,11 @@ def bad_line(master: Master) -> None:
             master.spoil(*((1,) if number == 9 else ()))
             master.repeat()
             master.tell(SECOND, PZD_ALONE)
-        master.exchange(THIRD, PZD_ALONE, PZD_ALONE) if number < 20 else master.ask(
-            THIRD, PZD_ALONE
-        )
+        if number < 20:
+            master.exchange(THIRD, PZD_ALONE, PZD_ALONE)
+        else:
+            master.ask(THIRD, "", fdl.DIAGNOSIS)
+            master.restart(THIRD)
         master.token()
         master.wait(CYCLE)
 

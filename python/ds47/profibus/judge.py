@@ -110,6 +110,9 @@ class Judge:
         for rule, counted in (("DS803", station.retries), ("DS804", station.silent)):
             if counted.count and not (copied and rule == "DS803"):
                 yield _remark(rule, counted, device=device, of=of)
+        if missing := station.missing.count:
+            args = {"what": "bus_answers", "count": missing, "device": device}
+            yield Remark("DS725", station.missing.frames[0], args)
         if station.wanting.longest.count >= self._bounds.bus_diagnosis:
             yield _remark("DS812", station.wanting.longest, device=device)
 
@@ -127,14 +130,14 @@ class Judge:
         return noted
 
     def _not_enabled(self, station: Station, sap: int, service: str | None, frame: int) -> None:
-        set_up = station.parameters
+        set_up_in = None
         if service not in _OF_RECORDS:
             case = "sap_other"
-        elif set_up is None:
+        elif station.parameters is None or dp.PARAMETERS in station.unsure:
             case = "sap_unknown"
         else:
-            case = "sap_dpv1" if "dpv1" in set_up.flags else "sap_no_dpv1"
-        set_up_in = station.parameters_frame if service in _OF_RECORDS else None
+            case = "sap_dpv1" if "dpv1" in station.parameters.flags else "sap_no_dpv1"
+            set_up_in = station.parameters_frame
         args = {"sap": sap, "case": case, "frame": set_up_in}
         self._note("DS805", station.address, frame, args, (sap, case, set_up_in))
 
@@ -142,6 +145,8 @@ class Judge:
         """Empty outputs are those of a master that holds its slaves safe; SC has no inputs."""
         configured = station.configuration
         if configured is None or configured.flaws or not answer.item.front.exchanges:
+            return
+        if dp.CONFIGURATION in station.unsure:
             return
         want, there = (configured.output_length, configured.input_length), len(answer.item.du)
         if there != want[1] or (outputs and len(outputs) != want[0]):
@@ -173,7 +178,7 @@ class Judge:
             if flag in told.flags:
                 self._note("DS814", station.address, frame, {"case": case}, (case,))
         set_up = station.parameters
-        if set_up is None or station.parameters_master != asker:
+        if set_up is None or station.parameters_master != asker or dp.PARAMETERS in station.unsure:
             return
         if None not in (told.ident, set_up.ident) and told.ident != set_up.ident:
             args = {"case": "diag_ident", "ident": told.ident, "sent": set_up.ident}

@@ -44,7 +44,7 @@ class Exchange:
     retried: int
     """and how many there are."""
     again: bool
-    """Whether it repeats the exchange before between the two: the master has no answer to that."""
+    """Whether it repeats the exchange before: the master has no answer to that."""
     silent: bool
     """Whether nobody answers such a request."""
     damaged: int
@@ -86,8 +86,8 @@ class Line:
 
     def __init__(self) -> None:
         self._open: Exchange | None = None
-        self._last: dict[bytes, Telegram] = {}
-        """By who asks whom."""
+        self._last: Telegram | None = None
+        """The request before, where nothing but its answer stands behind it."""
         self.tokens = 0
         """How many tokens went round,"""
         self.damaged = 0
@@ -132,6 +132,7 @@ class Line:
         if item.front.kind != SD4:
             return self._answer(seen)
         self.tokens += 1
+        self._last = None
         if self._open is not None:
             self._open.passed, self._open.due = True, False
         return ()
@@ -143,14 +144,13 @@ class Line:
         """
         return self._lost.get(station, 0)
 
-    def _count(self, seen: Seen, last: Telegram | None) -> None:
+    def _count(self, seen: Seen, again: bool) -> None:
         """Whether the exchange before a request is not there, or not its answer."""
         over, front = self._open, seen.item.front
         if over is not None and over.request.item.front.fcv == 1 and not over.retried:
             self._marks[_asked(over.request)] = seen.frame
         counted = front.fcb if front.fcv == 1 else None
-        same = last is not None and last.data == seen.item.data
-        if counted is not None and counted == self._counted.get(front.way) and not same:
+        if counted is not None and counted == self._counted.get(front.way) and not again:
             self._marks[_asked(seen)] = seen.frame
         self._counted[front.way] = counted
 
@@ -173,11 +173,11 @@ class Line:
         self.unsure = seen.frame
         short = cut and any(each.kind == CUT for each in seen.item.flaws)
         if over is None:
-            self._last.clear()
+            self._last = None
         elif short and over.due:
             over.cut, over.due = True, False
         elif short and not self._echo:
-            self._last.clear()
+            self._last = None
             self._open = None
             return (over,)
         elif not (short or over.passed):
@@ -198,38 +198,28 @@ class Line:
             if over.retried <= MOST_RETRIES:
                 over.retries.append(seen)
             return ()
-        last = self._last.get(front.way)
-        self._count(seen, last)
-        again = front.fcv == 1 and last is not None and last.data == item.data
+        again = front.fcv == 1 and self._last is not None and self._last.data == item.data
+        self._count(seen, again)
         exchange = Exchange(seen, again, front.silent)
         if exchange.silent:
-            self._open = None
+            self._open = self._last = None
             return (exchange,) if over is None else (over, exchange)
-        self._last[front.way] = item
+        self._last = item
         self._open = exchange
         return () if over is None else (over,)
 
     def _answer(self, seen: Seen) -> Sequence[Exchange]:
         over, item = self._open, seen.item
-        if over is None or not _fits(over.request.item.front, item.front):
+        early = over is not None and seen.time_ns < over.request.time_ns
+        if over is None or early or not _fits(over.request.item.front, item.front):
             self.stray += 1
             self.echoes += self._echo
             self.unsure = seen.frame
-            self._forget(item)
+            self._last = None  # between the two was a request that was not seen: nothing repeats that before it
             return ()
         self._open = None
         over.answer = seen
         return (over,)
-
-    def _forget(self, answer: Telegram) -> None:
-        """Between the requests before and behind this answer was one that was not seen.
-
-        They may be alike, FCB included, and the second is no repetition of the first.
-        """
-        if answer.kind == SC:
-            self._last.clear()
-        else:
-            self._last.pop(answer.front.back, None)
 
 
 def _asked(request: Seen) -> int:

@@ -95,7 +95,11 @@ class Station:
     asked: int = 0
     """Requests to it that somebody answers, FDL_Status to one that is not there aside,"""
     silent: Counted = field(default_factory=Counted)
-    """those without an answer,"""
+    """those without an answer, as the next request of its master shows,"""
+    unheard: dict[int | None, Seen] = field(default_factory=dict)
+    """the one of each master of which that is not known yet,"""
+    missing: Counted = field(default_factory=Counted)
+    """and those whose answer is not in the capture, though their master had it,"""
     damaged: Counted = field(default_factory=Counted)
     """damaged frames in the place of answers, of which those are none,"""
     retries: Counted = field(default_factory=Counted)
@@ -121,6 +125,8 @@ class Station:
     configuration: dp.Configuration | None = None
     configuration_frame: int | None = None
     """Chk_Cfg,"""
+    unsure: set[str | None] = field(default_factory=set)
+    """Services of which the newest request has no answer: whether the station took it is not known."""
     diagnosis: dp.Diagnosis | None = None
     diagnosis_frame: int | None = None
     """and answer to Slave_Diag."""
@@ -239,8 +245,10 @@ class Stations:
         self.station(front.sa).asks = True
         if exchange.silent:
             return
-        answer = exchange.answer
-        if answer is None and (profibus.probes(front.code) or exchange.unfinished):
+        answer, probe = exchange.answer, profibus.probes(front.code)
+        if not probe and front.da in self._stations:
+            _settle(self._stations[front.da], exchange.request)
+        if answer is None and (probe or exchange.unfinished):
             return
         station = self.station(front.da)
         _count(station, exchange)
@@ -252,6 +260,7 @@ class Stations:
 def _keep(station: Station, exchange: Exchange, answer: Seen) -> None:
     """What an exchange with an answer says of the station."""
     name, item = exchange.request.item.front.service, answer.item
+    station.unsure.discard(name)
     if dp.refuses(item):
         return
     if name == dp.EXCHANGE:
@@ -273,6 +282,17 @@ def _keep(station: Station, exchange: Exchange, answer: Seen) -> None:
             station.wanting.read()
 
 
+def _settle(station: Station, seen: Seen) -> None:
+    """What a request shows of the one before: a master turns the FCB round where it had the answer."""
+    before, front = station.unheard.pop(seen.item.sa, None), seen.item.front
+    if before is not None:
+        had_it = front.fcv == 1 and front.fcb != before.item.front.fcb
+        if had_it:
+            station.missing.add(before.frame)
+        elif front.fcv == 0:  # else another exchange is missing, too
+            station.silent.add(before.frame)
+
+
 def _count(station: Station, exchange: Exchange) -> None:
     seen, answer = exchange.request, exchange.answer
     station.asked += 1
@@ -287,7 +307,9 @@ def _count(station: Station, exchange: Exchange) -> None:
         station.damaged.add(exchange.damaged, exchange.spoiled)
         station.copied += exchange.copied
     elif answer is None and not exchange.cut:
-        station.silent.add(seen.frame)
+        station.unheard[seen.item.sa] = seen
+    if answer is None:
+        station.unsure.add(seen.item.front.service)
     if answer is not None and exchange.retried <= len(
         exchange.retries
     ):  # else nobody knows when the last one was sent

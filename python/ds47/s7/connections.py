@@ -149,6 +149,7 @@ class Connections:
         if tpdu.kind not in (CR, CC, DR, DT) or (tpdu.kind == DT and not whole.data):
             return
         connection = line.connection or self._connection(talk, line, at)
+        connection.disordered |= at.time_ns < connection.last.time_ns
         if at > connection.last:
             connection.last = at
         if tpdu.kind == DT:

@@ -220,7 +220,7 @@ class Judge(Listener):
         crowd.jobs.discard(job)
         if job.answered is None or not crowd.jobs:
             del self._crowds[number]
-        if job.answered is None or crowd.jobs:
+        if job.answered is None or crowd.jobs or job.connection.disordered:
             return
         args = {
             "device": job.partner.ip, "controller": job.asker.ip, "most": crowd.open_now,

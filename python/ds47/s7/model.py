@@ -207,6 +207,8 @@ class Connection:
     """All other PDUs that are no job and belong to none: SZL, blocks, programming device."""
     lost_bytes: int = 0
     """Bytes that the capture does not have."""
+    disordered: bool = False
+    """Whether its frames are not in the order of their times: which job was open then is not known."""
     foreign: int = 0
     """PDUs of other protocols."""
     closed: bool = False

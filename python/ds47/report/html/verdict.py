@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from ds47.model import Bus, CaptureResult
+from ds47.model import Bus, BusStation, CaptureResult
 from ds47.report.formatting import escape
 from ds47.report.html.texts import Both, say
 
@@ -30,7 +30,7 @@ def quality(result: CaptureResult) -> list[Remark]:
         _complete(result),
         *_series(result),
         _dropped(result),
-        *(_line(result.bus) if result.bus else [_directions(result)]),
+        *(_line(result.bus, result) if result.bus else [_directions(result)]),
         *_flaws(rules),
     ]
 
@@ -82,12 +82,17 @@ def _directions(result: CaptureResult) -> Remark:
     return Remark("good", say("both_directions", n=asked, answered=answered))
 
 
-def _line(bus: Bus) -> Iterator[Remark]:
+def _answers(station: BusStation) -> bool:
+    return bool(station.exchanges or station.answer or station.parameters or station.diagnosis)
+
+
+def _line(bus: Bus, result: CaptureResult) -> Iterator[Remark]:
     """Of a line of PROFIBUS: whether answers, start-up and whole frames are there."""
     asked = [each for each in bus.stations if each.requests]
     requests = sum(each.requests for each in asked)
-    silent = sum(each.unanswered for each in asked)
-    if requests and silent == requests:
+    lost = (each.args for each in result.diagnoses if each.args.get("what") == "bus_answers")
+    silent = sum(each.unanswered for each in asked) + sum(each["count"] for each in lost)
+    if requests and not any(_answers(each) for each in asked):
         yield Remark("bad", say("bus_only_requests", n=requests))
     elif silent:
         yield Remark("warn", say("bus_some_unanswered", n=requests, missing=silent))
