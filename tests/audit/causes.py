@@ -14,6 +14,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from functools import cache
 from itertools import combinations, pairwise
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -265,6 +266,8 @@ def _turned_away(record: wire.Record, case: Case) -> Iterator[str]:
             "incomplete",
         )
         unsure = list(absent(case, deal, record.answered or record.asked))
+        # Its Read was under way: when that is told, nobody knows what it brings.
+        unsure += [""] * ((deal.frames["read_request"] or inf) < record.asked)
         if deal.place == place and begun and still and deal.index != SHARED and not unsure:
             yield f"it is known whose request was open: that of frame {deal.write}"
 

@@ -399,10 +399,7 @@ ABSENT = ("DS206", "DS401", "DS402", "DS404", "DS413", "DS415", "DS704", "DS705"
         (unread, (2,), "incomplete ok", [(1, "read_answer", 2)]),
         (unread, (3, 4), "incomplete orphan", [(1, "requests")]),
         (turned_away, (), "ok refused", [("DS705", 5, None)]),
-        (
-            turned_away, (4,), "incomplete refused orphan",
-            [(1, "read_answer", 3), ("DS705", 4, None), (7, "read_answer", 3)],
-        ),
+        (turned_away, (4,), "incomplete refused", [(1, "read_answer", 3), ("DS705", 4, None)]),
         (busy, (), "incomplete refused", [(1, "ends"), ("DS705", 3, 1)]),
         (busy, (2,), "incomplete refused", [(1, "write_answer", 1), ("DS705", 2, None)]),
         (slow(1, 2, 3), (), "ok ok ok", []),

@@ -266,9 +266,9 @@ end
 
 -- The frame in which nothing was open on a channel before a Read; 0 where none is known. A Connect may be
 -- behind it: what is known of an AR that proves itself late is told late.
-local function free_since(self, channel, half)
+local function free_since(self, channel, read)
   local connect = self.connects:get(channel.ar_key)
-  return math.max(channel.ended, connect and connect.frame < half.frame and connect.frame or 0)
+  return math.max(channel.ended, connect and connect.frame < read.frame and connect.frame or 0)
 end
 
 -- Whether so little of what the controller sent came behind a request that its Read may still come.
@@ -338,6 +338,14 @@ local function lose(self, job, reason, at)
     job.missing = job.missing or lacks(self, job, reason)
   end
   end_job(self, job, "lost")
+end
+
+-- A response that is not in the capture came behind the last one, or what is read may be of either.
+local function forget_last(self, channel)
+  if channel.last then
+    lose(self, channel.last, "")
+    channel.last = nil
+  end
 end
 
 -- Nothing more is known of a job from now on, and not because nothing came.
@@ -660,9 +668,8 @@ local function answer(self, channel, job, record)
   self.listener:answered(job)
   if half.data == "" then
     lose(self, job, "")
-    if channel.last and not job:write_refused() then
-      lose(self, channel.last, "") -- what is read from now on may be of either
-      channel.last = nil
+    if not job:write_refused() then
+      forget_last(self, channel) -- what is read from now on may be of either
     end
     return
   end
@@ -825,10 +832,7 @@ function Pairing:write_unasked(peer, record)
   end
   channel.unseen = half.frame
   pass_over(channel)
-  if channel.last then
-    lose(self, channel.last, "")
-    channel.last = nil
-  end
+  forget_last(self, channel)
 end
 
 -- Whether a program counts its references, as far as is known: one more than before, or two past 0. Of the
@@ -853,13 +857,18 @@ local function may_be_newer(channel, job, record)
   return false
 end
 
--- The Read of a job whose answer is missing, where a Write behind it was refused: it may have ended that.
+-- The last Read of a job without its answer, if a Write behind it was refused: it may have ended the job.
 local function wrote_behind(channel, job)
-  local refused = channel.refused
-  if refused and refused ~= job and job.fetching and refused.order > job.order then
-    return {what = "read_answer", first = job.fetching[1].frame}
+  local refused, polled = channel.refused, job.polls[#job.polls]
+  if not (refused and job.fetching and refused.order > job.order) then
+    return nil
   end
-  return nil
+  local last = nil
+  for _, sent in ipairs(job.fetching) do
+    last = sent.frame < refused:write_request().frame and sent.frame or last
+  end
+  local open = last and (polled == nil or last > polled.response.frame)
+  return open and {what = "read_answer", first = last} or nil
 end
 
 -- Why a record, or the refusal of a Read, may be for another Write than that of a job; nil: it is not.
@@ -885,7 +894,7 @@ local function of_another(self, channel, job, record)
   elseif may_be_newer(channel, job, record) then
     return {what = "later"}
   end
-  local since = has_data and job == channel.refused and free_since(self, channel, half) or asked.frame
+  local since = has_data and job == channel.refused and free_since(self, channel, sought) or asked.frame
   local found = asked_behind(self, job.peer, channel, since)
   if found == nil or not has_data or channel.unseen > since then
     return found
@@ -913,7 +922,7 @@ end
 local function nothing(self, peer, channel, record, missing)
   local half, known = record.response, missing == nil
   if known then
-    missing = asked_behind(self, peer, channel, free_since(self, channel, half))
+    missing = asked_behind(self, peer, channel, free_since(self, channel, record.request or half))
   end
   self.listener:nothing_to_read(record, peer.device, missing)
   if half.status ~= nil and known then
@@ -933,18 +942,22 @@ function Pairing:read_response(peer, record)
     channel.heard = half.frame
   end
   local job = addressee(channel, event, record)
+  local over = job and wrote_behind(channel, job)
+  if over then
+    set_aside(self, channel, job, over)
+    forget_last(self, channel) -- the missing one is newer
+    job = addressee(channel, event, record)
+  end
   local late = job and is_later(job, record)
   if late then
     job = nil -- what the Read asked for is over: its response came late
   end
-  local missing = job and wrote_behind(channel, job)
   if channel.refused and channel.refused ~= job then
     lose(self, channel.refused, "")
     channel.refused = nil
   end
-  if job and not missing and (event == "read_record" or event == "read_refused") then
-    missing = of_another(self, channel, job, record)
-  end
+  local missing = job and (event == "read_record" or event == "read_refused")
+    and of_another(self, channel, job, record) or nil
   if missing then
     set_aside(self, channel, job, missing)
     job = nil

@@ -390,6 +390,10 @@ class Pairing:
             return
         channel.unseen = half.frame
         channel.pass_over()
+        self._forget_last(channel)
+
+    def _forget_last(self, channel: Channel) -> None:
+        """A response that is not in the capture came behind the last one, or what is read may be of either."""
         if channel.last is not None:
             self._lose(channel.last, "")
             channel.last = None
@@ -403,14 +407,19 @@ class Pairing:
         if event == "read_record":
             channel.heard = half.frame
         job = self._addressee(channel, event, record)
+        over = None if job is None else _wrote_behind(channel, job)
+        if job is not None and over is not None:
+            self._set_aside(channel, job, over)
+            self._forget_last(channel)  # the missing one is newer
+            job = self._addressee(channel, event, record)
         late = job is not None and _is_later(job, record)
         if late:
             job = None  # what the Read asked for is over: its response came late
-        missing = None if job is None else _wrote_behind(channel, job)
         if channel.refused is not None and channel.refused is not job:
             self._lose(channel.refused, "")
             channel.refused = None
-        if job is not None and missing is None and event in ("read_record", "read_refused"):
+        missing = None
+        if job is not None and event in ("read_record", "read_refused"):
             missing = self._of_another(channel, job, record)
         if job is not None and missing is not None:
             self._set_aside(channel, job, missing)
@@ -515,7 +524,7 @@ class Pairing:
             return Missing("read_answer", job.fetching[0].frame)
         if _may_be_newer(channel, job, record):
             return Missing("later")
-        free = self._free_since(job.peer, channel, job.record, half)
+        free = self._free_since(job.peer, channel, job.record, record.request or half)
         since = free if job is channel.refused and half.data else asked.frame
         found = self._asked_behind(job.peer, channel, since)
         if found is None or not half.data or channel.unseen > since:
@@ -557,7 +566,7 @@ class Pairing:
         known = missing is None
         if known:
             missing = self._asked_behind(
-                peer, channel, self._free_since(peer, channel, record, half)
+                peer, channel, self._free_since(peer, channel, record, record.request or half)
             )
         self._nothing_to_read(peer, record, missing)
         if half.status is not None and known:
@@ -840,9 +849,8 @@ class Pairing:
             self._answered(job)
             if not half.data:
                 self._lose(job, "")
-                if not job.write_refused and channel.last is not None:
-                    self._lose(channel.last, "")  # what is read from now on may be of either
-                    channel.last = None
+                if not job.write_refused:
+                    self._forget_last(channel)  # what is read from now on may be of either
                 return
             if channel.last is not None:
                 self._lose(channel.last, "")
@@ -1006,11 +1014,14 @@ def _counts(job: Job) -> bool:
 
 
 def _wrote_behind(channel: Channel, job: Job) -> Missing | None:
-    """The Read of a job whose answer is missing, where a Write behind it was refused: it may have ended that."""
+    """The last Read of a job without its answer, if a Write behind it was refused: it may have ended the job."""
     refused = channel.refused
-    if refused is None or not job.fetching or refused.order <= job.order:
+    written = refused.write_request if refused is not None else None
+    if refused is None or written is None or refused.order <= job.order:
         return None
-    return Missing("read_answer", job.fetching[0].frame)
+    sent = [each.frame for each in job.fetching if each.frame < written.frame]
+    polled = job.polls[-1][1].frame if job.polls else 0
+    return Missing("read_answer", sent[-1]) if sent and sent[-1] > polled else None
 
 
 def _may_be_newer(channel: Channel, job: Job, record: Record) -> bool:
