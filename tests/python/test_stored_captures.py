@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import shutil
 import tomllib
 from pathlib import Path
@@ -38,6 +39,9 @@ def test_a_capture_is_what_its_manifest_says(path: Path) -> None:
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_a_capture_gives_its_stored_result(path: Path) -> None:
+    stored = json.loads(baseline.path_of(path).read_bytes())["capture"]["sha256"]
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    assert stored == digest, f"{path.name} is new: ds47 baseline --force {path.name}"
     outcome = check(plan([str(path)], series=False)[0], fail_on="note")
     said = "\n".join(change.text for change in outcome.changes)
     assert outcome.error is None, outcome.error
