@@ -114,8 +114,8 @@ function Ear.read_asked_late(_, peer, record, answer)
   tell("read_asked_late", {peer = peer, record = record_of(record), answer = answer})
 end
 
-function Ear.release(_, controller, device, ar, at)
-  tell("release", {controller = controller, device = device, ar = hex(ar), frame = at.frame})
+function Ear.release(_, controller, device, ar, at, index)
+  tell("release", {controller = controller, device = device, ar = hex(ar), frame = at.frame, index = index})
 end
 
 function Ear.write_unasked(_, peer, record)
