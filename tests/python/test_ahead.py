@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from report_formats import STREAMED
 
 from ds47.analysis import AnalysisOptions
 from ds47.batch.local import Local
@@ -41,7 +42,7 @@ def said(capsys: Any, *arguments: str) -> tuple[int, str, list[str]]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("format_name", ["text", "json", "ndjson", "csv"])
+@pytest.mark.parametrize("format_name", ["text", "json", *STREAMED])
 def test_two_processes_say_what_one_says(capsys: Any, folder: Path, format_name: str) -> None:
     arguments = ("-f", format_name, str(folder), str(folder / "empty"))
     alone = said(capsys, *arguments)

@@ -22,6 +22,7 @@ from typing import Any
 
 import pytest
 from batch_products import Names
+from report_formats import STREAMED
 
 from ds47 import __version__
 from ds47.analysis import analyze
@@ -131,7 +132,7 @@ def run(capsys: Any, *arguments: str | Path) -> tuple[int, str, list[str]]:
     return status, shown.out, shown.err.splitlines()
 
 
-@pytest.mark.parametrize("format_name", ["text", "json", "ndjson", "csv", "overview"])
+@pytest.mark.parametrize("format_name", ["text", "json", "overview", *STREAMED])
 def test_a_cluster_says_what_one_machine_says(
     capsys: Any, folder: Path, cluster: Cluster, monkeypatch: Any, format_name: str
 ) -> None:

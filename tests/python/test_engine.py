@@ -18,6 +18,7 @@ import pytest
 import test_profibus_bus
 import troubles
 from fake_tshark import real_tshark
+from report_formats import STREAMED
 
 from ds47 import spec
 from ds47.analysis import AnalysisOptions, analyze
@@ -670,7 +671,7 @@ def test_the_command(program: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("form", ["json", "ndjson", "csv"])
+@pytest.mark.parametrize("form", ["json", *STREAMED])
 def test_the_command_in_other_formats_from_stdin(program: str, form: str) -> None:
     data = (CAPTURES / "conversation-superseded-read.pcapng").read_bytes()
     native, both = (

@@ -23,6 +23,7 @@ import jsonschema
 import pytest
 from batch_products import Names
 from handmade import finding
+from report_formats import PRINTED
 
 from ds47 import __version__, report
 from ds47.analysis import AnalysisOptions, analyze
@@ -118,7 +119,7 @@ def test_a_result_is_the_report_of_its_capture(capsys: Any, folder: Path, tmp_pa
         assert document == json.loads(alone)
 
 
-@pytest.mark.parametrize("format_name", sorted({*report.FORMATS} - {"parquet"}))
+@pytest.mark.parametrize("format_name", PRINTED)
 def test_the_report_of_stored_results_is_the_report(
     capsys: Any, folder: Path, tmp_path: Path, format_name: str
 ) -> None:

@@ -9,10 +9,10 @@ from datetime import datetime, timedelta
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from report_formats import PRINTED
 
 from ds47.analysis import analyze
 from ds47.cli import main
-from ds47.report import FORMATS
 
 NAMES = (
     "tour-machine.pcapng", "real-stacks/o3_two_controllers.pcapng", "cyclic-longer-ramp.pcapng",
@@ -253,7 +253,7 @@ def test_captures_without_anything_that_is_wanted_are_left_out(capsys, captures)
     assert said.startswith("ds47: nothing matches --pnu 54321; there are 192.168.")
 
 
-@pytest.mark.parametrize("kind", sorted({*FORMATS} - {"text", "json", "parquet"}))
+@pytest.mark.parametrize("kind", sorted({*PRINTED} - {"text", "json"}))
 def test_every_format_can_be_narrowed(capsys, captures, kind):
     path = captures / "tour-machine.pcapng"
     _, whole, _ = run(capsys, "-f", kind, path)
