@@ -109,6 +109,15 @@ def put_entry(text: str, rule: str) -> str:
     return text.replace(f'[[rule]]\nid = "{behind}"', f'{entry}\n[[rule]]\nid = "{behind}"')
 
 
+def put_auditor(text: str, rule: str) -> str:
+    """The auditors with one more, at the end of the section in which those of its hundred begin."""
+    begin = text.index(f'@auditor("{rule[:3]}')
+    end = re.compile(r"\n\n\n# |\n\Z").search(text, begin)
+    assert end is not None
+    auditor = AUDITOR.format(rule=rule, name=rule.lower())
+    return f"{text[: end.start()]}\n{auditor.rstrip()}{text[end.start() :]}"
+
+
 def write(root: Path, wanted: str) -> list[str]:
     """Writes the skeletons into a checkout; what is left to do, a line each."""
     catalogue = root / RULES
@@ -127,8 +136,8 @@ def write(root: Path, wanted: str) -> list[str]:
         before, end, rest = book.read_text("utf-8").rpartition(END)
         case = VECTORS.format(rule=rule, name=name, topic=topic).rstrip()
         book.write_text(f"{before}\n{case}{end}{rest}", "utf-8")
-        with claims.open("a", encoding="utf-8") as file:
-            file.write(AUDITOR.format(rule=rule, name=name))
+        audited = put_auditor(claims.read_text("utf-8"), rule)
+        claims.write_text(audited, "utf-8", newline="\n")
     conditions = [f"python/ds47/{room}.py"] + [f"lua/ds47/{room}.lua"] * (rule[2] not in ANALYZERS)
     left = [
         f"{RULES}: the texts, English and Chinese, and the arguments",
@@ -142,10 +151,12 @@ def write(root: Path, wanted: str) -> list[str]:
         )
     if rule[2] == "8":
         left.append(f"{LAB}profibus_stories.py: a story that has it, which becomes a capture")
+    tests = "test_lab.py and test_conversations.py name" if vectors else "test_lab.py names"
     return [
         *left,
         f"{auditor}: what decides from the frames alone whether {rule} is true",
         "CHANGELOG.md: a line",
+        f"then: {tests} the older scenes that have it, too; add {rule} to their `rules`",
         "then: make captures; .venv/bin/ds47 accept --yes captures; make generated; make test",
     ]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import tomllib
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -18,6 +19,11 @@ from ds47.spec import rules
 
 CAPTURES = Path(__file__).resolve().parents[2] / "captures"
 NAMES = tuple(lab.scenarios())
+BOOK_OF = {
+    scenario.name: f"python/ds47/lab/{name}.py"
+    for name in lab.BOOKS
+    for scenario in import_module(f"ds47.lab.{name}").BOOK.scenarios
+}
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -31,9 +37,11 @@ def test_analysis_says_what_the_scenario_expects(name: str, tmp_path: Path) -> N
     got = tuple((transaction.operation, transaction.state) for transaction in result.transactions)
     assert got == scenario.expect.transactions
     ids = {finding.rule for finding in result.findings}
+    expected = scenario.expect.rules | scenario.expect.diagnoses
+    where = f"`rules` of this scene in {BOOK_OF[name]}"
+    assert not ids - expected, f"add {' '.join(sorted(ids - expected))} to the {where}"
+    assert not expected - ids, f"not found is {' '.join(sorted(expected - ids))} of the {where}"
     diagnoses = {rule for rule in ids if rule.startswith("DS7")}
-    assert ids - diagnoses == scenario.expect.rules
-    assert diagnoses == scenario.expect.diagnoses
     assert {each.rule for each in result.diagnoses} == diagnoses
 
 

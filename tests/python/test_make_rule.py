@@ -53,6 +53,12 @@ def test_skeletons_stand_in_their_places(copy: Path, hundred: str, changed: set[
     assert any(path.endswith(".lua") for path in places) != (hundred in ("DS8", "DS9"))
 
 
+def test_an_auditor_stands_in_the_section_of_its_hundred(copy: Path) -> None:
+    make_rule.write(copy, "DS2")
+    text = (copy / "tests/audit/claims.py").read_text("utf-8")
+    assert text.index("# Record calls") < text.index("TODO") < text.index("# Messages")
+
+
 def test_the_next_number_is_told() -> None:
     ids = ["DS417", "DS418", "DS501", "DS502", "DS520"]
     assert make_rule.following(ids, "DS4") == make_rule.following(ids, "DS419") == "DS419"

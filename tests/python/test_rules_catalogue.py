@@ -108,6 +108,7 @@ def test_messages_are_short_facts(rule: dict[str, Any]) -> None:
     for key in ("message", "message_zh"):
         assert len(rule[key]) <= 140
         assert not rule[key].endswith((".", "。"))
+        assert "{parameter}" not in rule[key][1:], "`Parameter 1120[0]` begins a sentence"
     assert placeholders(rule["message"]) == placeholders(rule["message_zh"])
     assert {*placeholders(rule["message"])} <= {
         *rule.get("args", {}),
