@@ -84,16 +84,18 @@ audit: $(STAMP)
 	$(BIN)/python -m tests.audit --holes --count $(N) --seed $(SEED) captures/real-stacks/*.pcapng
 
 lint: $(STAMP)
-	$(BIN)/ruff check .
-	$(BIN)/ruff format --check .
-	$(BIN)/mypy --strict python/ds47
-	@if command -v luacheck >/dev/null 2>&1; then \
-	  echo luacheck . && luacheck --quiet --no-color .; \
+	@failed=0; run() { echo "$$*"; "$$@" || failed=1; }; \
+	run $(BIN)/ruff check .; \
+	run $(BIN)/ruff format --check .; \
+	run $(BIN)/mypy --strict python/ds47; \
+	if command -v luacheck >/dev/null 2>&1; then \
+	  run luacheck --quiet --no-color .; \
 	elif [ "$(LUACHECK)" = must ]; then \
-	  echo "luacheck is missing (Debian: lua-check)" >&2; exit 1; \
+	  echo "luacheck is missing (Debian: lua-check)" >&2; failed=1; \
 	else \
 	  echo "luacheck is not installed (Debian: lua-check): lint of the Lua files skipped" >&2; \
-	fi
+	fi; \
+	exit $$failed
 
 format: $(STAMP)
 	$(BIN)/ruff check --fix .
