@@ -2,6 +2,7 @@
 # that has venv, filled from constraints.txt (exact versions, checked by hash).
 #
 #   make report     set up if needed, then print the report of the stored captures
+#   make venv       set up what the tests need, without system packages
 #   make test       set up, system packages included where that is possible, then run the quick tests
 #   make test-all   the same with the slow ones: every capture through each Lua, tshark and the auditor
 #   make lint       ruff check, ruff format --check, mypy --strict; luacheck where it is installed
@@ -71,7 +72,7 @@ report: $(RUN)
 
 test: system
 	@$(MAKE) --no-print-directory venv
-	@echo "The quick tests: some 4 minutes on two cores (all of them, with the slow ones: make test-all)." >&2
+	@echo "The quick tests: some 4 minutes on two free cores (all of them, with the slow ones: make test-all)." >&2
 	$(BIN)/python -m pytest $(PARALLEL) -m "not slow" $(ARGS)
 
 test-all: system
