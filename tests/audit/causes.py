@@ -999,7 +999,7 @@ def _pace(case: Case, run: list[Deal]) -> Iterator[str]:
 
 _SAYS_OF = {
     "dropped": ("count",), "cut": ("count", "bytes"), "disorder": ("count",),
-    "gaps": ("numbers", "controller", "device"), "bus_answers": ("count", "device"),
+    "gaps": ("numbers", "controller", "device"), "bus_answers": ("count", "device"), "bus_requests": ("count",),
 }  # fmt: skip
 """What DS725 carries, where that is not the number, and the two stations."""
 
@@ -1014,8 +1014,8 @@ def _half(case: Case) -> Iterator[str]:
     if what.startswith("s7_"):
         yield from s7.missing(case.args, case.reading)
         return
-    if what == "bus_answers":
-        yield from stations.missing(case)
+    if what in ("bus_answers", "bus_requests"):
+        yield from stations.missing(case) if what == "bus_answers" else stations.unasked(case)
         return
     pair = str(case.args.get("controller")), str(case.args.get("device"))
     if what == "disorder":

@@ -534,6 +534,15 @@ def missing(case: Case) -> Iterator[str]:
     yield from case.wrong("count", len(lost))
 
 
+def unasked(case: Case) -> Iterator[str]:
+    """Answers, and nothing that asks."""
+    heard = case.reading.line.heard if case.reading.line else []
+    answers = [each for each in heard if each.good and not each.token and not each.asks]
+    yield from case.wrong("count", len(answers))
+    if asked := [each.number for each in heard if each.asks and each.good]:
+        yield f"frame {asked[0]} asks"
+
+
 def _not_enabled(case: Case, station: Station) -> Iterator[str]:
     frames = []
     for turn in station.turns:

@@ -166,6 +166,19 @@ def test_an_answer_that_the_master_had_is_missing_in_the_capture() -> None:
     assert told == {"what": "bus_answers", "count": 2, "device": "dp3"}
 
 
+def test_of_a_line_with_answers_alone_the_requests_are_missing() -> None:
+    wire = running()
+    shots = [
+        each
+        for each in wire.stage.shots
+        if each.data[:1] == b"\xe5" or not decode(each.data).request
+    ]
+    wire.stage.shots = [each for each in shots if decode(each.data).kind != "SD4"]
+    told = [each for each in result(wire).findings if each.rule == "DS725"]
+    assert [each.args["what"] for each in told] == ["bus_requests"]
+    assert told[0].args["count"] == len(wire.stage.shots)
+
+
 def test_an_answer_that_is_older_than_its_request_is_none() -> None:
     wire = running()
     wire.ask(STATION, "00" * 12)
