@@ -122,6 +122,7 @@ def check(
     for deal in cut.deals:
         same = _same(whole, deal, origin)
         settled = ended or (same is not None and same.answer is not None)
+        settled = settled and not _given_away(whole, deal, origin)
         for text in _deal(same, deal, cut, origin) if not deal.cyclic and settled else ():
             yield Complaint("whole transaction", f"#{deal.id}", text)
     for finding in cut.findings if ended else ():
@@ -187,6 +188,12 @@ def _deal(same: Deal | None, deal: Deal, cut: Reading, origin: list[int]) -> Ite
             yield f"parameters are others than those of #{same.id} of the whole"
 
 
+def _given_away(whole: Whole, deal: Deal, origin: list[int]) -> bool:
+    """Whether the whole knows that a request was over, and leaves the record that mirrors it to a refused Write."""
+    there = whole.by_frame.get(origin[deal.read or 0], [])
+    return deal.fits and any(each.state == "refused" and not each.fits for each in there)
+
+
 def _values(plain: dict[str, Any]) -> tuple[object, ...]:
     return tuple(repr(plain[name]) for name in ("pnu", "subindex", "values", "error"))
 
@@ -217,6 +224,8 @@ def _finding(whole: Whole, finding: Finding, cut: Reading, origin: list[int]) ->
         return
     if frame != origin[finding.frame] and deal and same and not _same_bytes(deal, same):
         return  # of the record itself, of which another Read brought more or less: `run` looks at that
+    if deal and _given_away(whole, deal, origin):
+        return
     if deal and deal.write is None and same and same.answer and not same.fits:
         return  # the same: the whole reads it as the answer to a request that it is not the answer to
     free = COUNTS | OF_COUNTS.get(moved.rule, set())

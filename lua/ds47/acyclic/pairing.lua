@@ -857,10 +857,12 @@ local function may_be_newer(channel, job, record)
   return false
 end
 
--- The last Read of a job without its answer, if a Write behind it was refused: it may have ended the job.
-local function wrote_behind(channel, job)
-  local refused, polled = channel.refused, job.polls[#job.polls]
-  if not (refused and job.fetching and refused.order > job.order) then
+-- The last Read of a job without its answer, if a Write behind it was refused: it may have ended the job. A
+-- record that mirrors the request shows that it did not.
+local function wrote_behind(channel, job, record)
+  local refused, polled, data = channel.refused, job.polls[#job.polls], record.response.data
+  local shown = mirrors(job, data) and kind_fits(job.message, data)
+  if shown or not (refused and job.fetching and refused.order > job.order) then
     return nil
   end
   local last = nil
@@ -942,7 +944,7 @@ function Pairing:read_response(peer, record)
     channel.heard = half.frame
   end
   local job = addressee(channel, event, record)
-  local over = job and wrote_behind(channel, job)
+  local over = job and wrote_behind(channel, job, record)
   if over then
     set_aside(self, channel, job, over)
     forget_last(self, channel) -- the missing one is newer

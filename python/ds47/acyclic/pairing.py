@@ -407,7 +407,7 @@ class Pairing:
         if event == "read_record":
             channel.heard = half.frame
         job = self._addressee(channel, event, record)
-        over = None if job is None else _wrote_behind(channel, job)
+        over = None if job is None else _wrote_behind(channel, job, record)
         if job is not None and over is not None:
             self._set_aside(channel, job, over)
             self._forget_last(channel)  # the missing one is newer
@@ -1013,8 +1013,14 @@ def _counts(job: Job) -> bool:
     return now is not None and (now - before) % 256 in (1, 2)
 
 
-def _wrote_behind(channel: Channel, job: Job) -> Missing | None:
-    """The last Read of a job without its answer, if a Write behind it was refused: it may have ended the job."""
+def _wrote_behind(channel: Channel, job: Job, record: Record) -> Missing | None:
+    """The last Read of a job without its answer, if a Write behind it was refused: it may have ended the job.
+
+    A record that mirrors the request shows that it did not.
+    """
+    half = record.response
+    if half is not None and _mirrors(job, half) and _is_of_kind(job, half):
+        return None
     refused = channel.refused
     written = refused.write_request if refused is not None else None
     if refused is None or written is None or refused.order <= job.order:
