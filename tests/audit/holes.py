@@ -112,10 +112,8 @@ def check(
         return  # equal answers that disorder put side by side: a line of two places looks like that
     numbers = [each.number for each in frames]
     whole_one = numbers == sorted(numbers) and len(set(numbers)) == len(whole.item.capture.frames)
-    s7 = bool(
-        whole.item.plain.get("connections")
-    )  # the auditor of S7 reads whole connections alone
-    for complaint in run.complaints(cut, {}) if not s7 else ():
+    # The auditor of S7 reads whole connections alone.
+    for complaint in () if whole.item.plain.get("connections") else run.complaints(cut, {}):
         if complaint.rule != "line" or whole_one:  # else nobody knows whose all Reads are
             yield complaint
     origin = [0, *(whole.first.get(at, at) for at in numbers)]
@@ -198,18 +196,24 @@ def _values(plain: dict[str, Any]) -> tuple[object, ...]:
     return tuple(repr(plain[name]) for name in ("pnu", "subindex", "values", "error"))
 
 
-def _finding(whole: Whole, finding: Finding, cut: Reading, origin: list[int]) -> Iterator[str]:
-    """What of a finding is not so of the whole: neither its report says that, nor do its frames."""
-    deal = cut.deal(finding)
-    same = _same(whole, deal, origin) if deal is not None else None
-    args, frame = dict(finding.args), origin[finding.frame]
-    if finding.rule != "DS704":
-        frame = _first_time(frame, deal is not None and finding.frame == deal.read, deal, same)
+def _moved(finding: Finding, origin: list[int]) -> dict[str, Any]:
+    """The arguments with the frames of the whole one."""
+    args = dict(finding.args)
     for name in _of_type(finding.rule, "frame"):
         if isinstance(args[name], int):
             args[name] = origin[args[name]]
     for name in _of_type(finding.rule, "frames"):
         args[name] = sorted({origin[each] for each in args[name]})
+    return args
+
+
+def _finding(whole: Whole, finding: Finding, cut: Reading, origin: list[int]) -> Iterator[str]:
+    """What of a finding is not so of the whole: neither its report says that, nor do its frames."""
+    deal = cut.deal(finding)
+    same = _same(whole, deal, origin) if deal is not None else None
+    args, frame = _moved(finding, origin), origin[finding.frame]
+    if finding.rule != "DS704":
+        frame = _first_time(frame, deal is not None and finding.frame == deal.read, deal, same)
     moved = Finding(
         finding.rule, finding.severity, frame, [frame], args,
         finding.offset, finding.message, "", same.id if same else None, None,
