@@ -82,7 +82,9 @@ def _not_seen(case: Case) -> Iterator[str]:
     yield from case.wrong("id", deal.answer.id)
     codes = [block.code for block in deal.answer.blocks if block.failed and block.code is not None]
     yield from case.wrong("code", codes[0] if codes else None)
-    yield from case.wrong("among", len(set(codes)) > 1)
+    records = case.reading.answered_at.get(case.frame, [])
+    short = any(each.stated > len(each.data) for each in records if not each.write)
+    yield from case.wrong("among", len(set(codes)) > 1 or short)
     yield from vendor(case)
     if not (deal.answer.id or 0) & 0x80:
         yield "the response is positive"

@@ -160,7 +160,7 @@ LONGER = ("twice",)
 
 def of(frames: Cut, names: Iterable[str] = ALL) -> Iterator[tuple[str, Cut]]:
     """Those that leave something and change something."""
-    for name in names:
+    for name in names if frames else ():
         left = ALL[name](frames)
         if left and left != frames:
             yield name, left

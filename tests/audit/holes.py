@@ -28,7 +28,12 @@ COUNTS = {
 }  # fmt: skip
 """Arguments that count, time or list what is in the capture."""
 
-OF_COUNTS = {"DS701": {"case"}, "DS902": {"size"}, "DS904": {"area", "jobs"}, "DS810": {"last"}}
+OF_COUNTS = {
+    "DS701": {"case", "among"},
+    "DS902": {"size"},
+    "DS904": {"area", "jobs"},
+    "DS810": {"last"},
+}
 """Arguments of a rule that follow from such a count."""
 NOTHING = (None, "sap_unknown", "1 x unknown address")
 """Arguments that say nothing."""
@@ -80,8 +85,6 @@ def _agrees(rule: str, told: dict[str, Any], true: dict[str, Any], kept: list[in
     None says nothing, a count is that of the cut, and of a frame that is not kept the next one that shows it is told.
     """
     fixed = set(told) - COUNTS - OF_COUNTS.get(rule, set())
-    if not set(told.get("frames", ())) <= set(true.get("frames", ())):
-        return False
     later = {
         name for name in _of_type(rule, "frame")
         if isinstance(true[name], int) and true[name] not in kept and isinstance(told[name], int) and told[name] > true[name]
@@ -224,7 +227,10 @@ def _finding(whole: Whole, finding: Finding, cut: Reading, origin: list[int]) ->
     there = whole.told.get((moved.rule, moved.frame), [])
     if "frames" in args or moved.rule in OF_COUNTS:  # the first of them the cut one may not have
         there = [each for each in whole.item.findings if each.rule == moved.rule]
-    if any(_agrees(moved.rule, args, each.args, origin) for each in there):
+    true = [each.args for each in there if _agrees(moved.rule, args, each.args, origin)]
+    if true and set(args.get("frames", ())) <= {
+        at for each in true for at in each.get("frames", ())
+    }:
         return
     if frame != origin[finding.frame] and deal and same and not _same_bytes(deal, same):
         return  # of the record itself, of which another Read brought more or less: `run` looks at that

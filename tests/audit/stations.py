@@ -122,7 +122,25 @@ class Station:
             if each.asked.service == over[-1].asked.service and not each.answer
             and over[-1].asked.number < each.asked.number < frame
         ]  # fmt: skip
-        return None if newer else over[-1]
+        hidden = any(over[-1].asked.number < each < frame for each in self.holes())
+        return None if newer or hidden else over[-1]
+
+    def holes(self) -> list[int]:
+        """The requests before which something was not seen, an exchange or an answer that the master had."""
+        found = []
+        for master in {each.asked.sa for each in self.line.of(self.address)}:
+            own = [each for each in self.line.of(self.address) if each.asked.sa == master]
+            found += [
+                two.asked.number for one, two in pairwise(own)
+                if one.asked.counts and two.asked.counts and not two.again
+                and not (one.asked.fc ^ two.asked.fc) & FCB
+            ]  # fmt: skip
+            asked = [each for each in own if each.asked.fc & 15 != dp.STATUS_REQUEST]
+            found += [
+                two.asked.number for one, two in pairwise(asked)
+                if two.asked.counts and not (one.answer or one.broken or one.cut or one.last)
+            ]  # fmt: skip
+        return sorted(found)
 
     def rows(self) -> list[tuple[list[int], bool]]:
         """Rows of answers that ask for Slave_Diag, and whether it was read at the end of each."""

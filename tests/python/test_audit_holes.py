@@ -56,7 +56,7 @@ def test_random_conversations_with_holes(share: int, tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("share", range(2))
 def test_random_lines_with_holes(share: int, tmp_path: Path) -> None:
-    for plan in seeds.planned(24, 480 + share)[2::3]:
+    for plan in seeds.planned(24, 480 + share)[::3]:
         assert list(map(str, seeds.of_cuts(plan, tmp_path))) == [], plan.text()
 
 

@@ -344,6 +344,11 @@ def test_conversations_of_the_auditor_give_the_same_result(version: str, tmp_pat
         path = tmp_path / "talk.pcap"
         seeds.play(plan).tape.write(path)
         sources.append(Source(plan.text(), path.read_bytes(), False))
+        holes = [*cuts.ALL] * 2
+        start = plan.seed % len(cuts.ALL)
+        for name, frames in cuts.of(wire.frames(path), holes[start : start + 2]):
+            cuts.write(path, frames)
+            sources.append(Source(f"{name} {plan.text()}", path.read_bytes(), False))
     compare(version, "en", sources, tmp_path)
 
 

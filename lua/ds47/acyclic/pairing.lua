@@ -901,7 +901,8 @@ local function of_another(self, channel, job, record)
   if found == nil or not has_data or channel.unseen > since then
     return found
   end
-  return not (fits and (found.what == "begins" or counts(job))) and found or nil
+  local first = found.what == "begins" and (not job:write_refused() or kind_fits(job.message, data))
+  return not (fits and (first or counts(job))) and found or nil
 end
 
 -- Nobody knows any more what becomes of a job.

@@ -258,7 +258,7 @@ function M.not_seen(remarks, job)
   if job.message == nil and job.repeats then
     return -- told of the transaction that it repeats
   end
-  local failed, code, among = false, nil, false
+  local failed, code, among = false, nil, (half.missing or 0) > 0
   for _, block in ipairs(response.blocks) do
     local error = block.error or NONE
     failed = failed or block.error ~= nil

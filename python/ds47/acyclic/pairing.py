@@ -529,7 +529,8 @@ class Pairing:
         found = self._asked_behind(job.peer, channel, since)
         if found is None or not half.data or channel.unseen > since:
             return found
-        return None if fits and (found.what == "begins" or _counts(job)) else found
+        first = found.what == "begins" and (not job.write_refused or _is_of_kind(job, half))
+        return None if fits and (first or _counts(job)) else found
 
     def _set_aside(self, channel: Channel, job: Job, missing: Missing) -> None:
         """Nobody knows any more what becomes of a job."""

@@ -36,6 +36,12 @@ class _Noted:
     counted: Counted = field(default_factory=Counted)
 
 
+def _set_up(station: Station) -> dp.Parameters | None:
+    """The last Set_Prm, if it surely was."""
+    sure = station.knows(dp.PARAMETERS, station.parameters_frame)
+    return station.parameters if sure else None
+
+
 def _remark(rule: str, counted: Counted, **args: Any) -> Remark:
     """Something that happened in these frames."""
     more = {"count": counted.count, "frames": counted.frames}
@@ -132,13 +138,13 @@ class Judge:
         return noted
 
     def _not_enabled(self, station: Station, sap: int, service: str | None, frame: int) -> None:
-        set_up_in = None
+        set_up, set_up_in = _set_up(station), None
         if service not in _OF_RECORDS:
             case = "sap_other"
-        elif station.parameters is None or dp.PARAMETERS in station.unsure:
+        elif set_up is None:
             case = "sap_unknown"
         else:
-            case = "sap_dpv1" if "dpv1" in station.parameters.flags else "sap_no_dpv1"
+            case = "sap_dpv1" if "dpv1" in set_up.flags else "sap_no_dpv1"
             set_up_in = station.parameters_frame
         args = {"sap": sap, "case": case, "frame": set_up_in}
         self._note("DS805", station.address, frame, args, (sap, case, set_up_in))
@@ -148,7 +154,7 @@ class Judge:
         configured = station.configuration
         if configured is None or configured.flaws or not answer.item.front.exchanges:
             return
-        if dp.CONFIGURATION in station.unsure:
+        if not station.knows(dp.CONFIGURATION, station.configuration_frame):
             return
         want, there = (configured.output_length, configured.input_length), len(answer.item.du)
         if there != want[1] or (outputs and len(outputs) != want[0]):
@@ -179,8 +185,8 @@ class Judge:
         for flag, case in _FAULTS.items():
             if flag in told.flags:
                 self._note("DS814", station.address, frame, {"case": case}, (case,))
-        set_up = station.parameters
-        if set_up is None or station.parameters_master != asker or dp.PARAMETERS in station.unsure:
+        set_up = _set_up(station)
+        if set_up is None or station.parameters_master != asker:
             return
         if None not in (told.ident, set_up.ident) and told.ident != set_up.ident:
             args = {"case": "diag_ident", "ident": told.ident, "sent": set_up.ident}

@@ -45,6 +45,8 @@ class Exchange:
     """and how many there are."""
     again: bool
     """Whether it repeats the exchange before: the master has no answer to that."""
+    hole: bool
+    """Whether an exchange before it was not seen: it has the FCB of the one that was, and does not repeat that."""
     silent: bool
     """Whether nobody answers such a request."""
     damaged: int
@@ -68,6 +70,7 @@ class Exchange:
         self.retries = []
         self.retried = 0
         self.again = again
+        self.hole = False
         self.silent = silent
         self.damaged = 0
         self.spoiled = 0
@@ -144,15 +147,17 @@ class Line:
         """
         return self._lost.get(station, 0)
 
-    def _count(self, seen: Seen, again: bool) -> None:
-        """Whether the exchange before a request is not there, or not its answer."""
+    def _count(self, seen: Seen, again: bool) -> bool:
+        """Whether the exchange before a request is not there; remembers that, and whether its answer is not."""
         over, front = self._open, seen.item.front
         if over is not None and over.request.item.front.fcv == 1 and not over.retried:
             self._marks[_asked(over.request)] = seen.frame
         counted = front.fcb if front.fcv == 1 else None
-        if counted is not None and counted == self._counted.get(front.way) and not again:
+        hole = counted is not None and counted == self._counted.get(front.way) and not again
+        if hole:
             self._marks[_asked(seen)] = seen.frame
         self._counted[front.way] = counted
+        return hole
 
     def finish(self) -> Sequence[Exchange]:
         """No frame comes any more."""
@@ -199,8 +204,8 @@ class Line:
                 over.retries.append(seen)
             return ()
         again = front.fcv == 1 and self._last is not None and self._last.data == item.data
-        self._count(seen, again)
         exchange = Exchange(seen, again, front.silent)
+        exchange.hole = self._count(seen, again)
         if exchange.silent:
             self._open = self._last = None
             return (exchange,) if over is None else (over, exchange)

@@ -125,11 +125,17 @@ class Station:
     configuration: dp.Configuration | None = None
     configuration_frame: int | None = None
     """Chk_Cfg,"""
+    hole: int = 0
+    """The last request before which something was not seen."""
     unsure: set[str | None] = field(default_factory=set)
     """Services of which the newest request has no answer: whether the station took it is not known."""
     diagnosis: dp.Diagnosis | None = None
     diagnosis_frame: int | None = None
     """and answer to Slave_Diag."""
+
+    def knows(self, service: str, frame: int | None) -> bool:
+        """Whether its Set_Prm or Chk_Cfg in a frame is surely the newest one."""
+        return frame is not None and service not in self.unsure and self.hole <= frame
 
     def settle(self, copied: bool) -> None:
         """Whether the recording has each frame twice is known, once nothing more comes."""
@@ -247,7 +253,7 @@ class Stations:
             return
         answer, probe = exchange.answer, profibus.probes(front.code)
         if not probe and front.da in self._stations:
-            _settle(self._stations[front.da], exchange.request)
+            _settle(self._stations[front.da], exchange)
         if answer is None and (probe or exchange.unfinished):
             return
         station = self.station(front.da)
@@ -282,15 +288,16 @@ def _keep(station: Station, exchange: Exchange, answer: Seen) -> None:
             station.wanting.read()
 
 
-def _settle(station: Station, seen: Seen) -> None:
+def _settle(station: Station, exchange: Exchange) -> None:
     """What a request shows of the one before: a master turns the FCB round where it had the answer."""
-    before, front = station.unheard.pop(seen.item.sa, None), seen.item.front
-    if before is not None:
-        had_it = front.fcv == 1 and front.fcb != before.item.front.fcb
-        if had_it:
-            station.missing.add(before.frame)
-        elif front.fcv == 0:  # else another exchange is missing, too
-            station.silent.add(before.frame)
+    seen, front = exchange.request, exchange.request.item.front
+    before = station.unheard.pop(seen.item.sa, None)
+    if before is not None and front.fcv == 0:
+        station.silent.add(before.frame)
+    elif before is not None and front.fcb != before.item.front.fcb:
+        station.missing.add(before.frame)
+    if exchange.hole or (before is not None and front.fcv == 1):
+        station.hole = seen.frame
 
 
 def _count(station: Station, exchange: Exchange) -> None:

@@ -97,9 +97,9 @@ def rows(timeline: Timeline) -> list[Row]:
     heeded = 0
     for row in found:
         newest |= {each.name: each for each in row.events}
-        after = row.last.after or 0
-        if row.last.word == "STW1" and after >> HEEDED & 1:
-            heeded = after
+        # The word before may have taken a command back, which is no event.
+        for word in (row.last.before or 0, row.last.after or 0) if row.last.word == "STW1" else ():
+            heeded = word if word >> HEEDED & 1 else heeded
         causes = (_cause(each, newest, heeded) for each in row.events if is_caused(each))
         row.cause = next(filter(None, causes), None)
     return found
