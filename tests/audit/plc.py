@@ -328,6 +328,14 @@ def _at(record: wire.Record) -> int:
 
 
 def _askers(record: wire.Record, deal: Deal, reading: Reading) -> tuple[set[int], bool]:
+    """The same of each Read for all transactions of its channel, which ask one after the other."""
+    key = deal.channel, record.asked, record.answered
+    if key not in reading.askers:
+        reading.askers[key] = _asked_by(record, deal, reading)
+    return reading.askers[key]
+
+
+def _asked_by(record: wire.Record, deal: Deal, reading: Reading) -> tuple[set[int], bool]:
     """The Writes that a Read may be for, and whether it surely is for one of them; 0 is one that nobody saw.
 
     It is for the newest that was accepted while that has no response, else for the newest. Of a Write without its

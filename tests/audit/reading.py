@@ -183,6 +183,8 @@ class Reading:
     """The HTML page."""
     deals: list[Deal] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
+    askers: dict[tuple[object, ...], tuple[set[int], bool]] = field(default_factory=dict)
+    """What `plc` found out of each Read: its channel and frames are the key."""
 
     def __post_init__(self) -> None:
         self.deals = [Deal(each) for each in self.plain["transactions"]]
