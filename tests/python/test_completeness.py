@@ -328,6 +328,13 @@ def busy(client: Client) -> None:
     client.write(ask(2), IN_USE)
 
 
+def released(client: Client) -> None:
+    client.write(ask(1))
+    client.write(ask(2))
+    client.poll()
+    client.release()
+
+
 def slow(*references: int) -> Callable[[Client], None]:
     """Jobs of six frames each: the Read is sent twice."""
 
@@ -402,6 +409,7 @@ ABSENT = ("DS206", "DS401", "DS402", "DS404", "DS413", "DS415", "DS704", "DS705"
         (turned_away, (4,), "incomplete refused", [(1, "read_answer", 3), ("DS705", 4, None)]),
         (busy, (), "incomplete refused", [(1, "ends"), ("DS705", 3, 1)]),
         (busy, (2,), "incomplete refused", [(1, "write_answer", 1), ("DS705", 2, None)]),
+        (released, (4,), "incomplete incomplete", [(1, "later"), (3, "write_answer", 3)]),
         (slow(1, 2, 3), (), "ok ok ok", []),
         (slow(1, 2, 3), (9, 10), "ok ok ok", []),
         (slow(254, 255, 1), (15, 16), "ok ok ok", []),

@@ -375,8 +375,13 @@ local function take_out(index, name, key)
   end
 end
 
--- Job -> why it has no response, where its channel went on before the capture ended. Of an accepted request
--- before a Write without its response nobody knows whether that displaced it.
+-- Whether a Write without its response may have displaced the accepted request.
+local function may_be_displaced(channel)
+  local newest = channel.asked[#channel.asked]
+  return channel.open ~= nil and newest ~= nil and channel.open.order < newest.order
+end
+
+-- Job -> why it has no response, where its channel went on before the capture ended.
 local function at_the_end(channel)
   local why, newest = {}, channel.asked[#channel.asked]
   for _, job in ipairs(channel.asked) do
@@ -389,7 +394,7 @@ local function at_the_end(channel)
   if newest.order < channel.accepted or asked and channel.heard > asked.frame then
     why[newest] = "unseen"
   end
-  if channel.open and channel.open.order < newest.order then
+  if may_be_displaced(channel) then
     why[channel.open] = "later"
   end
   return why
@@ -415,7 +420,7 @@ local function close_channel(self, channel, reason, at, limit)
     if limit then
       push_out(self, job, limit)
     else
-      lose(self, job, reason, at)
+      lose(self, job, job == channel.open and may_be_displaced(channel) and "later" or reason, at)
     end
   end
   if self.of_ar[channel.ar_key] == nil then

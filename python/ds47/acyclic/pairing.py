@@ -914,7 +914,7 @@ class Pairing:
         _take_out(self._of_ar, key[:3], key)
         _take_out(self._of_place, (key[1], *key[3:]), key)
         channel = self.channels.pop(key)
-        why = _at_the_end(channel) if reason == "end" else {}
+        why = _at_the_end(channel) if reason == "end" else _may_be_displaced(channel)
         for job in channel.jobs():
             if limit:
                 self._push_out(job, limit)
@@ -951,10 +951,7 @@ def _take_out(index: dict[_K, dict[ChannelKey, None]], name: _K, key: ChannelKey
 
 
 def _at_the_end(channel: Channel) -> dict[int, str]:
-    """`Job.order` -> why a job has no response, where its channel went on before the capture ended.
-
-    Of an accepted request before a Write without its response nobody knows whether that displaced it.
-    """
+    """`Job.order` -> why a job has no response, where its channel went on before the capture ended."""
     newest = channel.asked[-1] if channel.asked else None
     why = {job.order: "unseen" for job in channel.asked if job is not newest}
     if newest is None:
@@ -962,9 +959,15 @@ def _at_the_end(channel: Channel) -> dict[int, str]:
     asked = newest.record.request
     if newest.order < channel.accepted or (asked is not None and channel.heard > asked.frame):
         why[newest.order] = "unseen"
-    if channel.open is not None and channel.open.order < newest.order:
-        why[channel.open.order] = "later"
-    return why
+    return why | _may_be_displaced(channel)
+
+
+def _may_be_displaced(channel: Channel) -> dict[int, str]:
+    """The same of an accepted request before a Write without its response, which may have displaced it."""
+    held, newest = channel.open, channel.asked[-1] if channel.asked else None
+    if held is None or newest is None or held.order > newest.order:
+        return {}
+    return {held.order: "later"}
 
 
 def _by_kind(channel: Channel, opened: Job, record: Record) -> Job:
