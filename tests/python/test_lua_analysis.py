@@ -12,9 +12,9 @@ import os
 import random
 import shutil
 import subprocess
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -42,6 +42,7 @@ from ds47.capture.scan import (
     relevant,
 )
 from ds47.capture.writer import PcapngWriter
+from ds47.model import CaptureResult
 from ds47.profibus.bus import LINK_TYPES, PROFIBUS_DL, USER0
 from ds47.profinet import ip
 from ds47.profinet.link import dissect, mac
@@ -174,8 +175,7 @@ def stored() -> Iterator[Source]:
         yield Source(path.name, content, len(content) <= SMALL)
 
 
-def expected(source: Source, lang: str, options: AnalysisOptions) -> dict[str, Any]:
-    result = without_analyzers(analyze(source.open(), options))
+def expected(result: CaptureResult, lang: str) -> dict[str, Any]:
     told = report.capture(result, lang)
     diagnoses = told.pop("diagnoses")
     offers = [(each["rule"], each["corrected"]) for each in diagnoses if each["corrected"]]
@@ -213,12 +213,12 @@ def text(item: Any) -> str:
     return json.dumps(item, sort_keys=True, ensure_ascii=False, indent=0)
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=6)  # as many as one test asks about, so that the next Lua finds them
 def of_python(
     sources: tuple[Source, ...], lang: str, options: AnalysisOptions
 ) -> tuple[str, list[str]]:
     """What Lua is given, and what it has to say: the same for each version, of which one follows the other."""
-    given = []
+    given, wanted = [], []
     for source in sources:
         begin = {"kind": "begin", "lang": lang, "look": source.look}
         begin["layouts"] = dict(options.pkw_layouts)
@@ -227,16 +227,18 @@ def of_python(
         )
         begin["vendor_id"] = options.vendor_id
         begin["ppos"] = " ".join(f"{station}=ppo{number}" for station, number in options.ppos)
-        end = {"kind": "end", "dropped": bool(analyze(source.open()).dropped)}
+        result = analyze(source.open(), options)
+        end = {"kind": "end", "dropped": bool(result.dropped)}
         given += [begin, *lines(everything(source.open())), end]
-    wanted = [text(expected(source, each, options)) for source in sources for each in lang.split()]
+        result = without_analyzers(result)
+        wanted += [text(expected(result, each)) for each in lang.split()]
     return "".join(f"{json.dumps(line)}\n" for line in given), wanted
 
 
 def compare(
     version: str,
     lang: str,
-    sources: list[Source],
+    sources: Sequence[Source],
     folder: Path,
     options: AnalysisOptions = AnalysisOptions(),  # noqa: B008
 ) -> None:
@@ -337,11 +339,10 @@ AUDITED = 18
 """Random conversations of the auditor: every third is a line of PROFIBUS."""
 
 
-@pytest.mark.parametrize("version", VERSIONS)
-def test_conversations_of_the_auditor_give_the_same_result(version: str, tmp_path: Path) -> None:
-    sources = []
+@pytest.fixture(scope="module")
+def audited(tmp_path_factory: pytest.TempPathFactory) -> list[Source]:
+    sources, path = [], tmp_path_factory.mktemp("audited") / "talk.pcap"
     for plan in (*seeds.kept(), *seeds.planned(AUDITED, number=1)):
-        path = tmp_path / "talk.pcap"
         seeds.play(plan).tape.write(path)
         sources.append(Source(plan.text(), path.read_bytes(), False))
         holes = [*cuts.ALL] * 2
@@ -349,12 +350,19 @@ def test_conversations_of_the_auditor_give_the_same_result(version: str, tmp_pat
         for name, frames in cuts.of(wire.frames(path), holes[start : start + 2]):
             cuts.write(path, frames)
             sources.append(Source(f"{name} {plan.text()}", path.read_bytes(), False))
-    compare(version, "en", sources, tmp_path)
+    return sources
 
 
 @pytest.mark.parametrize("version", VERSIONS)
-def test_records_by_ms1_give_the_same_result(version: str, tmp_path: Path) -> None:
-    sources, path = [], tmp_path / "bus.pcapng"
+def test_conversations_of_the_auditor_give_the_same_result(
+    version: str, audited: list[Source], tmp_path: Path
+) -> None:
+    compare(version, "en", audited, tmp_path)
+
+
+@pytest.fixture(scope="module")
+def by_ms1(tmp_path_factory: pytest.TempPathFactory) -> list[Source]:
+    sources, path = [], tmp_path_factory.mktemp("ms1") / "bus.pcapng"
     for number, stored_ in enumerate(CAPTURES):
         master = test_profibus_analysis.reframed(stored_)
         if master is not None:
@@ -368,27 +376,38 @@ def test_records_by_ms1_give_the_same_result(version: str, tmp_path: Path) -> No
             for at, data in enumerate(frames):
                 writer.write(at * 1_000_000, data)
         sources.append(Source(f"by chance {number}", path.read_bytes(), False))
-    compare(version, "en", sources, tmp_path)
+    return sources
 
 
 @pytest.mark.parametrize("version", VERSIONS)
-def test_ppo_gives_the_same_result(version: str, tmp_path: Path) -> None:
+def test_records_by_ms1_give_the_same_result(
+    version: str, by_ms1: list[Source], tmp_path: Path
+) -> None:
+    compare(version, "en", by_ms1, tmp_path)
+
+
+@cache
+def of_ppo() -> list[Source]:
     sources = []
     for number, name in enumerate(test_profibus_ppo.scenes()):
         content = test_profibus_ppo.on_profibus(test_cyclic_scenes.capture(SCENES[name]))
         if content is not None:
             sources.append(Source(name, content, number % 9 == 0 and len(content) < SMALL))
     assert len(sources) > 30
-    sources.append(Source("long", test_profibus_ppo.long_line(), look=False))
-    compare(version, "en", sources, tmp_path)
+    return [*sources, Source("long", test_profibus_ppo.long_line(), look=False)]
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_ppo_gives_the_same_result(version: str, tmp_path: Path) -> None:
+    compare(version, "en", of_ppo(), tmp_path)
     running = [Source("running", test_profibus_ppo.running(), look=True)]
     for ppos in ((), ((3, 1),), ((3, 2),), ((3, 4), (5, 1))):
         compare(version, "en", running, tmp_path, AnalysisOptions(ppos=ppos))
 
 
-@pytest.mark.parametrize("version", VERSIONS)
-def test_lines_of_profibus_give_the_same_result(version: str, tmp_path: Path) -> None:
-    """Records and words on lines with faults; in both languages."""
+@pytest.fixture(scope="module")
+def faulty_lines(tmp_path_factory: pytest.TempPathFactory) -> list[Source]:
+    """Records and words on lines with faults."""
     lines = [test_profibus_bus.everything_wrong()]
     lines += [test_profibus_bus.by_chance(seed)[0] for seed in range(100, 140)]
     lines += [test_profibus_bus.twice(each) for each in lines[::4]]
@@ -402,14 +421,22 @@ def test_lines_of_profibus_give_the_same_result(version: str, tmp_path: Path) ->
         for name, scene in lab.everything().items()
         if name.startswith("profibus-")
     ]
-    path = tmp_path / "line.pcap"
+    path = tmp_path_factory.mktemp("lines") / "line.pcap"
     for plan in seeds.planned(18, number=60)[::3]:
         seeds.play(plan).tape.write(path)
         for name, frames in cuts.of(wire.frames(path), ["every 5th lost", "every 11th lost"]):
             cuts.write(path, frames)
             sources.append(Source(f"{name} {plan.text()}", path.read_bytes(), False))
-    compare(version, "en", sources, tmp_path)
-    compare(version, "zh", sources[:1], tmp_path)
+    return sources
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_lines_of_profibus_give_the_same_result(
+    version: str, faulty_lines: list[Source], tmp_path: Path
+) -> None:
+    """In both languages."""
+    compare(version, "en", faulty_lines, tmp_path)
+    compare(version, "zh", faulty_lines[:1], tmp_path)
 
 
 @pytest.mark.parametrize("version", VERSIONS)

@@ -45,12 +45,14 @@ def answers(lua: str, questions: list[Question]) -> list[Any]:
 
 
 def statuses() -> Iterator[int]:
-    """Each that has a meaning of its own, and others of each kind."""
+    """Each that has a meaning of its own, and others of each kind. Of its third byte each service has a fifth, in
+    steps that begin elsewhere: together they have all of it.
+    """
     dice = random.Random(47)
     for service in SERVICES:
         for decode in DECODES:
             close = decode in (0x00, 0x70, 0x80, 0x81) and service not in (0x01, 0xFF)
-            for first in range(0, 256, 1 if close else 51):
+            for first in range(service % 5, 256, 5) if close else range(0, 256, 51):
                 yield service << 24 | decode << 16 | first << 8 | dice.choice((0, 0, 1, 7))
     for _ in range(500):
         yield dice.randrange(1 << 32)
@@ -117,7 +119,7 @@ def of_errors(lang: str, width: int) -> list[tuple[Question, list[str]]]:
 @pytest.mark.parametrize("lang", ["en", "zh"])
 @pytest.mark.parametrize("lua", LUAS)
 def test_every_error_number(lua: str, lang: str, width: int) -> None:
-    known = of_errors(lang, width)
+    known = of_errors(lang, width)[:: 1 if lua == LUAS[-1] else 7]
     got = answers(lua, [question for question, _ in known])
     for (question, wanted), told in zip(known, got, strict=True):
         assert told == wanted, question
