@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
+import beside
 import pytest
 from test_wireshark_plugin import (
     CAPTURES,
@@ -141,22 +142,28 @@ def test_a_finding_has_the_corrected_request_of_the_report(tshark: Tshark) -> No
 
 
 @pytest.mark.slow
-def test_what_was_refused_later_is_not_offered(tshark: Tshark) -> None:
-    """Of all captures: a finding has a corrected request where its headline has one."""
+def test_what_was_refused_later_is_not_offered(tshark: Tshark, tmp_path: Path) -> None:
+    """Of all captures, beside each other: a finding has a corrected request where its headline has one."""
+    wanted = {}
     for name in sorted(CAPTURES):
-        if not name.startswith("diagnosis-"):
-            continue
-        wanted = {
-            (each.corrected.hex(), each.corrected_in)
-            for each in analyze(CAPTURES[name]).diagnoses
-            if each.corrected is not None
-        }
-        if not wanted:
-            continue
-        asked = columns("ds47.finding.instead", "ds47.finding.transaction")
-        found = tshark("-r", CAPTURES[name], *COMPLETE, "-Y", "ds47.finding.instead", *asked)
-        requests = {each for row in rows(found) for each in row[0].replace(":", "").split(",")}
-        assert requests >= {request for request, _ in wanted}, name
+        if name.startswith("diagnosis-"):
+            told = analyze(CAPTURES[name]).diagnoses
+            wanted[name] = {each.corrected.hex() for each in told if each.corrected is not None}
+    captures = {name: CAPTURES[name].read_bytes() for name, told in wanted.items() if told}
+    assert len(captures) > 5
+    assert all(map(beside.fits, captures.values()))
+    whole = beside.beside(captures)
+    path = tmp_path / "beside.pcapng"
+    path.write_bytes(whole.content)
+    requests: dict[str, set[str]] = {name: set() for name in captures}
+    asked = columns("frame.number", "ds47.finding.instead")
+    for number, offered in rows(
+        tshark("-r", path, *COMPLETE, "-Y", "ds47.finding.instead", *asked)
+    ):
+        name, _ = whole.owners[int(number) - 1]
+        requests[name] |= {*offered.replace(":", "").split(",")}
+    for name, found in requests.items():
+        assert found >= wanted[name], name
 
 
 @pytest.mark.parametrize(

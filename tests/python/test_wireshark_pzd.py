@@ -12,6 +12,7 @@ from pathlib import Path
 
 import beside
 import pytest
+from many_filters import many
 from test_cyclic_scenes import SCENES, capture
 from test_lua_pzd import NAMES, without_connect
 from test_wireshark_plugin import CAPTURES, COMPLETE, Tshark, columns, rows, tshark
@@ -135,10 +136,12 @@ def test_events_are_expert_infos_and_faults_are_warnings(tshark: Tshark, tmp_pat
 def test_a_finding_about_a_drive_of_another_maker_is_a_note(tshark: Tshark, tmp_path: Path) -> None:
     for name, shown in (("fault", "ds520"), ("fault-of-another-maker", "ds520.note")):
         path = scene(name, tmp_path)
-        found = tshark("-r", path, *COMPLETE, "-Y", 'ds47.finding == "DS520"').splitlines()
-        assert found == tshark("-r", path, *COMPLETE, "-Y", f"ds47.expert.{shown}").splitlines()
-        note = tshark("-r", path, *COMPLETE, "-Y", "ds47.finding.severity == 1").splitlines()
+        filters = 'ds47.finding == "DS520"', f"ds47.expert.{shown}", "ds47.finding.severity == 1"
+        told = many(tshark, tmp_path, filters, *COMPLETE, "-r", path)
+        found, expert, note = (told[each] for each in filters)
+        assert found == expert
         assert set(found) <= set(note) if shown.endswith("note") else not set(found) & set(note)
+        assert isinstance(found, list)
         assert found
 
 
@@ -439,7 +442,7 @@ def test_the_window_of_drives(tshark: Tshark) -> None:
 
 
 @pytest.mark.slow
-def test_graphs_of_the_profile(tshark: Tshark) -> None:
+def test_graphs_of_the_profile(tshark: Tshark, tmp_path: Path) -> None:
     """Eight values in each line: 3.4 takes no more, later ones fewer. One bad line, and none is taken."""
     folder = Path(__file__).parents[2] / "dissector/profile"
     lines = (folder / "io_graphs").read_text(encoding="ascii").splitlines()
@@ -449,6 +452,7 @@ def test_graphs_of_the_profile(tshark: Tshark) -> None:
     assert {each[0] for each in graphs} <= {"Enabled", "Disabled"}
     shown = [each[6] for each in graphs if each[0] == "Enabled"]
     assert shown == ["ds47.duration_ms", "ds47.pzd.setpoint", "ds47.pzd.actual"]
+    filters: dict[Path, list[str]] = {STORY: [], CAPTURES["tour-machine.pcapng"]: []}
     for _, name, asked, _, style, axis, field, _ in graphs:
         assert name
         assert style in {"Line", "Dot", "Impulse"}
@@ -456,7 +460,11 @@ def test_graphs_of_the_profile(tshark: Tshark) -> None:
         assert (axis == "Packets") == (not field)
         wanted = " && ".join(each.replace("\\x22", '"') for each in (asked, field) if each)
         path = STORY if "pzd" in field else CAPTURES["tour-machine.pcapng"]
-        assert tshark("-r", path, *COMPLETE, "-Y", wanted or "frame")
+        filters[path].append(wanted or "frame")
+    for path, wanted_there in filters.items():
+        assert wanted_there
+        found = many(tshark, tmp_path, wanted_there, *COMPLETE, "-r", path)
+        assert all(isinstance(frames, list) and frames for frames in found.values()), found
 
 
 @pytest.mark.slow
