@@ -473,7 +473,7 @@ def test_processes_that_never_live_end_the_run(tmp_path: Path) -> None:
         outcomes(Local(tasks(*names), Names(tmp_path), lambda task: tmp_path / task.path, 2))
 
 
-MANY = 200
+MANY = 110
 """Captures of a run that is interrupted: enough for a slow machine to be in time."""
 
 
