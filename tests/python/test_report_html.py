@@ -293,7 +293,8 @@ def line(*stations: dict[str, int | None], damaged: int = 0) -> Bus:
     [
         (line({}), "good", "10 requests, none of them without an answer"),
         (line({}, {"unanswered": 4}), "warn", "but 4 of 20 requests have no answer"),
-        (line({"unanswered": 10}), "bad", "Only requests (10)"),
+        (line({"unanswered": 10}), "warn", "but 10 of 10 requests have no answer"),
+        (line({"unanswered": 10, "parameters": None}), "bad", "Only requests (10)"),
         (line({}, {}), "good", "of each of its 2 slaves is in it"),
         (line({}, {"configuration": None}), "none", "of 1 of 2 slaves is not in it"),
         (line({}, damaged=3), "warn", "3 frames are damaged"),

@@ -365,7 +365,7 @@ BUTTONS = {
     "Drives//Faults": {TOUR: 0, FAULT: 1},
     "Drives//PKW": {TOUR: 0, PKW: 12},
     "PROFIBUS//Parameter channel": {TOUR: 0, BUS: 0, "profibus-seed-records": 22},
-    "PROFIBUS//Without data exchange": {TOUR: 0, BUS: 19},
+    "PROFIBUS//Without data exchange": {TOUR: 0, BUS: 29},
     "PROFIBUS//Damaged": {TOUR: 0, BUS: 5},
 }
 """Label -> how many frames the button finds in captures."""
