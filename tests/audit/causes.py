@@ -84,7 +84,7 @@ def _not_seen(case: Case) -> Iterator[str]:
     yield from case.wrong("code", codes[0] if codes else None)
     records = case.reading.answered_at.get(case.frame, [])
     short = any(each.stated > len(each.data) for each in records if not each.write)
-    yield from case.wrong("among", len(set(codes)) > 1 or short)
+    yield from case.wrong("among", len(set(codes)) > 1 or bool(codes and short))
     yield from vendor(case)
     if not (deal.answer.id or 0) & 0x80:
         yield "the response is positive"

@@ -258,12 +258,12 @@ function M.not_seen(remarks, job)
   if job.message == nil and job.repeats then
     return -- told of the transaction that it repeats
   end
-  local failed, code, among = false, nil, (half.missing or 0) > 0
+  local failed, code, among = false, nil, false
   for _, block in ipairs(response.blocks) do
     local error = block.error or NONE
     failed = failed or block.error ~= nil
     code = code or error.code
-    among = among or error.code ~= nil and error.code ~= code
+    among = among or error.code ~= nil and (error.code ~= code or (half.missing or 0) > 0)
   end
   if failed then
     rules.put(remarks, "DS701", half.frame, {

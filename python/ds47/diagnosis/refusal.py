@@ -137,7 +137,7 @@ def not_seen(job: Job) -> Iterator[Remark]:
     polls = len(job.polls)
     args = {
         "id": response.response_id, "code": codes[0] if codes else None,
-        "among": len(set(codes)) > 1 or half.missing > 0, "vendor_id": job.peer.vendor_id,
+        "among": len(set(codes)) > 1 or bool(codes and half.missing > 0), "vendor_id": job.peer.vendor_id,
         "case": "status_zero_at_last" if polls else "status_zero", "polls": polls,
     }  # fmt: skip
     yield Remark("DS701", half.frame, args)

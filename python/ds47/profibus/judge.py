@@ -104,7 +104,8 @@ class Judge:
         for rule, counted in (("DS801", stations.check), ("DS802", stations.broken)):
             if counted.count:
                 yield _remark(rule, counted)
-        if stations.answers and not any(each.asked for each in stations.all()):
+        asked = stations.cut or any(each.asks for each in stations.all())
+        if stations.answers and not asked:
             yield Remark("DS725", 1, {"what": "bus_requests", "count": stations.answers})
         for station in stations.all():
             yield from self._counted(station, stations.copied)

@@ -184,6 +184,8 @@ class Stations:
         """Answers that stand there twice: a recording of two places has everything twice,"""
         self.answers = 0
         """and how many there are."""
+        self.cut = False
+        """Whether the recording did not keep all of each frame."""
         self._answer: bytes | None = None
 
     @property
@@ -230,6 +232,7 @@ class Stations:
             cut: whether the recording did not keep all of it; that is no fault of the line.
         """
         self.frames += 1
+        self.cut = self.cut or cut
         item, front = seen.item, seen.item.front
         if item.flaws:
             kinds = {each.kind for each in item.flaws}
