@@ -158,6 +158,13 @@ LONGER = ("twice",)
 """Of these the conversation goes on behind its end: of what is said there it is not the truth."""
 
 
+def two(seed: int, names: Iterable[str] = ALL) -> list[str]:
+    """Two kinds that stand behind each other, chosen by a seed."""
+    kinds = [*names] * 2
+    start = seed % (len(kinds) // 2)
+    return kinds[start : start + 2]
+
+
 def of(frames: Cut, names: Iterable[str] = ALL) -> Iterator[tuple[str, Cut]]:
     """Those that leave something and change something."""
     for name in names if frames else ():

@@ -88,14 +88,11 @@ def of_cuts(plan: Plan, folder: Path) -> list[Complaint]:
     path = folder / "whole.pcap"
     play(whole(plan)).tape.write(path)
     if isinstance(plan, lines.Plan):
-        start = plan.seed % len(OF_LINES)
-        found = holes.of(path, [*OF_LINES, *OF_LINES][start : start + 2])
+        found = holes.of(path, cuts.two(plan.seed, OF_LINES))
         return [each for each in found if not each.rule.startswith(UNTOLD)]
     other = folder / "other.pcap"
     play(replace(whole(plan), seed=plan.seed + 1)).tape.write(other)
-    kinds = [*cuts.ALL] * 2
-    start = plan.seed % len(cuts.ALL)
-    return [*holes.of(path, kinds[start : start + 2]), *holes.merged(path, other)]
+    return [*holes.of(path, cuts.two(plan.seed)), *holes.merged(path, other)]
 
 
 def over(plans: list[Plan], *, cut: bool = False) -> Iterator[tuple[Plan, list[Complaint]]]:

@@ -345,9 +345,7 @@ def audited(tmp_path_factory: pytest.TempPathFactory) -> list[Source]:
     for plan in (*seeds.kept(), *seeds.planned(AUDITED, number=1)):
         seeds.play(plan).tape.write(path)
         sources.append(Source(plan.text(), path.read_bytes(), False))
-        holes = [*cuts.ALL] * 2
-        start = plan.seed % len(cuts.ALL)
-        for name, frames in cuts.of(wire.frames(path), holes[start : start + 2]):
+        for name, frames in cuts.of(wire.frames(path), cuts.two(plan.seed)):
             cuts.write(path, frames)
             sources.append(Source(f"{name} {plan.text()}", path.read_bytes(), False))
     return sources
