@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from talk import job
 
-from ds47.acyclic.pairing import STATUS_NOT_READY, Job, Peer
+from ds47.acyclic.pairing import STATUS_NOT_READY, Job, Missing, Peer
 from ds47.diagnosis import capture
 from ds47.diagnosis.capture import WholeCapture
 from ds47.lab import message
@@ -23,6 +23,7 @@ SPEED, FIXED, TEN = message.address(21), message.address(2900), message.real(10.
 READ, CHANGE = message.read(1, 1, SPEED), message.change(1, 1, (FIXED, TEN))
 ANSWER = message.answer(1, 1, 1, TEN)
 HERE, THERE, LOCAL = (1, 1, 47), (1, 2, 47), (2, 1, 0xB02E)
+BEGINS = Missing("begins")
 NO_SLOT, DENIED, LOCKED = 0xDF80B200, 0xDF80B600, 0xDF80C200
 Place = tuple[int, int, int]
 Told = tuple[str, int, dict[str, Any]]
@@ -51,11 +52,12 @@ class Whole:
     def idle(
         self, frame: int, at: Place = THERE, status: int | None = STATUS_NOT_READY,
         device: str = "d", controller: str = "c", ar: bytes | None = bytes(range(16)),
+        missing: Missing | None = None,
     ) -> Whole:  # fmt: skip
         """A Read without record, on a channel that has no request; without an AR a ReadImplicit."""
         record = Record(False, ar is None, ar or bytes(16), 0, *at, 0)
         record.response = Half(frame, frame, status=status)
-        self.capture.nothing_to_read(Peer(controller, device, 0x2A, 0x501), record, None)
+        self.capture.nothing_to_read(Peer(controller, device, 0x2A, 0x501), record, missing)
         return self
 
     def foreign(
@@ -108,6 +110,17 @@ def test_a_request_here_and_a_read_for_nothing_there() -> None:
 
 def test_a_request_here_and_its_response_there() -> None:
     assert Whole(job(READ), job(None, ANSWER, frame=5, at=THERE)).end() == [there(8)]
+
+
+def test_before_the_capture_something_may_have_been_asked_there() -> None:
+    """One Read proves nothing then; that the next response is looked for there, too, does."""
+    two = job(READ, superseded_by=10), job(READ, frame=10)
+    assert Whole(two[0]).idle(4, missing=BEGINS).of("DS706") == []
+    assert Whole(*two).idle(4, missing=BEGINS).of("DS706") == []
+    assert Whole(*two).idle(4, missing=BEGINS).idle(8, missing=BEGINS).of("DS706") == []
+    assert Whole(*two).idle(4, missing=BEGINS).idle(14, missing=BEGINS).of("DS706") == [there(4)]
+    other = Whole(*two).idle(4, missing=BEGINS).idle(14, (3, 1, 47), missing=BEGINS)
+    assert other.of("DS706") == []
 
 
 def test_another_program_reads_for_itself() -> None:

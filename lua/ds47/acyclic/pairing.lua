@@ -652,10 +652,11 @@ local function addressee(channel, event, record)
   return channel.refused
 end
 
--- Whether a Read between the last one that came too early and this one may be missing, or its response.
+-- Whether how long a request waited is not known: a Read that brought its record may be missing. So may the
+-- same request once more: then it is that one which waited.
 local function may_be_read(self, job)
-  local last = job.polls[#job.polls]
-  return last and (job.fetching or behind(self, job.peer, last.response.frame)) ~= nil or nil
+  local asked = job.polls[1] and job:write_request()
+  return asked and (job.fetching or behind(self, job.peer, asked.frame)) ~= nil or nil
 end
 
 -- A Read that ends the waiting of a job: with the record, or with a refusal.

@@ -195,9 +195,9 @@ end
 
 --- A call has no response.
 function Completeness:lost(request, numbers)
+  local pair = pair_of(self, request.client, request.server)
+  keep(pair.lost, request.frame)
   if request.seq < numbers.highest then
-    local pair = pair_of(self, request.client, request.server)
-    keep(pair.lost, request.frame)
     has_half(pair, request.frame)
   end
 end

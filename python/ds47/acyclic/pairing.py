@@ -860,10 +860,14 @@ class Pairing:
                 self._put(self._delivered, _spot(job.peer, job.record), job)
 
     def _may_be_read(self, job: Job) -> bool:
-        """Whether a Read between the last one that came too early and this one may be missing, or its response."""
-        if not job.polls:
+        """Whether how long a request waited is not known: a Read that brought its record may be missing.
+
+        So may the same request once more: then it is that one which waited.
+        """
+        asked = job.write_request
+        if not job.polls or asked is None:
             return False
-        return bool(job.fetching) or self._behind(job.peer, job.polls[-1][1].frame) is not None
+        return bool(job.fetching) or self._behind(job.peer, asked.frame) is not None
 
     def _compare(self, last: Job | None, job: Job, half: Half) -> None:
         """Whether a request that was refused is answered as the last one was.

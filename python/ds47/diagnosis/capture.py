@@ -85,6 +85,8 @@ class _Read(NamedTuple):
     reference: int | None
     axis: int | None
     frame: int
+    sure: bool = True
+    """Whether nothing that was asked at its place is missing."""
 
 
 class _Seen:
@@ -189,9 +191,10 @@ class WholeCapture:
         if half.status == STATUS_NOT_READY:
             pair = peer.controller, peer.device
             tally = self._idle_reads.get(peer.device)
-            if missing is None:
+            sure = missing is None
+            if sure:
                 (tally or self._idle_reads.put(peer.device, _Tally())).add(half.frame)
-            _append(self._idle, pair, _Read(_ar(record), place, None, None, half.frame))
+            _append(self._idle, pair, _Read(_ar(record), place, None, None, half.frame, sure))
         else:
             self._refusal(peer.device, place, half.status, half.frame)
 
@@ -276,7 +279,7 @@ class WholeCapture:
             for each in opened:
                 read = _elsewhere(each, strays, answer=True)
                 read = read or _elsewhere(each, self._unasked(pair, idle))
-                if read is None:
+                if read is None or not (read.sure or _is_habit(each, read, opened, idle)):
                     continue
                 idle = [other for other in idle if other.place != read.place]
                 yield Remark("DS706", read.frame, {
@@ -535,3 +538,12 @@ def _elsewhere(opened: _Open, reads: list[_Read], *, answer: bool = False) -> _R
         if not answer or (read.reference, read.axis) == (opened.reference, opened.axis):
             return read
     return None
+
+
+def _is_habit(first: _Open, read: _Read, opened: list[_Open], reads: list[_Read]) -> bool:
+    """Whether a later request went to the same place, and was looked for at the same other one."""
+    return any(
+        first.place == each.place and read.place == later.place
+        and read.frame < each.frame < later.frame
+        for each in opened for later in reads
+    )  # fmt: skip

@@ -113,7 +113,7 @@ class Pair:
         self.unasked: list[int] = []
         """and in which frames to a Write that is not there: the oldest one, and the newest ones."""
         self.lost: list[int] = []
-        """The frames of Reads without their requests, and of calls whose client went on: the oldest and newest."""
+        """The frames of Reads without their requests, and of calls without their responses: oldest and newest."""
         self.half = self.halves = 0
         """The first frame of any call with one half, and how many there are."""
         self.went_on: dict[int, int] = {}
@@ -212,10 +212,10 @@ class Completeness:
         self.first_late = min(self.first_late or response.frame, response.frame)
 
     def lost(self, request: Pdu, numbers: Numbers) -> None:
-        """A call has no response."""
+        """A call has no response; where its client went on, the capture lacks one half."""
+        pair = self._pair(request.client, request.server)
+        _keep(pair.lost, request.frame)
         if request.seq < numbers.highest:
-            pair = self._pair(request.client, request.server)
-            _keep(pair.lost, request.frame)
             pair.has_half(request.frame)
 
     def went_on(self, open_: Pdu, by: Pdu) -> None:

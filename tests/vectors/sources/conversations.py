@@ -1510,6 +1510,16 @@ def p34_first_poll_half_lost(client: Client) -> None:
     client.read(tell(1, 1.5))
 
 
+@BOOK.scene("P75 poll", tx(1, "ok", (1, 2, 5, 6), 1503, real(1.5), polls=[(3, 4)]))
+def p48_number_missing(client: Client) -> None:
+    """A number is missing before the poll: what waits may be the same request once more."""
+    client.write(ask())
+    client.call(wire.READ)
+    client.poll()
+    client.wait(1498)
+    client.read(tell(1, 1.5))
+
+
 @BOOK.scene(
     "P48 poll slow", tx(1, "ok", (1, 2, 5, 6), 1002, real(1.5), polls=[(3, 4)]), rules="DS416@6#1"
 )
