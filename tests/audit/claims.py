@@ -801,9 +801,12 @@ def _orphan(case: Case) -> Iterator[str]:
     ):
         yield f"the same response was read in frame {last.read}, the request is in {last.write}"
     elif told == "unasked":
-        for other in case.reading.deals:
+        here = [each for each in case.reading.deals if each.channel == deal.channel]
+        unsure = [each.asked for each in here if each.asked and each.state == "incomplete"]
+        its_own = any(each.reference == deal.answer.reference for each in unsure)
+        for other in here:
             open_still = _is_open(other, case.frame, case.reading) and other.state != "incomplete"
-            if other.channel == deal.channel and open_still:
+            if open_still and not its_own:  # else it is a wrong one of that, or the one of the other
                 yield f"the request of frame {other.write} is open"
     yield from case.wrong("dropped", _dropped(case.reading))
 

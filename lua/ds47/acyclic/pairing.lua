@@ -56,7 +56,7 @@ Job.accepted = false
 --   remarks: what its answer says of it, until it is closed; whoever is told of the answer keeps it there
 --   fetching: array of the Reads that were sent for it and have no response up to now; nil for none
 --   read_before: true where an earlier Read that is not in the capture may have brought the response
---   insisted: true where a call of it was sent again: its client had no response
+--   insisted: until when the client of a call of it that was sent again waits at least; nil where none was
 --   missing: why nobody knows what became of it, {what, first, last, numbers} (completeness.lua, P73)
 --   uncertain: true for an orphan whose request a limit may have pushed out
 
@@ -282,13 +282,26 @@ end
 -- Why a request is over without its response -> what is not in the capture then.
 local ENDS = {["end"] = "ends", expired = "unseen", later = "later", unseen = "unseen"}
 
+local function went_on_ns(self, job, call)
+  local peer = job.peer
+  return self.completeness and self.completeness:went_on_ns(peer.controller, peer.device, call.frame)
+end
+
+-- Whether a client sent a call again, and waited for its response still: it goes on at once with one.
+local function gave_up(self, job, call)
+  local until_ns = job.insisted and (went_on_ns(self, job, call) or job.ended_ns or job.insisted)
+  return until_ns and job.insisted <= until_ns
+end
+
 -- Whether a Read without response shows that the device was silent: its client did not go on.
 local function is_silence(self, job, lost)
-  local read, peer, ended_ns = job.fetching[1], job.peer, job.ended_ns
-  if job.insisted or ended_ns == nil or self.completeness == nil then
-    return job.insisted
+  local read, peer = job.fetching[1], job.peer
+  if gave_up(self, job, read) then
+    return true
+  elseif job.ended_ns == nil or self.completeness == nil then
+    return false
   end
-  local until_ns = self.completeness:went_on_ns(peer.controller, peer.device, read.frame) or ended_ns
+  local until_ns = went_on_ns(self, job, read) or job.ended_ns
   return self.completeness:is_whole_before(peer.controller, peer.device, read.frame, lost)
     and until_ns - read.time_ns >= self.limits.silence_ns
 end
@@ -301,7 +314,7 @@ local function lacks_calls(self, job, asked, lost)
     return {what = "read_answer", first = job.fetching[1].frame}
   end
   local found = behind(self, job.peer, asked.frame, lost)
-  if found == nil and job.write_response == nil and not (job.limit or job.insisted) then
+  if found == nil and job.write_response == nil and not (job.limit or gave_up(self, job, asked)) then
     return {what = "write_answer", first = asked.frame}
   end
   return found
@@ -864,11 +877,12 @@ local function may_be_newer(channel, job, record)
 end
 
 -- The last Read of a job without its answer, if a Write behind it was refused: it may have ended the job. A
--- record that mirrors the request shows that it did not.
+-- record that mirrors the request, and not the refused one, shows that it did not.
 local function wrote_behind(channel, job, record)
   local refused, polled, data = channel.refused, job.polls[#job.polls], record.response.data
-  local shown = mirrors(job, data) and kind_fits(job.message, data)
-  if shown or not (refused and job.fetching and refused.order > job.order) then
+  if not (refused and job.fetching and refused.order > job.order) then
+    return nil
+  elseif refused:reference() ~= data:byte(1) and mirrors(job, data) and kind_fits(job.message, data) then
     return nil
   end
   local last = nil

@@ -78,9 +78,9 @@ local function event_read_asked_late(self, _, record, answer, peer)
   self.pairing:read_asked_late(peer, record, answer)
 end
 
-local function event_sent_again(_, _, record)
+local function event_sent_again(_, _, record, waits_ns)
   if record.job then
-    record.job.insisted = true
+    record.job.insisted = waits_ns
   end
 end
 
@@ -237,9 +237,9 @@ function RecordEvents:asked_late(origin, record, answer)
   end
 end
 
---- A request whose client had no response.
-function RecordEvents:sent_again(origin, record)
-  pass(self, event_sent_again, nil, origin, record)
+--- A request whose client had no response, and until when it waits for one at least.
+function RecordEvents:sent_again(origin, record, waits_ns)
+  pass(self, event_sent_again, nil, origin, record, waits_ns)
 end
 
 --- The response to a request.

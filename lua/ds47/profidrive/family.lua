@@ -24,7 +24,8 @@ function M.family_fits(request_id, response_id)
 end
 
 --- Whether a response is of the family of a request, of its axis, and has as many parameters.
--- nil where either lacks a part of its header.
+-- nil where either lacks a part of its header. What stands behind the id 0x80 is not documented, and its
+-- number says nothing.
 -- @param request  what was asked
 -- @param data     the bytes of the response
 function M.kind_fits(request, data)
@@ -33,7 +34,7 @@ function M.kind_fits(request, data)
     return nil
   end
   local _, id, axis, got = data:byte(1, MESSAGE_SIZE)
-  return M.family_fits(asked, id) and axis == request.axis and got == count
+  return M.family_fits(asked, id) and axis == request.axis and (got == count or id == NOT_SUPPORTED)
 end
 
 return M

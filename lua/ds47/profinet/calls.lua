@@ -4,7 +4,8 @@
 -- carries is records.lua's business; what it means for the parameter channel is pairing.lua's.
 --
 -- A call is {request = pdu, response = pdu or nil, in_part = true where fragments of a response were seen,
--- context = whatever the layer above keeps with it, later = the next one of its activity}.
+-- sent_ns = when the request was sent last, nil where it was sent once, context = whatever the layer above
+-- keeps with it, later = the next one of its activity}.
 --
 -- An activity is {newest = sequence number of its newest request, by_seq = its calls, oldest and last = the
 -- ends of their chain, which is in the order of their requests, count = how many there are, answered = how
@@ -286,6 +287,7 @@ local function request(self, pdu)
       count(self, "retransmissions")
       self.newest, self.asks_again = call, true
       self.handlers:retransmission(call, pdu)
+      call.sent_ns = pdu.time_ns
       return
     end
     if not call.response then

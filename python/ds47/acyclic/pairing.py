@@ -122,8 +122,8 @@ class Job:
     """The Reads that were sent for it and have no response up to now."""
     read_before: bool
     """Whether an earlier Read that is not in the capture, or not whole, may have brought the response."""
-    insisted: bool
-    """Whether a call of it was sent again: its client had no response."""
+    insisted: int
+    """Until when the client of a call of it that was sent again waits at least; 0 where none was."""
     missing: Missing | None
     """Why nobody knows what became of it."""
     limit: str
@@ -184,7 +184,7 @@ class Job:
         self.ended = self.ended_ns = None
         self.fetching = []
         self.read_before = False
-        self.insisted = False
+        self.insisted = 0
         self.missing = None
         self.limit = ""
         self.passed = False
@@ -354,7 +354,7 @@ class Pairing:
         """The answer to a Write: accepted (status 0), refused (any other status, or an RPC fault)."""
         job.write_response = response
         job.write_fault = fault
-        job.insisted = False
+        job.insisted = 0
         status = response.status if response else None
         if job.phase == "closed" or (status is None and not fault):
             return
@@ -479,20 +479,30 @@ class Pairing:
             return Missing("read_answer", job.fetching[0].frame)
         found = self._behind(job.peer, asked.frame)
         if found is None and not job.limit and job.write_response is None:
-            return None if job.insisted else Missing("write_answer", asked.frame)
+            return None if self._gave_up(job, asked) else Missing("write_answer", asked.frame)
         return found
 
     def _is_silence(self, job: Job) -> bool:
         """Whether a Read without response shows that the device was silent: its client did not go on."""
-        if job.insisted:
+        read, peer = job.fetching[0], job.peer
+        if self._gave_up(job, read):
             return True
-        read, peer, ended_ns = job.fetching[0], job.peer, job.ended_ns
-        if ended_ns is None or self._completeness is None:
+        if job.ended_ns is None or self._completeness is None:
             return False
-        pair = peer.controller, peer.device
-        until_ns = self._completeness.went_on_ns(*pair, read.frame) or ended_ns
-        whole = self._completeness.is_whole_before(*pair, read.frame)
+        until_ns = self._went_on_ns(job, read) or job.ended_ns
+        whole = self._completeness.is_whole_before(peer.controller, peer.device, read.frame)
         return whole and until_ns - read.time_ns >= self._limits.silence_ns
+
+    def _gave_up(self, job: Job, call: Half) -> bool:
+        """Whether a client sent a call again, and waited for its response still: it goes on at once with one."""
+        until_ns = self._went_on_ns(job, call) or job.ended_ns or job.insisted
+        return 0 < job.insisted <= until_ns
+
+    def _went_on_ns(self, job: Job, call: Half) -> int | None:
+        if self._completeness is None:
+            return None
+        peer = job.peer
+        return self._completeness.went_on_ns(peer.controller, peer.device, call.frame)
 
     def _ends_soon(self, peer: Peer, asked: Half) -> bool:
         """Whether so little of what the controller sent came behind a request that its Read may still come."""
@@ -828,7 +838,7 @@ class Pairing:
     def _read(self, channel: Channel, job: Job, event: str, record: Record) -> None:
         half = record.response
         assert half is not None
-        job.insisted = False
+        job.insisted = 0
         if event == "read_record" and job.phase == "refused":
             self._compare(channel.last, job, half)
         if job.phase == "asked" and event != "read_empty":
@@ -1024,14 +1034,14 @@ def _counts(job: Job) -> bool:
 def _wrote_behind(channel: Channel, job: Job, record: Record) -> Missing | None:
     """The last Read of a job without its answer, if a Write behind it was refused: it may have ended the job.
 
-    A record that mirrors the request shows that it did not.
+    A record that mirrors the request, and not the refused one, shows that it did not.
     """
-    half = record.response
-    if half is not None and _mirrors(job, half) and _is_of_kind(job, half):
-        return None
-    refused = channel.refused
+    half, refused = record.response, channel.refused
     written = refused.write_request if refused is not None else None
-    if refused is None or written is None or refused.order <= job.order:
+    if half is None or refused is None or written is None or refused.order <= job.order:
+        return None
+    own = bool(half.data) and refused.reference != half.data[0]
+    if own and _mirrors(job, half) and _is_of_kind(job, half):
         return None
     sent = [each.frame for each in job.fetching if each.frame < written.frame]
     polled = job.polls[-1][1].frame if job.polls else 0

@@ -218,11 +218,12 @@ class RecordCalls:
         args = {"operation": _OPERATIONS.get(pdu.opnum, "?"), "first": call.request.frame}
         self._about_call(call, Remark("DS103", pdu.frame, args))
         context = _context(call)
-        if context is None:
+        if context is None or call.response is not None:
             return
+        waits_ns = pdu.time_ns + (pdu.time_ns - call.sent_ns) // 2  # timers are not exact
         for record in context.body.records:
             if self._events.concerns(record.index):
-                self._events.sent_again(self._peer(pdu), record, context.jobs)
+                self._events.sent_again(self._peer(pdu), record, context.jobs, waits_ns)
 
     def _lost(self, call: Call) -> None:
         context = _context(call)

@@ -136,9 +136,9 @@ class RecordEvents:
             event = partial(_fetched, record, jobs)
         self.pass_on(peer, record, event)
 
-    def sent_again(self, peer: Peer, record: Record, jobs: Jobs) -> None:
-        """A request whose client had no response."""
-        self.pass_on(peer, record, partial(self._insisted, record, jobs))
+    def sent_again(self, peer: Peer, record: Record, jobs: Jobs, waits_ns: int) -> None:
+        """A request whose client had no response, and until when it waits for one at least."""
+        self.pass_on(peer, record, partial(self._insisted, record, jobs, waits_ns))
 
     def lost(self, peer: Peer, record: Record) -> None:
         """A request whose response does not come any more."""
@@ -186,10 +186,10 @@ class RecordEvents:
         if job is not None:
             self._pairing.write_response(job, half, fault=True)
 
-    def _insisted(self, record: Record, jobs: Jobs) -> None:
+    def _insisted(self, record: Record, jobs: Jobs, waits_ns: int) -> None:
         job = jobs.get(record.position)
         if job is not None:
-            job.insisted = True
+            job.insisted = waits_ns
 
     def _read_answered(
         self, peer: Peer, record: Record, half: Half, cut: Cut | None, jobs: Jobs

@@ -29,6 +29,8 @@ def family_fits(request_id: int, response_id: int) -> bool:
 def kind_fits(request: Request, data: bytes) -> bool | None:
     """Whether a response is of the family of a request, of its axis, and has as many parameters.
 
+    What stands behind the id 0x80 is not documented, and its number says nothing.
+
     Args:
         request: what was asked.
         data: the response. None where either lacks a part of its header.
@@ -36,4 +38,5 @@ def kind_fits(request: Request, data: bytes) -> bool | None:
     asked, count = request.request_id, request.parameter_count
     if asked is None or count is None or len(data) < MESSAGE_SIZE:
         return None
-    return family_fits(asked, data[1]) and data[2] == request.axis and data[3] == count
+    counted = data[3] == count or data[1] == NOT_SUPPORTED
+    return family_fits(asked, data[1]) and data[2] == request.axis and counted

@@ -25,12 +25,15 @@ class Call:
     """The response or the fault; None as long as there is none."""
     in_part: bool
     """Whether fragments of a response were seen."""
+    sent_ns: int
+    """When the request was sent last."""
     context: Any
 
     def __init__(self, request: Pdu) -> None:
         self.request = request
         self.response = None
         self.in_part = False
+        self.sent_ns = request.time_ns
         self.context = None
 
 
@@ -184,6 +187,7 @@ class CallTracker:
             if self._is_retransmission(activity, call, pdu):
                 self.counts["retransmissions"] += 1
                 self._handlers.retransmission(call, pdu)
+                call.sent_ns = pdu.time_ns
                 return
             if call.response is None:
                 self._lose(call, activity.numbers)

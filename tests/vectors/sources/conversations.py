@@ -1988,6 +1988,21 @@ def p74_sent_again(client: Client) -> None:
     call = client.ask_read()
     client.wait(500)
     client.ask(call, wire.read_request(call.sequence, client.channel))
+    client.wait(500)
+    client.release()
+
+
+@BOOK.scene(
+    "P7 P38 P73 P80 lost incomplete retransmission release",
+    tx(1, "incomplete", (1, 2, 3), None, NOTHING),
+    rules="DS101@3#1 DS103@4#1 DS110@1#1",
+)
+def p74_answered_then(client: Client) -> None:
+    """The Read is sent again, and its client goes on at once: that has the response now."""
+    client.write(ask())
+    call = client.ask_read()
+    client.wait(500)
+    client.ask(call, wire.read_request(call.sequence, client.channel))
     client.release()
 
 
