@@ -795,8 +795,8 @@ def _orphan(case: Case) -> Iterator[str]:
         and last
         and last.state not in ("refused", "mismatch")  # then it says nothing of its request either
         and not any(each.call.response and each.call.response.cut for each in reads)
-        and not list(
-            case.reading.gaps.between(last.controller, last.device, last.read or 0, case.frame)
+        and not case.reading.gaps.leaves_open(
+            last.controller, last.device, last.read or 0, case.frame
         )
     ):
         yield f"the same response was read in frame {last.read}, the request is in {last.write}"
@@ -806,7 +806,9 @@ def _orphan(case: Case) -> Iterator[str]:
         its_own = any(each.reference == deal.answer.reference for each in unsure)
         for other in here:
             open_still = _is_open(other, case.frame, case.reading) and other.state != "incomplete"
-            if open_still and not its_own:  # else it is a wrong one of that, or the one of the other
+            if (
+                open_still and not its_own
+            ):  # else it is a wrong one of that, or the one of the other
                 yield f"the request of frame {other.write} is open"
     yield from case.wrong("dropped", _dropped(case.reading))
 

@@ -115,6 +115,10 @@ class Gaps:
         }
         found = [gap.before for pair in pairs for gap in self.of(*pair)]
         found += [frame for pair in pairs for frame in (*self.halves(*pair), *self.cut(*pair))]
+        found += [
+            each.request.frame for each in self._capture.calls
+            if each.response is None and (each.request.source, each.request.target) in pairs
+        ]  # fmt: skip
         return max([0, *found])
 
     def turns(self, station: str) -> list[int]:
@@ -151,6 +155,12 @@ class Gaps:
             yield f"nothing that {client} asked is in the capture"
         elif (server, client) not in self.heard:
             yield f"nothing that {server} said is in the capture"
+
+    def leaves_open(self, client: str, server: str, first: int, last: int) -> bool:
+        """Whether a call may be missing between two frames, also by what another activity leaves open."""
+        lacks = bool(self.halves(client, server) or self.of(client, server))
+        other = lacks and self.began_behind(client, server, first)
+        return other or any(self.between(client, server, first, last))
 
     def between(self, client: str, server: str, first: int, last: int) -> Iterator[str]:
         """Why a Write may be missing between two frames."""

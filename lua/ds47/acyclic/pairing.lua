@@ -160,6 +160,12 @@ local function bytes(job)
   return job and job.read_response and job.read_response.data
 end
 
+-- Whether a record is the last one once more, of which less may have been read.
+local function is_last(channel, data)
+  local before = bytes(channel.last)
+  return before ~= nil and before ~= "" and data:sub(1, #before) == before
+end
+
 -- The reads of one transaction: of more than MOST_READS the first and the newest are kept.
 local function keep(job, name, read)
   local reads = job[name]
@@ -603,7 +609,7 @@ end
 local function by_kind(channel, open, record)
   local read, data = record.request, record.response.data
   local newer, mirrored = newer_than(open, channel, data:byte(1))
-  if not mirrored and bytes(channel.last) == data then
+  if not mirrored and is_last(channel, data) then
     return open -- an old answer
   end
   local of_open = kind_fits(open.message, data)
@@ -621,7 +627,7 @@ end
 -- Whether a record may be for the Write that it mirrors: for one before an accepted one only by its kind, and
 -- where it is not the last one once more.
 local function may_be(channel, job, data)
-  return job.order > channel.accepted or kind_fits(job.message, data) and bytes(channel.last) ~= data
+  return job.order > channel.accepted or kind_fits(job.message, data) and not is_last(channel, data)
 end
 
 -- Whether the Write of a job was sent behind the request of a Read.
@@ -657,7 +663,7 @@ local function addressee(channel, event, record)
   end
   local waiting = waiting_of(channel)
   if waiting then
-    if event == "read_record" and (bytes(channel.last) == data or not mirrors(waiting, data)) then
+    if event == "read_record" and (is_last(channel, data) or not mirrors(waiting, data)) then
       return nil -- an old answer
     end
     return waiting
@@ -866,7 +872,7 @@ end
 -- Whether a Read may be for a Write without its response that is newer than the one of a job.
 local function may_be_newer(channel, job, record)
   local data = record.response.data
-  local strange = data == "" or kind_fits(job.message, data) == false and bytes(channel.last) ~= data
+  local strange = data == "" or kind_fits(job.message, data) == false and not is_last(channel, data)
   for _, each in ipairs(channel.asked) do
     local passed = each.passed or is_later(each, record)
     if each.order > job.order and not passed and (strange or mirrors(each, data)) then
@@ -908,7 +914,7 @@ local function of_another(self, channel, job, record)
   end
   local fits, other = mirrors(job, data), open ~= nil and open ~= job
   local sought = record.request or half
-  local doubtful = not fits or bytes(channel.last) == data and not counts(job)
+  local doubtful = not fits or is_last(channel, data) and not counts(job)
   if has_data and not (fits or other) and job.write_response == nil then
     return {what = "write_answer", first = asked.frame}
   elseif has_data and doubtful and job.fetching and job.fetching[1].frame < sought.frame then

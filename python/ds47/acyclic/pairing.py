@@ -529,7 +529,7 @@ class Pairing:
         if half.data and not (fits or other) and job.write_response is None:
             return Missing("write_answer", asked.frame)
         read = record.request.frame if record.request is not None else half.frame
-        doubtful = not fits or (_bytes(channel.last) == half.data and not _counts(job))
+        doubtful = not fits or (_is_last(channel, half.data) and not _counts(job))
         if half.data and doubtful and job.fetching and job.fetching[0].frame < read:
             return Missing("read_answer", job.fetching[0].frame)
         if _may_be_newer(channel, job, record):
@@ -831,7 +831,7 @@ class Pairing:
             half = record.response
             if event != "read_record" or half is None:
                 return waiting
-            old_answer = _bytes(channel.last) == data or not _mirrors(waiting, half)
+            old_answer = _is_last(channel, data) or not _mirrors(waiting, half)
             return None if old_answer else waiting
         return channel.refused
 
@@ -993,7 +993,7 @@ def _by_kind(channel: Channel, opened: Job, record: Record) -> Job:
     read, half = record.request, record.response
     assert half is not None
     mirrored = opened.reference == half.data[0]
-    if not mirrored and _bytes(channel.last) == half.data:
+    if not mirrored and _is_last(channel, half.data):
         return opened  # an old answer
     newer = [
         job for job in reversed(channel.asked)
@@ -1052,7 +1052,7 @@ def _may_be_newer(channel: Channel, job: Job, record: Record) -> bool:
     """Whether a Read may be for a Write without its response that is newer than the one of a job."""
     half = record.response
     assert half is not None
-    old_answer = bool(half.data) and _bytes(channel.last) == half.data
+    old_answer = _is_last(channel, half.data)
     strange = not half.data or (_is_of_kind(job, half) is False and not old_answer)
     return any(
         each.order > job.order
@@ -1068,7 +1068,7 @@ def _may_be(channel: Channel, job: Job, half: Half | None) -> bool:
     For one before an accepted one only by its kind, and where it is not the last one once more.
     """
     return job.order > channel.accepted or (
-        half is not None and _is_of_kind(job, half) is True and _bytes(channel.last) != half.data
+        half is not None and _is_of_kind(job, half) is True and not _is_last(channel, half.data)
     )
 
 
@@ -1082,6 +1082,12 @@ def _read_event(half: Half) -> str:
     if half.status:
         return "read_refused"
     return "read_record" if half.data else "read_empty"
+
+
+def _is_last(channel: Channel, data: bytes) -> bool:
+    """Whether a record is the last one once more, of which less may have been read."""
+    before = _bytes(channel.last)
+    return bool(before) and data.startswith(before or b"")
 
 
 def _bytes(job: Job | None) -> bytes | None:
