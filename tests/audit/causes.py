@@ -269,9 +269,10 @@ def _turned_away(record: wire.Record, case: Case) -> Iterator[str]:
         )
         unsure = list(absent(case, deal, record.answered or record.asked))
         # Its Read was under way: when that is told, nobody knows what it brings.
-        reads = [(deal.frames["read_request"], deal.frames["read_response"])]
-        reads += [(each["request"], each["response"]) for each in deal.frames["polls"]]
-        unsure += ["" for sent, came in reads if (sent or inf) < record.asked < (came or inf)]
+        unsure += [
+            "" for each in case.reading.on_channel.get(deal.channel, [])
+            if not each.write and (deal.write or 0) < each.asked < record.asked < (each.answered or inf)
+        ]  # fmt: skip
         if deal.place == place and begun and still and deal.index != SHARED and not unsure:
             yield f"it is known whose request was open: that of frame {deal.write}"
 

@@ -11,6 +11,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from functools import cache
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -124,7 +125,7 @@ def check(
         same = _same(whole, deal, origin)
         settled = ended or (same is not None and same.answer is not None)
         settled = settled and not _given_away(whole, deal, origin)
-        for text in _deal(same, deal, cut, origin) if not deal.cyclic and settled else ():
+        for text in _deal(whole, same, deal, cut, origin) if not deal.cyclic and settled else ():
             yield Complaint("whole transaction", f"#{deal.id}", text)
     for finding in cut.findings if ended else ():
         if finding.rule not in OF_THE_RECORDING:
@@ -161,13 +162,17 @@ def _same(whole: Whole, deal: Deal, origin: list[int]) -> Deal | None:
     return next((each for each in there if each.place == deal.place), None)
 
 
-def _deal(same: Deal | None, deal: Deal, cut: Reading, origin: list[int]) -> Iterator[str]:
+def _deal(
+    whole: Whole, same: Deal | None, deal: Deal, cut: Reading, origin: list[int]
+) -> Iterator[str]:
     if same is None:
         yield f"no transaction of the whole has frame {origin[deal.write or deal.read or 0]}"
         return
     allowed = {same.state, "orphan" if deal.write is None else "incomplete"}
     if same.state == "unanswered":
         allowed.add("superseded")  # the cut has not what ended the connection before
+    if same.state == "superseded" and _next_write(whole, same) > max(origin):
+        allowed.add("unanswered")  # its connection ended before, as far as the cut shows
     frames = (cut.capture.frame(at) for at in (deal.read, deal.write) if at is not None)
     short = any(each is not None and each.cut for each in frames)
     if _alike(deal, same) and not _same_bytes(deal, same):
@@ -187,6 +192,13 @@ def _deal(same: Deal | None, deal: Deal, cut: Reading, origin: list[int]) -> Ite
         mine = [_values(each) for each in deal.parameters]
         if mine != [_values(each) for each in same.parameters]:
             yield f"parameters are others than those of #{same.id} of the whole"
+
+
+def _next_write(whole: Whole, same: Deal) -> float:
+    """The frame of the next Write of its channel that was accepted."""
+    there = whole.item.on_channel.get(same.channel, [])
+    later = (e.asked for e in there if e.write and e.status == 0 and e.asked > (same.write or 0))
+    return min(later, default=inf)
 
 
 def _given_away(whole: Whole, deal: Deal, origin: list[int]) -> bool:
@@ -255,11 +267,10 @@ def _saved(whole: Whole, args: dict[str, Any], origin: list[int]) -> Iterator[st
 
 
 def _is_outside(rule: str, complaint: str, origin: list[int]) -> bool:
-    """Whether a place was turned away while the cut one ran, and took something before or after that."""
-    found = re.fullmatch(r"a call there is accepted in frame (\d+)", complaint)
-    return (
-        rule == "DS708" and found is not None and int(found[1]) not in range(origin[1], max(origin))
-    )
+    """Whether what contradicts came before the cut one began, or after its end."""
+    wanted = {"DS708": "a call there is accepted", "DS401": "the channel goes on"}.get(rule, "-")
+    found = re.fullmatch(rf"{wanted} in frame (\d+)", complaint)
+    return found is not None and int(found[1]) not in range(origin[1], max(origin) + 1)
 
 
 def _says_nothing(complaint: str, args: dict[str, Any]) -> bool:

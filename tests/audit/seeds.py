@@ -35,7 +35,9 @@ Data that changes with each exchange is what no drive has, and so is an answer t
 data: where the first is lost, it is taken for the answer.
 """
 PLANS = Path(__file__).with_name("plans.jsonl")
-"""Conversations about which the report once said something untrue, one plan a line."""
+"""Conversations about which the report once said something untrue, one plan a line,"""
+WITH_HOLES = PLANS.with_name("plans_with_holes.jsonl")
+"""and those of which it did where they have holes."""
 
 
 def plan(text: str) -> Plan:
@@ -49,9 +51,9 @@ def play(planned: Plan) -> conversations.Conversation | lines.Conversation:
     return lines.play(planned) if isinstance(planned, lines.Plan) else conversations.play(planned)
 
 
-def kept() -> list[Plan]:
+def kept(path: Path = PLANS) -> list[Plan]:
     """The plans that once had a complaint."""
-    return [plan(line) for line in PLANS.read_text(encoding="utf-8").splitlines()]
+    return [plan(line) for line in path.read_text(encoding="utf-8").splitlines()]
 
 
 def planned(count: int, number: int, *, talks: bool = False) -> list[Plan]:

@@ -47,6 +47,12 @@ def test_stored_captures_with_holes(share: int) -> None:
 
 
 @pytest.mark.slow
+def test_what_once_had_a_complaint(tmp_path: Path) -> None:
+    for plan in seeds.kept(seeds.WITH_HOLES):
+        assert list(map(str, seeds.of_cuts(plan, tmp_path))) == [], plan.text()
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("share", range(4))
 def test_random_conversations_with_holes(share: int, tmp_path: Path) -> None:
     for plan in seeds.planned(8, 470 + share, talks=True):

@@ -342,7 +342,8 @@ AUDITED = 18
 @pytest.fixture(scope="module")
 def audited(tmp_path_factory: pytest.TempPathFactory) -> list[Source]:
     sources, path = [], tmp_path_factory.mktemp("audited") / "talk.pcap"
-    for plan in (*seeds.kept(), *seeds.planned(AUDITED, number=1)):
+    once = *seeds.kept(), *seeds.kept(seeds.WITH_HOLES)
+    for plan in (*once, *seeds.planned(AUDITED, number=1)):
         seeds.play(plan).tape.write(path)
         sources.append(Source(plan.text(), path.read_bytes(), False))
         for name, frames in cuts.of(wire.frames(path), cuts.two(plan.seed)):

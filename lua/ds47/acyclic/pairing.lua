@@ -558,7 +558,9 @@ local function accept(self, channel, job)
   job.phase = PHASES[job.phase].write_accepted
 end
 
--- The newest request that is open at the place of another one, whoever asked; nil for none.
+-- The newest request that is surely open at the place of another one, whoever asked; or came behind that; nil
+-- for none. It was accepted, and no Read that is under way fetches its response. What comes later changes
+-- nothing.
 local function rival_of(self, channel, job)
   local keys, found = self.of_place[channel.place], nil
   for key in keys:newest_first(self.limits.users) do
@@ -568,7 +570,12 @@ local function rival_of(self, channel, job)
     end
   end
   local asked = found and found:write_request()
-  return asked and behind(self, found.peer, asked.frame) == nil and found or nil
+  if asked == nil or behind(self, found.peer, asked.frame) then
+    return nil
+  end
+  local fetched = found.fetching and found.fetching[1].frame < job:write_request().frame
+  local sure = found.write_response and not fetched
+  return (sure or found.order > job.order) and found or nil
 end
 
 local function refuse(self, channel, job)
@@ -983,6 +990,9 @@ function Pairing:read_response(peer, record)
     set_aside(self, channel, job, over)
     forget_last(self, channel) -- the missing one is newer
     job = addressee(channel, event, record)
+    if job and half.data ~= "" and not mirrors(job, half.data) then
+      job = nil -- it may be that of the other one all the same
+    end
   end
   local late = job and is_later(job, record)
   if late then

@@ -54,12 +54,6 @@ local function old_answer(remarks, job)
   end
 end
 
--- Whether a request was surely accepted, and no Read without an answer may have fetched its response before.
-local function was_open(job, frame)
-  local fetched = job.fetching and job.fetching[1].frame < frame
-  return not fetched and job.missing == nil and job.write_response ~= nil
-end
-
 -- Who the two are, as far as the capture shows it; a key of tables.diagnosis_words.
 local function case_of(held, came)
   if held == nil then
@@ -104,12 +98,8 @@ local function turned_away(remarks, job, asked)
     if job.rival and job.rival.order > job.order then
       return -- the two crossed: it was not open yet when this one was sent
     end
-    local rival = job.rival
-    if rival and not was_open(rival, asked.frame) then
-      rival = nil
-    end
-    local held = rival and rival:write_request()
-    clash(remarks, rival, job, held and held.frame, asked.frame)
+    local held = job.rival and job.rival:write_request()
+    clash(remarks, job.rival, job, held and held.frame, asked.frame)
   end
 end
 

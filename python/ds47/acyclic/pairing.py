@@ -412,6 +412,8 @@ class Pairing:
             self._set_aside(channel, job, over)
             self._forget_last(channel)  # the missing one is newer
             job = self._addressee(channel, event, record)
+            if job is not None and half.data and not _mirrors(job, half):
+                job = None  # it may be that of the other one all the same
         late = job is not None and _is_later(job, record)
         if late:
             job = None  # what the Read asked for is over: its response came late
@@ -790,7 +792,10 @@ class Pairing:
         job.accepted = False
 
     def _rival(self, job: Job) -> Job | None:
-        """The newest request that is open at the place of another one, whoever asked."""
+        """The newest request that is surely open at the place of another one, whoever asked; or came behind that.
+
+        It was accepted, and no Read that is under way fetches its response. What comes later changes nothing.
+        """
         keys = reversed(self._of_place.get(_spot(job.peer, job.record), {}))
         found: Job | None = None
         for key in islice(keys, self._limits.users):
@@ -798,10 +803,12 @@ class Pairing:
             held = channel.open
             if held is not None and held is not job and (not found or held.order > found.order):
                 found = held
-        asked = found.write_request if found is not None else None
+        asked, came = found.write_request if found is not None else None, job.write_request
         if found is None or asked is None or self._behind(found.peer, asked.frame) is not None:
             return None
-        return found
+        fetched = came is None or any(read.frame < came.frame for read in found.fetching)
+        sure = found.write_response is not None and not fetched
+        return found if sure or found.order > job.order else None
 
     def _refuse(self, channel: Channel, job: Job) -> None:
         before = job.phase

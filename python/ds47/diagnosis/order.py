@@ -73,16 +73,8 @@ def _turned_away(job: Job, asked: Half) -> Iterator[Remark]:
         rival = job.rival
         if rival is not None and rival.order > job.order:
             return  # the two crossed: it was not open yet when this one was sent
-        if rival is not None and not _was_open(rival, asked.frame):
-            rival = None
         held = rival.write_request if rival else None
         yield _clash(rival, job, held.frame if held else None, asked.frame)
-
-
-def _was_open(job: Job, frame: int) -> bool:
-    """Whether a request was surely accepted, and no Read without an answer may have fetched its response."""
-    fetched = job.fetching and job.fetching[0].frame < frame
-    return not fetched and job.missing is None and job.write_response is not None
 
 
 def _clash(held: Job | None, came: Job, first: int | None, frame: int) -> Remark:
