@@ -1236,9 +1236,10 @@ def _is_without(case: Case, deal: Deal, write: bool) -> Iterator[str]:
 
 
 def _swapped(case: Case, record: wire.Record) -> bool:
-    """Whether what stands before an answer in the capture came behind it, by their times."""
-    frames = case.reading.capture.frames[: record.answered or 0]
-    return any(each.time_ns > frames[-1].time_ns for each in frames[record.asked - 1 :])
+    """Whether what stands before an answer in the capture came behind it, by their times, or before its request."""
+    between = case.reading.capture.frames[record.asked - 1 : record.answered or 0]
+    first, last = (each.time_ns for each in (between[0], between[-1]))
+    return any(not first <= each.time_ns <= last for each in between)
 
 
 def _ends(case: Case, deal: Deal) -> Iterator[str]:

@@ -406,14 +406,7 @@ class Pairing:
         event = _read_event(half)
         if event == "read_record":
             channel.heard = half.frame
-        job = self._addressee(channel, event, record)
-        over = None if job is None else _wrote_behind(channel, job, record)
-        if job is not None and over is not None:
-            self._set_aside(channel, job, over)
-            self._forget_last(channel)  # the missing one is newer
-            job = self._addressee(channel, event, record)
-            if job is not None and half.data and not _mirrors(job, half):
-                job = None  # it may be that of the other one all the same
+        job = self._sought(channel, event, record)
         late = job is not None and _is_later(job, record)
         if late:
             job = None  # what the Read asked for is over: its response came late
@@ -849,6 +842,18 @@ class Pairing:
             old_answer = _is_last(channel, data) or not _mirrors(waiting, half)
             return None if old_answer else waiting
         return channel.refused
+
+    def _sought(self, channel: Channel, event: str, record: Record) -> Job | None:
+        """The same, where a request that may be over is set aside."""
+        job, half = self._addressee(channel, event, record), record.response
+        over = None if job is None else _wrote_behind(channel, job, record)
+        if job is None or over is None:
+            return job
+        self._set_aside(channel, job, over)
+        self._forget_last(channel)  # the missing one is newer
+        job = self._addressee(channel, event, record)
+        strange = job is not None and half is not None and half.data and not _mirrors(job, half)
+        return None if strange else job  # it may be that of the other one all the same
 
     def _read(self, channel: Channel, job: Job, event: str, record: Record) -> None:
         half = record.response
