@@ -966,6 +966,7 @@ def _storm(case: Case) -> Iterator[str]:
         return
     same = [each for each in reading.deals if each.channel == start.channel and each.write]
     same.sort(key=lambda each: each.write or 0)
+    same = same[same.index(start) :] if start in same else []
     jobs = [each for each in same if len(each.polls) >= 10][:10]
     runs = [
         list(run) for size in range(1, len(jobs) + 1) for run in combinations(jobs, size)

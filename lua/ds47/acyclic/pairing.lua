@@ -20,7 +20,7 @@ M.STATUS_IN_USE = 0xDF80B500
 --- Polls, re-reads and empty reads of one transaction that are kept, of each.
 M.MOST_READS = 4096
 
-local ar_key, channel_key, know_peer = records.ar_key, records.channel_key, records.know_peer
+local ar_key, know_peer = records.ar_key, records.know_peer
 local STATUS_NOT_READY, STATUS_IN_USE, MOST_READS = M.STATUS_NOT_READY, M.STATUS_IN_USE, M.MOST_READS
 local PHASES = tables.phases
 local setmetatable = setmetatable
@@ -844,10 +844,11 @@ end
 --- nobody knows: what is read from now on may be its response, also where that has the bytes of an
 --- earlier one.
 function Pairing:write_unasked(peer, record)
-  local channel, half = self.channels:get(channel_key(peer, record)), record.response
-  if channel == nil or half == nil then
+  local half = record.response
+  if half == nil then
     return
   end
+  local channel = channel_of(self, peer, record, half.time_ns)
   channel.unasked = half.frame
   local expiry = tables.limits.call_expiry_ns
   for _, job in ipairs(channel.asked) do

@@ -375,9 +375,10 @@ class Pairing:
         for something that nobody knows: what is read from now on may be its response, also where that has the
         bytes of an earlier one.
         """
-        channel, half = self.channels.get(_key(peer, record)), record.response
-        if channel is None or half is None:
+        half = record.response
+        if half is None:
             return
+        channel = self._channel(peer, record, half.time_ns)
         channel.unasked = half.frame
         given_up = half.time_ns - self._limits.call_expiry_ns
         asked = (job.record.request for job in channel.asked)
