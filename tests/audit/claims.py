@@ -682,6 +682,11 @@ def _asked_for(case: Case, asked: message.Message, *, changes: bool) -> Iterator
         yield f"request ID 0x{asked.id or 0:02X} is no read"
 
 
+def _is_release(case: Case, frame: int) -> bool:
+    call = case.reading.call_at[frame]
+    return call.request.operation == wire.RELEASE and call.response is not None
+
+
 def _reason(case: Case, deal: Deal) -> Iterator[str]:
     """Why it stayed without: the Release of its AR, ten minutes of silence, or the end of the capture."""
     told, capture = case.args.get("reason"), case.reading.capture
@@ -702,8 +707,8 @@ def _reason(case: Case, deal: Deal) -> Iterator[str]:
     silent = end - (case.reading.time(max(deal.all_frames)) or 0) > 600 * 10**9
     if told == "release" and not released:
         yield "its AR was not released"
-    elif told == "end" and any(case.reading.call_at[frame].response for frame in released):
-        yield f"its AR was released in frame {released[0]}"
+    elif told == "end" and (let_go := [frame for frame in released if _is_release(case, frame)]):
+        yield f"its AR was released in frame {let_go[0]}"
     elif told == "end" and (own := [frame for frame in later if not _older(case, deal, frame)]):
         yield f"the channel goes on in frame {own[0]}"
     elif told == "expired" and not silent and not later:

@@ -34,6 +34,7 @@ OF_COUNTS = {
     "DS902": {"size"},
     "DS904": {"area", "jobs"},
     "DS810": {"last"},
+    "DS417": {"by"},  # the last one that the capture shows
 }
 """Arguments of a rule that follow from such a count."""
 NOTHING = (None, "sap_unknown", "1 x unknown address")

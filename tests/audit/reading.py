@@ -257,8 +257,9 @@ class Reading:
 
     @cached_property
     def given_up(self) -> list[wire.Call]:
-        """The calls that end an AR."""
-        return [call for call in self.capture.calls if call.request.operation == wire.RELEASE]
+        """The calls that end an AR: a Connect the one that it sets up anew."""
+        ends = (wire.RELEASE, wire.CONNECT)
+        return [call for call in self.capture.calls if call.request.operation in ends]
 
     @cached_property
     def last(self) -> int | None:

@@ -20,7 +20,7 @@ M.STATUS_IN_USE = 0xDF80B500
 --- Polls, re-reads and empty reads of one transaction that are kept, of each.
 M.MOST_READS = 4096
 
-local ar_key, know_peer = records.ar_key, records.know_peer
+local ar_key, channel_key, know_peer = records.ar_key, records.channel_key, records.know_peer
 local STATUS_NOT_READY, STATUS_IN_USE, MOST_READS = M.STATUS_NOT_READY, M.STATUS_IN_USE, M.MOST_READS
 local PHASES = tables.phases
 local setmetatable = setmetatable
@@ -520,8 +520,12 @@ function Pairing:number()
 end
 
 -- An accepted Write displaces a request without its response; whose response may be missing, too.
--- A Read that was sent behind that Write is for it.
+-- A Read that was sent behind that Write is for it. Behind a Connect it displaces nothing: the AR is new.
 local function displace(self, job, by)
+  if connected_since(self, job) then
+    lose(self, job, "release")
+    return
+  end
   local asked = by.record.request
   for place = #(job.fetching or NONE), asked and 1 or math.huge, -1 do
     if job.fetching[place].frame >= asked.frame then

@@ -258,9 +258,10 @@ function RecordCalls:retransmission(call, pdu)
   local args = {operation = operation, first = call.request.frame}
   self:_about_call(call, {rule = "DS103", frame = pdu.frame, args = args})
   local record = not call.response and ours_from(self, call.context)
-  local waited_ns = pdu.time_ns - (call.sent_ns or call.request.time_ns)
+  local half_ns = (pdu.time_ns - (call.sent_ns or call.request.time_ns)) / 2 -- timers are not exact
+  local waits_ns = pdu.time_ns + math.max(half_ns, tables.limits.resend_ns)
   while record do
-    self.events:sent_again(placed(self, pdu), record, pdu.time_ns + waited_ns / 2) -- timers are not exact
+    self.events:sent_again(placed(self, pdu), record, waits_ns)
     record = ours_after(self, record)
   end
 end

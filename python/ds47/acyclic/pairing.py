@@ -762,8 +762,11 @@ class Pairing:
     def _displace(self, job: Job, by: Job) -> None:
         """An accepted Write displaces a request without its response; whose response may be missing, too.
 
-        A Read that was sent behind that Write is for it.
+        A Read that was sent behind that Write is for it. Behind a Connect it displaces nothing: the AR is new.
         """
+        if self._connected_since(job) is not None:
+            self._lose(job, "release")
+            return
         asked = by.record.request
         if asked is not None:
             job.fetching = [read for read in job.fetching if read.frame < asked.frame]
@@ -921,14 +924,17 @@ class Pairing:
 
     def _lose(self, job: Job, reason: str) -> None:
         job.reason = reason
-        asked = job.write_request
-        if asked is not None and job.ended is None and job.read_response is None:
-            key = job.peer.controller, job.peer.device, job.record.ar
-            connect = self.replaced.get(key) or self._connects.get(key)
-            if connect is not None and connect.frame > asked.frame:
-                job.ended, job.ended_ns = connect
+        connect = self._connected_since(job) if job.ended is None else None
+        if connect is not None and job.read_response is None:
+            job.ended, job.ended_ns = connect
         job.missing = job.missing or self._lacks(job, reason)
         self._end(job, "lost")
+
+    def _connected_since(self, job: Job) -> Moment | None:
+        """When the AR of a request was set up anew; None where it was not."""
+        asked, key = job.write_request, (job.peer.controller, job.peer.device, job.record.ar)
+        connect = self.replaced.get(key) or self._connects.get(key)
+        return connect if connect and asked and connect.frame > asked.frame else None
 
     def _end(self, job: Job, event: str) -> None:
         if job.missing is not None and job.fetching and job.read_request is None:

@@ -220,7 +220,8 @@ class RecordCalls:
         context = _context(call)
         if context is None or call.response is not None:
             return
-        waits_ns = pdu.time_ns + (pdu.time_ns - call.sent_ns) // 2  # timers are not exact
+        half_ns = (pdu.time_ns - call.sent_ns) // 2  # timers are not exact
+        waits_ns = pdu.time_ns + max(half_ns, self._limits.resend_ns)
         for record in context.body.records:
             if self._events.concerns(record.index):
                 self._events.sent_again(self._peer(pdu), record, context.jobs, waits_ns)

@@ -20,6 +20,7 @@ class Limits(Row):
     transaction_expiry_ns: int
     fragment_expiry_ns: int
     silence_ns: int
+    resend_ns: int
     unread_ns: int
     slow_ns: int
     polling_ns: int

@@ -1203,6 +1203,19 @@ def p38_release(client: Client) -> None:
 
 
 @BOOK.scene(
+    "P27 unanswered",
+    tx(1, "unanswered", (1, 2), None, NOTHING),
+    row(2, real(2.5, pnu=27), first=5),
+    rules="DS401@1#1 DS722@1#1",
+)
+def p38_set_up_anew(client: Client) -> None:
+    """The AR is set up anew, its Release is not there: the next Write displaces nothing."""
+    client.write(ask())
+    client.connect("plc")
+    client.exchange(ask(2, 27), tell(2, 2.5))
+
+
+@BOOK.scene(
     "P14 release interleaved",
     tx(1, "ok", (1, 2, 7, 8), 7, real(1.5)),
     tx(2, "unanswered", (3, 4), None, NOTHING, **HOME2),
