@@ -22,7 +22,7 @@ ANSWER = message.answer(1, 1, 1, TEN)
 
 
 def at(frame: int, status: int | None = None) -> Half:
-    return Half(frame, frame, status=status)
+    return Half(frame, frame * 1_000_000, status=status)
 
 
 def said(case: Job) -> list[tuple[str, int, dict[str, Any]]]:
@@ -50,6 +50,11 @@ def test_a_read_before_the_response_of_the_write_is_too_early(
     case = job(READ, ANSWER, write_response=at(2, 0), polls=polls, read_request=reads[-1])
     expected = [] if told is None else [("DS702", told, {"frame": told, "by": 2})]
     assert said(case) == expected
+
+
+def test_a_read_that_was_sent_before_the_write_by_its_time_is_not_too_early() -> None:
+    early = Half(1, 999_999)
+    assert said(job(READ, ANSWER, write_response=at(2, 0), read_request=early)) == []
 
 
 @pytest.mark.parametrize("answer", [None, at(2), at(2, 0xDF80C200)])

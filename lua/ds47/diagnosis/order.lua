@@ -28,8 +28,11 @@ local function read_too_early(remarks, job)
   if answer == nil or answer.status ~= 0 then
     return
   end
-  local read = first_read(job)
-  if read and read.frame < answer.frame and read.time_ns <= answer.time_ns then
+  local read, asked = first_read(job), job.record.request
+  if read == nil or asked and read.time_ns < asked.time_ns then
+    return -- the times say another order
+  end
+  if read.frame < answer.frame and read.time_ns <= answer.time_ns then
     put(remarks, "DS702", read.frame, {frame = read.frame, by = answer.frame})
   end
 end

@@ -28,10 +28,11 @@ def _read_too_early(job: Job) -> Iterator[Remark]:
     answer = job.write_response
     if answer is None or answer.status != 0:
         return
-    reads = [request for request, _ in job.polls] + [job.read_request]
+    asked, reads = job.record.request, [*(request for request, _ in job.polls), job.read_request]
+    begin_ns = 0 if asked is None else asked.time_ns  # before that the times say another order
     for read in reads:
         if read is not None:
-            if read.frame < answer.frame and read.time_ns <= answer.time_ns:
+            if read.frame < answer.frame and begin_ns <= read.time_ns <= answer.time_ns:
                 yield Remark("DS702", read.frame, {"frame": read.frame, "by": answer.frame})
             return
 
