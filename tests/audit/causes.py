@@ -245,7 +245,7 @@ def _two_users(case: Case) -> Iterator[str]:
         yield f"other_ar {args.get('other_ar')!r} is {(here or held)[0].ar}"
     if not here:
         yield "they are at two places"
-    until = [min([each.read or 10**9, *reading.releases(each)]) for each in here or held]
+    until = [min([each.read or 10**9, *reading.ends(each)]) for each in here or held]
     refused = all(each.write_status for each in here or held)
     if max(until) < came[0].asked or args["first"] > came[0].asked or refused:
         yield f"the request of frame {args['first']} was not open in frame {came[0].asked}"
@@ -261,7 +261,7 @@ def _turned_away(record: wire.Record, case: Case) -> Iterator[str]:
     for deal in case.reading.deals:
         accepted = deal.frames["write_response"] if deal.write_status == 0 else None
         begun = (accepted or 10**9) < (record.answered or record.asked)
-        ended = min([deal.read or 10**9, *case.reading.releases(deal)])
+        ended = min([deal.read or 10**9, *case.reading.ends(deal)])
         still = ended > (record.answered or record.asked) and deal.state not in (
             "superseded",
             "refused",
@@ -910,10 +910,10 @@ def _lost(case: Case) -> Iterator[str]:
     if deal.answer is not None or deal.write_status:
         yield f"it was answered in frame {deal.read}"
     yield from absent(case, deal, frame or 10**9)
-    call = case.reading.call_at.get(frame or 0)
+    end = next((each for each in case.reading.capture.pdus if each.frame == frame), None)
     stations = {deal.controller, deal.device}
-    ends = call is not None and call.request.operation in (wire.CONNECT, wire.RELEASE)
-    if call is None or not ends or {call.request.source, call.request.target} != stations:
+    ends = end is not None and end.operation in (wire.CONNECT, wire.RELEASE)
+    if end is None or not ends or {end.source, end.target} != stations:
         yield f"neither Release nor Connect of the two is in frame {frame}"
     elif not (frame or 0) > case.frame:
         yield "that was before the request"
@@ -923,7 +923,7 @@ def _lost(case: Case) -> Iterator[str]:
         if str(each.ar) == deal.ar and each.asked > (frame or 0) and each.status == 0
     ]
     own = bytes.fromhex((deal.ar or "").replace("-", ""))
-    if later and call is not None and own not in call.request.body:
+    if later and end is not None and own not in end.body:
         yield f"that was another AR, its own goes on in frame {later[0]}"
 
 
@@ -966,8 +966,9 @@ def _storm(case: Case) -> Iterator[str]:
         return
     same = [each for each in reading.deals if each.channel == start.channel and each.write]
     same.sort(key=lambda each: each.write or 0)
-    same = same[same.index(start) :] if start in same else []
-    jobs = [each for each in same if len(each.polls) >= 10][:10]
+    jobs = [each for each in same if len(each.polls) >= 10]
+    begin = max(0, jobs.index(start) - 4) if start in jobs else 0
+    jobs = jobs[begin : begin + 10]
     runs = [
         list(run) for size in range(1, len(jobs) + 1) for run in combinations(jobs, size)
         if start in run and sum(len(each.polls) for each in run) == args.get("count")

@@ -667,7 +667,7 @@ def absent(case: Case, deal: Deal, end: int) -> Iterator[str]:
 def _over(case: Case, deal: Deal) -> int:
     """The frame in which a transaction ended that has no response."""
     if case.args.get("reason") == "release":
-        return min(case.reading.releases(deal), default=10**9)
+        return min(case.reading.ends(deal), default=10**9)
     last = (case.reading.time(max(deal.all_frames)) or 0) + 600 * 10**9
     late = [each.number for each in case.reading.capture.frames if each.time_ns > last]
     return min(late, default=10**9)
@@ -682,15 +682,10 @@ def _asked_for(case: Case, asked: message.Message, *, changes: bool) -> Iterator
         yield f"request ID 0x{asked.id or 0:02X} is no read"
 
 
-def _is_release(case: Case, frame: int) -> bool:
-    call = case.reading.call_at[frame]
-    return call.request.operation == wire.RELEASE and call.response is not None
-
-
 def _reason(case: Case, deal: Deal) -> Iterator[str]:
     """Why it stayed without: the Release of its AR, ten minutes of silence, or the end of the capture."""
     told, capture = case.args.get("reason"), case.reading.capture
-    released = case.reading.releases(deal)
+    released = case.reading.ends(deal)
     refused = {
         each.write
         for each in case.reading.deals
@@ -707,8 +702,10 @@ def _reason(case: Case, deal: Deal) -> Iterator[str]:
     silent = end - (case.reading.time(max(deal.all_frames)) or 0) > 600 * 10**9
     if told == "release" and not released:
         yield "its AR was not released"
-    elif told == "end" and (let_go := [frame for frame in released if _is_release(case, frame)]):
-        yield f"its AR was released in frame {let_go[0]}"
+    elif told == "end" and any(
+        case.reading.call_at[at].response for at in case.reading.releases(deal)
+    ):
+        yield f"its AR was released in frame {released[0]}"
     elif told == "end" and (own := [frame for frame in later if not _older(case, deal, frame)]):
         yield f"the channel goes on in frame {own[0]}"
     elif told == "expired" and not silent and not later:
@@ -830,7 +827,7 @@ def _is_open(deal: Deal, frame: int, reading: Reading) -> bool:
     ]  # fmt: skip
     before = max(each for each in deal.all_frames if each < frame)
     silent = (reading.time(frame) or 0) - (reading.time(before) or 0) > 600 * 10**9
-    return not silent and min([deal.read or 10**9, *displaced, *reading.releases(deal)]) > frame
+    return not silent and min([deal.read or 10**9, *displaced, *reading.ends(deal)]) > frame
 
 
 @auditor("DS404", "DS405", "DS406", "DS407")
@@ -1259,5 +1256,5 @@ def _ends(case: Case, deal: Deal) -> Iterator[str]:
     newest = max(later, default=0) if case.reading.line is not None else calls[-1]
     if newest - (case.reading.time(deal.write) or 0) >= 10 * 10**9 and case.reading.line is None:
         yield "the capture goes on for 10 s and more"
-    if released := case.reading.releases(deal):
+    if released := case.reading.ends(deal):
         yield f"its AR was released in frame {released[0]}"

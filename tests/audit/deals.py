@@ -81,7 +81,7 @@ def _answered(deal: Deal, number: int, reading: Reading) -> Iterator[str]:
 def _write_answer(deal: Deal, own: list[wire.Record], reading: Reading) -> Iterator[str]:
     frames, told = [each.answered for each in own], deal.frames["write_response"]
     # Out of order, a Release may stand before the response, and ends the transaction.
-    over = min(reading.releases(deal), default=inf) < max(frame or 0 for frame in frames)
+    over = min(reading.ends(deal), default=inf) < max(frame or 0 for frame in frames)
     if told not in frames and not (told is None and over):
         yield f"the Write response is in frame {frames[0]}, not in {told}"
     if told is not None and deal.write_status not in [each.status for each in own]:
@@ -131,7 +131,7 @@ def _displaced(deal: Deal, reading: Reading) -> bool:
     """Whether a later Write was accepted; one without a response is, when a Read brings its record."""
     if deal.write_status is None and not deal.polls:
         return False  # nobody knows that it was accepted
-    end = min((frame for frame in reading.releases(deal)), default=10**9)
+    end = min((frame for frame in reading.ends(deal)), default=10**9)
     return any(
         each.write and not each.nested and (deal.write or 0) < each.asked < end
         and (each.status == 0 or (not each.status and (*deal.channel, each.asked) in reading.asked_and_answered))

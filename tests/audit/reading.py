@@ -6,7 +6,7 @@ import contextlib
 import io
 import json
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from datetime import datetime
 from functools import cached_property
@@ -249,17 +249,25 @@ class Reading:
 
     def releases(self, deal: Deal) -> list[int]:
         """The frames in which the AR of a transaction was given up after its request."""
+        calls = {call.request.frame for call in self.given_up}
+        return [frame for _, frame in self._ends(deal) if frame in calls]
+
+    def ends(self, deal: Deal) -> list[int]:
+        """The same, and those in which it was set up anew: so it was over before."""
+        return [frame for _, frame in self._ends(deal)]
+
+    def _ends(self, deal: Deal) -> Iterator[tuple[int, int]]:
         ar = bytes.fromhex((deal.ar or "").replace("-", ""))
-        return [
-            call.request.frame for call in self.given_up
-            if ar and ar in call.request.body and call.request.frame > (deal.write or 0)
-        ]  # fmt: skip
+        alone = (each for each in self.capture.strays if each.kind == wire.RESPONSE)
+        for each in (*(call.request for call in self.capture.calls), *alone):
+            ends = each.operation in (wire.RELEASE, wire.CONNECT)
+            if ends and ar and ar in each.body and each.frame > (deal.write or 0):
+                yield each.operation, each.frame
 
     @cached_property
     def given_up(self) -> list[wire.Call]:
-        """The calls that end an AR: a Connect the one that it sets up anew."""
-        ends = (wire.RELEASE, wire.CONNECT)
-        return [call for call in self.capture.calls if call.request.operation in ends]
+        """The calls that end an AR."""
+        return [call for call in self.capture.calls if call.request.operation == wire.RELEASE]
 
     @cached_property
     def last(self) -> int | None:

@@ -187,7 +187,7 @@ end
 
 -- Requests
 
--- An AR begins or ends.
+-- An AR begins or ends, as its request says; or a response whose request is missing.
 function RecordCalls:_connection(pdu, opnum)
   local at = {frame = pdu.frame, time_ns = pdu.time_ns}
   if opnum == RELEASE then
@@ -330,6 +330,7 @@ end
 function RecordCalls:orphan_response(pdu, certain)
   local operation = OPERATIONS[pdu.opnum]
   if not operation then
+    self:_connection(pdu, pdu.opnum)
     return
   end
   local first = select(2, parse_response(pdu))

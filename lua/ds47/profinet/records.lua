@@ -346,10 +346,10 @@ function M.parse_response(pdu)
   return status, first
 end
 
---- The AR that a Release request ends, nil where its block does not parse.
+--- The AR that a Release ends, by its request or response; nil where its block does not parse.
 function M.released_ar(pdu)
   local t1, t2 = byte(pdu.body, NDR + 1, NDR + 2)
-  if #pdu.body < FIRST_AR + 16 or not RELEASE_BLOCKS[t1 * 256 + t2] then
+  if #pdu.body < FIRST_AR + 16 or not RELEASE_BLOCKS[t1 % 128 * 256 + t2] then
     return nil
   end
   return sub(pdu.body, FIRST_AR + 1, FIRST_AR + 16)
@@ -362,10 +362,10 @@ function M.is_only_ar(pdu)
   return t2 ~= nil and ONLY_ARS[t1 * 256 + t2] or false
 end
 
---- The AR that a Connect request sets up, nil where its first block is no ARBlockReq.
+--- The AR that a Connect sets up, by its request or response; nil where its first block is no ARBlock.
 function M.connected_ar(pdu)
   local t1, t2 = byte(pdu.body, NDR + 1, NDR + 2)
-  if #pdu.body < FIRST_AR + 16 or t1 * 256 + t2 ~= AR_BLOCK then
+  if #pdu.body < FIRST_AR + 16 or t1 % 128 * 256 + t2 ~= AR_BLOCK then
     return nil
   end
   return sub(pdu.body, FIRST_AR + 1, FIRST_AR + 16)

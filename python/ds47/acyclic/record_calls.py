@@ -172,16 +172,8 @@ class RecordCalls:
 
     def _request(self, call: Call) -> None:
         pdu = call.request
-        if pdu.opnum == RPC_RELEASE and (ar := released_ar(pdu)):
-            at = Moment(pdu.frame, pdu.time_ns)
-            over = partial(self._pairing.release, pdu.client, pdu.server, ar, at)
-            over()
-            self._index47.follow((pdu.client, pdu.server, ar), partial(over, SHARED_INDEX))
-        if pdu.opnum == RPC_CONNECT:
-            ar, only = connected_ar(pdu), is_only_ar(pdu)
-            at = Moment(pdu.frame, pdu.time_ns)
-            self._pairing.connected(pdu.client, pdu.server, at, ar, only=only)
         if pdu.opnum not in _OPERATIONS:
+            self._connection(pdu)
             return
         body = parse_request(pdu)
         context = call.context = _Context(body, self._peer(pdu))
@@ -252,6 +244,17 @@ class RecordCalls:
             if self._events.concerns(record.index):
                 self._events.lost(context.peer, record)
 
+    def _connection(self, pdu: rpc.Pdu) -> None:
+        """An AR begins or ends, as its request says; or a response whose request is missing."""
+        at = Moment(pdu.frame, pdu.time_ns)
+        if pdu.opnum == RPC_RELEASE and (ar := released_ar(pdu)):
+            over = partial(self._pairing.release, pdu.client, pdu.server, ar, at)
+            over()
+            self._index47.follow((pdu.client, pdu.server, ar), partial(over, SHARED_INDEX))
+        elif pdu.opnum == RPC_CONNECT:
+            ar, only = connected_ar(pdu), is_only_ar(pdu)
+            self._pairing.connected(pdu.client, pdu.server, at, ar, only=only)
+
     # Responses
 
     def _response(self, call: Call) -> None:
@@ -279,6 +282,7 @@ class RecordCalls:
 
     def _orphan_response(self, pdu: rpc.Pdu, certain: bool) -> None:
         if pdu.opnum not in _OPERATIONS:
+            self._connection(pdu)
             return
         records = parse_response(pdu)[1]
         if not records:

@@ -6,6 +6,7 @@ Opens one level of IODWriteMultiple (0xE040). Knows nothing of DS47: `data` is o
 from __future__ import annotations
 
 import struct
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Final
 
@@ -43,6 +44,8 @@ _REQUEST_BLOCKS: Final = {
 }
 _READS: Final = (RPC_READ, RPC_READ_IMPLICIT)
 _ONLY_ARS: Final = (0x0001, 0x0010)
+_IS_RESPONSE: Final = 0x8000
+"""What the type of a block of a response has beyond that of its request."""
 _RELEASE_BLOCKS: Final = (BLOCK_RELEASE_REQUEST, BLOCK_RELEASE_OF_RSI)
 _AR_END: Final = NDR_SIZE + BLOCK_AR + 16
 """Where the AR of a Connect or Release ends, which stands in its first block."""
@@ -240,11 +243,8 @@ def _write_response(pdu: Pdu, offset: int, ndr_status: int, position: int) -> Re
 
 
 def released_ar(pdu: Pdu) -> bytes | None:
-    """The AR that a Release request ends, None where its block does not parse."""
-    block = pdu.body[NDR_SIZE:_AR_END]
-    if len(block) < BLOCK_AR + 16 or int.from_bytes(block[:2], "big") not in _RELEASE_BLOCKS:
-        return None
-    return block[BLOCK_AR:]
+    """The AR that a Release ends, by its request or response; None where its block does not parse."""
+    return _first_ar(pdu, _RELEASE_BLOCKS)
 
 
 def is_only_ar(pdu: Pdu) -> bool:
@@ -257,8 +257,12 @@ def is_only_ar(pdu: Pdu) -> bool:
 
 
 def connected_ar(pdu: Pdu) -> bytes | None:
-    """The AR that a Connect request sets up, None where its first block is no ARBlockReq."""
+    """The AR that a Connect sets up, by its request or response; None where its first block is no ARBlock."""
+    return _first_ar(pdu, (BLOCK_AR_REQUEST,))
+
+
+def _first_ar(pdu: Pdu, blocks: Collection[int]) -> bytes | None:
     block = pdu.body[NDR_SIZE:_AR_END]
-    if len(block) < BLOCK_AR + 16 or int.from_bytes(block[:2], "big") != BLOCK_AR_REQUEST:
+    if len(block) < BLOCK_AR + 16 or int.from_bytes(block[:2], "big") & ~_IS_RESPONSE not in blocks:
         return None
     return block[BLOCK_AR:]
