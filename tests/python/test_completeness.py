@@ -384,7 +384,7 @@ ABSENT = ("DS206", "DS401", "DS402", "DS404", "DS413", "DS415", "DS704", "DS705"
         (three, (3, 4), "incomplete ok ok", [(1, "calls", 1, 3, "1"), ("DS415", 7)]),
         (three, (4, 5), "incomplete orphan ok", [(1, "requests")]),
         (three, (5, 6), "ok orphan ok", []),
-        (three, (3, 4, 5, 6), "ok ok", []),
+        (three, (3, 4, 5, 6), "incomplete orphan ok", [(1, "calls", 1, 3, "1..2")]),
         (three, (4, 5, 6), "incomplete orphan ok", [(1, "calls", 3, 4, "2")]),
         (counted, (4, 5), "incomplete orphan ok", [(1, "read_answer", 3)]),
         (counted, (7, 8), "ok incomplete ok", [(5, "calls", 5, 7, "3")]),
@@ -447,6 +447,11 @@ def sent_twice(client: Client) -> None:
     client.ask(call, wire.read_request(call.sequence, client.channel))
 
 
+def sent_twice_at_once(client: Client) -> None:
+    call = client.ask_read()
+    client.ask(call, wire.read_request(call.sequence, client.channel))
+
+
 def pause(milliseconds: float) -> Callable[[Client], None]:
     return lambda client: client.wait(milliseconds)
 
@@ -462,7 +467,10 @@ def asked_again(client: Client) -> None:
 @pytest.mark.parametrize(
     ("play", "states", "told"),
     [
-        (one_job(sent_twice, Client.release), "unanswered", [("DS401", 1), ("DS722", 1)]),
+        (one_job(sent_twice, pause(249), Client.release), "incomplete", [(1, "read_answer", 3)]),
+        (one_job(sent_twice, pause(250), Client.release), "unanswered", [("DS401", 1), ("DS722", 1)]),
+        (one_job(sent_twice_at_once, pause(48), Client.release), "incomplete", [(1, "read_answer", 3)]),
+        (one_job(sent_twice_at_once, pause(49), Client.release), "unanswered", [("DS401", 1), ("DS722", 1)]),
         (one_job(Client.ask_read, Client.release), "incomplete", [(1, "read_answer", 3)]),
         (one_job(Client.ask_read, pause(998), Client.release), "incomplete", [(1, "read_answer", 3)]),
         (one_job(Client.ask_read, pause(999), Client.release), "unanswered", [("DS401", 1), ("DS722", 1)]),
