@@ -279,6 +279,8 @@ function M.feed(number, frame, offset, clock, pinfo)
   complete, last = nil, number
   if at then
     local pdu = new_pdu(found, frame, at, stop, number, clock(live))
+    local p1, p2 = byte(frame, at - UDP_HEADER + 1, at - UDP_HEADER + 2)
+    pdu.port = p1 * 256 + p2
     if pdu.missing ~= 0 then
       pdu.cut = cut_of(number, frame, pinfo)
     end

@@ -910,7 +910,13 @@ def _lost(case: Case) -> Iterator[str]:
     if deal.answer is not None or deal.write_status:
         yield f"it was answered in frame {deal.read}"
     yield from absent(case, deal, frame or 10**9)
-    end = next((each for each in case.reading.capture.pdus if each.frame == frame), None)
+    capture = case.reading.capture
+    behind = {
+        call.response.frame for call in capture.calls
+        if call.response is not None and call.response.frame > call.request.frame
+    }  # fmt: skip
+    alone = (each for each in capture.pdus if each.frame == frame and each.frame not in behind)
+    end = next(alone, None)  # a request, or a response that is there before it, or without it
     stations = {deal.controller, deal.device}
     ends = end is not None and end.operation in (wire.CONNECT, wire.RELEASE)
     if end is None or not ends or {end.source, end.target} != stations:

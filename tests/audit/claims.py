@@ -1251,7 +1251,7 @@ def _ends(case: Case, deal: Deal) -> Iterator[str]:
     pair = deal.controller, deal.device  # of a plant beside it nothing follows
     calls = [
         case.reading.time(each.frame) or 0 for each in capture.pdus
-        if pair in ((each.source, each.target), (each.target, each.source))
+        if pair in ((each.source, each.target), (each.target, each.source)) and each.frame not in capture.copies
     ]  # fmt: skip
     newest = max(later, default=0) if case.reading.line is not None else calls[-1]
     if newest - (case.reading.time(deal.write) or 0) >= 10 * 10**9 and case.reading.line is None:

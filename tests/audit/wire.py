@@ -21,7 +21,7 @@ PARTS = ("1", "2", "3", "4")
 MAPPER = "e1af8308-5d1f-11c9-91a4-08002b14a0fa"
 WRITE_MULTIPLE = 0xE040
 BLOCK = 64
-COPY_NS, AGAIN_NS, CALL_NS = 1_000_000, 10_000_000_000, 60_000_000_000
+COPY_NS, CALL_NS = 1_000_000, 60_000_000_000
 
 
 @dataclass
@@ -59,6 +59,8 @@ class Pdu:
     """IP identification."""
     cut: bool
     object: UUID
+    port: int = 0
+    """UDP port of the source."""
 
     @property
     def client(self) -> str:
@@ -77,6 +79,8 @@ class Call:
     response: Pdu | None = None
     again: list[int] = field(default_factory=list)
     copies: list[int] = field(default_factory=list)
+    newest_ns: int = 0
+    """When its last datagram was seen."""
 
 
 @dataclass
@@ -117,6 +121,8 @@ class Capture:
 
     frames: list[Frame] = field(default_factory=list)
     pdus: list[Pdu] = field(default_factory=list)
+    copies: set[int] = field(default_factory=set)
+    """Frames of PDUs that are copies of others."""
     calls: list[Call] = field(default_factory=list)
     strays: list[Pdu] = field(default_factory=list)
     """Responses without a request."""
@@ -319,13 +325,14 @@ def _pdu(
     pdu = Pdu(
         frame.number, frame.time_ns, datagram.source, datagram.target, data[1], order, uuid(40),
         sequence, operation, body, datagram.frames, datagram.number, datagram.cut, uuid(8),
+        int.from_bytes(datagram.payload[:2], "big"),
     )  # fmt: skip
     if not data[2] & 0x04 or data[1] not in (REQUEST, RESPONSE):
         return pdu
     sent = (pdu.source, pdu.target, datagram.number, datagram.payload)
     before = capture.lately.get(sent)
     capture.lately[sent] = frame.time_ns
-    if before is not None and abs(frame.time_ns - before) <= COPY_NS:
+    if before is not None and (datagram.number or abs(frame.time_ns - before) <= COPY_NS):
         return None
     key = ("RPC", pdu.source, pdu.target, pdu.activity, sequence, data[1])
     parts = halves.setdefault(key, {})
@@ -354,26 +361,28 @@ def _pdu(
 
 def _calls(capture: Capture) -> None:
     newest: dict[tuple[str, UUID, int], Call] = {}
-    sequence: dict[tuple[str, UUID], int] = {}
-    seen: list[Pdu] = []
+    anew: dict[tuple[str, UUID] | tuple[str, str], int] = {}
+    seen: dict[tuple[object, ...], int] = {}
     for pdu in capture.pdus:
-        twin = [
-            each for each in seen[-64:]
-            if each.datagram == pdu.datagram and each.body == pdu.body and each.key == pdu.key
-            and each.kind == pdu.kind and abs(pdu.time_ns - each.time_ns) <= COPY_NS
-        ]  # fmt: skip
-        seen.append(pdu)
+        same = pdu.datagram, pdu.body, pdu.key, pdu.kind, pdu.source, pdu.port
+        before, seen[same] = seen.get(same), pdu.time_ns
         known = newest.get(pdu.key)
-        if twin:
+        if before is not None and (pdu.datagram or abs(pdu.time_ns - before) <= COPY_NS):
+            capture.copies.add(pdu.frame)
             if known is not None and pdu.kind == REQUEST:
                 known.copies.append(pdu.frame)
             continue
         if pdu.kind == REQUEST:
-            if known is not None and _is_again(known, pdu, sequence.get(pdu.key[:2])):
+            begun = max(anew.get(each, 0) for each in (pdu.key[:2], (pdu.source, pdu.target)))
+            if known is not None and known.request.frame >= begun and _is_again(known, pdu):
                 known.again.append(pdu.frame)
+                known.newest_ns = pdu.time_ns
                 continue
-            newest[pdu.key] = call = Call(pdu)
-            sequence[pdu.key[:2]] = pdu.sequence
+            if known is not None:  # its client counts anew
+                anew[pdu.key[:2]] = pdu.frame
+            if pdu.operation == CONNECT:
+                anew[pdu.source, pdu.target] = pdu.frame
+            newest[pdu.key] = call = Call(pdu, newest_ns=pdu.time_ns)
             capture.calls.append(call)
             early = [each for each in capture.strays if _is_early(each, pdu)]
             if early:  # frames out of order: by their times it came later
@@ -384,17 +393,18 @@ def _calls(capture: Capture) -> None:
                 capture.strays.append(pdu)
             elif known.response is None:
                 known.response = pdu
+                known.newest_ns = max(known.newest_ns, pdu.time_ns)
 
 
 def _is_early(stray: Pdu, request: Pdu) -> bool:
     return stray.key == request.key and 0 <= stray.time_ns - request.time_ns <= CALL_NS
 
 
-def _is_again(call: Call, pdu: Pdu, newest: int | None) -> bool:
-    if call.response is None:
-        return call.request.body == pdu.body and pdu.time_ns - call.request.time_ns <= CALL_NS
-    late = pdu.time_ns - call.response.time_ns
-    return call.request.body == pdu.body and late <= AGAIN_NS and newest == pdu.sequence
+def _is_again(call: Call, pdu: Pdu) -> bool:
+    """Whether a number that was there before is the same call: its client may still repeat it."""
+    asked = call.request
+    same = (asked.operation, asked.body, asked.port) == (pdu.operation, pdu.body, pdu.port)
+    return same and pdu.time_ns - call.newest_ns <= CALL_NS
 
 
 def _records(call: Call) -> Iterator[Record]:

@@ -227,8 +227,8 @@ end
 -- IP
 
 local LIMITS = {
-  copy_ns = 1000000, retransmission_ns = 10 * SECOND, call_expiry_ns = 60 * SECOND,
-  fragment_expiry_ns = 1000, activities = 8192, calls = 64, datagrams = 256, answered_calls = 8,
+  copy_ns = 1000000, call_expiry_ns = 60 * SECOND,
+  fragment_expiry_ns = 1000, activities = 8192, calls = 64, datagrams = 256, answered_calls = 20,
   ip_datagrams = 256, ip_fragments = 16384, fragment_bytes = 16777216,
 }
 local UDP_PAYLOAD = ("0123456789"):rep(9)
@@ -367,7 +367,7 @@ end
 
 local function test_copies()
   local cases = {
-    {{time_ns = 1000000}, true}, {{time_ns = -1000000}, true}, {{time_ns = 1000001}, false},
+    {{time_ns = 1000000}, true}, {{time_ns = -1000000}, true}, {{time_ns = 90 * SECOND}, true},
     {{ip_id = 514}, false}, {{ip_id = 257}, false}, {{body = "other"}, false}, {{fragment = 1}, false},
     {{fragment = 256}, false}, {{ptype = 1}, false}, {{seq = 0x01000007}, false}, {{seq = 263}, false},
     {{activity = ("x"):rep(16)}, false}, {{little = true}, true}, {{opnum = 5}, true},
@@ -381,10 +381,16 @@ local function test_copies()
     check("count", tracker.counts.copies, case[2] and 1 or 0)
   end
   local tracker = tracker_of()
-  for ip_id = 0, 511 do
+  for passed, copy in pairs({[1000000] = true, [1000001] = false}) do
+    tracker = tracker_of()
+    is_copy(tracker, {ip_id = 0})
+    check("without an IP id", is_copy(tracker, {ip_id = 0, time_ns = passed}), copy)
+  end
+  tracker = tracker_of()
+  for ip_id = 1, 512 do
     is_copy(tracker, {ip_id = ip_id})
   end
-  for ip_id, copy in pairs({[0] = false, [255] = false, [256] = true, [511] = true}) do
+  for ip_id, copy in pairs({[1] = false, [256] = false, [257] = true, [512] = true}) do
     check("those that are enough are known, and no older ones", is_copy(tracker, {ip_id = ip_id}), copy)
   end
 end
@@ -428,14 +434,16 @@ local function test_retransmissions()
   local tracker, heard = tracker_of()
   feed_calls(tracker, {request, {time_ns = 30 * SECOND}, {ptype = 2, time_ns = 30 * SECOND}})
   check("while unanswered", heard(), "request:7 retransmission:7 response:7")
-  for delay, event in pairs({[0] = "retransmission", [10] = "retransmission", [11] = "request"}) do
+  for delay, event in pairs({[0] = "retransmission", [60] = "retransmission", [61] = "request"}) do
     tracker, heard = tracker_of()
     feed_calls(tracker, {request, response, {time_ns = delay * SECOND}})
     check("after the answer", heard(), "request:7 response:7 " .. event .. ":7")
   end
   tracker, heard = tracker_of()
   feed_calls(tracker, {request, response, {seq = 8}, request})
-  check("after another number", heard(), "request:7 response:7 request:8 request:7")
+  check("after another number", heard(), "request:7 response:7 request:8 retransmission:7")
+  feed_calls(tracker, {{seq = 8, body = "other"}, request})
+  check("its client counts anew", heard(), "lost:8 request:8 request:7")
   tracker, heard = tracker_of()
   feed_calls(tracker, {request, {body = "other"}, response})
   check("another body is a new call", heard(), "request:7 lost:7 request:7 response:7")
@@ -452,8 +460,7 @@ local function test_expiry()
     check("expiry", heard(), "request:7 " .. last)
   end
   local tracker, heard = tracker_of({
-    copy_ns = 0, retransmission_ns = 0, call_expiry_ns = 60 * SECOND, activities = 2, calls = 2,
-    datagrams = 256, answered_calls = 8,
+    copy_ns = 0, call_expiry_ns = 60 * SECOND, activities = 2, calls = 2, datagrams = 256, answered_calls = 8,
   })
   feed_calls(tracker, {{seq = 1}, {seq = 2}, {seq = 3}, {seq = 4}})
   check("calls are bounded", heard(), "request:1 request:2 request:3 pushed_out:1 request:4")
@@ -471,7 +478,7 @@ local function test_expiry()
     feed_calls(tracker, {{seq = seq}, {seq = seq, ptype = 2}})
   end
   heard()
-  feed_calls(tracker, {{seq = 33, ptype = 2}, {seq = 20, ptype = 2}})
+  feed_calls(tracker, {{seq = 21, ptype = 2}, {seq = 20, ptype = 2}})
   check("answered calls are remembered for a while", heard(), "orphan_response:20")
 end
 

@@ -3,7 +3,7 @@
 -- lines with what the Python modules say.
 --
 -- Input: tab-separated lines; bytes are hexadecimal, "-" stands for nil.
---   packet    frame time_ns src_ip dst_ip ip_id src_mac captured original payload
+--   packet    frame time_ns src_ip dst_ip ip_id src_mac captured original payload src_port
 --   fragment  frame time_ns src_ip dst_ip ip_id src_mac captured original offset more(0/1) missing data
 --   station   kind src_mac dst_mac payload
 --   end       the capture is over; what follows is another one
@@ -274,7 +274,7 @@ for line in io.lines() do
     local captured, original = whole_number(f[8]), whole_number(f[9])
     part.cut = original > captured and {frame = part.frame, captured = captured, original = original} or nil
     if f[1] == "packet" then
-      part.payload = bytes(f[10])
+      part.payload, part.src_port = bytes(f[10]), whole_number(f[11])
       feed(run, part)
     else
       part.offset, part.more = whole_number(f[10]), f[11] == "1"

@@ -45,12 +45,11 @@ TWO_CONTROLLERS = ROOT / "captures/real-stacks/o3_two_controllers.pcapng"
 HEAVY = ("reverse-3000.pcap.gz", "ipfrag-silent.pcap", "s7-refused-20k.pcap.gz")
 """Captures made to hurt: what is forgotten because memory is bounded is not what they are about here."""
 FALSE_STILL = {
-    "l3_once.pcapng": {"DS102", "DS704", "DS725", "transaction"},
-    "l4_harsh.pcapng": {"DS102", "DS110", "DS725", "line", "transaction"},
+    "l3_once.pcapng": {"DS102", "DS704", "transaction"},
     "read-0x11.pcap": {"DS719"},
 }
-"""Captures of which reports still say something false, and where: answers that the wire delayed go to another
-call, DS719 is said of a Read. A repair is noticed."""
+"""Captures of which reports still say something false, and where: a second answer with other bytes makes an
+orphan, DS719 is said of a Read. A repair is noticed."""
 ANYWHERE = ("DS105", "DS725")
 """Rules about several frames, that may stand on any of them."""
 CONVERSATIONS = int(os.environ.get("DS47_AUDIT", "300"))

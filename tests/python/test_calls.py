@@ -80,14 +80,14 @@ def test_a_call_and_its_response() -> None:
     assert (counts["requests"], counts["responses"], counts["unanswered"]) == (2, 2, 0)
 
 
-def test_a_copy_has_the_ip_id_and_comes_at_once() -> None:
+def test_a_copy_has_the_ip_id() -> None:
     request = calls()[0]
-    window = LIMITS.copy_ns
     for other, copy in (
-        (replace(request, time_ns=request.time_ns + window), True),
-        (replace(request, time_ns=request.time_ns - window), True),
-        (replace(request, time_ns=request.time_ns + window + 1), False),
+        (replace(request, time_ns=request.time_ns + 28_000_000), True),
+        (replace(request, time_ns=request.time_ns + 90 * SECOND), True),  # the file holds it twice
+        (replace(request, time_ns=request.time_ns - SECOND), True),
         (replace(request, ip_id=request.ip_id + 1), False),
+        (replace(request, port=request.port + 1), False),
         (replace(request, body=request.body + b"\0"), False),
         (replace(request, fragment=1), False),
         (replace(request, source="192.168.133.9"), False),
@@ -96,6 +96,18 @@ def test_a_copy_has_the_ip_id_and_comes_at_once() -> None:
         assert not tracker.is_copy(request)
         assert tracker.is_copy(other) == copy
         assert tracker.counts["copies"] == copy
+
+
+def test_without_an_ip_id_a_copy_comes_at_once() -> None:
+    request = replace(calls()[0], ip_id=0)
+    for passed, copy in (
+        (LIMITS.copy_ns, True),
+        (-LIMITS.copy_ns, True),
+        (LIMITS.copy_ns + 1, False),
+    ):
+        tracker = Heard().tracker
+        assert not tracker.is_copy(request)
+        assert tracker.is_copy(replace(request, time_ns=request.time_ns + passed)) == copy
 
 
 def test_copies_are_looked_for_among_the_latest_datagrams():
@@ -118,8 +130,8 @@ def test_a_retransmission_of_an_unanswered_call_at_any_time_before_it_expires() 
 
 @pytest.mark.parametrize(
     ("delay", "event"),
-    [(0, "retransmission"), (LIMITS.retransmission_ns, "retransmission"),
-     (LIMITS.retransmission_ns + 1, "request")],
+    [(0, "retransmission"), (LIMITS.call_expiry_ns, "retransmission"),
+     (LIMITS.call_expiry_ns + 1, "request")],
 )  # fmt: skip
 def test_an_identical_request_after_the_answer(delay: int, event: str) -> None:
     request, response = calls()
@@ -128,10 +140,48 @@ def test_an_identical_request_after_the_answer(delay: int, event: str) -> None:
     assert heard.names == ["request", "response", event]
 
 
-def test_an_identical_request_after_another_number_is_a_new_call() -> None:
+def test_an_identical_request_after_another_number_is_a_retransmission() -> None:
+    """A datagram that the network doubled or delayed comes behind the next calls of its client."""
     request, response, other, _ = calls(2)
     heard = Heard().feed(request, response, other, later(request, SECOND))
-    assert heard.names == ["request", "response", "request", "request"]
+    assert heard.names == ["request", "response", "request", "retransmission"]
+
+
+def test_each_repetition_gives_a_client_time_for_the_next_one() -> None:
+    request, response = calls()
+    often = [later(request, number * LIMITS.call_expiry_ns) for number in (1, 2, 3)]
+    assert Heard().feed(request, *often).names == ["request", *["retransmission"] * 3]
+    after = Heard().feed(request, response, *often)
+    assert after.names == ["request", "response", *["retransmission"] * 3]
+
+
+@pytest.mark.parametrize("answered", [True, False])
+def test_an_identical_request_from_another_port_or_behind_a_connect_is_a_new_call(
+    answered: bool,
+) -> None:
+    request, response = calls()
+    first = [request, response] if answered else [request]
+    names = ["request", "response"] if answered else ["request", "lost"]
+    other_port = Heard().feed(*first, later(request, SECOND, port=request.port + 1))
+    assert other_port.names == [*names, "request"]
+    connect = later(request, SECOND, opnum=wire.CONNECT, activity=bytes(16))
+    again = later(request, 2 * SECOND, frame=request.frame + 200)
+    assert Heard().feed(*first, connect, again).names == [*first_names(names, answered), "request"]
+    elsewhere = replace(connect, server="192.168.133.9")
+    assert Heard().feed(*first, elsewhere, again).names[-1] == "retransmission"
+    assert Heard().feed(connect, later(connect, SECOND)).names == ["request", "retransmission"]
+
+
+def first_names(names: list[str], answered: bool) -> list[str]:
+    """With the Connect between."""
+    return [*names, "request"] if answered else ["request", "request", "lost"]
+
+
+def test_a_client_that_uses_a_number_for_another_call_counts_anew() -> None:
+    first, _, second, answer = calls(2)
+    other = later(first, SECOND, body=b"other")
+    heard = Heard().feed(first, second, answer, other, later(second, 2 * SECOND, frame=300))
+    assert heard.names == ["request", "request", "response", "lost", "request", "request"]
 
 
 def test_another_body_under_an_unanswered_number_is_a_new_call() -> None:
@@ -162,6 +212,21 @@ def test_the_next_request_makes_an_old_one_expire() -> None:
     first, _, second, _ = calls(2)
     heard = Heard().feed(first, later(second, LIMITS.call_expiry_ns))
     assert heard.names == ["request", "lost", "request"]
+
+
+def test_a_late_second_response_is_none_to_another_call() -> None:
+    talk = calls(30)
+    heard = Heard().feed(*talk, later(talk[1], SECOND))
+    assert heard.names == ["request", "response"] * 30
+
+
+def test_answered_calls_are_remembered_as_long_as_they_may_be_repeated() -> None:
+    talk = calls(3)
+    few = Heard(LIMITS.but(answered_calls=2)).feed(*talk, later(talk[1], SECOND))
+    assert few.names[6:] == ["orphan"]
+    first, answer, second, last = calls(2)
+    late = [later(each, LIMITS.call_expiry_ns + 2_000_000) for each in (second, last, answer)]
+    assert Heard().feed(first, answer, *late).names[4:] == ["orphan"]
 
 
 def test_a_second_response() -> None:

@@ -149,7 +149,16 @@ def lines(frames: Iterable[Frame]) -> Iterator[dict[str, Any]]:
             continue
         packet = dissect(frame)
         if packet is not None:
-            names = ("kind", "src_ip", "dst_ip", "ip_id", "src_mac", "dst_mac", "missing")
+            names = (
+                "kind",
+                "src_ip",
+                "dst_ip",
+                "src_port",
+                "ip_id",
+                "src_mac",
+                "dst_mac",
+                "missing",
+            )
             yield (
                 instant(frame)
                 | {name: getattr(packet, name) for name in names}

@@ -75,7 +75,8 @@ def _line(frame: Frame) -> tuple[object, ...] | None:
     packet, lengths = dissect(frame), (len(frame.data), frame.original_length)
     if packet is not None and packet.kind == "udp":
         return ("packet", packet.frame, packet.time_ns, packet.src_ip, packet.dst_ip,
-                packet.ip_id, packet.src_mac, *lengths, packet.payload.hex())  # fmt: skip
+                packet.ip_id, packet.src_mac, *lengths, packet.payload.hex(),
+                packet.src_port)  # fmt: skip
     if packet is not None:
         return "station", packet.kind, packet.src_mac, packet.dst_mac, packet.payload.hex()
     kind, at = network_layer(frame.data, 0, len(frame.data), frame.link_type)

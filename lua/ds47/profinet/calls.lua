@@ -7,13 +7,14 @@
 -- sent_ns = when the request was sent last, nil where it was sent once, context = whatever the layer above
 -- keeps with it, later = the next one of its activity}.
 --
--- An activity is {newest = sequence number of its newest request, by_seq = its calls, oldest and last = the
--- ends of their chain, which is in the order of their requests, count = how many there are, answered = how
--- many of them have a response, server = the one that was called last, numbers = its sequence numbers
--- (completeness.lua)}: calls are few, and are forgotten in lots.
+-- An activity is {newest = sequence number of its newest request, by_seq = its calls without a response, oldest
+-- and last = the ends of their chain, which is in the order of their requests, count = how many there are,
+-- server = the one that was called last, numbers = its sequence numbers (completeness.lua), anew = the frame in
+-- which a number was there for another call: since then its client counts anew; 0 for none}.
 
 local completeness = require("ds47.profinet.completeness")
 local ordered = require("ds47.support.ordered")
+local rpc = require("ds47.profinet.rpc")
 
 local M = {}
 
@@ -27,8 +28,8 @@ M.CallTracker = CallTracker
 --
 -- Memory is bounded by the limits; a call without response is reported as lost when it expires, and as
 -- pushed out when there are too many.
--- @param limits the flat table of tables.lua (copy_ns, retransmission_ns, call_expiry_ns, datagrams,
---   activities, calls, answered_calls, rpc_messages)
+-- @param limits the flat table of tables.lua (copy_ns, call_expiry_ns, datagrams, activities, calls,
+--   answered_calls, rpc_messages)
 -- @param handlers a table with methods request(call), response(call), orphan_response(pdu, certain),
 --   late_request(call) of one that comes behind its response and was sent before it,
 --   retransmission(call, pdu), fault(call, pdu), lost(call), pushed_out(call, limit); each is called at most
@@ -41,7 +42,8 @@ function CallTracker.new(limits, handlers, missing)
     completeness = missing or completeness.new(limits.activities),
     early = ordered.new(), -- the newest responses without a request
     given_up = ordered.new(), -- the newest requests whose responses did not come in time
-    many_calls = math.min(2 * limits.answered_calls, limits.calls), -- up to so many nothing is forgotten
+    answered = ordered.new(), -- calls with a response that may still be repeated: the newest comes last
+    connects = ordered.new(), -- client .. "\0" .. server -> the frame of the newest Connect
     begun_requests = ordered.new(), -- requests of which fragments were seen, as far as is known
     -- The newest datagrams by a key (`is_copy`), and those before them: when there are so many new ones that
     -- they are enough (no `room` is left), the others are forgotten in one go.
@@ -58,6 +60,7 @@ end
 
 local function same_datagram(one, other)
   return one.body == other.body and one.activity == other.activity and one.seq == other.seq
+    and one.port == other.port
     and one.source == other.source and one.destination == other.destination
     and one.ptype == other.ptype and one.fragment == other.fragment
 end
@@ -65,11 +68,11 @@ end
 -- A key of all that tells a datagram apart, for one whose number is that of another one.
 local function long_key(number, pdu)
   return ("%.0f"):format(number) .. pdu.activity .. pdu.seq .. "\0" .. pdu.source .. "\0"
-    .. pdu.destination .. "\0" .. pdu.ptype .. "\0" .. pdu.fragment .. "\0" .. pdu.body
+    .. pdu.destination .. "\0" .. pdu.ptype .. "\0" .. pdu.fragment .. "\0" .. (pdu.port or 0) .. "\0" .. pdu.body
 end
 
---- Whether the same datagram with the same IP id was here within the copy window (P6).
--- @param ip_id the identification of its IP header
+--- Whether the same datagram with the same IP id was here: it came twice, or the file holds it twice (P6).
+-- @param ip_id the identification of its IP header; 0 is none, then it is a copy only within the copy window
 -- @return that, and of a copy the frame of the first one
 function CallTracker:is_copy(pdu, ip_id)
   -- A number of 52 bits that nearly always tells a datagram apart. The IP id is in it as it is.
@@ -86,7 +89,7 @@ function CallTracker:is_copy(pdu, ip_id)
   end
   if before then
     local passed, window = pdu.time_ns - before.time_ns, self.limits.copy_ns
-    if passed <= window and -passed <= window then
+    if ip_id ~= 0 or passed <= window and -passed <= window then
       self.counts.copies = self.counts.copies + 1
       return true, before.frame
     end
@@ -137,9 +140,6 @@ local function take_out(activity, before, call)
     activity.last = before
   end
   activity.by_seq[call.request.seq], activity.count = nil, activity.count - 1
-  if call.response then
-    activity.answered = activity.answered - 1
-  end
   return later
 end
 
@@ -163,27 +163,24 @@ local function lose(self, call, activity)
   self.handlers:lost(call)
 end
 
--- Forgets so many answered calls, the oldest first.
-local function forget_answered(activity, spare)
-  local before, call = nil, activity.oldest
-  while spare > 0 do
-    if call.response then
-      call, spare = take_out(activity, before, call), spare - 1
-    else
-      before, call = call, call.later
-    end
-  end
-end
-
-local function begun_key(pdu)
+local function key_of(pdu)
   return pdu.conversation .. pdu.seq
 end
 
--- Loses the unanswered calls that are too old.
+-- Whether the last datagram of a call is so old that its client repeats it no more.
+local function is_old(self, call, now)
+  local newest, response = call.sent_ns or call.request.time_ns, call.response
+  if response and response.time_ns > newest then
+    newest = response.time_ns
+  end
+  return now - newest > self.limits.call_expiry_ns
+end
+
+-- Loses the calls that are too old.
 local function lose_old(self, activity, now)
-  local expiry, before, call, lost = self.limits.call_expiry_ns, nil, activity.oldest, nil
+  local before, call, lost = nil, activity.oldest, nil
   while call do
-    if not call.response and now - call.request.time_ns > expiry then
+    if is_old(self, call, now) then
       lost = lost or {}
       lost[#lost + 1] = call
       call = take_out(activity, before, call)
@@ -192,26 +189,21 @@ local function lose_old(self, activity, now)
     end
   end
   for _, each in ipairs(lost or NONE) do
-    self.given_up:keep(begun_key(each.request), true, self.limits.calls)
+    self.given_up:keep(key_of(each.request), true, self.limits.calls)
     lose(self, each, activity)
   end
 end
 
--- Gives up what is too old or too much. The usual case, that there is nothing, is on the way of every call.
+-- Gives up what is too old or too much. The usual case, that nothing is open, is on the way of every call.
 local function expire(self, activity, now)
-  local limits, oldest = self.limits, activity.oldest
-  if oldest == nil or activity.count <= self.many_calls
-    and now - oldest.request.time_ns <= limits.call_expiry_ns then
+  if activity.oldest == nil then
     return
   end
-  forget_answered(activity, activity.answered - limits.answered_calls)
   lose_old(self, activity, now)
-  while activity.count > limits.calls do
+  while activity.count > self.limits.calls do
     local call = activity.oldest
     take_out(activity, nil, call)
-    if not call.response then
-      self.handlers:pushed_out(call, "calls")
-    end
+    self.handlers:pushed_out(call, "calls")
   end
 end
 
@@ -220,23 +212,20 @@ local function make_room(self)
     local _, activity = self.activities:pop_first()
     local call = activity.oldest
     while call do
-      if not call.response then
-        self.handlers:pushed_out(call, "activities")
-      end
+      self.handlers:pushed_out(call, "activities")
       call = call.later
     end
   end
 end
 
+-- Whether a number that was there before is the same call: its client may still repeat it (P7 to P9).
 local function is_retransmission(self, activity, call, pdu)
-  local request, response = call.request, call.response
-  if request.opnum ~= pdu.opnum or request.body ~= pdu.body then
+  local asked = call.request
+  if asked.opnum ~= pdu.opnum or asked.body ~= pdu.body or asked.port ~= pdu.port then
     return false
   end
-  if not response then
-    return true
-  end
-  return pdu.time_ns - response.time_ns <= self.limits.retransmission_ns and activity.newest == pdu.seq
+  local connect = self.connects:get(pdu.client .. "\0" .. pdu.server) or 0
+  return math.max(activity.anew, connect) <= asked.frame and not is_old(self, call, pdu.time_ns)
 end
 
 -- The activity of a PDU, which spoke last.
@@ -250,8 +239,8 @@ local function activity_of(self, pdu)
     end
   else
     activity = {
-      newest = pdu.seq, by_seq = {}, oldest = nil, last = nil, count = 0, answered = 0, server = nil,
-      numbers = completeness.numbers(pdu),
+      newest = pdu.seq, by_seq = {}, oldest = nil, last = nil, count = 0, server = nil,
+      numbers = completeness.numbers(pdu), anew = 0,
     }
     activities:set(key, activity)
     make_room(self)
@@ -263,9 +252,16 @@ local function activity_of(self, pdu)
   return activity
 end
 
+-- A call is answered: it is remembered as long as its client may repeat it.
 local function answer(self, activity, call, pdu)
-  call.response, activity.answered, activity.numbers.heard = pdu, activity.answered + 1, true
+  call.response, activity.numbers.heard = pdu, true
   self.newest = call
+  forget(activity, call)
+  local answered = self.answered
+  answered:keep(key_of(pdu), call, self.limits.answered_calls)
+  while is_old(self, answered.values[answered.oldest], pdu.time_ns) do
+    answered:pop_first()
+  end
 end
 
 -- The response that came before the request of a call, by their times the other way round; nil for none.
@@ -273,30 +269,42 @@ local function early_response(self, pdu)
   if self.early.length == 0 then
     return nil
   end
-  local early = self.early:pop(begun_key(pdu))
+  local early = self.early:pop(key_of(pdu))
   local passed = early and early.time_ns - pdu.time_ns
   return early and passed >= 0 and passed <= self.limits.call_expiry_ns and early or nil
+end
+
+-- A call is sent again.
+local function again(self, call, pdu)
+  count(self, "retransmissions")
+  self.newest, self.asks_again = call, true
+  self.handlers:retransmission(call, pdu)
+  call.sent_ns = pdu.time_ns
+  if call.response then
+    self.answered:move_to_end(key_of(pdu))
+  end
 end
 
 local function request(self, pdu)
   local activity, seq = activity_of(self, pdu), pdu.seq
   expire(self, activity, pdu.time_ns)
-  local call = activity.by_seq[seq]
+  local call = activity.by_seq[seq] or self.answered:get(key_of(pdu))
   if call then
     if is_retransmission(self, activity, call, pdu) then
-      count(self, "retransmissions")
-      self.newest, self.asks_again = call, true
-      self.handlers:retransmission(call, pdu)
-      call.sent_ns = pdu.time_ns
+      again(self, call, pdu)
       return
     end
+    activity.anew = pdu.frame
     if not call.response then
       lose(self, call, activity)
+      forget(activity, call)
     end
-    forget(activity, call)
+  end
+  if pdu.opnum == rpc.CONNECT then
+    self.connects:keep(pdu.client .. "\0" .. pdu.server, pdu.frame, self.limits.activities)
   end
   local before = activity.by_seq[activity.newest]
-  if before and not before.response then
+  if before then
     self.completeness:went_on(before.request, pdu)
   end
   activity.numbers:add(pdu)
@@ -321,7 +329,7 @@ end
 
 -- Hears of a response or fault without its request; whether that certainly is not in the capture.
 local function unasked(self, pdu)
-  local key, activity = begun_key(pdu), self.activities.values[pdu.conversation]
+  local key, activity = key_of(pdu), self.activities.values[pdu.conversation]
   local begun = self.begun_requests:get(key) ~= nil
   if not self.given_up:get(key) then
     self.early:keep(key, pdu, self.limits.calls)
@@ -339,11 +347,14 @@ local function response(self, pdu)
     expire(self, activity, pdu.time_ns)
     call = activity.by_seq[pdu.seq]
   end
-  if not call then
-    self.handlers:orphan_response(pdu, unasked(self, pdu))
-  elseif not call.response then
+  if call then
     answer(self, activity, call, pdu)
     self.handlers:response(call)
+    return
+  end
+  call = self.answered:get(key_of(pdu))
+  if call == nil then
+    self.handlers:orphan_response(pdu, unasked(self, pdu))
   elseif call.response.body ~= pdu.body then
     self.handlers:orphan_response(pdu, true)
   end
@@ -351,11 +362,11 @@ end
 
 local function fault(self, pdu)
   local call, activity = call_of(self, pdu)
-  if not call then
-    unasked(self, pdu)
-  elseif not call.response then
+  if call then
     answer(self, activity, call, pdu)
     self.handlers:fault(call, pdu)
+  elseif self.answered:get(key_of(pdu)) == nil then
+    unasked(self, pdu)
   end
 end
 
@@ -385,7 +396,7 @@ end
 function CallTracker:begun(pdu)
   if pdu.ptype == 0 then
     local begun = self.begun_requests
-    begun:set(begun_key(pdu), true)
+    begun:set(key_of(pdu), true)
     if begun.length > self.limits.rpc_messages then
       begun:pop_first()
     end
@@ -400,7 +411,7 @@ end
 --- The call without a response to which a part of one belongs; nil for none.
 function CallTracker:open_call(pdu)
   local call = pdu.ptype == 2 and call_of(self, pdu)
-  return call and call.response == nil and call or nil
+  return call or nil
 end
 
 --- Of pairs of stations the first call that is open though its client went on: a table of its frames by
@@ -423,9 +434,7 @@ function CallTracker:unanswered()
   for _, activity in self.activities:iterate() do
     local call = activity.oldest
     while call do
-      if not call.response then
-        found[#found + 1] = call
-      end
+      found[#found + 1] = call
       call = call.later
     end
   end

@@ -123,7 +123,7 @@ end
 -- @param entry {frame, time_ns, src_ip, dst_ip, ip_id, cut}
 -- @param length bytes of the datagram on the wire, of which `data` was captured
 local function packet_of(entry, data, length)
-  local l1, l2 = byte(data, 5, 6)
+  local p1, p2, _, _, l1, l2 = byte(data, 1, 6)
   if #data < 8 then
     return nil
   end
@@ -134,7 +134,7 @@ local function packet_of(entry, data, length)
   local payload = sub(data, 9, stated)
   return {
     payload = payload, frame = entry.frame, time_ns = entry.time_ns, src_ip = entry.src_ip,
-    dst_ip = entry.dst_ip, ip_id = entry.ip_id, src_mac = nil,
+    dst_ip = entry.dst_ip, src_port = p1 * 256 + p2, ip_id = entry.ip_id, src_mac = nil,
     missing = math.max(0, stated - 8 - #payload), cut = entry.cut,
   }
 end

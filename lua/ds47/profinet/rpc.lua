@@ -177,8 +177,8 @@ function M.pdu(head, data, at, stop, frame, time_ns)
 end
 
 --- The PDU in a UDP packet; nil where it is not PNIO RPC or its header is cut off.
--- @param packet {payload, frame, time_ns, src_ip, dst_ip, cut}: a whole UDP payload. `cut` is nil, or {frame
---   = number, captured = bytes, original = bytes} of a frame that the capture cut.
+-- @param packet {payload, frame, time_ns, src_ip, dst_ip, src_port, cut}: a whole UDP payload. `cut` is nil, or
+--   {frame = number, captured = bytes, original = bytes} of a frame that the capture cut.
 function M.parse(packet)
   local data = packet.payload
   local head = #data >= SIZE and M.head(data, 0, packet.src_ip, packet.dst_ip)
@@ -186,6 +186,7 @@ function M.parse(packet)
     return nil
   end
   local pdu = M.pdu(head, data, 0, #data, packet.frame, packet.time_ns)
+  pdu.port = packet.src_port
   if pdu.missing ~= 0 then
     pdu.cut = packet.cut
   end

@@ -13,6 +13,7 @@ from typing import Any
 
 from ds47.profinet.completeness import Completeness, Numbers
 from ds47.profinet.rpc import Pdu
+from ds47.spec.layouts import RPC_CONNECT
 from ds47.spec.semantics import Limits
 
 
@@ -39,17 +40,21 @@ class Call:
 
 @dataclass(slots=True, init=False)
 class Activity:
-    """The calls of one RPC activity by their sequence number; the oldest request first."""
+    """The open calls of one RPC activity by their sequence number; the oldest request first."""
 
     newest: int
     """Number of the newest call."""
     calls: dict[int, Call]
+    """Those without a response."""
     server: str
     """Which of its servers was called last."""
     numbers: Numbers
+    anew: int
+    """The frame in which a number was there for another call: since then its client counts anew. 0 for none."""
 
     def __init__(self, pdu: Pdu) -> None:
         self.newest = pdu.seq
+        self.anew = 0
         self.calls = {}
         self.server = ""
         self.numbers = Numbers(pdu)
@@ -92,8 +97,10 @@ class CallTracker:
         self._completeness = completeness or Completeness(limits.activities)
         self._early: OrderedDict[tuple[str, bytes, int], Pdu] = OrderedDict()
         """The newest responses without a request."""
-        self._many_calls = min(2 * limits.answered_calls, limits.calls)
-        """Up to so many of one activity nothing is forgotten."""
+        self._answered: OrderedDict[tuple[str, bytes, int], Call] = OrderedDict()
+        """Calls with a response that may still be repeated; the one that was heard of last comes last."""
+        self._connects: OrderedDict[tuple[str, str], int] = OrderedDict()
+        """Of client and server the frame of the newest Connect."""
         self._activities: OrderedDict[tuple[str, bytes], Activity] = OrderedDict()
         """By client and activity UUID; the one that spoke last comes last."""
         self._most_datagrams = limits.datagrams
@@ -111,7 +118,10 @@ class CallTracker:
         )  # fmt: skip
 
     def is_copy(self, pdu: Pdu) -> bool:
-        """Whether the same datagram with the same IP id was here within the copy window."""
+        """Whether the same datagram with the same IP id was here: it came twice, or the file holds it twice.
+
+        An IP id of 0 is none. Then it is a copy only within the copy window.
+        """
         key: _DatagramKey = hash(
             (
                 pdu.source,
@@ -119,6 +129,7 @@ class CallTracker:
                 pdu.activity,
                 pdu.ptype,
                 pdu.ip_id,
+                pdu.port,
                 pdu.fragment,
                 pdu.seq,
                 pdu.body,
@@ -128,7 +139,7 @@ class CallTracker:
         before = recent.get(key)
         if before is None:
             before = self._earlier.get(key)
-        if before is not None and abs(now - before) <= self._limits.copy_ns:
+        if before is not None and (pdu.ip_id or abs(now - before) <= self._limits.copy_ns):
             self.counts["copies"] += 1
             return True
         recent[key] = now
@@ -165,16 +176,14 @@ class CallTracker:
     def open_call(self, pdu: Pdu) -> Call | None:
         """The call without a response to which a part of one belongs; None for none."""
         activity = self._activities.get((pdu.client, pdu.activity)) if pdu.ptype == 2 else None
-        call = activity.calls.get(pdu.seq) if activity is not None else None
-        return None if call is None or call.response is not None else call
+        return activity.calls.get(pdu.seq) if activity is not None else None
 
     def finish(self) -> None:
         """The capture is over: every open call is lost."""
         while self._activities:
             activity = self._activities.popitem(last=False)[1]
             for call in activity.calls.values():
-                if call.response is None:
-                    self._lose(call, activity.numbers)
+                self._lose(call, activity.numbers)
 
     def _request(self, pdu: Pdu) -> None:
         self.counts["requests"] += 1
@@ -182,18 +191,23 @@ class CallTracker:
         calls = activity.calls
         if calls:
             self._expire(activity, pdu.time_ns)
-        call = calls.get(seq)
+        call = calls.get(seq) or self._answered.get((pdu.client, pdu.activity, seq))
         if call is not None:
             if self._is_retransmission(activity, call, pdu):
                 self.counts["retransmissions"] += 1
                 self._handlers.retransmission(call, pdu)
                 call.sent_ns = pdu.time_ns
+                if call.response is not None:
+                    self._answered.move_to_end((pdu.client, pdu.activity, seq))
                 return
+            activity.anew = pdu.frame
             if call.response is None:
                 self._lose(call, activity.numbers)
-            del calls[seq]  # the new one goes to the end
+                del calls[seq]  # the new one goes to the end
+        if pdu.opnum == RPC_CONNECT:
+            self._connected(pdu)
         before = calls.get(activity.newest)
-        if before is not None and before.response is None:
+        if before is not None:
             self._completeness.went_on(before.request, pdu)
         activity.numbers.add(pdu)
         call = calls[seq] = Call(pdu)
@@ -202,7 +216,7 @@ class CallTracker:
         if early is None or not 0 <= early.time_ns - pdu.time_ns <= self._limits.call_expiry_ns:
             self._handlers.request(call)
             return
-        call.response = early
+        self._answer(activity, call, early)
         self._completeness.asked_after_all(early)
         if early.ptype == 2:
             self._handlers.late_request(call)
@@ -226,31 +240,52 @@ class CallTracker:
         """Takes a call that is none of PROFINET: only its number counts."""
         self._activity(pdu).numbers.add(pdu)
 
+    def _connected(self, pdu: Pdu) -> None:
+        pair = pdu.client, pdu.server
+        self._connects[pair] = pdu.frame
+        self._connects.move_to_end(pair)
+        if len(self._connects) > self._limits.activities:
+            self._connects.popitem(last=False)
+
     def _is_retransmission(self, activity: Activity, call: Call, pdu: Pdu) -> bool:
-        if call.request.opnum != pdu.opnum or call.request.body != pdu.body:
+        """Whether a number that was there before is the same call: its client may still repeat it."""
+        asked = call.request
+        if asked.opnum != pdu.opnum or asked.body != pdu.body or asked.port != pdu.port:
             return False
-        response = call.response
-        if response is None:
-            return True
-        soon = pdu.time_ns - response.time_ns <= self._limits.retransmission_ns
-        return soon and activity.newest == pdu.seq
+        begun = max(activity.anew, self._connects.get((pdu.client, pdu.server), 0))
+        return begun <= asked.frame and not self._is_old(call, pdu.time_ns)
+
+    def _is_old(self, call: Call, now: int) -> bool:
+        newest = call.sent_ns if call.response is None else max(call.sent_ns, call.response.time_ns)
+        return now - newest > self._limits.call_expiry_ns
 
     def _response(self, pdu: Pdu) -> None:
         activity = self._activities.get((pdu.client, pdu.activity))
         call = None
-        if activity is not None:
-            if activity.calls:
-                self._expire(activity, pdu.time_ns)
+        if activity is not None and activity.calls:
+            self._expire(activity, pdu.time_ns)
             call = activity.calls.get(pdu.seq)
-        if call is None or activity is None:
-            self._handlers.orphan_response(pdu, self._unasked(pdu))
-            return
-        before = call.response
-        if before is None:
-            call.response, activity.numbers.heard = pdu, True
+        if call is not None and activity is not None:
+            self._answer(activity, call, pdu)
             self._handlers.response(call)
-        elif before.body != pdu.body:
+            return
+        call = self._answered.get((pdu.client, pdu.activity, pdu.seq))
+        if call is None or call.response is None:
+            self._handlers.orphan_response(pdu, self._unasked(pdu))
+        elif call.response.body != pdu.body:
             self._handlers.orphan_response(pdu, True)
+
+    def _answer(self, activity: Activity, call: Call, pdu: Pdu) -> None:
+        """A call is answered: it is remembered as long as its client may repeat it."""
+        call.response, activity.numbers.heard = pdu, True
+        del activity.calls[pdu.seq]
+        answered = self._answered
+        key = pdu.client, pdu.activity, pdu.seq
+        answered[key] = call
+        answered.move_to_end(key)
+        most = self._limits.answered_calls
+        while len(answered) > most or self._is_old(next(iter(answered.values())), pdu.time_ns):
+            answered.popitem(last=False)
 
     def _unasked(self, pdu: Pdu) -> bool:
         """Hears of a response or fault without its request; whether that certainly is not in the capture."""
@@ -269,33 +304,21 @@ class CallTracker:
     def _fault(self, pdu: Pdu) -> None:
         activity = self._activities.get((pdu.client, pdu.activity))
         call = activity.calls.get(pdu.seq) if activity else None
-        if activity is None or call is None:
-            self._unasked(pdu)
-        elif call.response is None:
-            call.response, activity.numbers.heard = pdu, True
+        if activity is not None and call is not None:
+            self._answer(activity, call, pdu)
             self._handlers.fault(call, pdu)
+        elif (pdu.client, pdu.activity, pdu.seq) not in self._answered:
+            self._unasked(pdu)
 
     def _expire(self, activity: Activity, now: int) -> None:
-        """Gives up calls without response that are too old, and forgets old calls."""
-        limit = self._limits.call_expiry_ns
+        """Gives up calls without response that are too old, or too many."""
         calls = activity.calls
-        oldest: Call = next(iter(calls.values()))
-        if len(calls) <= self._many_calls and now - oldest.request.time_ns <= limit:
-            return  # nothing is old or too much: so it is nearly always, and every call comes by here
-        for seq in [
-            seq for seq, call in calls.items()
-            if call.response is None and now - call.request.time_ns > limit
-        ]:  # fmt: skip
+        for seq in [seq for seq, call in calls.items() if self._is_old(call, now)]:
             call = calls.pop(seq)
             self._give_up(call)
             self._lose(call, activity.numbers)
-        answered = [seq for seq, call in calls.items() if call.response is not None]
-        for seq in answered[: -self._limits.answered_calls]:
-            del calls[seq]
         while len(calls) > self._limits.calls:
-            call = calls.pop(next(iter(calls)))
-            if call.response is None:
-                self._handlers.pushed_out(call, "calls")
+            self._handlers.pushed_out(calls.pop(next(iter(calls))), "calls")
 
     def _give_up(self, call: Call) -> None:
         asked = call.request
@@ -306,8 +329,7 @@ class CallTracker:
     def _make_room(self) -> None:
         while len(self._activities) > self._limits.activities:
             for call in self._activities.popitem(last=False)[1].calls.values():
-                if call.response is None:
-                    self._handlers.pushed_out(call, "activities")
+                self._handlers.pushed_out(call, "activities")
 
     def _lose(self, call: Call, numbers: Numbers) -> None:
         self._completeness.lost(call.request, numbers)

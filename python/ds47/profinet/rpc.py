@@ -84,6 +84,8 @@ class Pdu:
     source: str
     destination: str
     ip_id: int
+    port: int
+    """The UDP port of the source."""
     source_mac: str | None
     client: str
     """The IP address of the side that called."""
@@ -109,6 +111,7 @@ class Pdu:
         source: str,
         destination: str,
         ip_id: int,
+        port: int,
         source_mac: str | None,
         client: str,
         server: str,
@@ -130,6 +133,7 @@ class Pdu:
         self.source = source
         self.destination = destination
         self.ip_id = ip_id
+        self.port = port
         self.source_mac = source_mac
         self.client = client
         self.server = server
@@ -163,14 +167,14 @@ def parse(packet: Packet) -> Pdu | None:
     return Pdu(
         ptype, little, _UUID.pack(o1, o2, o3, o4), _UUID.pack(a1, a2, a3, a4), seq, opnum,
         fragment, flags & RPC_LAST_FRAGMENT != 0, fragmented, body, length - len(body),
-        packet.frame, packet.time_ns, packet.src_ip, packet.dst_ip, packet.ip_id, packet.src_mac,
-        client, server, packet.cut if length > len(body) else None,
+        packet.frame, packet.time_ns, packet.src_ip, packet.dst_ip, packet.ip_id,
+        packet.src_port, packet.src_mac, client, server, packet.cut if length > len(body) else None,
     )  # fmt: skip
 
 
 _USUAL_LITTLE: Final = struct.Struct(f"<BBB5x48s{RPC_STRUCT}")
 _USUAL_BIG: Final = struct.Struct(f">BBB5x48s{RPC_STRUCT}")
-_LOWER: Final = struct.Struct(">12xHBxHHHxBxx8sxxxxH")
+_LOWER: Final = struct.Struct(">12xHBxHHHxBxx8sHxxH")
 _INTERFACES: Final = {  # the first of each pair in network order, the second of a little-endian sender
     little: frozenset(UUIDS[at : at + 16] for at in range(16 if little else 0, len(UUIDS), 32))
     for little in (True, False)
@@ -188,7 +192,7 @@ def from_frame(frame: Frame) -> Pdu | None:
     data = frame.data
     if frame.link_type != ETHERNET or len(data) < _BODY_START:
         return None
-    kind, version, total, ip_id, flags, protocol, hosts, stated = _LOWER.unpack_from(data)
+    kind, version, total, ip_id, flags, protocol, hosts, port, stated = _LOWER.unpack_from(data)
     end = _UDP_START + stated
     if (
         kind != IPV4
@@ -230,7 +234,7 @@ def from_frame(frame: Frame) -> Pdu | None:
         ptype, little, uuids[0], uuids[1], seq, opnum, fragment,
         rpc_flags & RPC_LAST_FRAGMENT != 0, rpc_flags & RPC_IS_FRAGMENT != 0,
         body, length - len(body), frame.number, frame.time_ns,
-        source, destination, ip_id, station, client, server, cut,
+        source, destination, ip_id, port, station, client, server, cut,
     )  # fmt: skip
 
 

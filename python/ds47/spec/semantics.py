@@ -15,7 +15,6 @@ class Limits(Row):
     """limits.toml; times in nanoseconds of capture time."""
 
     copy_ns: int
-    retransmission_ns: int
     call_expiry_ns: int
     transaction_expiry_ns: int
     fragment_expiry_ns: int

@@ -1,0 +1,92 @@
+"""Captures of two stacks on a wire that loses, doubles and delays datagrams, against what their client logged.
+
+Of `l3_once` only what its client asked for once and got an answer to: of a call that is given up after one
+datagram the capture has answers that nobody took.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ds47.analysis import analyze
+from ds47.model import CaptureResult
+
+FOLDER = Path(__file__).parents[3] / "shared/captures/stacks"
+WHOLE = {"l1_replay": "l1_replay.device.pcapng", "l4_harsh": "l4_harsh.pcapng"}
+"""What was asked by name of the list, and where the wire was recorded."""
+OF_THE_WIRE = {
+    "DS102",
+    "DS404",
+    "DS405",
+    "DS406",
+    "DS407",
+    "DS413",
+    "DS414",
+    "DS415",
+    "DS703",
+    "DS704",
+    "DS705",
+}
+"""What was said of copies and late answers."""
+
+pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason="shared/captures is missing")
+
+
+@cache
+def result(name: str) -> CaptureResult:
+    return analyze(FOLDER / name)
+
+
+def logged(name: str) -> list[dict[str, Any]]:
+    lines = (FOLDER / "EXPECTED.jsonl").read_text("utf-8").splitlines()
+    return [line for line in map(json.loads, lines) if line["capture"] == name]
+
+
+def _hex(data: bytes | None) -> str | None:
+    return None if data is None else data.hex()
+
+
+@pytest.mark.parametrize("name", WHOLE)
+def test_each_request_is_one_transaction_with_the_response_that_its_client_got(name: str) -> None:
+    told = [
+        (each.slot, each.subslot, each.index, _hex(each.request), _hex(each.response))
+        for each in result(WHOLE[name]).transactions
+    ]
+    names = ("slot", "subslot", "index", "request_hex", "response_hex")
+    assert told == [tuple(line[key] for key in names) for line in logged(name)]
+
+
+@pytest.mark.parametrize("name", WHOLE)
+def test_polls_are_those_of_the_client(name: str) -> None:
+    told = [len(each.frames.polls) for each in result(WHOLE[name]).transactions]
+    assert told == [
+        sum(read["status"] == "de80b500" for read in line["reads"]) for line in logged(name)
+    ]
+
+
+@pytest.mark.parametrize("name", WHOLE)
+def test_nothing_is_said_of_what_the_wire_did(name: str) -> None:
+    assert {each.rule for each in result(WHOLE[name]).findings} & OF_THE_WIRE == set()
+
+
+def test_answers_are_remembered_by_time_and_open_calls_by_themselves() -> None:
+    """59 calls of one activity without an answer."""
+    assert "DS109" not in {each.rule for each in result("l3_once.pcapng").findings}
+
+
+def test_what_was_asked_once_and_answered_has_its_response() -> None:
+    told = {}
+    for each in result("l3_once.pcapng").transactions:
+        told.setdefault((each.slot, each.index, _hex(each.request)), []).append(each)
+    for line in logged("l3_once"):
+        sure = line["outcome"] == "answered" and all(
+            each["outcome"] == "ok" for each in line["reads"]
+        )
+        if sure and line["write"]["outcome"] == "ok" and line["attempt"] == 0:
+            found = told[line["slot"], line["index"], line["request_hex"]]
+            assert line["response_hex"] in [_hex(each.response) for each in found]
