@@ -182,10 +182,13 @@ def _deal(
         return  # that it was refused the cut does not show, nor that an old answer was read
     if short and same.answer is not None:
         allowed |= {"ok", "partial", "error"}  # which is decided by what is there
+    if (again := _asked_again(whole, same, origin[deal.read or 0])) is not None:
+        allowed.add(again.state)
     if deal.state not in allowed:
         yield f"{deal.state} is {same.state} (#{same.id} of the whole)"
     read = origin[deal.read or 0]
     told = _alike(deal, same)  # the same once more, or the begin of it
+    told = told or again is not None
     if deal.read is not None and read not in same.all_frames and not told:
         yield f"its response is that of frame {same.read} of the whole, not of {read}"
     same_one = deal.state == same.state and read in same.all_frames
@@ -193,6 +196,13 @@ def _deal(
         mine = [_values(each) for each in deal.parameters]
         if mine != [_values(each) for each in same.parameters]:
             yield f"parameters are others than those of #{same.id} of the whole"
+
+
+def _asked_again(whole: Whole, same: Deal, read: int) -> Deal | None:
+    """The transaction that asks for the same, byte for byte, and whose response is in a frame."""
+    asked = same.plain["bytes"]["request"]
+    there = (each for each in whole.by_frame.get(read, []) if each.place == same.place and read)
+    return next((each for each in there if asked and each.plain["bytes"]["request"] == asked), None)
 
 
 def _next_write(whole: Whole, same: Deal) -> float:

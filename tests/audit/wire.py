@@ -61,6 +61,8 @@ class Pdu:
     object: UUID
     port: int = 0
     """UDP port of the source."""
+    boot: bytes = b""
+    """When the server started, as it says itself."""
 
     @property
     def client(self) -> str:
@@ -325,7 +327,7 @@ def _pdu(
     pdu = Pdu(
         frame.number, frame.time_ns, datagram.source, datagram.target, data[1], order, uuid(40),
         sequence, operation, body, datagram.frames, datagram.number, datagram.cut, uuid(8),
-        int.from_bytes(datagram.payload[:2], "big"),
+        int.from_bytes(datagram.payload[:2], "big"), data[56:60],
     )  # fmt: skip
     if not data[2] & 0x04 or data[1] not in (REQUEST, RESPONSE):
         return pdu
@@ -364,7 +366,7 @@ def _calls(capture: Capture) -> None:
     anew: dict[tuple[str, UUID] | tuple[str, str], int] = {}
     seen: dict[tuple[object, ...], int] = {}
     for pdu in capture.pdus:
-        same = pdu.datagram, pdu.body, pdu.key, pdu.kind, pdu.source, pdu.port
+        same = pdu.datagram, pdu.body, pdu.key, pdu.kind, pdu.source, pdu.port, pdu.boot
         before, seen[same] = seen.get(same), pdu.time_ns
         known = newest.get(pdu.key)
         if before is not None and (pdu.datagram or abs(pdu.time_ns - before) <= COPY_NS):

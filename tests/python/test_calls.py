@@ -88,6 +88,7 @@ def test_a_copy_has_the_ip_id() -> None:
         (replace(request, time_ns=request.time_ns - SECOND), True),
         (replace(request, ip_id=request.ip_id + 1), False),
         (replace(request, port=request.port + 1), False),
+        (replace(request, boot=request.boot + 1), False),  # the server was started again
         (replace(request, body=request.body + b"\0"), False),
         (replace(request, fragment=1), False),
         (replace(request, source="192.168.133.9"), False),

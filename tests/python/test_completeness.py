@@ -384,7 +384,7 @@ ABSENT = ("DS206", "DS401", "DS402", "DS404", "DS413", "DS415", "DS704", "DS705"
         (three, (3, 4), "incomplete ok ok", [(1, "calls", 1, 3, "1"), ("DS415", 7)]),
         (three, (4, 5), "incomplete orphan ok", [(1, "requests")]),
         (three, (5, 6), "ok orphan ok", []),
-        (three, (3, 4, 5, 6), "incomplete orphan ok", [(1, "calls", 1, 3, "1..2")]),
+        (three, (3, 4, 5, 6), "ok ok", []),
         (three, (4, 5, 6), "incomplete orphan ok", [(1, "calls", 3, 4, "2")]),
         (counted, (4, 5), "incomplete orphan ok", [(1, "read_answer", 3)]),
         (counted, (7, 8), "ok incomplete ok", [(5, "calls", 5, 7, "3")]),

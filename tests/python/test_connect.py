@@ -121,7 +121,7 @@ def test_the_data_of_submodules_lies_where_tshark_finds_it(
 
 def pdu(body: bytes) -> rpc.Pdu:
     head = (0, True, bytes(16), bytes(16), 0, RPC_CONNECT, 0, True, False)
-    return rpc.Pdu(*head, body, 0, 1, 0, "a", "b", 0, None, "a", "b")
+    return rpc.Pdu(*head, body, 0, 1, 0, "a", "b", 0, 0, None, "a", "b")
 
 
 @given(st.binary(max_size=300))

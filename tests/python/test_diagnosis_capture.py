@@ -539,7 +539,7 @@ def half(frame: int, what: str, **args: Any) -> Told:
 
 def said(frame: int, seq: int = 0, *, answered: bool = False, opnum: int = 3) -> Pdu:
     """A request of the controller, or the response to one."""
-    hosts = ("d", "c", 7, None) if answered else ("c", "d", 7, None)
+    hosts = ("d", "c", 7, 34964, None) if answered else ("c", "d", 7, 49152, None)
     body = (b"", 0, frame, frame, *hosts, "c", "d")
     return Pdu(2 if answered else 0, True, bytes(16), bytes(16), seq, opnum, 0, True, False, *body)
 

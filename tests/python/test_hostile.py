@@ -246,6 +246,8 @@ NODE = wire.object_uuid(7, 42)
 SMALL = limits().but(
     activities=32,
     calls=8,
+    answered_calls=32,
+    datagrams=256,
     channels=32,
     pending_writes=8,
     waiting_calls=16,
@@ -397,6 +399,8 @@ def kept(run):
     return {
         "activities": len(calls),
         "calls": max((len(each.calls) for each in calls), default=0),
+        "answered": len(run._calls._answered),
+        "connects": len(run._calls._connects),
         "datagrams": len(run._calls._recent) + len(run._calls._earlier),
         "channels": len(places),
         "asked": max((len(each.asked) for each in places), default=0),
@@ -431,7 +435,8 @@ def test_an_endless_stream_stays_within_the_limits(stream):
         for packet in stream(wire_, number):
             run._transport.packet(packet)
     most = {
-        "activities": 32, "calls": 8 + 8 + 1, "datagrams": 2 * 256, "channels": 32, "asked": 8,
+        "activities": 32, "calls": 8 + 1, "answered": 32, "connects": 32, "datagrams": 2 * 256,
+        "channels": 32, "asked": 8,
         "answers": 32, "transactions": 0, "open": 48, "held ARs": 16, "held": 16 * 16,
         "messages": 16, "fragments": 300, "given up": 0, "written": 64, "longest": 32,
         "servers": 64, "stations": 64, "addresses": 64,
@@ -490,6 +495,7 @@ def rereads(wire_, number):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("small")
 def test_a_finished_transaction_leaves_nothing_behind():
     assert growth(finished, 256, 512) < 16
 

@@ -911,16 +911,10 @@ local function wrote_behind(channel, job, record)
   return open and {what = "read_answer", first = last} or nil
 end
 
--- Whether a program counts its references, and one call at most is missing behind a frame.
-local function is_next(self, job, since)
-  local peer, missing = job.peer, self.completeness
-  return counts(job) and (missing == nil or missing:calls_behind(peer.controller, peer.device, since) < 2)
-end
-
 -- Why a record, or the refusal of a Read, may be for another Write than that of a job; nil: it is not.
 -- It is not for a Write that is missing where the record mirrors the reference and the program counts it,
--- unless such a Write was accepted on this channel. Of two calls that are missing one may have ended the
--- request, and the other have asked for the same once more.
+-- unless such a Write was accepted on this channel: else a filter, too, would leave every request without its
+-- response. It may be for the same request once more.
 local function of_another(self, channel, job, record)
   local half = record.response
   local asked, open, data = job:write_request(), channel.open, half.data
@@ -947,7 +941,7 @@ local function of_another(self, channel, job, record)
     return found
   end
   local first = found.what == "begins" and (not job:write_refused() or kind_fits(job.message, data))
-  return not (fits and (first or is_next(self, job, since))) and found or nil
+  return not (fits and (first or counts(job))) and found or nil
 end
 
 -- Nobody knows any more what becomes of a job.

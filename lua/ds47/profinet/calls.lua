@@ -60,7 +60,7 @@ end
 
 local function same_datagram(one, other)
   return one.body == other.body and one.activity == other.activity and one.seq == other.seq
-    and one.port == other.port
+    and one.port == other.port and one.boot == other.boot
     and one.source == other.source and one.destination == other.destination
     and one.ptype == other.ptype and one.fragment == other.fragment
 end
@@ -68,7 +68,8 @@ end
 -- A key of all that tells a datagram apart, for one whose number is that of another one.
 local function long_key(number, pdu)
   return ("%.0f"):format(number) .. pdu.activity .. pdu.seq .. "\0" .. pdu.source .. "\0"
-    .. pdu.destination .. "\0" .. pdu.ptype .. "\0" .. pdu.fragment .. "\0" .. (pdu.port or 0) .. "\0" .. pdu.body
+    .. pdu.destination .. "\0" .. pdu.ptype .. "\0" .. pdu.fragment .. "\0"
+    .. (pdu.port or 0) .. "\0" .. pdu.boot .. pdu.body
 end
 
 --- Whether the same datagram with the same IP id was here: it came twice, or the file holds it twice (P6).

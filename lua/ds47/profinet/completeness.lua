@@ -263,17 +263,6 @@ local function hole_behind(activities, since, across)
   return nil
 end
 
---- How many calls of a client are missing behind a frame, by their numbers.
-function Completeness:calls_behind(client, server, since)
-  local pair, count = self.pairs:get(key_of(client, server)), 0
-  for _, numbers in ipairs(pair and pair.activities or {}) do
-    for _, hole in ipairs(numbers.holes) do
-      count = count + (hole.before > since and hole.last - hole.first + 1 or 0)
-    end
-  end
-  return count
-end
-
 --- What may be missing of the calls of a client behind a frame: {what = key of the words, first, last
 -- (frames), numbers}; nil where nothing can be.
 -- Of two activities nothing follows from their numbers. There it counts whether the capture lacks anything

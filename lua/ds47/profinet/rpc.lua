@@ -95,6 +95,7 @@ local function new_head(header, source, destination)
     source = source, destination = destination, client = client, server = server,
     conversation = client .. "\0" .. activity,
     mapper = mapper or nil, -- true: what is said to the endpoint mapper
+    boot = sub(header, ACTIVITY + 17, ACTIVITY + 20), -- when the server started, as it says itself
     digest = digest_of(source .. "\0" .. destination .. "\0" .. activity), -- to know a datagram again
     fragment = 0, missing = 0, -- of most PDUs; the others have their own
     operations = {}, operation_count = 0,

@@ -511,8 +511,8 @@ class Pairing:
         """Why a record, or the refusal of a Read, may be for another Write than that of a job; None: it is not.
 
         It is not for a Write that is missing where the record mirrors the reference and the program counts it,
-        unless such a Write was accepted on this channel. Of two calls that are missing one may have ended the
-        request, and the other have asked for the same once more.
+        unless such a Write was accepted on this channel: else a filter, too, would leave every request without its
+        response. It may be for the same request once more.
         """
         asked, half = job.write_request, record.response
         assert half is not None
@@ -537,14 +537,7 @@ class Pairing:
         if found is None or not half.data or channel.unseen > since:
             return found
         first = found.what == "begins" and (not job.write_refused or _is_of_kind(job, half))
-        return None if fits and (first or self._is_next(job, since)) else found
-
-    def _is_next(self, job: Job, since: int) -> bool:
-        """Whether a program counts its references, and one call at most is missing behind a frame."""
-        if not _counts(job) or self._completeness is None:
-            return _counts(job)
-        peer = job.peer
-        return self._completeness.calls_behind(peer.controller, peer.device, since) < 2
+        return None if fits and (first or _counts(job)) else found
 
     def _set_aside(self, channel: Channel, job: Job, missing: Missing) -> None:
         """Nobody knows any more what becomes of a job."""

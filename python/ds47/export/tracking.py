@@ -60,11 +60,11 @@ class Message:
 
 @dataclass(frozen=True, slots=True)
 class _Done:
-    """A message that was whole: when, how long, and by number and body of each fragment its trace."""
+    """A message that was whole: when, how long, and by number, body and IP id of each fragment its trace."""
 
     time_ns: int
     size: int
-    fragments: dict[tuple[int, bytes], Trace]
+    fragments: dict[tuple[int, bytes, int], Trace]
 
 
 @dataclass(slots=True, eq=False)
@@ -139,8 +139,9 @@ class Tracker:
     def _fragment(self, packet: Packet, pdu: rpc.Pdu, trace: Trace) -> Message | Copy | None:
         key = (pdu.source, pdu.activity, pdu.seq, pdu.ptype)
         done = self._done.get(key)
-        if done is not None and abs(pdu.time_ns - done.time_ns) <= self._limits.copy_ns:
-            before = done.fragments.get((pdu.fragment, pdu.body))
+        soon = done is not None and abs(pdu.time_ns - done.time_ns) <= self._limits.copy_ns
+        if done is not None and (pdu.ip_id or soon):
+            before = done.fragments.get((pdu.fragment, pdu.body, pdu.ip_id))
             if before is not None:
                 trace.context = before.context
                 return Copy(before.context, trace, before)
@@ -152,11 +153,11 @@ class Tracker:
         return Message("rpc", packet.frame, packet.time_ns, packet, whole.joined(pdu), parts)
 
     def _remember(self, key: _Call, time_ns: int, whole: rpc.Partial) -> None:
-        fragments = {(part.fragment, part.body): whole.traces[part.fragment][0]
+        fragments = {(part.fragment, part.body, part.ip_id): whole.traces[part.fragment][0]
                      for part in whole.parts.values()}  # fmt: skip
         done = self._done
         done.pop(key, None)
-        done[key] = _Done(time_ns, sum(len(body) for _, body in fragments), fragments)
+        done[key] = _Done(time_ns, sum(len(body) for _, body, _ in fragments), fragments)
         most = self._limits.fragment_bytes
         while len(done) > _REMEMBERED or sum(each.size for each in done.values()) > most:
             done.popitem(last=False)

@@ -130,6 +130,7 @@ class CallTracker:
                 pdu.ptype,
                 pdu.ip_id,
                 pdu.port,
+                pdu.boot,
                 pdu.fragment,
                 pdu.seq,
                 pdu.body,

@@ -260,11 +260,6 @@ class Completeness:
             return "requests"
         return "halves" if across and pair.lost else None
 
-    def calls_behind(self, client: str, server: str, since: int) -> int:
-        """How many calls of a client are missing behind a frame, by their numbers."""
-        holes = self.lacks(client, server).holes
-        return sum(each.last - each.first + 1 for each in holes if each.before > since)
-
     def spoke_ns(self, client: str, server: str) -> int | None:
         """The time of the newest call of a client to a server, by the numbers; None for none."""
         pair = self._pairs.get((client, server))

@@ -92,6 +92,8 @@ class Pdu:
     server: str
     """The IP address of the side that was called."""
     cut: Cut | None
+    boot: int
+    """When the server started, as it says itself: tells a datagram of before a restart apart."""
 
     def __init__(
         self,
@@ -116,6 +118,7 @@ class Pdu:
         client: str,
         server: str,
         cut: Cut | None = None,
+        boot: int = 0,
     ) -> None:
         self.ptype = ptype
         self.little = little
@@ -138,6 +141,7 @@ class Pdu:
         self.client = client
         self.server = server
         self.cut = cut
+        self.boot = boot
 
 
 def parse(packet: Packet) -> Pdu | None:
@@ -152,7 +156,7 @@ def parse(packet: Packet) -> Pdu | None:
     layout = _LITTLE if little else _BIG
     (
         o1, o2, o3, o4, i1, i2, i3, i4, a1, a2, a3, a4,
-        _boot, _version, seq, opnum, _ihint, _ahint, length, fragment,
+        boot, _version, seq, opnum, _ihint, _ahint, length, fragment,
     ) = layout.unpack_from(data, RPC_OBJECT)  # fmt: skip
     if (i1, i2, i3, i4) == _MAPPER:
         opnum = NO_OPERATION
@@ -169,6 +173,7 @@ def parse(packet: Packet) -> Pdu | None:
         fragment, flags & RPC_LAST_FRAGMENT != 0, fragmented, body, length - len(body),
         packet.frame, packet.time_ns, packet.src_ip, packet.dst_ip, packet.ip_id,
         packet.src_port, packet.src_mac, client, server, packet.cut if length > len(body) else None,
+        boot,
     )  # fmt: skip
 
 
@@ -206,7 +211,7 @@ def from_frame(frame: Frame) -> Pdu | None:
         return None
     little = data[_RPC_START + RPC_ORDER] & RPC_LITTLE != 0
     (rpc_version, ptype, rpc_flags, identity,
-     _boot, _version, seq, opnum, _ihint, _ahint, length, fragment,
+     boot, _version, seq, opnum, _ihint, _ahint, length, fragment,
      ) = (_USUAL_LITTLE if little else _USUAL_BIG).unpack_from(data, _RPC_START)  # fmt: skip
     uuids = (_LITTLE_UUIDS if little else _BIG_UUIDS).get(identity)
     if uuids is None:
@@ -234,7 +239,7 @@ def from_frame(frame: Frame) -> Pdu | None:
         ptype, little, uuids[0], uuids[1], seq, opnum, fragment,
         rpc_flags & RPC_LAST_FRAGMENT != 0, rpc_flags & RPC_IS_FRAGMENT != 0,
         body, length - len(body), frame.number, frame.time_ns,
-        source, destination, ip_id, port, station, client, server, cut,
+        source, destination, ip_id, port, station, client, server, cut, boot,
     )  # fmt: skip
 
 
