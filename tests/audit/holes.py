@@ -278,7 +278,13 @@ def _saved(whole: Whole, args: dict[str, Any], origin: list[int]) -> Iterator[st
 
 
 def _is_outside(rule: str, complaint: str, origin: list[int]) -> bool:
-    """Whether what contradicts came before the cut one began, or after its end."""
+    """Whether what contradicts came before the cut one began, or after its end.
+
+    DS417 says what the capture shows: there it is what the capture has not.
+    """
+    unknown = re.fullmatch(r"the value is not known since frame (\d+)", complaint)
+    if rule == "DS417" and unknown is not None:
+        return int(unknown[1]) not in origin
     wanted = {"DS708": "a call there is accepted", "DS401": "the channel goes on"}.get(rule, "-")
     found = re.fullmatch(rf"{wanted} in frame (\d+)", complaint)
     return found is not None and int(found[1]) not in range(origin[1], max(origin) + 1)
