@@ -182,8 +182,8 @@ function Analysis:datagram(pdu, ip_id, src_mac)
   end
 end
 
---- Takes one whole UDP datagram: {payload, frame, time_ns, src_ip, dst_ip, src_port, ip_id, src_mac, cut}, see
--- rpc.lua.
+--- Takes one whole UDP datagram: {payload, frame, time_ns, src_ip, dst_ip, src_port, ip_id, src_mac, cut},
+-- see rpc.lua.
 -- The table is not kept.
 function Analysis:packet(packet)
   local pdu = parse(packet)

@@ -380,13 +380,12 @@ local function test_copies()
     check("copy " .. number, is_copy(tracker, of), case[2])
     check("count", tracker.counts.copies, case[2] and 1 or 0)
   end
-  local tracker = tracker_of()
-  for passed, copy in pairs({[1000000] = true, [1000001] = false}) do
-    tracker = tracker_of()
-    is_copy(tracker, {ip_id = 0})
-    check("without an IP id", is_copy(tracker, {ip_id = 0, time_ns = passed}), copy)
+  for late, copy in pairs({[1000000] = true, [1000001] = false}) do
+    local fresh = tracker_of()
+    is_copy(fresh, {ip_id = 0})
+    check("without an IP id", is_copy(fresh, {ip_id = 0, time_ns = late}), copy)
   end
-  tracker = tracker_of()
+  local tracker = tracker_of()
   for ip_id = 1, 512 do
     is_copy(tracker, {ip_id = ip_id})
   end

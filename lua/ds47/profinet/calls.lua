@@ -7,10 +7,10 @@
 -- sent_ns = when the request was sent last, nil where it was sent once, context = whatever the layer above
 -- keeps with it, later = the next one of its activity}.
 --
--- An activity is {newest = sequence number of its newest request, by_seq = its calls without a response, oldest
--- and last = the ends of their chain, which is in the order of their requests, count = how many there are,
--- server = the one that was called last, numbers = its sequence numbers (completeness.lua), anew = the frame in
--- which a number was there for another call: since then its client counts anew; 0 for none}.
+-- An activity is {newest = sequence number of its newest request, by_seq = its calls without a response,
+-- oldest and last = the ends of their chain, which is in the order of their requests, count = how many there
+-- are, server = the one that was called last, numbers = its sequence numbers (completeness.lua), anew = the
+-- frame in which a number was there for another call: since then its client counts anew; 0 for none}.
 
 local completeness = require("ds47.profinet.completeness")
 local ordered = require("ds47.support.ordered")

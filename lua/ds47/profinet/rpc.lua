@@ -178,8 +178,8 @@ function M.pdu(head, data, at, stop, frame, time_ns)
 end
 
 --- The PDU in a UDP packet; nil where it is not PNIO RPC or its header is cut off.
--- @param packet {payload, frame, time_ns, src_ip, dst_ip, src_port, cut}: a whole UDP payload. `cut` is nil, or
---   {frame = number, captured = bytes, original = bytes} of a frame that the capture cut.
+-- @param packet {payload, frame, time_ns, src_ip, dst_ip, src_port, cut}: a whole UDP payload. `cut` is nil,
+--   or {frame = number, captured = bytes, original = bytes} of a frame that the capture cut.
 function M.parse(packet)
   local data = packet.payload
   local head = #data >= SIZE and M.head(data, 0, packet.src_ip, packet.dst_ip)
