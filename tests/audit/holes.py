@@ -42,6 +42,7 @@ NOTHING = (None, "sap_unknown", "1 x unknown address")
 ALIKE = {
     **dict.fromkeys(("DS401", "DS402"), "its AR was released"),  # the cut has not the Release
     "DS705": "it is known whose request was open",  # in the cut one it may not be
+    "DS722": "neither Release nor Connect",  # but a response that comes first there
     "DS413": "the new request that followed",  # a later one did, too
     "DS414": "the new request that followed",
     "DS714": "the drive reads it as",  # what was read the cut does not have

@@ -16,7 +16,6 @@ FALSE_STILL = {
     "diagnosis-half-captured-dropped.pcapng": {"DS110"},
     "transport-ip-fragments-incomplete.pcapng": {"DS101", "DS105"},
     "transport-reused-numbers.pcapng": {"DS102", "DS413", "transaction", "whole transaction"},
-    "transport-rpc-fragments-incomplete.pcapng": {"DS105"},
     "profibus-bad-habits.pcapng": {"DS803"},
     "profibus-ms2.pcapng": {"DS803"},
     "identity_pure_cpp.pcapng": {"DS908"},
