@@ -587,7 +587,12 @@ def _long(case: Case) -> Iterator[str]:
     yield from problems
     if found is None:
         return
-    length, limit = len(found.data), case.args.get("limit")
+    asked = [each for each in case.reading.asked_at.get(case.frame, []) if each.write]
+    whole = max((each.stated for each in asked if each.data == found.data), default=0)
+    length, limit = (
+        max(len(found.data), whole),
+        case.args.get("limit"),
+    )  # of one that the capture cut, too
     yield from case.wrong("length", length)
     if limit not in (240, *_limits(case, 0)):
         yield f"limit {limit!r} was not read from PNU 974[0]"

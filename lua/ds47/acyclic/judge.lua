@@ -172,8 +172,9 @@ local function put_request(self, remarks, job, most)
     put_flaws(remarks, message.flaws, half, most or most_parameters(self, job))
   end
   local limit, reference = self.longest.values[job.peer.device], message.request_reference
-  if limit and #half.data > limit then
-    put(remarks, "DS316", half.frame, {length = #half.data, limit = limit}, 0)
+  local length = #half.data + (half.missing or 0)
+  if limit and length > limit then
+    put(remarks, "DS316", half.frame, {length = length, limit = limit}, 0)
   end
   if reference ~= nil and reference == job.previous_reference then
     put(remarks, "DS415", half.frame, {reference = reference, first = job.previous})

@@ -159,9 +159,9 @@ class Judge:
         if message.flaws:
             _flaws(message.flaws, half, remarks, self._most_parameters(job))
         limit = self._longest.get(job.peer.device)
-        if limit and len(half.data) > limit:
-            length = {"length": len(half.data), "limit": limit}
-            remarks.append(Remark("DS316", half.frame, length, 0))
+        length = len(half.data) + half.missing
+        if limit and length > limit:
+            remarks.append(Remark("DS316", half.frame, {"length": length, "limit": limit}, 0))
         reference = message.request_reference
         if job.previous_reference is not None and job.previous_reference == reference:
             before = {"reference": reference, "first": job.previous}
