@@ -589,10 +589,8 @@ def _long(case: Case) -> Iterator[str]:
         return
     asked = [each for each in case.reading.asked_at.get(case.frame, []) if each.write]
     whole = max((each.stated for each in asked if each.data == found.data), default=0)
-    length, limit = (
-        max(len(found.data), whole),
-        case.args.get("limit"),
-    )  # of one that the capture cut, too
+    # The capture may have cut it.
+    length, limit = max(len(found.data), whole), case.args.get("limit")
     yield from case.wrong("length", length)
     if limit not in (240, *_limits(case, 0)):
         yield f"limit {limit!r} was not read from PNU 974[0]"
@@ -813,9 +811,8 @@ def _orphan(case: Case) -> Iterator[str]:
         its_own = any(each.reference == deal.answer.reference for each in unsure)
         for other in here:
             open_still = _is_open(other, case.frame, case.reading) and other.state != "incomplete"
-            if (
-                open_still and not its_own
-            ):  # else it is a wrong one of that, or the one of the other
+            # Else it is a wrong one of that, or the one of the other.
+            if open_still and not its_own:
                 yield f"the request of frame {other.write} is open"
     yield from case.wrong("dropped", _dropped(case.reading))
 

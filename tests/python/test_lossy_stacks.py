@@ -7,43 +7,27 @@ datagram the capture has answers that nobody took.
 from __future__ import annotations
 
 import json
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pytest
+from test_real_stacks import result_of
 
-from ds47.analysis import analyze
-from ds47.model import CaptureResult
-
-FOLDER = Path(__file__).parents[3] / "shared/captures/stacks"
 WHOLE = {"l1_replay": "l1_replay.device.pcapng", "l4_harsh": "l4_harsh.pcapng"}
 """What was asked by name of the list, and where the wire was recorded."""
 OF_THE_WIRE = {
-    "DS102",
-    "DS404",
-    "DS405",
-    "DS406",
-    "DS407",
-    "DS413",
-    "DS414",
-    "DS415",
-    "DS703",
-    "DS704",
-    "DS705",
-}
+    "DS102", "DS404", "DS405", "DS406", "DS407", "DS413", "DS414", "DS415", "DS703", "DS704", "DS705",
+}  # fmt: skip
 """What was said of copies and late answers."""
 
-pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason="shared/captures is missing")
+
+@pytest.fixture
+def stacks(shared: Path) -> Path:
+    return shared / "captures/stacks"
 
 
-@cache
-def result(name: str) -> CaptureResult:
-    return analyze(FOLDER / name)
-
-
-def logged(name: str) -> list[dict[str, Any]]:
-    lines = (FOLDER / "EXPECTED.jsonl").read_text("utf-8").splitlines()
+def logged(stacks: Path, name: str) -> list[dict[str, Any]]:
+    lines = (stacks / "EXPECTED.jsonl").read_text("utf-8").splitlines()
     return [line for line in map(json.loads, lines) if line["capture"] == name]
 
 
@@ -52,38 +36,40 @@ def _hex(data: bytes | None) -> str | None:
 
 
 @pytest.mark.parametrize("name", WHOLE)
-def test_each_request_is_one_transaction_with_the_response_that_its_client_got(name: str) -> None:
+def test_each_request_is_one_transaction_with_the_response_that_its_client_got(
+    stacks: Path, name: str
+) -> None:
     told = [
         (each.slot, each.subslot, each.index, _hex(each.request), _hex(each.response))
-        for each in result(WHOLE[name]).transactions
+        for each in result_of(stacks / WHOLE[name]).transactions
     ]
     names = ("slot", "subslot", "index", "request_hex", "response_hex")
-    assert told == [tuple(line[key] for key in names) for line in logged(name)]
+    assert told == [tuple(line[key] for key in names) for line in logged(stacks, name)]
 
 
 @pytest.mark.parametrize("name", WHOLE)
-def test_polls_are_those_of_the_client(name: str) -> None:
-    told = [len(each.frames.polls) for each in result(WHOLE[name]).transactions]
+def test_polls_are_those_of_the_client(stacks: Path, name: str) -> None:
+    told = [len(each.frames.polls) for each in result_of(stacks / WHOLE[name]).transactions]
     assert told == [
-        sum(read["status"] == "de80b500" for read in line["reads"]) for line in logged(name)
+        sum(read["status"] == "de80b500" for read in line["reads"]) for line in logged(stacks, name)
     ]
 
 
 @pytest.mark.parametrize("name", WHOLE)
-def test_nothing_is_said_of_what_the_wire_did(name: str) -> None:
-    assert {each.rule for each in result(WHOLE[name]).findings} & OF_THE_WIRE == set()
+def test_nothing_is_said_of_what_the_wire_did(stacks: Path, name: str) -> None:
+    assert {each.rule for each in result_of(stacks / WHOLE[name]).findings} & OF_THE_WIRE == set()
 
 
-def test_answers_are_remembered_by_time_and_open_calls_by_themselves() -> None:
+def test_answers_are_remembered_by_time_and_open_calls_by_themselves(stacks: Path) -> None:
     """59 calls of one activity without an answer."""
-    assert "DS109" not in {each.rule for each in result("l3_once.pcapng").findings}
+    assert "DS109" not in {each.rule for each in result_of(stacks / "l3_once.pcapng").findings}
 
 
-def test_what_was_asked_once_and_answered_has_its_response() -> None:
+def test_what_was_asked_once_and_answered_has_its_response(stacks: Path) -> None:
     told = {}
-    for each in result("l3_once.pcapng").transactions:
+    for each in result_of(stacks / "l3_once.pcapng").transactions:
         told.setdefault((each.slot, each.index, _hex(each.request)), []).append(each)
-    for line in logged("l3_once"):
+    for line in logged(stacks, "l3_once"):
         sure = line["outcome"] == "answered" and all(
             each["outcome"] == "ok" for each in line["reads"]
         )

@@ -150,15 +150,8 @@ def lines(frames: Iterable[Frame]) -> Iterator[dict[str, Any]]:
         packet = dissect(frame)
         if packet is not None:
             names = (
-                "kind",
-                "src_ip",
-                "dst_ip",
-                "src_port",
-                "ip_id",
-                "src_mac",
-                "dst_mac",
-                "missing",
-            )
+                "kind", "src_ip", "dst_ip", "src_port", "ip_id", "src_mac", "dst_mac", "missing",
+            )  # fmt: skip
             yield (
                 instant(frame)
                 | {name: getattr(packet, name) for name in names}

@@ -793,10 +793,10 @@ class Pairing:
             held = channel.open
             if held is not None and held is not job and (not found or held.order > found.order):
                 found = held
-        asked, came = found.write_request if found is not None else None, job.write_request
-        if found is None or asked is None or self._behind(found.peer, asked.frame) is not None:
+        asked, came = found and found.write_request, job.write_request
+        if not (found and asked and came) or self._behind(found.peer, asked.frame) is not None:
             return None
-        fetched = came is None or any(read.frame < came.frame for read in found.fetching)
+        fetched = any(read.frame < came.frame for read in found.fetching)
         sure = found.write_response is not None and not fetched
         return found if sure or found.order > job.order else None
 

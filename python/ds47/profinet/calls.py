@@ -189,17 +189,17 @@ class CallTracker:
     def _request(self, pdu: Pdu) -> None:
         self.counts["requests"] += 1
         activity, seq = self._activity(pdu), pdu.seq
-        calls = activity.calls
+        key, calls = (pdu.client, pdu.activity, seq), activity.calls
         if calls:
             self._expire(activity, pdu.time_ns)
-        call = calls.get(seq) or self._answered.get((pdu.client, pdu.activity, seq))
+        call = calls.get(seq) or self._answered.get(key)
         if call is not None:
             if self._is_retransmission(activity, call, pdu):
                 self.counts["retransmissions"] += 1
                 self._handlers.retransmission(call, pdu)
                 call.sent_ns = pdu.time_ns
                 if call.response is not None:
-                    self._answered.move_to_end((pdu.client, pdu.activity, seq))
+                    self._answered.move_to_end(key)
                 return
             activity.anew = pdu.frame
             if call.response is None:
@@ -213,7 +213,7 @@ class CallTracker:
         activity.numbers.add(pdu)
         call = calls[seq] = Call(pdu)
         activity.newest = seq
-        early = self._early.pop((pdu.client, pdu.activity, seq), None) if self._early else None
+        early = self._early.pop(key, None) if self._early else None
         if early is None or not 0 <= early.time_ns - pdu.time_ns <= self._limits.call_expiry_ns:
             self._handlers.request(call)
             return
