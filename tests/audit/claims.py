@@ -214,6 +214,21 @@ def _ms(case: Case, name: str, truth: float) -> Iterator[str]:
         yield f"{name} {told!r} is {truth:.6f}"
 
 
+@auditor("DS111")
+def _second_response(case: Case) -> Iterator[str]:
+    found = [
+        call for call in case.reading.capture.calls
+        if case.frame in (each.frame for each in call.others)
+    ]  # fmt: skip
+    if not found or (first := found[0].response) is None:
+        yield "no second response to a call is in this frame, with other bytes"
+        return
+    yield from _operation(case, found[0].request)
+    yield from case.wrong("first", first.frame)
+    again = any(first.frame < frame < case.frame for frame in found[0].again)
+    yield from case.wrong("has", "has_either" if again else "has_first")
+
+
 # Record calls
 
 
@@ -1125,7 +1140,9 @@ def _incomplete(case: Case) -> Iterator[str]:
     what = str(args.get("what"))
     known = ("first", "last", "numbers")
     told = {name for name in known if args.get(name) is not None}
-    first = {"first"} if what in ("read_answer", "write_answer") else set()
+    first = {"first"} if what in ("read_answer", "write_answer", "twice") else set()
+    if what == "written_again":
+        first = {"first", "last"}
     if told not in ([{*known}, {"last", "numbers"}] if what == "calls" else [first]):
         yield f"{what} tells {sorted(told)}"
     if deal is None:
@@ -1145,6 +1162,8 @@ def _incomplete(case: Case) -> Iterator[str]:
         "line": lambda: _lacks_turns(case, deal.device, deal.write or 0),
         "read_answer": lambda: _is_without(case, deal, False),
         "write_answer": lambda: _is_without(case, deal, True),
+        "twice": lambda: _is_twice(case, deal),
+        "written_again": lambda: _is_written_again(case, deal),
         "ends": lambda: _ends(case, deal),
         "unseen": lambda: _unseen(case, deal),
         "later": lambda: iter([]) if late else _pending(case, deal),
@@ -1237,6 +1256,30 @@ def _is_without(case: Case, deal: Deal, write: bool) -> Iterator[str]:
         yield f"the call is answered in frame {calls[0].answered}"
     elif calls[0].asked < (deal.write or 0):
         yield "the call came before the request"
+
+
+def _is_written_again(case: Case, deal: Deal) -> Iterator[str]:
+    """That its Write has no response, and the same one came later and was accepted."""
+    yield from _is_without(case, deal, True)
+    mine = [each for each in case.reading.asked_at.get(deal.write or 0, []) if each.write]
+    again = [
+        each for each in case.reading.asked_at.get(case.args.get("last") or 0, [])
+        if each.write and each.status == 0
+        and any(each.channel == one.channel and each.data == one.data for one in mine)
+    ]  # fmt: skip
+    if not again or (deal.write or 0) >= again[0].asked:
+        yield f"the same Write is not accepted in frame {case.args.get('last')}"
+
+
+def _is_twice(case: Case, deal: Deal) -> Iterator[str]:
+    """That a call of a transaction has two responses, of which its client may have either."""
+    first = case.args.get("first")
+    calls = [
+        each.call for each in case.reading.asked_at.get(first or 0, [])
+        if case.reading.same_place(deal, each) and each.asked >= (deal.write or 0)
+    ]  # fmt: skip
+    if not any(call.others and call.again for call in calls):
+        yield f"no call of it in frame {first} has two responses"
 
 
 def _swapped(case: Case, record: wire.Record) -> bool:

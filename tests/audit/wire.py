@@ -69,6 +69,10 @@ class Pdu:
         return self.source if self.kind in (REQUEST, PING) else self.target
 
     @property
+    def server(self) -> str:
+        return self.target if self.kind in (REQUEST, PING) else self.source
+
+    @property
     def key(self) -> tuple[str, UUID, int]:
         return self.client, self.activity, self.sequence
 
@@ -79,6 +83,8 @@ class Call:
 
     request: Pdu
     response: Pdu | None = None
+    others: list[Pdu] = field(default_factory=list)
+    """What answers it once more, with other bytes."""
     again: list[int] = field(default_factory=list)
     copies: list[int] = field(default_factory=list)
     newest_ns: int = 0
@@ -374,9 +380,12 @@ def _calls(capture: Capture) -> None:
             if known is not None and pdu.kind == REQUEST:
                 known.copies.append(pdu.frame)
             continue
+        begun = max(anew.get(each, 0) for each in (pdu.key[:2], (pdu.client, pdu.server)))
+        over = known is not None and (
+            known.request.frame < begun or pdu.time_ns - known.newest_ns > CALL_NS
+        )
         if pdu.kind == REQUEST:
-            begun = max(anew.get(each, 0) for each in (pdu.key[:2], (pdu.source, pdu.target)))
-            if known is not None and known.request.frame >= begun and _is_again(known, pdu):
+            if known is not None and not over and _is_again(known, pdu):
                 known.again.append(pdu.frame)
                 known.newest_ns = pdu.time_ns
                 continue
@@ -391,11 +400,18 @@ def _calls(capture: Capture) -> None:
                 call.response = early[-1]
                 capture.strays.remove(early[-1])
         elif pdu.kind in (RESPONSE, FAULT, REJECT):
-            if known is None:
-                capture.strays.append(pdu)
-            elif known.response is None:
-                known.response = pdu
-                known.newest_ns = max(known.newest_ns, pdu.time_ns)
+            _answered(capture, known, pdu, over)
+
+
+def _answered(capture: Capture, call: Call | None, pdu: Pdu, over: bool) -> None:
+    """A response or fault; `over`: the number of the call may stand for another one."""
+    if call is None or (over and call.response is not None):
+        capture.strays.append(pdu)
+    elif call.response is None:
+        call.response = pdu
+        call.newest_ns = max(call.newest_ns, pdu.time_ns)
+    elif call.response.body != pdu.body:
+        call.others.append(pdu)
 
 
 def _is_early(stray: Pdu, request: Pdu) -> bool:
@@ -403,10 +419,9 @@ def _is_early(stray: Pdu, request: Pdu) -> bool:
 
 
 def _is_again(call: Call, pdu: Pdu) -> bool:
-    """Whether a number that was there before is the same call: its client may still repeat it."""
+    """Whether a number that was there before asks for the same."""
     asked = call.request
-    same = (asked.operation, asked.body, asked.port) == (pdu.operation, pdu.body, pdu.port)
-    return same and pdu.time_ns - call.newest_ns <= CALL_NS
+    return (asked.operation, asked.body, asked.port) == (pdu.operation, pdu.body, pdu.port)
 
 
 def _records(call: Call) -> Iterator[Record]:

@@ -341,7 +341,7 @@ local function tracker_of(limits)
   local heard = {}
   local handlers = {}
   for _, name in ipairs({"request", "response", "retransmission", "fault", "lost", "orphan_response",
-    "pushed_out"}) do
+    "second_response", "pushed_out"}) do
     handlers[name] = function(_, call, more)
       heard[#heard + 1] = name .. ":" .. (type(more) == "table" and more or call.request or call).seq
     end
@@ -448,7 +448,7 @@ local function test_retransmissions()
   check("another body is a new call", heard(), "request:7 lost:7 request:7 response:7")
   check("unanswered", tracker.counts.unanswered, 1)
   feed_calls(tracker, {response, {ptype = 2, body = "different"}})
-  check("a second response", heard(), "orphan_response:7")
+  check("a second response", heard(), "second_response:7")
   check("responses", tracker.counts.responses, 3)
 end
 

@@ -37,6 +37,7 @@ class Heard:
             "request",
             "response",
             "orphan",
+            "second",
             "late",
             "retransmission",
             "fault",
@@ -231,8 +232,24 @@ def test_a_second_response() -> None:
     heard = Heard().feed(request, response, later(response, SECOND))
     assert heard.names == ["request", "response"]
     heard.feed(later(response, SECOND, body=b"other"))
-    assert heard.events[2:] == [("orphan", 0, 102)]
+    assert heard.events[2:] == [("second", 0, 102)], "it belongs to no other call (P81)"
     assert heard.tracker.counts["responses"] == 3
+
+
+def test_a_second_response_that_is_a_fault() -> None:
+    request, response = calls()
+    fault = replace(response, ptype=wire.FAULT, body=b"\x03\x00\x01\x1c")
+    assert Heard().feed(request, response, later(fault, 1)).names == [
+        "request", "response", "second",
+    ]  # fmt: skip
+
+
+def test_an_answer_to_a_number_that_counts_anew_is_no_second_one() -> None:
+    request, response = calls()
+    for between in ([], [later(request, 2, body=b"new"), later(response, 3, body=b"old")]):
+        late = later(response, LIMITS.call_expiry_ns + SECOND, body=b"other")
+        names = Heard().feed(request, response, *between, late).names
+        assert names[-1] == "orphan"
 
 
 def test_a_response_without_its_request() -> None:
@@ -300,7 +317,7 @@ def test_the_context_of_the_layer_above_stays_with_the_call() -> None:
 
     got: list[object] = []
     ignore = lambda *_: None  # noqa: E731
-    handlers = Handlers(ask, lambda call: got.append(call.context), *[ignore] * 6)
+    handlers = Handlers(ask, lambda call: got.append(call.context), *[ignore] * 7)
     tracker = CallTracker(LIMITS, handlers)
     for pdu in pdus(lambda client: client.read(b"data", client.at(index=CHANNEL.index))):
         tracker.feed(pdu)

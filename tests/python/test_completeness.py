@@ -32,7 +32,7 @@ def quiet(*_: object) -> None:
 def heard(calls: Iterable[Pdu], kept: int = 64) -> Completeness:
     """What is known of them to be missing."""
     found = Completeness(kept)
-    tracker = CallTracker(limits(), Handlers(*[quiet] * 8), found)
+    tracker = CallTracker(limits(), Handlers(*[quiet] * 9), found)
     for each in calls:
         tracker.feed(each)
     return found
@@ -157,7 +157,7 @@ def test_a_read_response_without_its_request_is_a_half() -> None:
 def test_a_call_without_response_is_a_half_once_its_client_went_on() -> None:
     asked = [each for each in pdus(three) if each.frame != 6]
     found = Completeness(64)
-    tracker = CallTracker(limits(), Handlers(*[quiet] * 8), found)
+    tracker = CallTracker(limits(), Handlers(*[quiet] * 9), found)
     for each in asked:
         tracker.feed(each)
     assert found.lacks(CLIENT, SERVER).halves == 0
@@ -169,7 +169,7 @@ def test_a_call_without_response_is_a_half_once_its_client_went_on() -> None:
 def test_the_last_call_may_still_get_its_response() -> None:
     """It is no half; behind it something may be missing all the same."""
     found = Completeness(64)
-    tracker = CallTracker(limits(), Handlers(*[quiet] * 8), found)
+    tracker = CallTracker(limits(), Handlers(*[quiet] * 9), found)
     for each in pdus(three):
         if each.frame != 12:
             tracker.feed(each)

@@ -60,6 +60,26 @@ def test_nothing_is_said_of_what_the_wire_did(stacks: Path, name: str) -> None:
     assert {each.rule for each in result_of(stacks / WHOLE[name]).findings} & OF_THE_WIRE == set()
 
 
+def test_a_request_that_was_written_again_says_so(stacks: Path) -> None:
+    """Its Write response was lost, or the request; nobody ended a connection over it (P73)."""
+    found = result_of(stacks / "l3_once.pcapng").findings
+    again = {
+        each.frame: each.args["last"] for each in found if each.args.get("what") == "written_again"
+    }
+    assert again == {
+        121: 124, 145: 146, 180: 181, 223: 227, 368: 375, 424: 426, 833: 835, 856: 860, 1218: 1221,
+        1264: 1267, 1345: 1348,
+    }  # fmt: skip
+    assert {each.rule for each in found} & {"DS401", "DS402", "DS722"} == set()
+
+
+def test_a_second_answer_belongs_to_no_other_call(stacks: Path) -> None:
+    found = result_of(stacks / "l3_once.pcapng").findings
+    told = {each.frame: each.args["first"] for each in found if each.rule == "DS111"}
+    assert told == {540: 534, 588: 587, 953: 950, 1404: 1402, 1417: 1414}
+    assert {each.rule for each in found} & {"DS102", "DS704"} == set()
+
+
 def test_answers_are_remembered_by_time_and_open_calls_by_themselves(stacks: Path) -> None:
     """59 calls of one activity without an answer."""
     assert "DS109" not in {each.rule for each in result_of(stacks / "l3_once.pcapng").findings}

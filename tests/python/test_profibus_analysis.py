@@ -30,7 +30,7 @@ SHORT = b"\xe5"
 MOST = 240
 OTHER = ("controller", "device", "station", "ar", "api", "subslot", "findings")
 """What PROFIBUS has no equal of, or has in another way."""
-OTHER_RULES = {"DS103", "DS701", "DS712", "DS713", "DS718", "DS719", "DS720"}
+OTHER_RULES = {"DS103", "DS111", "DS701", "DS712", "DS713", "DS718", "DS719", "DS720"}
 """About RPC; about lengths that MS1 cannot ask for; about the vendor, whom no frame of MS1 names."""
 
 
@@ -72,7 +72,7 @@ def calls(path: Path) -> list[Call]:
     def ignore(*_: Any) -> None:
         pass
 
-    tracker = CallTracker(limits(), Handlers(found.append, *[ignore] * 7))
+    tracker = CallTracker(limits(), Handlers(found.append, *[ignore] * 8))
     with open_capture(path) as capture:
         for packet in Packets().of(capture):
             pdu = rpc.parse(packet) if packet.kind == "udp" else None

@@ -57,6 +57,8 @@ Job.accepted = false
 --   fetching: array of the Reads that were sent for it and have no response up to now; nil for none
 --   read_before: true where an earlier Read that is not in the capture may have brought the response
 --   insisted: until when the client of a call of it that was sent again waits at least; nil where none was
+--   twice: frame of a call of it with two responses, of which the client may have either; nil for none
+--   written_again: frame of the Write that asked for the same while this one had no response: it was accepted
 --   missing: why nobody knows what became of it, {what, first, last, numbers} (completeness.lua, P73)
 --   uncertain: true for an orphan whose request a limit may have pushed out
 
@@ -316,6 +318,10 @@ end
 local function lacks_calls(self, job, asked, lost)
   if job.peer.station then
     return behind(self, job.peer, asked.frame)
+  elseif job.written_again then
+    return {what = "written_again", first = asked.frame, last = job.written_again}
+  elseif job.twice then
+    return {what = "twice", first = job.twice}
   elseif job.fetching and not job.limit and not is_silence(self, job, lost) then
     return {what = "read_answer", first = job.fetching[1].frame}
   end
@@ -541,6 +547,16 @@ local function displace(self, job, by)
   job.superseding = nil -- for the same reason as in end_job
 end
 
+-- An accepted Write takes the place of those that asked for the same and have no response.
+local function written_again(channel, job)
+  local by = job:write_request()
+  for _, each in ipairs(channel.asked) do
+    if by and each.order < job.order and each:write_request().data == by.data then
+      each.written_again = by.frame
+    end
+  end
+end
+
 -- An accepted Write opens; it displaces what was open and ends the grace of a refused one.
 local function accept(self, channel, job)
   job.accepted = true
@@ -549,6 +565,7 @@ local function accept(self, channel, job)
   end
   if job.phase == "asked" then
     take_from(channel.asked, job)
+    written_again(channel, job)
     local open = channel.open
     if open then
       displace(self, open, job)
@@ -578,7 +595,7 @@ local function rival_of(self, channel, job)
     return nil
   end
   local fetched = found.fetching and found.fetching[1].frame < job:write_request().frame
-  local sure = found.write_response and not fetched
+  local sure = found.write_response and not (fetched or found.twice)
   return (sure or found.order > job.order) and found or nil
 end
 

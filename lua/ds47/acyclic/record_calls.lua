@@ -351,6 +351,19 @@ function RecordCalls:orphan_response(pdu, certain)
   end
 end
 
+function RecordCalls:second_response(call, pdu)
+  local args = {
+    operation = OPERATIONS[pdu.opnum] or "?", first = call.response.frame,
+    has = call.again and "has_either" or "has_first",
+  }
+  self:_about_call(call, {rule = "DS111", frame = pdu.frame, args = args})
+  local record = call.again and ours_from(self, call.context)
+  while record do
+    self.events:answered_twice(placed(self, pdu), record)
+    record = ours_after(self, record)
+  end
+end
+
 --- The first four bytes of a body as a number, fewer where fewer are there.
 local function fault_code(pdu)
   local code, length = 0, math.min(4, #pdu.body)

@@ -84,6 +84,12 @@ local function event_sent_again(_, _, record, waits_ns)
   end
 end
 
+local function event_answered_twice(_, _, record)
+  if record.job then
+    record.job.twice = record.request.frame
+  end
+end
+
 -- A Read is over, to whomever its response goes.
 local function event_read_failed(_, _, record)
   if record.job then
@@ -240,6 +246,11 @@ end
 --- A request whose client had no response, and until when it waits for one at least.
 function RecordEvents:sent_again(origin, record, waits_ns)
   pass(self, event_sent_again, nil, origin, record, waits_ns)
+end
+
+--- A request with two responses: which of them its client has is not known.
+function RecordEvents:answered_twice(origin, record)
+  pass(self, event_answered_twice, nil, origin, record)
 end
 
 --- The response to a request.

@@ -31,6 +31,7 @@ M.CallTracker = CallTracker
 -- @param limits the flat table of tables.lua (copy_ns, call_expiry_ns, datagrams, activities, calls,
 --   answered_calls, rpc_messages)
 -- @param handlers a table with methods request(call), response(call), orphan_response(pdu, certain),
+--   second_response(call, pdu) of one with other bytes to a call that was answered,
 --   late_request(call) of one that comes behind its response and was sent before it,
 --   retransmission(call, pdu), fault(call, pdu), lost(call), pushed_out(call, limit); each is called at most
 --   once for one event. `certain`: that the request is not in the capture; `limit`: the name of the one that
@@ -219,14 +220,20 @@ local function make_room(self)
   end
 end
 
--- Whether a number that was there before is the same call: its client may still repeat it (P7 to P9).
+-- Whether the number of a call may stand for another one: its client repeats it no more (P8, P9).
+local function is_over(self, activity, call, pdu)
+  local begun = self.connects:get(pdu.client .. "\0" .. pdu.server) or 0
+  if activity then
+    begun = math.max(activity.anew, begun)
+  end
+  return begun > call.request.frame or is_old(self, call, pdu.time_ns)
+end
+
+-- Whether a number that was there before is the same call (P7).
 local function is_retransmission(self, activity, call, pdu)
   local asked = call.request
-  if asked.opnum ~= pdu.opnum or asked.body ~= pdu.body or asked.port ~= pdu.port then
-    return false
-  end
-  local connect = self.connects:get(pdu.client .. "\0" .. pdu.server) or 0
-  return math.max(activity.anew, connect) <= asked.frame and not is_old(self, call, pdu.time_ns)
+  local same = asked.opnum == pdu.opnum and asked.body == pdu.body and asked.port == pdu.port
+  return same and not is_over(self, activity, call, pdu)
 end
 
 -- The activity of a PDU, which spoke last.
@@ -282,6 +289,7 @@ local function again(self, call, pdu)
   self.handlers:retransmission(call, pdu)
   call.sent_ns = pdu.time_ns
   if call.response then
+    call.again = pdu.frame
     self.answered:move_to_end(key_of(pdu))
   end
 end
@@ -310,7 +318,7 @@ local function request(self, pdu)
   end
   activity.numbers:add(pdu)
   activity.newest = seq
-  call = {request = pdu, response = nil, context = nil, later = nil}
+  call = {request = pdu, response = nil, context = nil, later = nil, again = nil}
   append(activity, seq, call)
   self.newest, self.asks_again = call, false
   local early = early_response(self, pdu)
@@ -342,6 +350,19 @@ local function unasked(self, pdu)
   return not begun
 end
 
+-- Whether a response or fault is a second one of a call; tells of it where it is another one.
+local function answers_again(self, activity, pdu)
+  local call = self.answered:get(key_of(pdu))
+  if call == nil or is_over(self, activity, call, pdu) then
+    return false
+  end
+  if call.response.body ~= pdu.body then
+    self.newest, self.asks_again = call, false
+    self.handlers:second_response(call, pdu)
+  end
+  return true
+end
+
 local function response(self, pdu)
   local activity, call = self.activities.values[pdu.conversation], nil
   if activity then
@@ -351,13 +372,8 @@ local function response(self, pdu)
   if call then
     answer(self, activity, call, pdu)
     self.handlers:response(call)
-    return
-  end
-  call = self.answered:get(key_of(pdu))
-  if call == nil then
+  elseif not answers_again(self, activity, pdu) then
     self.handlers:orphan_response(pdu, unasked(self, pdu))
-  elseif call.response.body ~= pdu.body then
-    self.handlers:orphan_response(pdu, true)
   end
 end
 
@@ -366,7 +382,7 @@ local function fault(self, pdu)
   if call then
     answer(self, activity, call, pdu)
     self.handlers:fault(call, pdu)
-  elseif self.answered:get(key_of(pdu)) == nil then
+  elseif not answers_again(self, activity, pdu) then
     unasked(self, pdu)
   end
 end

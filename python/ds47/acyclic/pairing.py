@@ -124,6 +124,10 @@ class Job:
     """Whether an earlier Read that is not in the capture, or not whole, may have brought the response."""
     insisted: int
     """Until when the client of a call of it that was sent again waits at least; 0 where none was."""
+    twice: int
+    """Frame of a call of it with two responses, of which the client may have either; 0 for none."""
+    written_again: int
+    """Frame of the Write that asked for the same while this one had no response, and was accepted; 0 for none."""
     missing: Missing | None
     """Why nobody knows what became of it."""
     limit: str
@@ -185,6 +189,7 @@ class Job:
         self.fetching = []
         self.read_before = False
         self.insisted = 0
+        self.twice = self.written_again = 0
         self.missing = None
         self.limit = ""
         self.passed = False
@@ -471,6 +476,10 @@ class Pairing:
         """Which call of a job, or which half of one, may be missing; PROFIBUS has no calls."""
         if job.peer.station is not None:
             return self._behind(job.peer, asked.frame)
+        if job.written_again:
+            return Missing("written_again", asked.frame, job.written_again)
+        if job.twice:
+            return Missing("twice", job.twice)
         if job.fetching and not job.limit and not self._is_silence(job):
             return Missing("read_answer", job.fetching[0].frame)
         found = self._behind(job.peer, asked.frame)
@@ -744,6 +753,7 @@ class Pairing:
         channel.accepted = max(channel.accepted, job.order)
         if job.phase == "asked":
             channel.asked.remove(job)
+            _written_again(channel, job)
             if channel.open is not None:
                 self._displace(channel.open, job)
             if channel.refused is not None:
@@ -797,7 +807,7 @@ class Pairing:
         if not (found and asked and came) or self._behind(found.peer, asked.frame) is not None:
             return None
         fetched = any(read.frame < came.frame for read in found.fetching)
-        sure = found.write_response is not None and not fetched
+        sure = found.write_response is not None and not (fetched or found.twice)
         return found if sure or found.order > job.order else None
 
     def _refuse(self, channel: Channel, job: Job) -> None:
@@ -957,6 +967,15 @@ class Pairing:
             self._lose(job, why.get(job.order, reason))
         if key[:3] not in self._of_ar:
             self.replaced.pop(key[:3], None)
+
+
+def _written_again(channel: Channel, job: Job) -> None:
+    """An accepted Write takes the place of those that asked for the same and have no response."""
+    by = job.write_request
+    for each in channel.asked:
+        before = each.write_request
+        if each.order < job.order and before and by and before.data == by.data:
+            each.written_again = by.frame
 
 
 def _key(peer: Peer, record: Record) -> ChannelKey:

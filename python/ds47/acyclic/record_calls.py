@@ -111,8 +111,8 @@ class RecordCalls:
     def handlers(self) -> Handlers:
         """What to give to the `CallTracker`."""
         return Handlers(
-            self._request, self._response, self._orphan_response, self._late_request,
-            self._retransmission, self._fault, self._lost, self._call_pushed_out,
+            self._request, self._response, self._orphan_response, self._second_response,
+            self._late_request, self._retransmission, self._fault, self._lost, self._call_pushed_out,
         )  # fmt: skip
 
     def finish(self) -> None:
@@ -300,6 +300,21 @@ class RecordCalls:
             if record.write:
                 self._foreign(self._peer(pdu), record)
             self._events.unasked(self._peer(pdu), record, _cut(pdu))
+
+    def _second_response(self, call: Call, pdu: rpc.Pdu) -> None:
+        assert call.response is not None
+        args = {
+            "operation": _OPERATIONS.get(pdu.opnum, "?"),
+            "first": call.response.frame,
+            "has": "has_either" if call.again else "has_first",
+        }
+        self._about_call(call, Remark("DS111", pdu.frame, args))
+        context = _context(call)
+        if context is None or not call.again:
+            return
+        for record in context.body.records:
+            if self._events.concerns(record.index):
+                self._events.answered_twice(self._peer(pdu), record, context.jobs)
 
     def _fault(self, call: Call, pdu: rpc.Pdu) -> None:
         code = int.from_bytes(pdu.body[:4], "little" if pdu.little else "big")

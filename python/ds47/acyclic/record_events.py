@@ -140,6 +140,10 @@ class RecordEvents:
         """A request whose client had no response, and until when it waits for one at least."""
         self.pass_on(peer, record, partial(self._insisted, record, jobs, waits_ns))
 
+    def answered_twice(self, peer: Peer, record: Record, jobs: Jobs) -> None:
+        """A request with two responses: which of them its client has is not known."""
+        self.pass_on(peer, record, partial(self._answered_twice, record, jobs))
+
     def lost(self, peer: Peer, record: Record) -> None:
         """A request whose response does not come any more."""
         if not record.write:
@@ -190,6 +194,11 @@ class RecordEvents:
         job = jobs.get(record.position)
         if job is not None:
             job.insisted = waits_ns
+
+    def _answered_twice(self, record: Record, jobs: Jobs) -> None:
+        job, asked = jobs.get(record.position), record.request
+        if job is not None and asked is not None:
+            job.twice = asked.frame
 
     def _read_answered(
         self, peer: Peer, record: Record, half: Half, cut: Cut | None, jobs: Jobs

@@ -143,9 +143,11 @@ class Client:
         """A whole Write."""
         self.accept_write(self.ask_write(record, at), record, at, status)
 
-    def ask_read(self, at: Channel | None = None, maximum: int = 4096) -> Call:
-        """Read request alone."""
-        call = self.call(wire.READ)
+    def ask_read(
+        self, at: Channel | None = None, maximum: int = 4096, again: Call | None = None
+    ) -> Call:
+        """Read request alone; `again` is the call whose request is sent once more."""
+        call = again or self.call(wire.READ)
         place = at or self.channel
         block = wire.read_request(call.sequence, place, maximum)
         self.ask(call, block, place=place, room=maximum)

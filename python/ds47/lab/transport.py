@@ -196,6 +196,21 @@ def retransmission_answered(client: Client) -> None:
 
 
 @BOOK.scene(
+    "the Read is sent again half a second behind its response, and answered with what there is now",
+    OK_READ,
+    rules="DS103 DS111",
+)
+def second_response(client: Client) -> None:
+    """A Read that the device executes twice."""
+    client.write(READ)
+    call = client.ask_read()
+    client.accept_read(call, ANSWER)
+    client.wait(500)
+    client.ask_read(again=call)
+    client.accept_read(call, message.answer(1, 1, 1, message.real(1498.5)))
+
+
+@BOOK.scene(
     "the controller starts again: same activity, same sequence numbers, a new request",
     OK_READ,
     OK_READ,

@@ -28,6 +28,8 @@ class Call:
     """Whether fragments of a response were seen."""
     sent_ns: int
     """When the request was sent last."""
+    again: int
+    """The last frame behind the response in which the request was sent again; 0 for none."""
     context: Any
 
     def __init__(self, request: Pdu) -> None:
@@ -35,6 +37,7 @@ class Call:
         self.response = None
         self.in_part = False
         self.sent_ns = request.time_ns
+        self.again = 0
         self.context = None
 
 
@@ -68,6 +71,8 @@ class Handlers:
     response: Callable[[Call], None]
     orphan_response: Callable[[Pdu, bool], None]
     """With whether it is certain that its request is not in the capture."""
+    second_response: Callable[[Call, Pdu], None]
+    """One with other bytes to a call that was answered: it belongs to no other call."""
     late_request: Callable[[Call], None]
     """The request of such a response, which comes behind it in the capture and before it by their times."""
     retransmission: Callable[[Call, Pdu], None]
@@ -199,6 +204,7 @@ class CallTracker:
                 self._handlers.retransmission(call, pdu)
                 call.sent_ns = pdu.time_ns
                 if call.response is not None:
+                    call.again = pdu.frame
                     self._answered.move_to_end(key)
                 return
             activity.anew = pdu.frame
@@ -249,12 +255,16 @@ class CallTracker:
             self._connects.popitem(last=False)
 
     def _is_retransmission(self, activity: Activity, call: Call, pdu: Pdu) -> bool:
-        """Whether a number that was there before is the same call: its client may still repeat it."""
+        """Whether a number that was there before is the same call."""
         asked = call.request
-        if asked.opnum != pdu.opnum or asked.body != pdu.body or asked.port != pdu.port:
-            return False
-        begun = max(activity.anew, self._connects.get((pdu.client, pdu.server), 0))
-        return begun <= asked.frame and not self._is_old(call, pdu.time_ns)
+        same = asked.opnum == pdu.opnum and asked.body == pdu.body and asked.port == pdu.port
+        return same and not self._is_over(activity, call, pdu)
+
+    def _is_over(self, activity: Activity | None, call: Call, pdu: Pdu) -> bool:
+        """Whether the number of a call may stand for another one: its client repeats it no more."""
+        anew = 0 if activity is None else activity.anew
+        begun = max(anew, self._connects.get((pdu.client, pdu.server), 0))
+        return begun > call.request.frame or self._is_old(call, pdu.time_ns)
 
     def _is_old(self, call: Call, now: int) -> bool:
         newest = call.sent_ns if call.response is None else max(call.sent_ns, call.response.time_ns)
@@ -269,12 +279,17 @@ class CallTracker:
         if call is not None and activity is not None:
             self._answer(activity, call, pdu)
             self._handlers.response(call)
-            return
-        call = self._answered.get((pdu.client, pdu.activity, pdu.seq))
-        if call is None or call.response is None:
+        elif not self._answers_again(activity, pdu):
             self._handlers.orphan_response(pdu, self._unasked(pdu))
-        elif call.response.body != pdu.body:
-            self._handlers.orphan_response(pdu, True)
+
+    def _answers_again(self, activity: Activity | None, pdu: Pdu) -> bool:
+        """Whether a response or fault is a second one of a call; tells of it where it is another one."""
+        call = self._answered.get((pdu.client, pdu.activity, pdu.seq))
+        if call is None or call.response is None or self._is_over(activity, call, pdu):
+            return False
+        if call.response.body != pdu.body:
+            self._handlers.second_response(call, pdu)
+        return True
 
     def _answer(self, activity: Activity, call: Call, pdu: Pdu) -> None:
         """A call is answered: it is remembered as long as its client may repeat it."""
@@ -308,7 +323,7 @@ class CallTracker:
         if activity is not None and call is not None:
             self._answer(activity, call, pdu)
             self._handlers.fault(call, pdu)
-        elif (pdu.client, pdu.activity, pdu.seq) not in self._answered:
+        elif not self._answers_again(activity, pdu):
             self._unasked(pdu)
 
     def _expire(self, activity: Activity, now: int) -> None:

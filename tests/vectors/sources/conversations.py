@@ -209,6 +209,55 @@ BOOK.lab(
 )
 
 
+BOOK.lab(
+    "P81",
+    "transport-second-response",
+    "P10 second-response",
+    row(1, real(1500.0)),
+    rules="DS103@5#1 DS111@6#1",
+)
+
+
+@BOOK.scene("second-response", row(1, real(1.5)), rules="DS111@5#1")
+def p81_of_the_wire(client: Client) -> None:
+    """The request was doubled before the point of capture: its second response is no poll."""
+    client.write(ask())
+    call = client.ask_read()
+    client.accept_read(call, tell(1, 1.5))
+    client.refuse_read(call, BUSY)
+
+
+@BOOK.scene(
+    "P73 second-response incomplete",
+    tx(1, "incomplete", (1, 2), None, NOTHING, polls=[(3, 4)]),
+    row(2, real(2.5), first=7, ref=2),
+    rules="DS103@5#1 DS110@1#1 DS111@6#1",
+)
+def p81_either(client: Client) -> None:
+    """Not ready, sent again, and the record: its client may have that, so it was not displaced unread."""
+    client.write(ask())
+    call = client.ask_read()
+    client.refuse_read(call, BUSY)
+    client.ask_read(again=call)
+    client.accept_read(call, tell(1, 1.5))
+    client.exchange(ask(2), tell(2, 2.5))
+
+
+@BOOK.scene(
+    "P9 second-response reused-number",
+    row(1, real(1.5)),
+    tx(2, "orphan", (None, None, None, 6), None, real(2.5, pnu=None), ref=2, write=None),
+    rules="DS102@6 DS403@6#2",
+)
+def p81_behind_a_connect(client: Client) -> None:
+    """Behind a Connect a number that was answered stands for another call."""
+    client.write(ask())
+    call = client.ask_read()
+    client.accept_read(call, tell(1, 1.5))
+    client.ask(client.call(wire.CONNECT), bytes(60))
+    client.accept_read(call, tell(2, 2.5))
+
+
 @BOOK.scene(
     "P9 P27 P41 reused-number superseded",
     tx(1, "superseded", (1, 2), None, NOTHING),
@@ -2096,6 +2145,21 @@ def p77_unseen_write(client: Client) -> None:
     client.write(ask())
     client.accept_write(client.call(wire.WRITE), ask(2, 27))
     client.read(tell(2, 2.5))
+
+
+@BOOK.scene(
+    "incomplete retransmission",
+    tx(1, "incomplete", (1,), None, NOTHING, write=None),
+    row(2, real(1.5), first=2, ref=1),
+    rules="DS101@1#1 DS110@1#1 DS415@2#2",
+)
+def p73_written_again(client: Client) -> None:
+    """The program writes again what had no response, as a new call: nothing is open when the connection ends."""
+    client.ask_write(ask())
+    client.wait(140)
+    client.exchange(ask(), tell(1, 1.5))
+    client.wait(15_000)
+    client.release()
 
 
 @BOOK.scene(
