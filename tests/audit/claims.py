@@ -340,8 +340,11 @@ def _not_asked(case: Case, read: wire.Record) -> Iterator[str]:
         each.answered for each in case.reading.on_channel.get(key, [])
         if not each.write and each.answered and each.answered < case.frame
     ] + [
-        call.request.frame for call in case.reading.capture.calls
-        if call.request.operation == wire.CONNECT and read.ar.bytes in call.request.body
+        each.frame
+        for each in (
+            *(call.request for call in case.reading.capture.calls), *case.reading.capture.strays
+        )
+        if each.operation == wire.CONNECT and read.ar.bytes in each.body
     ]  # fmt: skip
     before = [frame for frame in free if frame < case.frame]
     if not before:

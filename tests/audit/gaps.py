@@ -89,10 +89,13 @@ class Gaps:
     def halves(self, client: str, server: str) -> list[int]:
         """The frames of calls of which one half is there: no request, or no response though its client went on."""
         found = [each.frame for each in self.strays(client, server)]
+        newest = {each.request.key: each.request.frame for each in self._capture.calls}
         for call in self._capture.calls:
             asked = call.request
             mine = (asked.source, asked.target) == (client, server) and call.response is None
-            if mine and asked.sequence < max(self._seen[client, asked.activity], default=0):
+            seen = self._seen[client, asked.activity]
+            anew = newest[asked.key] > asked.frame
+            if mine and (asked.sequence < max(seen, default=0) or anew):
                 found.append(asked.frame)
         return sorted(found)
 

@@ -610,9 +610,9 @@ def test_numbers_that_are_missing_are_named() -> None:
 def test_calls_with_one_half_are_counted() -> None:
     lacks, numbers = asked(5, 6)
     numbers.heard = True
-    lacks.lost(said(2, 6), numbers)
+    lacks.lost(said(2, 6), went_on=False)
     assert Whole(job(READ, ANSWER), lacks=lacks).end() == []  # it was the last one
-    lacks.lost(said(1, 5), numbers)
+    lacks.lost(said(1, 5), went_on=True)
     lacks.unasked(said(9, 4, answered=True, opnum=2))
     told = half(1, "half_calls", count=2, **PAIR)
     assert Whole(job(READ, ANSWER), lacks=lacks).end() == [told]

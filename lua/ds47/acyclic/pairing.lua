@@ -580,8 +580,8 @@ local function accept(self, channel, job)
 end
 
 -- The newest request that is surely open at the place of another one, whoever asked; or came behind that; nil
--- for none. It was accepted, and no Read that is under way fetches its response. What comes later changes
--- nothing.
+-- for none. It was accepted, no Connect of its AR ended it, and no Read that is under way fetches its
+-- response. What comes later changes nothing.
 local function rival_of(self, channel, job)
   local keys, found = self.of_place[channel.place], nil
   for key in keys:newest_first(self.limits.users) do
@@ -594,7 +594,11 @@ local function rival_of(self, channel, job)
   if asked == nil or behind(self, found.peer, asked.frame) then
     return nil
   end
-  local fetched = found.fetching and found.fetching[1].frame < job:write_request().frame
+  local came, over = job:write_request().frame, connected_since(self, found)
+  if over and over < came then
+    return nil
+  end
+  local fetched = found.fetching and found.fetching[1].frame < came
   local sure = found.write_response and not (fetched or found.twice)
   return (sure or found.order > job.order) and found or nil
 end

@@ -159,9 +159,9 @@ local function count(self, name)
   counts[name] = counts[name] + 1
 end
 
-local function lose(self, call, activity)
+local function lose(self, call, went_on)
   count(self, "unanswered")
-  self.completeness:lost(call.request, activity.numbers)
+  self.completeness:lost(call.request, went_on)
   self.handlers:lost(call)
 end
 
@@ -179,10 +179,11 @@ local function is_old(self, call, now)
 end
 
 -- Loses the calls that are too old.
-local function lose_old(self, activity, now)
+local function lose_old(self, activity, pdu)
+  local highest = math.max(activity.numbers.highest, pdu.seq)
   local before, call, lost = nil, activity.oldest, nil
   while call do
-    if is_old(self, call, now) then
+    if is_old(self, call, pdu.time_ns) then
       lost = lost or {}
       lost[#lost + 1] = call
       call = take_out(activity, before, call)
@@ -192,16 +193,16 @@ local function lose_old(self, activity, now)
   end
   for _, each in ipairs(lost or NONE) do
     self.given_up:keep(key_of(each.request), true, self.limits.calls)
-    lose(self, each, activity)
+    lose(self, each, each.request.seq < highest)
   end
 end
 
 -- Gives up what is too old or too much. The usual case, that nothing is open, is on the way of every call.
-local function expire(self, activity, now)
+local function expire(self, activity, pdu)
   if activity.oldest == nil then
     return
   end
-  lose_old(self, activity, now)
+  lose_old(self, activity, pdu)
   while activity.count > self.limits.calls do
     local call = activity.oldest
     take_out(activity, nil, call)
@@ -296,7 +297,7 @@ end
 
 local function request(self, pdu)
   local activity, seq = activity_of(self, pdu), pdu.seq
-  expire(self, activity, pdu.time_ns)
+  expire(self, activity, pdu)
   local call = activity.by_seq[seq] or self.answered:get(key_of(pdu))
   if call then
     if is_retransmission(self, activity, call, pdu) then
@@ -305,7 +306,7 @@ local function request(self, pdu)
     end
     activity.anew = pdu.frame
     if not call.response then
-      lose(self, call, activity)
+      lose(self, call, true)
       forget(activity, call)
     end
   end
@@ -366,7 +367,7 @@ end
 local function response(self, pdu)
   local activity, call = self.activities.values[pdu.conversation], nil
   if activity then
-    expire(self, activity, pdu.time_ns)
+    expire(self, activity, pdu)
     call = activity.by_seq[pdu.seq]
   end
   if call then

@@ -193,11 +193,11 @@ function Completeness:asked_after_all(response)
   take_out(pair.lost, response.frame)
 end
 
---- A call has no response.
-function Completeness:lost(request, numbers)
+--- A call has no response; where its client went on, the capture lacks one half.
+function Completeness:lost(request, went_on)
   local pair = pair_of(self, request.client, request.server)
   keep(pair.lost, request.frame)
-  if request.seq < numbers.highest then
+  if went_on then
     has_half(pair, request.frame)
   end
 end

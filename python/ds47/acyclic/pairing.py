@@ -794,7 +794,8 @@ class Pairing:
     def _rival(self, job: Job) -> Job | None:
         """The newest request that is surely open at the place of another one, whoever asked; or came behind that.
 
-        It was accepted, and no Read that is under way fetches its response. What comes later changes nothing.
+        It was accepted, no Connect of its AR ended it, and no Read that is under way fetches its response. What
+        comes later changes nothing.
         """
         keys = reversed(self._of_place.get(_spot(job.peer, job.record), {}))
         found: Job | None = None
@@ -805,6 +806,9 @@ class Pairing:
                 found = held
         asked, came = found and found.write_request, job.write_request
         if not (found and asked and came) or self._behind(found.peer, asked.frame) is not None:
+            return None
+        over = self._connected_since(found)
+        if over is not None and over.frame < came.frame:
             return None
         fetched = any(read.frame < came.frame for read in found.fetching)
         sure = found.write_response is not None and not (fetched or found.twice)

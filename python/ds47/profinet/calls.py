@@ -189,14 +189,14 @@ class CallTracker:
         while self._activities:
             activity = self._activities.popitem(last=False)[1]
             for call in activity.calls.values():
-                self._lose(call, activity.numbers)
+                self._lose(call, went_on=call.request.seq < activity.numbers.highest)
 
     def _request(self, pdu: Pdu) -> None:
         self.counts["requests"] += 1
         activity, seq = self._activity(pdu), pdu.seq
         key, calls = (pdu.client, pdu.activity, seq), activity.calls
         if calls:
-            self._expire(activity, pdu.time_ns)
+            self._expire(activity, pdu)
         call = calls.get(seq) or self._answered.get(key)
         if call is not None:
             if self._is_retransmission(activity, call, pdu):
@@ -209,7 +209,7 @@ class CallTracker:
                 return
             activity.anew = pdu.frame
             if call.response is None:
-                self._lose(call, activity.numbers)
+                self._lose(call, went_on=True)
                 del calls[seq]  # the new one goes to the end
         if pdu.opnum == RPC_CONNECT:
             self._connected(pdu)
@@ -274,7 +274,7 @@ class CallTracker:
         activity = self._activities.get((pdu.client, pdu.activity))
         call = None
         if activity is not None and activity.calls:
-            self._expire(activity, pdu.time_ns)
+            self._expire(activity, pdu)
             call = activity.calls.get(pdu.seq)
         if call is not None and activity is not None:
             self._answer(activity, call, pdu)
@@ -326,13 +326,13 @@ class CallTracker:
         elif not self._answers_again(activity, pdu):
             self._unasked(pdu)
 
-    def _expire(self, activity: Activity, now: int) -> None:
+    def _expire(self, activity: Activity, pdu: Pdu) -> None:
         """Gives up calls without response that are too old, or too many."""
-        calls = activity.calls
-        for seq in [seq for seq, call in calls.items() if self._is_old(call, now)]:
+        calls, highest = activity.calls, max(activity.numbers.highest, pdu.seq)
+        for seq in [seq for seq, call in calls.items() if self._is_old(call, pdu.time_ns)]:
             call = calls.pop(seq)
             self._give_up(call)
-            self._lose(call, activity.numbers)
+            self._lose(call, went_on=seq < highest)
         while len(calls) > self._limits.calls:
             self._handlers.pushed_out(calls.pop(next(iter(calls))), "calls")
 
@@ -347,7 +347,7 @@ class CallTracker:
             for call in self._activities.popitem(last=False)[1].calls.values():
                 self._handlers.pushed_out(call, "activities")
 
-    def _lose(self, call: Call, numbers: Numbers) -> None:
-        self._completeness.lost(call.request, numbers)
+    def _lose(self, call: Call, *, went_on: bool) -> None:
+        self._completeness.lost(call.request, went_on=went_on)
         self.counts["unanswered"] += 1
         self._handlers.lost(call)

@@ -211,11 +211,11 @@ class Completeness:
         self.late += 1
         self.first_late = min(self.first_late or response.frame, response.frame)
 
-    def lost(self, request: Pdu, numbers: Numbers) -> None:
+    def lost(self, request: Pdu, *, went_on: bool) -> None:
         """A call has no response; where its client went on, the capture lacks one half."""
         pair = self._pair(request.client, request.server)
         _keep(pair.lost, request.frame)
-        if request.seq < numbers.highest:
+        if went_on:
             pair.has_half(request.frame)
 
     def went_on(self, open_: Pdu, by: Pdu) -> None:

@@ -2148,6 +2148,22 @@ def p77_unseen_write(client: Client) -> None:
 
 
 @BOOK.scene(
+    "refused unanswered",
+    tx(1, "unanswered", (1, 2), None, NOTHING),
+    tx(2, "refused", (5, 6), None, par(27), ref=2, write="DF80B500"),
+    rules="DS203@6#2 DS401@1#1 DS705@5#2 DS722@1#1",
+)
+def p77_turned_away_behind_a_connect(client: Client) -> None:
+    """A Connect ended what was open: another request, which the capture does not show, turns the next one away."""
+    client.write(ask())
+    client.wait(1_000)
+    client.connect("plc")
+    client.write(ask(2, 27), 0xDF80B500)
+    client.wait(15_000)
+    client.release()
+
+
+@BOOK.scene(
     "incomplete retransmission",
     tx(1, "incomplete", (1,), None, NOTHING, write=None),
     row(2, real(1.5), first=2, ref=1),
