@@ -15,7 +15,8 @@ STORED = sorted(path for each in FOLDERS for path in (ROOT / "captures" / each).
 FALSE_STILL = {
     "diagnosis-half-captured-dropped.pcapng": {"DS110"},
     "transport-ip-fragments-incomplete.pcapng": {"DS101", "DS105"},
-    "transport-reused-numbers.pcapng": {"DS102", "DS413", "transaction", "whole transaction"},
+    "transport-reused-numbers.pcapng": {"DS111", "DS413", "whole transaction"},
+    "transport-second-response.pcapng": {"DS111", "whole transaction"},
     "profibus-bad-habits.pcapng": {"DS803"},
     "profibus-ms2.pcapng": {"DS803"},
     "identity_pure_cpp.pcapng": {"DS908"},
@@ -23,7 +24,8 @@ FALSE_STILL = {
 }
 """Captures of which cuts are told falsely, and where. A repair is noticed.
 
-A client that uses its numbers twice hides a hole behind the second time. Of whole exchanges of PROFIBUS that are
+A client that uses its numbers twice hides a hole behind the second time. A second response stands for the first
+where that is missing, and where the repeated request is, DS111 knows of none. Of whole exchanges of PROFIBUS that are
 missing two by two nothing tells. A server refuses an item of a job that has none. A reset stands before the CC.
 """
 SHARES = 8

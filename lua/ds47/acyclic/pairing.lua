@@ -565,7 +565,9 @@ local function accept(self, channel, job)
   end
   if job.phase == "asked" then
     take_from(channel.asked, job)
-    written_again(channel, job)
+    if job.write_response then
+      written_again(channel, job)
+    end
     local open = channel.open
     if open then
       displace(self, open, job)
@@ -894,11 +896,15 @@ function Pairing:write_unasked(peer, record)
 end
 
 -- Whether a program counts its references, as far as is known: one more than before, or two past 0. Of the
--- first one on a channel it may, and a capture that has only what somebody chose has no other.
+-- first one on a channel it may, and a capture that has only what somebody chose has no other. Whoever
+-- chooses takes whole calls.
 local function counts(job)
   local before, now = job.previous_reference, job:reference()
   local step = before and now and (now - before) % 256
   local first = before == nil and job.previous == nil and not (job.fetching or job:write_refused())
+  for _, poll in ipairs(first and job.polls or NONE) do
+    first = first and poll.request ~= nil
+  end
   return first or step == 1 or step == 2
 end
 

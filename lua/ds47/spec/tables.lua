@@ -1390,7 +1390,7 @@ M.diagnosis_words = {
   ends = {en = "the capture ends before a response", zh = "抓包在应答之前结束"},
   later = {en = "a later Write of its channel has no response in the capture, or a late one, and may have displaced it", zh = "其通道上后来的写请求在抓包中没有应答或应答滞后，可能已将其取代"},
   unseen = {en = "its responses are not in the capture", zh = "其应答不在抓包中"},
-  has_first = {en = "the client has the first", zh = "客户端采用的是第一个"},
+  has_first = {en = "the client has the first, unless it repeated its request and the capture lacks that", zh = "客户端采用的是第一个，除非它重发过请求而抓包中没有"},
   has_either = {en = "the client sent its request again behind the first, so which of the two it has is not known", zh = "客户端在第一个应答之后又发送了请求，因此不知道它采用的是哪一个"},
   unseen_user = {en = "{controller} was turned away in frame {frame}: another request was open", zh = "{controller} 的请求（第 {frame} 帧）被拒绝：另有一个请求尚未完成"},
   pzd_S1 = {en = "S1 switching on inhibited", zh = "S1 接通禁止"},

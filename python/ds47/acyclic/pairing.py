@@ -753,7 +753,8 @@ class Pairing:
         channel.accepted = max(channel.accepted, job.order)
         if job.phase == "asked":
             channel.asked.remove(job)
-            _written_again(channel, job)
+            if job.write_response is not None:
+                _written_again(channel, job)
             if channel.open is not None:
                 self._displace(channel.open, job)
             if channel.refused is not None:
@@ -1066,11 +1067,13 @@ def _mirrors(job: Job, half: Half) -> bool:
 def _counts(job: Job) -> bool:
     """Whether a program counts its references, as far as is known: one more than before, or two past 0.
 
-    Of the first one on a channel it may, and a capture that has only what somebody chose has no other.
+    Of the first one on a channel it may, and a capture that has only what somebody chose has no other. Whoever
+    chooses takes whole calls.
     """
     before, now = job.previous_reference, job.reference
     if before is None:
-        return job.previous is None and not (job.fetching or job.write_refused)
+        halves = job.fetching or any(read is None for read, _ in job.polls)
+        return job.previous is None and not (halves or job.write_refused)
     return now is not None and (now - before) % 256 in (1, 2)
 
 
