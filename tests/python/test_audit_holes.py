@@ -25,8 +25,8 @@ FALSE_STILL = {
 """Captures of which cuts are told falsely, and where. A repair is noticed.
 
 A client that uses its numbers twice hides a hole behind the second time. A second response stands for the first
-where that is missing, and where the repeated request is, DS111 knows of none. Of whole exchanges of PROFIBUS that are
-missing two by two nothing tells. A server refuses an item of a job that has none. A reset stands before the CC.
+where that is missing, and where the repeated request is, DS111 knows of none. Of whole exchanges of PROFIBUS that
+are missing two by two nothing tells. A server refuses an item of a job that has none. A reset stands before the CC.
 """
 SHARES = 8
 
