@@ -26,7 +26,7 @@ FALSE_STILL = {
 
 A client that uses its numbers twice hides a hole behind the second time. A second response stands for the first
 where that is missing, and where the repeated request is, DS111 knows of none. Of whole exchanges of PROFIBUS that
-are missing two by two nothing tells. A server refuses an item of a job that has none. A reset stands before the CC.
+are missing two by two nothing tells. A server refuses an item of a job that has none. A reset comes before CC.
 """
 SHARES = 8
 
