@@ -1262,8 +1262,8 @@ def _is_without(case: Case, deal: Deal, write: bool) -> Iterator[str]:
 
 
 def _is_written_again(case: Case, deal: Deal) -> Iterator[str]:
-    """That its Write has no response, and the same one came later and was accepted."""
-    yield from _is_without(case, deal, True)
+    """That the same Write came later and was accepted, while this one had no response."""
+    yield from case.wrong("first", deal.write)
     mine = [each for each in case.reading.asked_at.get(deal.write or 0, []) if each.write]
     again = [
         each for each in case.reading.asked_at.get(case.args.get("last") or 0, [])
@@ -1272,6 +1272,10 @@ def _is_written_again(case: Case, deal: Deal) -> Iterator[str]:
     ]  # fmt: skip
     if not again or (deal.write or 0) >= again[0].asked:
         yield f"the same Write is not accepted in frame {case.args.get('last')}"
+        return
+    before = [each.answered for each in mine if each.answered and each.answered < again[0].asked]
+    if before:
+        yield f"the Write is answered in frame {before[0]}"
 
 
 def _is_twice(case: Case, deal: Deal) -> Iterator[str]:
