@@ -21,7 +21,7 @@ from typing import Any
 from tests.audit import message, s7, stations, wire, words
 from tests.audit.claims import Auditor, Case, absent, means, vendor
 from tests.audit.memory import LOCAL, MAYBE, NO_SUCH_AXIS, OF_THE_DEVICE, SURE, Memory, Target
-from tests.audit.reading import NOT_READY, Complaint, Deal, Finding, Reading, shown
+from tests.audit.reading import NOT_READY, SHORT, Complaint, Deal, Finding, Reading, shown
 
 DISORDER_MS = 1000
 """By how much time steps back at the most where frames are out of order."""
@@ -421,21 +421,18 @@ def _just_as_long(asked: message.Message) -> int | None:
 def _read_length(case: Case) -> Iterator[str]:
     deal = case.deal
     reads = [each for each in case.answers() if not each.write]
-    if deal is None or not reads or deal.read != case.frame:
+    before = [each["response"] for each in deal.polls] if deal is not None else []
+    if deal is None or not reads or case.frame not in (deal.read, *before):
         yield "no Read of a transaction is answered in this frame"
         return
     yield from case.wrong("asked", reads[0].wanted)
     need = case.args.get("need")
-    if deal.answer is not None and deal.answer.data:
-        yield from case.wrong("need", len(deal.answer.data) + deal.answer.missing)
-    elif deal.asked is not None:
-        least = 4 + sum(
-            4 if each.attribute != message.VALUE else 2 + max(2, each.elements + each.elements % 2)
-            for each in deal.asked.addresses
-        )  # fmt: skip
-        least = 4 if deal.asked.changes else least
-        if not isinstance(need, int) or need < least or need % 2:
-            yield f"need {need!r} is at least {least}"
+    if deal.answer is None or not deal.answer.data:
+        yield "no response was read that is longer"
+        return
+    yield from case.wrong("need", len(deal.answer.data) + deal.answer.missing)
+    if case.frame != deal.read and reads[0].status != SHORT:
+        yield "the Read was not refused for its length"
     if not isinstance(need, int) or need <= reads[0].wanted:
         yield "it does not need more"
 

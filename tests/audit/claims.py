@@ -14,7 +14,7 @@ from typing import Any
 
 from tests.audit import message, wire
 from tests.audit.memory import SURE, Memory, elements
-from tests.audit.reading import NOT_READY, Deal, Finding, Reading
+from tests.audit.reading import NOT_READY, SHORT, Deal, Finding, Reading
 
 Auditor = Callable[["Case"], Iterator[str]]
 AUDITORS: dict[str, Auditor] = {}
@@ -276,7 +276,7 @@ def _polled(case: Case) -> Iterator[str]:
     if deal is None:
         yield "belongs to no transaction"
         return
-    yield from case.wrong("count", len(deal.polls))
+    yield from case.wrong("count", len(_not_ready(case, deal)))
     yield from _are_polls(case, deal)
     if deal.read != case.frame:
         yield f"the response is in frame {deal.read}"
@@ -287,17 +287,28 @@ def _are_polls(case: Case, deal: Deal) -> Iterator[str]:
         frame = poll["response"]
         answers = case.reading.answered_at.get(frame or 0, [])
         stray = frame in case.reading.stray_at and not answers
-        if not any(each.status == NOT_READY and not each.write for each in answers) and not stray:
-            yield f"frame {frame} is no poll with DE80B500"
+        put_off = any(each.status in (NOT_READY, SHORT) and not each.write for each in answers)
+        if not put_off and not stray:
+            yield f"frame {frame} is no poll with DE80B500 or DE80B100"
+
+
+def _not_ready(case: Case, deal: Deal) -> list[dict[str, int | None]]:
+    """The Reads before its response that came too early, and not for fewer bytes than it has."""
+    at = case.reading.answered_at
+    return [
+        poll for poll in deal.polls
+        if not any(each.status == SHORT for each in at.get(poll["response"] or 0, []))
+    ]  # fmt: skip
 
 
 @auditor("DS205")
 def _polled_long(case: Case) -> Iterator[str]:
     deal = case.deal
-    if deal is None or not deal.polls:
+    polls = _not_ready(case, deal) if deal is not None else []
+    if deal is None or not polls:
         yield "was not polled"
         return
-    first = deal.polls[0]["request"] or deal.polls[0]["response"]
+    first = polls[0]["request"] or polls[0]["response"]
     begin, end = case.reading.time(first), case.reading.time(deal.read)
     if begin is None or end is None or deal.read != case.frame:
         yield "there is no response in this frame"
@@ -806,9 +817,9 @@ def _orphan(case: Case) -> Iterator[str]:
     last = max(there, key=lambda each: each.read or 0, default=None)
     told = case.args.get("case")
     implicit = bool(reads) and all(each.implicit for each in reads)
-    if told not in ("unasked", "unasked_without_ar", "unasked_again"):
+    if told not in ("unasked", "unasked_behind", "unasked_without_ar", "unasked_again"):
         yield f"case {told!r} is none"
-    elif (told == "unasked") is implicit:
+    elif (told in ("unasked", "unasked_behind")) is implicit:
         yield f"case {told!r}, but a ReadImplicit is {'here' if implicit else 'not here'}"
     if told == "unasked_again" and not same:
         yield "no transaction with this response is over"
@@ -823,8 +834,15 @@ def _orphan(case: Case) -> Iterator[str]:
         )
     ):
         yield f"the same response was read in frame {last.read}, the request is in {last.write}"
-    elif told == "unasked":
+    elif told in ("unasked", "unasked_behind"):
         here = [each for each in case.reading.deals if each.channel == deal.channel]
+        newest = max(
+            (each.write for each in here if each.write and each.write < case.frame), default=None
+        )
+        if newest is None or told == "unasked_behind":
+            yield from case.wrong("first", newest)
+        elif not _is_forgotten(deal, newest, case):
+            yield f"a Write of its channel is in frame {newest}"
         unsure = [each.asked for each in here if each.asked and each.state == "incomplete"]
         its_own = any(each.reference == deal.answer.reference for each in unsure)
         for other in here:
@@ -833,6 +851,14 @@ def _orphan(case: Case) -> Iterator[str]:
             if open_still and not its_own:
                 yield f"the request of frame {other.write} is open"
     yield from case.wrong("dropped", _dropped(case.reading))
+
+
+def _is_forgotten(deal: Deal, written: int, case: Case) -> bool:
+    """Whether the channel of a transaction was given up, or its connection ended, behind a Write of it."""
+    reading = case.reading
+    silent = (reading.time(case.frame) or 0) - (reading.time(written) or 0) > 600 * 10**9
+    over = any(written < each < case.frame for each in reading.ends(deal))
+    return silent or over or any(each.rule == "DS109" for each in reading.findings)
 
 
 def _is_open(deal: Deal, frame: int, reading: Reading) -> bool:
@@ -1192,7 +1218,7 @@ def _read_for_nothing(case: Case, what: str) -> Iterator[str]:
         before = [
             each for each in case.reading.capture.records
             if each.channel == reads[0].channel and not each.write and each.answered not in unknown
-            and (each.data or each.status not in (None, 0, NOT_READY)) and (each.answered or 0) < case.frame
+            and (each.data or each.status not in (None, 0, NOT_READY, SHORT)) and (each.answered or 0) < case.frame
         ]  # fmt: skip
         silent = before and (case.reading.time(case.frame) or 0) - (
             case.reading.time(before[-1].answered) or 0

@@ -9,7 +9,7 @@ from typing import Any
 
 from tests.audit import message, wire
 from tests.audit.claims import means
-from tests.audit.reading import NOT_READY, Complaint, Deal, Reading, instant
+from tests.audit.reading import NOT_READY, SHORT, Complaint, Deal, Reading, instant
 
 ALWAYS = (0xB02E, 0xB02F)
 OK = (None, 0)
@@ -37,7 +37,7 @@ def _bytes(deal: Deal, reading: Reading) -> Iterator[str]:
         yield from _answered(deal, deal.read, reading)
     for pair in deal.polls:
         answers = reading.answered_at.get(pair["response"] or 0, [])
-        if not any(each.status == NOT_READY for each in answers) and answers:
+        if not any(each.status in (NOT_READY, SHORT) for each in answers) and answers:
             yield f"frame {pair['response']} is no poll"
     for pair in deal.rereads:
         answers = reading.answered_at.get(pair["response"] or 0, [])

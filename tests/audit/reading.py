@@ -16,7 +16,7 @@ from typing import Any
 from tests.audit import dp, message, wire
 from tests.audit.gaps import Gaps
 
-NOT_READY = 0xDE80B500
+NOT_READY, SHORT = 0xDE80B500, 0xDE80B100
 _TERM = re.compile(r"frame\.number == (\d+)|frame\.number in \{(\d+)\.\.(\d+)\}")
 
 

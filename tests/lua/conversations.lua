@@ -162,7 +162,7 @@ local ROLES = {
         return true
       end
     end
-    return false
+    return frames.read_response == frame -- too short, and no other brought its response (P34)
   end,
   reread = function(frames, frame)
     for _, reread in ipairs(frames.rereads) do

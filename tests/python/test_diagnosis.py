@@ -515,28 +515,6 @@ def test_a_limit_of_0_is_none() -> None:
     assert told.args["limit"] == 200
 
 
-@pytest.mark.parametrize(("found", "need"), [(TEN, 4 + 2 + 40), (WORD, 4 + 2 + 20)])
-def test_what_a_read_needs_is_known_from_the_format_that_was_read(found: bytes, need: int) -> None:
-    talk = Talk()
-    talk.read(FIXED, found)
-    case = job(message.read(1, 1, message.address(2900, 0, 10)), b"")
-    assert case.read_request is not None
-    assert case.read_response is not None
-    case.read_request.stated, case.read_response.status = 10, 0xDF80C200
-    told = [each for each in talk.diagnoses.closed(case) if each.rule == "DS712"]
-    assert [each.args["need"] for each in told] == [need]
-
-
-def test_by_the_list_where_nothing_was_read_and_else_one_byte() -> None:
-    for pnu, need in ((2900, 46), (5123, 16)):
-        case = job(message.read(1, 1, message.address(pnu, 0, 10)), b"")
-        assert case.read_request is not None
-        assert case.read_response is not None
-        case.read_request.stated, case.read_response.status = 10, 0xDF80C200
-        told = [each for each in Diagnoses(Options()).closed(case) if each.rule == "DS712"]
-        assert [each.args["need"] for each in told] == [need]
-
-
 # What is looked at
 
 

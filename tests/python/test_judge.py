@@ -9,6 +9,7 @@ from ds47.acyclic.judge import Judge, drive_time_ns, is_mismatch
 from ds47.acyclic.pairing import Job
 from ds47.findings.remark import Remark
 from ds47.lab import message
+from ds47.lab.client import BUSY
 from ds47.profidrive import decode_request
 from ds47.profidrive.family import family_fits, kind_fits
 from ds47.profinet.records import Half
@@ -180,11 +181,12 @@ def orphan(*, implicit: bool, repeats: int | None = None, **more: object) -> Job
     ("one", "case", "found"),
     [
         (orphan(implicit=False), "unasked", ["DS403", "DS410"]),
+        (orphan(implicit=False, previous=2), "unasked_behind", ["DS403", "DS410"]),
         (orphan(implicit=True), "unasked_without_ar", ["DS403", "DS410"]),
         (orphan(implicit=True, repeats=4), "unasked_again", ["DS403"]),
         (orphan(implicit=False, certain=False), None, ["DS410"]),
     ],
-    ids=["unasked", "without AR", "again", "perhaps pushed out"],
+    ids=["unasked", "behind", "without AR", "again", "perhaps pushed out"],
 )
 def test_a_response_without_a_request_says_how_it_comes_to_stand_alone(
     one: Job, case: str | None, found: list[str]
@@ -192,7 +194,7 @@ def test_a_response_without_a_request_says_how_it_comes_to_stand_alone(
     remarks = judge().answered(one)
     assert rules(remarks) == found
     if case is not None:
-        assert only(remarks, "DS403").args == {"case": case}
+        assert only(remarks, "DS403").args == {"case": case} | ({"first": 2} if case == "unasked_behind" else {})
 
 
 def test_the_errors_of_a_response_with_a_request_are_told_though_it_was_read_before() -> None:
@@ -340,7 +342,9 @@ def test_a_response_that_is_not_the_mirror_of_its_request(
 
 def polled(*times: tuple[int | None, int]) -> Job:
     """A read whose polls were asked and refused at these times, in nanoseconds; read at 4 ms."""
-    polls = [(None if one is None else Half(3, one), Half(3, two)) for one, two in times]
+    polls = [
+        (None if one is None else Half(3, one), Half(3, two, status=BUSY)) for one, two in times
+    ]
     return job(READ, message.answer(1, 1, 1, TEN), polls=polls)
 
 

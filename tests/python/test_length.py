@@ -11,10 +11,11 @@ from typing import Any
 import pytest
 from talk import job
 
-from ds47.acyclic.pairing import STATUS_NOT_READY, Job
+from ds47.acyclic.pairing import STATUS_NOT_READY, STATUS_SHORT, Job
 from ds47.diagnosis import length
 from ds47.findings.remark import Remark
 from ds47.lab import message
+from ds47.profinet.records import Half
 
 SPEED, FIXED, OTHER = message.address(21), message.address(2900), message.address(2901)
 TEN, BYTE, BYTES = message.real(10.0), message.block(5, "B", 7), message.block(5, "B", 1, 2, 3)
@@ -135,7 +136,7 @@ def read_with(stated: int, asked: bytes | None, answer: bytes, **more: Any) -> J
 
 
 def mlen(case: Job) -> dict[str, int] | None:
-    told = list(length.answer_cut(case, sizes))
+    told = list(length.answer_cut(case))
     assert [(each.rule, each.frame) for each in told] == [("DS712", 4)] * len(told)
     return told[0].args if told else None
 
@@ -172,34 +173,33 @@ def test_a_response_that_ends_elsewhere_was_not_cut_to_mlen() -> None:
     assert mlen(read_with(0, READ_ARRAY, REALS[:10])) is None  # MLEN was not captured
 
 
-@pytest.mark.parametrize(
-    ("asked", "need"),
-    [
-        (READ_ARRAY, 4 + 2 + 4 * 4),
-        (message.read(1, 1, SPEED), 4 + 2 + 1 + 1),  # one byte, and its pad
-        (message.read(1, 1, FIXED), 4 + 2 + 1 + 1),  # of unknown size: one byte at least
-        (message.read(1, 1, message.address(2900, 0, 3)), 4 + 2 + 3 + 1),
-        (message.read(1, 1, message.address(2902, 0, 0)), 4 + 2 + 4),  # 0 elements: one value
-        (message.read(1, 1, message.address(2902, 0, 4, message.TEXT)), 4 + 4),
-        (message.read(1, 1, SPEED, ARRAY), 4 + 4 + 18),
-        (message.change(1, 1, (ARRAY, message.real(1.0, 2.0, 3.0, 4.0))), 4),
-    ],
-)
-def test_a_read_that_is_refused_needed_the_least_response(asked: bytes, need: int) -> None:
-    few = read_with(need - 1, asked, b"", status=LOCKED)
-    assert mlen(few) == {"asked": need - 1, "need": need}
-    assert mlen(read_with(need, asked, b"", status=LOCKED)) is None
-
-
-def test_a_read_that_is_not_refused_for_it_says_nothing_of_mlen() -> None:
-    assert mlen(read_with(5, READ_ARRAY, b"", status=STATUS_NOT_READY)) is None
+def test_a_read_that_is_refused_says_nothing_of_mlen() -> None:
+    assert mlen(read_with(5, READ_ARRAY, b"", status=STATUS_SHORT)) is None
     assert mlen(read_with(5, READ_ARRAY, b"", status=0)) is None
-    assert mlen(read_with(5, READ_ARRAY, b"", status=None)) is None
     assert mlen(read_with(5, None, b"", status=LOCKED)) is None
     unseen = read_with(10, READ_ARRAY, REALS[:10])
     unseen.read_request = None
     assert mlen(unseen) is None
     assert mlen(job(READ_ARRAY)) is None
+
+
+def short(
+    *stated: int | None, status: int = STATUS_SHORT, answer: bytes = REALS
+) -> list[dict[str, int]]:
+    """What is said of Reads for so many bytes that were refused before a record came."""
+    case = job(READ_ARRAY, answer)
+    for number, asked in enumerate(stated):
+        request = None if asked is None else Half(10 + number, 0, b"", asked)
+        case.polls.append((request, Half(20 + number, 0, b"", status=status)))
+    told = list(length.read_too_short(case))
+    assert all((each.rule, each.frame // 10) == ("DS712", 2) for each in told)
+    return [each.args for each in told]
+
+
+def test_a_read_that_was_refused_for_its_length_was_too_short_for_the_record_that_came() -> None:
+    assert short(10, 21) == [{"asked": 10, "need": 22}, {"asked": 21, "need": 22}]
+    assert short(22, 240) == short(None, 0) == short() == []
+    assert short(10, status=STATUS_NOT_READY) == short(10, answer=b"") == []
 
 
 # More than one response carries (DS713)

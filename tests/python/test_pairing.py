@@ -8,7 +8,7 @@ from uuid import UUID
 import pytest
 from talk import request
 
-from ds47.acyclic.pairing import Job, Pairing, Peer
+from ds47.acyclic.pairing import STATUS_SHORT, Job, Pairing, Peer
 from ds47.lab import message
 from ds47.lab.client import BUSY, CONTROLLER_AR
 from ds47.profinet.records import Half, Record
@@ -89,6 +89,8 @@ def cause(channel: Channel, job: Job, event: str) -> None:
         channel.bring()
     elif event == "read_poll":
         channel.read(status=BUSY)
+    elif event == "read_short":
+        channel.read(status=STATUS_SHORT)
     elif event == "read_refused":
         channel.read(status=0xDE80B600)
     elif event == "read_empty":

@@ -37,6 +37,8 @@ MESSAGES = json.loads((ROOT / "tests/vectors/messages.json").read_text(encoding=
 WHOLE = [vector for vector in MESSAGES if len(vector["hex"]) >= 8]
 CAPTURES = of_ethernet(sorted((ROOT / "captures").rglob("*.pcapng")))
 OBJECT = UUID("dea00000-6c97-11d1-8271-00010501002a")
+# A second response with other bytes belongs to no transaction (DS111).
+UNUSED = {"transport-second-response.pcapng": 1}
 # Messages in fragments, in an IODWriteMultiple (a field scapy does not search), between two ports that
 # are not 34964, cut by the snap length, or on index 47 without the shape of one: not seen by scapy.
 UNSEEN = {
@@ -213,7 +215,7 @@ def test_a_stored_capture(path: Path) -> None:
                 seen.add(bytes(message))
                 number += 1
         assert bytes(packet) == packet.original
-    assert not seen - there
+    assert len(seen - there) == UNUSED.get(path.name, 0)
     assert len(there - seen) == UNSEEN.get(path.name, 0)
 
 

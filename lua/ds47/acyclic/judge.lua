@@ -182,6 +182,9 @@ local function put_request(self, remarks, job, most)
 end
 
 local function put_reads(remarks, job)
+  for _, short in ipairs(job.polls[1] and job:too_short() or NONE) do
+    put(remarks, "DS201", short.response.frame, {status = status.status_hex(short.response.status)})
+  end
   local half = job.read_response
   local code = half and half.status
   if code and code ~= 0 then
@@ -193,12 +196,12 @@ local function put_reads(remarks, job)
   end
 end
 
--- How a response comes to stand alone: a key of tables.diagnosis_words.
+-- How a response comes to stand alone: a key of tables.diagnosis_words, and the request before it.
 local function unasked(job)
-  if not job.record.implicit then
-    return "unasked"
+  if job.record.implicit then
+    return {case = job.repeats and "unasked_again" or "unasked_without_ar"}
   end
-  return job.repeats and "unasked_again" or "unasked_without_ar"
+  return {case = job.previous and "unasked_behind" or "unasked", first = job.previous}
 end
 
 local function put_if_other(remarks, rule, frame, sent, got)
@@ -280,7 +283,7 @@ local function put_response(self, remarks, job, stray)
   end
   if job.message == nil then
     if not job.uncertain then
-      put(remarks, "DS403", half.frame, {case = unasked(job)})
+      put(remarks, "DS403", half.frame, unasked(job))
     end
   else
     put_mirror(remarks, half.frame, job)
@@ -289,7 +292,9 @@ local function put_response(self, remarks, job, stray)
 end
 
 local function put_polls(self, remarks, half, polls, read_before)
-  if #polls >= self.limits.polls then
+  if not polls[1] then
+    return -- too short, all of them
+  elseif #polls >= self.limits.polls then
     put(remarks, "DS204", half.frame, {count = #polls})
   end
   local since = half.time_ns - (polls[1].request or polls[1].response).time_ns
@@ -302,7 +307,7 @@ end
 local function put_time(self, remarks, job)
   local half, polls, write = job.read_response, job.polls, job.message and job.record.request
   if polls[1] then
-    put_polls(self, remarks, half, polls, job.read_before)
+    put_polls(self, remarks, half, job:not_ready(), job.read_before)
   end
   local quick = not write or half.time_ns - write.time_ns <= self.slow_ns -- the drive's share is never more
   if quick or half.data == "" or job.read_before then
@@ -410,7 +415,9 @@ function Judge:left_open(job, dropped)
   put_request(self, remarks, job)
   put_reads(remarks, job)
   local write = job:write_request()
-  if write and job.missing then
+  if job.read_response then
+    return owned(self, job) -- refused (P34)
+  elseif write and job.missing then
     put(remarks, "DS110", write.frame, job.missing)
   elseif write and not job:write_refused() and not job.contested then
     local change = is_change(job)

@@ -22,6 +22,8 @@ M.MOST_READS = 4096
 
 local ar_key, channel_key, know_peer = records.ar_key, records.channel_key, records.know_peer
 local STATUS_NOT_READY, STATUS_IN_USE, MOST_READS = M.STATUS_NOT_READY, M.STATUS_IN_USE, M.MOST_READS
+-- Length error on a Read: the response is longer than what it asks for (docs/protocol.md E.1).
+local STATUS_SHORT = 0xDE80B100
 local PHASES = tables.phases
 local setmetatable = setmetatable
 
@@ -36,7 +38,7 @@ M.Job = Job
 local NONE = {}
 local NO_KEYS = ordered.new()
 Job.write_fault = false
-Job.polls = NONE -- array of {request = half or nil, response = half}
+Job.polls = NONE -- Reads that left it open: array of {request = half or nil, response = half}
 Job.rereads = NONE -- the same
 Job.empty_reads = NONE -- array of halves
 Job.calls = NONE -- what was said of its calls (DS101, DS103, DS104, DS108): array of {rule, frame}
@@ -116,6 +118,24 @@ function Job:write_refused()
   return self.write_fault or (half ~= nil and half.status ~= nil and half.status ~= 0)
 end
 
+local function polls_with(job, status)
+  local reads = {}
+  for _, read in ipairs(job.polls) do
+    reads[#reads + 1] = read.response.status == status and read or nil
+  end
+  return reads
+end
+
+--- The Reads that came before its response was ready.
+function Job:not_ready()
+  return polls_with(self, STATUS_NOT_READY)
+end
+
+--- The Reads that asked for fewer bytes than its response has.
+function Job:too_short()
+  return polls_with(self, STATUS_SHORT)
+end
+
 --- The request reference that was sent; nil where it is not known.
 function Job:reference()
   return self.message and self.message.request_reference
@@ -138,6 +158,8 @@ local function read_event(half)
   local status = half.status
   if status == STATUS_NOT_READY then
     return "read_poll"
+  elseif status == STATUS_SHORT then
+    return "read_short"
   elseif status ~= nil and status ~= 0 then
     return "read_refused"
   end
@@ -349,8 +371,19 @@ local function lacks(self, job, reason, newest_ns, lost)
   return ENDS[reason] and {what = ENDS[reason]} or nil
 end
 
+-- Where a Read was too short for a response, and none brought it, the request ends with that refusal (P34).
+local function refused_at_last(job)
+  local short = job.read_response == nil and job.polls[1] and job:too_short() or NONE
+  local last = short[#short]
+  if last then
+    take_from(job.polls, last)
+    job.read_request, job.read_response = last.request, last.response
+  end
+end
+
 -- `at` is what ended its connection, {frame, time_ns}; nil where nothing is known of that.
 local function lose(self, job, reason, at)
+  refused_at_last(job)
   if reason ~= "" then
     job.reason = reason
   end
@@ -528,7 +561,8 @@ end
 -- An accepted Write displaces a request without its response; whose response may be missing, too.
 -- A Read that was sent behind that Write is for it. Behind a Connect it displaces nothing: the AR is new.
 local function displace(self, job, by)
-  if connected_since(self, job) then
+  refused_at_last(job)
+  if job.read_response or connected_since(self, job) then
     lose(self, job, "release")
     return
   end
@@ -768,11 +802,11 @@ local function read(self, channel, job, event, record)
   end
   if phase == "refused" and event == "read_record" then
     compare(self, channel.last, job, half)
-  elseif phase == "asked" and event ~= "read_empty" then
+  elseif phase == "asked" and event ~= "read_empty" and event ~= "read_short" then
     presume(self, channel, job)
   end
   job.phase = PHASES[job.phase][event]
-  if event == "read_poll" then
+  if event == "read_poll" or event == "read_short" then
     keep(job, "polls", {request = record.request, response = half})
     touch(self, job, "poll", half)
   elseif event == "read_empty" then
@@ -980,7 +1014,8 @@ local function set_aside(self, channel, job, missing)
   else
     take_from(channel.asked, job)
   end
-  if not job:write_refused() then
+  refused_at_last(job)
+  if not (job.read_response or job:write_refused()) then
     job.missing = missing
   end
   lose(self, job, "")
@@ -1028,7 +1063,7 @@ function Pairing:read_response(peer, record)
     lose(self, channel.refused, "")
     channel.refused = nil
   end
-  local missing = job and (event == "read_record" or event == "read_refused")
+  local missing = job and event ~= "read_poll" and event ~= "read_empty"
     and of_another(self, channel, job, record) or nil
   if missing then
     set_aside(self, channel, job, missing)
@@ -1051,7 +1086,7 @@ function Pairing:read_response(peer, record)
     reread(self, channel, last, record)
     return last
   end
-  job = new_job(self, channel, peer, record, nil)
+  job = new_job(self, channel, peer, record, nil, nil, channel.written)
   job.phase, job.uncertain = "open", self.forgot_requests or nil
   if again then
     job.repeats = last.read_response.frame
@@ -1174,7 +1209,8 @@ local function left_open(self, job, why, newest_ns, lost)
     twin[name] = job[name][1] and flat(job[name]) or nil
   end
   twin.reason = why[job] or "end"
-  if job.read_response == nil then
+  refused_at_last(twin)
+  if twin.read_response == nil then
     twin.ended, twin.ended_ns = connected_since(self, job)
     twin.missing = job.missing or lacks(self, twin, twin.reason, newest_ns, lost and lost(job.peer))
     tell_read(twin)

@@ -4,7 +4,6 @@
 -- known. `size_of` gives the bytes of one value of a PNU, nil where they are not known.
 
 local later = require("ds47.support.later").module
-local pairing = require("ds47.acyclic.pairing")
 local parameter = require("ds47.profidrive.parameter")
 local rules = require("ds47.acyclic.judge")
 local suggest = later("ds47.diagnosis.suggest") -- only here: most captures need no correction
@@ -16,7 +15,6 @@ local put = rules.put
 
 local M = {}
 
-local STATUS_NOT_READY = pairing.STATUS_NOT_READY
 local VALUE = tables.layouts.ADDRESS_VALUE
 local HEADER, ADDRESS = tables.layouts.MESSAGE_SIZE, tables.layouts.ADDRESS_SIZE
 local COUNT_AT = 4 -- place of the number of parameters, from 1
@@ -97,17 +95,6 @@ local function least_block(address, size_of)
   return 2 + size + size % 2
 end
 
--- Bytes of the shortest positive response to a request.
-local function least_answer(message, size_of)
-  local size = HEADER
-  if message.operation == "read" then
-    for _, address in ipairs(message.addresses) do
-      size = size + least_block(address, size_of)
-    end
-  end
-  return size
-end
-
 -- The number of bytes that fill a value block up and are not there, at the place where the message ends.
 local function pads_missing(flaws, offset)
   for _, flaw in ipairs(flaws) do
@@ -118,23 +105,28 @@ local function pads_missing(flaws, offset)
   return 0
 end
 
---- MLEN of RDREC is too small: the response was cut to it, or the Read was refused for it.
-function M.answer_cut(remarks, job, size_of)
+--- MLEN of RDREC is too small: the response was cut to it.
+function M.answer_cut(remarks, job)
   local asked, answer = job.read_request, job.read_response
-  if asked == nil or answer == nil or asked.stated == 0 then
+  if asked == nil or asked.stated == 0 or job.response == nil or #answer.data ~= asked.stated then
     return
   end
-  local need, status = 0, answer.status
-  if answer.data ~= "" and job.response and #answer.data == asked.stated then
-    local flaw = missing(job.response.flaws)
-    if flaw and not answer.missing then
-      need = #answer.data + pads_missing(job.response.flaws, flaw.offset) + flaw.args.need
-    end
-  elseif status and status ~= 0 and status ~= STATUS_NOT_READY and job.message then
-    need = least_answer(job.message, size_of)
-  end
-  if need > asked.stated then
+  local flaw = missing(job.response.flaws)
+  if flaw and not answer.missing then
+    local need = #answer.data + pads_missing(job.response.flaws, flaw.offset) + flaw.args.need
     put(remarks, "DS712", answer.frame, {asked = asked.stated, need = need})
+  end
+end
+
+--- The same: a Read was refused for it, and a later one brought the record, which is longer.
+function M.read_too_short(remarks, job)
+  local answer = job.read_response
+  local need = answer and answer.data ~= "" and #answer.data + (answer.missing or 0) or 0
+  for _, read in ipairs(job:too_short()) do
+    local stated = read.request and read.request.stated or 0
+    if stated > 0 and stated < need then
+      put(remarks, "DS712", read.response.frame, {asked = stated, need = need})
+    end
   end
 end
 

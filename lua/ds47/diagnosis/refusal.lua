@@ -266,9 +266,10 @@ function M.not_seen(remarks, job)
     among = among or error.code ~= nil and (error.code ~= code or (half.missing or 0) > 0)
   end
   if failed then
+    local polls = #job:not_ready()
     rules.put(remarks, "DS701", half.frame, {
       id = id, code = code, among = among, vendor_id = job.peer.vendor_id,
-      case = job.polls[1] and "status_zero_at_last" or "status_zero", polls = #job.polls,
+      case = polls > 0 and "status_zero_at_last" or "status_zero", polls = polls,
     })
   end
 end

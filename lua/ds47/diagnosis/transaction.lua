@@ -150,6 +150,7 @@ function Diagnoses:closed(job)
     remarks = {}
     if not in_order then
       order.add(remarks, job)
+      length.read_too_short(remarks, job)
     end
     if not well and not job.missing then
       self:_cause(remarks, job)
@@ -184,7 +185,7 @@ function Diagnoses:_cause(remarks, job)
     return self:_size(job, pnu)
   end
   length.request_too_short(remarks, job, refused)
-  length.answer_cut(remarks, job, size_of)
+  length.answer_cut(remarks, job)
   local stated = self.limits:get(device, PNU_ACCESS_IDENTIFICATION)
   length.answer_too_long(remarks, job, stated, self.longest:get(device, ONLY) or 0, size_of)
   refusal.add(remarks, job, refused, function(remark, each)

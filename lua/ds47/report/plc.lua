@@ -5,6 +5,7 @@
 
 local all_frames = require("ds47.acyclic.transactions").all_frames
 local family_fits = require("ds47.profidrive.family").family_fits
+local status_hex = require("ds47.spec.statuses").status_hex
 local tables = require("ds47.spec.tables")
 local times = require("ds47.support.times")
 local words = require("ds47.report.formatting")
@@ -18,7 +19,9 @@ M.NOT_READY = 0xDE80B500 -- the STATUS of a poll: state conflict on a Read
 local NEGATIVE = 0x80 -- the bit of byte 1 of a response that says that it is a negative one
 
 -- Rules about a call that brought no record, and what the call ended with.
-local LEFT_OUT = { DS101 = "unseen", DS105 = "unseen", DS104 = "fault", DS108 = "bare", DS207 = "empty" }
+local LEFT_OUT = {
+  DS101 = "unseen", DS105 = "unseen", DS104 = "fault", DS108 = "bare", DS201 = "error", DS207 = "empty",
+}
 local IN_PART, CUT = "DS105", "DS106"
 local NOTHING = { DS206 = true, DS808 = true } -- about a Read for which no request was open
 -- The bytes of a request that its response mirrors, but for byte 2, from 1.
@@ -245,6 +248,11 @@ function M.witness_of(item, job)
   for _, half in ipairs(job.empty_reads) do
     findings[#findings + 1] = { rule = "DS207", frame = half.frame, transaction = item.id }
   end
+  for _, read in ipairs(job:too_short()) do
+    local half = read.response
+    local args = { status = status_hex(half.status) }
+    findings[#findings + 1] = { rule = "DS201", frame = half.frame, transaction = item.id, args = args }
+  end
   local read = job.read_response
   if read and read.cut then
     local args = { completed = read.frame, length = read.stated }
@@ -268,7 +276,8 @@ local function left_out_of(item, found)
       waits = false
     elseif frame ~= frames.write_request and frame ~= frames.write_response and frame ~= frames.read_request
       and frame ~= frames.read_response then
-      list[#list + 1] = { frame = frame, outcome = LEFT_OUT[each.rule], order = #list }
+      local status = each.rule == "DS201" and tonumber(each.args.status, 16) or nil
+      list[#list + 1] = { frame = frame, outcome = LEFT_OUT[each.rule], status = status, order = #list }
     end
   end
   return list, in_part
@@ -278,13 +287,15 @@ end
 -- their frames; of the last one alone it is told that the capture ended.
 local function in_order(item, left_out, wait)
   local frames = item.frames
-  local polls, all = frames.polls or {}, {}
-  for place, poll in ipairs(polls) do
-    local order = place - 1 - #polls
-    all[place] = { frame = poll.response or 0, outcome = "polled", status = M.NOT_READY, order = order }
-  end
+  local polls, all, told = frames.polls or {}, {}, {}
   for _, each in ipairs(left_out) do
-    all[#all + 1] = each
+    all[#all + 1], told[each.frame] = each, true
+  end
+  for place, poll in ipairs(polls) do
+    if not told[poll.response] then
+      local order = place - 1 - #polls
+      all[#all + 1] = { frame = poll.response or 0, outcome = "polled", status = M.NOT_READY, order = order }
+    end
   end
   local waits = frames.read_request and not frames.read_response
   if waits then

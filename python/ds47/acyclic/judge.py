@@ -135,7 +135,9 @@ class Judge:
         if _is_change(job):
             self._written.settled(job, stray=False)
         write = job.write_request
-        if job.missing is not None and write is not None:
+        if job.read_response is not None:
+            pass  # refused (P34)
+        elif job.missing is not None and write is not None:
             remarks.append(Remark("DS110", write.frame, job.missing._asdict()))
         elif write is not None and not job.write_refused and not job.contested:
             change = _is_change(job)
@@ -184,9 +186,10 @@ class Judge:
         return [Remark("DS203", half.frame, {"status": status_hex(half.status)}, job=job)]
 
     def _reads(self, job: Job, remarks: list[Remark]) -> None:
-        half = job.read_response
-        if half and half.status:
-            remarks.append(Remark("DS201", half.frame, {"status": status_hex(half.status)}))
+        refused = [answer for _, answer in job.too_short] if job.polls else []
+        for half in (*refused, job.read_response):
+            if half and half.status:
+                remarks.append(Remark("DS201", half.frame, {"status": status_hex(half.status)}))
         for half in job.empty_reads:
             remarks.append(Remark("DS207", half.frame))
 
@@ -199,7 +202,7 @@ class Judge:
             _flaws(response.flaws, half, remarks, self._most_parameters(job))
         if request is None:
             if job.certain:
-                remarks.append(Remark("DS403", half.frame, {"case": _unasked(job)}))
+                remarks.append(Remark("DS403", half.frame, _unasked(job)))
         else:
             self._mirror(half.frame, request, response, remarks)
         self._blocks(half.frame, job, stray, remarks)
@@ -262,10 +265,11 @@ class Judge:
     def _time(self, job: Job, remarks: list[Remark]) -> None:
         half = job.read_response
         assert half is not None
-        if len(job.polls) >= self._limits.polls:
-            remarks.append(Remark("DS204", half.frame, {"count": len(job.polls)}))
-        if job.polls:
-            since = half.time_ns - (job.polls[0][0] or job.polls[0][1]).time_ns
+        polls = job.not_ready if job.polls else []
+        if len(polls) >= self._limits.polls:
+            remarks.append(Remark("DS204", half.frame, {"count": len(polls)}))
+        if polls:
+            since = half.time_ns - (polls[0][0] or polls[0][1]).time_ns
             if since > self._limits.polling_ns and not job.read_before:
                 limit = self._limits.polling_ns // 1_000_000
                 args = {"milliseconds": since / 1e6, "limit": limit}
@@ -301,11 +305,13 @@ class Judge:
             memory.popitem(last=False)
 
 
-def _unasked(job: Job) -> str:
-    """How a response comes to stand alone: a key of diagnoses.toml."""
-    if not job.record.implicit:
-        return "unasked"
-    return "unasked_without_ar" if job.repeats is None else "unasked_again"
+def _unasked(job: Job) -> dict[str, Any]:
+    """How a response comes to stand alone: a key of diagnoses.toml, and the request before it."""
+    if job.record.implicit:
+        return {"case": "unasked_without_ar" if job.repeats is None else "unasked_again"}
+    if job.previous is None:
+        return {"case": "unasked"}
+    return {"case": "unasked_behind", "first": job.previous}
 
 
 def _flaws(flaws: list[Flaw], half: Half, remarks: list[Remark], most: int | None) -> None:

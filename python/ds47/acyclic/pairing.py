@@ -22,6 +22,8 @@ from ds47.spec.semantics import Limits, phases
 
 STATUS_NOT_READY: Final = 0xDE80B500
 """State conflict on a Read: the response is not ready, read again (docs/protocol.md E.1)."""
+STATUS_SHORT: Final = 0xDE80B100
+"""Length error on a Read: the response is longer than what it asks for (docs/protocol.md E.1)."""
 STATUS_IN_USE: Final = 0xDF80B500
 """State conflict on a Write: the device still works on another request."""
 
@@ -93,6 +95,7 @@ class Job:
     read_request: Half | None
     read_response: Half | None
     polls: list[tuple[Half | None, Half]]
+    """Reads that left it open: not ready yet, or too short for its response."""
     rereads: list[tuple[Half | None, Half]]
     empty_reads: list[Half]
     response: Response | None
@@ -211,6 +214,16 @@ class Job:
     def write_refused(self) -> bool:
         """Whether the Write was answered with a negative status or an RPC fault."""
         return self.write_fault or bool(self.write_response and self.write_response.status)
+
+    @property
+    def not_ready(self) -> list[tuple[Half | None, Half]]:
+        """The Reads that came before its response was ready."""
+        return [read for read in self.polls if read[1].status == STATUS_NOT_READY]
+
+    @property
+    def too_short(self) -> list[tuple[Half | None, Half]]:
+        """The Reads that asked for fewer bytes than its response has."""
+        return [read for read in self.polls if read[1].status == STATUS_SHORT]
 
     @property
     def reference(self) -> int | None:
@@ -420,7 +433,7 @@ class Pairing:
             self._lose(channel.refused, "")
             channel.refused = None
         missing = None
-        if job is not None and event in ("read_record", "read_refused"):
+        if job is not None and event not in ("read_poll", "read_empty"):
             missing = self._of_another(channel, job, record)
         if job is not None and missing is not None:
             self._set_aside(channel, job, missing)
@@ -439,7 +452,7 @@ class Pairing:
             self._reread(channel, read, record)
             return read
         job = self._job(peer, record, None)
-        job.phase, job.certain = "open", not self._pushed_out
+        job.phase, job.certain, job.previous = "open", not self._pushed_out, channel.written
         if first is not None and again:
             job.repeats = first.frame
         self._read(channel, job, event, record)
@@ -556,7 +569,8 @@ class Pairing:
             channel.refused = None
         else:
             channel.asked.remove(job)
-        if not job.write_refused:
+        _refused_at_last(job)
+        if job.read_response is None and not job.write_refused:
             job.missing = missing
         self._lose(job, "")
 
@@ -768,7 +782,8 @@ class Pairing:
 
         A Read that was sent behind that Write is for it. Behind a Connect it displaces nothing: the AR is new.
         """
-        if self._connected_since(job) is not None:
+        _refused_at_last(job)
+        if job.read_response is not None or self._connected_since(job) is not None:
             self._lose(job, "release")
             return
         asked = by.record.request
@@ -873,10 +888,10 @@ class Pairing:
         job.insisted = 0
         if event == "read_record" and job.phase == "refused":
             self._compare(channel.last, job, half)
-        if job.phase == "asked" and event != "read_empty":
+        if job.phase == "asked" and event not in ("read_empty", "read_short"):
             self._presume(channel, job)
         self._step(job, event)
-        if event == "read_poll":
+        if event in ("read_poll", "read_short"):
             self._keep(job.polls, (record.request, half))
         elif event == "read_empty":
             if half.status is not None:
@@ -931,6 +946,7 @@ class Pairing:
         job.phase = self._table[job.phase][event]
 
     def _lose(self, job: Job, reason: str) -> None:
+        _refused_at_last(job)
         job.reason = reason
         connect = self._connected_since(job) if job.ended is None else None
         if connect is not None and job.read_response is None:
@@ -972,6 +988,14 @@ class Pairing:
             self._lose(job, why.get(job.order, reason))
         if key[:3] not in self._of_ar:
             self.replaced.pop(key[:3], None)
+
+
+def _refused_at_last(job: Job) -> None:
+    """Where a Read was too short for a response, and none brought it, the request ends with that refusal (P34)."""
+    short = job.too_short if job.read_response is None else None
+    if short:
+        job.polls.remove(short[-1])
+        job.read_request, job.read_response = short[-1]
 
 
 def _written_again(channel: Channel, job: Job) -> None:
@@ -1125,6 +1149,8 @@ def _is_of_kind(job: Job, half: Half) -> bool | None:
 def _read_event(half: Half) -> str:
     if half.status == STATUS_NOT_READY:
         return "read_poll"
+    if half.status == STATUS_SHORT:
+        return "read_short"
     if half.status:
         return "read_refused"
     return "read_record" if half.data else "read_empty"

@@ -81,9 +81,11 @@ class Diagnoses:
         """What a closed job shows, and the findings it has, were caused by."""
         self._whole.closed(job)
         if (answer := job.read_response) is not None:
-            length = answer.stated if answer.cut else len(answer.data)
-            self._learn_length(job.peer.device, length)
+            size = answer.stated if answer.cut else len(answer.data)
+            self._learn_length(job.peer.device, size)
         remarks = list(order.of(job))
+        if job.polls:
+            remarks += length.read_too_short(job)
         response = job.response
         usual = response is not None and not response.flaws and response.response_id in _DONE
         if job.missing is None and (not usual or _is_odd(job)):
@@ -132,7 +134,7 @@ class Diagnoses:
         size_of = partial(self._size, job)
         remarks += [
             *length.request_too_short(job, [each.code for each in others]),
-            *length.answer_cut(job, size_of),
+            *length.answer_cut(job),
             *length.answer_too_long(
                 job, self._limits.get(device), self._longest.get(device, 0), size_of
             ),

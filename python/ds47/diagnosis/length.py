@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Final
 
 from ds47.acyclic.judge import is_mismatch, parameters_asked
-from ds47.acyclic.pairing import STATUS_NOT_READY, Job
+from ds47.acyclic.pairing import Job
 from ds47.findings.remark import Remark
 from ds47.profidrive import Address, Request, decode_request
 from ds47.profidrive.model import VALUE, Block
@@ -79,30 +79,29 @@ def _is_cut(block: Block) -> bool:
     return len(there) < block.value_count
 
 
-def answer_cut(job: Job, size_of: SizeOf) -> Iterator[Remark]:
-    """MLEN of RDREC is too small: the response was cut to it, or the Read was refused for it."""
+def answer_cut(job: Job) -> Iterator[Remark]:
+    """MLEN of RDREC is too small: the response was cut to it."""
     asked, answer = job.read_request, job.read_response
-    if asked is None or answer is None or not asked.stated:
+    if asked is None or answer is None or not asked.stated or job.response is None:
         return
-    need = asked.stated
-    if answer.data and job.response is not None and len(answer.data) == asked.stated:
-        flaw = next((flaw for flaw in job.response.flaws if flaw.rule == MISSING), None)
-        if flaw is not None and not answer.missing:
-            pad = any(
-                each.rule == NO_PAD and each.offset == flaw.offset for each in job.response.flaws
-            )
-            need = len(answer.data) + pad + int(flaw.args["need"])
-    elif answer.status and answer.status != STATUS_NOT_READY and job.message is not None:
-        need = least_answer(job.message, size_of)
-    if need > asked.stated:
+    if len(answer.data) != asked.stated or answer.missing:
+        return
+    flaw = next((flaw for flaw in job.response.flaws if flaw.rule == MISSING), None)
+    if flaw is not None:
+        pad = any(each.rule == NO_PAD and each.offset == flaw.offset for each in job.response.flaws)
+        need = len(answer.data) + pad + int(flaw.args["need"])
         yield Remark("DS712", answer.frame, {"asked": asked.stated, "need": need})
 
 
-def least_answer(message: Request, size_of: SizeOf) -> int:
-    """Bytes of the shortest positive response to a request."""
-    if message.operation != "read":
-        return MESSAGE_SIZE
-    return MESSAGE_SIZE + sum(_least_block(address, size_of) for address in message.addresses)
+def read_too_short(job: Job) -> Iterator[Remark]:
+    """The same: a Read was refused for it, and a later one brought the record, which is longer."""
+    answer = job.read_response
+    if answer is None or not answer.data:
+        return
+    need = len(answer.data) + answer.missing
+    for asked, refused in job.too_short:
+        if asked is not None and 0 < asked.stated < need:
+            yield Remark("DS712", refused.frame, {"asked": asked.stated, "need": need})
 
 
 def _least_block(address: Address, size_of: SizeOf) -> int:

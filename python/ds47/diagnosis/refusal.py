@@ -134,7 +134,7 @@ def not_seen(job: Job) -> Iterator[Remark]:
     if not errors:
         return
     codes = [each.code for each in errors if each.code is not None]
-    polls = len(job.polls)
+    polls = len(job.not_ready)
     args = {
         "id": response.response_id, "code": codes[0] if codes else None,
         "among": len(set(codes)) > 1 or bool(codes and half.missing > 0), "vendor_id": job.peer.vendor_id,

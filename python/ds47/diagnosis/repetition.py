@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from ds47.acyclic.pairing import Job
 from ds47.findings.remark import Remark
-from ds47.profinet.records import NO_API
+from ds47.profinet.records import NO_API, Half
 from ds47.spec.semantics import known
 
 _MS = 1_000_000
@@ -79,10 +79,11 @@ class Repetition:
     def closed(self, job: Job, place: tuple[int, int, int, int]) -> None:
         """A job that was asked is over."""
         key = (job.peer.controller, job.peer.device, job.record.ar, place)
-        if len(job.polls) < known().storm_polls:
+        polls = job.not_ready
+        if len(polls) < known().storm_polls:
             self.calm(key)
         else:
-            self._polled(job, key)
+            self._polled(job, polls, key)
 
     def finish(self) -> Iterator[Remark]:
         """What was found, and what goes on to the end of the capture."""
@@ -121,25 +122,25 @@ class Repetition:
         if storm is not None:
             self._end_storm(key, storm)
 
-    def _polled(self, job: Job, key: Channel) -> None:
+    def _polled(self, job: Job, polls: list[tuple[Half | None, Half]], key: Channel) -> None:
         storm = self.storms.get(key)
         if storm is None:
             storm = self.storms[key] = _Storm()
             if len(self.storms) > known().history:
                 self._end_storm(*self.storms.popitem(last=False))
-        first, last = job.polls[0], job.polls[-1]
+        first, last = polls[0], polls[-1]
         began = (first[0] or first[1]).time_ns
         asked, read = job.write_request, job.read_response or last[1]
         storm.first = storm.first or (first[0] or first[1]).frame
         storm.jobs += 1
-        storm.polls += len(job.polls)
-        reads = [request or answer for request, answer in job.polls]
+        storm.polls += len(polls)
+        reads = [request or answer for request, answer in polls]
         if job.read_response is not None:
             reads.append(job.read_request or job.read_response)
         storm.gaps += len(reads) - 1
         storm.gaps_ns += max(0, reads[-1].time_ns - reads[0].time_ns)
         storm.taken_ns += max(0, read.time_ns - (asked.time_ns if asked else began))
-        storm.total = max(storm.total, len(job.polls))
+        storm.total = max(storm.total, len(polls))
 
     def _end_storm(self, key: Channel, storm: _Storm) -> None:
         facts = known()

@@ -18,7 +18,7 @@ from ds47.lab.diagnoses_refused import (
     CHANGE_ERROR,
     CHANGE_REFUSED,
     DATA_TYPE,
-    DE_PARAMETER,
+    DE_LENGTH,
     LIMITS,
     NEGATIVE_READ,
     READ_ERROR,
@@ -258,14 +258,15 @@ for _row in (*REPAIR_ROWS, *LENGTH_ROWS):
 # MLEN of RDREC (DS712)
 
 
-def _four(client: Client, maximum: int, status: int = 0) -> None:
+def _four(client: Client, maximum: int) -> None:
     """Four Float32 asked for, 22 bytes; the Read wants `maximum` bytes and the drive keeps to it."""
     client.write(read(1, message.address(2902, 2, 4)))
     client.wait(CYCLE)
+    _fetch_four(client, maximum)
+
+
+def _fetch_four(client: Client, maximum: int) -> None:
     call = client.ask_read(maximum=maximum)
-    if status:
-        client.refuse_read(call, status)
-        return
     whole = message.answer(1, 1, 1, message.real(10.0, 20.0, 50.0, 100.0))
     client.accept_read(call, whole[:maximum])
 
@@ -285,16 +286,35 @@ def read_length_not(client: Client) -> None:
 
 
 @BOOK.scene(
-    "MLEN 10 for a response of 22 bytes: the drive refuses the Read", REFUSED, rules="DS201 DS712"
-)
+    "MLEN 10 for a response of 22 bytes: the drive refuses the Read, one with 240 brings the response",
+    OK_READ, rules="DS201 DS712",
+)  # fmt: skip
 def read_length_refused(client: Client) -> None:
     """MLEN smaller than the response: refused."""
-    _four(client, 10, DE_PARAMETER)
+    client.write(read(1, message.address(2902, 2, 4)))
+    client.wait(CYCLE)
+    client.refuse_read(client.ask_read(maximum=10), DE_LENGTH)
+    client.wait(CYCLE)
+    _fetch_four(client, 240)
 
 
 @BOOK.scene(
-    "MLEN 22, and the same status all the same: it has another reason", REFUSED, rules="DS201"
+    "MLEN 10, and the drive refuses the Read: no longer response is seen", REFUSED, rules="DS201"
+)
+def read_length_alone_not(client: Client) -> None:
+    """A Read that was too short, as far as its status says."""
+    client.write(read(1, message.address(2902, 2, 4)))
+    client.wait(CYCLE)
+    client.refuse_read(client.ask_read(maximum=10), DE_LENGTH)
+
+
+@BOOK.scene(
+    "MLEN 22, and the same status all the same: it has another reason", OK_READ, rules="DS201"
 )
 def read_length_refused_not(client: Client) -> None:
     """A Read refused for another reason."""
-    _four(client, 22, DE_PARAMETER)
+    client.write(read(1, message.address(2902, 2, 4)))
+    client.wait(CYCLE)
+    client.refuse_read(client.ask_read(maximum=22), DE_LENGTH)
+    client.wait(CYCLE)
+    _fetch_four(client, 22)

@@ -24,7 +24,7 @@ NEGATIVE: Final = 0x80
 """The bit of byte 1 of a response that says that it is a negative one (docs/protocol.md A.3)."""
 
 _LEFT_OUT: Final = {
-    "DS101": "unseen", "DS104": "fault", "DS105": "unseen", "DS108": "bare", "DS207": "empty",
+    "DS101": "unseen", "DS104": "fault", "DS105": "unseen", "DS108": "bare", "DS201": "error", "DS207": "empty",
 }  # fmt: skip
 """Rules about a call that brought no record, and what the call ended with."""
 _IN_PART: Final = "DS105"
@@ -266,8 +266,17 @@ def _left_out(item: Transaction, found: Sequence[Finding]) -> tuple[list[tuple[i
     nothing = any(each.frame == frames.read_request for each in found)  # then the part is another's
     if frames.read_request is not None and frames.read_response is None and not nothing:
         part = next((each for each in out if each.rule == _IN_PART), None)
-    calls = [(each.frame, Call("RDREC", _LEFT_OUT[each.rule])) for each in out if each is not part]
+    calls = [
+        (each.frame, Call("RDREC", _LEFT_OUT[each.rule], _status(each)))
+        for each in out if each is not part
+    ]  # fmt: skip
     return calls, any(each.rule == _IN_PART for each in out)
+
+
+def _status(finding: Finding) -> int | None:
+    """The STATUS of a Read that was refused and left its transaction open."""
+    told = finding.args.get("status")
+    return None if told is None else int(told, 16)
 
 
 def _before(item: Transaction, left_out: Sequence[tuple[int, Call]], wait: str) -> list[Call]:
@@ -282,7 +291,10 @@ def _before(item: Transaction, left_out: Sequence[tuple[int, Call]], wait: str) 
         return [Call("RDREC", "polled", NOT_READY, len(polls))] if polls else []
     end = "unseen" if item.station is None else "nothing"
     alone = [(asked or 0, Call("RDREC", end))] if waits else []
-    polled = [(frame or 0, Call("RDREC", "polled", NOT_READY)) for _, frame in polls]
+    told = {frame for frame, _ in left_out}
+    polled = [
+        (frame or 0, Call("RDREC", "polled", NOT_READY)) for _, frame in polls if frame not in told
+    ]
     found = [call for _, call in sorted([*polled, *left_out, *alone], key=lambda each: each[0])]
     if waits and wait == "ends" and found[-1].outcome == "unseen":
         found[-1] = Call("RDREC", "ends")

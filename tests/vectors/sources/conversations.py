@@ -42,7 +42,7 @@ def put(reference: int, value: float, pnu: int = RAMP) -> bytes:
     return message.change(reference, 1, (message.address(pnu), message.real(value)))
 
 
-NOT_POSSIBLE, BAD_HEADER = 0xDF80B500, 0xDF80B700
+NOT_POSSIBLE, BAD_HEADER, SHORT = 0xDF80B500, 0xDF80B700, 0xDE80B100
 CUT = ask(7)[:8]
 """A read whose only address lacks its last two bytes: known id, but the length does not fit."""
 
@@ -1197,6 +1197,83 @@ def p34_polls_then_end(client: Client) -> None:
     """Only polls until the end of the capture: unanswered, not refused."""
     client.write(ask())
     client.poll()
+
+
+@BOOK.scene(
+    "P40 P48 read-refused",
+    tx(1, "ok", (1, 2, 7, 8), 7, real(1.5), polls=[(3, 4), (5, 6)]),
+    rules="DS201@4#1 DS712@4#1",
+)
+def p34_too_short(client: Client) -> None:
+    """A Read asks for fewer bytes than the response has, the next one comes too early: a longer one brings it."""
+    client.write(ask())
+    client.refuse_read(client.ask_read(maximum=8), SHORT)
+    client.poll()
+    client.read(tell(1, 1.5))
+
+
+@BOOK.scene(
+    "P40 read-refused",
+    tx(1, "ok", (1, 2, 5, 6), 5, real(1.5), polls=[(3, 4)]),
+    rules="DS201@4#1",
+)
+def p34_too_long(client: Client) -> None:
+    """The Read that was refused for its length asked for as many bytes: MLEN is not blamed."""
+    client.write(ask())
+    client.refuse_read(client.ask_read(maximum=240), SHORT)
+    client.read(tell(1, 1.5))
+
+
+@BOOK.scene(
+    "P40 P41 read-refused",
+    tx(1, "refused", (1, 2, 5, 6), None, NOTHING, read="DE80B100", polls=[(3, 4)]),
+    row(2, real(2.5, pnu=27), first=7),
+    rules="DS201@4#1 DS201@6#1",
+)
+def p34_too_short_then_written(client: Client) -> None:
+    """Nothing is read but refusals for the length: refused, and not displaced by the next Write."""
+    client.write(ask())
+    client.poll(SHORT)
+    client.poll(SHORT)
+    client.exchange(ask(2, 27), tell(2, 2.5))
+
+
+@BOOK.scene(
+    "P38 P40 read-refused poll",
+    tx(1, "refused", (1, 2, 3, 4), None, NOTHING, read="DE80B100", polls=[(5, 6)]),
+    rules="DS201@4#1",
+)
+def p34_too_short_then_end(client: Client) -> None:
+    """The same at the end of the capture, also where a poll follows."""
+    client.write(ask())
+    client.poll(SHORT)
+    client.poll()
+
+
+@BOOK.scene(
+    "P32 P40 read-refused orphan",
+    tx(1, "refused", (1, 2, 5, 6), None, NOTHING, read="DE80B600", polls=[(3, 4)]),
+    orphan(2, 7, real(1.5, pnu=None)),
+    rules="DS201@4#1 DS201@6#1 DS403@8#2",
+)
+def p35_too_short_then_refused(client: Client) -> None:
+    """Another refusal behind it ends the transaction: a record that comes later is an orphan."""
+    client.write(ask())
+    client.poll(SHORT)
+    client.poll(0xDE80B600)
+    client.read(tell(1, 1.5))
+
+
+@BOOK.scene(
+    "read-refused",
+    tx(1, "ok", (1, None, 4, 5), 4, real(1.5), polls=[(2, 3)], write=None),
+    rules="DS101@1#1 DS201@3#1",
+)
+def p28_too_short(client: Client) -> None:
+    """A Read that is too short proves no Write; the record behind it does."""
+    client.ask_write(ask())
+    client.poll(SHORT)
+    client.read(tell(1, 1.5))
 
 
 @BOOK.scene(

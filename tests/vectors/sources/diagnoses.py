@@ -10,8 +10,8 @@ from __future__ import annotations
 import sys
 from uuid import UUID
 
-from book import NOTHING, Row, Vectors, par, ramp, real, row, tx
-from conversations import AR2, BAD_HEADER, CUT, HOME2, ask, put, second, tell
+from book import NOTHING, Row, Vectors, orphan, par, ramp, real, row, tx
+from conversations import AR2, BAD_HEADER, CUT, HOME2, SHORT, ask, put, second, tell
 
 from ds47.lab import message
 from ds47.lab.client import BUSY, Client, drive
@@ -346,25 +346,52 @@ def ds712_cut_by_itself(client: Client) -> None:
 
 
 @BOOK.scene(
-    "read-refused",
-    row(1, NOTHING, par(27), state="refused", ms=None, read="DE80B800"),
-    rules="DS201@4#1 DS712@4#1",
+    "read-refused poll",
+    tx(1, "ok", (1, 2, 7, 8), 7, real(1.5), polls=[(3, 4), (5, 6)]),
+    rules="DS201@4#1 DS201@6#1 DS712@4#1 DS712@6#1",
 )
 def ds712_refused(client: Client) -> None:
-    """Two parameters need more than 8 bytes, whatever their values: the Read is refused."""
-    client.write(ask(1, 21, 27))
-    client.refuse_read(client.ask_read(maximum=8), 0xDE80B800)
+    """Two Reads ask for fewer bytes than the response has, and are refused; the next one brings it."""
+    client.write(ask())
+    client.refuse_read(client.ask_read(maximum=8), SHORT)
+    client.refuse_read(client.ask_read(maximum=9), SHORT)
+    client.read(tell(1, 1.5))
+
+
+@BOOK.scene(
+    "read-refused poll",
+    tx(1, "ok", (1, 2, 5, 6), 5, real(1.5), polls=[(3, 4)]),
+    rules="DS201@4#1",
+)
+def ds712_refused_with_room(client: Client) -> None:
+    """Near miss: the Read that was refused for its length had asked for as many bytes as the response has."""
+    client.write(ask())
+    client.refuse_read(client.ask_read(maximum=10), SHORT)
+    client.read(tell(1, 1.5))
 
 
 @BOOK.scene(
     "read-refused",
-    row(1, NOTHING, par(27), state="refused", ms=None, read="DE80B800"),
+    row(1, NOTHING, par(27), state="refused", ms=None, read="DE80B100"),
     rules="DS201@4#1",
 )
-def ds712_refused_for_something_else(client: Client) -> None:
-    """Near miss: refused, though there was room."""
+def ds712_refused_and_nothing_longer(client: Client) -> None:
+    """Near miss: two parameters need more than 8 bytes, but no longer response was seen."""
     client.write(ask(1, 21, 27))
-    client.refuse_read(client.ask_read(maximum=240), 0xDE80B800)
+    client.refuse_read(client.ask_read(maximum=8), SHORT)
+
+
+@BOOK.scene(
+    "read-refused",
+    row(1, NOTHING, state="refused", ms=None, read="DE80B800"),
+    orphan(2, 5, real(1.5, pnu=None)),
+    rules="DS201@4#1 DS403@6#2",
+)
+def ds712_refused_for_something_else(client: Client) -> None:
+    """Near miss: refused with another status, and a longer record is read behind it."""
+    client.write(ask())
+    client.refuse_read(client.ask_read(maximum=8), 0xDE80B800)
+    client.read(tell(1, 1.5))
 
 
 @BOOK.scene("poll", tx(1, "ok", (1, 2, 5, 6), 5, real(1.5), polls=[(3, 4)]))

@@ -1,0 +1,28 @@
+"""Captures made from what people told in public, against what `cases.toml` says is right."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from test_real_stacks import result_of
+
+from ds47.report.plc import Witness
+
+
+@pytest.fixture
+def field(shared: Path) -> Path:
+    return shared / "captures/field"
+
+
+def test_a_read_that_was_too_short_leaves_the_response_in_the_drive(field: Path) -> None:
+    result = result_of(field / "mlen-then-right.pcap")
+    (item,) = result.transactions
+    assert (item.frames.write_request, item.frames.read_response, item.state) == (1, 6, "ok")
+    assert [tuple(each) for each in item.frames.polls] == [(3, 4)]
+    assert [each.values for each in item.parameters] == [[1355] * 8]
+    assert {(each.rule, each.frame) for each in result.findings} == {("DS201", 4), ("DS712", 4)}
+    told = Witness(result).text(item).text("en")
+    assert told == (
+        "WRREC DONE, STATUS 00000000; RDREC ERROR, STATUS DE80B100; RDREC VALID, STATUS 00000000, LEN 22"
+    )
