@@ -234,7 +234,9 @@ def _second_response(case: Case) -> Iterator[str]:
 
 def _refused(case: Case, write: bool) -> Iterator[str]:
     deal = case.deal
-    if deal is not None:
+    if deal is not None and not write and case.frame in [each["response"] for each in deal.polls]:
+        yield from case.wrong("status", f"{SHORT:08X}")
+    elif deal is not None:
         status = deal.write_status if write else deal.read_status
         frame = deal.frames["write_response"] if write else deal.read
         if frame != case.frame:

@@ -118,7 +118,7 @@ def _end(record: wire.Record) -> str:
 
 
 def _reads(calls: list[Told], deal: Deal, reading: Reading) -> Iterator[str]:
-    yield from _polled(calls, deal)
+    yield from _polled(calls, deal, reading)
     yield from _read_again(calls, deal)
     yield from _left_out(calls, deal, reading)
     yield from _order(calls, deal, reading)
@@ -168,15 +168,19 @@ def _sum(calls: list[Told], tells: Callable[[Told], bool]) -> int:
     return sum(each.times for each in calls if tells(each))
 
 
-def _polled(calls: list[Told], deal: Deal) -> Iterator[str]:
+def _polled(calls: list[Told], deal: Deal, reading: Reading) -> Iterator[str]:
     told = _sum(calls, lambda each: each.kind == "read error" and each.status == NOT_READY)
-    true = len(deal.polls) - _sum(calls, _is_short)
+    true = len(deal.polls) - _short(deal, reading)
     if told != true:
         yield f"{told} x DE80B500: polled {true} times"
 
 
-def _is_short(told: Told) -> bool:
-    return told.kind == "read error" and told.status == SHORT
+def _short(deal: Deal, reading: Reading) -> int:
+    """How many Reads were refused because they asked for fewer bytes than the response has, and left it."""
+    frames = [each["response"] or 0 for each in deal.polls]
+    return sum(
+        any(each.status == SHORT for each in reading.answered_at.get(frame, [])) for frame in frames
+    )
 
 
 def _read_again(calls: list[Told], deal: Deal) -> Iterator[str]:
@@ -222,9 +226,13 @@ def _last(calls: list[Told], deal: Deal, reading: Reading) -> Iterator[str]:
     for each in lengths if deal.read is not None else ():
         if each is not None:
             yield from _length(each, deal, reading)
-    refused = [each for each in calls if each.kind == "read error" and each.status != NOT_READY]
-    if [each.status for each in refused] != ([deal.read_status] if deal.read_status else []):
-        yield f"RDREC ERROR {[each.status for each in refused]} is {deal.read_status}"
+    refused = [
+        each.status for each in calls if each.kind == "read error" and each.status != NOT_READY
+        for _ in range(each.times)
+    ]  # fmt: skip
+    last = [deal.read_status] if deal.read_status else []
+    if refused != [SHORT] * _short(deal, reading) + last:
+        yield f"RDREC ERROR {refused} is {deal.read_status}"
     for each in calls:
         yield from _without(each, deal, reading)
 

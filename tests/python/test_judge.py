@@ -194,7 +194,9 @@ def test_a_response_without_a_request_says_how_it_comes_to_stand_alone(
     remarks = judge().answered(one)
     assert rules(remarks) == found
     if case is not None:
-        assert only(remarks, "DS403").args == {"case": case} | ({"first": 2} if case == "unasked_behind" else {})
+        assert only(remarks, "DS403").args == {"case": case} | (
+            {"first": 2} if case == "unasked_behind" else {}
+        )
 
 
 def test_the_errors_of_a_response_with_a_request_are_told_though_it_was_read_before() -> None:

@@ -270,7 +270,10 @@ def test_one_place_counts_for_tiles_verdict_drives_and_plots():
         ({"rpc": {"requests": 5, "responses": 4, "unanswered": 1}}, "warn", "1 of 5 calls has no response"),
         ({"rpc": {}}, "none", "No acyclic PROFINET call"),
         ({"findings": [handmade.finding("DS106", "warning", "m", 1)]}, "warn", "1 frame was cut"),
-        ({"findings": [handmade.finding("DS403", "warning", "m", 1)] * 2}, "warn", "2 responses belong to no known request"),
+        (
+            {"findings": [handmade.finding("DS403", "warning", "m", 1)] * 2}, "warn",
+            "2 responses belong to no known request",
+        ),
     ],
 )  # fmt: skip
 def test_the_quality_of_a_capture(changes, level, text):

@@ -114,7 +114,7 @@ end
 function Findings:finding(remark, transaction)
   local args = remark.args
   if remark.rule == WITHOUT_REQUEST then
-    args = {case = args.case, dropped = self.frames_dropped}
+    args = {case = args.case, first = args.first, dropped = self.frames_dropped}
   end
   return {
     rule = remark.rule,
