@@ -197,12 +197,21 @@ def cyclic(sender: int, frame_id: int, data: bytes, tag: tuple[int, ...] = ()) -
     return made[:6] + SENDERS[sender] + made[12:]
 
 
+def cooked(frame: bytes, link: int) -> bytes:
+    """An Ethernet frame as it stands in a capture of another link type."""
+    if link == 113:
+        return b"\0\0\0\1\0\6" + frame[6:12] + b"\0\0" + frame[12:]
+    if link == 276:
+        return frame[12:14] + bytes(6) + b"\0\1\0\6" + frame[6:12] + b"\0\0" + frame[14:]
+    return frame
+
+
 def expected(frames: list[bytes]) -> list[int]:
     """The numbers of the watched frames that are to be given, and of all others that matter, told slowly."""
     last: dict[tuple[bytes, bytes], tuple[list[bytes], int]] = {}
     wanted = []
     for number, data in enumerate(frames, 1):
-        at = data.find(b"\x88\x92", 12, 18)
+        at = data.find(b"\x88\x92", 12, 22)
         key = data[6:12], data[at + 2 : at + 4]
         for source, frame_id, parts, follows in WATCHES:
             whole = at > 0 and len(data) >= at + 4 + sum(parts[-1])
@@ -230,9 +239,15 @@ def watching(make_scanner: Callable[[ModuleType], Any]) -> Callable[[ModuleType]
 
 @pytest.mark.parametrize("order", "<>")
 @pytest.mark.parametrize("ng", [False, True])
-@pytest.mark.parametrize("tag", [(), (0x8100,)], ids=["", "tagged"])
+@pytest.mark.parametrize("tag", [(), (0x8100,), (0x88A8, 0x8100)], ids=["", "tagged", "two tags"])
+@pytest.mark.parametrize("link", [1, 113, 276], ids=["ethernet", "sll", "sll2"])
 def test_watched_frames_are_given_when_they_say_something_new(
-    plain_scan: ModuleType, compiled_scan: ModuleType, order: str, ng: bool, tag: tuple[int, ...]
+    plain_scan: ModuleType,
+    compiled_scan: ModuleType,
+    order: str,
+    ng: bool,
+    tag: tuple[int, ...],
+    link: int,
 ) -> None:
     """Two senders whose values move in every frame, a third one that is not watched, and what else goes by."""
     frames: list[bytes] = []
@@ -244,10 +259,12 @@ def test_watched_frames_are_given_when_they_say_something_new(
         frames.append(cyclic(1, 0x8009, moving + moving, tag))
         if cycle % 400 == 399:
             frames += [CALL, make.DCP, cyclic(0, 0x8001, b"", tag)[:24], make.RT]
+    there = [cooked(each, link) for each in frames]
     if ng:
-        data, made = enhanced(frames, order, 0, 1), pcapng_scanner(order, [1])
+        data, made = enhanced(there, order, 0, 1), pcapng_scanner(order, [link])
     else:
-        data, made = make.pcap(frames, order=order), pcap_scanner(order, 0xA1B2C3D4, 1)
+        data = make.pcap(there, order=order, link_type=link)
+        made = pcap_scanner(order, 0xA1B2C3D4, link)
     both(watching(made), data, [9_000, 400_000], plain_scan, compiled_scan)
     said = walk(watching(made)(plain_scan), "_plain", data, [])
     assert [each[0] for each in said if len(each) == 6] == expected(frames)  # type: ignore[arg-type, index]
@@ -275,6 +292,40 @@ def test_it_stops_behind_the_response_to_a_connect(
         assert scanner.paused
         assert scanner.scan(padded, len(data)) == []
         assert not scanner.paused
+
+
+def test_it_stops_behind_each_fragment_of_one(
+    plain_scan: ModuleType, compiled_scan: ModuleType
+) -> None:
+    """Whichever comes last: from the first one on those of the same number, and no others."""
+    answered = bytearray(make.udp(make.rpc(body=bytes(1200))))
+    answered[9], answered[76:78] = 2, b"\0\0"
+    asked = bytes(make.udp(make.rpc(body=bytes(1200))))
+
+    def piece(data: bytes, first: int, end: int, number: int) -> bytes:
+        whole = make.ipv4(data[first:end], offset=first, more=end < len(data), ident=number)
+        return make.ethernet(0x0800, whole)
+
+    end = len(answered)
+    response = [piece(bytes(answered), a, b, 7) for a, b in ((0, 80), (80, 800), (800, end))]
+    request = [piece(asked, a, b, 8) for a, b in ((0, 800), (800, end))]
+    short = [piece(bytes(answered), a, b, 9) for a, b in ((0, 72), (72, end))]
+    for module in (plain_scan, compiled_scan):
+        frames = [
+            response[2],
+            *request,
+            response[0],
+            CALL,
+            response[1],
+            *request,
+            *short,
+            response[2],
+        ]
+        data, scanner = make.pcap(frames), pcap_scanner("<", 0xA1B2C3D4, 1)(module)
+        padded, stops = data + bytes(scan.PADDING), []
+        while found := scanner.scan(padded, len(data)):
+            stops += [found[-1][0]] if scanner.paused else []
+        assert stops == [4, 6, 9, 10]
 
 
 @pytest.mark.parametrize("ng", [False, True])

@@ -9,7 +9,7 @@ from __future__ import annotations
 import atexit
 import gc
 
-_OBJECTS = 100_000
+_OBJECTS = 20_000
 """How many new ones make it worth it."""
 
 

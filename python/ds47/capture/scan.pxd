@@ -90,16 +90,16 @@ cdef Py_ssize_t _keep(
 @cython.locals(byte=Py_ssize_t)
 cdef Py_ssize_t _to_front(unsigned char* data, Py_ssize_t start, Py_ssize_t end) noexcept nogil
 
-@cython.locals(at=Py_ssize_t, rpc=Py_ssize_t)
-cdef bint _sets_up(const unsigned char* data, Py_ssize_t start, Py_ssize_t end, long link_type) noexcept nogil
-
 @cython.locals(sample=Py_ssize_t)
 cdef Py_ssize_t _sampled(Py_ssize_t number, Py_ssize_t senders) noexcept nogil
 
-@cython.locals(at=Py_ssize_t, row=Py_ssize_t, size=Py_ssize_t, byte=Py_ssize_t, period=Py_ssize_t)
+@cython.locals(at=Py_ssize_t)
+cdef Py_ssize_t _rt(const unsigned char* data, Py_ssize_t start, Py_ssize_t end, long link_type) noexcept nogil
+
+@cython.locals(at=Py_ssize_t, source=Py_ssize_t, row=Py_ssize_t, size=Py_ssize_t, byte=Py_ssize_t, period=Py_ssize_t)
 cdef bint _is_due(
     unsigned char* rows, const unsigned char* data, Py_ssize_t start, Py_ssize_t end, Py_ssize_t number,
-    Py_ssize_t senders
+    Py_ssize_t senders, long link_type
 ) noexcept nogil
 
 @cython.locals(news=bint, changed=bint, part=Py_ssize_t, parts=Py_ssize_t, kept=Py_ssize_t, first=Py_ssize_t, byte=Py_ssize_t)
@@ -117,11 +117,17 @@ cdef class Scan:
     cdef Py_ssize_t _known, _most, _senders
     cdef object _entries, _kept, _rows, _watches, _watched, _ids, _runs, _swapped, _ports
     cdef bint _big
+    cdef Py_ssize_t _pieces
 
     cdef bytes _links(self)
 
     @cython.locals(count=Py_ssize_t)
     cdef list _compiled(self, data, Py_ssize_t end)
+
+    @cython.locals(at=Py_ssize_t, rpc=Py_ssize_t, number=Py_ssize_t, fragment=Py_ssize_t)
+    cdef bint _sets_up(
+        self, const unsigned char* data, Py_ssize_t start, Py_ssize_t end, long link_type
+    ) noexcept nogil
 
     cdef Py_ssize_t _walk(
         self, const unsigned char* data, Py_ssize_t end, const unsigned char* links,
@@ -150,7 +156,8 @@ cdef class PcapScan(Scan):
 
     @cython.locals(big=bint, header=Py_ssize_t, link_type=long, position=Py_ssize_t, number=Py_ssize_t,
                    last=Py_ssize_t, start=Py_ssize_t, captured=Py_ssize_t, original=Py_ssize_t,
-                   seconds="unsigned int", fraction="unsigned int", senders=Py_ssize_t, newest=Py_ssize_t)
+                   seconds="unsigned int", fraction="unsigned int", senders=Py_ssize_t, newest=Py_ssize_t,
+                   after=Py_ssize_t, cyclic=bint, wanted=bint)
     cdef Py_ssize_t _walk(
         self, const unsigned char* data, Py_ssize_t end, const unsigned char* links,
         unsigned char* entries, Py_ssize_t count, Py_ssize_t most, unsigned char* rows,
@@ -163,7 +170,7 @@ cdef class PcapngScan(Scan):
     @cython.locals(big=bint, position=Py_ssize_t, number=Py_ssize_t, last=Py_ssize_t, total=Py_ssize_t,
                    interface=Py_ssize_t, captured=Py_ssize_t, original=Py_ssize_t, start=Py_ssize_t,
                    link_type=long, high="unsigned int", low="unsigned int", senders=Py_ssize_t,
-                   newest=Py_ssize_t)
+                   newest=Py_ssize_t, after=Py_ssize_t, cyclic=bint, wanted=bint)
     cdef Py_ssize_t _walk(
         self, const unsigned char* data, Py_ssize_t end, const unsigned char* links,
         unsigned char* entries, Py_ssize_t count, Py_ssize_t most, unsigned char* rows,

@@ -241,20 +241,6 @@ def _is_tcp(data: Bytes, at: int, end: int, ports: bytes) -> bool:
     return False
 
 
-def _sets_up(data: Bytes, start: int, end: int, link_type: int) -> bool:
-    """Whether a frame that matters is the response to a Connect: it tells which cyclic frames to watch."""
-    at = _network(data, start, end, link_type)
-    if at < 0 or _kind(data, start, at, link_type) != _IPV4:
-        return False
-    rpc = at + (data[at] & 15) * 4 + 8
-    return (
-        rpc + 70 <= end
-        and data[rpc + 1] == _RESPONSE
-        and data[rpc + 68] == _CONNECT
-        and data[rpc + 69] == _CONNECT
-    )
-
-
 class Watch(NamedTuple):
     """The cyclic frames of a sender (its MAC address), and which bytes of them matter.
 
@@ -298,16 +284,29 @@ def _sampled(number: int, senders: int) -> int:
     return sample * senders
 
 
-def _is_due(rows: bytearray, data: Bytes, start: int, end: int, number: int, senders: int) -> bool:
-    """Whether an RT frame is a watched one that says something else than before, or the first of a period."""
+def _rt(data: Bytes, start: int, end: int, link_type: int) -> int:
+    """Offset of the frame id, where there is one; else -1."""
     at = start + 14
-    if _u16(data, start + 12) != _PROFINET:
-        at += 4
+    if link_type != _ETHERNET or _u16(data, start + 12) != _PROFINET:
+        at = _network(data, start, end, link_type)
+        if at < 0 or _kind(data, start, at, link_type) != _PROFINET:
+            return -1
+    return at if at + 2 <= end else -1
+
+
+def _is_due(
+    rows: bytearray, data: Bytes, start: int, end: int, number: int, senders: int, link_type: int
+) -> bool:
+    """Whether a frame is a watched one that says something else than before, or the first of a period."""
+    at = _rt(data, start, end, link_type)
+    if at < 0:
+        return False
+    source = start + (12 if link_type == _SLL2 else 6)
     row, size = 0, _u16(rows, 10)
     while size:
         if rows[row + 7] == data[at + 1] and rows[row + 6] == data[at]:
             byte = 0
-            while byte < 6 and rows[row + byte] == data[start + 6 + byte]:
+            while byte < 6 and rows[row + byte] == data[source + byte]:
                 byte += 1
             if byte == 6:
                 period = number // _sampled(number, senders)
@@ -600,7 +599,7 @@ class Scan:
         self.more = False
         self._known = 0
         self._most = _FIRST_AHEAD // 2
-        self._entries = bytearray(_BATCH * _ENTRY)
+        self._entries = bytearray()
         self._kept = bytearray()
         self.paused = False
         self._rows = bytearray(_ROW)
@@ -612,6 +611,9 @@ class Scan:
         self._swapped = _Swapped(order)
         self._big = order == "big"
         self._ports = NO_PORTS
+        self._pieces = (
+            -1
+        )  # number of the datagram in fragments that may be the response to a Connect
 
     def tcp(self, ports: Iterable[int]) -> None:
         """From now on frames of these ports of TCP matter, and of no others."""
@@ -647,23 +649,42 @@ class Scan:
 
     def is_due(self, data: bytes, link_type: int) -> bool:
         """Whether the frame behind those that were passed is a watched one to be given."""
-        if link_type != ETHERNET or not self._senders or len(data) < 20:
+        end, frames, senders = len(data), self.frames, self._senders
+        if end < 20:
             return False
-        if COMPILED:
-            end = len(data)
-            return _is_rt(data, 0, end) and _is_due(
-                self._rows, data, 0, end, self.frames, self._senders
-            )
-        return self._news(data, 0, len(data), self.frames)
+        if not COMPILED:
+            return self._news(data, 0, end, frames, link_type)
+        return senders > 0 and _is_due(self._rows, data, 0, end, frames, senders, link_type)
 
-    def _news(self, data: Bytes, start: int, end: int, number: int) -> bool:
+    def _news(self, data: Bytes, start: int, end: int, number: int, link_type: int) -> bool:
         """`_is_due` for the loop over unpacked fields."""
-        if not _is_rt(data, start, end - start):
+        at = _rt(data, start, end, link_type)
+        source = start + (12 if link_type == SLL2 else 6)
+        key = bytes(data[source : source + 6] + data[at : at + 2])
+        if at < 0 or (found := self._watched.get(key)) is None:
             return False
-        at = start + 16 if _u16(data, start + 12) != PROFINET else start + 12
-        found = self._watched.get(bytes(data[start + 6 : start + 12] + data[at + 2 : at + 4]))
-        period = number // _sampled(number, self._senders)
-        return found is not None and found.is_news(data, at + 4, end, period)
+        return found.is_news(data, at + 2, end, number // _sampled(number, self._senders))
+
+    def _sets_up(self, data: Bytes, start: int, end: int, link_type: int) -> bool:
+        """Whether a frame that matters may complete the response to a Connect, which tells what to watch.
+
+        The first fragment shows what it is, if there is room; each of its number may be the last that came.
+        """
+        at = _network(data, start, end, link_type)
+        if at < 0 or _kind(data, start, at, link_type) != _IPV4:
+            return False
+        number, fragment = _u16(data, at + 4), _u16(data, at + 6)
+        if fragment & 0x1FFF:
+            return number == self._pieces
+        rpc = at + (data[at] & 15) * 4 + 8
+        if rpc + 70 > end:
+            if not fragment & 0x2000:
+                return False
+        elif data[rpc + 1] != _RESPONSE or data[rpc + 68] != _CONNECT or data[rpc + 69] != _CONNECT:
+            return False
+        if fragment & 0x2000:
+            self._pieces = number
+        return True
 
     def ahead(self, descriptor: int, data: bytearray, end: int) -> list[Found]:
         """The next frames that matter in data[:end] and in the file behind it. Only where this is compiled.
@@ -692,6 +713,8 @@ class Scan:
 
     def _compiled(self, data: bytearray, end: int) -> list[Found]:
         """The loop over bytes. Runs uncompiled too, slowly."""
+        if not self._entries:
+            self._entries = bytearray(_BATCH * _ENTRY)
         links, entries, rows, ports = self._links(), self._entries, self._rows, self._ports
         count = self._walk(data, end, links, entries, 0, _BATCH, rows, ports)
         return _told(entries, count, data)
@@ -779,16 +802,14 @@ class PcapScan(Scan):
                 break
             newest = position
             number += 1
-            if link_type != _ETHERNET or not _is_rt(data, start, captured):
-                original = _u32(data, position + 12, big)
-                if _relevant(data, start, start + captured, link_type, original, ports):
-                    seconds, fraction = _u32(data, position, big), _u32(data, position + 4, big)
-                    count = _note(
-                        entries, count, number, 0, seconds, fraction, original, captured, start
-                    )
-                    self.paused = _sets_up(data, start, start + captured, link_type)
-            elif senders and _is_due(rows, data, start, start + captured, number, senders):
-                original = _u32(data, position + 12, big)
+            original, after = _u32(data, position + 12, big), start + captured
+            cyclic = link_type == _ETHERNET and _is_rt(data, start, captured)
+            wanted = not cyclic and _relevant(data, start, after, link_type, original, ports)
+            if wanted:
+                self.paused = self._sets_up(data, start, after, link_type)
+            elif senders:
+                wanted = _is_due(rows, data, start, after, number, senders, link_type)
+            if wanted:
                 seconds, fraction = _u32(data, position, big), _u32(data, position + 4, big)
                 count = _note(
                     entries, count, number, 0, seconds, fraction, original, captured, start
@@ -830,7 +851,7 @@ class PcapScan(Scan):
                 due = (
                     rejected
                     and (first in ids or second in ids)
-                    and news(data, start, after, number)
+                    and news(data, start, after, number, ETHERNET)
                 )
                 if rejected and not due:
                     quiet += 1
@@ -845,12 +866,14 @@ class PcapScan(Scan):
                     continue
             quiet = Runs.STRIDE if due else 0
             seconds, fraction, _captured, original = record(data, start - header)
-            if due or (kind == ipv4 and ethernet and _usual(data, start, captured)) or _relevant(
-                data, start, after, link_type, original, ports
-            ):  # fmt: skip
+            wanted = due or (kind == ipv4 and ethernet and _usual(data, start, captured))
+            wanted = wanted or _relevant(data, start, after, link_type, original, ports)
+            if not wanted and senders and (kind in tags or not ethernet):
+                wanted = news(data, start, after, number, link_type)
+            if wanted:
                 frame = view[start:after].tobytes()
                 found.append((number, 0, seconds, fraction, original, frame))
-                self.paused = not due and _sets_up(data, start, after, link_type)
+                self.paused = not due and self._sets_up(data, start, after, link_type)
                 if len(found) == BATCH:
                     break
         self._ended(data, newest, position)
@@ -928,16 +951,14 @@ class PcapngScan(Scan):
             newest = position
             number += 1
             link_type = _u32(links, 4 * interface, True)
-            if link_type != _ETHERNET or not _is_rt(data, start, captured):
-                original = _u32(data, position + 24, big)
-                if _relevant(data, start, start + captured, link_type, original, ports):
-                    high, low = _u32(data, position + 12, big), _u32(data, position + 16, big)
-                    count = _note(
-                        entries, count, number, interface, high, low, original, captured, start
-                    )
-                    self.paused = _sets_up(data, start, start + captured, link_type)
-            elif senders and _is_due(rows, data, start, start + captured, number, senders):
-                original = _u32(data, position + 24, big)
+            original, after = _u32(data, position + 24, big), start + captured
+            cyclic = link_type == _ETHERNET and _is_rt(data, start, captured)
+            wanted = not cyclic and _relevant(data, start, after, link_type, original, ports)
+            if wanted:
+                self.paused = self._sets_up(data, start, after, link_type)
+            elif senders:
+                wanted = _is_due(rows, data, start, after, number, senders, link_type)
+            if wanted:
                 high, low = _u32(data, position + 12, big), _u32(data, position + 16, big)
                 count = _note(
                     entries, count, number, interface, high, low, original, captured, start
@@ -981,7 +1002,7 @@ class PcapngScan(Scan):
                 due = (
                     rejected
                     and (first in ids or second in ids)
-                    and news(data, start, start + captured, number)
+                    and news(data, start, start + captured, number, ETHERNET)
                 )
                 if rejected and not due:
                     quiet += 1
@@ -993,12 +1014,15 @@ class PcapngScan(Scan):
                         quiet = 0 if skipped else -Runs.STRIDE
                     continue
             quiet = Runs.STRIDE if due else 0
-            if due or (kind == ipv4 and ethernet and _usual(data, start, captured)) or _relevant(
-                data, start, start + captured, links[interface], original, ports
-            ):  # fmt: skip
-                frame = view[start : start + captured].tobytes()
+            link_type, behind = links[interface], start + captured
+            wanted = due or (kind == ipv4 and ethernet and _usual(data, start, captured))
+            wanted = wanted or _relevant(data, start, behind, link_type, original, ports)
+            if not wanted and senders and (kind in tags or not ethernet):
+                wanted = news(data, start, behind, number, link_type)
+            if wanted:
+                frame = view[start:behind].tobytes()
                 found.append((number, interface, high, low, original, frame))
-                self.paused = not due and _sets_up(data, start, start + captured, links[interface])
+                self.paused = not due and self._sets_up(data, start, behind, link_type)
                 if len(found) == BATCH:
                     break
         if number > self.frames:  # a block says at its end, too, how long it is

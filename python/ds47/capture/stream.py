@@ -284,6 +284,11 @@ class Window:
         self.base = 0
         self.broken: str | None = None
 
+    def close(self) -> None:
+        """Nothing is read any more. An analysis that is over may keep the window for a while, in a cycle."""
+        self.data = bytearray(PADDING)
+        self.view, self.end = memoryview(self.data), 0
+
     def large_file(self, least: int) -> int | None:
         """As `Stream.large_file`."""
         stream = self._stream

@@ -33,8 +33,9 @@ class Walk:
         self._scan.tcp(ports)
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Let go of the file, and of what was read of it."""
         self._batches.close()
+        self._window.close()
 
     @property
     def _offset(self) -> int:
