@@ -11,6 +11,7 @@ local dp = require("ds47.profibus.dp")
 local drive_objects = require("ds47.profidrive.drive_objects")
 local drives = require("ds47_ws.drives")
 local entries = require("ds47.support.later").entries
+local link = require("ds47.profinet.link")
 local parameter = require("ds47.profidrive.parameter")
 local pkw = require("ds47.cyclic.transactions")
 local plc = require("ds47.report.plc")
@@ -90,29 +91,12 @@ local function the_analysis()
   return current
 end
 
--- Where the network layer begins, and the MAC addresses
-
--- Source of a frame whose network layer begins at `offset`: Ethernet, or a cooked header. VLAN tags have 4
--- bytes, so what is left of the offset tells the link type.
 local function source_mac(frame, offset)
-  if offset % 4 == 2 and offset >= 14 then
-    return mac_texts[sub(frame, 7, 12)]
-  elseif offset >= 20 and byte(frame, 1) ~= 0 then
-    return byte(frame, 12) == 6 and mac_texts[sub(frame, 13, 18)] or nil
-  elseif offset >= 16 and sub(frame, 5, 6) == "\0\6" then
-    return mac_texts[sub(frame, 7, 12)]
-  end
-  return nil
+  local source = link.source(frame, offset)
+  return source and mac_texts[source]
 end
 
--- Source and destination; a cooked header knows the source only.
-local function mac_addresses(frame, offset)
-  local ethernet = offset % 4 == 2 and offset >= 14
-  return source_mac(frame, offset), ethernet and mac_texts[sub(frame, 1, 6)] or nil
-end
-
--- Places of the EtherType, and where what it tells begins: Ethernet, Linux cooked, Linux cooked 2.
-local LINK_HEADERS = { { 12, 14 }, { 14, 16 }, { 0, 20 } }
+local PROFINET = { [0x8892] = true }
 local STATIONS = { [0x8892] = "dcp", [0x88CC] = "lldp" }
 
 local function u16(data, offset)
@@ -121,16 +105,8 @@ local function u16(data, offset)
 end
 
 local function station_payload(frame)
-  for _, header in ipairs(LINK_HEADERS) do
-    local kind, at = u16(frame, header[1]), header[2]
-    while kind == 0x8100 or kind == 0x88A8 or kind == 0x9100 or kind == 0x9200 do
-      kind, at = u16(frame, at + 2), at + 4
-    end
-    if STATIONS[kind] then
-      return STATIONS[kind], at
-    end
-  end
-  return nil
+  local at, kind = link.network(frame, STATIONS)
+  return STATIONS[kind], at
 end
 
 -- Stations wait, because what tells the analysis something new makes it forget its complete result, and in
@@ -167,7 +143,8 @@ local function note_station(number, frame, kind, at)
     return
   end
   local payload = sub(frame, at + 1)
-  local source, destination = mac_addresses(frame, at)
+  local source, receiver = source_mac(frame, at), link.receiver(frame, at)
+  local destination = receiver ~= "" and mac_texts[receiver] or nil
   local key = (source or "") .. (destination or "") .. kind
   local content = kind == "dcp" and sub(payload, 1, 4) .. sub(payload, 9) or payload -- not the transaction id
   if told[key] == content then
@@ -666,11 +643,12 @@ function M.request_of(finding)
 end
 
 --- Where the words of a cyclic frame stand: {at (where its data begins), source, receiver and frame_id (which
--- its relations have)}, nil where it is too short. There may be a VLAN tag.
+-- its relations have)}, nil of a frame that is none.
 function M.cyclic_place(frame)
-  local at = sub(frame, 13, 14) == "\x81\x00" and 20 or 16
-  local id = u16(frame, at - 2)
-  return id and { at = at, source = sub(frame, 7, 12), receiver = sub(frame, 1, 6), frame_id = id } or nil
+  local at = link.network(frame, PROFINET)
+  local id = at and u16(frame, at)
+  local source, receiver = id and link.source(frame, at), id and link.receiver(frame, at)
+  return id and { at = at + 2, source = source, receiver = receiver, frame_id = id } or nil
 end
 
 --- The same of a frame of PROFIBUS: nil where it is none of data exchange.

@@ -16,6 +16,7 @@ local connect = require("ds47.profinet.connect")
 local entries = require("ds47.support.later").entries
 local flat = require("ds47.support.flat").copy
 local handshake = require("ds47.cyclic.handshake")
+local link = require("ds47.profinet.link")
 local operation = require("ds47.cyclic.operation")
 local relations = require("ds47.cyclic.relations")
 local rpc = require("ds47.profinet.rpc")
@@ -30,6 +31,7 @@ local concat, find, gsub, rep = table.concat, string.find, string.gsub, string.r
 local M = {}
 
 local ETHERTYPE, TAG = "\x88\x92", "\x81\x00"
+local KINDS = {[0x8892] = true}
 local DCP = 0xFE -- first byte of frame ids that are not cyclic
 local KEPT = 256 -- transactions that wait for the proof
 local PATIENCE = 8192 -- frames of what might be PZD that are looked at without a proof
@@ -581,16 +583,17 @@ end
 
 -- Frames
 
---- The row of an Ethernet frame and where its data begins, behind the frame id; nil of one that is not
--- watched. At most one VLAN tag: cyclic frames have no more.
+--- The row of a frame and where its data begins, behind the frame id; nil of one that is not watched. First
+-- what nearly all are: Ethernet with one VLAN tag at most.
 function Channels:row_of(frame)
-  local row = self.rows[sub(frame, 7, 16)]
-  if row then return row, 16 end
-  if sub(frame, 13, 14) == TAG then
-    row = self.rows[sub(frame, 7, 12) .. sub(frame, 17, 20)]
-    if row then return row, 20 end
+  local row, kind = self.rows[sub(frame, 7, 16)], sub(frame, 13, 14)
+  if row or kind == ETHERTYPE then return row, 16 end
+  if kind == TAG and sub(frame, 17, 18) == ETHERTYPE then
+    return self.rows[sub(frame, 7, 12) .. sub(frame, 17, 20)], 20
   end
-  return nil
+  local at = link.network(frame, KINDS)
+  local source = at and link.source(frame, at)
+  return source and self.rows[source .. ETHERTYPE .. sub(frame, at + 1, at + 2)], at and at + 2
 end
 
 -- What an end says in this frame: its words, and whether they are valid; nil where the capture cut them.
@@ -694,7 +697,7 @@ end
 
 -- Whether the frames of several sequences take turns: nothing is said of their relations any more.
 local function are_mixed(self, row, ends, frame, at, number, time)
-  local side, receiver = ends[1].side, sub(frame, 1, 6)
+  local side, receiver = ends[1].side, link.receiver(frame, at - 2)
   if not side.status or side.cycle_ns == 0 or #frame <= at + side.status then return false end
   local found = row.sequences[receiver]
   if found == nil then
@@ -735,7 +738,7 @@ function Channels:frame(row, frame, at, number, time)
   if row.follows and row.bytes ~= before then
     row.period, row.due = -1, 0
   end
-  local ends = row.shared and M.ends_to(row, sub(frame, 1, 6)) or row
+  local ends = row.shared and M.ends_to(row, link.receiver(frame, at - 2)) or row
   if are_mixed(self, row, ends, frame, at, number, time) then return end
   for place = 1, #ends do
     local each = ends[place]

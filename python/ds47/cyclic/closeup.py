@@ -10,8 +10,9 @@ from typing import Final, NamedTuple
 
 from ds47.capture import CaptureError, open_capture
 from ds47.capture.frame import Frame
-from ds47.capture.scan import ETHERNET, PROFINET, network_layer
+from ds47.capture.scan import PROFINET, network_layer
 from ds47.model import Relation
+from ds47.profinet.link import addresses
 
 REACH: Final = 4000
 """So many frames before and after the one are looked at."""
@@ -61,14 +62,13 @@ def closeup(path: str, relation: Relation, frame: int, half_ns: int) -> list[See
 
 
 def _seen(frame: Frame, relation: Relation) -> Seen | None:
-    if frame.link_type != ETHERNET:
-        return None
-    kind, at = network_layer(frame.data, 0, len(frame.data), ETHERNET)
-    sender = frame.data[6:12].hex(":"), int.from_bytes(frame.data[at : at + 2])
+    kind, at = network_layer(frame.data, 0, len(frame.data), frame.link_type)
+    source, receiver = addresses(frame)
+    sender = source, int.from_bytes(frame.data[at : at + 2])
     output, input_ = relation.output, relation.input
     for side, other, by_controller in ((output, input_, True), (input_, output, False)):
         words = frame.data[at + 2 + side.offset : at + 6 + side.offset]
-        to_it = frame.data[:6].hex(":") == other.mac or frame.data[0] & _GROUP
+        to_it = receiver in (None, other.mac) or frame.data[0] & _GROUP
         if kind == PROFINET and sender == (side.mac, side.frame_id) and to_it and len(words) == 4:
             raw = int.from_bytes(words[2:], signed=True)
             turned = by_controller and int.from_bytes(words[:2]) & _REVERSE

@@ -96,7 +96,7 @@ def dissect(
     else:
         return None
     if packet is not None:
-        packet.src_mac, packet.dst_mac = _addresses(frame)
+        packet.src_mac, packet.dst_mac = addresses(frame)
         if kind != IPV4:
             packet.missing = max(0, frame.original_length - len(data))
     return packet
@@ -149,7 +149,7 @@ def _tcp(datagram: ip.Datagram, frame: Frame) -> Packet | None:
     )  # fmt: skip
 
 
-def _addresses(frame: Frame) -> tuple[str | None, str | None]:
+def addresses(frame: Frame) -> tuple[str | None, str | None]:
     """Source and destination MAC address; a cooked header knows the source only."""
     data = frame.data
     if frame.link_type == ETHERNET:
