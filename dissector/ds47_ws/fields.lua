@@ -112,6 +112,7 @@ local FIELDS = {
   { "pzd.event.state", "State of the drive", "code", "drive_states" },
   { "pzd.event.overlays", "Beside the state", "string" },
   { "pzd.event.relation", "Relation", "uint32", "DEC" },
+  { "pzd.event.telegrams", "Telegrams", "string" },
 }
 
 -- The words of a drive, in each of its frames.

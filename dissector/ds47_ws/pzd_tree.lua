@@ -198,6 +198,7 @@ function M.add_event(put, root, found, record, lang)
     put.derive(below, "pzd.event.overlays", event.overlays[1] and concat(event.overlays, " "))
   end
   put.derive(below, "pzd.event.relation", found.number)
+  put.derive(below, "pzd.event.telegrams", relation.telegrams[1] and concat(relation.telegrams, " "))
   types.add_peers(put, below, relation)
   put.derive(below, "slot", relation.slot)
   put.derive(below, "subslot", relation.subslot)

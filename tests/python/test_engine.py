@@ -26,7 +26,8 @@ from ds47.capture import CaptureError, open_capture
 from ds47.capture.scan import ETHERNET, SLL, SLL2
 from ds47.capture.writer import PcapngWriter
 from ds47.cyclic.named import parse
-from ds47.model import CaptureResult, Finding, Transaction
+from ds47.findings.times import FrameTimes
+from ds47.model import CaptureResult, Event, Finding, Transaction
 from ds47.parameters.lists import ParameterList, Row
 from ds47.profibus.bus import PROFIBUS_DL, USER0
 from ds47.profidrive import Options
@@ -725,3 +726,48 @@ def test_durations_are_exact(ns: int | None) -> None:
 def test_what_is_no_time() -> None:
     with pytest.raises(ValueError, match="no time"):
         units.nanoseconds("yesterday")
+
+
+def test_events_of_drives_and_where_they_are_come_from_the_plugin(
+    ready: Callable[..., Engine],
+) -> None:
+    path = CAPTURES / "cyclic-does-not-start.pcapng"
+    native, found = analyze(path), ready("tshark").analyze(path)
+    ((line,), (told,)) = native.timelines, found.timelines
+    assert len(told.events) == len(line.events) == 9
+    assert (told.events, told.relation) == (line.events, 1)
+    assert engine.differences(native, found) == []
+
+
+def test_events_that_differ_are_differences() -> None:
+    native = analyze(CAPTURES / "cyclic-does-not-start.pcapng")
+    (line,), (relation,) = native.timelines, native.relations
+
+    def kinds(events: list[Event], **other: Any) -> list[str]:
+        moved = replace(relation, **other)
+        found = replace(native, timelines=[replace(line, events=events)], relations=[moved])
+        return [each.kind for each in engine.differences(native, found)]
+
+    events = line.events
+    assert kinds(events) == []
+    assert kinds(events[:-1]) == ["event"]
+    assert kinds([*events[:-1], events[-1]._replace(frame=1)]) == ["event"]
+    assert kinds([*events[:-1], events[-1]._replace(after=0)]) == ["event"]
+    assert kinds(events, telegrams=[2]) == ["event"]
+    assert kinds(events, slot=3) == ["event", "event"]  # gone there, new here
+
+
+def test_a_drive_that_only_the_plugin_knows_is_a_difference() -> None:
+    native = analyze(CAPTURES / "cyclic-does-not-start.pcapng")
+    told = {
+        "frame": 1, "relation": 2, "device": "192.0.2.9", "slot": 1, "subslot": 1, "telegrams": [1],
+        "name": "first", "word": "STW1", "before": None, "after": 0x047F, "state": None, "overlays": (),
+    }  # fmt: skip
+
+    class Kept:
+        numbers, shift, times = [7], 0, FrameTimes(10)
+
+    found = replace(native, **engine._Original(Kept(), native).drives([told]))  # type: ignore[arg-type]
+    assert [each.device for each in found.relations] == [native.relations[0].device, "192.0.2.9"]
+    assert [each.frame for each in found.timelines[1].events] == [7]
+    assert any("192.0.2.9 slot 1.1" in each.text for each in engine.differences(native, found))

@@ -361,7 +361,7 @@ class Comparison:
 
     def _events(self) -> Iterator[Change]:
         """What happened to each drive, in its order; nothing where the stored result has no timeline."""
-        olds, news = _timelines(self._old), _timelines(self._new)
+        olds, news = (_timelines(each, self.same_file) for each in (self._old, self._new))
         for place in olds.keys() | news.keys() if olds else ():
             old, new = olds.get(place, []), news.get(place, [])
             if old == new:
@@ -461,15 +461,23 @@ class Comparison:
         return say(key, **values).text(self._lang)
 
 
-def _timelines(result: Json) -> dict[str, list[tuple[Any, ...]]]:
-    """The events of each drive by device and place; frames and times are those of one recording."""
+def _timelines(result: Json, same_file: bool) -> dict[str, list[tuple[Any, ...]]]:
+    """The events of each drive by device and place; frames, telegrams and times are those of one recording."""
     relations = result.get("relations", [])
     found: dict[str, list[tuple[Any, ...]]] = {}
     for each in result.get("timelines", []):
         relation = relations[each["relation"] - 1]
         place = f"{relation['device']} slot {relation['slot']}.{relation['subslot']}"
+        telegrams = relation["telegrams"] if same_file else None
         found.setdefault(place, []).extend(
-            (event["name"], event["word"], event["before"], event["after"], event["state"])
+            (
+                event["name"],
+                event["word"],
+                event["before"],
+                event["after"],
+                event["state"],
+                *((event["frame"], telegrams) if same_file else ()),
+            )
             for event in each["events"]
         )
     return found
@@ -479,7 +487,7 @@ def _event(event: tuple[Any, ...] | None) -> str:
     """`STW1 047E -> 047F on`: an event by its id, as JSON has it."""
     if event is None:
         return "-"
-    name, word, before, after, _ = event
+    name, word, before, after = event[:4]
     if word is None:
         return str(name)
     return f"{word} {'' if before is None else f'{before:04X} -> '}{after:04X} {name}"

@@ -2,8 +2,8 @@
 
 The native engine reads the capture and keeps the frames that may matter; only those go through
 tshark, and their numbers are put back into what it says. What the plugin does not show (counts,
-devices, S7, findings of rules that only the analyzer has) is that of the native engine. `both`
-compares the two: a difference is a finding (DS601).
+devices, S7, drives without an event, findings of rules that only the analyzer has) is that of the
+native engine. `both` compares the two: a difference is a finding (DS601).
 Running tshark is in `shark`, reading its answer in `fields`.
 """
 
@@ -27,7 +27,20 @@ from ds47.capture.stream import Stream
 from ds47.capture.writer import PcapngWriter, nearest
 from ds47.findings.collection import Findings
 from ds47.findings.times import FrameTimes
-from ds47.model import S7, SIEMENS, CaptureResult, Finding, Read, Transaction
+from ds47.model import (
+    PZD,
+    S7,
+    SEEN,
+    SIEMENS,
+    CaptureResult,
+    Event,
+    Finding,
+    Read,
+    Relation,
+    Side,
+    Timeline,
+    Transaction,
+)
 from ds47.parameters import table
 from ds47.profibus.bus import LINK_TYPES
 from ds47.regression.compare import Change, compare
@@ -126,7 +139,8 @@ class Engine:
         transactions = [original.transaction(item) for item in shown.transactions]
         findings = [original.finding(each) for each in shown.findings]
         wanted = [each for each in findings if self._findings.wanted(each.rule)]
-        return _joined(native, transactions, wanted), errors
+        told = replace(native, **original.drives(shown.events))
+        return _joined(told, transactions, wanted), errors
 
     def _told(self, extract: Path) -> tshark.Answer:
         """What tshark says of the frames that were kept."""
@@ -169,6 +183,7 @@ def _of_channels(told: Fields, channels: Sequence[str]) -> Fields:
             for each in told.findings
             if each["transaction"] in numbers
         ],
+        told.events,
     )
 
 
@@ -206,11 +221,7 @@ def _place(finding: Finding) -> tuple[int, str, int, int]:
 
 
 def differences(native: CaptureResult, found: CaptureResult, lang: str = "en") -> list[Change]:
-    """What differs between two results of one capture, in words of `lang`: was native, is tshark.
-
-    Events of drives are no difference: what they lead to is compared, the findings.
-    """
-    native, found = replace(native, timelines=[]), replace(found, timelines=[])
+    """What differs between two results of one capture, in words of `lang`: was native, is tshark."""
     # One file: compare() then compares frames and times too.
     one_file = {"sha256": "the same"}
     stored, now = report.capture(native) | one_file, report.capture(found) | one_file
@@ -328,6 +339,7 @@ class _Original:
     """Puts what the plugin cannot know into what it says: numbers and times, and that frames are lost."""
 
     def __init__(self, capture: _Extract, native: CaptureResult) -> None:
+        self._native = native
         self._numbers = capture.numbers
         self._shift = capture.shift
         self._times = capture.times
@@ -362,8 +374,34 @@ class _Original:
             finding.args["dropped"] = self._dropped and last
         return finding
 
+    def drives(self, events: list[Json]) -> Json:
+        """The relations and timelines of the native result, with what the plugin says of drives instead."""
+        relations = [copy(each) for each in self._native.relations]
+        lines = {each.relation: replace(each, events=[]) for each in self._native.timelines}
+        for each in events:
+            number, frame = each["relation"], self._numbers[each["frame"] - 1]
+            time_ns = self._times.of(frame) or 0
+            words = (each[key] for key in ("name", "word", "before", "after", "state", "overlays"))
+            if number > len(relations):
+                number = len(relations) + 1
+                relations.append(_of_plugin(each))
+            line = lines.setdefault(number, Timeline(number))
+            line.events.append(Event(frame, time_ns, *words))
+            for key in ("device", "slot", "subslot", "telegrams"):
+                setattr(relations[number - 1], key, each[key])
+        return {"relations": relations, "timelines": [lines[number] for number in sorted(lines)]}
+
     def _number(self, frame: int | None) -> int | None:
         return None if frame is None else self._numbers[frame - 1]
+
+
+def _of_plugin(event: Json) -> Relation:
+    """The relation of an event that the native engine does not have."""
+    nowhere = Side("", None, 0, 0)
+    return Relation(
+        PZD, "", event["device"], None, event["slot"], event["subslot"], event["telegrams"],
+        nowhere, nowhere, None, None, SEEN,
+    )  # fmt: skip
 
 
 def _frame(change: Change, native: CaptureResult, found: CaptureResult) -> int | None:

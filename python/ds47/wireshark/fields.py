@@ -1,7 +1,7 @@
 """What the Wireshark plugin says, as the dictionaries of the JSON report.
 
-Reads the output of `tshark -2 -R frame -T pdml` and builds the transactions and findings of
-`ds47.report/2` from the `ds47.*` fields. Knows the layout of the plugin's tree and nothing of the
+Reads the output of `tshark -2 -R frame -T pdml` and builds the transactions, the findings and the events of
+drives of `ds47.report/2` from the `ds47.*` fields. Knows the layout of the plugin's tree and nothing of the
 wire: what is compared with the analyzer here was decoded by the plugin. Running tshark is not here.
 """
 
@@ -24,7 +24,7 @@ from ds47.spec.codes import words
 from ds47.wireshark import described
 
 _PREFIX = "ds47."
-_TREE = "ds47"
+_TREES = ("ds47", "ds47_pzd")
 _EXACT = 2**53
 _OF_MESSAGE = ("request_reference", "axis")
 """What stands in a message, and not once more with the transaction."""
@@ -34,10 +34,15 @@ _SCALED_TEXT = ("date", "time_of_day")
 
 @dataclass(slots=True)
 class Fields:
-    """The transactions, by `id`, and the findings, in the order of the report, of one capture."""
+    """The transactions, by `id`, and the findings, in the order of the report, of one capture.
+
+    Each of the events of drives has `frame`, and of its relation `relation`, `device`, `slot`, `subslot` and
+    `telegrams` beside its own keys.
+    """
 
     transactions: list[dict[str, Any]] = field(default_factory=list)
     findings: list[dict[str, Any]] = field(default_factory=list)
+    events: list[dict[str, Any]] = field(default_factory=list)
 
 
 def read(source: str | Path | BinaryIO) -> Fields:
@@ -48,7 +53,9 @@ def read(source: str | Path | BinaryIO) -> Fields:
     """
     transactions: dict[int, dict[str, Any]] = {}
     findings: list[dict[str, Any]] = []
+    events: list[dict[str, Any]] = []
     for frame, tree in _trees(source):
+        events += [_event(frame, each) for each in tree.iter("field") if _name(each) == "pzd.event"]
         for item in tree.iterfind("field"):
             if _name(item) == "finding":
                 findings.append(_finding(frame, item))
@@ -61,7 +68,7 @@ def read(source: str | Path | BinaryIO) -> Fields:
     for transaction in ordered:
         about = {each["rule"] for each in findings if each["transaction"] == transaction["id"]}
         transaction["findings"] = sorted(about)
-    return Fields(ordered, findings)
+    return Fields(ordered, findings, events)
 
 
 def _trees(source: str | Path | BinaryIO) -> Iterator[tuple[int, Element]]:
@@ -75,7 +82,7 @@ def _trees(source: str | Path | BinaryIO) -> Iterator[tuple[int, Element]]:
             continue
         if element.tag == "field" and element.get("name") == "frame.number":
             frame = int(_show(element))
-        elif element.tag == "proto" and element.get("name") == _TREE:
+        elif element.tag == "proto" and element.get("name") in _TREES:
             yield frame, element
         elif element.tag == "packet":
             root.clear()
@@ -333,6 +340,24 @@ def _finding(frame: int, item: Element) -> dict[str, Any]:
         "frames": sorted({frame, *frames}),
         "transaction": _number(seen.get("finding.transaction")),
         "offset": _number(seen.get("finding.offset")),
+    }
+
+
+def _event(frame: int, item: Element) -> dict[str, Any]:
+    seen = {key.removeprefix("pzd.event."): text for key, text in _children(item).items()}
+    return {
+        "frame": frame,
+        "name": _coded("events", seen.get("name")),
+        "word": _coded("drive_words", seen.get("word")),
+        "before": _number(seen.get("before")),
+        "after": _number(seen.get("after")),
+        "state": _coded("drive_states", seen.get("state")),
+        "overlays": tuple(seen.get("overlays", "").split()),
+        "relation": int(seen["relation"]),
+        "device": _peer(seen, "device", "station"),
+        "slot": _number(seen.get("slot")),
+        "subslot": _number(seen.get("subslot")),
+        "telegrams": [int(each) for each in seen.get("telegrams", "").split()],
     }
 
 
