@@ -1258,6 +1258,10 @@ def _is_gap(case: Case, client: str, server: str) -> Iterator[str]:
         if who[0] == client and frame in (args.get("first"), args.get("last"))
     ]  # fmt: skip
     strays = [each.frame for each in case.reading.gaps.strays(client, server)]
+    strays += [
+        each.response.frame for each in case.reading.capture.calls
+        if each.response and each.response.frame < each.request.frame
+    ]  # fmt: skip
     if args.get("last") not in (*mine, *strays) or (args.get("first") or 0) >= args["last"]:
         yield "no calls are in these frames, one after the other"
     if args.get("numbers") not in [each.text for each in found]:

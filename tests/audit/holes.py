@@ -35,6 +35,7 @@ OF_COUNTS = {
     "DS904": {"area", "jobs"},
     "DS810": {"last"},
     "DS417": {"by"},  # the last one that the capture shows
+    "DS111": {"has"},  # the repeated request tells
 }
 """Arguments of a rule that follow from such a count."""
 NOTHING = (None, "sap_unknown", "1 x unknown address")
@@ -69,6 +70,7 @@ class Whole:
             self.told.setdefault((each.rule, each.frame), []).append(each)
         self.by_write = {(each.write, each.place): each for each in item.deals if each.write}
         self.first = _first_frames(item)
+        self.second = {each.frame for each in item.findings if each.rule == "DS111"}
         self.by_frame: dict[int, list[Deal]] = {}
         for deal in item.deals:
             for frame in deal.all_frames:
@@ -167,6 +169,8 @@ def _same(whole: Whole, deal: Deal, origin: list[int]) -> Deal | None:
 def _deal(
     whole: Whole, same: Deal | None, deal: Deal, cut: Reading, origin: list[int]
 ) -> Iterator[str]:
+    if same is None and deal.write is None and origin[deal.read or 0] in whole.second:
+        return  # a second response, of which the cut has not the first
     if same is None:
         yield f"no transaction of the whole has frame {origin[deal.write or deal.read or 0]}"
         return

@@ -447,9 +447,11 @@ local function test_retransmissions()
   feed_calls(tracker, {request, {body = "other"}, response})
   check("another body is a new call", heard(), "request:7 lost:7 request:7 response:7")
   check("unanswered", tracker.counts.unanswered, 1)
-  feed_calls(tracker, {response, {ptype = 2, body = "different"}})
+  feed_calls(tracker, {{ptype = 2, body = "different"}})
   check("a second response", heard(), "second_response:7")
-  check("responses", tracker.counts.responses, 3)
+  check("responses", tracker.counts.responses, 2)
+  feed_calls(tracker, {response, {ptype = 2, body = "different"}})
+  check("nothing is known behind one that came again", heard(), "")
 end
 
 local function test_expiry()

@@ -13,10 +13,8 @@ SMALL = ROOT / "captures/conversation-superseded-read.pcapng"
 FOLDERS = (".", "profibus", "s7-stacks")
 STORED = sorted(path for each in FOLDERS for path in (ROOT / "captures" / each).glob("*.pcapng"))
 FALSE_STILL = {
-    "diagnosis-half-captured-dropped.pcapng": {"DS110"},
     "transport-ip-fragments-incomplete.pcapng": {"DS101", "DS105"},
-    "transport-reused-numbers.pcapng": {"DS111", "DS413", "whole transaction"},
-    "transport-second-response.pcapng": {"DS111", "whole transaction"},
+    "transport-reused-numbers.pcapng": {"DS413", "whole transaction"},
     "profibus-bad-habits.pcapng": {"DS803"},
     "profibus-ms2.pcapng": {"DS803"},
     "identity_pure_cpp.pcapng": {"DS908"},
@@ -24,8 +22,7 @@ FALSE_STILL = {
 }
 """Captures of which cuts are told falsely, and where. A repair is noticed.
 
-A client that uses its numbers twice hides a hole behind the second time. A second response stands for the first
-where that is missing, and where the repeated request is, DS111 knows of none. Of whole exchanges of PROFIBUS that
+A client that uses its numbers twice hides a hole behind the second time. Of whole exchanges of PROFIBUS that
 are missing two by two nothing tells. A server refuses an item of a job that has none. A reset comes before CC.
 """
 SHARES = 8

@@ -229,11 +229,20 @@ def test_answered_calls_are_remembered_as_long_as_they_may_be_repeated() -> None
 
 def test_a_second_response() -> None:
     request, response = calls()
-    heard = Heard().feed(request, response, later(response, SECOND))
-    assert heard.names == ["request", "response"]
-    heard.feed(later(response, SECOND, body=b"other"))
+    heard = Heard().feed(request, response, later(response, SECOND, body=b"other"))
     assert heard.events[2:] == [("second", 0, 102)], "it belongs to no other call (P81)"
-    assert heard.tracker.counts["responses"] == 3
+    assert heard.tracker.counts["responses"] == 2
+
+
+def test_a_response_that_comes_again_without_its_request_hides_what_was_asked() -> None:
+    request, response = calls()
+    other = later(response, SECOND, body=b"other")
+    assert Heard().feed(request, response, later(response, 2), other).names == [
+        "request",
+        "response",
+    ]
+    asked = Heard().feed(request, response, later(request, 1), later(response, 2), other)
+    assert asked.names == ["request", "response", "retransmission", "second"]
 
 
 def test_a_second_response_that_is_a_fault() -> None:

@@ -10,7 +10,8 @@
 -- An activity is {newest = sequence number of its newest request, by_seq = its calls without a response,
 -- oldest and last = the ends of their chain, which is in the order of their requests, count = how many there
 -- are, server = the one that was called last, numbers = its sequence numbers (completeness.lua), anew = the
--- frame in which a number was there for another call: since then its client counts anew; 0 for none}.
+-- frame in which a number was there for another call: since then its client counts anew, doubled = that of a
+-- response that came again, though no request did: one is missing, or a new call is; each 0 for none}.
 
 local completeness = require("ds47.profinet.completeness")
 local ordered = require("ds47.support.ordered")
@@ -249,7 +250,7 @@ local function activity_of(self, pdu)
   else
     activity = {
       newest = pdu.seq, by_seq = {}, oldest = nil, last = nil, count = 0, server = nil,
-      numbers = completeness.numbers(pdu), anew = 0,
+      numbers = completeness.numbers(pdu), anew = 0, doubled = 0,
     }
     activities:set(key, activity)
     make_room(self)
@@ -357,7 +358,11 @@ local function answers_again(self, activity, pdu)
   if call == nil or is_over(self, activity, call, pdu) then
     return false
   end
-  if call.response.body ~= pdu.body then
+  if call.response.body == pdu.body then
+    if activity and not call.again then
+      activity.doubled = pdu.frame
+    end
+  elseif activity == nil or activity.doubled < call.request.frame then
     self.newest, self.asks_again = call, false
     self.handlers:second_response(call, pdu)
   end

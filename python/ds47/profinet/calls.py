@@ -54,10 +54,12 @@ class Activity:
     numbers: Numbers
     anew: int
     """The frame in which a number was there for another call: since then its client counts anew. 0 for none."""
+    doubled: int
+    """The frame of a response that came again, though no request did: one is missing, or a new call is. 0 for none."""
 
     def __init__(self, pdu: Pdu) -> None:
         self.newest = pdu.seq
-        self.anew = 0
+        self.anew = self.doubled = 0
         self.calls = {}
         self.server = ""
         self.numbers = Numbers(pdu)
@@ -287,7 +289,10 @@ class CallTracker:
         call = self._answered.get((pdu.client, pdu.activity, pdu.seq))
         if call is None or call.response is None or self._is_over(activity, call, pdu):
             return False
-        if call.response.body != pdu.body:
+        if call.response.body == pdu.body:
+            if activity is not None and not call.again:
+                activity.doubled = pdu.frame
+        elif activity is None or activity.doubled < call.request.frame:
             self._handlers.second_response(call, pdu)
         return True
 
