@@ -129,7 +129,17 @@ def check(
         same = _same(whole, deal, origin)
         settled = ended or (same is not None and same.answer is not None)
         settled = settled and not _given_away(whole, deal, origin)
-        for text in _deal(whole, same, deal, cut, origin) if not deal.cyclic and settled else ():
+        if deal.cyclic or not settled:
+            continue
+        if same is None:
+            strange = deal.write is not None or origin[deal.read or 0] not in whole.second
+            about = [
+                f"no transaction of the whole has frame {origin[deal.write or deal.read or 0]}"
+            ]
+            texts: Iterable[str] = about if strange else []
+        else:
+            texts = _deal(whole, same, deal, cut, origin)
+        for text in texts:
             yield Complaint("whole transaction", f"#{deal.id}", text)
     for finding in cut.findings if ended else ():
         if finding.rule not in OF_THE_RECORDING:
@@ -166,14 +176,7 @@ def _same(whole: Whole, deal: Deal, origin: list[int]) -> Deal | None:
     return next((each for each in there if each.place == deal.place), None)
 
 
-def _deal(
-    whole: Whole, same: Deal | None, deal: Deal, cut: Reading, origin: list[int]
-) -> Iterator[str]:
-    if same is None and deal.write is None and origin[deal.read or 0] in whole.second:
-        return  # a second response, of which the cut has not the first
-    if same is None:
-        yield f"no transaction of the whole has frame {origin[deal.write or deal.read or 0]}"
-        return
+def _deal(whole: Whole, same: Deal, deal: Deal, cut: Reading, origin: list[int]) -> Iterator[str]:
     allowed = {same.state, "orphan" if deal.write is None else "incomplete"}
     if same.state == "unanswered":
         allowed.add("superseded")  # the cut has not what ended the connection before

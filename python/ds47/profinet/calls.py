@@ -55,7 +55,7 @@ class Activity:
     anew: int
     """The frame in which a number was there for another call: since then its client counts anew. 0 for none."""
     doubled: int
-    """The frame of a response that came again, though no request did: one is missing, or a new call is. 0 for none."""
+    """The frame of a response that came again, though no request did: one is missing. 0 for none."""
 
     def __init__(self, pdu: Pdu) -> None:
         self.newest = pdu.seq
