@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Callable, Iterator
-from itertools import groupby
+from itertools import groupby, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -234,27 +234,59 @@ def _room(job: Job) -> int:
     return length - (12 + 16 * len(job.items) if job.write else 14 + 4 * len(job.items))
 
 
+def _full(job: Job) -> bool:
+    return 10 * sum(each.size for each in job.items) >= 9 * _room(job)
+
+
 def _follows(before: Job, job: Job, more: bool) -> bool:
     last, first = before.items[-1], job.items[0]
     since = before.answered or before.asked
     return (
         before.write is job.write and (last.area, last.db, last.end) == (first.area, first.db, first.start)
-        and 10 * sum(each.size for each in before.items) >= 9 * _room(before)
         and job.asked.time_ns - since.time_ns <= SECOND and not (more and len(before.items) > 1)
     )  # fmt: skip
+
+
+def _even(parts: list[Job]) -> bool:
+    """Pieces of one length, the last one perhaps shorter, none a single variable; each behind the answer before."""
+    sizes = [each.size for job in parts for each in job.items]
+    behind = all(a.answered and a.answered.number < b.asked.number for a, b in pairwise(parts))
+    alike = len(set(sizes[:-1])) == 1 and 0 < sizes[-1] <= sizes[0] and sizes[0] > 8
+    return len(parts) == len(sizes) and alike and behind
+
+
+def _halves(one: Job, two: Job) -> bool:
+    """Two halves of an area, both asked for before one of them is there."""
+    if len(one.items) != 1 or len(two.items) != 1 or one.write is not two.write:
+        return False
+    a, b = one.items[0], two.items[0]
+    beside = (a.area, a.db) == (b.area, b.db) and (a.end == b.start or b.end == a.start)
+    waits = one.answered is not None and one.answered.number > two.asked.number
+    return beside and waits and abs(a.size - b.size) <= 1 and min(a.size, b.size) > 8
 
 
 def areas(line: Line, by_client: bool) -> Iterator[list[Job]]:
     """Areas that were split: their jobs."""
     parts: list[Job] = []
+    closed = False
     for job in [each for each in line.jobs if each.by_client is by_client and each.items]:
-        if parts and _follows(parts[-1], job, len(parts) > 1):
+        more = bool(parts) and not closed and _follows(parts[-1], job, len(parts) > 1)
+        if more and (_full(parts[-1]) or _even([*parts, job])):
             parts.append(job)
-            continue
-        if len(parts) > 1 and all(each.good for each in parts):
-            yield parts
-        parts = [job]
-    if len(parts) > 1 and all(each.good for each in parts):
+            closed = not _full(job) and all(map(_full, parts[:-1]))
+        elif len(parts) == 1 and _halves(parts[0], job):
+            parts, closed = sorted((*parts, job), key=lambda each: each.items[0].start), True
+        else:
+            yield from _in_parts(parts)
+            parts, closed = [job], False
+    yield from _in_parts(parts)
+
+
+def _in_parts(parts: list[Job]) -> Iterator[list[Job]]:
+    if len(parts) < 2 or not all(each.good for each in parts):
+        return
+    if all(map(_full, parts[:-1])) or (len(parts) > 2 and _even(parts)) or _halves(parts[0], parts[1]) \
+            or _halves(parts[1], parts[0]):  # fmt: skip
         yield parts
 
 

@@ -6,8 +6,10 @@ Each is a few jobs of some clients in the order in which they were heard. All fi
 from __future__ import annotations
 
 import io
+import json
 import struct
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 import s7_segments as s7
@@ -191,3 +193,91 @@ def test_as_many_transfers_are_remembered() -> None:
     most = limits().s7_notes
     assert begun == [most + 1, most, most - 1]
     assert sum(each.rule == "DS910" for each in told) == most
+
+
+# Areas in parts (DS904): signs beside a full PDU
+
+
+def told(
+    *pieces: tuple[int, int], asked: bool = False, between: tuple[int, int] | None = None
+) -> list[str]:
+    """The areas in parts where a client reads these pieces, each by start and length.
+
+    `asked`: all are asked for before the first is there. `between`: read behind the first.
+    """
+    plant, open_still = Plant(1), []
+    for number, (start, length) in enumerate(pieces):
+        reference = plant.ask(0, start, length)
+        if asked:
+            open_still.append((reference, length))
+            continue
+        plant.tell(0, reference, bytes(length))
+        if number == 0 and between is not None:
+            plant.tell(0, plant.ask(0, *between), bytes(between[1]))
+    for reference, length in open_still:
+        plant.tell(0, reference, bytes(length))
+    return [str(each.args["area"]) for each in findings(plant) if each.rule == "DS904"]
+
+
+def test_pieces_of_one_length_behind_each_other_are_an_area() -> None:
+    assert told((0, 96), (96, 96), (192, 96)) == ["DB1.DBB0..287"]
+    assert told((0, 96), (96, 96), (192, 96), (288, 5)) == ["DB1.DBB0..292"]
+    assert told((0, 9), (9, 9), (18, 9)) == ["DB1.DBB0..26"]
+
+
+@pytest.mark.parametrize(
+    "pieces",
+    [
+        ((0, 96), (96, 96)),  # two may be two
+        ((0, 96), (96, 50)),
+        ((0, 96), (96, 95), (191, 96)),
+        ((0, 96), (96, 96), (192, 97)),  # the last one is longer
+        ((0, 96), (97, 96), (193, 96)),  # a byte is left out
+        ((192, 96), (96, 96), (0, 96)),
+        ((0, 8), (8, 8), (16, 8), (24, 8)),  # variables
+    ],
+)
+def test_other_pieces_are_none(pieces: tuple[tuple[int, int], ...]) -> None:
+    assert told(*pieces) == []
+
+
+def test_what_is_read_between_ends_an_area() -> None:
+    assert told((0, 96), (96, 96), (192, 96), between=(500, 4)) == []
+
+
+def test_pieces_that_are_open_together_are_none_but_for_halves() -> None:
+    assert told((0, 96), (96, 96), (192, 96), asked=True) == []
+    assert told((100, 50), (50, 50), asked=True) == ["DB1.DBB50..149"]
+    assert told((50, 50), (100, 51), asked=True) == ["DB1.DBB50..150"]
+    assert told((50, 50), (100, 52), asked=True) == []
+    assert told((50, 50), (101, 50), asked=True) == []
+    assert told((50, 50), (50, 50), asked=True) == []
+    assert told((0, 8), (8, 8), asked=True) == []
+    assert told((50, 50), (100, 50)) == []
+
+
+def test_halves_where_one_is_refused_are_none() -> None:
+    plant = Plant(1)
+    first, second = plant.ask(0, 0, 50), plant.ask(0, 50, 50)
+    plant.tell(0, first, bytes(50))
+    plant.say(0, False, s7.got(second, s7.entry(b"", 0x05)))
+    assert "DS904" not in {each.rule for each in findings(plant)}
+
+
+def test_each_area_that_s7connector_splits_is_told(shared: Path) -> None:
+    """It reads and writes in pieces of 96 bytes whatever the PDU has room for."""
+    path, log = (
+        shared / "captures/stacks/s7connector.pcapng",
+        shared / "captures/stacks/EXPECTED.jsonl",
+    )
+    asked = map(json.loads, log.read_text("utf-8").splitlines())
+    split = {
+        f"DB{each['db']}.DBB{each['start']}..{each['start'] + each['length'] - 1}"
+        for each in asked
+        if each["capture"] == "s7connector"
+        and each["op"] in ("read", "write")
+        and each["length"] > 2 * 96
+    }
+    areas = [each.args["area"] for each in analyze(path).findings if each.rule == "DS904"]
+    assert set(areas) == split
+    assert len(areas) == 10

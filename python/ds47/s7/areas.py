@@ -34,6 +34,10 @@ MOST = 1 << 16
 """Bytes of a memory: addresses behind it are looked at no more."""
 FULL = 90
 """Percent of the room of its PDU from which a job is a part of a larger area."""
+WIDEST = 8
+"""Bytes of the longest elementary data type: a longer piece is no single variable."""
+EVEN = 3
+"""Jobs of one length behind each other, the last one perhaps shorter, from which they are parts of one."""
 
 
 def byte_text(area: int, db: int, at: int) -> str:
@@ -153,6 +157,8 @@ class Splits:
     def __init__(self, most_ns: int, most: int) -> None:
         self._most_ns, self._most = most_ns, most
         self._parts: list[Part] = []
+        self._halves = False
+        """Whether these are two halves, both asked for before one was there."""
 
     def asked(self, part: Part) -> Whole | None:
         """A GET or PUT was asked for; gives the area that is complete by that."""
@@ -160,27 +166,43 @@ class Splits:
         if before and len(before) < self._most and self._continues(part.job):
             before.append(part)
             return None
+        if len(before) == 1 and _are_halves(before[0].job, part.job):
+            self._parts, self._halves = sorted((*before, part), key=_start), True
+            return None
+        found = self.finish()
         self._parts = [part]
-        return _whole(before)
+        return found
 
     def over(self, job: Job) -> Whole | None:
         """A job is over; gives the area of which it is the last part, as it does not fill its PDU."""
-        if not self._parts or self._parts[-1].job is not job or (job.state == OK and fills(job)):
+        parts = self._parts
+        if not any(each.job is job for each in parts):
+            return None
+        if self._halves:
+            return None if any(each.job.phase == "open" for each in parts) else self.finish()
+        if parts[-1].job is not job or (job.state == OK and (fills(job) or _are_even(parts))):
             return None
         return self.finish()
 
     def finish(self) -> Whole | None:
         """Nothing more comes."""
         parts, self._parts = self._parts, []
-        return _whole(parts)
+        halves, self._halves = self._halves, False
+        if len(parts) < 2 or any(each.job.state != OK for each in parts):
+            return None
+        full = all(fills(each.job) for each in parts[:-1])
+        return Whole(parts) if halves or full or len(parts) >= EVEN else None
 
     def _continues(self, job: Job) -> bool:
-        """Whether a job begins where the one before ends, and that one filled its PDU."""
+        """Whether a job begins where the one before ends, and that one filled its PDU, or all have one length."""
         last = self._parts[-1].job
-        if job.operation != last.operation or not job.items or not last.items:
+        if self._halves or job.operation != last.operation or not job.items or not last.items:
             return False
         before, behind = last.items[-1].address, job.items[0].address
-        if before is None or behind is None or before.end != behind.start or not fills(last):
+        if before is None or behind is None or before.end != behind.start:
+            return False
+        even = behind.length <= before.length and len(job.items) == 1 and _are_even(self._parts)
+        if not (fills(last) or (even and last.answered is not None)):
             return False
         unsettled = last.state in (UNANSWERED, INCOMPLETE) and last.phase == "open"
         if last.state != OK and not unsettled:
@@ -197,6 +219,35 @@ class Splits:
         return before.area == behind.area and before.db == behind.db
 
 
+def _are_even(parts: Sequence[Part]) -> bool:
+    """Whether all parts have one item of one length, which is no single variable."""
+    lengths = {
+        each.address.length if each.address is not None else 0
+        for part in parts for each in part.job.items
+    }  # fmt: skip
+    single = all(len(part.job.items) == 1 for part in parts)
+    return single and len(lengths) == 1 and min(lengths) > WIDEST
+
+
+def _start(part: Part) -> int:
+    address = part.job.items[0].address
+    return 0 if address is None else address.start
+
+
+def _are_halves(one: Job, two: Job) -> bool:
+    """Whether two jobs, the first of them still open, are for two halves of an area: equal but for one byte."""
+    if one.phase != "open" or one.operation != two.operation:
+        return False
+    if len(one.items) != 1 or len(two.items) != 1:
+        return False
+    a, b = one.items[0].address, two.items[0].address
+    if a is None or b is None or (a.area, a.db) != (b.area, b.db) or a.area in ELEMENTS:
+        return False
+    if min(a.length, b.length) <= WIDEST:
+        return False
+    return abs(a.length - b.length) <= 1 and (a.end == b.start or b.end == a.start)
+
+
 def fills(job: Job) -> bool:
     """Whether a job has so much data that its PDU has no room for more; never without the setup."""
     length, items, size = job.connection.pdu_length, job.items, 0
@@ -207,7 +258,3 @@ def fills(job: Job) -> bool:
             size += each.address.length
     room = s7.room(job.operation, length, len(items))
     return room > 0 and 100 * size >= FULL * room
-
-
-def _whole(parts: list[Part]) -> Whole | None:
-    return Whole(parts) if len(parts) > 1 and all(each.job.state == OK for each in parts) else None
