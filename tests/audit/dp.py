@@ -84,6 +84,10 @@ class Heard:
         return SERVICES.get((slave, master), "ms2" if master == 50 and slave <= 48 else "")
 
 
+def _is_silent(asked: Heard) -> bool:
+    return asked.da == ALL or asked.fc & 15 in SILENT
+
+
 @dataclass
 class Turn:
     """A request, and what followed it."""
@@ -103,7 +107,7 @@ class Turn:
 
     @property
     def silent(self) -> bool:
-        return self.asked.da == ALL or self.asked.fc & 15 in SILENT
+        return _is_silent(self.asked)
 
 
 @dataclass
@@ -269,7 +273,7 @@ def _look_ahead(turn: Turn, later: list[Heard], taken: set[int], waited: set[int
             turn.cut, whole = True, False
         elif each.damage:
             turn.broken += [each.number] * (not passed)
-        elif each.token:
+        elif each.token or (each.asks and _is_silent(each)):
             passed = True
         elif each.asks:
             at_once = before.data == each.data  # directly behind itself FCV does not matter

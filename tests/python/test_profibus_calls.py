@@ -152,6 +152,17 @@ def test_what_nobody_answers_is_over_at_once() -> None:
     assert [each.silent for each in exchanges([control, control], line)] == [True, True]
 
 
+def test_a_request_is_repeated_behind_a_broadcast() -> None:
+    """The master sends it before the retry: the request has its answer, and is none without."""
+    control = telegram.encode(127, 2, 0x46, b"\x20\x00", 58, 62)
+    talk = Talk().ask(WRITE).add(control).ask(WRITE, repeated=True).answer()
+    broadcast, found = exchanges(talk.frames)
+    assert (broadcast.silent, broadcast.request.frame) == (True, 2)
+    assert (found.request.frame, found.retried, found.answer and found.answer.frame) == (1, 1, 4)
+    last, first = exchanges(Talk().ask(WRITE).add(control).ask("").frames)[:2]
+    assert (last.silent, first.answer, first.unfinished) == (True, None, False)
+
+
 def test_what_is_counted() -> None:
     line, good = Line(), telegram.encode(2, 3, 0x00)
     damaged = good[:-1] + b"\x17"

@@ -87,8 +87,13 @@ function Line:_request(seen)
     open.due, open.retried = true, true
     return nil
   end
-  self.open = nil
   local row, key = tables.profibus.request[item.code], way(item.sa, item.da)
+  if item.da == ALL_STATIONS or row ~= nil and row.silent then -- the one before may be repeated behind it
+    self.last = nil
+    if open then open.due = false end
+    return {request = seen, answer = nil, due = true, again = false, silent = true}
+  end
+  self.open = nil
   local last = self.counted[key]
   if open and open.request.item.fcv == 1 and not open.retried then
     self.gone[open.request.item.da] = seen.frame
@@ -99,17 +104,10 @@ function Line:_request(seen)
   end
   self.counted[key] = item.fcv == 1 and item.fcb or nil
   local exchange = {
-    request = seen, answer = nil, due = true, again = again,
-    silent = item.da == ALL_STATIONS or row ~= nil and row.silent or false,
+    request = seen, answer = nil, due = true, again = again, silent = false,
   }
-  self.last = not exchange.silent and item.data or nil
-  if not exchange.silent then
-    self.open = exchange
-    return open
-  elseif open then
-    return open, exchange
-  end
-  return exchange
+  self.last, self.open = item.data, exchange
+  return open
 end
 
 -- Whether an answer is one to a request: SC names nobody, others have stations and SAPs turned round.

@@ -60,7 +60,7 @@ class Exchange:
     due: bool
     """Whether the next such frame may be that: none was there since the newest request, and no token."""
     passed: bool
-    """Whether a token came behind it and its retries: the master waits no more."""
+    """Whether a token or a broadcast came behind it and its retries: the master waits no more."""
     unfinished: bool
     """Whether the recording ended before that and before another request: its answer may be missing for that."""
 
@@ -203,12 +203,14 @@ class Line:
             if over.retried <= MOST_RETRIES:
                 over.retries.append(seen)
             return ()
+        if front.silent:  # the request before it may be repeated behind it
+            self._last = None
+            if over is not None:
+                over.passed, over.due = True, False
+            return (Exchange(seen, silent=True),)
         again = front.fcv == 1 and self._last is not None and self._last.data == item.data
-        exchange = Exchange(seen, again, front.silent)
+        exchange = Exchange(seen, again)
         exchange.hole = self._count(seen, again)
-        if exchange.silent:
-            self._open = self._last = None
-            return (exchange,) if over is None else (over, exchange)
         self._last = item
         self._open = exchange
         return () if over is None else (over,)
