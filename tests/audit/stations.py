@@ -12,7 +12,7 @@ from typing import Any
 
 from tests.audit import dp
 from tests.audit.claims import Case
-from tests.audit.dp import Line, Turn
+from tests.audit.dp import Heard, Line, Turn
 from tests.audit.page import near, whole
 from tests.audit.reading import Complaint, Reading
 
@@ -35,6 +35,13 @@ FLAGS = {
 
 
 # One station
+
+REFUSED = {1: "UE", 2: "RR", 3: "RS"}
+
+
+def _is_refused(turn: Turn) -> bool:
+    told = turn.answer
+    return told is not None and not told.short and told.fc & 15 in REFUSED
 
 
 class Station:
@@ -87,9 +94,17 @@ class Station:
         fresh = [each.asked.number for each in self.start_ups()]
         return _forward(
             two.asked.time_ns - one.asked.time_ns
-            for one, two in pairwise(self.exchanges())
+            for one, two in pairwise(self._asked_for_data())
             if not two.again and not any(one.asked.number < at < two.asked.number for at in fresh)
         )
+
+    def _asked_for_data(self) -> list[Turn]:
+        """The exchanges, and those that it refused."""
+        mine = {each.asked.number for each in self.exchanges()}
+        return [
+            each for each in self.turns
+            if each.asked.number in mine or (each.asked.service == "exchange" and _is_refused(each))
+        ]  # fmt: skip
 
     def answers(self) -> list[int]:
         return _forward(
@@ -672,6 +687,51 @@ def _set_again(case: Case, station: Station) -> Iterator[str]:
     yield from case.wrong("last", lasts[0] if lasts else None)
 
 
+def _no_exchange(case: Case, station: Station) -> Iterator[str]:
+    """Refused data exchanges of one kind, and what was before the first of them."""
+    name, args = case.args.get("answer"), case.args
+    kinds: dict[str, list[tuple[int, dict[str, Any]]]] = {}
+    for turn in station.turns:
+        told = turn.answer
+        if turn.asked.service != "exchange" or told is None or not _is_refused(turn):
+            continue
+        if REFUSED[told.fc & 15] == name:
+            true = _before_refusal(station, turn.asked)
+            kinds.setdefault(true["case"], []).append((told.number, true))
+    mine = kinds.get(args.get("case", ""), [])
+    yield from _are(case, [frame for frame, _ in mine])
+    for key, value in (mine[0][1] if mine else {}).items():
+        yield from case.wrong(key, value)
+
+
+def _before_refusal(station: Station, asked: Heard) -> dict[str, Any]:
+    """Which data exchange was the last one since Set_Prm, and what its watchdog says of the time since then."""
+    begin = max(
+        (each.asked.number for each in station.start_ups() if each.asked.number < asked.number),
+        default=0,
+    )
+    data = [each.asked for each in station.exchanges() if begin < each.asked.number < asked.number]
+    nothing = {"last": None, "gap": None, "watchdog": None, "frame": None}
+    if not data:
+        return {"case": "exchange_none", **nothing}
+    last, set_up = data[-1], station.before(station.start_ups(), asked.number)
+    gap_ns, watchdog = asked.time_ns - last.time_ns, _watchdog(set_up.asked.du) if set_up else None
+    hidden = any(last.number < each <= asked.number for each in station.holes())
+    if not watchdog or gap_ns <= 0 or hidden or set_up is None:
+        return {"case": "exchange_since", **nothing, "last": last.number}
+    case = "exchange_late" if gap_ns > watchdog * 10**6 else "exchange_in_time"
+    told = {"gap": gap_ns / 1e6, "watchdog": watchdog, "frame": set_up.asked.number}
+    return {"case": case, "last": last.number, **told}
+
+
+def _watchdog(set_prm: bytes) -> int | None:
+    """Milliseconds; None where it is off."""
+    if len(set_prm) < 3 or not set_prm[0] & 0x08:
+        return None
+    fine = len(set_prm) > 7 and set_prm[7] & 0x84 == 0x84
+    return (1 if fine else 10) * set_prm[1] * set_prm[2]
+
+
 def _lengths(case: Case, station: Station) -> Iterator[str]:
     args, frames = case.args, []
     for turn in station.exchanges():
@@ -749,4 +809,5 @@ AUDITORS: dict[str, Auditor] = {
     "DS801": _check_bytes, "DS802": _damage, "DS803": _repeats, "DS804": _no_answer, "DS805": _not_enabled,
     "DS806": _refused, "DS807": _polled, "DS808": _not_written, "DS809": _too_long, "DS810": _set_again,
     "DS811": _lengths, "DS812": _not_read, "DS813": _inconsistent, "DS814": _slave_diag, "DS815": _no_watchdog,
+    "DS816": _no_exchange,
 }  # fmt: skip

@@ -26,3 +26,15 @@ def test_a_read_that_was_too_short_leaves_the_response_in_the_drive(field: Path)
     assert told == (
         "WRREC DONE, STATUS 00000000; RDREC ERROR, STATUS DE80B100; RDREC VALID, STATUS 00000000, LEN 22"
     )
+
+
+def test_data_exchange_that_came_too_late_is_refused(field: Path) -> None:
+    result = result_of(field / "data-exchange-refused.txt")
+    (told,) = [each for each in result.findings if each.rule == "DS816"]
+    assert told.args == {
+        "device": "dp8", "count": 3, "answer": "RS", "case": "exchange_late", "gap": 182.0,
+        "watchdog": 50, "last": 17, "frame": 5, "frames": [20, 22, 40],
+    }  # fmt: skip
+    (station,) = [each for each in result.bus.stations if each.address == 8] if result.bus else []
+    assert station.cycle is not None
+    assert station.cycle.most_ns == 182_000_000

@@ -13,7 +13,7 @@ import pytest
 
 from ds47.analysis import analyze
 from ds47.lab import captured
-from ds47.lab.fdl import FIRST, frame
+from ds47.lab.fdl import FIRST, NO_RESOURCE, NOT_ENABLED, frame
 from ds47.lab.master import NO_DPV1, PPO3, SET_PRM, Master
 from ds47.lab.master import READY as DIAGNOSIS
 from ds47.model import BusStation, CaptureResult, Finding
@@ -385,6 +385,40 @@ def test_parameters_again_after_data_exchange() -> None:
     assert finding.frame == last + 4
 
 
+@pytest.mark.parametrize(
+    ("wait", "told"),
+    [
+        (400, {"case": "exchange_late", "watchdog": 300, "frame": 3}),
+        (250, {"case": "exchange_in_time", "watchdog": 300, "frame": 3}),
+    ],
+)
+def test_data_exchange_that_is_refused(wait: int, told: dict[str, Any]) -> None:
+    wire = running()
+    last = wire.exchange(STATION) - 1
+    wire.wait(wait)
+    for code in (NOT_ENABLED, NOT_ENABLED, NO_RESOURCE):
+        wire.ask(STATION, "00" * 12)
+        wire.tell(STATION, code=code)
+    rs, rr = [each for each in found(wire) if each.rule == "DS816"]
+    assert {key: rs.args[key] for key in told} == told
+    assert (rs.args["last"], rs.args["count"], rs.args["answer"]) == (last, 2, "RS")
+    assert wait < rs.args["gap"] < wait + 5
+    assert (rr.args["answer"], rr.args["count"], rr.frame) == ("RR", 1, rs.frame + 4)
+
+
+def test_data_exchange_that_is_refused_from_the_begin() -> None:
+    wire = Master()
+    wire.start(STATION)
+    wire.ask(STATION, "00" * 12)
+    at = wire.tell(STATION, code=NOT_ENABLED)
+    finding = one(wire, "DS816")
+    assert (finding.frame, finding.args["case"], finding.args["last"]) == (
+        at,
+        "exchange_none",
+        None,
+    )
+
+
 def test_data_of_another_length_than_configured() -> None:
     wire = running()
     at = wire.exchange(STATION, "00" * 12, "00" * 4)
@@ -470,7 +504,7 @@ def test_no_watchdog() -> None:
 
 def test_every_rule_of_the_bus_has_a_test() -> None:
     told = [each for each in rules() if each.startswith("DS8")]
-    assert told == [f"DS{number}" for number in range(801, 816)]
+    assert told == [f"DS{number}" for number in range(801, 817)]
     text = Path(__file__).read_text(encoding="utf-8")
     assert [each for each in told if f'"{each}"' not in text] == []
 

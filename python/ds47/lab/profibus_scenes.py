@@ -208,6 +208,25 @@ def parameters_twice(master: Master) -> None:
     running(master)
 
 
+@BOOK.scene(
+    "DS816: a data exchange comes 400 ms after the one before; the watchdog is 300 ms",
+    rules="DS816",
+)
+def exchange_refused(master: Master) -> None:
+    """The watchdog of the station runs out, as its master is too slow."""
+    running(master).wait(400)
+    for _ in range(2):
+        master.ask(MOTOR, "00" * 12)
+        master.tell(MOTOR, code=fdl.NOT_ENABLED)
+
+
+@BOOK.scene("Near DS816: a data exchange comes 290 ms after the one before")
+def exchange_in_time(master: Master) -> None:
+    """The master is slow, and not too slow for the watchdog."""
+    running(master).wait(290)
+    going(master)
+
+
 @BOOK.scene("DS811: 4 bytes of inputs, where Chk_Cfg says 12", rules="DS811")
 def other_lengths(master: Master) -> None:
     """The station answers with the data of PPO3, and was configured with PPO1."""

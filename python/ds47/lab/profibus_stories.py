@@ -229,7 +229,7 @@ def ppo3_and_records(master: Master) -> None:
 # Lines
 
 
-@BOOK.scene("three stations, and what is near to fifteen rules; none of them speaks", OK_READ)
+@BOOK.scene("three stations, and what is near to sixteen rules; none of them speaks", OK_READ)
 def healthy(master: Master) -> None:
     """A line without a fault."""
     _started(master, FIRST, SECOND)
@@ -274,8 +274,8 @@ def bad_line(master: Master) -> None:
 
 
 @BOOK.scene(
-    "nobody reads the diagnosis that station 3 asks for; it leaves data exchange, and is started again",
-    rules="DS810 DS812",
+    "nobody reads the diagnosis that station 3 asks for; it refuses data exchange, and is started again",
+    rules="DS810 DS812 DS816",
 )  # fmt: skip
 def dropped_out(master: Master) -> None:
     """A station that asks for help in vain, and starts again."""
@@ -286,6 +286,8 @@ def dropped_out(master: Master) -> None:
         master.exchange(SECOND, PZD_ALONE, PZD_ALONE)
         master.token()
         master.wait(CYCLE)
+    master.ask(FIRST, PZD_ALONE)
+    master.tell(FIRST, code=fdl.NOT_ENABLED)
     master.start(FIRST, configured=PPO3, told=FAULTY)
     for _ in range(5):
         _cycle(master, FIRST, SECOND)

@@ -19,6 +19,8 @@ from ds47.spec.statuses import status_hex
 
 _NOT_ENABLED: Final = 3
 """The code of an answer that says that the SAP is not enabled (RS)."""
+_REFUSALS: Final = {1: "UE", 2: "RR", 3: "RS"}
+"""The codes of answers that refuse a request, by their names."""
 _OF_RECORDS = (dp.RECORD, dp.ALARM)
 _FAULTS = {"prm_fault": "diag_prm_fault", "cfg_fault": "diag_cfg_fault"}
 
@@ -66,6 +68,8 @@ class Judge:
         if answer.item.front.code == _NOT_ENABLED and item.dsap is not None:
             self._not_enabled(station, item.dsap, service, answer.frame)
         if dp.refuses(answer.item):
+            if service == dp.EXCHANGE:
+                self._exchange_refused(station, exchange.request, answer)
             return
         if service == dp.EXCHANGE:
             self._lengths(station, item.du, answer)
@@ -149,6 +153,28 @@ class Judge:
             set_up_in = station.parameters_frame
         args = {"sap": sap, "case": case, "frame": set_up_in}
         self._note("DS805", station.address, frame, args, (sap, case, set_up_in))
+
+    def _exchange_refused(self, station: Station, request: Seen, answer: Seen) -> None:
+        """Data exchange is over for the station; whether its watchdog may have ended it, the first time shows."""
+        last, set_up = station.last_exchange, _set_up(station)
+        args: dict[str, Any] = {
+            "answer": _REFUSALS[answer.item.front.code],
+            "case": "exchange_none",
+        }
+        if last is not None:
+            args |= {"case": "exchange_since", "last": last.frame}
+            gap_ns = request.time_ns - last.time_ns
+            watchdog = None if set_up is None else set_up.watchdog_ms
+            if watchdog and gap_ns > 0 and station.hole <= last.frame:
+                late = gap_ns > watchdog * 1_000_000
+                args["case"] = "exchange_late" if late else "exchange_in_time"
+                args |= {
+                    "gap": gap_ns / 1e6,
+                    "watchdog": watchdog,
+                    "frame": station.parameters_frame,
+                }
+        key = args["answer"], args["case"]
+        self._note("DS816", station.address, answer.frame, args, key)
 
     def _lengths(self, station: Station, outputs: bytes, answer: Seen) -> None:
         """Empty outputs are those of a master that holds its slaves safe; SC has no inputs."""

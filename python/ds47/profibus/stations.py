@@ -117,6 +117,8 @@ class Station:
     """Bytes of the last data exchange, to it and from it."""
     last_exchange: Seen | None = None
     """Since its last Set_Prm."""
+    last_asked: Seen | None = None
+    """The same, of those that it refused, too."""
     wanting: Wanting = field(default_factory=Wanting)
     parameters: dp.Parameters | None = None
     parameters_frame: int | None = None
@@ -271,6 +273,8 @@ def _keep(station: Station, exchange: Exchange, answer: Seen) -> None:
     name, item = exchange.request.item.front.service, answer.item
     station.unsure.discard(name)
     if dp.refuses(item):
+        if name == dp.EXCHANGE:
+            _cycle(station, exchange)
         return
     if name == dp.EXCHANGE:
         if item.front.exchanges or item.kind == SC:  # SC: of a station without inputs
@@ -280,7 +284,7 @@ def _keep(station: Station, exchange: Exchange, answer: Seen) -> None:
         assert isinstance(told, dp.Parameters)
         station.parameters, station.parameters_frame = told, exchange.request.frame
         station.parameters_master = exchange.request.item.sa
-        station.last_exchange = None
+        station.last_exchange = station.last_asked = None
     elif name == dp.CONFIGURATION:
         station.configuration = dp.configuration(exchange.request.item.du)
         station.configuration_frame = exchange.request.frame
@@ -327,11 +331,17 @@ def _count(station: Station, exchange: Exchange) -> None:
         station.answers.add(answer.time_ns - last.time_ns)
 
 
+def _cycle(station: Station, exchange: Exchange) -> None:
+    """Since the data exchange before, also where the station refuses this one: it may have waited too long."""
+    seen, last = exchange.request, station.last_asked
+    if last is not None and not exchange.again:
+        station.cycles.add(seen.time_ns - last.time_ns)
+    station.last_asked = seen
+
+
 def _exchanged(station: Station, exchange: Exchange, answer: Seen) -> None:
-    seen = exchange.request
-    if station.last_exchange is not None and not exchange.again:
-        station.cycles.add(seen.time_ns - station.last_exchange.time_ns)
-    station.last_exchange = seen
+    _cycle(station, exchange)
+    station.last_exchange = exchange.request
     station.exchanges += 1
-    station.lengths = len(seen.item.du), len(answer.item.du)
+    station.lengths = len(exchange.request.item.du), len(answer.item.du)
     station.wanting.answered(answer.item.front.wants, answer.frame)
