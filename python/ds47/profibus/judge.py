@@ -158,7 +158,7 @@ class Judge:
         """Data exchange is over for the station; whether its watchdog may have ended it, the first time shows."""
         last, set_up = station.last_exchange, _set_up(station)
         args: dict[str, Any] = {
-            "answer": _REFUSALS[answer.item.front.code],
+            "answer": _REFUSALS[answer.item.front.code or 0],
             "case": "exchange_none",
         }
         if last is not None:
