@@ -27,7 +27,7 @@ from ds47.capture.scan import ETHERNET, SLL, SLL2
 from ds47.capture.writer import PcapngWriter
 from ds47.cyclic.named import parse
 from ds47.findings.times import FrameTimes
-from ds47.model import CaptureResult, Event, Finding, Transaction
+from ds47.model import CHANNELS, CaptureResult, Event, Finding, Transaction
 from ds47.parameters.lists import ParameterList, Row
 from ds47.profibus.bus import PROFIBUS_DL, USER0
 from ds47.profidrive import Options
@@ -767,7 +767,7 @@ def test_a_drive_that_only_the_plugin_knows_is_a_difference() -> None:
     class Kept:
         numbers, shift, times = [7], 0, FrameTimes(10)
 
-    found = replace(native, **engine._Original(Kept(), native).drives([told]))  # type: ignore[arg-type]
+    found = replace(native, **engine._Original(Kept(), native).drives([told], CHANNELS))  # type: ignore[arg-type]
     assert [each.device for each in found.relations] == [native.relations[0].device, "192.0.2.9"]
     assert [each.frame for each in found.timelines[1].events] == [7]
     assert any("192.0.2.9 slot 1.1" in each.text for each in engine.differences(native, found))

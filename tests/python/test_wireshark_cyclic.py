@@ -267,6 +267,7 @@ def test_both_engines_say_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         AnalysisOptions(pkw_layouts=(("", "uss"),)),
         AnalysisOptions(pkw_layouts=(("192.168.133.33", "uss"),)),
         AnalysisOptions(channels=("pkw",)),
+        AnalysisOptions(channels=("pzd",)),
         AnalysisOptions(channels=("ds47",)),
     ):
         native = analyze(path, options)

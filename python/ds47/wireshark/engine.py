@@ -139,7 +139,7 @@ class Engine:
         transactions = [original.transaction(item) for item in shown.transactions]
         findings = [original.finding(each) for each in shown.findings]
         wanted = [each for each in findings if self._findings.wanted(each.rule)]
-        told = replace(native, **original.drives(shown.events))
+        told = replace(native, **original.drives(shown.events, self._options.channels))
         return _joined(told, transactions, wanted), errors
 
     def _told(self, extract: Path) -> tshark.Answer:
@@ -374,8 +374,10 @@ class _Original:
             finding.args["dropped"] = self._dropped and last
         return finding
 
-    def drives(self, events: list[Json]) -> Json:
+    def drives(self, events: list[Json], channels: Sequence[str]) -> Json:
         """The relations and timelines of the native result, with what the plugin says of drives instead."""
+        if PZD not in channels:
+            return {}
         relations = [copy(each) for each in self._native.relations]
         lines = {each.relation: replace(each, events=[]) for each in self._native.timelines}
         for each in events:
