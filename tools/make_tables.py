@@ -215,6 +215,8 @@ def _fallback() -> Iterator[str]:
     # The only text that no public function of the loader gives without its number filled in.
     fallback: dict[str, str] = spec._load("errors.toml")["fallback"]
     yield f"M.error_fallback = {literal({lang: fallback[lang] for lang in LANGUAGES})}"
+    yield f"M.error_of_maker = {literal({lang: spec.of_maker(lang) for lang in LANGUAGES})}"
+    yield f"M.error_makers = {{first = {spec.MAKERS[0]}, last = {spec.MAKERS[-1]}}}"
 
 
 def _vendors() -> Iterator[str]:

@@ -8,6 +8,8 @@ import pytest
 from test_real_stacks import result_of
 
 from ds47.report.plc import Witness
+from ds47.report.sentences import advice, sentence
+from ds47.spec import rules
 
 
 @pytest.fixture
@@ -38,3 +40,16 @@ def test_data_exchange_that_came_too_late_is_refused(field: Path) -> None:
     (station,) = [each for each in result.bus.stations if each.address == 8] if result.bus else []
     assert station.cycle is not None
     assert station.cycle.most_ns == 182_000_000
+
+
+def test_what_was_read_is_not_to_be_changed(field: Path) -> None:
+    result = result_of(field / "read-0x11.pcap")
+    assert {each.rule for each in result.findings} == {"DS410", "DS701"}
+    for each in result.findings:
+        assert advice(rules()[each.rule], each.args).startswith("0x11: the drive does not execute")
+
+
+def test_a_number_without_a_table_names_whose_manual_has_it(field: Path) -> None:
+    result = result_of(field / "vacon-10001.pcap")
+    told = [sentence(each) for each in result.findings if each.rule in ("DS410", "DS701")]
+    assert any("0x67: see the manual of the device, vendor 0x01BA" in each for each in told)

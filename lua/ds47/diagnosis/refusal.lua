@@ -164,7 +164,7 @@ local function index_and_count(refusal)
   return either and (code == 0x03 or address.pnu ~= 0)
 end
 
-local function rule_of(refusal, siemens)
+local function rule_of(refusal, siemens, change)
   local known, code = tables.known, refusal.code
   if code == known.axis_error then
     return "DS709"
@@ -172,7 +172,7 @@ local function rule_of(refusal, siemens)
     return "DS720"
   elseif siemens and known.commissioning[code] then
     return "DS718"
-  elseif known.running[code] or siemens and known.running_siemens[code] then
+  elseif change and (known.running[code] or siemens and known.running_siemens[code]) then
     return "DS719"
   elseif known.index_errors[code] and index_and_count(refusal) then
     return "DS717"
@@ -230,8 +230,9 @@ function M.add(remarks, job, refused, suggested)
     return
   end
   local siemens = job.peer.vendor_id == SIEMENS
+  local change = job.message ~= nil and job.message.operation == "change"
   for _, refusal in ipairs(refused) do
-    local rule = rule_of(refusal, siemens)
+    local rule = rule_of(refusal, siemens, change)
     if rule and not (rule == "DS709" and missing) then
       missing = missing or rule == "DS709"
       local args = args_of(job, rule, refusal)

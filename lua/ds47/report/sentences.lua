@@ -223,20 +223,28 @@ function M.words(rule, args, lang)
   return text
 end
 
---- What a rule advises; what is about the error number that was seen comes first.
+--- What a rule advises: what is about the error number that was seen first, about no other one.
 function M.advice(row, args, lang)
   local zh = lang == "zh"
   local text, colon = zh and row.advice_zh or row.advice, zh and "：" or ":"
-  local from = args.code and text:find(spec.error_hex(args.code) .. colon, 1, true)
-  if not from then
+  if not args.code then
     return text
   end
-  local to = text:find("0x%x%x" .. colon, from + 1) or #text + 1
-  local found = {}
-  for _, each in ipairs({text:sub(from, to - 1), text:sub(1, from - 1), text:sub(to)}) do
-    found[#found + 1] = each ~= "" and each:match("^%s*(.-)%s*$") or nil
+  local seen, first, others, from = spec.error_hex(args.code) .. colon, {}, {}, 1
+  while from <= #text do
+    local to = text:find("0x%x%x" .. colon, from + 1) or #text + 1
+    local part = text:sub(from, to - 1):match("^%s*(.-)%s*$")
+    if part:sub(1, #seen) == seen then
+      first[#first + 1] = part
+    elseif not part:find("^0x%x%x" .. colon) then
+      others[#others + 1] = part
+    end
+    from = to
   end
-  return concat(found, zh and "" or " ")
+  for _, part in ipairs(others) do
+    first[#first + 1] = part
+  end
+  return first[1] and concat(first, zh and "" or " ") or text
 end
 
 --- What a finding says.

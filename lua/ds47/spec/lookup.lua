@@ -71,7 +71,10 @@ local function error_words(code, lang, vendor_id)
   if vendor and vendor.errors[code] then return words(vendor.errors[code], code, lang) end
   if tables.errors[code] then return words(tables.errors[code], code, lang) end
   local text = words(tables.error_fallback, code, lang)
-  local usual = tables.vendors[1]
+  local usual, makers = tables.vendors[1], tables.error_makers
+  if vendor_id and vendor_id > 0 and not vendor and code >= makers.first and code <= makers.last then
+    return text .. M.fill(M.words(tables.error_of_maker, lang), {vendor = format("0x%04X", vendor_id)})
+  end
   local hint = not vendor_id and usual.errors[code]
   if not hint then return text end
   return text .. " (" .. usual.name .. ": " .. words(hint, code, lang) .. ")"

@@ -146,13 +146,14 @@ def not_seen(job: Job) -> Iterator[Remark]:
 def _rule(job: Job, refusal: Refusal) -> str | None:
     facts, code = known(), refusal.code
     siemens = job.peer.vendor_id == SIEMENS
+    change = job.message is not None and job.message.operation == "change"
     if code == facts.axis_error:
         return "DS709"
     if siemens and refusal.value is not None and refusal.value.values and _connector(refusal):
         return "DS720"
     if siemens and code in facts.commissioning:
         return "DS718"
-    if code in facts.running or (siemens and code in facts.running_siemens):
+    if change and (code in facts.running or (siemens and code in facts.running_siemens)):
         return "DS719"
     if code in facts.index_errors and _index_and_count(refusal):
         return "DS717"

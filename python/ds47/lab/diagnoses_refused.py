@@ -220,6 +220,14 @@ REFUSED_ROWS = (
         "DS410 DS719",
     ),
     Row(
+        "drive-running-read-not",
+        "A read that the operating state forbids",
+        "r0722 is read: error 0x11; nothing was to be changed",
+        [failed(read(1, message.address(722)), RUNNING)],
+        [READ_ERROR],
+        "DS410 DS701",
+    ),
+    Row(
         "connector-as-number",
         "A setpoint written into the connector of the setpoint",
         "p1070 := 50.0 as Float32: error 0x05",

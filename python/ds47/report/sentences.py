@@ -98,13 +98,15 @@ def words(rule: str, args: Mapping[str, Any], lang: str = "en") -> str:
 
 
 def advice(row: RuleText, args: Mapping[str, Any], lang: str = "en") -> str:
-    """What a rule advises; what is about the error number that was seen comes first."""
+    """What a rule advises: what is about the error number that was seen first, about no other one."""
     text, code = row.advice_zh if lang == "zh" else row.advice, args.get("code")
     if code is None:
         return text
     seen = tuple(error_hex(code) + colon for colon in ":：")
-    parts = sorted(_OF_ERROR.split(text), key=lambda part: not part.startswith(seen))
-    return ("" if lang == "zh" else " ").join(part.strip() for part in parts if part)
+    parts = [part.strip() for part in _OF_ERROR.split(text) if part]
+    wanted = [part for part in parts if part.startswith(seen)]
+    wanted += [part for part in parts if not _OF_ERROR.match(part)]
+    return ("" if lang == "zh" else " ").join(wanted or parts)
 
 
 def at_offset(offset: int | None, text: str, lang: str = "en") -> str:

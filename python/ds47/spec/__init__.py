@@ -11,7 +11,7 @@ from functools import cache, lru_cache
 from json import loads
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, cast
+from typing import Any, Final, cast
 
 from ds47.spec.rows import Row
 
@@ -327,6 +327,10 @@ def error_hex(code: int) -> str:
     return f"0x{code:02X}" if code <= 0xFF else f"0x{code:04X}"
 
 
+MAKERS: Final = range(0x65, 0x100)
+"""The error numbers of one byte that are the maker's, and not the profile's."""
+
+
 @lru_cache(maxsize=4096)
 def error_text(code: int | None, lang: str = "en", vendor_id: int | None = None) -> str:
     """What an error number means, in words (docs/protocol.md B).
@@ -346,8 +350,15 @@ def error_text(code: int | None, lang: str = "en", vendor_id: int | None = None)
     if code in errors():
         return _words(errors()[code], code, lang)
     text = _words(ErrorNumber(code=code, **_load("errors.toml")["fallback"]), code, lang)
+    if (vendor_id or 0) > 0 and vendor is None and code in MAKERS:
+        return text + of_maker(lang).format(vendor=f"0x{vendor_id:04X}")
     hint = vendors()[0].errors.get(code) if vendor_id is None else None
     return f"{text} ({vendors()[0].name}: {_words(hint, code, lang)})" if hint else text
+
+
+def of_maker(lang: str) -> str:
+    """What follows a number of a maker without a table: whose manual has it."""
+    return str(_load("errors.toml")["of_maker"]["zh" if lang == "zh" else "en"])
 
 
 def error_info_meaning(code: int) -> str:

@@ -1451,7 +1451,7 @@ def p43_count_without_blocks(client: Client) -> None:
 @BOOK.scene(
     "drive-error",
     row(1, par(21, error=(0, 0)), par(27, error=(0x6B, 3)), state="error"),
-    rules="DS410@4#1 DS410@4#1 DS719@4#1",
+    rules="DS410@4#1 DS410@4#1 DS701@4#1",
 )
 def p44_all_failed(client: Client) -> None:
     """Both parameters failed."""
@@ -1750,7 +1750,7 @@ BOOK.lab(
 @BOOK.scene(
     "drive-error malformed",
     row(1, real(1.5), par(27, error=(0x11, 0)), state="partial"),
-    rules="DS410@4#1 DS411@4#1 DS719@4#1",
+    rules="DS410@4#1 DS411@4#1",
 )
 def p45_positive_id(client: Client) -> None:
     """One of two failed, and the response id says that none did."""

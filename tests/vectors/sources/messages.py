@@ -1086,6 +1086,9 @@ def error_rows() -> Iterator[Row]:
             elif vendor is None and code in sinamics:
                 english += f" (SINAMICS: {sinamics[code][0]})"
                 chinese += f" (SINAMICS: {sinamics[code][1]})"
+            elif vendor == ANOTHER and 0x65 <= code <= 0xFF:
+                english += ": see the manual of the device, vendor 0xFEFE"
+                chinese += "：见该设备的手册，制造商 0xFEFE"
             info = profile[code][0] if code in profile else "unknown"
             yield {"code": code, "vendor_id": vendor, "en": english, "zh": chinese, "info": info}
 
