@@ -233,16 +233,16 @@ function M.advice(row, args, lang)
   local seen, first, others, from = spec.error_hex(args.code) .. colon, {}, {}, 1
   while from <= #text do
     local to = text:find("0x%x%x" .. colon, from + 1) or #text + 1
-    local part = text:sub(from, to - 1):match("^%s*(.-)%s*$")
-    if part:sub(1, #seen) == seen then
-      first[#first + 1] = part
-    elseif not part:find("^0x%x%x" .. colon) then
-      others[#others + 1] = part
+    local piece = text:sub(from, to - 1):match("^%s*(.-)%s*$")
+    if piece:sub(1, #seen) == seen then
+      first[#first + 1] = piece
+    elseif not piece:find("^0x%x%x" .. colon) then
+      others[#others + 1] = piece
     end
     from = to
   end
-  for _, part in ipairs(others) do
-    first[#first + 1] = part
+  for _, piece in ipairs(others) do
+    first[#first + 1] = piece
   end
   return first[1] and concat(first, zh and "" or " ") or text
 end
