@@ -77,6 +77,7 @@ def test_a_scenario_shows_its_own_diagnosis_or_none(name: str) -> None:
 
 SAYS: dict[str, tuple[int, str]] = {
     "refusal-not-seen": (4, "response ID 0x82, 0x01"),
+    "refusal-not-seen-state": (4, "response ID 0x81, 0x11"),
     "read-too-early": (2, "sent in frame 2, before the Write was answered in frame 3"),
     "nothing-was-asked": (6, "3 x Read"),
     "nothing-was-asked-elsewhere": (8, "1 x Read"),

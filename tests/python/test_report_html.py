@@ -743,8 +743,8 @@ def test_the_first_screen_says_what_matters(captures):
         'ds47.finding == "DS410"',
         "frame.number == 29 or frame.number == 33",
         "控制器使能时无修改权限",
-        "0x6B: remove the enable (OFF1, standstill) and repeat the change. 0x11: see",
-        "0x6B：取消使能（OFF1，静止）后重复修改。0x11：",
+        "0x6B: remove the enable (OFF1, standstill) and repeat the change.",
+        "0x6B：取消使能（OFF1，静止）后重复修改。",
     ):
         assert part in text, part
 

@@ -130,8 +130,7 @@ def test_five_thousand_equal_symptoms_are_one_line():
     assert lines[7:] == [
         "What to do",
         f"  DS719 error drive-running: {message} (5,000 times)",
-        "    -> 0x6B: remove the enable (OFF1, standstill) and repeat the change. 0x11: see in the parameter",
-        "       list in which state the parameter can be changed, and bring the drive there.",
+        "    -> 0x6B: remove the enable (OFF1, standstill) and repeat the change.",
         "    look at frame 1 (#1, 00:00:00.000): frame.number in {1..5}  (and 4,995 frames more)",
     ]
 

@@ -33,7 +33,7 @@ from ds47.capture import open_capture
 from ds47.capture.writer import PcapngWriter
 from ds47.diagnosis.suggest import corrected
 from ds47.lab.client import Client
-from ds47.report.sentences import at_offset, sentence
+from ds47.report.sentences import advice, at_offset, sentence
 from ds47.report.wrap import wrap
 from ds47.spec import rules
 from ds47.spec.statuses import status_text
@@ -117,7 +117,7 @@ def test_a_finding_says_its_sentence_in_its_expert_info_alone(tshark: Tshark) ->
 
 def test_a_finding_says_its_cause_and_what_to_do(tshark: Tshark) -> None:
     shown, row = below(tree(tshark, REFUSED), "DS410 "), rules()["DS410"]
-    for name, text in (("Cause", row.cause), ("What to do", row.advice)):
+    for name, text in (("Cause", row.cause), ("What to do", advice(row, {"code": 0x03}))):
         lines = wrap(f"{name}: {text}", 76, 4)
         at = shown.index(lines[0])
         assert shown[at : at + len(lines)] == lines

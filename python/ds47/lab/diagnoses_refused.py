@@ -116,6 +116,14 @@ REFUSED_ROWS = (
         "DS410 DS701",
     ),
     Row(
+        "refusal-not-seen-state",
+        "A read that the operating state forbids",
+        "r0722 is read: error 0x11; nothing was to be changed",
+        [failed(read(1, message.address(722)), RUNNING)],
+        [READ_ERROR],
+        "DS410 DS701",
+    ),
+    Row(
         "refusal-not-seen-not",
         "A refusal of the whole record",
         "the same change, refused at the Write: WRREC ends with ERROR, the program cannot miss it",
@@ -218,14 +226,6 @@ REFUSED_ROWS = (
         [failed(change(1, message.address(972), message.word(1)), RUNNING)],
         [CHANGE_ERROR],
         "DS410 DS719",
-    ),
-    Row(
-        "drive-running-read-not",
-        "A read that the operating state forbids",
-        "r0722 is read: error 0x11; nothing was to be changed",
-        [failed(read(1, message.address(722)), RUNNING)],
-        [READ_ERROR],
-        "DS410 DS701",
     ),
     Row(
         "connector-as-number",
