@@ -34,11 +34,12 @@ OF_COUNTS = {
     "DS902": {"size"},
     "DS904": {"area", "jobs"},
     "DS810": {"last"},
+    "DS816": {"last"},
     "DS417": {"by"},  # the last one that the capture shows
     "DS111": {"has"},  # the repeated request tells
 }
 """Arguments of a rule that follow from such a count."""
-NOTHING = (None, "sap_unknown", "1 x unknown address")
+NOTHING = (None, "sap_unknown", "1 x unknown address", "exchange_since", "exchange_none")
 """Arguments that say nothing."""
 ALIKE = {
     **dict.fromkeys(("DS401", "DS402"), "its AR was released"),  # the cut has not the Release
