@@ -242,6 +242,22 @@ def test_an_advice_is_about_the_error_number_that_was_seen():
     assert advice(item, {"code": 0x0A}) == "0x0A: load the data block, and check its number."
 
 
+def test_each_error_number_has_its_own_advice_and_the_rest_is_said_once():
+    def lines(rule, *codes):
+        findings = [refused(n, pnu=n, rule=rule, code=code) for n, code in enumerate(codes, 1)]
+        jobs = [handmade.transaction(id=n, state="error") for n in range(1, len(codes) + 1)]
+        told = grouped(*findings) if rule.startswith("DS7") else []
+        return " ".join(
+            " ".join(opening(capture(*jobs, findings=findings, diagnoses=told))).split()
+        )
+
+    told = lines("DS410", 0x84, 0x11, 0x85)
+    assert told.count("Look the parameter up") == told.count("-> 0x11: the drive does not") == 1
+    told = lines("DS719", 0x11, 0x6B)
+    assert told.count("-> 0x11: see in the parameter list") == 1
+    assert told.count("-> 0x6B: remove the enable") == 1
+
+
 def test_every_frame_is_kept_up_to_a_limit_and_the_rest_is_counted():
     most = known().frames
     (told,) = grouped(*(refused(n, job=1) for n in range(1, most + 4) for _ in "ab"))

@@ -8,7 +8,7 @@ report, by `watch`, `check` and `decode`; lua/ds47/report/sentences.lua says the
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from string import Formatter
 from typing import Any, Final
 
@@ -97,16 +97,27 @@ def words(rule: str, args: Mapping[str, Any], lang: str = "en") -> str:
     return text
 
 
-def advice(row: RuleText, args: Mapping[str, Any], lang: str = "en") -> str:
-    """What a rule advises: what is about the error number that was seen first, about no other one."""
+def advice(
+    row: RuleText, args: Mapping[str, Any], lang: str = "en", said: Collection[str] = ()
+) -> str:
+    """What a rule advises: what is about the error number that was seen first, about no other one.
+
+    What was `said` already (`advice_parts`) is left out.
+    """
+    parts = [part for part in advice_parts(row, args, lang) if part not in said]
+    return ("" if lang == "zh" else " ").join(parts)
+
+
+def advice_parts(row: RuleText, args: Mapping[str, Any], lang: str = "en") -> list[str]:
+    """The same, what is about an error number apart from the rest."""
     text, code = row.advice_zh if lang == "zh" else row.advice, args.get("code")
     if code is None:
-        return text
+        return [text]
     seen = tuple(error_hex(code) + colon for colon in ":：")
     parts = [part.strip() for part in _OF_ERROR.split(text) if part]
     wanted = [part for part in parts if part.startswith(seen)]
     wanted += [part for part in parts if not _OF_ERROR.match(part)]
-    return ("" if lang == "zh" else " ").join(wanted or parts)
+    return wanted or parts
 
 
 def at_offset(offset: int | None, text: str, lang: str = "en") -> str:

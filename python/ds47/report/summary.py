@@ -17,7 +17,7 @@ from ds47.report.clock import Clock
 from ds47.report.filters import display_filter
 from ds47.report.formatting import escape
 from ds47.report.places import Places
-from ds47.report.sentences import advice, sentence
+from ds47.report.sentences import advice, advice_parts, sentence
 from ds47.report.todo import More, answering, by_state, causes, is_lowered, uncovered
 from ds47.report.verdict import Counts, blind, told, verdict
 from ds47.report.wrap import fitted, wrap
@@ -115,19 +115,18 @@ class Opening:
 
     def _to_do(self, result: CaptureResult, rest: list[Finding], places: Places) -> Iterator[str]:
         several = len({each.device for each in result.transactions}) > 1
-        advised = ""
+        said: dict[str, set[str]] = {}
         for each in causes(result.diagnoses, OF_ONE_RULE):
             if isinstance(each, More):
                 yield from self._more(each)
                 continue
             yield from self._diagnosis(each, several)
-            yield from self._advice(each, advised)
+            yield from self._advice(each, said)
             if axes := answering(result, each):
                 yield from fitted("    " + self._say("answering", list=axes), self._width)
             yield from self._state(result, each)
             yield from self._look(each, places)
             yield from self._corrected(each)
-            advised = self._advised(each)
         if rest and result.diagnoses:
             yield "  " + self._paint("bold", self._say("other_findings_head"))
         yield from self._others(result, rest, places)
@@ -173,16 +172,15 @@ class Opening:
 
     def _others(self, result: CaptureResult, rest: list[Finding], places: Places) -> Iterator[str]:
         """The findings that no diagnosis covers, by what they have in common."""
-        advised = ""
+        said: dict[str, set[str]] = {}
         for each in causes(headlines(rest), OF_ONE_RULE):
             if isinstance(each, More):
                 yield from self._more(each)
                 continue
             yield from self._head(each, escape(sentence(each, self._lang)))
-            yield from self._advice(each, advised)
+            yield from self._advice(each, said)
             yield from self._state(result, each)
             yield from self._look(each, places)
-            advised = self._advised(each)
 
     def _more(self, item: More) -> Iterator[str]:
         known = self._options.rules.get(item.rule)
@@ -191,17 +189,24 @@ class Opening:
         line = self._say("more_causes", rule=item.rule, name=name, n=item.causes, times=times)
         yield from fitted("  " + line, self._width)
 
-    def _advised(self, item: Diagnosis) -> str:
-        """By what an advice is known: its rule, or the word that stands for those of other makers."""
-        return "advice_foreign" if is_lowered(item.rule, item.severity) else item.rule
+    def _advice(self, item: Diagnosis, said: dict[str, set[str]]) -> Iterator[str]:
+        """What to do, each part once for diagnoses of one rule that follow each other.
 
-    def _advice(self, item: Diagnosis, before: str) -> Iterator[str]:
-        """What to do, once for diagnoses of one rule that follow each other."""
-        key, known = self._advised(item), self._options.rules.get(item.rule)
-        if known is None or key == before:
+        `said`: those of the last one, by its rule, or by the word that stands for those of other makers.
+        """
+        known = self._options.rules.get(item.rule)
+        key = "advice_foreign" if is_lowered(item.rule, item.severity) else item.rule
+        before = said.pop(key, set())
+        said.clear()
+        if known is None:
             return
-        text = self._say(key) if key != item.rule else advice(known, item.args, self._lang)
-        for line in wrap("-> " + text, self._width - 4, 3):
+        if key != item.rule:
+            parts, text = [key], "" if before else self._say(key)
+        else:
+            parts = advice_parts(known, item.args, self._lang)
+            text = advice(known, item.args, self._lang, before)
+        said[key] = before.union(parts)
+        for line in wrap("-> " + text, self._width - 4, 3) if text else ():
             yield "    " + line
 
     def _look(self, item: Diagnosis, places: Places) -> Iterator[str]:
