@@ -96,13 +96,7 @@ local function source_mac(frame, offset)
   return source and mac_texts[source]
 end
 
-local PROFINET = { [0x8892] = true }
 local STATIONS = { [0x8892] = "dcp", [0x88CC] = "lldp" }
-
-local function u16(data, offset)
-  local high, low = byte(data, offset + 1, offset + 2)
-  return low and high * 256 + low
-end
 
 local function station_payload(frame)
   local at, kind = link.network(frame, STATIONS)
@@ -170,7 +164,7 @@ function M.hear_station(number, frame)
     return
   end
   local kind, at = station_payload(frame)
-  if kind == "lldp" or kind == "dcp" and (u16(frame, at) or 0) >= FIRST_DCP then
+  if kind == "lldp" or kind == "dcp" and (link.u16(frame, at) or 0) >= FIRST_DCP then
     note_station(number, frame, kind, at)
     if #stations > 0 then
       hand_over_stations()
@@ -645,8 +639,8 @@ end
 --- Where the words of a cyclic frame stand: {at (where its data begins), source, receiver and frame_id (which
 -- its relations have)}, nil of a frame that is none.
 function M.cyclic_place(frame)
-  local at = link.network(frame, PROFINET)
-  local id = at and u16(frame, at)
+  local at = link.network(frame, link.PROFINET)
+  local id = at and link.u16(frame, at)
   local source, receiver = id and link.source(frame, at), id and link.receiver(frame, at)
   return id and { at = at + 2, source = source, receiver = receiver, frame_id = id } or nil
 end

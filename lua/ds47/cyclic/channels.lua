@@ -31,7 +31,6 @@ local concat, find, gsub, rep = table.concat, string.find, string.gsub, string.r
 local M = {}
 
 local ETHERTYPE, TAG = "\x88\x92", "\x81\x00"
-local KINDS = {[0x8892] = true}
 local DCP = 0xFE -- first byte of frame ids that are not cyclic
 local KEPT = 256 -- transactions that wait for the proof
 local PATIENCE = 8192 -- frames of what might be PZD that are looked at without a proof
@@ -591,7 +590,7 @@ function Channels:row_of(frame)
   if kind == TAG and sub(frame, 17, 18) == ETHERTYPE then
     return self.rows[sub(frame, 7, 12) .. sub(frame, 17, 20)], 20
   end
-  local at = link.network(frame, KINDS)
+  local at = link.network(frame, link.PROFINET)
   local source = at and link.source(frame, at)
   return source and self.rows[source .. ETHERTYPE .. sub(frame, at + 1, at + 2)], at and at + 2
 end

@@ -7,10 +7,14 @@ local byte, sub = string.byte, string.sub
 
 local M = {}
 
+--- The EtherType of PROFINET, as `network` takes it.
+M.PROFINET = {[0x8892] = true}
+
 -- Places of the EtherType, and where what it tells begins: Ethernet, SLL, SLL2.
 local HEADERS = {{12, 14}, {14, 16}, {0, 20}}
 
-local function u16(data, offset)
+--- Unsigned, 16 bits, big-endian; nil where the data ends before.
+function M.u16(data, offset)
   local high, low = byte(data, offset + 1, offset + 2)
   return low and high * 256 + low
 end
@@ -19,9 +23,9 @@ end
 -- @param kinds EtherType -> something
 function M.network(frame, kinds)
   for _, header in ipairs(HEADERS) do
-    local kind, at = u16(frame, header[1]), header[2]
+    local kind, at = M.u16(frame, header[1]), header[2]
     while kind == 0x8100 or kind == 0x88A8 or kind == 0x9100 or kind == 0x9200 do
-      kind, at = u16(frame, at + 2), at + 4
+      kind, at = M.u16(frame, at + 2), at + 4
     end
     if kinds[kind] then
       return at, kind

@@ -134,10 +134,8 @@ class Judge:
         self._reads(job, remarks)
         if _is_change(job):
             self._written.settled(job, stray=False)
-        write = job.write_request
-        if job.read_response is not None:
-            pass  # refused (P34)
-        elif job.missing is not None and write is not None:
+        write = job.write_request if job.read_response is None else None  # else refused (P34)
+        if job.missing is not None and write is not None:
             remarks.append(Remark("DS110", write.frame, job.missing._asdict()))
         elif write is not None and not job.write_refused and not job.contested:
             change = _is_change(job)

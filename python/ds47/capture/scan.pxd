@@ -124,6 +124,12 @@ cdef class Scan:
     @cython.locals(count=Py_ssize_t)
     cdef list _compiled(self, data, Py_ssize_t end)
 
+    @cython.locals(cyclic=bint, senders=Py_ssize_t)
+    cdef bint _wants(
+        self, const unsigned char* data, Py_ssize_t start, Py_ssize_t end, long link_type, Py_ssize_t original,
+        Py_ssize_t number, unsigned char* rows, const unsigned char* ports
+    ) noexcept nogil
+
     @cython.locals(at=Py_ssize_t, rpc=Py_ssize_t, number=Py_ssize_t, fragment=Py_ssize_t)
     cdef bint _sets_up(
         self, const unsigned char* data, Py_ssize_t start, Py_ssize_t end, long link_type
@@ -156,8 +162,7 @@ cdef class PcapScan(Scan):
 
     @cython.locals(big=bint, header=Py_ssize_t, link_type=long, position=Py_ssize_t, number=Py_ssize_t,
                    last=Py_ssize_t, start=Py_ssize_t, captured=Py_ssize_t, original=Py_ssize_t,
-                   seconds="unsigned int", fraction="unsigned int", senders=Py_ssize_t, newest=Py_ssize_t,
-                   after=Py_ssize_t, cyclic=bint, wanted=bint)
+                   seconds="unsigned int", fraction="unsigned int", newest=Py_ssize_t, after=Py_ssize_t)
     cdef Py_ssize_t _walk(
         self, const unsigned char* data, Py_ssize_t end, const unsigned char* links,
         unsigned char* entries, Py_ssize_t count, Py_ssize_t most, unsigned char* rows,
@@ -169,8 +174,8 @@ cdef class PcapngScan(Scan):
 
     @cython.locals(big=bint, position=Py_ssize_t, number=Py_ssize_t, last=Py_ssize_t, total=Py_ssize_t,
                    interface=Py_ssize_t, captured=Py_ssize_t, original=Py_ssize_t, start=Py_ssize_t,
-                   link_type=long, high="unsigned int", low="unsigned int", senders=Py_ssize_t,
-                   newest=Py_ssize_t, after=Py_ssize_t, cyclic=bint, wanted=bint)
+                   link_type=long, high="unsigned int", low="unsigned int", newest=Py_ssize_t,
+                   after=Py_ssize_t)
     cdef Py_ssize_t _walk(
         self, const unsigned char* data, Py_ssize_t end, const unsigned char* links,
         unsigned char* entries, Py_ssize_t count, Py_ssize_t most, unsigned char* rows,

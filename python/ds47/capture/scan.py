@@ -665,6 +665,18 @@ class Scan:
             return False
         return found.is_news(data, at + 2, end, number // _sampled(number, self._senders))
 
+    def _wants(
+        self, data: Bytes, start: int, end: int, link_type: int, original: int, number: int,
+        rows: bytearray, ports: bytes,
+    ) -> bool:  # fmt: skip
+        """Whether the loop over bytes gives the frame data[start:end]; pauses behind what tells what to watch."""
+        cyclic = link_type == _ETHERNET and _is_rt(data, start, end - start)
+        if not cyclic and _relevant(data, start, end, link_type, original, ports):
+            self.paused = self._sets_up(data, start, end, link_type)
+            return True
+        senders = self._senders
+        return senders > 0 and _is_due(rows, data, start, end, number, senders, link_type)
+
     def _sets_up(self, data: Bytes, start: int, end: int, link_type: int) -> bool:
         """Whether a frame that matters may complete the response to a Connect, which tells what to watch.
 
@@ -794,7 +806,7 @@ class PcapScan(Scan):
     ) -> int:  # fmt: skip
         big, header, link_type = self._big, self._header, _u32(links, 0, True)
         position, number, last = self.position, self.frames, end - header
-        senders, newest = self._senders, -1
+        newest = -1
         while position <= last and count < most and not self.paused:
             captured = _u32(data, position + 8, big)
             start = position + header
@@ -803,13 +815,7 @@ class PcapScan(Scan):
             newest = position
             number += 1
             original, after = _u32(data, position + 12, big), start + captured
-            cyclic = link_type == _ETHERNET and _is_rt(data, start, captured)
-            wanted = not cyclic and _relevant(data, start, after, link_type, original, ports)
-            if wanted:
-                self.paused = self._sets_up(data, start, after, link_type)
-            elif senders:
-                wanted = _is_due(rows, data, start, after, number, senders, link_type)
-            if wanted:
+            if self._wants(data, start, after, link_type, original, number, rows, ports):
                 seconds, fraction = _u32(data, position, big), _u32(data, position + 4, big)
                 count = _note(
                     entries, count, number, 0, seconds, fraction, original, captured, start
@@ -936,7 +942,7 @@ class PcapngScan(Scan):
     ) -> int:  # fmt: skip
         big = self._big
         position, number, last = self.position, self.frames, end - 32
-        senders, newest = self._senders, -1
+        newest = -1
         while position <= last and count < most and not self.paused:
             total = _u32(data, position + 4, big)
             interface = _u32(data, position + 8, big)
@@ -952,13 +958,7 @@ class PcapngScan(Scan):
             number += 1
             link_type = _u32(links, 4 * interface, True)
             original, after = _u32(data, position + 24, big), start + captured
-            cyclic = link_type == _ETHERNET and _is_rt(data, start, captured)
-            wanted = not cyclic and _relevant(data, start, after, link_type, original, ports)
-            if wanted:
-                self.paused = self._sets_up(data, start, after, link_type)
-            elif senders:
-                wanted = _is_due(rows, data, start, after, number, senders, link_type)
-            if wanted:
+            if self._wants(data, start, after, link_type, original, number, rows, ports):
                 high, low = _u32(data, position + 12, big), _u32(data, position + 16, big)
                 count = _note(
                     entries, count, number, interface, high, low, original, captured, start
