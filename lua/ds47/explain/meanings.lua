@@ -14,7 +14,7 @@ local M = {}
 
 local ACCESS, PROTOCOL = 0x80, 0x81
 local READ, WRITE = 0xDE, 0xDF
-local NOBODY = 0x10000 -- no vendor's id: the text of the profile, or that of any maker's number
+local NOBODY = -1 -- no vendor's id: the text of the profile, or that of any maker's number
 -- First bytes of a status that no PDU has: the PLC made it up.
 local OF_PLC = {[0x00] = true, [0x40] = true, [0xC0] = true}
 
