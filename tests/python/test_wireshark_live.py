@@ -7,6 +7,7 @@ tshark reads a pipe, because tshark runs as an ordinary user (Wireshark 4.4 and 
 from __future__ import annotations
 
 import os
+import re
 import socket
 import subprocess
 import tempfile
@@ -83,8 +84,21 @@ def live(home: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
 
 
 def sent_and_shown(path: Path, wire: socket.socket, home: Path, *arguments: str) -> list[str]:
-    """What tshark prints of a capture that is sent again."""
-    frames = data_of(path)
+    """What tshark prints of a capture that is sent again, a line a frame.
+
+    On a busy machine some tsharks end without an error before they have read all that their dumpcap
+    announced. The plugin has no part in that: where frames are missing they are sent once more.
+    """
+    frames, shown = data_of(path), []
+    for _ in range(3):
+        shown = [line for line in sent_once(frames, wire, home, *arguments) if re.match(r"\d+\t", line)]
+        if len(shown) == len(frames):
+            break
+    return shown
+
+
+def sent_once(frames: list[bytes], wire: socket.socket, home: Path, *arguments: str) -> list[str]:
+    """The lines of a tshark that these frames are sent to."""
     with live(home, "-c", str(len(frames)), *arguments) as shark:
         for data in frames:
             wire.send(data)
@@ -107,6 +121,6 @@ def test_a_live_capture_is_decoded_as_the_stored_one(
     names = ("frame.number", "ds47.pnu", "ds47.value", "ds47.transaction", "ds47.pzd.event.name")
     fields = ["-T", "fields", *(part for name in names for part in ("-e", name))]
     stored = run(tmp_path, "-r", path, *fields).decode().splitlines()
-    shown = [line for line in sent_and_shown(path, wire, tmp_path, *fields) if line[:1].isdigit()]
+    shown = sent_and_shown(path, wire, tmp_path, *fields)
     assert len([line for line in stored if any(line.split("\t")[3:])]) > 6
-    assert [line for line in shown if "\t" in line] == stored
+    assert shown == stored
