@@ -91,7 +91,9 @@ def sent_and_shown(path: Path, wire: socket.socket, home: Path, *arguments: str)
     """
     frames, shown = data_of(path), []
     for _ in range(3):
-        shown = [line for line in sent_once(frames, wire, home, *arguments) if re.match(r"\d+\t", line)]
+        shown = [
+            line for line in sent_once(frames, wire, home, *arguments) if re.match(r"\d+\t", line)
+        ]
         if len(shown) == len(frames):
             break
     return shown
