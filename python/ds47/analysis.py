@@ -294,6 +294,7 @@ class Analysis:
         self._services.finish()
         self._pairing.finish(self._events.newest_ns)
         self._records.finish()
+        self._events.finish()
         self._cyclic.finish()
         self._operation()
         self._diagnose(capture)

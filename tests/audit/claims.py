@@ -378,6 +378,30 @@ def _nested(case: Case) -> Iterator[str]:
         yield "no IODWriteMultiple inside another one is in this frame"
 
 
+@auditor("DS209")
+def _unproven(case: Case) -> Iterator[str]:
+    reading = case.reading
+    ours = {(each.controller, each.device, each.ar) for each in reading.deals if each.index == 47}
+    left = [
+        each for each in reading.capture.records
+        if each.index == 47 and each.device == case.args.get("device")
+        and (each.controller, each.device, str(each.ar) if each.ar.int else None) not in ours
+    ]  # fmt: skip
+    yield from case.wrong("count", len(left))
+    alone = not any(each.asked for each in left)
+    yield from case.wrong("what", "unproven_responses" if alone else "unproven_calls")
+    if left and case.frame != (first := min(each.asked or each.answered or 0 for each in left)):
+        yield f"the first one is in frame {first}"
+    for each in left:
+        asked = message.request(each.data) if each.write else None
+        if each.api == 0x3A00 or (
+            asked is not None and asked.sound and not any(asked.rest) and asked.addresses
+            and asked.id in (*message.READS, *message.CHANGES)
+            and all(one.pnu and one.attribute in (0x10, 0x20, 0x30) for one in asked.addresses)
+        ):  # fmt: skip
+            yield f"frame {each.asked} shows that it is DS47"
+
+
 # Messages
 
 

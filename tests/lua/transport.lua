@@ -612,9 +612,9 @@ function Door:run(event)
   self.through[#self.through + 1] = event
 end
 
-function Door:send(name, ar, index, shaped)
+function Door:send(name, ar, index, proves)
   ar = ar or "AR"
-  if self.gate:admit(ar, index or 47, shaped, self) then
+  if self.gate:admit(ar, index or 47, proves, self) then
     self:run(name)
   else
     self.gate:hold(ar, name)
@@ -714,6 +714,9 @@ local function ear_of()
   end
   function ear.expected()
     return nil
+  end
+  function ear.is_of_drive()
+    return false
   end
   function ear.is_again()
     return false

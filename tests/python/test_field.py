@@ -53,3 +53,9 @@ def test_a_number_without_a_table_names_whose_manual_has_it(field: Path) -> None
     result = result_of(field / "vacon-10001.pcap")
     told = [sentence(each) for each in result.findings if each.rule in ("DS410", "DS701")]
     assert any("0x67: see the manual of the device, vendor 0x01BA" in each for each in told)
+
+
+def test_a_position_at_index_47_is_no_parameter_channel(field: Path) -> None:
+    result = result_of(field / "record47-position.pcap")
+    assert result.transactions == []
+    assert [(each.rule, each.args["count"]) for each in result.findings] == [("DS209", 82)]

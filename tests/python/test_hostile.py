@@ -408,7 +408,7 @@ def kept(run):
         "transactions": len(run._transactions),
         "open": len(run._records._index47.open),
         "held ARs": len(held),
-        "held": sum(map(len, held)),
+        "held": sum(len(each.events) for each in held),
         "messages": len(partial),
         "fragments": sum(len(each.parts) for each in partial),
         "given up": len(run._transport._fragments.given_up),

@@ -1,4 +1,4 @@
-"""The gate: index 47 waits until one message of its AR has the shape of the parameter channel."""
+"""The gate: index 47 waits until something of its AR proves that it is the parameter channel."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class Door(Index47):
         super().__init__(extra, waiting)
         self.through: list[object] = []
 
-    def send(self, name: object, ar: ArKey = AR, index: int = 47, shaped: bool = False) -> None:
-        self.pass_on(ar, index, partial(self.through.append, name), shaped=shaped)
+    def send(self, name: object, ar: ArKey = AR, index: int = 47, proves: bool = False) -> None:
+        self.pass_on(ar, index, partial(self.through.append, name), proves=proves)
 
 
 @pytest.mark.parametrize(
@@ -43,7 +43,7 @@ def test_what_waited_goes_first_and_in_its_order() -> None:
     door.send("a")
     door.send("b")
     assert door.through == []
-    door.send("proof", shaped=True)
+    door.send("proof", proves=True)
     assert door.through == ["a", "b", "proof"]
     door.send("after")
     assert door.through[3:] == ["after"]
@@ -58,25 +58,25 @@ def test_a_device_waits_until_its_ar_has_proved_itself() -> None:
     assert not door.waits(AR[0])
     assert not door.waits(AR[1][:-1])
     door.send("other", OTHER)
-    door.send("proof", shaped=True)
+    door.send("proof", proves=True)
     assert door.waits(AR[1])
-    door.send("proof", OTHER, shaped=True)
+    door.send("proof", OTHER, proves=True)
     assert not door.waits(AR[1])
 
 
 def test_each_ar_proves_itself() -> None:
     door = Door()
     door.send("other", OTHER)
-    door.send("proof", shaped=True)
+    door.send("proof", proves=True)
     assert door.through == ["proof"]
     assert not door.passes(OTHER, 47)
 
 
-@pytest.mark.parametrize("shaped", [True, False])
-def test_another_index_passes_and_proves_nothing(shaped: bool) -> None:
+@pytest.mark.parametrize("proves", [True, False])
+def test_another_index_passes_and_proves_nothing(proves: bool) -> None:
     door = Door()
     door.send("47")
-    door.send("b02f", index=0xB02F, shaped=shaped)
+    door.send("b02f", index=0xB02F, proves=proves)
     assert door.through == ["b02f"]
     assert not door.passes(AR, 47)
 
@@ -85,7 +85,7 @@ def test_the_oldest_event_of_an_ar_is_forgotten() -> None:
     door = Door(waiting=4)
     for number in range(6):
         door.send(number)
-    door.send("proof", shaped=True)
+    door.send("proof", proves=True)
     assert door.through == [2, 3, 4, 5, "proof"]
 
 
@@ -95,7 +95,7 @@ def test_the_oldest_ar_is_forgotten() -> None:
     for number, ar in enumerate(ars):
         door.send(number, ar)
     for ar in ars:
-        door.send("proof", ar, shaped=True)
+        door.send("proof", ar, proves=True)
     assert [name for name in door.through if name != "proof"] == [1, 2, 3, 4]
 
 
@@ -106,12 +106,12 @@ def test_all_together_may_wait_sixteen_times_as_long() -> None:
         for _ in range(20):
             door.send(ar, ar)
     for ar in ars:
-        door.send("proof", ar, shaped=True)
+        door.send("proof", ar, proves=True)
     assert {name for name in door.through if name != "proof"} == set(ars[1:])
 
 
 def test_an_event_that_passes_on_another_comes_behind_it() -> None:
     door = Door()
     door.pass_on(AR, 47, lambda: door.send("inner"))
-    door.send("proof", shaped=True)
+    door.send("proof", proves=True)
     assert door.through == ["inner", "proof"]

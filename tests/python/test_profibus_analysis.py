@@ -235,10 +235,12 @@ def on_a_line(*steps: tuple[str, str]) -> Master:
     return wire
 
 
-def reported(wire: Master, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> str:
+def reported(
+    wire: Master, tmp_path: Path, capsys: pytest.CaptureFixture[str], *options: str
+) -> str:
     path = tmp_path / "line.pcapng"
     path.write_bytes(captured(wire.stage))
-    main(["report", "--no-progress", "--plc", str(path)])
+    main(["report", "--no-progress", "--plc", *options, str(path)])
     return capsys.readouterr().out
 
 
@@ -263,7 +265,7 @@ def test_what_the_plc_saw_of_a_read_that_was_refused(
 def test_a_response_without_a_request_is_no_implicit_read(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    told = reported(on_a_line(("5e002ff0", ANSWER)), tmp_path, capsys)
+    told = reported(on_a_line(("5e002ff0", ANSWER)), tmp_path, capsys, "--index", "47")
     assert "#1 " in told
     assert "ReadImplicit" not in told
     assert "What 1 response belongs to" in " ".join(told.split())

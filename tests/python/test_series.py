@@ -198,7 +198,7 @@ def test_a_missing_file_ends_no_conversation_but_is_said(captures: Path, tmp_pat
 
 
 def test_an_orphan_behind_a_gap_says_why(captures: Path, tmp_path: Path) -> None:
-    frames = list(whole_frames(captures / "seed-g120-read.pcapng"))
+    frames = list(whole_frames(captures / "record-global.pcapng"))
     parts = pieces(tmp_path, frames, [0, len(frames) - 2])
     with Series([Part("a", str(parts[0])), Part("c", str(parts[2]), missing=1)]) as series:
         result = analyze(series)

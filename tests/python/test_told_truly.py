@@ -96,7 +96,8 @@ def test_a_parameter_whose_request_is_not_there_has_no_question_mark_for_a_numbe
     tmp_path: Path,
 ) -> None:
     def answered(client: Client) -> None:
-        client.accept_read(client.ask_read(), refused(1, message.error(0x6B)))
+        there = client.at(index=0xB02F)
+        client.accept_read(client.ask_read(there), refused(1, message.error(0x6B)), there)
 
     (finding,) = of(result_of(answered, tmp_path), "DS410")
     assert sentence(finding).startswith(

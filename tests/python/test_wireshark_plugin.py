@@ -735,8 +735,9 @@ def test_index_47_can_be_forbidden(tshark: Tshark) -> None:
 
 def test_index_47_can_be_forced(tshark: Tshark) -> None:
     path = CAPTURES["record-foreign.pcapng"]
-    assert tshark("-r", path, "-2", "-Y", "ds47") == ""
-    assert tshark("-r", path, "-2", "-Y", "ds47", "-o", "ds47.index_47:always") != ""
+    decoded = ("-r", path, "-2", "-Y", "ds47.transaction")
+    assert tshark(*decoded) == ""
+    assert tshark(*decoded, "-o", "ds47.index_47:always") != ""
 
 
 def test_another_index_can_be_ours(tshark: Tshark, make: Any) -> None:

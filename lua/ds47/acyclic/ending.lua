@@ -107,6 +107,7 @@ function M.result(live)
     over:conclude(job, job.remarks or live.judge:left_open(job, findings.frames_dropped))
   end
   add(findings, live.records:limits_reached())
+  add(findings, live.events:unproven())
   over.cyclic:finish()
   add(findings, over.conclusions:finish(function(device) return live:pkw_layout(device) end))
   local numbered = over.finished_jobs:numbered()

@@ -1,15 +1,17 @@
 -- Which record calls are ours (docs/pairing.md, "Which records are ours", P19 to P23).
 --
--- 0xB02E, 0xB02F and the indices a user names always are. Index 47 belongs to whoever made the module: what
--- comes on it waits here until one message of that AR has the shape of the parameter channel; then all of
--- it, in its order, goes on.
+-- 0xB02E, 0xB02F and the indices a user names always are. Index 47 belongs to whoever made the module, and
+-- devices that are no drives keep values there: what comes on it waits here until that AR proves to use the
+-- parameter channel; then all of it, in its order, goes on.
 --
 -- An AR is named by a key, which records.lua makes: controller, device, AR UUID (nil UUID for ReadImplicit).
 --
 -- An event is any table; whoever hands it in runs it (`runner:run(event)`). Where nothing has to wait no
 -- event is made at all: ask `admit` first.
 
+local kind_fits = require("ds47.profidrive.family").kind_fits
 local ordered = require("ds47.support.ordered")
+local parameter = require("ds47.profidrive.parameter")
 local records = require("ds47.profinet.records")
 local tables = require("ds47.spec.tables")
 
@@ -17,7 +19,34 @@ local M = {}
 
 local SHARED_INDEX = 47
 local ALWAYS = {0xB02E, 0xB02F}
-M.SHARED_INDEX = SHARED_INDEX
+M.SHARED_INDEX, M.ALWAYS = SHARED_INDEX, ALWAYS
+
+-- The response ids from here on are those of requests that were not done.
+local NEGATIVE = 0x80
+-- Flaws behind which nobody knows where a message ends: unknown id, unknown format, bytes missing.
+local ENDLESS = {DS302 = true, DS309 = true, DS315 = true, DS319 = true}
+-- Unknown attribute, PNU 0.
+local ADDRESSLESS = {DS305 = true, DS306 = true}
+
+-- Whether a message decodes to its end: behind that there are at most zeros.
+local function is_whole(message)
+  for _, flaw in ipairs(message.flaws) do
+    if ENDLESS[flaw.rule] or flaw.rule == "DS313" and message.rest:find("[^\0]") then
+      return false
+    end
+  end
+  return (message.parameter_count or 0) > 0
+end
+
+--- Whether a request is one by itself (P20): it decodes to its end, with known attributes and PNUs.
+function M.is_question(request)
+  for _, flaw in ipairs(request.flaws) do
+    if ADDRESSLESS[flaw.rule] then
+      return false
+    end
+  end
+  return is_whole(request)
+end
 
 local Gate = {}
 Gate.__index = Gate
@@ -52,6 +81,7 @@ function Gate.new(extra, waiting, forbid_47, waiting_ars, proven)
     most_events = waiting * (waiting_ars or tables.limits.waiting_ars),
     most_open = proven or tables.limits.proven_ars,
     open = ordered.new(), held = ordered.new(), events = 0,
+    unproven = ordered.new(), -- of ARs that do not wait any more, by device, as `unproven_devices` gives it
   }, Gate)
 end
 
@@ -60,7 +90,7 @@ function Gate:concerns(index)
   return self.ours[index] or false
 end
 
---- Whether a message with the right shape would open the gate.
+--- Whether a proof would open the gate.
 function Gate:needs_proof(ar, index)
   return not self.always[index] and not self.open.values[ar]
 end
@@ -81,8 +111,8 @@ function Gate:is_open(ar, index)
 end
 
 --- Whether an event of this AR may run now; false where it has to be held (`hold`).
--- A shaped message proves its AR: what waited for it runs first, through `runner`.
-function Gate:admit(ar, index, shaped, runner)
+-- With a proof (`proves`) what waited for it runs first, through `runner`.
+function Gate:admit(ar, index, proves, runner)
   local open = self.open
   if open.newest == ar then -- it spoke last
     return true
@@ -93,19 +123,82 @@ function Gate:admit(ar, index, shaped, runner)
   if self.always[index] then
     return true
   end
-  if shaped then
+  if proves then
     self:_prove(ar, runner)
     return true
   end
   return false
 end
 
---- Keeps an event until a shaped message of the same AR comes; for good if none does.
+--- Keeps an event until something proves the same AR; for good if nothing does.
 function Gate:hold(ar, event)
   if not self.held:get(ar) then
-    self.held:set(ar, {count = 0}) -- a ring: slot count % waiting takes the next one
+    -- A ring: slot count % waiting takes the next one. `asked`: the newest Write of each place that can be a
+    -- request; `records`: requests (`asks`: there are some), and responses without a request; `first`: the
+    -- frame of the first one.
+    self.held:set(ar, {count = 0, asked = ordered.new(), records = 0})
   end
   self:follow(ar, event)
+end
+
+--- A record waits now: a request, or a response without one.
+-- @param device  whose it is
+-- @param asks  whether it is a request
+function Gate:heard(ar, frame, device, asks)
+  local held = self.held:get(ar)
+  if held then
+    held.first, held.device = held.first or frame, device
+    held.records, held.asks = held.records + 1, held.asks or asks
+  end
+end
+
+--- A Write waits that may be a request: a response that mirrors it is to prove it.
+function Gate:asked(ar, place, request, data)
+  local held = self.held:get(ar)
+  if held then
+    held.asked:pop(place)
+    if request.operation ~= "unknown" and request.addresses[1] then
+      held.asked:keep(place, {request = request, data = data}, self.waiting)
+    end
+  end
+end
+
+--- Whether a record is the response to the Write that waits, and not the same bytes once more (P20).
+function Gate:answers(ar, place, data, codec)
+  local held = self.held:get(ar)
+  local sent = held and held.asked:get(place)
+  if not sent or data == sent.data or not kind_fits(sent.request, data) then
+    return false
+  end
+  local refuses = data:byte(2) >= NEGATIVE -- it may be what lacks bytes that is refused
+  return data:byte(1) == sent.request.request_reference and (refuses or is_whole(sent.request))
+    and is_whole(parameter.decode_response(data, sent.request, codec))
+end
+
+-- What waits of an AR will not be ours: its records are added to those of its device.
+local function leave(unproven, held, most)
+  if held.records > 0 then
+    local before = unproven:get(held.device) or {first = held.first, count = 0}
+    unproven:keep(held.device, {
+      device = held.device, first = math.min(before.first, held.first), count = before.count + held.records,
+      asks = before.asks or held.asks,
+    }, most)
+  end
+end
+
+--- Each device of which records wait, if nothing more comes: an array of {device, first, count, asks}.
+function Gate:unproven_devices()
+  local found, result = ordered.new(), {}
+  for device, told in self.unproven:iterate() do
+    found:set(device, told)
+  end
+  for _, held in self.held:iterate() do
+    leave(found, held, self.most_open)
+  end
+  for _, told in found:iterate() do
+    result[#result + 1] = told
+  end
+  return result
 end
 
 --- Lets an event wait behind those that wait for an AR; where none does, it is not needed.
@@ -122,6 +215,7 @@ function Gate:follow(ar, event)
   while self.held.length > waiting or self.events > self.most_events do
     local _, oldest = self.held:pop_first()
     self.events = self.events - math.min(oldest.count, waiting)
+    leave(self.unproven, oldest, self.most_open)
   end
 end
 

@@ -11,12 +11,14 @@
 -- (`record.job`).
 
 local json = require("ds47.support.json")
+local index47 = require("ds47.acyclic.index47")
 local parameter = require("ds47.profidrive.parameter")
 local records = require("ds47.profinet.records")
+local tables = require("ds47.spec.tables")
 
 local half_of, know_peer = records.half, records.know_peer
-local decode_response = parameter.decode_response
-local admit = require("ds47.acyclic.index47").Gate.admit -- for every record
+local is_question = index47.is_question
+local admit = index47.Gate.admit -- for every record
 
 local M = {}
 
@@ -150,21 +152,27 @@ function RecordEvents:wrote_multiple()
   counts.write = counts.write + 1
 end
 
--- Runs an event, now or when a shaped message of the same AR comes; never if none does.
--- `event`: a function under "Events". `is_shaped`: a function of the same arguments that says whether the
--- message is shaped, asked only where that would open the gate; nil for an event that is none.
-local function pass(self, event, is_shaped, origin, record, detail)
+-- Whether a record proves its AR by where it goes.
+local function is_of_drive(self, peer, record)
+  return record.api == tables.layouts.RECORD_PROFIDRIVE_API or self.pairing:is_of_drive(peer, record)
+end
+
+-- Runs an event, now or when something proves the same AR; never if nothing does. Whether it waits.
+-- `event`: a function under "Events". `proves`: a function of the same arguments that says whether the
+-- message proves its AR, asked only where that would open the gate; nil for an event that does not.
+local function pass(self, event, proves, origin, record, detail)
   local peer, place, gate = origin.peer, record.place, self.gate
   if place.peer ~= peer then
     know_peer(place, peer)
   end
   local ar, index = place.ar_key, place.index
-  if admit(gate, ar, index, false, self)
-    or is_shaped and admit(gate, ar, index, is_shaped(self, origin, record, detail), self) then
+  if admit(gate, ar, index, false, self) or (is_of_drive(self, peer, record)
+    or proves and proves(self, origin, record, detail)) and admit(gate, ar, index, true, self) then
     event(self, origin, record, detail, peer)
-  else
-    gate:hold(ar, {event = event, origin = origin, record = record, detail = detail})
+    return false
   end
+  gate:hold(ar, {event = event, origin = origin, record = record, detail = detail})
+  return true
 end
 
 --- Runs an event that the gate held back.
@@ -195,15 +203,16 @@ function RecordEvents.event_of(origin, target, method, argument)
   return {event = event_run, origin = origin, detail = detail}
 end
 
-local function is_shaped_request(_, _, _, message)
-  return message.shaped
+local function proves_by_request(_, _, _, message)
+  return is_question(message)
 end
 
 -- Whether a Read that was answered shows the parameter channel, or brings once more what did.
-local function is_shaped_answer(self, origin, record)
-  local half = record.response
-  return half.data ~= "" and not half.missing and (decode_response(half.data, nil, self.codec).shaped
-    or self.pairing:is_again(origin.peer, record))
+local function proves_by_answer(self, origin, record)
+  local half, place = record.response, record.place
+  return half.data ~= "" and not half.missing
+    and (self.gate:answers(place.ar_key, place.channel_key, half.data, self.codec)
+      or self.pairing:is_again(origin.peer, record))
 end
 
 -- A Write request that may be ours.
@@ -212,7 +221,11 @@ local function asked_to_write(self, origin, record)
   if half.missing then
     self:_length(origin, record, half)
   end
-  pass(self, event_write_request, is_shaped_request, origin, record, self.decode_request(half.data))
+  local message, place = self.decode_request(half.data), record.place
+  if pass(self, event_write_request, proves_by_request, origin, record, message) then
+    self.gate:heard(place.ar_key, half.frame, origin.peer.device, true)
+    self.gate:asked(place.ar_key, place.channel_key, message, half.data)
+  end
 end
 
 --- A request, ours or not.
@@ -227,8 +240,8 @@ function RecordEvents:asked(origin, record)
     end
   else
     counts.read = counts.read + 1
-    if ours then
-      pass(self, event_read_request, nil, origin, record)
+    if ours and pass(self, event_read_request, nil, origin, record) then
+      self.gate:heard(place.ar_key, record.request.frame, origin.peer.device, true)
     end
   end
 end
@@ -264,11 +277,26 @@ end
 
 --- A response without its request.
 function RecordEvents:unasked(origin, record)
+  local waits
   if record.write then
-    pass(self, event_write_unasked, nil, origin, record)
+    waits = pass(self, event_write_unasked, nil, origin, record)
   else
-    self:_read_answered(origin, record, record.response)
+    waits = self:_read_answered(origin, record, record.response)
   end
+  if waits then
+    self.gate:heard(record.place.ar_key, record.response.frame, origin.peer.device)
+  end
+end
+
+--- What is told of records that nothing shows to be ours (DS209), if nothing more comes: an array of remarks.
+function RecordEvents:unproven()
+  local remarks = {}
+  for number, each in ipairs(self.gate:unproven_devices()) do
+    local what = each.asks and "unproven_calls" or "unproven_responses"
+    local args = {device = each.device, count = each.count, what = what}
+    remarks[number] = {rule = "DS209", frame = each.first, args = args}
+  end
+  return remarks
 end
 
 --- A request that was turned away before anybody looked at its record.
@@ -302,7 +330,7 @@ function RecordEvents:_read_answered(origin, record, half)
   if half.missing then
     self:_length(origin, record, half)
   end
-  pass(self, event_read_answered, is_shaped_answer, origin, record)
+  return pass(self, event_read_answered, proves_by_answer, origin, record)
 end
 
 return M

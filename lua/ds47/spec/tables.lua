@@ -82,6 +82,7 @@ M.layouts = {
   RECORD_TARGET_AR = 40,
   RECORD_STATUS = 44,
   RECORD_WRITE_MULTIPLE = 57408,
+  RECORD_PROFIDRIVE_API = 14848,
   MESSAGE_SIZE = 4,
   MESSAGE_REFERENCE = 0,
   MESSAGE_ID = 1,
@@ -1022,6 +1023,7 @@ M.experts = {
   {id = "DS206", title = "Read without a request before it", severity = "warning", expert = "sequence"},
   {id = "DS207", title = "Read without data", severity = "warning", expert = "response"},
   {id = "DS208", title = "IODWriteMultiple inside another one", severity = "error", expert = "malformed"},
+  {id = "DS209", title = "Records at index 47 that nothing shows to be DS47", severity = "note", expert = "protocol"},
   {id = "DS301", title = "Request reference is 0", severity = "warning", expert = "protocol"},
   {id = "DS302", title = "Unknown request ID", severity = "error", expert = "malformed"},
   {id = "DS303", title = "Number of parameters is 0", severity = "error", expert = "malformed"},
@@ -1127,6 +1129,7 @@ M.rules = {
   DS206 = {id = "DS206", name = "nothing-to-read", title = "Read without a request before it", severity = "warning", scope = "record", anchor = "read_response", expert = "sequence", message = "Read with no request before it: status {status}, no data", cause = "RDREC was started without a WRREC on this channel before it, before WRREC was done, or with another ID or INDEX than WRREC.", advice = "Set REQ of RDREC only after DONE of WRREC, with the same ID and INDEX. After a restart of PLC or drive, write the request again: the drive does not keep it. If the capture starts late, the request may lie before it.", title_zh = "读取之前没有请求", message_zh = "读取之前没有请求：状态 {status}，无数据", cause_zh = "在该通道上没有先执行 WRREC 就启动了 RDREC，或在 WRREC 完成之前启动，或使用了与 WRREC 不同的 ID 或 INDEX。", advice_zh = "仅在 WRREC 的 DONE 之后置位 RDREC 的 REQ，并使用相同的 ID 和 INDEX。PLC 或驱动器重启后需重新写入请求，驱动器不会保留它。如果抓包开始较晚，请求可能在抓包之前。"},
   DS207 = {id = "DS207", name = "read-without-data", title = "Read without data", severity = "warning", scope = "record", anchor = "read_response", expert = "response", message = "Read with STATUS 00000000, but the record holds no data", cause = "MLEN of RDREC is 0 or too short and the device responds with an empty record, or the device has no response to give and does not say so with a status.", advice = "Give RDREC an MLEN and a RECORD area as long as the longest response expected (4 bytes at least; 240 bytes are enough on most drives). Repeat WRREC and RDREC in this order.", title_zh = "读取没有数据", message_zh = "读取得到肯定应答，但记录中没有数据", cause_zh = "RDREC 的 MLEN 为 0 或过短，设备返回空记录；或设备没有可返回的应答，却没有用状态说明。", advice_zh = "为 RDREC 设置足够长的 MLEN 和 RECORD 区域（至少 4 字节；对多数驱动器 240 字节已足够）。按顺序重新执行 WRREC 和 RDREC。"},
   DS208 = {id = "DS208", name = "nested-write-multiple", title = "IODWriteMultiple inside another one", severity = "error", scope = "record", anchor = "request", expert = "malformed", message = "IODWriteMultiple inside an IODWriteMultiple, the inner one is not opened", cause = "The sender packed a write of index 0xE040 into another one, which the protocol does not allow. Test tools and fuzzers do this.", advice = "Find the station that sends it. In own stack software build one flat list of writes.", title_zh = "IODWriteMultiple 嵌套", message_zh = "IODWriteMultiple 内又嵌套了 IODWriteMultiple，内层不展开", cause_zh = "发送方将索引 0xE040 的写入打包到另一个写入中，协议不允许这样做。测试工具和模糊测试工具会这样做。", advice_zh = "查明是哪个站点发送的。在自行开发的协议栈软件中只使用一层写入列表。"},
+  DS209 = {id = "DS209", name = "record-unproven", title = "Records at index 47 that nothing shows to be DS47", severity = "note", scope = "record", anchor = "frame", expert = "protocol", message = "{what} at index 47 of {device}, that nothing shows to be DS47: {count}, the first in this frame; they are not decoded", cause = "Index 47 belongs to the maker of the module. A device that is no PROFIdrive drive may keep a value of its own there: on some it is S-0-0047, a position or a speed. Or the capture holds only the responses of a drive: a response alone proves nothing.", advice = "Nothing is wrong where the device has no DS47 at index 47. If it has, capture both directions, or say so: --index 47, in Wireshark the preference Record index 47.", title_zh = "索引 47 上无法证明是 DS47 的记录", message_zh = "{device} 的索引 47 上有 {count} 个{what}，无法证明是 DS47，第一个在该帧；未作解码", cause_zh = "索引 47 由模块制造商自行定义。非 PROFIdrive 驱动器的设备可能在此存放自己的数据：有的设备上是 S-0-0047，即位置或速度。也可能抓包中只有驱动器的应答：单有应答不能证明。", advice_zh = "如果该设备的索引 47 不是 DS47，则一切正常。如果是，请同时抓取两个方向，或手动指定：--index 47，在 Wireshark 中用首选项“Record index 47”。"},
   DS301 = {id = "DS301", name = "reference-zero", title = "Request reference is 0", severity = "warning", scope = "message", anchor = "frame", expert = "protocol", message = "Request reference is 0, which is reserved", cause = "The first byte of the buffer was never filled in, or the counter for the reference wraps from 255 to 0.", advice = "Write 1 to 255 into byte 0 of the RECORD buffer of WRREC and let the counter skip 0. Some drives accept 0 and mirror it, others refuse it.", title_zh = "请求参考为 0", message_zh = "请求参考为 0，该值为保留值", cause_zh = "缓冲区的第一个字节没有赋值，或请求参考的计数器从 255 回到了 0。", advice_zh = "在 WRREC 的 RECORD 缓冲区字节 0 中写入 1 到 255，并让计数器跳过 0。有些驱动器接受并返回 0，有些则会拒绝。"},
   DS302 = {id = "DS302", name = "unknown-request-id", title = "Unknown request ID", severity = "error", scope = "message", anchor = "frame", expert = "malformed", message = "Unknown request ID {id}", cause = "Byte 1 of the request is neither 1 (read parameter) nor 2 (change parameter) nor a known vendor service: bytes shifted by one, wrong byte order in the word, or a buffer that does not start with the request.", advice = "Check the start address of the RECORD buffer and the first word: 16#0101 is reference 1, read; 16#0102 is reference 1, change.", title_zh = "未知的请求 ID", message_zh = "未知的请求 ID {id}", cause_zh = "请求的字节 1 既不是 1（读参数）也不是 2（修改参数），也不是已知的制造商服务：字节错位、字内字节顺序错误，或缓冲区不是从请求开始。", advice_zh = "检查 RECORD 缓冲区的起始地址和第一个字：16#0101 表示参考 1、读取；16#0102 表示参考 1、修改。"},
   DS303 = {id = "DS303", name = "parameter-count-zero", title = "Number of parameters is 0", severity = "error", scope = "message", anchor = "frame", expert = "malformed", message = "Number of parameters is 0", cause = "Byte 3 of the message was never filled in, or DO-ID and number of parameters are exchanged.", advice = "Write the number of parameter addresses that follow (1 to 39) into byte 3 of the RECORD buffer of WRREC.", title_zh = "参数数量为 0", message_zh = "参数数量为 0", cause_zh = "报文的字节 3 没有赋值，或 DO-ID 与参数数量写反了。", advice_zh = "在 WRREC 的 RECORD 缓冲区字节 3 中写入后面参数地址的个数（1 到 39）。"},
@@ -1226,6 +1229,7 @@ M.rules.DS203.args = {status = "status"}
 M.rules.DS204.args = {count = "number"}
 M.rules.DS205.args = {milliseconds = "ms", limit = "number"}
 M.rules.DS206.args = {status = "status"}
+M.rules.DS209.args = {device = "text", count = "number", what = "key"}
 M.rules.DS302.args = {id = "text"}
 M.rules.DS304.args = {count = "number", limit = "number"}
 M.rules.DS305.args = {attribute = "text"}
@@ -1393,6 +1397,8 @@ M.diagnosis_words = {
   ends = {en = "the capture ends before a response", zh = "抓包在应答之前结束"},
   later = {en = "a later Write of its channel has no response in the capture, or a late one, and may have displaced it", zh = "其通道上后来的写请求在抓包中没有应答或应答滞后，可能已将其取代"},
   unseen = {en = "its responses are not in the capture", zh = "其应答不在抓包中"},
+  unproven_calls = {en = "Record calls", zh = "记录调用"},
+  unproven_responses = {en = "Responses without their requests", zh = "没有请求的应答"},
   has_first = {en = "the client has the first, unless it repeated its request and the capture lacks that", zh = "客户端采用的是第一个，除非它重发过请求而抓包中没有"},
   has_either = {en = "the client sent its request again behind the first, so which of the two it has is not known", zh = "客户端在第一个应答之后又发送了请求，因此不知道它采用的是哪一个"},
   unseen_user = {en = "{controller} was turned away in frame {frame}: another request was open", zh = "{controller} 的请求（第 {frame} 帧）被拒绝：另有一个请求尚未完成"},

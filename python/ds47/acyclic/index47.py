@@ -1,20 +1,62 @@
 """Which record calls are ours (docs/pairing.md, "Which records are ours").
 
-0xB02E, 0xB02F and the indices a user names always are. Index 47 belongs to whoever made the module: what
-comes on it waits here until one message of that AR has the shape of the parameter channel; then all of
-it, in its order, goes on.
+0xB02E, 0xB02F and the indices a user names always are. Index 47 belongs to whoever made the module, and devices
+that are no drives keep values there: what comes on it waits here until that AR proves to use the parameter
+channel; then all of it, in its order, goes on.
 """
 
 from __future__ import annotations
 
 from collections import OrderedDict, deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+
+from ds47.profidrive import Options, Request, Response, decode_response
+from ds47.profidrive.family import kind_fits
 
 ALWAYS = frozenset({0xB02E, 0xB02F})
 SHARED_INDEX = 47
 
 ArKey = tuple[str, str, bytes]
 """Controller, device, AR UUID (nil for ReadImplicit)."""
+Place = tuple[int, int, int]
+"""API, slot, subslot."""
+
+NEGATIVE = 0x80
+"""The response ids from here on are those of requests that were not done."""
+_ENDLESS = frozenset({"DS302", "DS309", "DS315", "DS319"})
+"""Flaws behind which nobody knows where a message ends: unknown id, unknown format, bytes missing."""
+_ADDRESSLESS = frozenset({"DS305", "DS306"})
+"""Unknown attribute, PNU 0."""
+
+
+def is_whole(message: Request | Response) -> bool:
+    """Whether a message decodes to its end: behind that there are at most zeros."""
+    rules = {flaw.rule for flaw in message.flaws}
+    return bool(message.parameter_count) and not (
+        rules & _ENDLESS or ("DS313" in rules and any(message.rest))
+    )
+
+
+def is_question(request: Request) -> bool:
+    """Whether a request is one by itself (P20): it decodes to its end, with known attributes and PNUs."""
+    return is_whole(request) and not any(flaw.rule in _ADDRESSLESS for flaw in request.flaws)
+
+
+class _Waiting:
+    """What waits of one AR."""
+
+    __slots__ = ("asked", "asks", "events", "first", "records")
+
+    def __init__(self, most: int) -> None:
+        self.events: deque[Callable[[], None]] = deque(maxlen=most)
+        self.asked: OrderedDict[Place, tuple[Request, bytes]] = OrderedDict()
+        """The newest Write of each place, if it can be a request."""
+        self.first = 0
+        """The frame of the first record,"""
+        self.records = 0
+        """how many there were (requests, and responses without their request),"""
+        self.asks = False
+        """and whether there was a request."""
 
 
 class Index47:
@@ -38,8 +80,10 @@ class Index47:
         self._most_open = proven
         self.open: OrderedDict[ArKey, None] = OrderedDict()
         """The ARs that have proved themselves; the one that spoke last comes last."""
-        self._held: OrderedDict[ArKey, deque[Callable[[], None]]] = OrderedDict()
+        self._held: OrderedDict[ArKey, _Waiting] = OrderedDict()
         self._events = 0
+        self._unproven: OrderedDict[str, tuple[int, int, bool]] = OrderedDict()
+        """Of ARs that do not wait any more, by device: the first frame, how many records, and whether any asks."""
 
     def concerns(self, index: int) -> bool:
         """Whether a record of this index can be ours at all."""
@@ -57,17 +101,18 @@ class Index47:
         return index in self._always
 
     def pass_on(
-        self, ar: ArKey, index: int, event: Callable[[], None], *, shaped: bool = False
+        self, ar: ArKey, index: int, event: Callable[[], None], *, proves: bool = False
     ) -> None:
-        """Runs the event, now or when a shaped message of the same AR comes; never if none does."""
+        """Runs the event, now or when something proves the same AR; never if nothing does."""
         if self.passes(ar, index):
             event()
             return
-        if shaped:
+        if proves:
             self._prove(ar)
             event()
             return
-        self._held.setdefault(ar, deque(maxlen=self._waiting))
+        if ar not in self._held:
+            self._held[ar] = _Waiting(self._waiting)
         self.follow(ar, event)
 
     def follow(self, ar: ArKey, event: Callable[[], None]) -> None:
@@ -75,16 +120,69 @@ class Index47:
         held = self._held.get(ar)
         if held is None:
             return
-        self._events += len(held) < self._waiting
-        held.append(event)
+        self._events += len(held.events) < self._waiting
+        held.events.append(event)
         while len(self._held) > self._waiting or self._events > self._most_events:
-            self._events -= len(self._held.popitem(last=False)[1])
+            oldest, gone = self._held.popitem(last=False)
+            self._events -= len(gone.events)
+            self._leave(oldest, gone)
+
+    def heard(self, ar: ArKey, frame: int, *, asks: bool) -> None:
+        """A record waits now: a request, or a response without one."""
+        held = self._held.get(ar)
+        if held is not None:
+            held.first = held.first or frame
+            held.records += 1
+            held.asks |= asks
+
+    def asked(self, ar: ArKey, place: Place, request: Request, data: bytes) -> None:
+        """A Write waits that may be a request: a response that mirrors it is to prove it."""
+        held = self._held.get(ar)
+        if held is None:
+            return
+        held.asked.pop(place, None)
+        if request.operation != "unknown" and request.addresses:
+            held.asked[place] = request, data
+            if len(held.asked) > self._waiting:
+                held.asked.popitem(last=False)
+
+    def answers(self, ar: ArKey, place: Place, data: bytes, codec: Options) -> bool:
+        """Whether a record is the response to the Write that waits, and not the same bytes once more (P20)."""
+        held = self._held.get(ar)
+        request, sent = held.asked.get(place, (None, b"")) if held is not None else (None, b"")
+        if request is None or data == sent or not kind_fits(request, data):
+            return False
+        response = decode_response(data, request, codec)
+        refuses = data[1] >= NEGATIVE  # it may be what lacks bytes that is refused
+        return (
+            response.request_reference == request.request_reference
+            and is_whole(response)
+            and (refuses or is_whole(request))
+        )
+
+    def unproven(self) -> Iterator[tuple[str, tuple[int, int, bool]]]:
+        """Each device of which records wait for nothing: the first frame, how many they are, whether any asks."""
+        for ar, held in self._held.items():
+            self._leave(ar, held)
+        yield from self._unproven.items()
+
+    def _leave(self, ar: ArKey, held: _Waiting) -> None:
+        """What waits of an AR will not be ours."""
+        if not held.records:
+            return
+        first, records, asks = self._unproven.get(ar[1], (held.first, 0, False))
+        told = min(first, held.first), records + held.records, asks or held.asks
+        self._unproven[ar[1]] = told
+        if len(self._unproven) > self._most_open:
+            self._unproven.popitem(last=False)
 
     def _prove(self, ar: ArKey) -> None:
         self.open[ar] = None
         while len(self.open) > self._most_open:
             self.open.popitem(last=False)
-        held = self._held.pop(ar, ())
-        self._events -= len(held)
-        for event in held:
+        held = self._held.pop(ar, None)
+        if held is None:
+            return
+        self._events -= len(held.events)
+        for event in held.events:
             event()

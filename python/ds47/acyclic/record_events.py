@@ -11,12 +11,13 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, Final
 
-from ds47.acyclic.index47 import ArKey, Index47
+from ds47.acyclic.index47 import ArKey, Index47, Place, is_question
 from ds47.acyclic.pairing import Job, Pairing, Peer
 from ds47.findings.remark import Remark
-from ds47.profidrive import Options, Request, decode_request, decode_response
+from ds47.profidrive import Options, Request, decode_request
 from ds47.profinet.ip import Cut
 from ds47.profinet.records import Half, Record
+from ds47.spec.layouts import RECORD_PROFIDRIVE_API
 
 _MOST_SHARED: Final = 4_096
 """Decoded requests that are kept to be used again,"""
@@ -64,10 +65,13 @@ class RecordEvents:
         counts["write" if write else "read"] += 1
 
     def pass_on(
-        self, peer: Peer, record: Record, event: Callable[[], Any], *, shaped: bool = False
+        self, peer: Peer, record: Record, event: Callable[[], Any], *, proves: bool = False
     ) -> None:
-        """Runs an event about a record now, or once its AR has proved itself; `shaped`: it does that."""
-        self._index47.pass_on(_ar(peer, record), record.index, event, shaped=shaped)
+        """Runs an event about a record now, or once its AR has proved itself; `proves`: it does that."""
+        ar, index = _ar(peer, record), record.index
+        if not (proves or self._index47.passes(ar, index)):
+            proves = record.api == RECORD_PROFIDRIVE_API or self._pairing.is_of_drive(peer, record)
+        self._index47.pass_on(ar, index, event, proves=proves)
 
     def about(self, peer: Peer, record: Record, remark: Remark) -> None:
         """A finding about a record that is ours, or will turn out to be."""
@@ -90,19 +94,23 @@ class RecordEvents:
         assert half is not None
         if half.missing:
             self._length(peer, record, half, cut)
-        passes = self._index47.passes(_ar(peer, record), record.index)
+        ar = _ar(peer, record)
+        passes = self._index47.passes(ar, record.index)
         if not record.write:
             if passes:
                 self._read_asked(peer, record, half, jobs)
             else:
                 self.pass_on(peer, record, partial(self._read_asked, peer, record, half, jobs))
+                self._index47.heard(ar, half.frame, asks=True)
             return
         message = self.decoded(half.data)
         if passes:
             self._write(peer, record, half, jobs, message)
         else:
             event = partial(self._write, peer, record, half, jobs, message)
-            self.pass_on(peer, record, event, shaped=message.shaped)
+            self.pass_on(peer, record, event, proves=is_question(message))
+            self._index47.heard(ar, half.frame, asks=True)
+            self._index47.asked(ar, _place(record), message, half.data)
 
     def answered(self, peer: Peer, record: Record, cut: Cut | None, jobs: Jobs) -> None:
         """The response to a request; arguments as for `asked`."""
@@ -123,6 +131,7 @@ class RecordEvents:
             self.pass_on(peer, record, partial(self._pairing.write_unasked, peer, record))
         else:
             self._read_answered(peer, record, half, cut, {})
+        self._index47.heard(_ar(peer, record), half.frame, asks=False)
 
     def asked_late(self, peer: Peer, record: Record, answer: int) -> None:
         """The request of a Read whose response was in an earlier frame, with that frame."""
@@ -166,6 +175,13 @@ class RecordEvents:
                 self._requests[data[1:]] = known
         return known.asked_as(data[0])
 
+    def finish(self) -> None:
+        """The capture is over: what still waits is not known to be ours (DS209)."""
+        for device, (first, records, asks) in self._index47.unproven():
+            what = "unproven_calls" if asks else "unproven_responses"
+            args = {"device": device, "count": records, "what": what}
+            self._remark(Remark("DS209", first, args))
+
     # What happens once it is ours
 
     def _read_asked(self, peer: Peer, record: Record, half: Half, jobs: Jobs) -> None:
@@ -208,11 +224,11 @@ class RecordEvents:
         if self._index47.passes(_ar(peer, record), record.index):
             self._read(peer, record, half, jobs)
             return
-        shaped = False
-        if half.data and not half.missing:
-            shaped = decode_response(half.data, None, self._codec).shaped
-            shaped = shaped or self._pairing.is_again(peer, record)
-        self.pass_on(peer, record, partial(self._read, peer, record, half, jobs), shaped=shaped)
+        proves = bool(half.data and not half.missing) and (
+            self._index47.answers(_ar(peer, record), _place(record), half.data, self._codec)
+            or self._pairing.is_again(peer, record)
+        )
+        self.pass_on(peer, record, partial(self._read, peer, record, half, jobs), proves=proves)
 
     def _read(self, peer: Peer, record: Record, half: Half, jobs: Jobs) -> None:
         self._clock(half)
@@ -257,3 +273,7 @@ def _fetched(record: Record, jobs: Jobs) -> None:
 
 def _ar(peer: Peer, record: Record) -> ArKey:
     return peer.controller, peer.device, record.ar
+
+
+def _place(record: Record) -> Place:
+    return record.api, record.slot, record.subslot

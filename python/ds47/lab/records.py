@@ -181,7 +181,7 @@ def implicit_orphan(client: Client) -> None:
     client.accept_read(client.ask_implicit(nowhere), ANSWER, at=nowhere)
 
 
-@BOOK.scene("record 47 of something that is no drive: no transaction")
+@BOOK.scene("record 47 of something that is no drive: no transaction", rules="DS209")
 def foreign(client: Client) -> None:
     """Index 47 that is not a parameter channel."""
     for text in (b"Hello, world", b"\x00\x00\x00\x10calibration data", b"\xff" * 8):

@@ -561,12 +561,6 @@ BOOK.lab(
 )
 
 
-@BOOK.scene("P32 starts-late orphan", orphan(1, 1, real(1.5, pnu=None)), rules="DS403@2#1")
-def p20_response_opens(client: Client) -> None:
-    """On index 47 a shaped response is proof enough."""
-    client.read(tell(1, 1.5))
-
-
 @BOOK.scene(
     "P43 P55 mismatch implicit",
     row(1, real(1.5, pnu=None), state="mismatch", rereads=[(5, 6)]),
@@ -580,13 +574,84 @@ def p20_once_more_without_an_ar(client: Client) -> None:
     client.exchange(ask(2), tell(2, 2.5))
 
 
-@BOOK.scene("P23 foreign", row(1, real(1.5), first=3))
+@BOOK.scene("P23 foreign", row(1, real(1.5), first=3), rules="DS209@1")
 def p20_per_ar(client: Client) -> None:
     """Index 47 of one AR is a parameter channel, of another AR on the same device it is not."""
     foreign = second(client)
     foreign.write(b"Hello, world")
     client.exchange(ask(), tell(1, 1.5))
     foreign.read(b"Hello, world")
+
+
+@BOOK.scene("P23 foreign", rules="DS209@1")
+def p20_values(client: Client) -> None:
+    """Values of 4 bytes, each of which would be the response to a change: a position, written and read."""
+    for position in (0x00021D8D, 0x00021E01, 0x01020101):
+        value = position.to_bytes(4)
+        client.exchange(value, value)
+        client.read((position + 256).to_bytes(4))
+
+
+@BOOK.scene("P23 foreign", rules="DS209@1")
+def p20_a_response_alone(client: Client) -> None:
+    """Responses alone prove nothing, whatever they are."""
+    client.read(tell(1, 1.5))
+    client.read(message.changed(2, 1))
+
+
+@BOOK.scene("P23 foreign", rules="DS209@1")
+def p20_stored(client: Client) -> None:
+    """What is no certain request (its attribute is unknown) is read back as it was written: a store, no drive."""
+    stored = message.read(1, 1, message.address(21, attribute=0x55))
+    client.exchange(stored, stored)
+
+
+@BOOK.scene("P23 foreign", rules="DS209@1")
+def p20_another_response(client: Client) -> None:
+    """Nor is it one where the response is that to another reference, axis or number of parameters."""
+    strange = message.read(1, 1, message.address(21, attribute=0x55))
+    client.exchange(strange, tell(2, 1.5))
+    client.exchange(strange, tell(1, 1.5, axis=2))
+    client.exchange(strange, tell(1, 1.5, 2.5))
+    client.exchange(strange, put(1, 1.5))
+
+
+@BOOK.scene("P22 malformed", row(1, {**real(1.5), "attribute": "0x55"}), rules="DS305@1#1")
+def p20_pair(client: Client) -> None:
+    """A request of which one cannot be sure (its attribute is unknown) is one by the response that mirrors it."""
+    strange = message.read(1, 1, message.address(21, attribute=0x55))
+    client.exchange(strange, tell(1, 1.5))
+
+
+@BOOK.scene("unanswered", tx(1, "incomplete", (1, 2), None, NOTHING), rules="DS314@1#1 DS110@1#1")
+def p20_request_alone(client: Client) -> None:
+    """A whole request, behind which there are zeros, is enough."""
+    client.write(ask() + bytes(6))
+    client.wait(12_000)
+
+
+@BOOK.scene(
+    "P22 malformed refused",
+    tx(1, "refused", (1, 2), None, ref=7, write="DF80B700", api=0x3A00),
+    rules="DS315@1#1 DS203@2#1 DS711@1#1",
+)
+def p20_api(client: Client) -> None:
+    """Under the API of PROFIdrive index 47 is a parameter channel, whatever comes."""
+    client.write(CUT, status=BAD_HEADER, at=client.at(api=0x3A00))
+
+
+@BOOK.scene(
+    "P22 malformed refused",
+    tx(1, "refused", (1, 2), None, ref=7, write="DF80B700"),
+    row(2, real(1.5), first=3, ref=1, index=0xB02F),
+    tx(3, "refused", (7, 8), None, ref=7, write="DF80B700"),
+    rules="DS315@1#1 DS203@2#1 DS315@7#3 DS203@8#3 DS415@7#3 DS711@1#1 DS711@7#3",
+)
+def p20_beside_another_index(client: Client) -> None:
+    """A submodule that answers at 0xB02F uses 47, too, under whatever API; another submodule need not."""
+    client.write(CUT, status=BAD_HEADER)
+    client.exchange(ask(), tell(1, 1.5), at=client.at(index=0xB02F))
+    client.write(CUT, status=BAD_HEADER)
 
 
 @BOOK.scene(
@@ -665,7 +730,7 @@ def p22_release_in_its_place(client: Client) -> None:
     client.exchange(ask(), tell(1, 1.5))
 
 
-@BOOK.scene("P12 foreign lost")
+@BOOK.scene("P12 foreign lost", rules="DS209@1")
 def p23_foreign(client: Client) -> None:
     """Index 47 of a device that is no drive: no transaction and no finding, lost calls included."""
     for data in (b"Hello, world", b"\0\0\0\x10calibration", b"\xff" * 8):
@@ -1593,16 +1658,19 @@ def p53_fragment_cut(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P3 P32 P39 fragments lost orphan", orphan(1, 3, real(1.5, pnu=None)), rules="DS105@1 DS403@4#1"
+    "P3 P32 P39 fragments lost orphan",
+    orphan(1, 3, real(1.5, pnu=None), index=0xB02F),
+    rules="DS105@1 DS403@4#1",
 )
 def p11_request_in_part(client: Client) -> None:
     """The last fragment of the Write request is lost: its response is not without a request in the capture."""
     client.fragment = 60
-    call = client.ask_write(ask())
+    there = client.at(index=0xB02F)
+    call = client.ask_write(ask(), at=there)
     client.stage.lose()
     client.fragment = None
-    client.accept_write(call, ask())
-    client.read(tell(1, 1.5))
+    client.accept_write(call, ask(), at=there)
+    client.read(tell(1, 1.5), at=there)
 
 
 BOOK.lab("P53", "record-length", "malformed", row(1, real(1500.0)), rules="DS202@4")

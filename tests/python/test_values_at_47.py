@@ -1,0 +1,125 @@
+"""Devices that are no drives and keep values at index 47: nothing is judged, on PROFINET and PROFIBUS.
+
+What proves that index 47 is the parameter channel is in `test_conversations.py` (P20).
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import random
+import struct
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from test_lua_analysis import VERSIONS, Source, compare
+
+from ds47.capture.writer import PcapngWriter
+from ds47.cli import main
+from ds47.lab import fdl
+from ds47.lab.client import Client
+from ds47.lab.master import Master, Way
+from ds47.lab.stage import Stage
+
+MANY = 10_000
+SEQUENCE = struct.Struct("<I")
+Values = Callable[[random.Random], Iterator[tuple[bytes, bytes]]]
+"""What is written, and what is read then, again and again."""
+
+
+def position(chance: random.Random) -> Iterator[tuple[bytes, bytes]]:
+    """One that moves to where it was sent: most of what is read begins as a response does."""
+    now = 0
+    while True:
+        goal = chance.randrange(-0x30000, 0x30000)
+        now += (goal - now) // 2
+        yield goal.to_bytes(4, signed=True), now.to_bytes(4, signed=True)
+
+
+def float32(chance: random.Random) -> Iterator[tuple[bytes, bytes]]:
+    """A float that is read back as it was written, or nearly."""
+    while True:
+        value = chance.choice((0.51, 2.03, 8.13, 8.15, 32.6)) * chance.choice((1, 1, 1.001))
+        yield struct.pack(">f", value), struct.pack(">f", value + chance.choice((0, 0.001)))
+
+
+def store(chance: random.Random) -> Iterator[tuple[bytes, bytes]]:
+    """Whatever was written, of any length, behind what may be the header of a request."""
+    while True:
+        begin = bytes((chance.randrange(1, 256), chance.choice((1, 2)), 1, chance.randrange(4)))
+        data = begin + bytes((0x11,)) + chance.randbytes(chance.randrange(40))
+        yield data, data
+
+
+def on_profinet(values: Iterator[tuple[bytes, bytes]], count: int) -> bytes:
+    """The same 250 values again and again, each call with a number of its own."""
+    client = Client(Stage())
+    for _, (written, there) in zip(range(min(count, 250)), values, strict=False):
+        client.exchange(written, there)
+    stage = client.stage
+    once, shots = client.sequence, list(stage.shots)
+    stage.shots.clear()
+    for turn in range(0, count, 250):
+        for shot in shots:
+            stage.now_ns += 1_000_000
+            data = bytearray(shot.data)
+            (number,) = SEQUENCE.unpack_from(data, 106)
+            SEQUENCE.pack_into(data, 106, number + turn // 250 * once)
+            data[18:20] = (len(stage.shots) & 0xFFFF).to_bytes(2)
+            stage.shots.append(replace(shot, data=bytes(data), time_ns=stage.now_ns))
+    return recorded(stage, 1)
+
+
+def on_profibus(values: Iterator[tuple[bytes, bytes]], count: int) -> bytes:
+    master = Master()
+    master.start(8)
+    for _, (written, there) in zip(range(count), values, strict=False):
+        master.write(Way(8), written)
+        master.read(Way(8), there)
+    return recorded(master.stage, fdl.PROFIBUS_DL)
+
+
+def recorded(stage: Stage, link: int) -> bytes:
+    file = io.BytesIO()
+    with PcapngWriter(file, link_type=link) as writer:
+        for shot in stage.shots:
+            writer.write(shot.time_ns, shot.data)
+    return file.getvalue()
+
+
+KINDS = pytest.mark.parametrize(
+    "values", [position, float32, store], ids=lambda kind: kind.__name__
+)
+LINES = pytest.mark.parametrize("line", [on_profinet, on_profibus], ids=lambda on: on.__name__)
+Line = Callable[[Iterator[tuple[bytes, bytes]], int], bytes]
+
+
+@pytest.mark.slow
+@KINDS
+@LINES
+def test_there_is_nothing_to_judge(
+    line: Line, values: Values, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "values.pcapng"
+    path.write_bytes(line(values(random.Random(47)), MANY))
+    assert main(["report", str(path)]) == 0
+    told = capsys.readouterr().out
+    assert "\nNOTHING TO JUDGE: no drive parameter transaction in this capture\n" in told
+    assert told.count("DS209 note record-unproven: 1 finding") == 1
+    assert main(["report", "-f", "ndjson", str(path)]) == 0
+    (line,) = map(json.loads, capsys.readouterr().out.splitlines())
+    (finding,) = line["capture"]["findings"]
+    assert (finding["rule"], finding["args"]["count"]) == ("DS209", 2 * MANY)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("version", VERSIONS)
+def test_the_plugin_says_the_same(version: str, tmp_path: Path) -> None:
+    sources = [
+        Source(f"{line.__name__} {values.__name__}", line(values(random.Random(7)), 300), False)
+        for line in (on_profinet, on_profibus)
+        for values in (position, float32, store)
+    ]
+    compare(version, "en", sources, tmp_path)
