@@ -113,7 +113,7 @@ def test_calls_across_the_disorder_are_whole() -> None:
     ("sender", "said"),
     [
         ("controllers", "Only requests (164), no response: mirror both directions of the port."),
-        ("device", "Only responses (53), no request: mirror both directions of the port."),
+        ("device", "Only responses (164), no request: mirror both directions of the port."),
     ],
 )
 def test_the_page_knows_one_direction(sender: str, said: str) -> None:

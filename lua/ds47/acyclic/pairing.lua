@@ -839,14 +839,14 @@ function Pairing:is_again(peer, record)
   return delivered and bytes(delivered) == record.response.data or false
 end
 
---- Whether a record is of a submodule that uses 0xB02E or 0xB02F: a request was answered there.
+--- Whether a record is of a submodule that uses 0xB02E or 0xB02F: it responded there.
 function Pairing:is_of_drive(peer, record)
   for _, index in ipairs(index47.ALWAYS) do
     for _, api in ipairs({record.api, PROFIDRIVE_API}) do
       local keys = self.of_place[api .. records.spot(record.slot, record.subslot, index) .. peer.device]
       for key in (keys or NO_CHANNELS):newest_first(self.limits.users) do
         local last = self.channels:get(key).last
-        if last and kind_fits(last.message, bytes(last) or "") then
+        if last and last.response and last.response.shaped then
           return true
         end
       end

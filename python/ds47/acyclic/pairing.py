@@ -615,13 +615,12 @@ class Pairing:
         return _bytes(delivered) == half.data
 
     def is_of_drive(self, peer: Peer, record: Record) -> bool:
-        """Whether a record is of a submodule that uses 0xB02E or 0xB02F: a request was answered there."""
+        """Whether a record is of a submodule that uses 0xB02E or 0xB02F: it responded there."""
         for index, api in product(ALWAYS, (record.api, RECORD_PROFIDRIVE_API)):
             place = peer.device, api, record.slot, record.subslot, index
             for key in islice(self._of_place.get(place, {}), self._limits.users):
                 last = self.channels[key].last
-                half = last.read_response if last is not None else None
-                if last is not None and half is not None and _is_of_kind(last, half):
+                if last is not None and last.response is not None and last.response.shaped:
                     return True
         return False
 

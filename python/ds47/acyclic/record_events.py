@@ -131,7 +131,9 @@ class RecordEvents:
             self.pass_on(peer, record, partial(self._pairing.write_unasked, peer, record))
         else:
             self._read_answered(peer, record, half, cut, {})
-        self._index47.heard(_ar(peer, record), half.frame, asks=False)
+        ar = _ar(peer, record)
+        if not self._index47.passes(ar, record.index):
+            self._index47.heard(ar, half.frame, asks=False)
 
     def asked_late(self, peer: Peer, record: Record, answer: int) -> None:
         """The request of a Read whose response was in an earlier frame, with that frame."""
