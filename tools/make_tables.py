@@ -214,8 +214,9 @@ def _codes() -> Iterator[str]:
 def _fallback() -> Iterator[str]:
     # The only text that no public function of the loader gives without its number filled in.
     fallback: dict[str, str] = spec._load("errors.toml")["fallback"]
+    of_maker: dict[str, str] = spec._load("errors.toml")["of_maker"]
     yield f"M.error_fallback = {literal({lang: fallback[lang] for lang in LANGUAGES})}"
-    yield f"M.error_of_maker = {literal({lang: spec.of_maker(lang) for lang in LANGUAGES})}"
+    yield f"M.error_of_maker = {literal(of_maker)}"
     yield f"M.error_makers = {{first = {spec.MAKERS[0]}, last = {spec.MAKERS[-1]}}}"
 
 
@@ -341,7 +342,7 @@ def _pkw() -> Iterator[str]:
         yield f"M.pkw.requests[0x{ak:02X}].answers = {literal(frozenset(request.answers))}"
     yield from rows("M.pkw.answers", cyclic.answers(), PKW_ANSWER)
     texts = {
-        code: {"en": cyclic.error_text(code), "zh": cyclic.error_text(code, "zh")}
+        code: {lang: cyclic.error_text(code, lang, spec.vendors()[0].id) for lang in LANGUAGES}
         for code in cyclic.error_codes()
     }
     yield from table("M.pkw.errors", texts, key="{}")

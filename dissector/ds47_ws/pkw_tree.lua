@@ -37,13 +37,16 @@ local function value_place(told)
 end
 
 -- The words of an error, and its number where there is one.
-local function error_text(told, lang)
+local function error_text(told, lang, vendor_id)
   local code = told.error.code
-  return code and format("%d %s", code, cyclic.error_text(code, lang)) or cyclic.meaning(told.ak, true, lang)
+  if code == nil then
+    return cyclic.meaning(told.ak, true, lang)
+  end
+  return format("%d %s", code, cyclic.error_text(code, lang, vendor_id))
 end
 
 -- Each of the four words as a field.
-local function add_words(put, parent, told, record, lang)
+local function add_words(put, parent, told, record, lang, vendor_id)
   local uss = told.layout == "uss"
   local ak = put.add(parent, "pkw.ak", told.ak, record, 0, 1)
   if ak then
@@ -57,7 +60,8 @@ local function add_words(put, parent, told, record, lang)
   put.add(parent, "pkw.pwe2", told.pwe2, record, 6, 2)
   if told.error then
     local code = told.error.code
-    local shown, text = put.add(parent, "pkw.error", code, record, 6, 2), cyclic.error_text(code, lang)
+    local text = cyclic.error_text(code, lang, vendor_id)
+    local shown = put.add(parent, "pkw.error", code, record, 6, 2)
     if shown then
       shown:set_text(text and format("Error number: %d (%s)", code, text) or format("Error number: %d", code))
     end
@@ -159,13 +163,13 @@ function M.add(put, root, view, record, lang)
     if shown then
       shown:set_text("PKW: " .. digits(data))
     end
-    add_words(put, shown or root, told, record, lang)
+    add_words(put, shown or root, told, record, lang, view.item.vendor_id)
   end
   add_parameter(put, root, view, told, record, lang)
 end
 
 -- What words say that stand there unchanged, in one line.
-local function line_of(told, family, lang)
+local function line_of(told, family, lang, vendor_id)
   local text = cyclic.meaning(told.ak, told.answer, lang)
   if told.ak == 0 then
     return text
@@ -176,7 +180,7 @@ local function line_of(told, family, lang)
   end
   text = format("AK %d %s: %s", told.ak, text, parameter)
   if told.error then
-    return text .. ": " .. error_text(told, lang)
+    return text .. ": " .. error_text(told, lang, vendor_id)
   end
   return told.value and text .. " = " .. value_text(told) or text
 end
@@ -185,11 +189,11 @@ end
 -- filter finds the frames in which something happened.
 -- @param tree the tree of the frame
 -- @param range the TvbRange of the eight bytes
--- @param standing whether the drive says them (`answer`), their `layout` and the `family` of the drive
+-- @param standing whether the drive says them (`answer`), the `layout`; `family` and `vendor_id` of the drive
 function M.standing(tree, range, standing, lang)
   local answer = standing.answer
   local told = pkw.decode(range:bytes():raw(), answer, standing.layout)
-  local text = line_of(told, standing.family, lang)
+  local text = line_of(told, standing.family, lang, standing.vendor_id)
   tree:add(range, format("DS47 PKW %s: %s", answer and "response" or "request", text))
 end
 

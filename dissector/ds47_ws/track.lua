@@ -655,7 +655,7 @@ function M.bus_place(item)
 end
 
 --- Where words of PKW stand in a cyclic frame, changed or not: array of {offset of the eight bytes, answer,
--- layout, family}. None of a relation that is not proven yet.
+-- layout, family, vendor_id}. None of a relation that is not proven yet.
 -- @param place as `cyclic_place` gives it
 function M.standing(number, frame, place)
   local found = {}
@@ -665,8 +665,10 @@ function M.standing(number, frame, place)
     local shown = relation.channel == "pkw" and relation.certainty ~= "lengths"
     if shown and offset + each.side.length <= #frame then
       local layout = current:pkw_layout(relation.device)
-      local family = drives_of(relation)
-      found[#found + 1] = { offset = offset, answer = not each.sent, layout = layout, family = family }
+      found[#found + 1] = {
+        offset = offset, answer = not each.sent, layout = layout, family = drives_of(relation),
+        vendor_id = relation.vendor_id,
+      }
     end
   end
   return found

@@ -104,7 +104,7 @@ def error_words(item: ParameterError, lang: str) -> str:
         return item.said
     if item.ak is None:
         return error_text(item.code, lang, item.vendor_id)
-    known = None if item.code is None else pkw_error_text(item.code, lang)
+    known = None if item.code is None else pkw_error_text(item.code, lang, item.vendor_id)
     return known or pkw_meaning(item.ak, True, lang)
 
 

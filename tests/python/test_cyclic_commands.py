@@ -33,6 +33,23 @@ def test_a_refusal_in_chinese(capsys: Capture) -> None:
     assert "PWE：错误号 17：当前运行状态下不能执行（16#0000_0011）" in out
 
 
+@pytest.mark.parametrize(
+    ("vendor", "words"),
+    [
+        ((), "Manufacturer-specific error 104 (SINAMICS: Illegal value for this request)"),
+        (("--vendor", "sinamics"), "Illegal value for this request"),
+        (("--vendor", "0x01BA"), "Manufacturer-specific error 104: see the manual of the device, vendor 0x01BA"),
+    ],
+)  # fmt: skip
+def test_error_numbers_of_pkw_have_the_words_of_their_maker(
+    vendor: tuple[str, ...], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = ("decode", "--as", "pkw-answer", *vendor, "7023000000000068")
+    assert f"error number 104: {words} (16#0000_0068)\n" in run(capsys, *asked)[1]
+    document = json.loads(run(capsys, *asked, "-f", "json")[1])
+    assert document["error"] == {"code": 104, "text": words}
+
+
 def test_an_answer_as_json(capsys: Capture) -> None:
     _, out, _ = run(capsys, "decode", "--as", "pkw-answer", "-f", "json", "743a000000000005")
     assert json.loads(out) == {

@@ -27,6 +27,7 @@ from ds47.lab.drive import Cell, Drive
 from ds47.lab.machine import IDLE, OFF, ON, Machine
 from ds47.lab.stage import Stage
 from ds47.model import CaptureResult, Finding
+from ds47.report.sentences import sentence
 
 SENTENCES = Path(__file__).resolve().parents[3] / "shared" / "captures" / "sentences"
 READ, HALF, WHOLE = (
@@ -185,10 +186,25 @@ def test_not_ok_has_its_cause_whoever_made_the_drive(
     assert "Not possible in this operating state" in text
 
 
-def test_of_other_makers_only_numbers_of_the_profile_have_words() -> None:
-    for vendor_id, error, code in ((FOREIGN, 17, 17), (FOREIGN, 107, None), (SIEMENS, 107, 107)):
-        (found,) = of_rule("DS501", analyze(io.BytesIO(of_maker(vendor_id, error=error))))
-        assert found.args["code"] == code
+@pytest.mark.parametrize(
+    ("vendor_id", "error", "words"),
+    [
+        (FOREIGN, 17, "17 Not possible in this operating state"),
+        (FOREIGN, 107, f"see the manual of the device, vendor 0x{FOREIGN:04X}"),
+        (SIEMENS, 107, "107 No change while the controller is enabled"),
+    ],
+)
+def test_of_other_makers_only_numbers_of_the_profile_have_words(
+    vendor_id: int, error: int, words: str
+) -> None:
+    result = analyze(io.BytesIO(of_maker(vendor_id, error=error)))
+    (found,) = of_rule("DS501", result)
+    assert (found.args["code"], found.args["vendor_id"]) == (error, vendor_id)
+    assert sentence(found).endswith(words)
+    (failed,) = [each.parameters[0].error for each in result.transactions if each.state == "error"]
+    assert failed is not None
+    assert failed.text
+    assert f"{error} {failed.text}".endswith(words)
 
 
 def test_that_a_change_saves_is_said_of_the_maker_whose_table_it_is() -> None:

@@ -38,12 +38,10 @@ local function of_request(remarks, job, asked, family)
   end
 end
 
-local function of_response(remarks, job, asked, family, told, foreign)
+local function of_response(remarks, job, asked, family, told, vendor_id)
   local frame = job.answer.at.frame
   if told.ak == pkw.ERROR then
-    local code = told.error.code
-    if foreign and code and code > tables.pkw.profile_errors then code = nil end -- its meaning is the maker's
-    put(remarks, "DS501", frame, which(asked, family, {code = code}))
+    put(remarks, "DS501", frame, which(asked, family, {code = told.error.code, vendor_id = vendor_id}))
   elseif told.ak == pkw.NO_RIGHTS then
     put(remarks, "DS502", frame, which(asked, family))
   end
@@ -87,7 +85,7 @@ function M.remarks(relation, job, layout)
   local family = relations.drives(relation)
   of_request(remarks, job, asked, family)
   if told then
-    of_response(remarks, job, asked, family, told, relations.is_foreign(relation))
+    of_response(remarks, job, asked, family, told, relation.vendor_id)
   else
     of_end(remarks, job, asked, family)
   end

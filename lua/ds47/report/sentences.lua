@@ -117,7 +117,7 @@ local function error_of(rule, args, lang)
   if code == nil then
     return word(tables.report_words[kind == "pkw" and "no_known_number" or "no_error_number"], lang)
   end
-  if kind == "pkw" then return integer(code) .. " " .. cyclic.error_text(code, lang) end
+  if kind == "pkw" then return integer(code) .. " " .. cyclic.error_text(code, lang, args.vendor_id) end
   local text = spec.error_hex(code) .. " " .. spec.error_text(code, lang, args.vendor_id)
   if not args.among then return text end
   return (key_words("among", lang):gsub("{error}", {["{error}"] = text}))
@@ -195,7 +195,9 @@ local NONE = {}
 
 --- What the error number of a parameter means on the drive that sent it; "" where there is no number.
 function M.error_words(item, lang)
-  if item.ak then return cyclic.error_text(item.code, lang) or cyclic.meaning(item.ak, true, lang) end
+  if item.ak then
+    return cyclic.error_text(item.code, lang, item.vendor_id) or cyclic.meaning(item.ak, true, lang)
+  end
   return item.code and spec.error_text(item.code, lang, item.vendor_id) or ""
 end
 

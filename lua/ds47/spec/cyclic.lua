@@ -1,10 +1,10 @@
 -- The words of the tables of cyclic frames, PKW and PZD, in "en" or "zh" (docs/cyclic.md). The tables
 -- themselves are tables.lua; what the bytes are is in cyclic/.
 
-local words = require("ds47.spec.lookup").words
+local lookup = require("ds47.spec.lookup")
 local tables = require("ds47.spec.tables")
 
-local concat = table.concat
+local concat, format, words = table.concat, string.format, lookup.words
 
 local M = {}
 
@@ -13,10 +13,18 @@ function M.meaning(ak, answer, lang)
   return words(tables.pkw[answer and "answers" or "requests"][ak], lang)
 end
 
---- What an error number of PKW means; nil where nobody says.
-function M.error_text(code, lang)
-  local row = code and tables.pkw.errors[code]
-  return row and words(row, lang)
+--- What an error number of PKW means (docs/cyclic.md 2); nil where nobody says.
+-- @param code the number, or nil
+-- @param vendor_id PROFINET vendor id of the device or nil. Numbers behind those of the profile belong to the
+--   maker: without an id their meaning on SINAMICS is given as such, another maker's has none
+function M.error_text(code, lang, vendor_id)
+  if code == nil then return nil end
+  local row, usual = tables.pkw.errors[code], tables.vendors[1]
+  local known = row and words(row, lang)
+  if code <= tables.pkw.profile_errors or vendor_id == usual.id then return known end
+  local text = lookup.error_fallback(format("%d", code), lang)
+  if vendor_id then return text .. lookup.of_maker(vendor_id, lang) end
+  return known and text .. " (" .. usual.name .. ": " .. known .. ")" or text
 end
 
 local function among(items, wanted)

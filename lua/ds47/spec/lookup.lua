@@ -66,14 +66,25 @@ local by_id = entries(function(id)
   return nil
 end)
 
+--- The words for a number of which nobody knows more than that it is the maker's.
+-- @param code as text
+function M.error_fallback(code, lang)
+  return M.fill(M.words(tables.error_fallback, lang), {code = code})
+end
+
+--- What follows a number of a maker without a table: whose manual has it.
+function M.of_maker(vendor_id, lang)
+  return M.fill(M.words(tables.error_of_maker, lang), {vendor = format("0x%04X", vendor_id)})
+end
+
 local function error_words(code, lang, vendor_id)
   local vendor = vendor_id and by_id[vendor_id]
   if vendor and vendor.errors[code] then return words(vendor.errors[code], code, lang) end
   if tables.errors[code] then return words(tables.errors[code], code, lang) end
-  local text = words(tables.error_fallback, code, lang)
+  local text = M.error_fallback(M.error_hex(code), lang)
   local usual, makers = tables.vendors[1], tables.error_makers
   if vendor_id and vendor_id > 0 and not vendor and code >= makers.first and code <= makers.last then
-    return text .. M.fill(M.words(tables.error_of_maker, lang), {vendor = format("0x%04X", vendor_id)})
+    return text .. M.of_maker(vendor_id, lang)
   end
   local hint = not vendor_id and usual.errors[code]
   if not hint then return text end

@@ -62,11 +62,43 @@ def dialect_options(function: Function) -> Function:
     return function
 
 
-def codec_options(legacy_g120_formats: bool, profile_v3_types: bool) -> Options:
-    """The codec's options from those of the command line."""
+def vendor_number(text: str) -> int:
+    """The PROFINET vendor id of a name that ds47 knows, or of a number.
+
+    Raises:
+        click.BadParameter: it is neither.
+    """
+    from ds47 import spec
+    from ds47.parameters.lists import LARGEST_ID
+    from ds47.spec import explanations
+
+    vendor = explanations.vendor_named(text.strip())
+    if vendor is not None and vendor.id is not None:
+        return vendor.id
+    try:
+        number = int(text, 0)
+    except ValueError:
+        number = -1
+    if not 0 <= number <= LARGEST_ID:
+        names = ", ".join(sorted(each.name for each in spec.vendors()))
+        raise click.BadParameter(
+            f"{text!r} is no vendor id, and none of: {names}", param_hint="--vendor"
+        )
+    return number
+
+
+def codec_options(
+    legacy_g120_formats: bool, profile_v3_types: bool, vendor: str | None = None
+) -> Options:
+    """The codec's options from those of the command line.
+
+    Raises:
+        click.BadParameter: `vendor` is neither a name that is known nor an id.
+    """
     from ds47.profidrive import Options
 
-    return Options(legacy_g120_formats=legacy_g120_formats, profile_v3_types=profile_v3_types)
+    vendor_id = None if vendor is None else vendor_number(vendor)
+    return Options(legacy_g120_formats, profile_v3_types, vendor_id)
 
 
 def stdout() -> TextIO:

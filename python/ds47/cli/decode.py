@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 )
 @click.option("--request", "request_hex", metavar="HEX", help="The request that it answers.")
 @click.option("-f", "--format", "format_name", type=click.Choice(["text", "json"]), default="text")
+@click.option("--vendor", metavar="NAME|ID", help="Whose device: SINAMICS, ABB, 0x002A.")
 @pkw_layout_option
 @lang_option
 @dialect_options
@@ -49,6 +50,7 @@ def command(
     kind: str | None,
     request_hex: str | None,
     format_name: str,
+    vendor: str | None,
     pkw_layout: str,
     lang: str,
     legacy_g120_formats: bool,
@@ -58,6 +60,8 @@ def command(
 
     Spacing does not matter; "16#0101 16#0102" (words of a PLC watch table) and "0x01, 0x02" are
     read too. With --request each value of a response gets its parameter number.
+
+    The words of an error number from 101 (0x65) on are those of the maker: --vendor says whose they are.
 
     Words of cyclic frames: --as pkw and pkw-answer take 8 bytes, stw1 and zsw1 a word with or without
     its setpoint or actual value, ppo1-out and ppo1-in 12 bytes.
@@ -74,10 +78,10 @@ def command(
         raise click.UsageError("--request is for a response; it does not go with --as request")
     from ds47.report import json
 
-    options = codec_options(legacy_g120_formats, profile_v3_types)
+    options = codec_options(legacy_g120_formats, profile_v3_types, vendor)
     data = _bytes(" ".join(message) if message else sys.stdin.read(), "the message")
     if kind in CYCLIC:
-        stdout().write(cyclic_words(data, kind, pkw_layout, format_name, lang))
+        stdout().write(cyclic_words(data, kind, pkw_layout, format_name, lang, options.vendor_id))
         return
     if kind == PROFIBUS:
         stdout().write(profibus_words(data, format_name, options, lang))

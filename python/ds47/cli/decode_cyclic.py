@@ -22,8 +22,15 @@ _PKW = {"pkw": False, "pkw-answer": True, "ppo1-out": False, "ppo1-in": True}
 _PZD = {"stw1": "stw1", "zsw1": "zsw1", "ppo1-out": "stw1", "ppo1-in": "zsw1"}
 
 
-def cyclic_words(data: bytes, kind: str, layout: str, format_name: str, lang: str) -> str:
-    """What the words mean, as text or as JSON.
+def cyclic_words(
+    data: bytes,
+    kind: str,
+    layout: str,
+    format_name: str,
+    lang: str,
+    vendor_id: int | None = None,
+) -> str:
+    """What the words mean, as text or as JSON; `vendor_id`: whose error numbers of PKW count.
 
     Raises:
         click.UsageError: there are fewer or more bytes than such words have.
@@ -35,8 +42,8 @@ def cyclic_words(data: bytes, kind: str, layout: str, format_name: str, lang: st
     if format_name == "json":
         from ds47.report.json import text
 
-        return text(_document(data, kind, layout)) + "\n"
-    return "\n".join(_lines(data, kind, layout, lang)) + "\n"
+        return text(_document(data, kind, layout, vendor_id)) + "\n"
+    return "\n".join(_lines(data, kind, layout, lang, vendor_id)) + "\n"
 
 
 def _parts(data: bytes, kind: str) -> tuple[bytes, int, bytes]:
@@ -45,12 +52,12 @@ def _parts(data: bytes, kind: str) -> tuple[bytes, int, bytes]:
     return data[:start], start, data[start:]
 
 
-def _document(data: bytes, kind: str, layout: str) -> dict[str, Any]:
+def _document(data: bytes, kind: str, layout: str, vendor_id: int | None) -> dict[str, Any]:
     from ds47.cyclic import decode, percent
     from ds47.report import cyclic
 
     first, _, words = _parts(data, kind)
-    found = cyclic.pkw_document(decode(first, _PKW[kind], layout)) if first else {}
+    found = cyclic.pkw_document(decode(first, _PKW[kind], layout), vendor_id) if first else {}
     if not words:
         return found
     name = _PZD[kind]
@@ -61,7 +68,7 @@ def _document(data: bytes, kind: str, layout: str) -> dict[str, Any]:
     return {"pkw": found, "pzd": shown} if first else shown
 
 
-def _lines(data: bytes, kind: str, layout: str, lang: str) -> Iterator[str]:
+def _lines(data: bytes, kind: str, layout: str, lang: str, vendor_id: int | None) -> Iterator[str]:
     from ds47.cyclic import decode
     from ds47.report import cyclic
     from ds47.report.bilingual import say
@@ -69,7 +76,7 @@ def _lines(data: bytes, kind: str, layout: str, lang: str) -> Iterator[str]:
     first, start, words = _parts(data, kind)
     yield say("decode_head", kind=say(f"decode_{kind}"), n=len(data)).text(lang)
     if first:
-        rows = list(cyclic.pkw_lines(decode(first, _PKW[kind], layout)))
+        rows = list(cyclic.pkw_lines(decode(first, _PKW[kind], layout), vendor_id))
         ends = [row[0] for row in rows[1:]] + [len(first)]
         for (at, meaning), end in zip(rows, ends, strict=True):
             yield from dump(data, at, end, meaning.text(lang))

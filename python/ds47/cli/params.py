@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ds47.cli.common import format_option, lang_option, stdout, warn
+from ds47.cli.common import format_option, lang_option, stdout, vendor_number, warn
 from ds47.report.bilingual import say
 from ds47.report.formatting import escape
 
@@ -115,7 +115,7 @@ def _about(
     found.name = name or found.name
     found.firmware = firmware or found.firmware
     if vendor is not None:
-        found.vendor_id = _vendor_id(vendor)
+        found.vendor_id = vendor_number(vendor)
     if device_ids:
         try:
             found.device_ids = tuple(int(each, 0) for each in device_ids)
@@ -123,27 +123,6 @@ def _about(
             raise click.BadParameter(
                 f"{', '.join(device_ids)}: wants numbers", param_hint="--device-id"
             ) from problem
-
-
-def _vendor_id(text: str) -> int:
-    """The PROFINET vendor id of a name that ds47 knows, or of a number."""
-    from ds47 import spec
-    from ds47.parameters.lists import LARGEST_ID
-    from ds47.spec import explanations
-
-    vendor = explanations.vendor_named(text.strip())
-    if vendor is not None and vendor.id is not None:
-        return vendor.id
-    try:
-        number = int(text, 0)
-    except ValueError:
-        number = -1
-    if not 0 <= number <= LARGEST_ID:
-        names = ", ".join(sorted(each.name for each in spec.vendors()))
-        raise click.BadParameter(
-            f"{text!r} is no vendor id, and none of: {names}", param_hint="--vendor"
-        )
-    return number
 
 
 @command.command("show")

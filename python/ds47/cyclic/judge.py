@@ -64,10 +64,8 @@ def _response(
 ) -> Iterator[Remark]:
     told = pkw.decode(answer.data, answer=True, layout=layout)
     if told.ak == pkw.ERROR and told.error is not None:
-        code = told.error.code
-        if relation.is_foreign and not cyclic.is_of_profile(code):
-            code = None  # what it means is the maker's
-        yield Remark("DS501", answer.at.frame, which | {"code": code})
+        args = {"code": told.error.code, "vendor_id": relation.vendor_id}
+        yield Remark("DS501", answer.at.frame, which | args)
     elif told.ak == pkw.NO_RIGHTS:
         yield Remark("DS502", answer.at.frame, which)
 

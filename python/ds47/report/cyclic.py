@@ -26,7 +26,7 @@ def _both(words: Callable[..., str | None], *about: object) -> Both:
     return Both(*(words(*about, lang) or "" for lang in LANGUAGES))
 
 
-def pkw_document(item: pkw.Message) -> dict[str, Any]:
+def pkw_document(item: pkw.Message, vendor_id: int | None = None) -> dict[str, Any]:
     """A PKW request or answer for JSON."""
     error, connector = item.error, item.connector
     return {
@@ -39,17 +39,17 @@ def pkw_document(item: pkw.Message) -> dict[str, Any]:
         "pwe1": item.pwe1,
         "pwe2": item.pwe2,
         "value": item.value,
-        "error": None if error is None else _error_document(error),
+        "error": None if error is None else _error_document(error, vendor_id),
         "connector": None if connector is None else {"pnu": connector[0], "index": connector[1]},
     }
 
 
-def _error_document(error: pkw.Error) -> dict[str, Any]:
-    text = None if error.code is None else cyclic.error_text(error.code)
+def _error_document(error: pkw.Error, vendor_id: int | None) -> dict[str, Any]:
+    text = None if error.code is None else cyclic.error_text(error.code, "en", vendor_id)
     return {"code": error.code, "text": text}
 
 
-def pkw_lines(item: pkw.Message) -> Iterator[Line]:
+def pkw_lines(item: pkw.Message, vendor_id: int | None = None) -> Iterator[Line]:
     """The four words in words."""
     meaning = _both(cyclic.meaning, item.ak, item.answer)
     yield 0, say("pkw_pke", ak=str(item.ak), meaning=meaning, spm=str(item.spm))
@@ -57,10 +57,10 @@ def pkw_lines(item: pkw.Message) -> Iterator[Line]:
     name = formatting.address(Parameter(item.pnu, item.subindex, "value", 1)) if known else "?"
     key = "pkw_ind" if item.fits_layout else "pkw_ind_odd"
     yield 2, say(key, parameter=name, page=f"{item.page:02X}", layout=item.layout)
-    yield 4, _pwe(item)
+    yield 4, _pwe(item, vendor_id)
 
 
-def _pwe(item: pkw.Message) -> Both:
+def _pwe(item: pkw.Message, vendor_id: int | None) -> Both:
     hexadecimal = f"{item.pwe1:04X}_{item.pwe2:04X}"
     if item.error is not None:
         if item.ak == pkw.NO_RIGHTS:
@@ -68,7 +68,7 @@ def _pwe(item: pkw.Message) -> Both:
         code = item.error.code
         if code is None:
             return say("pkw_no_error", hex=hexadecimal)
-        text = _both(cyclic.error_text, code)
+        text = Both(*(cyclic.error_text(code, lang, vendor_id) or "" for lang in LANGUAGES))
         return say("pkw_error", code=str(code), text=text, hex=hexadecimal)
     if item.connector is not None:
         pnu, index = item.connector

@@ -186,7 +186,7 @@ class _Shown(dict[str, str]):
             known = "no_known_number" if kind == "pkw" else "no_error_number"
             return say(known).text(self._lang)
         if kind == "pkw":
-            return f"{code} {pkw_error_text(code, self._lang)}"
+            return f"{code} {pkw_error_text(code, self._lang, self._args.get('vendor_id'))}"
         if kind == "s7_item":
             return f"{error_hex(code)} {s7.code_text('return_code', code, self._lang)}"
         if kind == "s7_error":

@@ -349,16 +349,22 @@ def error_text(code: int | None, lang: str = "en", vendor_id: int | None = None)
         return _words(vendor.errors[code], code, lang)
     if code in errors():
         return _words(errors()[code], code, lang)
-    text = _words(ErrorNumber(code=code, **_load("errors.toml")["fallback"]), code, lang)
+    text = error_fallback(error_hex(code), lang)
     if (vendor_id or 0) > 0 and vendor is None and code in MAKERS:
-        return text + of_maker(lang).format(vendor=f"0x{vendor_id:04X}")
+        return text + of_maker(vendor_id or 0, lang)
     hint = vendors()[0].errors.get(code) if vendor_id is None else None
     return f"{text} ({vendors()[0].name}: {_words(hint, code, lang)})" if hint else text
 
 
-def of_maker(lang: str) -> str:
+def error_fallback(code: str, lang: str) -> str:
+    """The words for a number of which nobody knows more than that it is the maker's."""
+    return str(_load("errors.toml")["fallback"]["zh" if lang == "zh" else "en"]).format(code=code)
+
+
+def of_maker(vendor_id: int, lang: str) -> str:
     """What follows a number of a maker without a table: whose manual has it."""
-    return str(_load("errors.toml")["of_maker"]["zh" if lang == "zh" else "en"])
+    row = _load("errors.toml")["of_maker"]
+    return str(row["zh" if lang == "zh" else "en"]).format(vendor=f"0x{vendor_id:04X}")
 
 
 def error_info_meaning(code: int) -> str:

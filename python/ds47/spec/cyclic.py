@@ -9,7 +9,7 @@ from collections.abc import Collection, Mapping
 from functools import cache
 from types import MappingProxyType
 
-from ds47.spec import _load
+from ds47.spec import _load, error_fallback, of_maker, vendors
 from ds47.spec.rows import Row
 
 
@@ -157,10 +157,23 @@ def error_codes(family: str | None = None) -> frozenset[int]:
     return named[family]
 
 
-def error_text(code: int, lang: str = "en") -> str | None:
-    """What an error number of PKW means, in "en" or "zh"; None where nobody says."""
-    row = _errors().get(code)
-    return None if row is None else row[lang == "zh"]
+def error_text(code: int, lang: str = "en", vendor_id: int | None = None) -> str | None:
+    """What an error number of PKW means, in "en" or "zh" (docs/cyclic.md 2); None where nobody says.
+
+    Args:
+        code: the number.
+        lang: "en" or "zh".
+        vendor_id: PROFINET vendor id of the device. Numbers behind those of the profile belong to the maker:
+            without an id their meaning on SINAMICS is given as such, another maker's has none.
+    """
+    row, usual = _errors().get(code), vendors()[0]
+    known = None if row is None else row[lang == "zh"]
+    if is_of_profile(code) or vendor_id == usual.id:
+        return known
+    text = error_fallback(str(code), lang)
+    if vendor_id is not None:
+        return text + of_maker(vendor_id, lang)
+    return f"{text} ({usual.name}: {known})" if known else text
 
 
 def families() -> tuple[str, ...]:
