@@ -22,7 +22,7 @@ from tests.audit.reading import Complaint, Deal, Finding, Reading
 
 OF_THE_RECORDING = {
     "DS101", "DS102", "DS103", "DS105", "DS106", "DS107", "DS109", "DS110", "DS209", "DS403", "DS725",
-    "DS915",
+    "DS533", "DS915",
 }  # fmt: skip
 """Rules about what is in the capture."""
 COUNTS = {

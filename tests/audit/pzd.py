@@ -1,4 +1,4 @@
-"""Control and status words: whether the events are those of the frames, and what findings DS507 to DS531 claim.
+"""Control and status words: whether the events are those of the frames, and what findings DS507 to DS533 claim.
 
 Every frame of a relation is read, changed or not, and the bits are those of the manual. What stands for some seconds
 is looked for in each of the frames.
@@ -332,6 +332,30 @@ def _acknowledged(finding: Finding, drive: Drive) -> Iterator[str]:
     )
 
 
+def _not_taken(finding: Finding, drive: Drive) -> Iterator[str]:
+    before, now = drive.before(finding.frame, by_controller=True)
+    if (before.stw1 or 0) & 0x80 or (now.stw1 or 0) & 0x480 != 0x80:
+        yield "no edge of the acknowledgement without bit 10 is in this frame"
+    if finding.args["word"] != now.stw1:
+        yield f"the word is {now.stw1}"
+    there = drive.while_(finding.frame, LIMITS["DS524"])
+    if any(each.zsw1 is not None and not each.zsw1 & 8 for each in there):
+        yield "the fault goes then"
+
+
+def _stands_at_the_end(finding: Finding, drive: Drive) -> Iterator[str]:
+    words = [each for each in drive.looks if not each.by_controller]
+    since = [each for each in words if each.frame >= finding.frame]
+    if any(each.zsw1 is None or not each.zsw1 & 8 for each in since):
+        yield "the fault goes"
+    before = [each for each in words if each.frame < finding.frame]
+    if before and before[-1].zsw1 is not None and before[-1].zsw1 & 8:
+        yield "it was seen before"
+    codes = [each.code for each in drive.looks if each.frame >= finding.frame and each.code]
+    if finding.args["code"] is not None and codes[:1] != [finding.args["code"]]:
+        yield f"the number is {codes[:1]}"
+
+
 def _locked(finding: Finding, drive: Drive) -> Iterator[str]:
     there = _stands(finding, drive)
     bits = [bit for bit in (4, 5, 6) if not there[0].heeded >> bit & 1]
@@ -420,6 +444,7 @@ def of_change(finding: Finding, reading: Reading) -> Iterator[str]:
 AUDITORS: dict[str, Callable[[Finding, Drive], Iterator[str]]] = {
     "DS520": _fault, "DS521": _idle, "DS522": _ignored, "DS523": _inhibited, "DS524": _acknowledged,
     "DS525": _locked, "DS526": _away, "DS527": _not_requested, "DS528": _stopped, "DS529": _off,
+    "DS532": _not_taken, "DS533": _stands_at_the_end,
 }  # fmt: skip
 OF_CHANGES = ("DS530", "DS531")
 

@@ -59,3 +59,9 @@ def test_a_position_at_index_47_is_no_parameter_channel(field: Path) -> None:
     result = result_of(field / "record47-position.pcap")
     assert result.transactions == []
     assert [(each.rule, each.args["count"]) for each in result.findings] == [("DS209", 82)]
+
+
+def test_an_acknowledgement_without_control_by_plc_is_none(field: Path) -> None:
+    result = result_of(field / "acknowledge-without-control.txt")
+    told = [(each.rule, each.frame, each.args.get("word")) for each in result.findings]
+    assert told == [("DS520", 72, None), *(("DS532", at, 0x00FE) for at in (151, 231, 311))]

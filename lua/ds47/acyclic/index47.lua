@@ -152,6 +152,14 @@ function Gate:heard(ar, frame, device, asks)
   end
 end
 
+--- A response that was heard has a request after all, which is heard next.
+function Gate:unheard(ar)
+  local held = self.held:get(ar)
+  if held then
+    held.records = held.records - 1
+  end
+end
+
 --- A Write waits that may be a request: a response that mirrors it is to prove it.
 function Gate:asked(ar, place, request, data)
   local held = self.held:get(ar)

@@ -241,7 +241,13 @@ function RecordCalls:late_request(call)
     alone.withdrawn = true
   end
   local is_read = pdu.opnum == rpc.READ or pdu.opnum == rpc.READ_IMPLICIT
-  if not is_read or select(2, parse_response(answer)) == nil then
+  local first = select(2, parse_response(answer))
+  local told = ours_from(self, first)
+  while told do
+    self.events:not_unasked(placed(self, pdu), told)
+    told = ours_after(self, told)
+  end
+  if not is_read or first == nil then
     self:request(call)
     self:response(call)
     return

@@ -251,8 +251,15 @@ function RecordEvents:asked_late(origin, record, answer)
   local index = record.place.index
   local counts = self.counts[index] or new_counts(self, index)
   counts.read = counts.read + 1
-  if self.gate.ours[index] then
-    pass(self, event_read_asked_late, nil, origin, record, answer)
+  if self.gate.ours[index] and pass(self, event_read_asked_late, nil, origin, record, answer) then
+    self.gate:heard(record.place.ar_key, answer, origin.peer.device, true)
+  end
+end
+
+--- A response was no one without its request: that came late, and is told next.
+function RecordEvents:not_unasked(origin, record)
+  if not self.gate:is_open(records.ar_key(origin.peer, record), record.index) then
+    self.gate:unheard(record.place.ar_key)
   end
 end
 

@@ -228,16 +228,23 @@ function Drive:cut(since)
   self.refuted = self.refuted or since == nil or #self.recorder.events == 0
 end
 
+local function of_fault(self, rule, frame)
+  local code = self.recorder:fault_code(frame)
+  local args = {device = self.relation.device, slot = self.relation.slot, code = code}
+  args.what = code and "pzd_fault_number" or "pzd_fault"
+  return {rule = rule, frame = frame, args = args}
+end
+
 --- What was wrong with its operation; when nothing more comes. An array of remarks.
 function Drive:remarks()
   local found, recorder = {}, self.recorder
   if not recorder:has_sense() then return found end
+  local since = recorder.fault_since
   for _, frame in ipairs(recorder.operation.faults) do
-    local code = recorder:fault_code(frame)
-    local args = {device = self.relation.device, slot = self.relation.slot, code = code}
-    args.what = code and "pzd_fault_number" or "pzd_fault"
-    found[#found + 1] = {rule = "DS520", frame = frame, args = args}
+    found[#found + 1] = of_fault(self, "DS520", frame)
+    if frame == since then since = nil end
   end
+  if since then found[#found + 1] = of_fault(self, "DS533", since) end
   for _, remark in ipairs(recorder.operation.remarks) do found[#found + 1] = remark end
   return found
 end
@@ -305,6 +312,7 @@ local function replace(self, controller, device, frame)
     if line.relation.output.source == controller and line.relation.input.source == device then
       line:finish()
       line.relation.replaced = frame
+      if line.recorder then line.recorder.fault_since = nil end -- what becomes of it the next one shows
     else
       left[#left + 1] = line
     end

@@ -1,5 +1,5 @@
--- Judgement: what a controller and a drive say in STW1 and ZSW1 to findings DS520 to DS529 (docs/cyclic.md
--- 6).
+-- Judgement: what a controller and a drive say in STW1 and ZSW1 to findings DS521 to DS529 and DS532
+-- (docs/cyclic.md 6).
 --
 -- Why a drive does not start, who switched it off. Fed by timeline.lua with every frame that is looked at; a
 -- rule is about an edge, or about something that stands for so long. Whether anybody wants to know (another
@@ -50,6 +50,7 @@ function M.new(where, limits)
     away = standing("DS526", limits.deviation_ns),
     least = nil, most = nil, -- setpoints while it was locked
     was_equal = false,
+    unheeded = {}, -- acknowledgements without control by PLC, until it is known that the fault did not go
     off = {}, -- OFF2 and OFF3 of the drive, until it is known that no control word asked for them
   }, Operation)
 end
@@ -123,6 +124,23 @@ local function fault_stays(self, last, now)
   watch(self, stood, stood.begun ~= nil and fault, now)
 end
 
+-- Acknowledgements that are none, because bit 10 is 0; where the fault goes, something else acknowledged.
+local function not_taken(self, last, now)
+  local left = {}
+  if bit(now.zsw1, FAULT) == 1 then
+    for _, each in ipairs(self.unheeded) do
+      if now.time - each.time >= self.limits.acknowledge_ns then
+        say(self, "DS532", each.frame, {word = each.stw1})
+      else
+        left[#left + 1] = each
+      end
+    end
+    local rises = last and bit(now.stw1, ACKNOWLEDGE) == 1 and bit(last.stw1, ACKNOWLEDGE) == 0
+    if rises and bit(now.stw1, CONTROL) == 0 then left[#left + 1] = now end
+  end
+  self.unheeded = left
+end
+
 local function setpoint(self, now)
   if now.setpoint == nil then return end
   local locked = bit(now.zsw1, RUNNING) == 1 and not all(now.heeded, SETPOINT) and not any(now.heeded, JOG)
@@ -185,6 +203,7 @@ function Operation:look(now)
   if last then edges(self, last, now) end
   not_running(self, now)
   fault_stays(self, last, now)
+  not_taken(self, last, now)
   setpoint(self, now)
   deviation(self, now)
 end
@@ -196,7 +215,7 @@ function Operation:lost(frame, by_controller)
     say(self, "DS528", frame, {what = "pzd_invalid"})
   end
   self:finish()
-  self.last = nil
+  self.last, self.unheeded = nil, {}
 end
 
 --- The same operation as one that goes on alone.

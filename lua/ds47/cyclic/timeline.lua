@@ -52,6 +52,7 @@ function M.new(operation, trusted, speed, fault, most)
     reacted = false, -- whether ON led to the next state
     odd = false, -- whether a control word has bits that few controllers use, and is none that a drive heeds
     legal = false, -- whether a status word was seen that shows a state of a drive
+    fault_since = nil, -- the first frame with the fault that stands now; nil where none does, or nobody knows
     stw1 = nil, zsw1 = nil, heeded = nil, -- the words, and the last control word that the drive heeds
     on_time = nil, -- when ON was given to a drive that was ready for it
     lost_out = false, lost_in = false, -- whose data is not valid
@@ -144,6 +145,7 @@ end
 local function status(self, zsw1, frame, time)
   local before, running = self.zsw1, zsw1 % 8
   self.zsw1 = zsw1
+  self.fault_since = bit(zsw1, FAULT) == 1 and (self.fault_since or frame) or nil
   if bit(zsw1, FAULT) == 0 and (ILLEGAL[running] or bit(zsw1, INHIBITED) == 1 and running ~= 0) then
     self.refuted = true
   end
@@ -196,6 +198,7 @@ function Recorder:lost(by_controller, frame, time)
   if by_controller then word = self.stw1 end
   if self[lost] or word == nil then return end
   self[lost] = true
+  if not by_controller then self.fault_since = nil end
   self.operation:lost(frame, by_controller)
   happened(self, by_controller and "output-lost" or "input-lost", frame, time)
 end
@@ -280,6 +283,7 @@ function Recorder:cut(frame)
   self.events, self.faults = before(self.events, frame, own_frame), before(self.faults, frame, own_frame)
   operation.faults = before(operation.faults, frame, function(number) return number end)
   operation.remarks = before(operation.remarks, frame, own_frame)
+  self.fault_since = nil
 end
 
 return M

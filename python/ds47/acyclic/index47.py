@@ -135,6 +135,12 @@ class Index47:
             held.records += 1
             held.asks |= asks
 
+    def unheard(self, ar: ArKey) -> None:
+        """A response that was heard has a request after all, which is heard next."""
+        held = self._held.get(ar)
+        if held is not None:
+            held.records -= 1
+
     def asked(self, ar: ArKey, place: Place, request: Request, data: bytes) -> None:
         """A Write waits that may be a request: a response that mirrors it is to prove it."""
         held = self._held.get(ar)

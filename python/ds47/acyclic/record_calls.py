@@ -197,7 +197,11 @@ class RecordCalls:
         assert answer is not None
         for alone in self._alone.pop(answer.frame, ()):
             alone.withdrawn = True
-        if pdu.opnum not in (RPC_READ, RPC_READ_IMPLICIT) or not parse_response(answer)[1]:
+        answers = parse_response(answer)[1]
+        for record in answers:
+            if self._events.concerns(record.index):
+                self._events.not_unasked(self._peer(pdu), record)
+        if pdu.opnum not in (RPC_READ, RPC_READ_IMPLICIT) or not answers:
             self._request(call)
             self._response(call)
             return

@@ -138,6 +138,14 @@ class RecordEvents:
     def asked_late(self, peer: Peer, record: Record, answer: int) -> None:
         """The request of a Read whose response was in an earlier frame, with that frame."""
         self.pass_on(peer, record, partial(self._pairing.read_asked_late, peer, record, answer))
+        ar = _ar(peer, record)
+        if not self._index47.passes(ar, record.index):
+            self._index47.heard(ar, answer, asks=True)
+
+    def not_unasked(self, peer: Peer, record: Record) -> None:
+        """A response was no one without its request: that came late, and is told next."""
+        if not self._index47.passes(_ar(peer, record), record.index):
+            self._index47.unheard(_ar(peer, record))
 
     def failed(self, peer: Peer, record: Record, half: Half, jobs: Jobs) -> None:
         """A request that was turned away before anybody looked at its record."""

@@ -201,10 +201,16 @@ class Drive:
         if not recorder.has_sense:
             return
         for frame in recorder.operation.faults:
-            code = recorder.fault_code(frame)
-            what = "pzd_fault" if code is None else "pzd_fault_number"
-            yield Remark("DS520", frame, recorder.operation.where | {"what": what, "code": code})
+            yield self._of_fault("DS520", frame)
+        since = recorder.fault_since
+        if since is not None and since not in recorder.operation.faults:
+            yield self._of_fault("DS533", since)
         yield from recorder.operation.remarks
+
+    def _of_fault(self, rule: str, frame: int) -> Remark:
+        code = self.recorder.fault_code(frame)
+        what = "pzd_fault" if code is None else "pzd_fault_number"
+        return Remark(rule, frame, self.recorder.operation.where | {"what": what, "code": code})
 
 
 @dataclass(slots=True)
@@ -423,6 +429,8 @@ class CyclicChannels:
             if (relation.output.source, relation.input.source) == (output, input_):
                 self._end(line)
                 self._lines.remove(line)
+                if isinstance(line, Drive):  # what becomes of its fault the next one shows
+                    line.recorder.fault_since = None
 
     def _add(self, relation: Relation, behind: bool = False) -> None:
         self._relations.append(relation)

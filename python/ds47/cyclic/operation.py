@@ -1,4 +1,4 @@
-"""Judgement: what a controller and a drive say in STW1 and ZSW1 to findings DS520 to DS529 (docs/cyclic.md 6).
+"""Judgement: what STW1 and ZSW1 say of the operation of a drive, to findings DS521 to DS529, DS532 (cyclic.md 6).
 
 Why a drive does not start, who switched it off. Fed by `timeline` with every frame that is looked at; a rule is
 about an edge, or about something that stands for so long. Whether anybody wants to know (another maker's drive,
@@ -96,6 +96,8 @@ class Operation:
     _span: tuple[int, int] | None = None
     """Least and greatest setpoint while it was locked."""
     _was_equal: bool = False
+    _unheeded: list[Now] = field(default_factory=list)
+    """Acknowledgements without control by PLC, until it is known that the fault did not go then."""
     _off: list[tuple[Now, int, str]] = field(default_factory=list)
     """OFF2 and OFF3 of the drive, the bit of STW1 that would ask for it, until it is known that none did."""
 
@@ -115,6 +117,7 @@ class Operation:
             self._edges(last, now)
         self._not_running(now)
         self._fault_stays(last, now)
+        self._not_taken(last, now)
         self._setpoint(now)
         self._deviation(now)
 
@@ -125,6 +128,7 @@ class Operation:
             self._say("DS528", frame, what="pzd_invalid")
         self.finish()
         self._last = None
+        self._unheeded.clear()
 
     def finish(self) -> None:
         """Nothing more comes: what stands, stood until here."""
@@ -180,6 +184,19 @@ class Operation:
             standing.begun = now
         holds = standing.begun is not None and bool(now.zsw1 & _FAULT)
         self._watch(standing, holds, now)
+
+    def _not_taken(self, last: Now | None, now: Now) -> None:
+        """Acknowledgements that are none: bit 10 is 0. Where the fault goes, something else acknowledged it."""
+        if not now.zsw1 & _FAULT:
+            self._unheeded.clear()
+            return
+        for each in list(self._unheeded):
+            if now.time_ns - each.time_ns >= self.bounds.acknowledge_ns:
+                self._unheeded.remove(each)
+                self._say("DS532", each.frame, word=each.stw1)
+        rising = now.stw1 & ~last.stw1 if last is not None else 0
+        if rising & _ACKNOWLEDGE and not now.stw1 & _CONTROL:
+            self._unheeded.append(now)
 
     def _setpoint(self, now: Now) -> None:
         if now.setpoint is None:

@@ -18,6 +18,8 @@ FLOAT = {"double": True}
 ERROR_CHANGE, ERROR_READ = ("change", "error"), ("read", "error")
 SPEED, ALONE = Module(2, 2, 4), Module(2, 2, 12)
 """Telegrams 1 and 352, without PKW."""
+WITHOUT_CONTROL = 0x007E
+"""OFF without bit 10."""
 
 
 def real(value: float) -> bytes:
@@ -139,7 +141,7 @@ def on_with_edge(client: Client) -> None:
     it.until(lambda drive: drive.actual >= 39.9).run(0.5)
 
 
-@BOOK.scene("DS524: acknowledged, and the fault stays", rules="DS512 DS524")
+@BOOK.scene("DS524: acknowledged, and the fault stays", rules="DS512 DS524 DS533")
 def fault_that_stays(client: Client) -> None:
     """A fault is acknowledged while its cause is still there."""
     it = machine(client, cleared=False).control(OFF).run(0.3)
@@ -155,6 +157,34 @@ def fault_that_goes_late(client: Client) -> None:
     it.run(0.5).control(ACKNOWLEDGE).run(0.2).control(OFF).run(0.8)
     it.drive.cleared = True
     it.control(ACKNOWLEDGE).run(0.2).control(OFF).run(3)
+
+
+@BOOK.scene("DS532: acknowledged with 16#00FE, without control by PLC", rules="DS512 DS532 DS533")
+def acknowledged_without_control(client: Client) -> None:
+    """A fault is acknowledged three times by words without bit 10, and stands to the end."""
+    it = machine(client).control(OFF).run(0.3)
+    it.drive.fault = 7860
+    it.run(0.5)
+    for _ in range(3):
+        it.control(WITHOUT_CONTROL).run(0.5).control(WITHOUT_CONTROL | 0x80).run(2.2)
+
+
+@BOOK.scene("Near DS532: the fault goes at that edge", rules="DS512")
+def acknowledged_by_something_else(client: Client) -> None:
+    """An acknowledgement without bit 10, and somebody acknowledges the fault at the drive meanwhile."""
+    it = machine(client).control(OFF).run(0.3)
+    it.drive.fault = 7860
+    it.run(0.5).control(WITHOUT_CONTROL).run(0.2).control(WITHOUT_CONTROL | 0x80).run(0.3)
+    it.drive.fault = 0
+    it.run(3)
+
+
+@BOOK.scene("DS533: a fault at standstill that nobody acknowledges", rules="DS512 DS533")
+def fault_that_stands(client: Client) -> None:
+    """The drive finds a fault while it stands, and has it when the capture ends."""
+    it = machine(client).control(OFF).run(0.3)
+    it.drive.fault = 7860
+    it.run(0.5)
 
 
 @BOOK.scene("DS525: the setpoint changes, and bit 6 blocks it", rules="DS512 DS525")
