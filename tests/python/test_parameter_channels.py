@@ -28,6 +28,7 @@ from ds47.spec.semantics import limits
 from ds47.wireshark.engine import differences
 
 READ, FIFTY = "143a000000000000", "243a000042480000"
+WHICH = {"pnu": 1082, "subindex": 0, "family": "sinamics"}
 CHANGE, REFUSED = "343a000042200000", "743a000000000011"
 IDLE = "00" * 8
 
