@@ -831,3 +831,28 @@ def test_a_connection_says_how_its_value_is_read(code, source, value):
     assert source in values.meaning(item).en
     (parts,) = [each.parts for each in explain(code, "zh") if each.parts]
     assert parts[1].value.startswith("例如")
+
+
+@pytest.mark.parametrize(
+    ("code", "text", "also"),
+    [
+        ("8104", "function is not supported, or not now", "status"),
+        ("8500", "PDU has a wrong length", "status"),
+        ("8304", "no resources for one more job of this kind at the same time", "status"),
+        ("D241", "not permitted at this protection level", None),
+        ("s7 8702", "service is not supported by the module", None),
+    ],
+)
+def test_error_words_of_s7(code: str, text: str, also: str | None) -> None:
+    first, *others = explain(code)
+    assert (first.kind, first.known) == ("s7_error", True)
+    assert first.title.endswith(f"error word of S7 communication: {text}")
+    assert [each.kind for each in others if each.known] == ([also] if also else [])
+    assert first.filter is not None
+    assert first.filter.startswith("s7comm.param.errcod == 0x")
+
+
+def test_what_decode_prints_of_s7_can_be_looked_up(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["decode", "--as", "s7", "320200000000000000008104"]) == 0
+    word = re.findall(r"error: .*\((\w{4})\)", capsys.readouterr().out)
+    assert explain(word[0])[0].kind == "s7_error"

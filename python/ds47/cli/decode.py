@@ -59,7 +59,8 @@ def command(
     """Decode one message, given in hex (stdin without an argument).
 
     Spacing does not matter; "16#0101 16#0102" (words of a PLC watch table) and "0x01, 0x02" are
-    read too. With --request each value of a response gets its parameter number.
+    read too, and so are hex dumps with their offsets and lists of decimal numbers. With --request each
+    value of a response gets its parameter number.
 
     The words of an error number from 101 (0x65) on are those of the maker: --vendor says whose they are.
 
@@ -79,7 +80,7 @@ def command(
     from ds47.report import json
 
     options = codec_options(legacy_g120_formats, profile_v3_types, vendor)
-    data = _bytes(" ".join(message) if message else sys.stdin.read(), "the message")
+    data = _bytes(" ".join(message) if message else sys.stdin.read(), "the message", lang)
     if kind in CYCLIC:
         stdout().write(cyclic_words(data, kind, pkw_layout, format_name, lang, options.vendor_id))
         return
@@ -89,7 +90,7 @@ def command(
     if kind == S7:
         stdout().write(s7_words(data, format_name, lang))
         return
-    question = None if request_hex is None else _bytes(request_hex, "--request")
+    question = None if request_hex is None else _bytes(request_hex, "--request", lang)
     found = _decoded(data, "response" if question else kind, question, options)
     if kind is None and question is None:
         other = "response" if found.kind == "request" else "request"
@@ -111,13 +112,15 @@ def _decoded(data: bytes, kind: str | None, question: bytes | None, options: Opt
     return response if len(response.flaws) < len(request.flaws) else request
 
 
-def _bytes(text: str, what: str) -> bytes:
-    from ds47.profidrive.notation import parse_hex
+def _bytes(text: str, what: str, lang: str) -> bytes:
+    from ds47.cli.pasted import read
 
     try:
-        data = parse_hex(text)
+        pasted = read(text)
     except ValueError as problem:
         raise click.UsageError(f"{what}: {problem}") from problem
-    if not data:
+    if not pasted.data:
         raise click.UsageError(f"{what}: no bytes")
-    return data
+    if pasted.decimal:
+        warn(say("decode_decimal").text(lang))
+    return pasted.data

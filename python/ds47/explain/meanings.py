@@ -27,7 +27,7 @@ from ds47.explain.forms import (
     read,
 )
 from ds47.profidrive.naming import spelling
-from ds47.spec import cyclic, explanations
+from ds47.spec import cyclic, explanations, s7
 from ds47.spec.explanations import Entry
 from ds47.spec.statuses import status_hex, status_text
 
@@ -143,6 +143,9 @@ def _meanings(
     elif kind in RETURNED:
         if reading.size in (BYTE, WORD):
             yield _number(str(kind), value, lang)
+    elif kind == S7_ERROR:
+        if reading.size == WORD and not reading.decimal:
+            yield _number(S7_ERROR, value, lang)
     elif reading.size in _OF_ONE_MEANING:
         yield _OF_ONE_MEANING[reading.size](value, lang)
     elif reading.size == FORMAT:
@@ -153,6 +156,8 @@ def _meanings(
             yield from _without_first_byte(value, lang)
     elif reading.size == WORD:
         errors = list(_wide_errors(value, kind, lang, vendor))
+        if kind is None and not reading.decimal and value in s7.codes("error"):
+            errors.append(_number(S7_ERROR, value, lang))
         yield from errors
         if kind in (None, "status", "index"):
             yield from (each for each in _word(value, kind, lang) if each.known or not errors)
@@ -370,6 +375,8 @@ def _decimal_byte(value: int, lang: str, vendor: Maker | None) -> Iterator[Meani
 
 RETURNED = ("consistent_data", "record_data")
 """Kinds of words that system functions of a CPU return: of cyclic data, and of records."""
+S7_ERROR = "s7_error"
+"""The kind of words with which S7 communication refuses a job."""
 _FILTERS = {"error_code": "service"} | dict.fromkeys(RETURNED, "")
 """Kinds of which the filters have another name, or which have none."""
 
@@ -390,12 +397,15 @@ _TABLES: Mapping[str, Callable[[], Mapping[int, Any]]] = {
 def _number(kind: str, value: int, lang: str) -> Meaning:
     """An id, attribute, format, index or first byte of a status."""
     words = explanations.words(lang)
-    wide = kind in RETURNED or (kind == "index" and value > 0xFF)
+    wide = kind in (*RETURNED, S7_ERROR) or (kind == "index" and value > 0xFF)
     code = f"0x{value:0{4 if wide else 2}X}"
     shown = value - 0x10000 if kind in RETURNED and value > 0x7FFF else value  # an INT of the PLC
     known, name = True, ""
     if kind == "error_code":
         name = spec.status(lang).code[value]
+    elif kind == S7_ERROR:
+        row = s7.codes("error").get(value)
+        known, name = row is not None, row.text(lang) if row is not None else ""
     elif kind != "index" and kind not in RETURNED:
         known, name = value in _names(kind), _names(kind).get(value, "")
     entry = explanations.of_number(kind, value)
@@ -413,7 +423,10 @@ def _number(kind: str, value: int, lang: str) -> Meaning:
         kind, code, alone, title, known, entry, lang, rank=_rank_of(kind, value),
         parts=_other_names(value, words) if known and kind == FORMAT else (),
         filter_name=entry.filter or _FILTERS.get(kind, kind),
-        values={"value": code.lower(), "code": code.lower(), "name": name or code},
+        values={
+            "value": code.lower(), "code": code.lower(), "name": name or code,
+            "high": f"0x{value >> 8:02x}", "low": f"0x{value & 0xFF:02x}",
+        },
     )  # fmt: skip
 
 

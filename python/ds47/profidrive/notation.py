@@ -50,7 +50,7 @@ def parse_hex(text: str) -> bytes:
     """Bytes from hexadecimal text as an engineer has it in hand.
 
     Takes `03 01 02`, `030102`, `03-01:02`, `0x03,0x01`, `16#0301 W#16#0203` and several lines. A
-    number with a prefix has the width of its prefix or of its digits.
+    number with a prefix has the width of its prefix or of its digits. `03h` and `0301h` are read, too.
 
     Raises:
         ValueError: something is no hexadecimal number, or an odd digit is left.
@@ -64,6 +64,8 @@ def _hex_token(token: str) -> bytes:
     prefix = _PREFIX.match(token)
     digits = token[prefix.end() :] if prefix else token
     digits = digits.replace("_", "")
+    if prefix is None and digits[-1:] in ("h", "H"):
+        digits = digits[:-1]
     if not re.fullmatch(r"[0-9A-Fa-f]+", digits):
         raise ValueError(f"{token!r} is no hexadecimal number")
     width = _WIDTH.get((prefix.group(1) or "").upper(), 0) if prefix else 0
