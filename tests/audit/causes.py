@@ -116,13 +116,11 @@ def _early(case: Case) -> Iterator[str]:
 @auditor("DS703")
 def _nothing_asked(case: Case) -> Iterator[str]:
     polled = {poll["response"] for deal in case.reading.deals for poll in deal.polls}
-    ours = {(deal.controller, deal.device, deal.ar, deal.index) for deal in case.reading.deals}
     unknown = {each.frame for each in case.reading.findings if each.rule == "DS110"}
     found = [
         each for each in case.reading.capture.records
         if not each.write and each.status == NOT_READY and each.answered not in polled
-        and (each.index in (0xB02E, 0xB02F) or (each.controller, each.device, str(each.ar) if each.ar.int else None, each.index) in ours)
-        and each.device == case.args.get("device") and each.answered not in unknown
+        and case.reading.is_ours(each) and each.device == case.args.get("device") and each.answered not in unknown
         and not _is_late(each, case.reading)
     ]  # fmt: skip
     yield from case.wrong("count", len(found))

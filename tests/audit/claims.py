@@ -381,12 +381,10 @@ def _nested(case: Case) -> Iterator[str]:
 @auditor("DS209")
 def _unproven(case: Case) -> Iterator[str]:
     reading = case.reading
-    ours = {(each.controller, each.device, each.ar) for each in reading.deals if each.index == 47}
-    left = [
-        each for each in reading.capture.records
-        if each.index == 47 and each.device == case.args.get("device")
-        and (each.controller, each.device, str(each.ar) if each.ar.int else None) not in ours
-    ]  # fmt: skip
+    device = case.args.get("device")
+    if any(connection[1] == device for connection in reading.connections_of_47):
+        yield "index 47 of this device is the parameter channel"
+    left = [each for each in reading.capture.records if each.index == 47 and each.device == device]
     yield from case.wrong("count", len(left))
     alone = not any(each.asked for each in left)
     yield from case.wrong("what", "unproven_responses" if alone else "unproven_calls")

@@ -244,6 +244,31 @@ class Reading:
                 found.setdefault(each.answered, []).append(each)
         return found
 
+    @cached_property
+    def connections_of_47(self) -> set[tuple[object, ...]]:
+        """Controller, device and AR whose index 47 is the parameter channel: a transaction, or where it is, shows it."""
+        found = {(each.controller, each.device, each.ar) for each in self.deals if each.index == 47}
+        there: dict[tuple[object, ...], int] = {}
+        for deal in self.deals:
+            if deal.index in (0xB02E, 0xB02F) and deal.read:
+                place = deal.device, deal.api, deal.slot, deal.subslot
+                there[place] = min(there.get(place, deal.read), deal.read)
+        for each in self.capture.records:
+            since = min(
+                there.get((each.device, api, each.slot, each.subslot), 10**9)
+                for api in (each.api, 0x3A00)
+            )
+            if each.index == 47 and (each.api == 0x3A00 or since < (each.answered or each.asked)):
+                found.add((each.controller, each.device, str(each.ar) if each.ar.int else None))
+        return found
+
+    def is_ours(self, record: wire.Record) -> bool:
+        """Whether a record is one of the parameter channel."""
+        ar = str(record.ar) if record.ar.int else None
+        connection = record.controller, record.device, ar
+        of_47 = record.index == 47 and connection in self.connections_of_47
+        return record.index in (0xB02E, 0xB02F) or of_47
+
     def deal(self, finding: Finding) -> Deal | None:
         return None if finding.transaction is None else self.by_id.get(finding.transaction)
 

@@ -98,7 +98,7 @@ end
 --- Whether anything waits that was asked of a device, perhaps a change of a parameter.
 function Gate:waits(device)
   for ar in self.held:iterate() do
-    if records.is_of(ar, device) then
+    if records.device_of(ar) == device then
       return true
     end
   end
@@ -142,12 +142,11 @@ function Gate:hold(ar, event)
 end
 
 --- A record waits now: a request, or a response without one.
--- @param device  whose it is
 -- @param asks  whether it is a request
-function Gate:heard(ar, frame, device, asks)
+function Gate:heard(ar, frame, asks)
   local held = self.held:get(ar)
   if held then
-    held.first, held.device = held.first or frame, device
+    held.first = held.first or frame
     held.records, held.asks = held.records + 1, held.asks or asks
   end
 end
@@ -184,27 +183,34 @@ function Gate:answers(ar, place, data, codec)
 end
 
 -- What waits of an AR will not be ours: its records are added to those of its device.
-local function leave(unproven, held, most)
+local function leave(unproven, ar, held, most)
   if held.records > 0 then
-    local before = unproven:get(held.device) or {first = held.first, count = 0}
-    unproven:keep(held.device, {
-      device = held.device, first = math.min(before.first, held.first), count = before.count + held.records,
+    local device = records.device_of(ar)
+    local before = unproven:get(device) or {first = held.first, count = 0}
+    unproven:keep(device, {
+      device = device, first = math.min(before.first, held.first), count = before.count + held.records,
       asks = before.asks or held.asks,
     }, most)
   end
 end
 
---- Each device of which records wait, if nothing more comes: an array of {device, first, count, asks}.
+--- Each device of which no AR has proved itself, if nothing more comes: array of {device, first, count,
+-- asks}.
 function Gate:unproven_devices()
-  local found, result = ordered.new(), {}
+  local found, drives, result = ordered.new(), {}, {}
   for device, told in self.unproven:iterate() do
     found:set(device, told)
   end
-  for _, held in self.held:iterate() do
-    leave(found, held, self.most_open)
+  for ar, held in self.held:iterate() do
+    leave(found, ar, held, self.most_open)
   end
-  for _, told in found:iterate() do
-    result[#result + 1] = told
+  for ar in self.open:iterate() do
+    drives[records.device_of(ar) or ""] = true
+  end
+  for device, told in found:iterate() do
+    if not drives[device] then
+      result[#result + 1] = told
+    end
   end
   return result
 end
@@ -221,9 +227,9 @@ function Gate:follow(ar, event)
   held[held.count % waiting + 1] = event
   held.count = held.count + 1
   while self.held.length > waiting or self.events > self.most_events do
-    local _, oldest = self.held:pop_first()
+    local ar_of_oldest, oldest = self.held:pop_first()
     self.events = self.events - math.min(oldest.count, waiting)
-    leave(self.unproven, oldest, self.most_open)
+    leave(self.unproven, ar_of_oldest, oldest, self.most_open)
   end
 end
 

@@ -639,7 +639,7 @@ local function rival_of(self, channel, job)
   end
   local fetched = found.fetching and found.fetching[1].frame < came
   local sure = found.write_response and not (fetched or found.twice)
-  return (sure or found.order > job.order) and found or nil
+  return (sure or asked.frame > came) and found or nil
 end
 
 local function refuse(self, channel, job)

@@ -223,7 +223,7 @@ local function asked_to_write(self, origin, record)
   end
   local message, place = self.decode_request(half.data), record.place
   if pass(self, event_write_request, proves_by_request, origin, record, message) then
-    self.gate:heard(place.ar_key, half.frame, origin.peer.device, true)
+    self.gate:heard(place.ar_key, half.frame, true)
     self.gate:asked(place.ar_key, place.channel_key, message, half.data)
   end
 end
@@ -241,7 +241,7 @@ function RecordEvents:asked(origin, record)
   else
     counts.read = counts.read + 1
     if ours and pass(self, event_read_request, nil, origin, record) then
-      self.gate:heard(place.ar_key, record.request.frame, origin.peer.device, true)
+      self.gate:heard(place.ar_key, record.request.frame, true)
     end
   end
 end
@@ -252,7 +252,7 @@ function RecordEvents:asked_late(origin, record, answer)
   local counts = self.counts[index] or new_counts(self, index)
   counts.read = counts.read + 1
   if self.gate.ours[index] and pass(self, event_read_asked_late, nil, origin, record, answer) then
-    self.gate:heard(record.place.ar_key, answer, origin.peer.device, true)
+    self.gate:heard(record.place.ar_key, answer, true)
   end
 end
 
@@ -291,7 +291,7 @@ function RecordEvents:unasked(origin, record)
     waits = self:_read_answered(origin, record, record.response)
   end
   if waits then
-    self.gate:heard(record.place.ar_key, record.response.frame, origin.peer.device)
+    self.gate:heard(record.place.ar_key, record.response.frame)
   end
 end
 

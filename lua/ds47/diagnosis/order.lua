@@ -98,10 +98,10 @@ end
 local function turned_away(remarks, job, asked)
   local answer = job.write_response
   if answer and answer.status == STATUS_IN_USE then
-    if job.rival and job.rival.order > job.order then
+    local held = job.rival and job.rival:write_request()
+    if held and held.frame > asked.frame then
       return -- the two crossed: it was not open yet when this one was sent
     end
-    local held = job.rival and job.rival:write_request()
     clash(remarks, job.rival, job, held and held.frame, asked.frame)
   end
 end

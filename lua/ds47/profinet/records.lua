@@ -171,10 +171,11 @@ function M.ar_text(controller, device, ar)
   return controller .. "\0" .. device .. "\0" .. ar
 end
 
---- Whether an AR, named by its `ar_text`, is one with a device.
-function M.is_of(ar, device)
+--- The device of an AR that is named by its `ar_text`; nil where it is no such name.
+function M.device_of(ar)
   local at = find(ar, "\0", 1, true)
-  return at ~= nil and sub(ar, at + 1, at + #device + 1) == device .. "\0"
+  local ends = at and find(ar, "\0", at + 1, true)
+  return ends and sub(ar, at + 1, ends - 1)
 end
 
 --- Gives a place its keys for a peer, where it has not got those already (`place.peer`): `ar_key`, `ar_text`

@@ -167,10 +167,11 @@ class Index47:
         )
 
     def unproven(self) -> Iterator[tuple[str, tuple[int, int, bool]]]:
-        """Each device of which records wait for nothing: the first frame, how many they are, whether any asks."""
+        """Each device of which no AR has proved itself: the first frame, how many records, whether any asks."""
         for ar, held in self._held.items():
             self._leave(ar, held)
-        yield from self._unproven.items()
+        drives = {ar[1] for ar in self.open}
+        yield from (each for each in self._unproven.items() if each[0] not in drives)
 
     def _leave(self, ar: ArKey, held: _Waiting) -> None:
         """What waits of an AR will not be ours."""

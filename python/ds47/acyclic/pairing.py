@@ -840,7 +840,7 @@ class Pairing:
             return None
         fetched = any(read.frame < came.frame for read in found.fetching)
         sure = found.write_response is not None and not (fetched or found.twice)
-        return found if sure or found.order > job.order else None
+        return found if sure or asked.frame > came.frame else None
 
     def _refuse(self, channel: Channel, job: Job) -> None:
         before = job.phase

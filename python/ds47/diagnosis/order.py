@@ -72,9 +72,9 @@ def _turned_away(job: Job, asked: Half) -> Iterator[Remark]:
     answer = job.write_response
     if answer is not None and answer.status == STATUS_IN_USE:
         rival = job.rival
-        if rival is not None and rival.order > job.order:
-            return  # the two crossed: it was not open yet when this one was sent
         held = rival.write_request if rival else None
+        if held is not None and held.frame > asked.frame:
+            return  # the two crossed: it was not open yet when this one was sent
         yield _clash(rival, job, held.frame if held else None, asked.frame)
 
 

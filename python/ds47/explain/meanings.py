@@ -140,12 +140,10 @@ def _meanings(
     value = reading.value
     if kind in CYCLIC:
         yield _cyclic_word(str(kind), value, lang)
-    elif kind in RETURNED:
-        if reading.size in (BYTE, WORD):
+    elif kind in RETURNED or kind == S7_ERROR:
+        wide = reading.size == WORD and not reading.decimal
+        if wide or (kind in RETURNED and reading.size in (BYTE, WORD)):
             yield _number(str(kind), value, lang)
-    elif kind == S7_ERROR:
-        if reading.size == WORD and not reading.decimal:
-            yield _number(S7_ERROR, value, lang)
     elif reading.size in _OF_ONE_MEANING:
         yield _OF_ONE_MEANING[reading.size](value, lang)
     elif reading.size == FORMAT:
@@ -155,9 +153,7 @@ def _meanings(
             yield _status(value, lang)
             yield from _without_first_byte(value, lang)
     elif reading.size == WORD:
-        errors = list(_wide_errors(value, kind, lang, vendor))
-        if kind is None and not reading.decimal and value in s7.codes("error"):
-            errors.append(_number(S7_ERROR, value, lang))
+        errors = [*_wide_errors(value, kind, lang, vendor), *_s7_error(reading, kind, lang)]
         yield from errors
         if kind in (None, "status", "index"):
             yield from (each for each in _word(value, kind, lang) if each.known or not errors)
@@ -482,6 +478,12 @@ def _wide_errors(
     known = any(value in each.errors for each in spec.vendors())
     if kind == "error" or (kind is None and known):
         yield from _errors(value, lang, vendor)
+
+
+def _s7_error(reading: Reading, kind: str | None, lang: str) -> Iterator[Meaning]:
+    """A word with which S7 communication refuses a job, without a word in front of it."""
+    if kind is None and not reading.decimal and reading.value in s7.codes("error"):
+        yield _number(S7_ERROR, reading.value, lang)
 
 
 _NOBODY = -1

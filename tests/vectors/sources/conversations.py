@@ -574,7 +574,7 @@ def p20_once_more_without_an_ar(client: Client) -> None:
     client.exchange(ask(2), tell(2, 2.5))
 
 
-@BOOK.scene("P23 foreign", row(1, real(1.5), first=3), rules="DS209@1")
+@BOOK.scene("P23 foreign", row(1, real(1.5), first=3))
 def p20_per_ar(client: Client) -> None:
     """Index 47 of one AR is a parameter channel, of another AR on the same device it is not."""
     foreign = second(client)
