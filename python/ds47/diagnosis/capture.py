@@ -275,8 +275,11 @@ class WholeCapture:
             if self._newest_hole(pair[1]):
                 continue
             idle = list(self._idle.get(pair) or [])
-            strays = self._unasked(pair, self._orphans.get(pair) or [])
+            orphans = self._orphans.get(pair) or []
+            strays = self._unasked(pair, orphans)
             for each in opened:
+                if any(read.place == each.place and read.frame > each.frame for read in orphans):
+                    continue  # its own place has a response that may be its own
                 read = _elsewhere(each, strays, answer=True)
                 read = read or _elsewhere(each, self._unasked(pair, idle))
                 if read is None or not (read.sure or _is_habit(each, read, opened, idle)):
