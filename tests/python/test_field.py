@@ -65,3 +65,20 @@ def test_an_acknowledgement_without_control_by_plc_is_none(field: Path) -> None:
     result = result_of(field / "acknowledge-without-control.txt")
     told = [(each.rule, each.frame, each.args.get("word")) for each in result.findings]
     assert told == [("DS520", 72, None), *(("DS532", at, 0x00FE) for at in (151, 231, 311))]
+
+
+def test_a_drive_that_takes_one_parameter_a_request(field: Path) -> None:
+    result = result_of(field / "single-access.pcap")
+    assert {each.rule for each in result.findings} == {"DS410", "DS701"}
+    (told,) = [each for each in result.findings if each.rule == "DS701"]
+    assert advice(rules()["DS701"], told.args).startswith(
+        "0x23: the drive takes one parameter a request"
+    )
+
+
+def test_counts_that_agree_are_not_the_cause_of_0x18(field: Path) -> None:
+    (told,) = [each for each in result_of(field / "len-0x18.pcap").findings if each.rule == "DS717"]
+    said = advice(rules()["DS717"], told.args)
+    assert said.startswith(
+        "0x18: where number of values and number of elements agree, it is the length"
+    )

@@ -28,6 +28,7 @@ local M = {}
 
 local layout = tables.layouts
 local VALUE, ERROR = layout.ADDRESS_VALUE, layout.VALUE_ERROR
+local SINGLE = 0x23 -- the error number of a drive that takes one parameter a request
 local HEADER, ADDRESS = layout.MESSAGE_SIZE, layout.ADDRESS_SIZE
 local REQUEST_NOT_SUPPORTED = 0x80
 local SHAPELESS = {DS309 = true, DS313 = true, DS315 = true} -- unknown format, bytes left over or missing
@@ -271,6 +272,8 @@ local function counted_blocks(body)
   for number = 1, count do
     local need = body.offset + 2 - size
     if need > 0 then
+      local only = need == 2 and number == 2 and body.blocks[1].error
+      if only and only.code == SINGLE then return end -- a drive with single access sends no other (A.2)
       missing(body.flaws, size, need, format("value block %d of %d", number, count))
       body.rest, body.offset = sub(body.data, body.offset + 1), size
       return

@@ -31,6 +31,8 @@ from ds47.spec.semantics import limits
 
 _ADDRESS: Final = struct.Struct(">BBHH")
 _REQUEST_NOT_SUPPORTED: Final = 0x80
+_SINGLE: Final = 0x23
+"""The error number of a drive that takes one parameter a request."""
 _DEFAULTS = Options()
 
 
@@ -262,6 +264,11 @@ def _sound_blocks(data: bytes, count: int, options: Options, vendor: bool) -> li
     return blocks if at == size else None
 
 
+def _is_single_access(blocks: list[Block]) -> bool:
+    """Whether the only block is that of a drive that takes one parameter a request (A.2): it sends no other."""
+    return len(blocks) == 1 and blocks[0].error is not None and blocks[0].error.code == _SINGLE
+
+
 def _error_block(raw: bytes, count: int, start: int, vendor: bool) -> Block:
     """The error number is the whole word: 0x0811 of one maker is not the profile's 0x11.
 
@@ -326,6 +333,8 @@ class _Body:
         for number in range(count):
             need = self.offset + 2 - len(self._data)
             if need > 0:
+                if need == 2 and _is_single_access(self.blocks):
+                    return
                 what = f"value block {number + 1} of {count}"
                 _missing(self.flaws, len(self._data), need, what)
                 self.rest = self._data[self.offset :]

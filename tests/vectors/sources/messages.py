@@ -713,6 +713,18 @@ response(
     "cut-blocks", "reject cut", "01010102 |0601 0001", (1, 1, 1, 2), [V("Unsigned16", 1)],
     [F("DS315", 8, need=2, what="value block 2 of 2")], shaped=False,
 )  # fmt: skip
+response(
+    "single-access", "count", "01810102 |4402 0023 0000", (1, 0x81, 1, 2), [E(0x23, 0)],
+    to="01010102 10013b100000 10013b110000", asked=[A(15120), A(15121)],
+)  # fmt: skip
+response(
+    "single-access-not", "reject cut", "01810102 |4402 0022 0000", (1, 0x81, 1, 2), [E(0x22, 0)],
+    [F("DS315", 10, need=2, what="value block 2 of 2")], shaped=False,
+)  # fmt: skip
+response(
+    "single-access-two", "reject cut", "01810103 |4402 0023 0000 |4402 0023 0000", (1, 0x81, 1, 3),
+    [E(0x23, 0), E(0x23, 0)], [F("DS315", 16, need=2, what="value block 3 of 3")], shaped=False,
+)  # fmt: skip
 request(
     "count-zero", "reject header", "01010100", (1, 1, 1, 0), findings=[F("DS303", 3)], shaped=False
 )
