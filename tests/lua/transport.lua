@@ -715,9 +715,6 @@ local function ear_of()
   function ear.expected()
     return nil
   end
-  function ear.is_of_drive()
-    return false
-  end
   function ear.is_again()
     return false
   end

@@ -126,10 +126,6 @@ function Ear.is_again()
   return false
 end
 
-function Ear.is_of_drive()
-  return false
-end
-
 function Ear.goes_on()
 end
 

@@ -196,9 +196,6 @@ class Ear:
     def is_again(self, peer: Peer, record: Record) -> bool:
         return False
 
-    def is_of_drive(self, peer: Peer, record: Record) -> bool:
-        return False
-
     def goes_on(self, controller: str, device: str, ar: bytes) -> None:
         pass
 

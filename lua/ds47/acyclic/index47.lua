@@ -19,7 +19,8 @@ local M = {}
 
 local SHARED_INDEX = 47
 local ALWAYS = {0xB02E, 0xB02F}
-M.SHARED_INDEX, M.ALWAYS = SHARED_INDEX, ALWAYS
+local PROFIDRIVE_API = tables.layouts.RECORD_PROFIDRIVE_API
+M.SHARED_INDEX = SHARED_INDEX
 
 -- The response ids from here on are those of requests that were not done.
 local NEGATIVE = 0x80
@@ -81,6 +82,7 @@ function Gate.new(extra, waiting, forbid_47, waiting_ars, proven)
     most_events = waiting * (waiting_ars or tables.limits.waiting_ars),
     most_open = proven or tables.limits.proven_ars,
     open = ordered.new(), held = ordered.new(), events = 0,
+    drives = ordered.new(), -- submodules that have responded at 0xB02E or 0xB02F
     unproven = ordered.new(), -- of ARs that do not wait any more, by device, as `unproven_devices` gives it
   }, Gate)
 end
@@ -139,6 +141,25 @@ function Gate:hold(ar, event)
     self.held:set(ar, {count = 0, asked = ordered.new(), records = 0})
   end
   self:follow(ar, event)
+end
+
+local function submodule(device, api, place)
+  return api .. "\0" .. place.slot * 65536 + place.subslot .. "\0" .. device
+end
+
+--- A record was read at 0xB02E or 0xB02F: with the shape of a response its submodule is that of a drive.
+function Gate:responded(device, place, data, codec)
+  local name = submodule(device, place.api, place)
+  if not self.drives.values[name] and parameter.decode_response(data, nil, codec).shaped then
+    self.drives:keep(name, true, self.most_open)
+  end
+end
+
+--- Whether a place is that of a drive, whoever asks there: under the API of PROFIdrive, or it responded.
+function Gate:is_of_drive(device, place)
+  local drives = self.drives.values
+  return place.api == PROFIDRIVE_API or drives[submodule(device, place.api, place)]
+    or drives[submodule(device, PROFIDRIVE_API, place)] or false
 end
 
 --- A record waits now: a request, or a response without one.

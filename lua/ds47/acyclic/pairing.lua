@@ -4,7 +4,6 @@
 -- is to which job a record call belongs. Nothing is decoded beyond what a caller hands in, and nothing is
 -- judged: judge.lua does that when the listener is told `answered` and `closed`.
 
-local index47 = require("ds47.acyclic.index47")
 local kind_fits = require("ds47.profidrive.family").kind_fits
 local flat = require("ds47.support.flat").copy
 local take_from = require("ds47.support.arrays").take_out
@@ -25,9 +24,7 @@ local ar_key, channel_key, know_peer = records.ar_key, records.channel_key, reco
 local STATUS_NOT_READY, STATUS_IN_USE, MOST_READS = M.STATUS_NOT_READY, M.STATUS_IN_USE, M.MOST_READS
 -- Length error on a Read: the response is longer than what it asks for (docs/protocol.md E.1).
 local STATUS_SHORT = 0xDE80B100
-local PROFIDRIVE_API = tables.layouts.RECORD_PROFIDRIVE_API
 local PHASES = tables.phases
-local NO_CHANNELS = ordered.new()
 local setmetatable = setmetatable
 
 -- Jobs: the halves of the record calls of one transaction, and what pairing learnt of it.
@@ -837,22 +834,6 @@ end
 function Pairing:is_again(peer, record)
   local delivered = record.implicit and self.delivered:get(place_key(peer, record))
   return delivered and bytes(delivered) == record.response.data or false
-end
-
---- Whether a record is of a submodule that uses 0xB02E or 0xB02F: it responded there.
-function Pairing:is_of_drive(peer, record)
-  for _, index in ipairs(index47.ALWAYS) do
-    for _, api in ipairs({record.api, PROFIDRIVE_API}) do
-      local keys = self.of_place[api .. records.spot(record.slot, record.subslot, index) .. peer.device]
-      for key in (keys or NO_CHANNELS):newest_first(self.limits.users) do
-        local last = self.channels:get(key).last
-        if last and last.response and last.response.shaped then
-          return true
-        end
-      end
-    end
-  end
-  return false
 end
 
 local function reread(self, channel, job, record)

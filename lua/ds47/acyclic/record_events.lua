@@ -14,10 +14,10 @@ local json = require("ds47.support.json")
 local index47 = require("ds47.acyclic.index47")
 local parameter = require("ds47.profidrive.parameter")
 local records = require("ds47.profinet.records")
-local tables = require("ds47.spec.tables")
 
 local half_of, know_peer = records.half, records.know_peer
 local is_question = index47.is_question
+local ALWAYS = {[0xB02E] = true, [0xB02F] = true}
 local admit = index47.Gate.admit -- for every record
 
 local M = {}
@@ -123,6 +123,10 @@ end
 local function event_read_answered(self, origin, record, _, peer)
   clock(self, origin)
   event_read_failed(self, origin, record)
+  local place, data = record.place, record.response.data
+  if ALWAYS[place.index] and data ~= "" then
+    self.gate:responded(peer.device, place, data, self.codec)
+  end
   self.pairing:read_response(peer, record)
 end
 
@@ -152,11 +156,6 @@ function RecordEvents:wrote_multiple()
   counts.write = counts.write + 1
 end
 
--- Whether a record proves its AR by where it goes.
-local function is_of_drive(self, peer, record)
-  return record.api == tables.layouts.RECORD_PROFIDRIVE_API or self.pairing:is_of_drive(peer, record)
-end
-
 -- Runs an event, now or when something proves the same AR; never if nothing does. Whether it waits.
 -- `event`: a function under "Events". `proves`: a function of the same arguments that says whether the
 -- message proves its AR, asked only where that would open the gate; nil for an event that does not.
@@ -166,7 +165,7 @@ local function pass(self, event, proves, origin, record, detail)
     know_peer(place, peer)
   end
   local ar, index = place.ar_key, place.index
-  if admit(gate, ar, index, false, self) or (is_of_drive(self, peer, record)
+  if admit(gate, ar, index, false, self) or (gate:is_of_drive(peer.device, place)
     or proves and proves(self, origin, record, detail)) and admit(gate, ar, index, true, self) then
     event(self, origin, record, detail, peer)
     return false

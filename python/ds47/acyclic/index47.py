@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 
 from ds47.profidrive import Options, Request, Response, decode_response
 from ds47.profidrive.family import kind_fits
+from ds47.spec.layouts import RECORD_PROFIDRIVE_API
 
 ALWAYS = frozenset({0xB02E, 0xB02F})
 SHARED_INDEX = 47
@@ -82,6 +83,8 @@ class Index47:
         """The ARs that have proved themselves; the one that spoke last comes last."""
         self._held: OrderedDict[ArKey, _Waiting] = OrderedDict()
         self._events = 0
+        self._drives: OrderedDict[tuple[str, Place], None] = OrderedDict()
+        """Submodules that have responded at 0xB02E or 0xB02F."""
         self._unproven: OrderedDict[str, tuple[int, int, bool]] = OrderedDict()
         """Of ARs that do not wait any more, by device: the first frame, how many records, and whether any asks."""
 
@@ -126,6 +129,19 @@ class Index47:
             oldest, gone = self._held.popitem(last=False)
             self._events -= len(gone.events)
             self._leave(oldest, gone)
+
+    def responded(self, device: str, place: Place, data: bytes, codec: Options) -> None:
+        """A record was read at 0xB02E or 0xB02F: with the shape of a response its submodule is that of a drive."""
+        if (device, place) in self._drives or not decode_response(data, None, codec).shaped:
+            return
+        self._drives[device, place] = None
+        if len(self._drives) > self._most_open:
+            self._drives.popitem(last=False)
+
+    def is_of_drive(self, device: str, place: Place) -> bool:
+        """Whether a place is that of a drive, whoever asks there: under the API of PROFIdrive, or it responded."""
+        there = RECORD_PROFIDRIVE_API, *place[1:]
+        return place == there or (device, place) in self._drives or (device, there) in self._drives
 
     def heard(self, ar: ArKey, frame: int, *, asks: bool) -> None:
         """A record waits now: a request, or a response without one."""

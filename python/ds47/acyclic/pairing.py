@@ -10,16 +10,14 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import islice, product
+from itertools import islice
 from typing import Final, NamedTuple, TypeVar
 
-from ds47.acyclic.index47 import ALWAYS
 from ds47.profidrive import Request, Response
 from ds47.profidrive.dictionary import Meaning, family_of
 from ds47.profidrive.family import kind_fits
 from ds47.profinet.completeness import Completeness, Hole
 from ds47.profinet.records import Half, Record
-from ds47.spec.layouts import RECORD_PROFIDRIVE_API
 from ds47.spec.semantics import Limits, phases
 
 STATUS_NOT_READY: Final = 0xDE80B500
@@ -613,16 +611,6 @@ class Pairing:
         if not record.implicit or delivered is None or half is None:
             return False
         return _bytes(delivered) == half.data
-
-    def is_of_drive(self, peer: Peer, record: Record) -> bool:
-        """Whether a record is of a submodule that uses 0xB02E or 0xB02F: it responded there."""
-        for index, api in product(ALWAYS, (record.api, RECORD_PROFIDRIVE_API)):
-            place = peer.device, api, record.slot, record.subslot, index
-            for key in islice(self._of_place.get(place, {}), self._limits.users):
-                last = self.channels[key].last
-                if last is not None and last.response is not None and last.response.shaped:
-                    return True
-        return False
 
     def _last_response(self, peer: Peer, channel: Channel, record: Record) -> Job | None:
         """Whose response a Read without a request may bring once more.

@@ -11,13 +11,12 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, Final
 
-from ds47.acyclic.index47 import ArKey, Index47, Place, is_question
+from ds47.acyclic.index47 import ALWAYS, ArKey, Index47, Place, is_question
 from ds47.acyclic.pairing import Job, Pairing, Peer
 from ds47.findings.remark import Remark
 from ds47.profidrive import Options, Request, decode_request
 from ds47.profinet.ip import Cut
 from ds47.profinet.records import Half, Record
-from ds47.spec.layouts import RECORD_PROFIDRIVE_API
 
 _MOST_SHARED: Final = 4_096
 """Decoded requests that are kept to be used again,"""
@@ -70,7 +69,7 @@ class RecordEvents:
         """Runs an event about a record now, or once its AR has proved itself; `proves`: it does that."""
         ar, index = _ar(peer, record), record.index
         if not (proves or self._index47.passes(ar, index)):
-            proves = record.api == RECORD_PROFIDRIVE_API or self._pairing.is_of_drive(peer, record)
+            proves = self._index47.is_of_drive(peer.device, _place(record))
         self._index47.pass_on(ar, index, event, proves=proves)
 
     def about(self, peer: Peer, record: Record, remark: Remark) -> None:
@@ -243,6 +242,8 @@ class RecordEvents:
     def _read(self, peer: Peer, record: Record, half: Half, jobs: Jobs) -> None:
         self._clock(half)
         _fetched(record, jobs)
+        if record.index in ALWAYS and half.data:
+            self._index47.responded(peer.device, _place(record), half.data, self._codec)
         self._pairing.read_response(peer, record)
 
     def _job_remark(self, remark: Remark, record: Record, jobs: Jobs) -> None:
