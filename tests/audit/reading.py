@@ -250,7 +250,8 @@ class Reading:
         found = {(each.controller, each.device, each.ar) for each in self.deals if each.index == 47}
         there: dict[tuple[object, ...], int] = {}
         for deal in self.deals:
-            if deal.index in (0xB02E, 0xB02F) and deal.read:
+            whole = deal.answer is not None and deal.answer.sound and not any(deal.answer.rest)
+            if deal.index in (0xB02E, 0xB02F) and deal.read and whole:
                 place = deal.device, deal.api, deal.slot, deal.subslot
                 there[place] = min(there.get(place, deal.read), deal.read)
         for each in self.capture.records:

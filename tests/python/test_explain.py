@@ -419,7 +419,7 @@ def test_no_number_is_an_exception() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("lang", LANGUAGES)
 def test_an_answer_fits_on_a_screen_and_begins_with_the_answer(lang: str) -> None:
-    wide = re.compile(r"pn_io|ds47\.|ds47 explain")
+    wide = re.compile(r"pn_io|s7comm|ds47\.|ds47 explain")
     codes = [f"{status:08X}" for status in STATUSES] + S7 + NUMBERS
     for code in [*codes, *map(str, range(256)), *(f"0x{value:02X}" for value in range(256))]:
         meanings = explain(code, lang)
