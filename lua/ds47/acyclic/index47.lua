@@ -24,20 +24,8 @@ M.SHARED_INDEX = SHARED_INDEX
 
 -- The response ids from here on are those of requests that were not done.
 local NEGATIVE = 0x80
--- Flaws behind which nobody knows where a message ends: unknown id, unknown format, bytes missing.
-local ENDLESS = {DS302 = true, DS309 = true, DS315 = true, DS319 = true}
 -- Unknown attribute, PNU 0.
 local ADDRESSLESS = {DS305 = true, DS306 = true}
-
--- Whether a message decodes to its end: behind that there are at most zeros.
-local function is_whole(message)
-  for _, flaw in ipairs(message.flaws) do
-    if ENDLESS[flaw.rule] or flaw.rule == "DS313" and message.rest:find("[^\0]") then
-      return false
-    end
-  end
-  return (message.parameter_count or 0) > 0
-end
 
 --- Whether a request is one by itself (P20): it decodes to its end, with known attributes and PNUs.
 function M.is_question(request)
@@ -46,7 +34,7 @@ function M.is_question(request)
       return false
     end
   end
-  return is_whole(request)
+  return request.shaped
 end
 
 local Gate = {}
@@ -199,8 +187,8 @@ function Gate:answers(ar, place, data, codec)
     return false
   end
   local refuses = data:byte(2) >= NEGATIVE -- it may be what lacks bytes that is refused
-  return data:byte(1) == sent.request.request_reference and (refuses or is_whole(sent.request))
-    and is_whole(parameter.decode_response(data, sent.request, codec))
+  return data:byte(1) == sent.request.request_reference and (refuses or sent.request.shaped)
+    and parameter.decode_response(data, sent.request, codec).shaped
 end
 
 -- What waits of an AR will not be ours: its records are added to those of its device.

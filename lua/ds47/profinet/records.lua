@@ -68,14 +68,9 @@ end
 -- (`ar_key`, `channel_key`), which is always the same one but for ReadImplicit.
 local places, place_count, MOST_PLACES = {}, 0, 4096
 
---- What names a place among those of an API.
-function M.spot(slot, subslot, index)
-  return "\0" .. slot * 65536 + subslot .. "\0" .. index .. "\0"
-end
-
 --- Makes a place of a table with the fields `write` to `position`.
 function M.place(place)
-  place.spot = M.spot(place.slot, place.subslot, place.index)
+  place.spot = "\0" .. place.slot * 65536 + place.subslot .. "\0" .. place.index .. "\0"
   place.text = place.api .. place.spot .. place.ar
   place.__index = place
   return place

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator
 
-from ds47.profidrive import Options, Request, Response, decode_response
+from ds47.profidrive import Options, Request, decode_response
 from ds47.profidrive.family import kind_fits
 from ds47.spec.layouts import RECORD_PROFIDRIVE_API
 
@@ -24,23 +24,13 @@ Place = tuple[int, int, int]
 
 NEGATIVE = 0x80
 """The response ids from here on are those of requests that were not done."""
-_ENDLESS = frozenset({"DS302", "DS309", "DS315", "DS319"})
-"""Flaws behind which nobody knows where a message ends: unknown id, unknown format, bytes missing."""
 _ADDRESSLESS = frozenset({"DS305", "DS306"})
 """Unknown attribute, PNU 0."""
 
 
-def is_whole(message: Request | Response) -> bool:
-    """Whether a message decodes to its end: behind that there are at most zeros."""
-    rules = {flaw.rule for flaw in message.flaws}
-    return bool(message.parameter_count) and not (
-        rules & _ENDLESS or ("DS313" in rules and any(message.rest))
-    )
-
-
 def is_question(request: Request) -> bool:
     """Whether a request is one by itself (P20): it decodes to its end, with known attributes and PNUs."""
-    return is_whole(request) and not any(flaw.rule in _ADDRESSLESS for flaw in request.flaws)
+    return request.shaped and not any(flaw.rule in _ADDRESSLESS for flaw in request.flaws)
 
 
 class _Waiting:
@@ -178,8 +168,8 @@ class Index47:
         refuses = data[1] >= NEGATIVE  # it may be what lacks bytes that is refused
         return (
             response.request_reference == request.request_reference
-            and is_whole(response)
-            and (refuses or is_whole(request))
+            and response.shaped
+            and (refuses or request.shaped)
         )
 
     def unproven(self) -> Iterator[tuple[str, tuple[int, int, bool]]]:

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, Final
 
-from ds47.acyclic.index47 import ALWAYS, ArKey, Index47, Place, is_question
+from ds47.acyclic.index47 import ALWAYS, SHARED_INDEX, ArKey, Index47, Place, is_question
 from ds47.acyclic.pairing import Job, Pairing, Peer
 from ds47.findings.remark import Remark
 from ds47.profidrive import Options, Request, decode_request
@@ -130,20 +130,18 @@ class RecordEvents:
             self.pass_on(peer, record, partial(self._pairing.write_unasked, peer, record))
         else:
             self._read_answered(peer, record, half, cut, {})
-        ar = _ar(peer, record)
-        if not self._index47.passes(ar, record.index):
-            self._index47.heard(ar, half.frame, asks=False)
+        if record.index == SHARED_INDEX:
+            self._index47.heard(_ar(peer, record), half.frame, asks=False)
 
     def asked_late(self, peer: Peer, record: Record, answer: int) -> None:
         """The request of a Read whose response was in an earlier frame, with that frame."""
         self.pass_on(peer, record, partial(self._pairing.read_asked_late, peer, record, answer))
-        ar = _ar(peer, record)
-        if not self._index47.passes(ar, record.index):
-            self._index47.heard(ar, answer, asks=True)
+        if record.index == SHARED_INDEX:
+            self._index47.heard(_ar(peer, record), answer, asks=True)
 
     def not_unasked(self, peer: Peer, record: Record) -> None:
         """A response was no one without its request: that came late, and is told next."""
-        if not self._index47.passes(_ar(peer, record), record.index):
+        if record.index == SHARED_INDEX:
             self._index47.unheard(_ar(peer, record))
 
     def failed(self, peer: Peer, record: Record, half: Half, jobs: Jobs) -> None:

@@ -16,7 +16,9 @@ _LINE: Final = re.compile(r"\s*(?:0x)?([0-9A-Fa-f]{4,8})(:\s*|\s{2,})(\S.*)")
 _LAST: Final = re.compile(r"\s*[0-9A-Fa-f]{4,8}:?\s*")
 """What `hexdump -C` writes last: how many bytes there were."""
 _ENDS: Final = re.compile(r"\s+\||\s{3,}")
-"""Where the column of text begins, if there is one; behind a colon (xxd) two spaces are enough."""
+"""Where the column of text begins, if there is one;"""
+_ENDS_BY_XXD: Final = re.compile(r"\s{2,}")
+"""behind offsets with a colon two spaces are enough."""
 _GROUP: Final = re.compile(r"(?:[0-9A-Fa-f]{2})+")
 _LIST: Final = re.compile(r"[\[({]?\s*(?:\d{1,3}\s*,\s*)+\d{1,3}\s*,?\s*[\])}]?")
 _WIDEST: Final = 16
@@ -77,7 +79,7 @@ def _dumped(rows: list[re.Match[str]]) -> bytes | None:
 def _row(row: re.Match[str], most: int) -> bytes:
     """The bytes of a line of a dump, at most so many; empty where there are no pairs of digits."""
     by_xxd = row[2].startswith(":")
-    ends = re.compile(r"\s{2,}") if by_xxd else _ENDS
+    ends = _ENDS_BY_XXD if by_xxd else _ENDS
     found = b""
     for token in ends.split(row[3], maxsplit=1)[0].split():
         if not _GROUP.fullmatch(token) or len(found) >= most or not (by_xxd or len(token) == 2):
