@@ -90,8 +90,9 @@ def _not_seen(case: Case) -> Iterator[str]:
         yield "the response is positive"
     if deal.write_status or deal.read_status:
         yield "a STATUS tells of it"
-    yield from case.wrong("polls", len(deal.polls))
-    yield from case.wrong("case", "status_zero_at_last" if deal.polls else "status_zero")
+    polls = case.reading.not_ready(deal)
+    yield from case.wrong("polls", len(polls))
+    yield from case.wrong("case", "status_zero_at_last" if polls else "status_zero")
 
 
 @auditor("DS702")
@@ -243,7 +244,7 @@ def _two_users(case: Case) -> Iterator[str]:
         yield f"other_ar {args.get('other_ar')!r} is {(here or held)[0].ar}"
     if not here:
         yield "they are at two places"
-    until = [min([each.read or 10**9, *reading.ends(each)]) for each in here or held]
+    until = [min([each.closed, *reading.ends(each)]) for each in here or held]
     refused = all(each.write_status for each in here or held)
     if max(until) < came[0].asked or args["first"] > came[0].asked or refused:
         yield f"the request of frame {args['first']} was not open in frame {came[0].asked}"

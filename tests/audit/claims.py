@@ -110,8 +110,9 @@ def _no_response(case: Case) -> Iterator[str]:
             2,
         )
         later = key[0] == "IP" and key[1:3] == (request.target, request.source)
-        begun = key in case.reading.capture.begun  # else nobody knows whose they are
-        if parts or (later and begun and frames[0] > request.frame):
+        begun = case.reading.capture.begun.get(key)  # without it nobody knows whose they are
+        later = later and begun is not None and begun[1] in (None, request.key[1:])
+        if parts or (later and frames[0] > request.frame):
             yield f"parts of a response are in the frames {frames}"
 
 
@@ -225,8 +226,15 @@ def _second_response(case: Case) -> Iterator[str]:
         return
     yield from _operation(case, found[0].request)
     yield from case.wrong("first", first.frame)
-    again = any(first.frame < frame < case.frame for frame in found[0].again)
+    asked = (found[0].again, _doubled(case, found[0]))
+    again = any(frame < case.frame for frames in asked for frame in frames)
     yield from case.wrong("has", "has_either" if again else "has_first")
+
+
+def _doubled(case: Case, call: wire.Call) -> list[int]:
+    """The frames in which the wire brought its request once more: later than a mirror port does."""
+    begin = call.request.time_ns
+    return [at for at in call.copies if (case.reading.time(at) or 0) - begin > wire.COPY_NS]
 
 
 # Record calls
@@ -278,7 +286,7 @@ def _polled(case: Case) -> Iterator[str]:
     if deal is None:
         yield "belongs to no transaction"
         return
-    yield from case.wrong("count", len(_not_ready(case, deal)))
+    yield from case.wrong("count", len(case.reading.not_ready(deal)))
     yield from _are_polls(case, deal)
     if deal.read != case.frame:
         yield f"the response is in frame {deal.read}"
@@ -294,19 +302,10 @@ def _are_polls(case: Case, deal: Deal) -> Iterator[str]:
             yield f"frame {frame} is no poll with DE80B500 or DE80B100"
 
 
-def _not_ready(case: Case, deal: Deal) -> list[dict[str, int | None]]:
-    """The Reads before its response that came too early, and not for fewer bytes than it has."""
-    at = case.reading.answered_at
-    return [
-        poll for poll in deal.polls
-        if not any(each.status == SHORT for each in at.get(poll["response"] or 0, []))
-    ]  # fmt: skip
-
-
 @auditor("DS205")
 def _polled_long(case: Case) -> Iterator[str]:
     deal = case.deal
-    polls = _not_ready(case, deal) if deal is not None else []
+    polls = case.reading.not_ready(deal) if deal is not None else []
     if deal is None or not polls:
         yield "was not polled"
         return
@@ -1194,7 +1193,7 @@ def _incomplete(case: Case) -> Iterator[str]:
     known = ("first", "last", "numbers")
     told = {name for name in known if args.get(name) is not None}
     first = {"first"} if what in ("read_answer", "write_answer", "twice") else set()
-    if what == "written_again":
+    if what in ("written_again", "crossed"):
         first = {"first", "last"}
     if told not in ([{*known}, {"last", "numbers"}] if what == "calls" else [first]):
         yield f"{what} tells {sorted(told)}"
@@ -1217,6 +1216,7 @@ def _incomplete(case: Case) -> Iterator[str]:
         "write_answer": lambda: _is_without(case, deal, True),
         "twice": lambda: _is_twice(case, deal),
         "written_again": lambda: _is_written_again(case, deal),
+        "crossed": lambda: _is_crossed(case, deal),
         "ends": lambda: _ends(case, deal),
         "unseen": lambda: _unseen(case, deal),
         "later": lambda: iter([]) if late else _pending(case, deal),
@@ -1332,6 +1332,20 @@ def _is_written_again(case: Case, deal: Deal) -> Iterator[str]:
         yield f"the Write is answered in frame {before[0]}"
 
 
+def _is_crossed(case: Case, deal: Deal) -> Iterator[str]:
+    """That two Writes of its channel, its own among them, were accepted in the other order."""
+    frames = case.args.get("first") or 0, case.args.get("last") or 0
+    accepted = [
+        each.answered or 0
+        for frame in frames for each in case.reading.asked_at.get(frame, [])
+        if each.write and each.status == 0 and case.reading.same_place(deal, each)
+    ]  # fmt: skip
+    if deal.write not in frames:
+        yield f"its own Write is in frame {deal.write}"
+    if len(accepted) != 2 or frames != tuple(sorted(frames)) or accepted[0] < accepted[1]:
+        yield f"they are accepted in frames {accepted}"
+
+
 def _is_twice(case: Case, deal: Deal) -> Iterator[str]:
     """That a call of a transaction has two responses, of which its client may have either."""
     first = case.args.get("first")
@@ -1339,7 +1353,7 @@ def _is_twice(case: Case, deal: Deal) -> Iterator[str]:
         each.call for each in case.reading.asked_at.get(first or 0, [])
         if case.reading.same_place(deal, each) and each.asked >= (deal.write or 0)
     ]  # fmt: skip
-    if not any(call.others and call.again for call in calls):
+    if not any(call.others and (call.again or _doubled(case, call)) for call in calls):
         yield f"no call of it in frame {first} has two responses"
 
 

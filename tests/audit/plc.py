@@ -138,10 +138,17 @@ def _order(calls: list[Told], deal: Deal, reading: Reading) -> Iterator[str]:
         true = [each for each in true if each not in kinds]
     if any(each.rule == "DS109" for each in reading.findings):  # calls that were given up
         told, true = ([each for each in kinds if each != "unseen"] for kinds in (told, true))
+    if reading.capture.pieces:  # a response that came twice, each time in part, is told twice
+        told, true = (_once(each, "unseen") for each in (told, true))
     if "DS110" in deal.plain["findings"]:
         true = true[: len(told)]  # of those behind, nobody knows whose they are
     if deal.write is not None and told != true:
         yield f"the Reads are told as {_runs(told)}, and came as {_runs(true)}"
+
+
+def _once(kinds: list[str], kind: str) -> list[str]:
+    """A list in which a kind never follows itself."""
+    return [each for at, each in enumerate(kinds) if each != kind or kinds[at - 1 : at] != [kind]]
 
 
 def _kind(told: Told) -> str:
@@ -326,7 +333,7 @@ def _own(deal: Deal, reading: Reading) -> list[wire.Record]:
     """
     found = []
     for each in _channel(deal, reading):
-        if each.write or each.implicit or (deal.read is not None and _at(each) >= deal.read):
+        if each.write or each.implicit or _at(each) >= deal.closed:
             continue
         askers, sure = _askers(each, deal, reading)
         mine = sure or _given(each, deal, reading) == (deal.write or 0)
@@ -382,7 +389,7 @@ def _is_open(write: int, at: int, deal: Deal, reading: Reading) -> bool:
     owner = _owner(write, deal, reading)
     if owner is None or any(write < frame < at for frame in reading.releases(owner)):
         return False
-    return (owner.read is None or owner.read > at) and not _others(write, at, deal, reading)
+    return owner.closed > at and not _others(write, at, deal, reading)
 
 
 def _others(write: int, at: int, deal: Deal, reading: Reading) -> list[wire.Record]:
@@ -420,7 +427,8 @@ def _fragments(record: wire.Record, reading: Reading) -> list[int]:
     """The frames of those fragments of its response that the capture has, where it is not whole."""
     request = record.call.request
     for key, frames in reading.capture.pieces.items():
-        if request.activity in key and request.sequence in key:
+        _, begun = reading.capture.begun.get(key, (0, None))
+        if (request.activity in key and request.sequence in key) or begun == request.key[1:]:
             return frames
     return []
 

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from datetime import datetime
 from functools import cached_property
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -91,6 +92,11 @@ class Deal:
         """The frame of the Read response that ended it."""
         found: int | None = self.frames["read_response"]
         return found
+
+    @property
+    def closed(self) -> float:
+        """The frame that ended it: one that was longer than what a Read asks for waits for another Read."""
+        return inf if self.read is None or self.read_status == SHORT else self.read
 
     @property
     def polls(self) -> list[dict[str, int | None]]:
@@ -272,6 +278,14 @@ class Reading:
 
     def deal(self, finding: Finding) -> Deal | None:
         return None if finding.transaction is None else self.by_id.get(finding.transaction)
+
+    def not_ready(self, deal: Deal) -> list[dict[str, int | None]]:
+        """The Reads before its response that came too early, and not for fewer bytes than it has."""
+        there = self.answered_at
+        return [
+            poll for poll in deal.polls
+            if not any(each.status == SHORT for each in there.get(poll["response"] or 0, []))
+        ]  # fmt: skip
 
     def releases(self, deal: Deal) -> list[int]:
         """The frames in which the AR of a transaction was given up after its request."""

@@ -14,11 +14,11 @@ from itertools import repeat
 from pathlib import Path
 from random import Random
 
-from tests.audit import conversations, cuts, holes, lines, run
+from tests.audit import conversations, cuts, ends, holes, lines, lossy, run
 from tests.audit.reading import Complaint
 
-Plan = conversations.Plan | lines.Plan
-"""Of a conversation on PROFINET, or of a line of PROFIBUS."""
+Plan = conversations.Plan | lines.Plan | lossy.Plan
+"""Of a conversation on PROFINET, of a line of PROFIBUS, or of a conversation over a wire that loses and delays."""
 SHARE = 100
 """So many conversations are audited by one process, in 10 s or so."""
 
@@ -38,16 +38,22 @@ PLANS = Path(__file__).with_name("plans.jsonl")
 """Conversations about which the report once said something untrue, one plan a line,"""
 WITH_HOLES = PLANS.with_name("plans_with_holes.jsonl")
 """and those of which it did where they have holes."""
+ON_WIRES = PLANS.with_name("plans_on_wires.json")
+"""Conversations over wires of which version 999b3260 said something untrue: three plans of each kind."""
 
 
 def plan(text: str) -> Plan:
     """A plan from its JSON."""
     known = json.loads(text)
+    if "mtu" in known:
+        return lossy.plan(known)
     return lines.plan(known) if "stations" in known else conversations.plan(known)
 
 
-def play(planned: Plan) -> conversations.Conversation | lines.Conversation:
+def play(planned: Plan) -> conversations.Conversation | lines.Conversation | lossy.Conversation:
     """The conversation of a plan."""
+    if isinstance(planned, lossy.Plan):
+        return lossy.play(planned)
     return lines.play(planned) if isinstance(planned, lines.Plan) else conversations.play(planned)
 
 
@@ -56,13 +62,24 @@ def kept(path: Path = PLANS) -> list[Plan]:
     return [plan(line) for line in path.read_text(encoding="utf-8").splitlines()]
 
 
+def of_wires() -> dict[str, list[lossy.Plan]]:
+    """The plans of each kind that once had a complaint."""
+    kinds = json.loads(ON_WIRES.read_text(encoding="utf-8"))
+    return {kind: [lossy.plan(each) for each in plans] for kind, plans in kinds.items()}
+
+
 def planned(count: int, number: int, *, talks: bool = False) -> list[Plan]:
-    """So many plans of a seed: every third is a line of PROFIBUS, unless only talks on PROFINET are asked for."""
-    random = Random(number)
-    return [
-        conversations.planned(random) if talks or at % 3 else lines.planned(random)
-        for at in range(count)
-    ]
+    """So many plans of a seed, unless only talks on PROFINET without a wire are asked for.
+
+    Every third is a line of PROFIBUS, every sixth a conversation over a wire.
+    """
+    random, wires = Random(number), Random(f"wires {number}")
+    found: list[Plan] = []
+    for at in range(count):
+        line = not talks and at % 3 == 0
+        each: Plan = lines.planned(random) if line else conversations.planned(random)
+        found.append(lossy.planned(wires) if not talks and at % 6 == 5 else each)
+    return found
 
 
 def of_plan(plan: Plan, folder: Path) -> list[Complaint]:
@@ -71,6 +88,8 @@ def of_plan(plan: Plan, folder: Path) -> list[Complaint]:
     path = folder / "conversation.pcap"
     made.tape.write(path)
     try:
+        if isinstance(made, lossy.Conversation):
+            return list(ends.of(made, folder))
         return run.audit(path, made.drives)
     except Exception as error:
         error.add_note(plan.text())
@@ -79,6 +98,8 @@ def of_plan(plan: Plan, folder: Path) -> list[Complaint]:
 
 def whole(plan: Plan) -> Plan:
     """The same without what its capture loses, for that others cut it."""
+    if isinstance(plan, lossy.Plan):
+        return plan
     if isinstance(plan, lines.Plan):
         nothing = dict.fromkeys(("loss", "noise", "trouble"), 0.0)
         return replace(plan, snap=None, doubled=False, back=False, **nothing)

@@ -137,8 +137,10 @@ class Capture:
     records: list[Record] = field(default_factory=list)
     pieces: dict[tuple[object, ...], list[int]] = field(default_factory=dict)
     """Fragments of what never became whole, of IP and RPC: the frames they came in."""
-    begun: dict[tuple[object, ...], int] = field(default_factory=dict)
-    """Of those of IP whose first fragment is there: its frame."""
+    begun: dict[tuple[object, ...], tuple[int, tuple[UUID, int] | None]] = field(
+        default_factory=dict
+    )
+    """Of those of IP whose first fragment is there: its frame, and activity and sequence number if it has them."""
     lately: dict[tuple[object, ...], int] = field(default_factory=dict)
     """Datagrams with a fragment of RPC, and when they came: the same soon after is a copy of the capture."""
     numbers: list[tuple[int, str, str, UUID, int]] = field(default_factory=list)
@@ -269,7 +271,7 @@ class _Whole:
         parts[start] = payload, more, frame.number, cut
         self._capture.pieces[key] = sorted(part[2] for part in parts.values())
         if not start:
-            self._capture.begun[key] = frame.number
+            self._capture.begun[key] = frame.number, _call_of(payload[8:])
         data = b""
         for at in sorted(parts):
             if at != len(data):
@@ -282,6 +284,15 @@ class _Whole:
                     source, target, number, data, seen, any(part[3] for part in parts.values())
                 )
         return None
+
+
+def _call_of(data: bytes) -> tuple[UUID, int] | None:
+    """Activity and sequence number in the header of a PDU, as far as it is there."""
+    if len(data) < 68:
+        return None
+    order, raw = ("<" if data[4] >> 4 == 1 else ">"), data[40:56]
+    activity = UUID(bytes_le=raw) if order == "<" else UUID(bytes=raw)
+    return activity, struct.unpack_from(order + "I", data, 64)[0]
 
 
 def read(path: Path) -> Capture:

@@ -245,6 +245,18 @@ def test_a_response_that_comes_again_without_its_request_hides_what_was_asked() 
     assert asked.names == ["request", "response", "retransmission", "second"]
 
 
+@pytest.mark.parametrize(("passed", "again"), [(2_000_000, 1), (0, 0)])
+def test_a_request_that_the_wire_doubled_was_there_twice(passed: int, again: int) -> None:
+    """Not so where a mirror port did: then its client sent it once, and the device has it once."""
+    request, response = calls()
+    talk = Heard().feed(request)
+    assert talk.tracker.is_copy(request) is False
+    copy = replace(request, time_ns=request.time_ns + passed, frame=999)
+    assert talk.tracker.is_copy(copy)
+    assert talk.tracker.open_call(response).again == 999 * again
+    assert talk.feed(response).names == ["request", "response"]
+
+
 def test_a_second_response_that_is_a_fault() -> None:
     request, response = calls()
     fault = replace(response, ptype=wire.FAULT, body=b"\x03\x00\x01\x1c")

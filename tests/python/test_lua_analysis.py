@@ -28,7 +28,7 @@ import test_profibus_ppo
 import troubles
 from test_conversations import CASES, capture
 from test_cyclic_scenes import SCENES
-from tests.audit import cuts, seeds, wire
+from tests.audit import cuts, lossy, seeds, wire
 from whole_capture import without_analyzers
 
 from ds47 import lab
@@ -350,6 +350,10 @@ def audited(tmp_path_factory: pytest.TempPathFactory) -> list[Source]:
         sources.append(Source(plan.text(), path.read_bytes(), False))
         for name, frames in cuts.of(wire.frames(path), cuts.two(plan.seed)):
             cuts.write(path, frames)
+            sources.append(Source(f"{name} {plan.text()}", path.read_bytes(), False))
+    for plan in (plans[0] for plans in seeds.of_wires().values()):
+        for name, tape in zip(("near", "far"), lossy.play(plan).tapes, strict=True):
+            tape.write(path)
             sources.append(Source(f"{name} {plan.text()}", path.read_bytes(), False))
     return sources
 

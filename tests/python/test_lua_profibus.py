@@ -137,7 +137,7 @@ class Ear:
         self._tell(
             "closed", controller=job.peer.controller, device=job.peer.device, phase=job.phase,
             reason=job.reason, request=half_of(job.write_request), write_response=half_of(job.write_response),
-            refused=job.write_refused, accepted=job.accepted, read_request=half_of(job.read_request),
+            refused=job.write_refused, read_request=half_of(job.read_request),
             read_response=half_of(job.read_response), reference=job.reference,
             polls=[response.frame for _, response in job.polls],
             rereads=[response.frame for _, response in job.rereads], superseded_by=job.superseded_by,
@@ -314,5 +314,5 @@ def test_chance_leaves_nothing_out() -> None:
     for name in ("answer", "again", "silent", "unsure"):
         assert sum(bool(each.get(name)) for each in told) > 50, name
     jobs = [each for each in told if each["event"] == "closed"]
-    for name in ("refused", "accepted", "read_response", "polls", "superseded_by"):
+    for name in ("refused", "read_response", "polls", "superseded_by"):
         assert sum(bool(each[name]) for each in jobs) > 20, name

@@ -44,7 +44,6 @@ Job.empty_reads = NONE -- array of halves
 Job.calls = NONE -- what was said of its calls (DS101, DS103, DS104, DS108): array of {rule, frame}
 Job.reason = ""
 Job.again = "" -- of the first re-read, how it came about: a key of tables.diagnosis_words
-Job.accepted = false
 -- Further: write_response, read_request, read_response, response, previous_reference, superseded_by; and
 --   previous: frame of the request before it on its channel, as far as the capture shows
 --   superseding: the request that displaced this one; until it is closed
@@ -61,6 +60,7 @@ Job.accepted = false
 --   insisted: until when the client of a call of it that was sent again waits at least; nil where none was
 --   twice: frame of a call of it with two responses, of which the client may have either; nil for none
 --   written_again: frame of the Write that asked for the same while this one had no response: it was accepted
+--   crossed: {first, last}, frames of two Writes, one of them this, accepted in the other order (P27)
 --   missing: why nobody knows what became of it, {what, first, last, numbers} (completeness.lua, P73)
 --   uncertain: true for an orphan whose request a limit may have pushed out
 
@@ -342,6 +342,8 @@ local function lacks_calls(self, job, asked, lost)
     return behind(self, job.peer, asked.frame)
   elseif job.written_again then
     return {what = "written_again", first = asked.frame, last = job.written_again}
+  elseif job.crossed then
+    return {what = "crossed", first = job.crossed.first, last = job.crossed.last}
   elseif job.twice then
     return {what = "twice", first = job.twice}
   elseif job.fetching and not job.limit and not is_silence(self, job, lost) then
@@ -593,7 +595,6 @@ end
 
 -- An accepted Write opens; it displaces what was open and ends the grace of a refused one.
 local function accept(self, channel, job)
-  job.accepted = true
   if job.order > channel.accepted then
     channel.accepted = job.order
   end
@@ -613,6 +614,21 @@ local function accept(self, channel, job)
     channel.open = job
   end
   job.phase = PHASES[job.phase].write_accepted
+end
+
+-- Whether a later Write is open already: which of them the device did last nobody knows (P27).
+local function cross(channel, job)
+  local open, newer = channel.open, channel.last
+  if open and open.order > job.order then
+    newer = open
+  end
+  local other = newer and newer.order > job.order and newer:write_request()
+  if job.phase ~= "asked" or not other then
+    return false
+  end
+  job.crossed = {first = job:write_request().frame, last = other.frame}
+  newer.crossed = job.crossed
+  return newer == open
 end
 
 -- The newest request that is surely open at the place of another one, whoever asked; or came behind that; nil
@@ -792,7 +808,6 @@ local function presume(self, channel, job)
   else
     accept(self, channel, job)
   end
-  job.accepted = false
 end
 
 local function read(self, channel, job, event, record)
@@ -892,7 +907,9 @@ function Pairing:write_response(job, response, fault)
     return
   end
   if status == 0 and not fault then
-    accept(self, channel, job)
+    if not cross(channel, job) then
+      accept(self, channel, job)
+    end
   else
     refuse(self, channel, job)
     if job.phase == "refused" then

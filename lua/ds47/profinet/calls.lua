@@ -74,6 +74,24 @@ local function long_key(number, pdu)
     .. (pdu.port or 0) .. "\0" .. pdu.boot .. pdu.body
 end
 
+local function key_of(pdu)
+  return pdu.conversation .. pdu.seq
+end
+
+-- The call to which a PDU belongs, nil for none, and its activity.
+local function call_of(self, pdu)
+  local activity = self.activities.values[pdu.conversation]
+  return activity and activity.by_seq[pdu.seq], activity
+end
+
+-- The wire doubled a request: a device without a memory of its responses executes it once more.
+local function came_again(self, pdu)
+  local call = self.answered:get(key_of(pdu)) or call_of(self, pdu)
+  if call then
+    call.again = pdu.frame
+  end
+end
+
 --- Whether the same datagram with the same IP id was here: it came twice, or the file holds it twice (P6).
 -- @param ip_id the identification of its IP header; 0 is none, then it is a copy only within the copy window
 -- @return that, and of a copy the frame of the first one
@@ -94,6 +112,9 @@ function CallTracker:is_copy(pdu, ip_id)
     local passed, window = pdu.time_ns - before.time_ns, self.limits.copy_ns
     if ip_id ~= 0 or passed <= window and -passed <= window then
       self.counts.copies = self.counts.copies + 1
+      if pdu.ptype == 0 and passed > window then
+        came_again(self, pdu)
+      end
       return true, before.frame
     end
   end
@@ -110,12 +131,6 @@ function CallTracker:is_copy(pdu, ip_id)
     end
   end
   return false
-end
-
--- The call to which a PDU belongs, nil for none, and its activity.
-local function call_of(self, pdu)
-  local activity = self.activities.values[pdu.conversation]
-  return activity and activity.by_seq[pdu.seq], activity
 end
 
 local function append(activity, seq, call)
@@ -164,10 +179,6 @@ local function lose(self, call, went_on)
   count(self, "unanswered")
   self.completeness:lost(call.request, went_on)
   self.handlers:lost(call)
-end
-
-local function key_of(pdu)
-  return pdu.conversation .. pdu.seq
 end
 
 -- Whether the last datagram of a call is so old that its client repeats it no more.
@@ -289,9 +300,8 @@ local function again(self, call, pdu)
   count(self, "retransmissions")
   self.newest, self.asks_again = call, true
   self.handlers:retransmission(call, pdu)
-  call.sent_ns = pdu.time_ns
+  call.sent_ns, call.again = pdu.time_ns, pdu.frame
   if call.response then
-    call.again = pdu.frame
     self.answered:move_to_end(key_of(pdu))
   end
 end

@@ -105,7 +105,6 @@ class Job:
     """Frame of the request before it on its channel, as far as the capture shows."""
     superseded_by: int | None
     reason: str
-    accepted: bool
     order: int
     superseding: Job | None
     """The request that displaced this one."""
@@ -131,6 +130,8 @@ class Job:
     """Frame of a call of it with two responses, of which the client may have either; 0 for none."""
     written_again: int
     """Frame of the Write that asked for the same while this one had no response, and was accepted; 0 for none."""
+    crossed: tuple[int, int] | None
+    """Frames of two Writes, this one among them, whose responses came in the other order (P27)."""
     missing: Missing | None
     """Why nobody knows what became of it."""
     limit: str
@@ -162,7 +163,6 @@ class Job:
         previous: int | None = None,
         superseded_by: int | None = None,
         reason: str = "",
-        accepted: bool = False,
         order: int = 0,
     ) -> None:
         self.peer = peer
@@ -181,7 +181,6 @@ class Job:
         self.previous = previous
         self.superseded_by = superseded_by
         self.reason = reason
-        self.accepted = accepted
         self.order = order
         self.superseding = None
         self.rival = None
@@ -193,6 +192,7 @@ class Job:
         self.read_before = False
         self.insisted = 0
         self.twice = self.written_again = 0
+        self.crossed = None
         self.missing = None
         self.limit = ""
         self.passed = False
@@ -380,7 +380,8 @@ class Pairing:
         if channel is None:
             return
         if status == 0 and not fault:
-            self._accept(channel, job)
+            if not _cross(channel, job):
+                self._accept(channel, job)
         else:
             self._refuse(channel, job)
             if self._tell_refused is not None and job.phase == "refused":
@@ -491,6 +492,8 @@ class Pairing:
             return self._behind(job.peer, asked.frame)
         if job.written_again:
             return Missing("written_again", asked.frame, job.written_again)
+        if job.crossed:
+            return Missing("crossed", *job.crossed)
         if job.twice:
             return Missing("twice", job.twice)
         if job.fetching and not job.limit and not self._is_silence(job):
@@ -763,7 +766,6 @@ class Pairing:
 
     def _accept(self, channel: Channel, job: Job) -> None:
         """An accepted Write opens; it displaces what was open and ends the grace of a refused one."""
-        job.accepted = True
         channel.accepted = max(channel.accepted, job.order)
         if job.phase == "asked":
             channel.asked.remove(job)
@@ -805,7 +807,6 @@ class Pairing:
             self._step(job, "write_accepted")
         else:
             self._accept(channel, job)
-        job.accepted = False
 
     def _rival(self, job: Job) -> Job | None:
         """The newest request that is surely open at the place of another one, whoever asked; or came behind that.
@@ -1005,6 +1006,16 @@ def _written_again(channel: Channel, job: Job) -> None:
         before = each.write_request
         if each.order < job.order and before and by and before.data == by.data:
             each.written_again = by.frame
+
+
+def _cross(channel: Channel, job: Job) -> bool:
+    """Whether a later Write is open already: which of them the device did last nobody knows (P27)."""
+    newer = next((e for e in (channel.open, channel.last) if e and e.order > job.order), None)
+    one, other = job.write_request, newer and newer.write_request
+    if job.phase != "asked" or not (newer and one and other):
+        return False
+    job.crossed = newer.crossed = one.frame, other.frame
+    return newer is channel.open
 
 
 def _key(peer: Peer, record: Record) -> ChannelKey:

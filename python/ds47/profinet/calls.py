@@ -29,7 +29,7 @@ class Call:
     sent_ns: int
     """When the request was sent last."""
     again: int
-    """The last frame behind the response in which the request was sent again; 0 for none."""
+    """The last frame in which the request came again, other than by a mirror port; 0 for none."""
     context: Any
 
     def __init__(self, request: Pdu) -> None:
@@ -149,11 +149,22 @@ class CallTracker:
             before = self._earlier.get(key)
         if before is not None and (pdu.ip_id or abs(now - before) <= self._limits.copy_ns):
             self.counts["copies"] += 1
+            if pdu.ptype == 0 and now - before > self._limits.copy_ns:
+                self._came_again(pdu)
             return True
         recent[key] = now
         if len(recent) >= self._most_datagrams:
             self._earlier, self._recent = recent, {}
         return False
+
+    def _came_again(self, pdu: Pdu) -> None:
+        """The wire doubled a request: a device without a memory of its responses executes it once more."""
+        activity = self._activities.get((pdu.client, pdu.activity))
+        call = self._answered.get((pdu.client, pdu.activity, pdu.seq))
+        if call is None and activity is not None:
+            call = activity.calls.get(pdu.seq)
+        if call is not None:
+            call.again = pdu.frame
 
     def feed(self, pdu: Pdu) -> None:
         """Takes one whole message (not a copy, see `is_copy`)."""
@@ -204,9 +215,8 @@ class CallTracker:
             if self._is_retransmission(activity, call, pdu):
                 self.counts["retransmissions"] += 1
                 self._handlers.retransmission(call, pdu)
-                call.sent_ns = pdu.time_ns
+                call.sent_ns, call.again = pdu.time_ns, pdu.frame
                 if call.response is not None:
-                    call.again = pdu.frame
                     self._answered.move_to_end(key)
                 return
             activity.anew = pdu.frame

@@ -28,6 +28,7 @@ _LEFT_OUT: Final = {
 }  # fmt: skip
 """Rules about a call that brought no record, and what the call ended with."""
 _IN_PART: Final = "DS105"
+_OPEN: Final = ("unanswered", "incomplete")
 _CUT: Final = "DS106"
 _NOTHING: Final = ("DS206", "DS808")
 """The rules about a Read for which no request was open."""
@@ -148,7 +149,7 @@ def _waits(transactions: Sequence[Transaction]) -> dict[int, str]:
         channel = _channel(item)
         following = after.get(channel)
         after[channel] = item.start_ns
-        if item.state not in ("unanswered", "incomplete"):
+        if item.state not in _OPEN:
             continue
         known = end if following is None else following
         waits[item.id] = "ends" if following is None else "unseen"
@@ -169,7 +170,7 @@ def _followed(
         newest[channel] = max(newest.get(channel, 0), item.frames.all()[-1])
     stray = max(loose, default=0)
     for item in transactions:
-        if item.state == "unanswered":
+        if item.state in _OPEN:
             about = (each.frame for each in calls.get(item.id, ()))
             if max(stray, newest[_channel(item)]) > max(item.frames.all()[-1], *about, 0):
                 yield item.id
@@ -300,7 +301,7 @@ def _before(item: Transaction, left_out: Sequence[tuple[int, Call]], wait: str) 
         found[-1] = Call("RDREC", "ends")
     calls: list[Call] = []
     for call in found:
-        if calls and calls[-1].outcome == call.outcome:
+        if calls and calls[-1]._replace(times=1) == call:
             calls[-1] = call._replace(times=calls[-1].times + 1)
         else:
             calls.append(call)

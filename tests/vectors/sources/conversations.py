@@ -2324,6 +2324,39 @@ def p73_written_again(client: Client) -> None:
 
 
 @BOOK.scene(
+    "incomplete superseded disorder",
+    tx(1, "incomplete", (1, 4), None, NOTHING),
+    tx(2, "incomplete", (2, 3), None, NOTHING, ref=2),
+    rules="DS110@1#1 DS110@2#2",
+)
+def p27_accepted_in_the_other_order(client: Client) -> None:
+    """Two Writes, the second one accepted first: neither displaced the other one, as far as anybody knows."""
+    first = client.ask_write(ask())
+    second = client.ask_write(ask(2))
+    client.accept_write(second, ask(2))
+    client.accept_write(first, ask())
+    client.wait(15_000)
+    client.release()
+
+
+@BOOK.scene(
+    "incomplete superseded disorder",
+    tx(1, "ok", (1, 4, 5, 6), 5, real(1.5)),
+    tx(2, "incomplete", (2, 3), None, NOTHING, ref=2),
+    rules="DS110@2#2",
+)
+def p27_the_first_is_answered(client: Client) -> None:
+    """The record mirrors the first of them: of the second nobody knows more."""
+    first = client.ask_write(ask())
+    second = client.ask_write(ask(2))
+    client.accept_write(second, ask(2))
+    client.accept_write(first, ask())
+    client.read(tell(1, 1.5))
+    client.wait(15_000)
+    client.release()
+
+
+@BOOK.scene(
     "P2 disorder",
     tx(1, "ok", (2, 1, 3, 4), 3, real(1.5)),
 )
