@@ -60,7 +60,7 @@ from ds47.s7.choices import Choices
 from ds47.s7.communication import Communication
 from ds47.s7.model import Job as S7Job
 from ds47.s7.transactions import build as build_s7
-from ds47.spec import rules
+from ds47.spec import rules, s7
 from ds47.spec.semantics import limits
 from ds47.spec.statuses import status_hex
 
@@ -242,7 +242,7 @@ class Analysis:
         )  # fmt: skip
         self._calls = CallTracker(bounds, self._records.handlers(), self._completeness)
         choices = options.s7 if S7 in options.channels else None
-        self._s7 = Communication(choices, bounds, self._communicated, self._remark)
+        self._s7 = Communication(choices, bounds, self._communicated, self._remark, self._drive)
         self._transport = Transport(
             bounds,
             self._calls,
@@ -379,6 +379,7 @@ class Analysis:
         self._decode(job)
         self._answers[job] = self._judge.answered(job)
         learning.answered(self._dictionary, job)
+        self._s7.records(job.peer.device)
         if self._early is not None:
             self._settled(job, self._answers[job], self._early)
 
@@ -449,6 +450,13 @@ class Analysis:
         remarks += self._conclusions.transaction(transaction)
         if PKW in self._options.channels:
             self._finished(order, transaction, remarks)
+
+    def _drive(self, ip: str) -> str | None:
+        """What the capture shows up to now, beside S7 and record calls, that an IP address is a drive."""
+        if any(each.relation.device == ip for each in self._cyclic.drives()):
+            return "cyclic"
+        kind = self._stations.kind(ip)
+        return "station" if kind is not None and s7.is_drive(kind) else None
 
     def _communicated(self, job: S7Job, remarks: list[Remark]) -> None:
         """A job of S7 is over."""

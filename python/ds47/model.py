@@ -265,6 +265,10 @@ class Item(_Plain):
     """What was read, written or sent."""
     code: int | None
     """What the partner answered; 255 is success (docs/s7.md 3)."""
+    drive_object: int | None
+    """Where the partner is known as a drive: the one that the address names,"""
+    parameter: Parameter | None
+    """and the element of which parameter, with its value."""
 
     def __init__(
         self,
@@ -276,6 +280,8 @@ class Item(_Plain):
         length: int | None,
         value: bytes | None,
         code: int | None,
+        drive_object: int | None = None,
+        parameter: Parameter | None = None,
     ) -> None:
         self.address = address
         self.area = area
@@ -285,6 +291,8 @@ class Item(_Plain):
         self.length = length
         self.value = value
         self.code = code
+        self.drive_object = drive_object
+        self.parameter = parameter
 
 
 @dataclass(slots=True, repr=False, eq=False)
@@ -667,6 +675,19 @@ class Evidence(NamedTuple):
     frame: int
 
 
+class Drive(NamedTuple):
+    """What shows that a server of S7 is a drive, and the first address that it has of an element (docs/s7.md 8).
+
+    `proof` is "chosen", "order", "records", "cyclic", "station" or "values"; "addresses" only suggest it.
+    """
+
+    proof: str
+    address: str | None
+    drive_object: int | None
+    pnu: int | None
+    subindex: int | None
+
+
 @dataclass(slots=True, repr=False, eq=False)
 class Connection(_Plain):
     """A connection of S7 (docs/s7.md 4); what the capture does not have of it is None."""
@@ -713,6 +734,8 @@ class Connection(_Plain):
     block: int | None = None
     """Bytes that the server copies at once, as the user says or the server itself; None where nobody does."""
     evidence: list[Evidence] = field(default_factory=list)
+    drive: Drive | None = None
+    """What shows that the server is a drive; None where nothing does."""
 
 
 @dataclass(slots=True, repr=False, eq=False)

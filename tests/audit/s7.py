@@ -44,6 +44,10 @@ class Case:
         both = line.client[0], line.server[0]
         yield from self.wrong(controller=both[not by_client], device=both[by_client])
 
+    def servers(self, line: Line) -> list[Line]:
+        """All connections of the server of one."""
+        return [each for each in self.lines if each.server == line.server]
+
     def jobs(self) -> Iterator[Job]:
         for line in self.lines:
             yield from line.jobs
@@ -123,6 +127,66 @@ def _item(case: Case) -> Iterator[str]:
         yield from case.wrong(operation=job.name, area=s7_wire.listed(failed))
 
     yield from _best(case, [each(job) for job in case.answered()])
+
+
+@auditor("DS919")
+def _element(case: Case) -> Iterator[str]:
+    """An address of a drive is 1024 x drive object + index, its data block the parameter."""
+    drive_object, subindex = case.args.get("drive_object"), case.args.get("subindex")
+    if drive_object is None or subindex is None or not 0 <= subindex < 1024:
+        yield f"no address stands for {subindex} of drive object {drive_object}"
+        return
+    place = 1024 * drive_object + subindex
+
+    def each(job: Job) -> Iterator[str]:
+        yield from case.ends(job.line, job.by_client)
+        yield from case.wrong(operation=job.name, family="sinamics")
+        named = [
+            i for i in job.items
+            if (i.db, i.start, i.code) == (case.args.get("pnu"), 8 * place, case.args.get("code"))
+        ]  # fmt: skip
+        if not named or named[0].code == 0xFF:
+            yield "no such item is refused"
+            return
+        yield from case.wrong(bytes=named[0].size)
+        seems = not any(map(_shares_nothing, case.servers(job.line)))
+        if case.args.get("case") == "drive_seems":
+            yield from _seems_a_drive(job)
+        elif case.args.get("case") != "drive_known" or seems:
+            yield f"case {case.args.get('case')!r}: nothing shows a drive"
+
+    yield from _best(case, [each(job) for job in case.answered()])
+
+
+def _seems_a_drive(job: Job) -> Iterator[str]:
+    """Slot 0, and nothing was read or written up to then but single elements."""
+    line = job.line
+    if line.tsap is None or line.tsap[-1] & 31:
+        yield "its slot is not 0"
+    done = [
+        i for each in line.jobs if each.answered and each.asked.number <= job.asked.number
+        for i in each.items if i.code == 0xFF
+    ]  # fmt: skip
+    if not done or any(i.area != 0x84 or i.size not in (1, 2, 4) for i in done):
+        yield "something else than an element is read or written"
+
+
+def _shares_nothing(line: Line) -> bool:
+    """Whether a value is read back although one that lies on it was written since."""
+    written: dict[tuple[int, int], tuple[bytes, bool]] = {}
+    for job in line.jobs:
+        for item in job.items if job.answered else ():
+            key, data = (item.db, item.start // 8), item.data or b""
+            if item.code != 0xFF or item.area != 0x84:
+                continue
+            if job.name == "GET" and written.get(key) == (data, True):
+                return True
+            if job.name == "PUT":
+                for (db, start), (known, _) in written.items():
+                    if db == key[0] and 0 < abs(start - key[1]) < 4:
+                        written[db, start] = known, True
+                written[key] = data, False
+    return False
 
 
 @auditor("DS918")

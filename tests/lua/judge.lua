@@ -71,7 +71,7 @@ local function job_of(told)
     job[name] = half(told[name])
   end
   for _, name in ipairs({"phase", "write_fault", "previous_reference", "previous", "superseded_by", "reason",
-    "accepted", "repeats", "contested", "uncertain", "peer", "record"}) do
+    "repeats", "contested", "uncertain", "peer", "record"}) do
     job[name] = told[name]
   end
   job.limit = told.limit ~= "" and told.limit or nil

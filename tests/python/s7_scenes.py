@@ -6,9 +6,11 @@ What the seed draws and tells is in `ds47.lab.s7_stories`, which become captures
 
 from __future__ import annotations
 
+import struct
+
 from ds47.lab import s7_wire
 from ds47.lab.client import Client
-from ds47.lab.s7 import Asked, Cpu, Link
+from ds47.lab.s7 import DRIVE_TSAP, Asked, Cpu, DriveCpu, Link
 from ds47.lab.s7_wire import ANSWER, DB, DENIED, JOB, MISSING, WRITE, db, flags
 from ds47.lab.scenario import Book
 
@@ -78,6 +80,54 @@ def refused_items(client: Client) -> None:
     plc.refused = {(DB, 99): MISSING, (DB, 50): DENIED}
     link = plc.link().open().get(db(1, 0, 4), db(99, 0, 4), flags(10, 2))
     link.put((db(50, 0, 2), b"\1\2")).close()
+
+
+def drive(client: Client) -> DriveCpu:
+    """The drive of a scene: two ramp-up times of drive object 2, and two run times of drive object 1."""
+    values = struct.Struct(">f").pack
+    times = {(2114, 1024): b"\0\1\2\3", (2114, 1025): b"\0\0\0\4"}
+    ramps = {(1120, 2048): values(10.0), (1120, 2049): values(20.0)}
+    return DriveCpu(client.stage, elements=times | ramps)
+
+
+@BOOK.scene(
+    "DS919: two elements of a drive asked as one area, and a parameter that it does not have",
+    GET, ("get", "error"), ("get", "error"), PUT,
+    rules="DS919",
+)  # fmt: skip
+def refused_elements(client: Client) -> None:
+    """Parameters of a drive, read by S7: data block = parameter, address = 1024 x drive object + index."""
+    link = drive(client).link().open().get(db(2114, 1024, 4))
+    link.get(db(2114, 1024, 5)).get(db(9999, 1024, 4))
+    link.put((db(1120, 2048, 4), struct.pack(">f", 12.5))).close()
+
+
+@BOOK.scene(
+    "Near DS919: the same of a CPU, which has bytes where a drive has none", GET, ("get", "error"), rules="DS908"
+)  # fmt: skip
+def refused_by_a_cpu(client: Client) -> None:
+    """A data block with the number of a parameter, of which 40 bytes are read."""
+    plc = cpu(client)
+    plc.tsap, plc.refused = DRIVE_TSAP, {(DB, 9999): MISSING}
+    plc.link().open().get(db(2114, 1024, 40)).get(db(9999, 1024, 4)).close()
+
+
+@BOOK.scene(
+    "Near DS905, DS907, DS916: elements of a drive, one address apart, share no bytes",
+    PUT, PUT, GET, GET, PUT, PUT, GET,
+)  # fmt: skip
+def elements_share_nothing(client: Client) -> None:
+    """Two stations write two elements of a drive, and read both back as they wrote them."""
+    there = drive(client)
+    one, two = there.link(2).open(), there.link(3).open()
+    for values in ((10.0, 20.0), (12.5, 25.0)):
+        one.put((db(1120, 2048, 4), struct.pack(">f", values[0])))
+        two.put((db(1120, 2049, 4), struct.pack(">f", values[1])))
+        one.get(db(1120, 2048, 4))
+        if values[0] == 10.0:
+            two.get(db(1120, 2049, 4))
+    one.close()
+    two.close()
 
 
 @BOOK.scene(

@@ -94,8 +94,8 @@ class Talk:
         self.tpkt(False, b"\x06\xd0\0\1\0\2\0")
         return self
 
-    def open(self, pdu: int = 480, parallel: int = 1) -> Talk:
-        self.dial().confirm()
+    def open(self, pdu: int = 480, parallel: int = 1, slot: int = 2) -> Talk:
+        self.dial(slot).confirm()
         setup = struct.pack(">BBHHH", 0xF0, 0, parallel, parallel, pdu)
         self.say(True, JOB, setup)
         self.say(False, ANSWER, setup, reference=self.reference)

@@ -112,6 +112,21 @@ def writers(tape: Tape) -> None:
 
 
 @scene
+def drive(tape: Tape) -> None:
+    """A drive that first only seems to be one, then keeps a value although one lies on it."""
+    talk = Talk(tape, 1).open(slot=0)
+    talk.get(2114, 1024, b"\0\1\2\3")
+    for refused in (5, 0x0A):
+        talk.ask((2114, 1024, 5))
+        talk.bring(refused)
+    talk.put(1120, 2048, b"\x41\x20\0\0").put(1120, 2049, b"\x42\x20\0\0")
+    talk.get(1120, 2048, b"\x41\x20\0\0")
+    talk.ask((9999, 3072, 2), data=b"\1\2")
+    talk.take(3)
+    talk.close()
+
+
+@scene
 def blocks(tape: Tape) -> None:
     talk = Talk(tape, 1).open()
     talk.get(1, 0, bytes(33)).get(1, 0, bytes(32)).get(1, 0, bytes(33))
@@ -222,7 +237,7 @@ def test_each_word_is_in_a_scene() -> None:
     assert found >= {
         "mixed_split", "mixed_job", "mixed_put", "bsend_open", "bsend_sum", "bsend_sequence", "r_id_open",
         "r_id_refused", "refused_no_confirm", "refused_disconnect", "refused_reset", "refused_setup",
-        "block_chosen", "block_said", "block_order",
+        "block_chosen", "block_said", "block_order", "drive_known", "drive_seems",
     }  # fmt: skip
 
 

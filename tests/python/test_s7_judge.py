@@ -565,7 +565,7 @@ def test_what_was_written_is_read(how: str) -> None:
 def test_every_rule_is_said_here_or_in_test_s7_moments() -> None:
     text = "".join(
         (Path(__file__).parent / f"test_s7_{name}.py").read_text("utf-8")
-        for name in ("judge", "moments")
+        for name in ("judge", "moments", "drives")
     )
     assert [each for each in rules() if each.startswith("DS9") and f'"{each}"' not in text] == []
 

@@ -1483,7 +1483,7 @@ M.report_words = {
   plc_read_polled = {en = "RDREC ERROR, STATUS {status}|RDREC {n} x ERROR, STATUS {status}", zh = "RDREC {n} 次 ERROR，STATUS {status}"},
   plc_read_done = {en = "RDREC VALID, STATUS {status}, LEN {length}", zh = "RDREC VALID，STATUS {status}，LEN {length}"},
   plc_read_cut = {en = "RDREC VALID, STATUS {status}, LEN {length} ({captured} of them captured)", zh = "RDREC VALID，STATUS {status}，LEN {length}（抓到其中 {captured} 个字节）"},
-  plc_read_error = {en = "RDREC ERROR, STATUS {status}|RDREC {n} x ERROR, STATUS {status}", zh = "RDREC ERROR，STATUS {status}|RDREC {n} 次 ERROR，STATUS {status}"},
+  plc_read_error = {en = "RDREC ERROR, STATUS {status}|RDREC {n} x ERROR, STATUS {status}", zh = "RDREC {n} 次 ERROR，STATUS {status}"},
   plc_read_fault = {en = "RDREC ERROR with a STATUS of the PLC itself (RPC fault or reject)|RDREC {n} x ERROR with a STATUS of the PLC itself (RPC fault or reject)", zh = "RDREC {n} 次 ERROR，STATUS 由 PLC 自身产生（RPC 故障或拒绝）"},
   plc_read_bare = {en = "RDREC, a response without STATUS and record|RDREC {n} x, a response without STATUS and record", zh = "RDREC {n} 次，应答中没有 STATUS 和记录"},
   plc_read_empty = {en = "RDREC VALID, STATUS 00000000, LEN 0|RDREC {n} x VALID, STATUS 00000000, LEN 0", zh = "RDREC {n} 次 VALID，STATUS 00000000，LEN 0"},

@@ -21,6 +21,10 @@ FIRST, NEXT = 36, 34
 """What a segment of BSEND leaves of the PDU: of the first one, of the others."""
 
 
+DRIVE_TSAP = b"\x03\x00"
+"""That of a drive: rack 0, slot 0."""
+
+
 def station(number: int) -> Host:
     """Station n of the lab: 192.168.134.n."""
     return Host(f"192.168.134.{number}", f"00:1b:1b:00:00:{number:02x}")
@@ -35,6 +39,7 @@ class Cpu:
     memory: dict[tuple[int, int], bytearray] = field(default_factory=dict)
     refused: dict[tuple[int, int], int] = field(default_factory=dict)
     """Areas that are not there, or not for clients: their return codes."""
+    tsap: bytes = SERVER_TSAP
     links: int = 0
 
     def link(self, number: int = 2) -> Link:
@@ -58,6 +63,29 @@ class Cpu:
         code = self.refused.get((variable.area, variable.db), DONE)
         if code == DONE:
             self.bytes_of(variable)[variable.start : variable.start + variable.size] = data
+        return code
+
+
+@dataclass(slots=True)
+class DriveCpu(Cpu):
+    """A drive that answers with its parameters: each element is by itself, whatever lies beside it."""
+
+    elements: dict[tuple[int, int], bytes] = field(default_factory=dict)
+    """By data block and address; what is asked with another length is out of range."""
+    tsap: bytes = DRIVE_TSAP
+
+    def read(self, variable: Var) -> tuple[int, bytes]:
+        """Return code and bytes."""
+        there = self.elements.get((variable.db, variable.start))
+        if there is None:
+            return s7_wire.MISSING, b""
+        return (DONE, there) if len(there) == variable.size else (s7_wire.OUT_OF_RANGE, b"")
+
+    def write(self, variable: Var, data: bytes) -> int:
+        """Return code; the element has this value from now on."""
+        code, _ = self.read(variable)
+        if code == DONE:
+            self.elements[variable.db, variable.start] = data
         return code
 
 
@@ -133,12 +161,12 @@ class Link:
         self.segment(True, flags="S")
         self.segment(False, flags="SA")
         self.segment(True, flags="A")
-        self.segment(True, s7_wire.connect(CLIENT_TSAP, SERVER_TSAP))
+        self.segment(True, s7_wire.connect(CLIENT_TSAP, self.cpu.tsap))
         return self
 
     def confirm(self) -> Link:
         """CC."""
-        self.segment(False, s7_wire.confirm(CLIENT_TSAP, SERVER_TSAP))
+        self.segment(False, s7_wire.confirm(CLIENT_TSAP, self.cpu.tsap))
         return self
 
     def close(self, by_client: bool = True) -> None:

@@ -14,7 +14,7 @@ JOB, ACK, ANSWER, USERDATA = 1, 2, 3, 7
 """ROSCTR."""
 SETUP, READ, WRITE = 0xF0, 0x04, 0x05
 INPUTS, OUTPUTS, MEMORY, DB = 0x81, 0x82, 0x83, 0x84
-DONE, MISSING, DENIED = 0xFF, 0x0A, 0x03
+DONE, MISSING, DENIED, OUT_OF_RANGE = 0xFF, 0x0A, 0x03, 0x05
 """Return codes of items."""
 _BYTES, _BITS = 0x02, 0x04
 """Transport sizes: of an item in bytes, and of data whose length counts bits."""

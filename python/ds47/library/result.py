@@ -366,11 +366,9 @@ def _subindices(item: Parameter) -> range:
 def _rows(capture: CaptureResult) -> Iterator[list[Any]]:
     for each in capture.transactions:
         left = [capture.path, *contract.transaction_cells(each)]
-        right = contract.s7_cells(each)
-        for item in each.parameters:
-            values = [item.values, item.scaled]
-            error = contract.error_cells(item, "en")
-            yield left + contract.head_cells(item, "en") + values + error + right[0]
-        if not each.parameters:
-            nothing = [None] * len(csv.PARAMETER_COLUMNS)
-            yield from (left + nothing + cells for cells in right)
+        for item, right in contract.rows(each):
+            if item is None:
+                yield left + [None] * len(csv.PARAMETER_COLUMNS) + right
+                continue
+            values, error = [item.values, item.scaled], contract.error_cells(item, "en")
+            yield left + contract.head_cells(item, "en") + values + error + right

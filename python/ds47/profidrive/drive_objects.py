@@ -125,7 +125,13 @@ class DriveObjects:
         return access.axis or None
 
     def reached(self, item: Transaction) -> int | None:
-        """The number of the drive object that is reached; None where it is not known or does not exist."""
+        """The number of the drive object that is reached; None where it is not known or does not exist.
+
+        Addresses of S7 name it: None where those of a job name several.
+        """
+        if item.items:
+            named = {each.drive_object for each in item.items}
+            return (named.pop() or None) if len(named) == 1 else None
         number = self.number(access_of(item))
         return number if number is not None and self.exists(item.device, number) else None
 

@@ -23,7 +23,7 @@ _HEADER = 12
 _LONGEST_NAME = 240  # of a station, by the specification
 
 _IP, _IP_SUITE = (1, 2), (1, 3)
-_NAME, _DEVICE_ID = (2, 2), (2, 3)
+_KIND, _NAME, _DEVICE_ID = (2, 1), (2, 2), (2, 3)
 
 
 @dataclass(slots=True)
@@ -35,6 +35,8 @@ class Station:
     name: str | None = None
     vendor_id: int | None = None
     device_id: int | None = None
+    kind: str | None = None
+    """Its type, in words of its maker."""
 
 
 def parse(packet: Packet) -> Station | None:
@@ -74,5 +76,7 @@ def _learn(station: Station, option: tuple[int, int], content: bytes) -> None:
             station.ip = address(content[:4])
     elif option == _NAME and content:
         station.name = content[:_LONGEST_NAME].rstrip(b"\0").decode("latin-1") or None
+    elif option == _KIND and content:
+        station.kind = content[:_LONGEST_NAME].rstrip(b"\0 ").decode("latin-1") or None
     elif option == _DEVICE_ID and len(content) >= 4:
         station.vendor_id, station.device_id = struct.unpack_from(">HH", content)

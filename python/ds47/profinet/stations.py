@@ -36,7 +36,7 @@ class Stations:
             return
         known = self._stations.get(station.mac)
         if known is not None:
-            for key in ("ip", "name", "vendor_id", "device_id"):
+            for key in ("ip", "name", "vendor_id", "device_id", "kind"):
                 if getattr(station, key) is None:
                     setattr(station, key, getattr(known, key))
         self._keep(self._stations, station.mac, station)
@@ -72,6 +72,11 @@ class Stations:
             station = self._stations.get((device and device.mac) or "")
         shown = station.vendor_id if station is not None else None
         return self._vendor_id if shown is None else shown
+
+    def kind(self, ip: str) -> str | None:
+        """The type of station that a device says it is by DCP; None where it has not said it."""
+        station = self._stations.get(self._by_ip.get(ip, ""))
+        return station.kind if station is not None and station.ip == ip else None
 
     def vendor_of(self, mac: str) -> int | None:
         """Vendor id of the station with a MAC address, as shown up to now; None where nothing says it."""

@@ -7,7 +7,7 @@ import json
 from collections.abc import Iterator, Sequence
 from typing import Any, TextIO
 
-from ds47.model import PKW, CaptureResult
+from ds47.model import DS47, CaptureResult
 from ds47.profidrive.drive_objects import Identity
 from ds47.profidrive.naming import element
 from ds47.report.bilingual import say
@@ -80,7 +80,7 @@ def _row(change: Change, targets: Targets, stations: dict[str, str | None]) -> d
 def way(change: Change) -> str:
     """`47 slot 2.1`, `0xB02E slot 2.1`, `PKW slot 1.1`: by what a request came."""
     item = change.transaction
-    if item.channel == PKW or item.index is None:
+    if item.channel != DS47 or item.index is None:
         return " ".join(filter(None, (item.channel.upper(), slot(item))))
     index = str(item.index) if item.index < 0x100 else f"0x{item.index:04X}"
     return " ".join(filter(None, (index, slot(item))))

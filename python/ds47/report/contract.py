@@ -385,6 +385,8 @@ ITEM = Shape("item", (
     Key("code", BYTE, "What the partner answered; 255 is success.",
         column="What the partner answered; 255 is success."),
     Key("text", MAYBE_TEXT, "What that means.", tell=lambda item, lang: code_text(item.code, lang), into=""),
+    Key("drive_object", WORD, "Only of a partner that is known as a drive: the one of the address.", rare=True),
+    Key("parameter", ref("parameter"), "Likewise the element, with its value.", shape=PARAMETER, rare=True),
 ), model.Item, "A variable of a job of S7, or data that a program sends; docs/s7.md.")  # fmt: skip
 
 TRANSACTION = Shape("transaction", (
@@ -631,6 +633,15 @@ EVIDENCE = Shape("", (
     Key("value", {"type": ["string", "integer"]}),
     Key("frame", NUMBER),
 ), model.Evidence)  # fmt: skip
+DRIVE = Shape("", (
+    Key("proof", {"enum": ["chosen", "order", "records", "cyclic", "station", "values", "addresses"]},
+        "What shows it: --s7-cpu, the order number in an SZL, record calls, cyclic frames, the type of station in "
+        "DCP, values that share no bytes. Addresses only suggest it."),
+    Key("address", MAYBE_TEXT, "The first one of an element,"),
+    Key("drive_object", WORD, "and what that stands for."),
+    Key("pnu", WORD),
+    Key("subindex", WORD),
+), model.Drive)  # fmt: skip
 CONNECTION = Shape("connection", (
     Key("id", NUMBER, "By the first frame; ids need not follow each other."),
     Key("client", TEXT),
@@ -663,6 +674,7 @@ CONNECTION = Shape("connection", (
     Key("block", whole(1, 0xFFFF, maybe=True),
         "Bytes that the server copies at once, as the user says or it does itself; null where nobody does."),
     Key("evidence", many({}), "What the server says of itself.", shape=EVIDENCE),
+    Key("drive", {}, "Only of a server that is a drive, or seems to be one.", shape=DRIVE, rare=True),
 ), model.Connection, "A connection of S7; docs/s7.md.")  # fmt: skip
 
 
@@ -788,7 +800,7 @@ def columns(shape: Shape, prefix: str = "") -> Iterator[Column]:
     for key in shape.keys:
         if key.column:
             yield Column(prefix + key.name, key)
-        elif key.shape is not None and "items" not in key.schema:
+        elif key.shape is not None and "items" not in key.schema and not key.rare:
             yield from columns(key.shape, f"{prefix}{key.name}.")
 
 
@@ -839,23 +851,17 @@ def transaction_cells(item: model.Transaction) -> list[Any]:
     return cells
 
 
-def s7_cells(item: model.Transaction) -> list[list[Any]]:
-    """The cells of S7_COLUMNS: one row of nothing for transactions of other channels."""
+def rows(item: model.Transaction) -> Iterator[tuple[model.Parameter | None, list[Any]]]:
+    """A row for each parameter, of S7 for each item: the parameter, if any, and the cells of S7_COLUMNS."""
     if item.channel != model.S7:
-        return [_NOTHING]
+        yield from ((each, _NOTHING) for each in item.parameters or (None,))
+        return
     left = [item.connection, item.r_id, item.error]
     if not item.items:
-        return [left + [None] * 4]
-    return [
-        [
-            *left,
-            each.address,
-            each.length,
-            None if each.value is None else each.value.hex(),
-            each.code,
-        ]
-        for each in item.items
-    ]
+        yield None, left + [None] * 4
+    for each in item.items:
+        value = None if each.value is None else each.value.hex()
+        yield each.parameter, [*left, each.address, each.length, value, each.code]
 
 
 def head_cells(item: model.Parameter, lang: str) -> list[Any]:

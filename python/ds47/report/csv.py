@@ -81,11 +81,9 @@ class Writer(Table):
 
     def transaction(self, path: str, transaction: Transaction, findings: Sequence[Finding]) -> None:
         left = _transaction_cells(path, transaction)
-        right = contract.s7_cells(transaction)
-        for parameter in transaction.parameters:
-            self._csv.writerow(left + _parameter_cells(parameter, self.options.lang) + right[0])
-        if not transaction.parameters:
-            self._csv.writerows(left + _EMPTY + cells for cells in right)
+        for parameter, right in contract.rows(transaction):
+            told = _EMPTY if parameter is None else _parameter_cells(parameter, self.options.lang)
+            self._csv.writerow(left + told + right)
 
 
 _EMPTY: list[Cell] = [None] * len(PARAMETER_COLUMNS)

@@ -13,6 +13,7 @@ from functools import cache, lru_cache
 from itertools import islice, repeat
 from json import JSONEncoder
 from json.encoder import encode_basestring as _quoted
+from operator import attrgetter
 from typing import Any, Final, TextIO
 
 from ds47.model import (
@@ -87,7 +88,7 @@ def _code(shape: contract.Shape, owner: str, channel: str, names: dict[str, Any]
     """The inside of the f-string; `owner` has the attributes, `names` gets what the code calls."""
     members = []
     for key in shape.keys:
-        if key.channel not in ("", channel):
+        if key.channel not in ("", channel) or key.rare:
             continue
         value = f"{{{_value(key, f'{owner}.{key.into or key.name}', names)}}}"
         if key.shape is not None and "items" not in key.schema:
@@ -116,8 +117,25 @@ def _listed(shape: contract.Shape | None) -> Callable[[list[Any], str], str]:
     """What writes a list: of texts, or of objects of this shape."""
     if shape is None:
         return lambda items, _: text(items)
-    write = _parameter_text if shape is contract.PARAMETER else _writer(shape)
+    write = _parameter_text if shape is contract.PARAMETER else _or_plain(shape)
     return lambda items, lang: f"[{', '.join([write(each, lang) for each in items])}]"
+
+
+def _or_plain(shape: contract.Shape) -> _Write:
+    """What writes an object of a shape: one with rare keys as the contract has it, any other as compiled."""
+    write, rare = _writer(shape), [key.name for key in shape.keys if key.rare]
+    if not rare:
+        return write
+    seldom = attrgetter(*rare)
+
+    def either(item: Any, lang: str) -> str:
+        found = seldom(item)
+        alone = found is None or (
+            isinstance(found, tuple) and not any(e is not None for e in found)
+        )
+        return write(item, lang) if alone else text(shape.plain(item, lang))
+
+    return either
 
 
 _NULL: Final = "null"

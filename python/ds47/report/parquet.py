@@ -75,14 +75,11 @@ class Writer(_Writer):
 
     def transaction(self, path: str, transaction: Transaction, findings: Sequence[Finding]) -> None:
         left = _transaction_cells(path, transaction)
-        right = contract.s7_cells(transaction)
-        for position, parameter in enumerate(transaction.parameters):
-            self._rows += [
-                left + cells + right[0]
-                for cells in _parameter_cells(position, parameter, self.options.lang)
-            ]
-        if not transaction.parameters:
-            self._rows += [left + _NO_PARAMETER + cells for cells in right]
+        for position, (parameter, right) in enumerate(contract.rows(transaction)):
+            told = [_NO_PARAMETER]
+            if parameter is not None:
+                told = _parameter_cells(position, parameter, self.options.lang)
+            self._rows += [left + cells + right for cells in told]
         if len(self._rows) >= _ROWS_AT_ONCE:
             self._pack()
 

@@ -8,9 +8,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ds47.model import CaptureResult, Connection, Item, Transaction
+from ds47.profidrive import naming
 from ds47.report.bilingual import Both, joined, say
-from ds47.report.formatting import duration, escape
-from ds47.spec import s7
+from ds47.report.formatting import duration, escape, parameter
+from ds47.spec import SINAMICS, s7
 
 COLUMNS = (
     "connection", "tsaps", "pdu", "jobs", "refused", "unanswered", "read", "written", "sent", "answer", "also",
@@ -20,6 +21,7 @@ BYTES_SHOWN = 16
 """A longer value is cut, and its length stated."""
 OK = 0xFF
 """The return code of an item that went well."""
+PUT = "put"
 
 
 def head() -> list[Both]:
@@ -96,10 +98,36 @@ def evidence(result: CaptureResult) -> Iterator[Both]:
                 )  # fmt: skip
 
 
+def drives(result: CaptureResult) -> Iterator[Both]:
+    """Which servers are drives, or may be, each once: what shows it, and what the first address stands for."""
+    seen: set[str] = set()
+    for each in result.connections:
+        found = each.drive
+        if found is None or each.server in seen:
+            continue
+        seen.add(each.server)
+        example = Both.same("")
+        if found.pnu is not None and found.subindex is not None:
+            element = naming.element(found.pnu, found.subindex, SINAMICS)
+            stands = {
+                "address": found.address,
+                "element": element,
+                "number": str(found.drive_object),
+            }
+            example = say("s7_drive_example", **stands)
+        seems = "s7_drive_seems" if found.proof == "addresses" else "s7_drive"
+        yield say(
+            seems,
+            server=escape(each.server),
+            proof=say(f"s7_drive_by_{found.proof}"),
+            example=example,
+        )
+
+
 def blocks_missing(result: CaptureResult) -> bool:
     """Whether variables are read or written of a server of which nobody says how many bytes it copies at once."""
     return any(
-        each.block is None and (each.read_bytes or each.written_bytes)
+        each.block is None and each.drive is None and (each.read_bytes or each.written_bytes)
         for each in result.connections
     )
 
@@ -118,6 +146,9 @@ def parts(item: Transaction, lang: str = "en") -> list[str]:
 
 
 def _part(item: Item, job: Transaction, lang: str) -> str:
+    if item.parameter is not None and item.code in (OK, None):
+        told = parameter(item.parameter, job.operation == PUT, lang)
+        return say("s7_element", element=told, number=str(item.drive_object)).text(lang)
     name = item.address or ("?" if job.r_id is None else f"R_ID {job.r_id:08X}")
     failed = "" if item.code in (OK, None) else " " + failure(item.code, lang)
     if item.value is None:

@@ -328,6 +328,8 @@ class Writer(_Writer):
             self._line("  " + self._say("s7_left_out", n=left_out))
         for each in islice(communication.evidence(result), CONNECTIONS_LISTED):
             self._line("  " + each.text(lang))
+        for each in islice(communication.drives(result), CONNECTIONS_LISTED):
+            self._line("  " + each.text(lang))
         if communication.blocks_missing(result):
             self._line("  " + self._say("s7_no_block"))
         unlisted = sum(not self._is_listed(each) for each in result.transactions)

@@ -8,6 +8,7 @@ that may have changed it. No layout and no files: `ds47.report.parameters` and `
 from __future__ import annotations
 
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
@@ -23,6 +24,10 @@ NEGATIVE: Final = "negative"
 REFUSED: Final = "refused"
 SENT: Final = "sent"
 """Outcomes: the response accepts it; it is negative; the Write call was refused; no response tells."""
+DONE: Final = 0xFF
+"""The return code of an item of S7 that went well."""
+_NO_INDEX: Final = 0
+"""Of an access that has no record index: the drive object is named by itself."""
 _DOUBTFUL: Final = frozenset({"DS106", "DS309", "DS313", "DS315"})
 """Findings of a message that is not all there: what it does not say is not known."""
 
@@ -110,7 +115,7 @@ class _Walk:
     """Goes through requests and responses in the order of their frames."""
 
     def __init__(self, result: CaptureResult) -> None:
-        self._items = [each for each in result.evidence if each.channel != S7]
+        self._items = [part for each in result.evidence for part in _requests(each)]
         self._connects = [(each.device, each.frame) for each in result.relations if each.frame]
         self._objects = DriveObjects.of(self._items)
         self._devices: dict[str, _Device] = {}
@@ -238,6 +243,28 @@ class _Walk:
         for each in self._found.cells[key].values():
             if each is cell or not self._objects.other(cell.access, each.access, change.pnu):
                 yield each
+
+
+def _requests(item: Transaction) -> Iterator[Transaction]:
+    """The requests that a transaction is; a job of S7 is one for each drive object whose elements it has."""
+    if item.channel != S7:
+        yield item
+        return
+    for accepted in (True, False):
+        found = [
+            each for each in item.items
+            if each.parameter is not None and (each.code in (None, DONE)) is accepted
+        ]  # fmt: skip
+        for number in dict.fromkeys(each.drive_object for each in found):
+            part = copy(item)
+            part.operation = "read" if item.operation == "get" else "change"
+            part.axis, part.index, part.items = number, _NO_INDEX, []
+            if item.state == "partial":
+                part.state = "ok" if accepted else "refused"
+            mine = [each for each in found if each.drive_object == number]
+            part.write_status = None if accepted else mine[0].code
+            part.parameters = [each.parameter for each in mine if each.parameter is not None]
+            yield part
 
 
 def _frames(frames: Frames) -> list[int]:

@@ -1,4 +1,4 @@
-"""What a user may choose for S7: ports, and how many bytes which server copies at once (docs/s7.md 8).
+"""What a user may choose for S7: ports, and how many bytes which server copies at once (docs/s7.md 9).
 
 From the words of the command line, of `ds47.toml` and of Python to values; what they do is known elsewhere.
 """

@@ -15,6 +15,7 @@ from ds47.s7 import tcp
 from ds47.s7.blocks import Blocks
 from ds47.s7.choices import PORT, Choices
 from ds47.s7.connections import Connections
+from ds47.s7.drives import Drives
 from ds47.s7.judge import Judge
 from ds47.s7.model import At, Job
 from ds47.s7.transactions import told
@@ -29,6 +30,7 @@ class Communication:
         bounds: how much is kept.
         over: is told of each job that is over, with what is wrong with it,
         remark: and of what is wrong otherwise. What shows when a job is over already belongs to no transaction.
+        shown: what else of the capture shows that an IP address is a drive (`drives`); None for nothing.
     """
 
     def __init__(
@@ -37,6 +39,7 @@ class Communication:
         bounds: Limits,
         over: Callable[[Job, list[Remark]], None],
         remark: Callable[[Remark], None],
+        shown: Callable[[str], str | None] = lambda _: None,
     ) -> None:
         self.ports: Sequence[int] = () if choices is None else (PORT, *choices.ports)
         choices = choices or Choices()
@@ -45,7 +48,8 @@ class Communication:
         self._said: dict[Job, list[Remark]] = {}
         """What is wrong with jobs that are not over."""
         self._blocks = Blocks(dict(choices.blocks), dict(choices.cpus), bounds.s7_memories)
-        self._judge = Judge(bounds, self._heard, self._blocks, choices.readback)
+        self._drives = Drives(dict(choices.cpus), shown, bounds.s7_memories)
+        self._judge = Judge(bounds, self._heard, self._blocks, choices.readback, self._drives)
         self._connections = Connections(frozenset(self.ports), bounds, self._settled, self._judge)
 
     def frame(self, frame: Frame) -> bool:
@@ -68,10 +72,17 @@ class Communication:
         for remark in self._judge.finish():
             self._heard(remark)
 
+    def records(self, ip: str) -> None:
+        """A device of the capture has a parameter channel."""
+        if self.ports:
+            self._drives.records(ip)
+
     def told(self) -> list[model.Connection]:
         """The connections, as the report has them."""
-        blocks = ((each, self._blocks.of(each.server.ip)) for each in self._connections.all())
-        return [told(each, None if block is None else block.size) for each, block in blocks]
+        return [
+            told(each, self._blocks.of(each.server.ip), self._drives.told(each.server.ip))
+            for each in self._connections.all()
+        ]
 
     @property
     def left_out(self) -> int:
@@ -80,6 +91,7 @@ class Communication:
 
     def _settled(self, job: Job) -> None:
         """A job is over; the judge has heard of it before."""
+        job.of_drive = self._drives.proof(job.partner.ip) is not None
         self._over(job, self._said.pop(job, []))
 
     def _heard(self, remark: Remark) -> None:

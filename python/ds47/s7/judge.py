@@ -13,6 +13,7 @@ from typing import Any
 from ds47.findings.remark import Remark
 from ds47.s7.addresses import text
 from ds47.s7.blocks import Block, Blocks
+from ds47.s7.drives import ADDRESSES, Drives, element
 from ds47.s7.model import (
     BSEND,
     DONE,
@@ -35,9 +36,11 @@ from ds47.s7.model import (
 )
 from ds47.s7.moments import Moments
 from ds47.s7.notes import Notes
-from ds47.spec import s7
+from ds47.spec import SINAMICS, s7
 from ds47.spec.semantics import Limits
 
+_OF_BYTES = ("DS905", "DS907", "DS916")
+"""What is said of bytes that accesses share: elements of a drive share none."""
 _NAMED = 4
 """Addresses of a job that a finding names."""
 
@@ -67,6 +70,7 @@ class Judge(Listener):
         remark: is told of what is wrong with a job as soon as that is seen.
         blocks: what partners copy at once, as the user says.
         readback: whether what is read has to be what was written (DS916).
+        drives: which partners are no CPUs; None: nothing is known of that.
     """
 
     def __init__(
@@ -75,8 +79,10 @@ class Judge(Listener):
         remark: Callable[[Remark], None],
         blocks: Blocks,
         readback: bool = False,
+        drives: Drives | None = None,
     ) -> None:
         self._bounds, self._remark, self._blocks = bounds, remark, blocks
+        self._drives = drives or Drives({}, lambda _: None, bounds.s7_memories)
         self._notes = Notes(bounds.s7_notes)
         self._moments = Moments(bounds, self._notes, readback)
         self._missing: dict[tuple[str, str, str], tuple[int, int]] = {}
@@ -96,8 +102,9 @@ class Judge(Listener):
     def finish(self) -> Iterator[Remark]:
         """What happened again and again, and what only the whole capture shows."""
         yield from self._half_captured()
-        yield from self._moments.finish()
-        yield from self._notes.finish()
+        for remark in (*self._moments.finish(), *self._notes.finish()):
+            if remark.rule not in _OF_BYTES or not self._drives.told(remark.args["device"]):
+                yield remark
 
     def _half_captured(self) -> Iterator[Remark]:
         """What the capture lacks of the connections of two stations."""
@@ -139,6 +146,7 @@ class Judge(Listener):
     def evidence(self, connection: Connection, found: Evidence) -> None:
         """The server said what it is."""
         self._blocks.evidence(connection.server.ip, found)
+        self._drives.evidence(connection.server.ip, found)
 
     def closed(self, connection: Connection) -> None:
         """A connection is over."""
@@ -176,6 +184,7 @@ class Judge(Listener):
     def over(self, job: Job) -> None:
         """Nothing more comes of a job."""
         self._moments.over(job)
+        self._drives.over(job)
         if job.operation == BSEND:
             key = job.connection.number, job.from_client, job.r_id
             if self._sending.get(key) is job:
@@ -262,8 +271,23 @@ class Judge(Listener):
             if code is None:
                 args = {"count": len(failed), "of": len(job.items)}
                 self._say("DS918", job, at, operation=operation, area=areas(failed), **args)
-            elif code != DONE:
+            elif code != DONE and not self._elements(failed, job, at, code):
                 self._say("DS908", job, at, operation=operation, area=areas(failed), code=code)
+
+    def _elements(self, failed: list[Item], job: Job, at: At, code: int) -> bool:
+        """What a drive refuses of its parameters; False where it is none, or these are none."""
+        told = self._drives.told(job.partner.ip) if job.from_client else None
+        named = [(element(each.address), each.address) for each in failed]
+        if told is None or not all(found for found, _ in named):
+            return False
+        for found, address in named:
+            if found and address:
+                self._say(
+                    "DS919", job, at, operation=job.operation.upper(), **found._asdict(), family=SINAMICS,
+                    bytes=address.length, case="drive_seems" if told[0] == ADDRESSES else "drive_known",
+                    code=code,
+                )  # fmt: skip
+        return True
 
     def _blocked(self, job: Job, at: At, operation: str, block: Block) -> None:
         """Items that are larger than what the partner copies at once."""

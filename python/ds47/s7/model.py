@@ -264,6 +264,8 @@ class Job:
     """Its number among all transactions of the capture; the analysis gives it."""
     phase: str
     """"closed" when everybody knows that it is over."""
+    of_drive: bool
+    """Whether the partner is known as a drive when it is over: its addresses are those of parameters."""
 
     def __init__(
         self,
@@ -307,6 +309,7 @@ class Job:
         self.place = 0
         self.order = 0
         self.phase = "open"
+        self.of_drive = False
 
     @property
     def asker(self) -> End:

@@ -9,7 +9,9 @@ from functools import lru_cache
 
 from ds47 import model
 from ds47.model import S7, Frames, Read, Transaction
-from ds47.s7 import addresses
+from ds47.s7 import addresses, drives
+from ds47.s7.blocks import Block
+from ds47.s7.drives import Element
 from ds47.s7.model import Address, Connection, Item, Job
 from ds47.spec import s7
 
@@ -47,20 +49,24 @@ def build(job: Job) -> Transaction:
         position=job.place,
         channel=S7,
         connection=job.connection.number,
-        items=[_item(each, sent=job.r_id is not None) for each in job.items],
+        items=[_item(each, job) for each in job.items],
         r_id=job.r_id,
         error=job.error,
         segments=segments,
     )
 
 
-def _item(item: Item, sent: bool) -> model.Item:
-    """An item of the report; of what is `sent` the bytes are all that is known."""
+def _item(item: Item, job: Job) -> model.Item:
+    """An item of the report; of what is sent the bytes are all that is known, of a drive the element is, too."""
     address = item.address
     if address is None:
-        length = len(item.value) if sent and item.value is not None else None
+        length = len(item.value) if job.r_id is not None and item.value is not None else None
         return model.Item(None, None, None, None, None, length, item.value, item.code)
-    return model.Item(*_named(address), item.value, item.code)
+    found = drives.element(address) if job.of_drive else None
+    if found is None:
+        return model.Item(*_named(address), item.value, item.code)
+    told = drives.parameter(found, item)
+    return model.Item(*_named(address), item.value, item.code, found.drive_object, told)
 
 
 @lru_cache(maxsize=4096)
@@ -79,8 +85,10 @@ def _named(address: Address) -> tuple[str, str | None, int | None, int, int | No
     )
 
 
-def told(item: Connection, block: int | None) -> model.Connection:
-    """A connection as the report has it, and how many bytes its server copies at once."""
+def told(
+    item: Connection, block: Block | None, drive: tuple[str, tuple[str, Element] | None] | None
+) -> model.Connection:
+    """A connection as the report has it, what its server copies at once, and what shows that it is a drive."""
     place, counts = s7.place(item.server_tsap), item.counts
     span = None
     if counts.timed:
@@ -114,6 +122,12 @@ def told(item: Connection, block: int | None) -> model.Connection:
         first_frame=item.opened.frame,
         last_frame=item.last.frame,
         setup=item.setup and item.setup.frame,
-        block=block,
+        block=None if block is None else block.size,
+        drive=None if drive is None else _drive(*drive),
         evidence=[model.Evidence(each.name, each.value, each.at.frame) for each in item.evidence],
     )
+
+
+def _drive(proof: str, example: tuple[str, Element] | None) -> model.Drive:
+    address, found = example or (None, None)
+    return model.Drive(proof, address, *(found or (None, None, None)))

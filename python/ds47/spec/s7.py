@@ -109,6 +109,11 @@ def cpus() -> Mapping[str, Cpu]:
     return MappingProxyType({row["id"]: Cpu(**row) for row in _load("s7.toml")["cpu"]})
 
 
+def is_drive(kind: str) -> bool:
+    """Whether a type of station, as DCP has it, is that of a drive whose parameters S7 reaches."""
+    return kind.upper().startswith(tuple(_load("s7.toml")["drive_stations"]))
+
+
 @cache
 def orders() -> tuple[Order, ...]:
     """Order numbers of CPUs; the first that fits counts."""

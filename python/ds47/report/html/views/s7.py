@@ -62,7 +62,10 @@ class S7View(NamedTuple):
             return None
         rows = list(islice(s7.rows(result), CONNECTIONS))
         left_out = len(result.connections) - len(rows) + result.connections_left_out
-        evidence = list(islice(s7.evidence(result), CONNECTIONS))
+        evidence = [
+            *islice(s7.evidence(result), CONNECTIONS),
+            *islice(s7.drives(result), CONNECTIONS),
+        ]
         return cls(s7.head(), rows, left_out, evidence, _memories(result))
 
 
@@ -113,8 +116,10 @@ def _memories(result: CaptureResult) -> list[Memory]:
 
 
 def _area(item: Item, job: Transaction) -> _Area | None:
-    """The bytes of an item; timers and counters have none."""
+    """The bytes of an item; timers and counters have none, elements of a drive share none."""
     if item.start is None or not item.length or item.area is None or item.area in _ELEMENTS:
+        return None
+    if item.parameter is not None:
         return None
     return item.address or "", item.start, item.length, job.operation
 

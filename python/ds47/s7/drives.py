@@ -1,0 +1,200 @@
+"""Which servers of S7 are drives, and what their addresses stand for (docs/s7.md 8).
+
+A SINAMICS answers GET and PUT with its parameters: the data block is the parameter, the address 1024 x drive
+object + index. Elements lie one address apart and share no bytes. What is said of it stands elsewhere.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections import OrderedDict
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+from ds47.model import SIEMENS, Parameter
+from ds47.profidrive.dictionary import family_of, listed, unit_of
+from ds47.profidrive.formats import codec
+from ds47.s7.addresses import text
+from ds47.s7.blocks import ANYBODY
+from ds47.s7.model import DB, DONE, GET, PUT, Address, Evidence, Item, Job
+from ds47.spec import format_named, s7
+
+CHOSEN, ORDER, RECORDS, VALUES, ADDRESSES = "chosen", "order", "records", "values", "addresses"
+"""What shows a drive: the user, its order number in an SZL, its parameter channel, values that share no bytes.
+Addresses only suggest one."""
+KIND: Final = "sinamics"
+"""Its id among `spec.s7.cpus()`."""
+PER_OBJECT: Final = 1024
+"""Addresses of a drive object."""
+SIZES: Final = {1: "Byte", 2: "Word", 4: "DoubleWord"}
+"""Bytes of one element, and its format where no table says the type."""
+_WIDEST: Final = max(SIZES)
+_LEAST, _MOST = 1e-4, 1e9
+_INDEX: Final = 100
+"""Indices from here on are too rare to suggest anything."""
+_KEPT: Final = 64
+"""Values of a server that are remembered."""
+
+
+class Element(NamedTuple):
+    """One element of a parameter."""
+
+    drive_object: int
+    pnu: int
+    subindex: int
+
+
+def element(address: Address | None) -> Element | None:
+    """What an address stands for on a drive; None where it can be no element."""
+    if address is None or address.area != DB or address.size < 8 or address.start % 8:
+        return None
+    drive_object, subindex = divmod(address.start // 8, PER_OBJECT)
+    return Element(drive_object, address.db, subindex)
+
+
+def parameter(found: Element, item: Item) -> Parameter:
+    """The element with its value, by the type that the tables have of it, where that has as many bytes."""
+    known, data = listed(found.pnu, SIEMENS), item.value or b""
+    own = None if known is None else format_named(known.type.partition("[")[0])
+    row = own if own is not None and own.size == len(data) else None
+    if row is None and len(data) in SIZES:
+        row = format_named(SIZES[len(data)])
+    format_ = None if row is None else codec(row.code)
+    values = [] if format_ is None else format_.decode(data, 1)
+    real = _real(data) if row is not None and values and row.kind != "float" else None
+    name = row.name if row is not None and values else None
+    return Parameter(
+        found.pnu, found.subindex, "value", None, known, unit_of(known, name), name,
+        len(values) or None, values, told=real, family=family_of(SIEMENS),
+    )  # fmt: skip
+
+
+def _real(data: bytes) -> dict[int | None, str] | None:
+    """What four bytes are as a Float32, where that is a number that somebody may mean: nothing says their type."""
+    if len(data) != _WIDEST:
+        return None
+    (number,) = struct.unpack(">f", data)
+    short = float(f"{number:.6g}")
+    if not _LEAST <= abs(number) <= _MOST or struct.pack(">f", short) != data:
+        return None
+    return {None: f"Float32 {short}"}
+
+
+@dataclass(slots=True)
+class _Written:
+    """The newest value that was written at an address, and whether one behind it would have changed its bytes."""
+
+    data: bytes
+    changed_in: int = 0
+    """Frame of the answer to that one; 0 for none."""
+
+
+@dataclass(slots=True)
+class _Server:
+    proof: str | None = None
+    fits: tuple[str, Element] | None = None
+    """The first address that may be that of an element."""
+    other: bool = False
+    """Whether something was read or written that is none."""
+    written: OrderedDict[tuple[int, int], _Written] = field(default_factory=OrderedDict)
+
+
+class Drives:
+    """What the capture has shown up to now.
+
+    Args:
+        kinds: of servers by IP address, as the user says (`spec.s7.cpus`).
+        shown: what else of the capture shows that an IP address is a drive: "cyclic", "station"; None for nothing.
+        most: servers that are remembered.
+    """
+
+    def __init__(
+        self, kinds: Mapping[str, str], shown: Callable[[str], str | None], most: int
+    ) -> None:
+        self._chosen = {ip for ip, kind in kinds.items() if kind == KIND}
+        self._shown, self._most = shown, most
+        self._servers: OrderedDict[str, _Server] = OrderedDict()
+
+    def proof(self, ip: str) -> str | None:
+        """What shows that a server is a drive; None where nothing does."""
+        if ip in self._chosen or ANYBODY in self._chosen:
+            return CHOSEN
+        server = self._servers.get(ip)
+        if server is None:
+            return self._shown(ip)
+        server.proof = server.proof or self._shown(ip)
+        return server.proof
+
+    def told(self, ip: str) -> tuple[str, tuple[str, Element] | None] | None:
+        """The same, or that addresses suggest it, with the first address of an element; None for no drive."""
+        server, proof = self._servers.get(ip), self.proof(ip)
+        fits = server.fits if server is not None else None
+        if proof is not None:
+            return proof, fits
+        return (ADDRESSES, fits) if server is not None and fits and not server.other else None
+
+    def evidence(self, ip: str, found: Evidence) -> None:
+        """A server said what it is."""
+        cpu = s7.cpu_of_order(found.value) if isinstance(found.value, str) else None
+        if cpu is not None and cpu.id == KIND:
+            self._server(ip).proof = ORDER
+
+    def records(self, ip: str) -> None:
+        """A device has a parameter channel: it is a drive."""
+        server = self._server(ip)
+        server.proof = server.proof or RECORDS
+
+    def over(self, job: Job) -> None:
+        """A job is over: its addresses, and its values, may show what the server is."""
+        if job.operation not in (GET, PUT) or not job.from_client or job.answered is None:
+            return
+        server = self._server(job.partner.ip)
+        for item in job.items if job.asked is not None else ():
+            if item.code == DONE and item.address is not None:
+                self._address(server, job, item.address)
+                self._value(server, job, item)
+
+    def _server(self, ip: str) -> _Server:
+        server = self._servers.setdefault(ip, _Server())
+        self._servers.move_to_end(ip)
+        if len(self._servers) > self._most:
+            self._servers.popitem(last=False)
+        return server
+
+    def _address(self, server: _Server, job: Job, address: Address) -> None:
+        found, place = element(address), s7.place(job.connection.server_tsap)
+        small = found is not None and found.subindex < _INDEX and address.length in SIZES
+        if found is None or not small or listed(found.pnu, SIEMENS) is None or place is None:
+            server.other = True
+        elif place[1]:
+            server.other = True  # a drive has slot 0
+        elif server.fits is None:
+            server.fits = text(address), found
+
+    def _value(self, server: _Server, job: Job, item: Item) -> None:
+        """A value that is still there though a later one would have changed its bytes, if these were shared."""
+        address, data = item.address, item.value
+        if address is None or data is None or element(address) is None or not job.answered:
+            return
+        key, written = (address.db, address.start // 8), server.written
+        if job.operation == GET:
+            known = written.get(key)
+            if known is None or not known.changed_in or not job.asked:
+                return
+            if job.asked.frame > known.changed_in and known.data == data:
+                server.proof = server.proof or VALUES
+            return
+        for (db, start), other in written.items():
+            if db == key[0] and start != key[1] and _differ(other.data, start, data, key[1]):
+                other.changed_in = job.answered.frame
+        written[key] = _Written(data)
+        written.move_to_end(key)
+        if len(written) > _KEPT:
+            written.popitem(last=False)
+
+
+def _differ(one: bytes, start: int, other: bytes, at: int) -> bool:
+    """Whether two values would have other bytes where they lie on each other."""
+    first, end = max(start, at), min(start + len(one), at + len(other))
+    return first < end and one[first - start : end - start] != other[first - at : end - at]
