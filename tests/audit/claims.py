@@ -387,8 +387,9 @@ def _unproven(case: Case) -> Iterator[str]:
     yield from case.wrong("count", len(left))
     alone = not any(each.asked for each in left)
     yield from case.wrong("what", "unproven_responses" if alone else "unproven_calls")
-    if left and case.frame != (first := min(each.asked or each.answered or 0 for each in left)):
-        yield f"the first one is in frame {first}"
+    frames = [frame for each in left for frame in (each.asked, each.answered) if frame]
+    if left and case.frame != min(frames):
+        yield f"the first one is in frame {min(frames)}"
     for each in left:
         asked = message.request(each.data) if each.write else None
         if each.api == 0x3A00 or (

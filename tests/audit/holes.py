@@ -131,7 +131,7 @@ def check(
         same = _same(whole, deal, origin)
         settled = ended or (same is not None and same.answer is not None)
         settled = settled and not _given_away(whole, deal, origin)
-        if deal.cyclic or not settled:
+        if deal.cyclic or not settled or (same is None and _is_unproven(whole, deal)):
             continue
         if same is None:
             strange = deal.write is not None or origin[deal.read or 0] not in whole.second
@@ -208,6 +208,12 @@ def _deal(whole: Whole, same: Deal, deal: Deal, cut: Reading, origin: list[int])
             yield f"parameters are others than those of #{same.id} of the whole"
 
 
+def _is_unproven(whole: Whole, deal: Deal) -> bool:
+    """Whether index 47 of its AR shows in the cut alone that it is DS47: the whole one says nothing of it."""
+    connection = deal.controller, deal.device, deal.ar
+    return deal.index == 47 and connection not in whole.item.connections_of_47
+
+
 def _asked_again(whole: Whole, same: Deal, read: int) -> Deal | None:
     """The transaction that asks for the same, byte for byte, and whose response is in a frame."""
     asked = same.plain["bytes"]["request"]
@@ -267,7 +273,7 @@ def _finding(whole: Whole, finding: Finding, cut: Reading, origin: list[int]) ->
         return
     if frame != origin[finding.frame] and deal and same and not _same_bytes(deal, same):
         return  # of the record itself, of which another Read brought more or less: `run` looks at that
-    if deal and _given_away(whole, deal, origin):
+    if deal and (_given_away(whole, deal, origin) or (same is None and _is_unproven(whole, deal))):
         return
     if deal and deal.write is None and same and same.answer and not same.fits:
         return  # the same: the whole reads it as the answer to a request that it is not the answer to

@@ -256,7 +256,9 @@ class Reading:
         found = {(each.controller, each.device, each.ar) for each in self.deals if each.index == 47}
         there: dict[tuple[object, ...], int] = {}
         for deal in self.deals:
-            whole = deal.answer is not None and deal.answer.sound and not any(deal.answer.rest)
+            answer = deal.answer
+            whole = answer is not None and answer.sound and not any(answer.rest)
+            whole = whole and answer.id in message.KNOWN
             if deal.index in (0xB02E, 0xB02F) and deal.read and whole:
                 place = deal.device, deal.api, deal.slot, deal.subslot
                 there[place] = min(there.get(place, deal.read), deal.read)

@@ -835,20 +835,27 @@ local function read(self, channel, job, event, record)
   end
 end
 
+-- The last response of a place, where a record has its bytes and came behind it; else nil. It may have waited.
+local function repeated(self, place, half)
+  local delivered = self.delivered:get(place)
+  local before = delivered and delivered.read_response
+  return before and half.frame > before.frame and before.data == half.data and delivered or nil
+end
+
 -- Whose response a Read without a request may bring once more: that of its channel; without an AR that of
 -- the place, whoever asked there.
 local function last_response(self, channel, record)
-  local last, delivered, data = channel.last, self.delivered:get(channel.place), record.response.data
-  if not record.implicit or bytes(delivered) ~= data then
+  local last, half = channel.last, record.response
+  local delivered = record.implicit and repeated(self, channel.place, half)
+  if not delivered then
     return last
   end
-  return delivered.phase == "closed" and bytes(last) == data and last or delivered
+  return delivered.phase == "closed" and bytes(last) == half.data and last or delivered
 end
 
 --- Whether a ReadImplicit brings the bytes of the last response of its place (P55). Changes nothing.
 function Pairing:is_again(peer, record)
-  local delivered = record.implicit and self.delivered:get(place_key(peer, record))
-  return delivered and bytes(delivered) == record.response.data or false
+  return record.implicit and repeated(self, place_key(peer, record), record.response) ~= nil
 end
 
 local function reread(self, channel, job, record)

@@ -610,20 +610,23 @@ class Pairing:
 
     def is_again(self, peer: Peer, record: Record) -> bool:
         """Whether a ReadImplicit brings the bytes of the last response of its place (P55). Changes nothing."""
+        return record.implicit and self._repeated(peer, record) is not None
+
+    def _repeated(self, peer: Peer, record: Record) -> Job | None:
+        """The last response of a place, where a record has its bytes and came behind it: it may have waited (P22)."""
         delivered, half = self._delivered.get(_spot(peer, record)), record.response
-        if not record.implicit or delivered is None or half is None:
-            return False
-        return _bytes(delivered) == half.data
+        before = delivered and delivered.read_response
+        if half is None or before is None or half.frame <= before.frame:
+            return None
+        return delivered if before.data == half.data else None
 
     def _last_response(self, peer: Peer, channel: Channel, record: Record) -> Job | None:
         """Whose response a Read without a request may bring once more.
 
         That of its channel; without an AR that of the place, whoever asked there.
         """
-        if not record.implicit or record.response is None:
-            return channel.last
-        delivered = self._delivered.get(_spot(peer, record))
-        if delivered is None or _bytes(delivered) != record.response.data:
+        delivered = self._repeated(peer, record) if record.implicit else None
+        if delivered is None or record.response is None:
             return channel.last
         again = delivered.phase == "closed" and _bytes(channel.last) == record.response.data
         return channel.last if again else delivered
