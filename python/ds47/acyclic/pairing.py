@@ -613,7 +613,7 @@ class Pairing:
         return record.implicit and self._repeated(peer, record) is not None
 
     def _repeated(self, peer: Peer, record: Record) -> Job | None:
-        """The last response of a place, where a record has its bytes and came behind it: it may have waited (P22)."""
+        """The last response of a place, where a record has its bytes and came behind it (P22)."""
         delivered, half = self._delivered.get(_spot(peer, record)), record.response
         before = delivered and delivered.read_response
         if half is None or before is None or half.frame <= before.frame:
