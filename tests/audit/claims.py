@@ -1184,6 +1184,28 @@ def _not_supported(case: Case) -> Iterator[str]:
         yield f"the response ID is 0x{deal.answer.id or 0:02X}"
 
 
+@auditor("DS419")
+def _other_length(case: Case) -> Iterator[str]:
+    """The same change, refused with 0x18 there and accepted here, one of them longer than the other."""
+    first = case.args.get("first")
+    there = [
+        each for each in case.reading.deals if each.write == first and case.deal is not None
+        and each.place == case.deal.place and each.asked is not None and each.answer is not None
+    ]  # fmt: skip
+    if case.deal is None or case.deal.state != "ok" or case.deal.asked is None or not there:
+        yield "no such change is accepted here, and another one answered there"
+        return
+    one, other = there[0].asked, case.deal.asked
+    codes = [block.code for block in there[0].answer.blocks] if there[0].answer else []
+    if 0x18 not in codes:
+        yield f"it was refused with {codes}"
+    yield from case.wrong("refused", len(one.data) if one else None)
+    yield from case.wrong("accepted", len(other.data))
+    both = sorted(((one.data if one else b"")[1:], other.data[1:]), key=len)
+    if not both[1].startswith(both[0]) or both[0] == both[1]:
+        yield "they differ in more than their length"
+
+
 # What the capture lacks
 
 

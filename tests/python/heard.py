@@ -51,7 +51,7 @@ def _job(job: Job) -> dict[str, Any]:
         "id": _number(job),
         "peer": job.peer._asdict(),
         "record": {
-            name: getattr(record, name) for name in ("implicit", "slot", "subslot", "index")
+            name: getattr(record, name) for name in ("implicit", "api", "slot", "subslot", "index")
         },
         "request": _half(record.request),
         "asked": job.message is not None,

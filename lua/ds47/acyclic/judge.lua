@@ -27,6 +27,7 @@ local PNU_ACCESS_IDENTIFICATION, NOT_SUPPORTED = M.PNU_ACCESS_IDENTIFICATION, fa
 local VALUE = tables.layouts.ADDRESS_VALUE
 local NONE = {} -- no remarks; most jobs have none
 -- Flaws that say that something is not there: pad, bytes, error block.
+local WRONG_COUNT = 0x18 -- the number of values does not fit (docs/protocol.md A.7)
 local TOO_MANY = "DS304" -- more parameters than usual
 local ABSENT = {DS311 = true, DS315 = true, DS412 = true}
 
@@ -129,6 +130,7 @@ function M.new(limits, slow_ns, waits)
     written = readback.new(limits.written_values, waits),
     longest = ordered.new(), -- device -> longest message it takes
     most = ordered.new(), -- device -> most parameters of one request
+    misfits = ordered.new(), -- place -> the last change whose number of values was refused
     blank = {}, -- where the remarks of the next job go; made anew only when it had some
   }, Judge)
 end
@@ -352,6 +354,33 @@ local function learn_limit(self, job)
   end
 end
 
+-- A change that is accepted differs from one that was refused in nothing but its length.
+local function put_other_length(self, remarks, job)
+  local record, response = job.record, job.response
+  local half, id = record.request, response and response.response_id
+  if not half or id == nil or half.missing then
+    return
+  end
+  local spot = record.slot * 65536 + record.subslot .. "\0" .. record.index
+  local place = job.peer.device .. "\0" .. record.api .. "\0" .. spot
+  if id >= 0x80 then
+    for _, block in ipairs(places_of(response)) do
+      if block.error and block.error.code == WRONG_COUNT then
+        self.misfits:keep(place, half, self.limits.longest_messages)
+      end
+    end
+    return
+  end
+  local before = self.misfits:pop(place)
+  if before == nil or #before.data == #half.data then
+    return
+  end
+  local length = math.min(#before.data, #half.data)
+  if before.data:sub(2, length) == half.data:sub(2, length) then
+    put(remarks, "DS419", half.frame, {first = before.frame, refused = #before.data, accepted = #half.data})
+  end
+end
+
 -- What is told
 
 local function is_change(job)
@@ -390,6 +419,9 @@ function Judge:answered(job)
     self.written:unasked(job)
   elseif operation == "change" then
     self.written:settled(job, stray)
+    if not stray then
+      put_other_length(self, remarks, job)
+    end
   elseif operation == "read" and not stray then
     local found = self.written:read(job)
     if found[1] then

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from ds47.acyclic.pairing import Job
 from ds47.acyclic.readback import ReadBack
@@ -24,10 +24,16 @@ from ds47.spec.statuses import status_hex
 
 PNU_ACCESS_IDENTIFICATION: Final = 974
 """r0974[0] is the longest message the device takes (docs/protocol.md A.5, D.1)."""
+WRONG_COUNT: Final = 0x18
+"""The number of values does not fit (docs/protocol.md A.7)."""
 TOO_MANY: Final = "DS304"
 """More parameters than usual."""
 ABSENT: Final = frozenset(("DS311", "DS315", "DS412"))
 """Flaws that say that something is not there: pad, bytes, error block."""
+
+
+_K = TypeVar("_K")
+_V = TypeVar("_V")
 
 
 def is_mismatch(job: Job) -> bool:
@@ -86,6 +92,8 @@ class Judge:
         """r0974[0] of a device,"""
         self._most: OrderedDict[str, int] = OrderedDict()
         """and r0974[1]: parameters of one request."""
+        self._misfits: OrderedDict[tuple[str, int, int, int, int], Half] = OrderedDict()
+        """By place the last change whose number of values was refused, though its counts agree."""
 
     @property
     def objects(self) -> DriveObjects:
@@ -120,6 +128,7 @@ class Judge:
         if not stray:
             self._read_back(job, remarks)
             self._learn_limit(job)
+            self._other_length(job, remarks)
         for remark in remarks:
             remark.job = job
         return remarks
@@ -296,9 +305,26 @@ class Judge:
                 if memory is not None and isinstance(value, int) and value > 0:
                     self._learn(memory, job.peer.device, value)
 
-    def _learn(self, memory: OrderedDict[str, int], device: str, value: int) -> None:
-        memory[device] = value
-        memory.move_to_end(device)
+    def _other_length(self, job: Job, remarks: list[Remark]) -> None:
+        """A change that is accepted differs from one that was refused in nothing but its length."""
+        half, response, record = job.write_request, job.response, job.record
+        if half is None or response is None or not _is_change(job) or half.missing:
+            return
+        place = job.peer.device, record.api, record.slot, record.subslot, record.index
+        if response.response_id is not None and response.response_id & 0x80:
+            if any(each.error and each.error.code == WRONG_COUNT for each in response.blocks):
+                self._learn(self._misfits, place, half)
+            return
+        before = self._misfits.pop(place, None)
+        if before is None or len(before.data) == len(half.data):
+            return
+        if before.data[1:].startswith(half.data[1:]) or half.data[1:].startswith(before.data[1:]):
+            args = {"first": before.frame, "refused": len(before.data), "accepted": len(half.data)}
+            remarks.append(Remark("DS419", half.frame, args))
+
+    def _learn(self, memory: OrderedDict[_K, _V], key: _K, value: _V) -> None:
+        memory[key] = value
+        memory.move_to_end(key)
         if len(memory) > self._limits.longest_messages:
             memory.popitem(last=False)
 

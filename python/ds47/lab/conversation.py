@@ -175,3 +175,16 @@ def released(client: Client) -> None:
     client.write(READ)
     client.poll()
     client.release()
+
+
+@BOOK.scene(
+    "a change in a buffer of 36 bytes, refused with 0x18, then with LEN 16, accepted",
+    ("change", "error"), ("change", "ok"),
+    rules="DS314 DS410 DS419 DS717 DS721",
+)  # fmt: skip
+def accepted_with_other_length(client: Client) -> None:
+    """A drive that wants the record exactly as long as its message."""
+    pair = message.address(1120), message.real(10.0)
+    refused = message.answer(1, 0x82, 1, message.error(0x18))
+    client.exchange(message.change(1, 1, pair) + bytes(20), refused)
+    client.exchange(message.change(2, 1, pair), message.changed(2, 1))

@@ -1546,6 +1546,29 @@ def p44_not_supported_in_part(client: Client) -> None:
 
 BOOK.lab(
     "P45",
+    "conversation-accepted-with-other-length",
+    "drive-error",
+    row(1, par(1120, "Float32", 10.0, error=(0x18, 0)), state="change error"),
+    row(2, ramp(10.0), state="change ok"),
+    rules="DS314@1#1 DS410@4#1 DS717@4#1 DS419@5#2",
+)
+
+
+@BOOK.scene(
+    "drive-error",
+    row(1, par(1120, "Float32", 10.0, error=(0x18, 0)), state="change error"),
+    row(2, ramp(12.5), state="change ok"),
+    rules="DS314@1#1 DS410@4#1 DS717@4#1",
+)
+def p45_accepted_with_another_value(client: Client) -> None:
+    """Length and value differ: which of the two was wrong nobody knows."""
+    refused = message.answer(1, 0x82, 1, message.error(0x18))
+    client.exchange(put(1, 10.0) + bytes(20), refused)
+    client.exchange(put(2, 12.5), message.changed(2, 1))
+
+
+BOOK.lab(
+    "P45",
     "conversation-partial-read",
     "P37 drive-error",
     row(1, real(10.0), par(27, error=(0, 0)), state="partial"),
