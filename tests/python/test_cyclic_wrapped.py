@@ -112,6 +112,6 @@ def test_the_plugin_shows_the_same(
     assert len(shown) > 100
 
 
-def test_the_capture_of_a_connect_in_fragments(shared: Path) -> None:
-    result = analyze(shared / "captures/hostile/connect-response-in-fragments.pcapng")
+def test_the_capture_of_a_connect_in_fragments(captures: Path) -> None:
+    result = analyze(captures / "field/connect-response-in-fragments.pcapng")
     assert [each.rule for each in result.findings] == ["DS523"]

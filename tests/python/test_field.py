@@ -13,8 +13,8 @@ from ds47.spec import rules
 
 
 @pytest.fixture
-def field(shared: Path) -> Path:
-    return shared / "captures/field"
+def field(captures: Path) -> Path:
+    return captures / "field"
 
 
 def test_a_read_that_was_too_short_leaves_the_response_in_the_drive(field: Path) -> None:

@@ -22,8 +22,8 @@ OF_THE_WIRE = {
 
 
 @pytest.fixture
-def stacks(shared: Path) -> Path:
-    return shared / "captures/stacks"
+def stacks(captures: Path) -> Path:
+    return captures / "lossy-stacks"
 
 
 def logged(stacks: Path, name: str) -> list[dict[str, Any]]:

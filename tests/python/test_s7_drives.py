@@ -299,10 +299,10 @@ def test_a_refused_write_is_a_change_that_did_not_come(
 
 
 def test_the_captures_of_the_field_are_read(
-    shared: Path, capsys: pytest.CaptureFixture[str]
+    captures: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """r2114[0] and r2114[1] of DO 1, r0021 of DO 2, p1120[0] of DO 2 := 10.0, and why two were refused."""
-    path = shared / "captures/field/s7-drive.pcap"
+    path = captures / "field/s7-drive.pcap"
     text = command(capsys, "report", "--channels", "s7", "--s7-cpu", "sinamics", str(path))
     for line in (
         "DO 1 r2114[0] (Total system runtime) = 1206984704 (Float32 123456.0)",
@@ -315,6 +315,6 @@ def test_the_captures_of_the_field_are_read(
         ("DS919", 0x05), ("DS919", 0x0A),
     }  # fmt: skip
     elements_ = analyze(
-        shared / "captures/field/s7-drive-elements.pcap", AnalysisOptions(s7=Choices(readback=True))
+        captures / "field/s7-drive-elements.pcap", AnalysisOptions(s7=Choices(readback=True))
     )
     assert {each.rule for each in elements_.findings} == {"DS906"}

@@ -264,11 +264,11 @@ def test_halves_where_one_is_refused_are_none() -> None:
     assert "DS904" not in {each.rule for each in findings(plant)}
 
 
-def test_each_area_that_s7connector_splits_is_told(shared: Path) -> None:
+def test_each_area_that_s7connector_splits_is_told(captures: Path) -> None:
     """It reads and writes in pieces of 96 bytes whatever the PDU has room for."""
     path, log = (
-        shared / "captures/stacks/s7connector.pcapng",
-        shared / "captures/stacks/EXPECTED.jsonl",
+        captures / "lossy-stacks/s7connector.pcapng",
+        captures / "lossy-stacks/EXPECTED.jsonl",
     )
     asked = map(json.loads, log.read_text("utf-8").splitlines())
     split = {
