@@ -244,6 +244,14 @@ class User(Requests):
             self.pending[at] = answer
         yield
 
+    def store(self, at: wire.Channel, data: bytes) -> Steps:
+        """A Write that the device takes as a value."""
+        call = self._call(wire.WRITE)
+        self._ask(call, wire.write_request(call.sequence, at, data))
+        yield
+        self._tell(call, 0, wire.write_response(call.sequence, at, 0, 0))
+        yield
+
     def read(
         self, at: wire.Channel, data: bytes, status: int = 0, operation: int = wire.READ,
         maximum: int = 4096,
@@ -392,10 +400,15 @@ class Plan:
     """Share of the frames that it has twice."""
     snap: int | None
     parts: tuple[Part, ...]
+    stores: int = 0
+    """Devices that are no drives, and keep values at index 47."""
 
     def text(self) -> str:
-        """As JSON: what `python -m tests.audit --plan` takes."""
-        return json.dumps(asdict(self))
+        """As JSON: what `python -m tests.audit --plan` takes. Without stores it is as it was before there were any."""
+        known = asdict(self)
+        return json.dumps(
+            known if self.stores else {k: v for k, v in known.items() if k != "stores"}
+        )
 
 
 def plan(known: dict[str, Any]) -> Plan:
@@ -430,6 +443,7 @@ def planned(random: Random) -> Plan:
         copies=seldom(random, 0.5, 0.0),
         snap=seldom(random, random.randint(208, 300), None),
         parts=tuple(parts),
+        stores=seldom(random, random.randint(1, 2), 0),
     )
 
 
@@ -442,6 +456,7 @@ def play(plan: Plan) -> Conversation:
         _program(random, _user(random, tape, number, part, known[part.drive % len(known)]), part)
         for number, part in enumerate(plan.parts)
     ]
+    running += [_store(random, tape, number) for number in range(plan.stores)]
     while running:
         each = random.choice(running)
         for _ in range(random.choice((1, 2, 8, 40))):
@@ -462,6 +477,28 @@ def _user(random: Random, tape: Tape, number: int, part: Part, drive: Drive) -> 
     user.constant, user.reference = part.constant, part.reference
     user.piece = 100 if part.pieces and tape.snap is None else None
     return user
+
+
+def _store(random: Random, tape: Tape, number: int) -> Steps:
+    """A device that is no drive: a value at index 47 is written and read, or moves by itself."""
+    part = Part(0, random.choice("<>"), True, False, 0, False, 1, 0)
+    device = Drive(f"192.168.133.{90 + number}", random.choice((0x0493, 0x0109, 0x001A)))
+    user = _user(random, tape, 40 + number, part, device)
+    at = wire.Channel(user.ar, random.choice((0, 1, 2)), 1, 47, 0)
+    value = struct.pack(">f", 1.0)
+    for _ in range(random.randint(4, 30)):
+        way = random.random()
+        if way < 0.4:
+            value = random.choice(
+                (struct.pack(">f", random.uniform(-2000, 2000)), struct.pack(">i", random.randint(-(10**6), 10**6)),
+                 random.randbytes(random.choice((1, 2, 4, 8, 20))))
+            )  # fmt: skip
+            yield from user.store(at, value)
+        elif way < 0.5:
+            value = random.randbytes(4)  # it moves
+        else:
+            yield from user.read(at, value)
+        tape.wait(random.choice((1, 10, 50)))
 
 
 def _program(random: Random, user: User, part: Part) -> Steps:

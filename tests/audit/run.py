@@ -62,6 +62,9 @@ def complaints(item: Reading, drives: dict[str, Drive] | None = None) -> Iterato
     """The same, of what was read already."""
     memory = Memory(item)
     yield from deals.check(item)
+    for deal in item.deals if drives else ():
+        if deal.device not in (drives or {}):
+            yield Complaint("index 47", f"#{deal.id}", f"{deal.device} is no drive")
     yield from described.check(item, memory)
     yield from meant.check(item)
     yield from buffers.check(item)

@@ -7,6 +7,7 @@ import json
 import struct
 from collections.abc import Callable
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import pytest
@@ -17,7 +18,7 @@ from ds47.cli import main
 from ds47.lab import captured, ether
 from ds47.lab.client import Client
 from ds47.lab.naming import DCP, dcp_identify
-from ds47.lab.s7 import DriveCpu, Link, station
+from ds47.lab.s7 import Cpu, DriveCpu, Link, station
 from ds47.lab.s7_wire import db, flags
 from ds47.lab.stage import Stage
 from ds47.model import CaptureResult
@@ -318,3 +319,52 @@ def test_the_captures_of_the_field_are_read(
         captures / "field/s7-drive-elements.pcap", AnalysisOptions(s7=Choices(readback=True))
     )
     assert {each.rule for each in elements_.findings} == {"DS906"}
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_drives_by_chance(seed: int) -> None:
+    """Clients that write and read elements of drives and bytes of a CPU: each item is known beforehand."""
+    random = Random(seed)
+    stage = Stage()
+    there = drive(Client(stage))
+    plc = Cpu(stage, station(9))
+    spots = [
+        (pnu, 1024 * number + index, size)
+        for pnu, size in ((1120, 4), (2, 2), (2114, 4)) for number in (1, 2) for index in range(3)
+    ]  # fmt: skip
+    there.elements = {(pnu, at): random.randbytes(size) for pnu, at, size in spots}
+    links = [there.link(number).open() for number in (2, 3)] + [plc.link(4).open()]
+    asked: list[list[tuple[int, int]]] = []
+    for _ in range(120):
+        link = random.choice(links)
+        chosen = random.sample(spots, random.randint(1, 4))
+        places = [db(pnu, at, size) for pnu, at, size in chosen]
+        if link.cpu is plc:
+            places = [db(each.db, each.start % 1900, each.size) for each in places]
+        if random.random() < 0.5:
+            link.get(*places)
+        else:
+            link.put(*((each, random.randbytes(each.size)) for each in places))
+        asked.append([(each.db, each.start) for each in places] if link.cpu is there else [])
+    found = analyze(io.BytesIO(captured(stage)), AnalysisOptions(s7=Choices(readback=True)))
+    assert not [
+        each
+        for each in found.findings
+        if each.args.get("device") == there.host.ip and each.rule != "DS906"
+    ]
+    assert {each.drive.proof if each.drive else None for each in found.connections} == {
+        "values",
+        None,
+    }
+    jobs = [each for each in found.transactions if each.operation in ("get", "put")]
+    assert len(jobs) == len(asked)
+    since = next(n for n, each in enumerate(jobs) if any(item.parameter for item in each.items))
+    for job, places in zip(jobs[since:], asked[since:], strict=True):
+        told = [
+            (item.parameter.pnu, 1024 * (item.drive_object or 0) + (item.parameter.subindex or 0))
+            for item in job.items if item.parameter is not None
+        ]  # fmt: skip
+        assert told == places
+    values = {(pnu, at): raw for (pnu, at), raw in there.elements.items()}
+    for item in jobs[-1].items if asked[-1] and jobs[-1].operation == "get" else ():
+        assert item.value == values[item.db or 0, item.start or 0]
