@@ -835,7 +835,7 @@ local function read(self, channel, job, event, record)
   end
 end
 
--- The last response of a place, where a record has its bytes and came behind it, else nil: it may have waited.
+-- The last response of a place, if a record has its bytes and came behind it, else nil: it may have waited.
 local function repeated(self, place, half)
   local delivered = self.delivered:get(place)
   local before = delivered and delivered.read_response
