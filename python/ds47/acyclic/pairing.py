@@ -615,7 +615,7 @@ class Pairing:
     def _repeated(self, peer: Peer, record: Record) -> Job | None:
         """The last response of a place, where a record has its bytes and came behind it (P22)."""
         delivered, half = self._delivered.get(_spot(peer, record)), record.response
-        before = delivered and delivered.read_response
+        before = None if delivered is None else delivered.read_response
         if half is None or before is None or half.frame <= before.frame:
             return None
         return delivered if before.data == half.data else None
