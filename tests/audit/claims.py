@@ -150,7 +150,8 @@ def _fault(case: Case) -> Iterator[str]:
 @auditor("DS105")
 def _pieces(case: Case) -> Iterator[str]:
     for key, frames in case.reading.capture.pieces.items():
-        if key[0] == case.args.get("kind") and case.frame in frames:
+        there = case.reading.capture.fragments.get(key, frames)
+        if key[0] == case.args.get("kind") and case.frame in there:
             yield from case.wrong("have", len(frames))
             return
     yield f"no {case.args.get('kind')} fragments that never became whole are in this frame"
@@ -1240,6 +1241,7 @@ def _incomplete(case: Case) -> Iterator[str]:
         "twice": lambda: _is_twice(case, deal),
         "written_again": lambda: _is_written_again(case, deal),
         "crossed": lambda: _is_crossed(case, deal),
+        "renewed": lambda: _is_renewed(case, *pair, deal.write or 0),
         "ends": lambda: _ends(case, deal),
         "unseen": lambda: _unseen(case, deal),
         "later": lambda: iter([]) if late else _pending(case, deal),
@@ -1280,7 +1282,7 @@ def _read_for_nothing(case: Case, what: str) -> Iterator[str]:
         mine = [each for each in first if each.channel == reads[0].channel and not each.write]
         if not mine or all(each.answered and not _swapped(case, each) for each in mine):
             yield f"no such Read without an answer is in frame {case.args.get('first')}"
-    elif what not in ("one_direction", "halves", "later", "write_answer"):
+    elif what not in ("one_direction", "halves", "later", "write_answer", "renewed"):
         yield f"what {what!r} is nothing"
 
 
@@ -1353,6 +1355,18 @@ def _is_written_again(case: Case, deal: Deal) -> Iterator[str]:
     before = [each.answered for each in mine if each.answered and each.answered < again[0].asked]
     if before:
         yield f"the Write is answered in frame {before[0]}"
+
+
+def _is_renewed(case: Case, client: str, server: str, since: int) -> Iterator[str]:
+    """That a client uses a number once more, for another call, behind a frame."""
+    seen: set[tuple[object, int]] = set()
+    for call in case.reading.capture.calls:
+        asked = call.request
+        if (asked.source, asked.target) == (client, server):
+            if (asked.activity, asked.sequence) in seen and asked.frame > since:
+                return
+            seen.add((asked.activity, asked.sequence))
+    yield f"no number of {client} stands for two calls"
 
 
 def _is_crossed(case: Case, deal: Deal) -> Iterator[str]:

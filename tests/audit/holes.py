@@ -49,6 +49,8 @@ ALIKE = {
     "DS413": "the new request that followed",  # a later one did, too
     "DS414": "the new request that followed",
     "DS714": "the drive reads it as",  # what was read the cut does not have
+    "DS917": "no connection is refused in this frame",  # the frame of RST, which stands before that of CR
+    "DS908": "area '1 x unknown address' is",  # of an answer, and the cut has not the job
     "DS701": "a STATUS tells of it",  # of the Write, which the cut does not have
     # Of it the cut has no response, or not in its order.
     "DS704": ("a new request was written", "no new request was written"),

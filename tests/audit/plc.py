@@ -325,6 +325,10 @@ def _writes(deal: Deal, reading: Reading) -> list[wire.Record]:
     return [each for each in _channel(deal, reading) if each.write and not each.nested]
 
 
+_NOBODY = -1
+"""Instead of the frame of a Write, where a Read may be for one that nobody saw."""
+
+
 def _own(deal: Deal, reading: Reading) -> list[wire.Record]:
     """The Reads of the channel that look for its response: those before it came, and before the next request did.
 
@@ -368,8 +372,10 @@ def _asked_by(record: wire.Record, deal: Deal, reading: Reading) -> tuple[set[in
     behind = [each for each in writes if each.asked > begin]
     unseen = {each.asked for each in behind if _end(each) == "unseen"}
     if taken and _is_open(begin, at, deal, reading):
-        refused = {behind[-1].asked} if unseen else set()
-        return {begin, *unseen, *refused}, not unseen
+        owner = _owner(begin, deal, reading)
+        unsure = bool(unseen) or (owner is not None and owner.state == "incomplete")
+        refused = {behind[-1].asked} if unsure and behind else set()
+        return {begin, *unseen, *refused}, not unsure
     last = writes[-1].asked if writes else 0
     if (
         not last
@@ -402,7 +408,7 @@ def _others(write: int, at: int, deal: Deal, reading: Reading) -> list[wire.Reco
 
 
 def _is_over(write: int, at: int, deal: Deal, reading: Reading) -> bool:
-    """Whether a Write has nothing to wait for: its time or its AR is over, or a Read behind it was for another."""
+    """Whether a Write has nothing to wait for: its time or its AR is over, or a Read was for another, or may be."""
     owner = _owner(write, deal, reading)
     if owner is None:
         return True
@@ -410,7 +416,9 @@ def _is_over(write: int, at: int, deal: Deal, reading: Reading) -> bool:
     before = max([write, *(_at(each) for each in reads)])
     silent = (reading.time(at) or 0) - (reading.time(before) or 0) > 600 * 10**9
     released = any(write < frame < at for frame in reading.releases(owner))
-    return bool(_others(write, at, deal, reading)) or silent or released
+    if bool(_others(write, at, deal, reading)) or silent or released:
+        return True
+    return any(reading.gaps.between(deal.controller, deal.device, write, at))
 
 
 def _given(record: wire.Record, deal: Deal, reading: Reading) -> int | None:
@@ -420,7 +428,7 @@ def _given(record: wire.Record, deal: Deal, reading: Reading) -> int | None:
     for each in reading.by_channel.get(deal.channel, ()):
         if _at(record) in each.all_frames or each.id in said:
             return each.write or 0
-    return None
+    return _NOBODY if record.answered in reading.for_nobody else None
 
 
 def _fragments(record: wire.Record, reading: Reading) -> list[int]:

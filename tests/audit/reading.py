@@ -229,6 +229,14 @@ class Reading:
         return found
 
     @cached_property
+    def for_nobody(self) -> set[int]:
+        """The frames of responses of which the report says that nobody knows whose they are."""
+        return {
+            each.frame for each in self.findings
+            if each.rule in ("DS110", "DS206") and each.transaction is None
+        }  # fmt: skip
+
+    @cached_property
     def by_frame(self) -> dict[int, list[wire.Pdu]]:
         found: dict[int, list[wire.Pdu]] = {}
         for pdu in self.capture.pdus:

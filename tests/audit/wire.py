@@ -137,6 +137,8 @@ class Capture:
     records: list[Record] = field(default_factory=list)
     pieces: dict[tuple[object, ...], list[int]] = field(default_factory=dict)
     """Fragments of what never became whole, of IP and RPC: the frames they came in."""
+    fragments: dict[tuple[object, ...], list[int]] = field(default_factory=dict)
+    """Of IP all frames they came in, those that came again, too."""
     begun: dict[tuple[object, ...], tuple[int, tuple[UUID, int] | None]] = field(
         default_factory=dict
     )
@@ -269,6 +271,7 @@ class _Whole:
         key = ("IP", source, target, number)
         parts = self._parts.setdefault(key, {})
         parts[start] = payload, more, frame.number, cut
+        self._capture.fragments.setdefault(key, []).append(frame.number)
         self._capture.pieces[key] = sorted(part[2] for part in parts.values())
         if not start:
             self._capture.begun[key] = frame.number, _call_of(payload[8:])

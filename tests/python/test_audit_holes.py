@@ -12,18 +12,10 @@ STACKS = sorted((ROOT / "captures/real-stacks").glob("*.pcapng"))
 SMALL = ROOT / "captures/conversation-superseded-read.pcapng"
 FOLDERS = (".", "profibus", "s7-stacks")
 STORED = sorted(path for each in FOLDERS for path in (ROOT / "captures" / each).glob("*.pcapng"))
-FALSE_STILL = {
-    "transport-ip-fragments-incomplete.pcapng": {"DS101", "DS105"},
-    "transport-reused-numbers.pcapng": {"DS413", "whole transaction"},
-    "profibus-bad-habits.pcapng": {"DS803"},
-    "profibus-ms2.pcapng": {"DS803"},
-    "identity_pure_cpp.pcapng": {"DS908"},
-    "refused_cpp_pure.pcapng": {"DS917"},
-}
+FALSE_STILL = {"profibus-bad-habits.pcapng": {"DS803"}, "profibus-ms2.pcapng": {"DS803"}}
 """Captures of which cuts are told falsely, and where. A repair is noticed.
 
-A client that uses its numbers twice hides a hole behind the second time. Of whole exchanges of PROFIBUS that
-are missing two by two nothing tells. A server refuses an item of a job that has none. A reset comes before CC.
+Of whole exchanges of PROFIBUS that are missing two by two nothing tells.
 """
 SHARES = 8
 

@@ -31,7 +31,7 @@ Numbers.__index = Numbers
 -- @param pdu  the first request
 function M.numbers(pdu)
   return setmetatable({
-    lowest = pdu.seq, highest = pdu.seq, newest = pdu, again = -2, heard = false, holes = {},
+    lowest = pdu.seq, highest = pdu.seq, newest = pdu, again = -2, anew = 0, heard = false, holes = {},
   }, Numbers)
 end
 
@@ -85,7 +85,7 @@ function Numbers:add(pdu)
   elseif number == self.again + 1 then
     self.lowest, self.highest, self.newest = self.again, number, pdu
   elseif not fills(self.holes, number) then
-    self.again = number
+    self.again, self.anew = number, pdu.frame
   end
 end
 
@@ -263,6 +263,16 @@ local function hole_behind(activities, since, across)
   return nil
 end
 
+-- Whether a number stands for another call behind a frame.
+local function is_anew(activities, since)
+  for _, numbers in ipairs(activities) do
+    if numbers.anew > since then
+      return true
+    end
+  end
+  return false
+end
+
 --- What may be missing of the calls of a client behind a frame: {what = key of the words, first, last
 -- (frames), numbers}; nil where nothing can be.
 -- Of two activities nothing follows from their numbers. There it counts whether the capture lacks anything
@@ -281,6 +291,8 @@ function Completeness:behind(client, server, since, lost)
     return hole
   elseif unasked[1] and (across or unasked[#unasked] > since) then
     return {what = "requests"}
+  elseif is_anew(pair.activities, since) then
+    return {what = "renewed"}
   elseif across and (lost or pair.lost[1]) then
     return {what = "halves"}
   end

@@ -14,8 +14,8 @@ from typing import Final, Literal
 from ds47.profinet.rpc import Pdu
 from ds47.spec.layouts import RPC_WRITE
 
-What = Literal["one_direction", "requests", "halves"]
-"""All that one side sent; requests of Writes; the other halves of calls."""
+What = Literal["one_direction", "requests", "renewed", "halves"]
+"""All that one side sent; requests of Writes; calls whose numbers came twice; the other halves of calls."""
 STATION: Final = "dp"
 """What the name of a station of PROFIBUS begins with; its address follows."""
 _RESPONSE: Final = 2
@@ -54,12 +54,14 @@ class Hole:
 class Numbers:
     """The sequence numbers of one activity, as a set: they may come out of order."""
 
-    __slots__ = ("again", "heard", "highest", "holes", "lowest", "newest")
+    __slots__ = ("again", "anew", "heard", "highest", "holes", "lowest", "newest")
 
     def __init__(self, pdu: Pdu) -> None:
         self.lowest = self.highest = pdu.seq
         self.again = -2
         """The newest number that was there before: the next one tells whether the client counts anew."""
+        self.anew = 0
+        """The newest frame in which a number stands for another call: what came in between nobody knows."""
         self.newest = pdu
         """The request with the highest number."""
         self.heard = False
@@ -81,7 +83,7 @@ class Numbers:
         elif number == self.again + 1:
             self.lowest, self.highest, self.newest = self.again, number, pdu
         elif not self._fills(number):
-            self.again = number
+            self.again, self.anew = number, pdu.frame
 
     def _skip(self, pdu: Pdu) -> None:
         self.holes.append(Hole(self.newest.frame, pdu.frame, self.highest + 1, pdu.seq - 1))
@@ -258,6 +260,8 @@ class Completeness:
                 return numbers.holes[-1]
         if pair.unasked and (across or pair.unasked[-1] > since):
             return "requests"
+        if any(each.anew > since for each in pair.activities):
+            return "renewed"
         return "halves" if across and pair.lost else None
 
     def spoke_ns(self, client: str, server: str) -> int | None:
