@@ -30,8 +30,8 @@ _LEFT_OUT: Final = {
 _IN_PART: Final = "DS105"
 _OPEN: Final = ("unanswered", "incomplete")
 _CUT: Final = "DS106"
-_NOTHING: Final = ("DS206", "DS808")
-"""The rules about a Read for which no request was open."""
+_NOTHING: Final = ("DS206", "DS808", "DS110")
+"""The rules about a Read for which no request was open, or of which nobody knows."""
 _END: Final = 1 << 62
 """Behind every frame."""
 _HEADER: Final = (("mirror_reference", 0), ("mirror_axis", 2), ("mirror_count", 3))
