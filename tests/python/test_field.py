@@ -82,3 +82,10 @@ def test_counts_that_agree_are_not_the_cause_of_0x18(field: Path) -> None:
     assert said.startswith(
         "0x18: where number of values and number of elements agree, it is the length"
     )
+
+
+def test_the_change_that_was_accepted_says_what_was_wrong(field: Path) -> None:
+    """The same without 20 bytes behind its end (DS419)."""
+    (told,) = [each for each in result_of(field / "len-0x18.pcap").findings if each.rule == "DS419"]
+    assert (told.frame, told.args["first"]) == (5, 1)
+    assert (told.args["refused"], told.args["accepted"]) == (36, 16)

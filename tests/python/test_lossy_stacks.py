@@ -96,3 +96,33 @@ def test_what_was_asked_once_and_answered_has_its_response(stacks: Path) -> None
         if sure and line["write"]["outcome"] == "ok" and line["attempt"] == 0:
             found = told[line["slot"], line["index"], line["request_hex"]]
             assert line["response_hex"] in [_hex(each.response) for each in found]
+
+
+# S7: bytes that clients of two libraries read and wrote
+
+
+@pytest.mark.parametrize(
+    ("name", "count", "margin"), [("lossy_nodes7", 180, 0.01), ("s7connector", 60, 0.001)]
+)
+def test_bytes_of_s7_are_those_that_the_client_had(
+    stacks: Path, name: str, count: int, margin: float
+) -> None:
+    """Each area that was read or written well stands in the jobs of that time, in one or in several items."""
+    jobs = result_of(stacks / f"{name}.pcapng").transactions
+    asked = [each for each in logged(stacks, name) if each["op"] in ("read", "write")]
+    assert len(asked) >= count
+    for line in asked:
+        there: dict[int, int] = {}
+        for job in jobs:
+            moment = job.start_ns / 1e9
+            wanted = job.operation == {"read": "get", "write": "put"}[line["op"]]
+            if wanted and line["t"] - margin <= moment <= line["t_end"] + margin:
+                for item in job.items:
+                    mine = (item.area, item.db or 0) == (line["area"], line["db"])
+                    if mine and item.code == 0xFF and item.start is not None and item.value:
+                        there |= dict(enumerate(item.value, item.start))
+        span = range(line["start"], line["start"] + line["length"])
+        if line["ok"] and line.get("bit") is None and line["bytes"] is not None:
+            assert bytes(there[at] for at in span).hex() == line["bytes"], line
+        elif line["ok"] is False:
+            assert not set(span) <= set(there), line
