@@ -6,6 +6,7 @@ import base64
 import gzip
 import json
 import re
+import struct
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from html import unescape
@@ -194,6 +195,9 @@ def _trail(data: dict[str, Any], reading: Reading) -> Iterator[str]:
         row = dict(zip(data["row"], values, strict=True))
         deal, name = reading.by_id.get(row["id"]), f"p{row['pnu']}[{row['subindex']}]"
         told.add(row["id"])
+        if deal is not None and deal.operation == "put":
+            yield from _element(row, deal, data["outcomes"][row["outcome"]])
+            continue
         if deal is None or deal.operation != "change":
             yield f"the change of {name} is none: #{row['id']}"
             continue
@@ -212,6 +216,23 @@ def _trail(data: dict[str, Any], reading: Reading) -> Iterator[str]:
     written = {each.id for each in reading.deals if _writes(each)}
     if not written <= told:
         yield f"the trail lacks #{min(written - told)}"
+
+
+def _element(row: dict[str, Any], deal: Deal, outcome: str) -> Iterator[str]:
+    """The change of an element of a drive by S7: its data block, its address, its bytes and its return code."""
+    outcomes = {None: "sent", 255: "accepted"}
+    found = [
+        each for each in deal.plain["items"]
+        if each["area"] == "DB" and (each["db"], each["start"] % 1024) == (row["pnu"], row["subindex"])
+        and outcomes.get(each["code"], "refused") == outcome
+    ]  # fmt: skip
+    if not found:
+        yield f"#{deal.id} did not write index {row['subindex']} of DB{row['pnu']}, {outcome}"
+    raw = [bytes.fromhex(each["value"] or "") for each in found]
+    true = {str(int.from_bytes(each)) for each in raw}
+    true |= {str(struct.unpack(">f", each)[0]) for each in raw if len(each) == 4}
+    if row["new"] is not None and found and row["new"] not in true:
+        yield f"#{deal.id} wrote {sorted(true)}, not {row['new']}"
 
 
 def _covers(parameter: dict[str, Any], row: dict[str, Any]) -> bool:

@@ -44,7 +44,8 @@ CAPTURES = {
     path.name: path
     for folder in FOLDERS
     for path in of_ethernet(sorted(folder.rglob("*.pcap*")))
-    if not path.name.startswith("s7-") and path.parent.name != "s7-stacks"
+    if not path.name.startswith(("s7-", "s7connector", "lossy_nodes7"))
+    and path.parent.name != "s7-stacks"
 }
 """Neither those of PROFIBUS (test_wireshark_profibus.py) nor those of S7, of which the plugin shows nothing."""
 WORKERS = 2
