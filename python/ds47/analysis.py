@@ -455,7 +455,9 @@ class Analysis:
         """What the capture shows up to now, beside S7 and record calls, that an IP address is a drive."""
         if any(each.relation.device == ip for each in self._cyclic.drives()):
             return "cyclic"
-        kind = self._stations.kind(ip)
+        identity, kind = self._stations.identity(ip), self._stations.kind(ip)
+        if identity is not None and s7.is_drive_device(*identity):
+            return "device"
         return "station" if kind is not None and s7.is_drive(kind) else None
 
     def _communicated(self, job: S7Job, remarks: list[Remark]) -> None:

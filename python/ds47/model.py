@@ -678,7 +678,7 @@ class Evidence(NamedTuple):
 class Drive(NamedTuple):
     """What shows that a server of S7 is a drive, and the first address that it has of an element (docs/s7.md 8).
 
-    `proof` is "chosen", "order", "records", "cyclic", "station" or "values"; "addresses" only suggest it.
+    `proof`: "chosen", "order", "records", "cyclic", "device", "station" or "values"; "addresses" only suggest it.
     """
 
     proof: str

@@ -6,6 +6,7 @@ import io
 import json
 import struct
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -148,10 +149,23 @@ def test_its_order_number_proves_a_drive() -> None:
     assert elements(found) == [(2, "1120[0] [10.0]")]
 
 
+@pytest.mark.parametrize(("device_id", "shown"), [(0x0507, "device"), (0x010E, "addresses")])
+def test_its_device_id_proves_a_drive(device_id: int, shown: str) -> None:
+    stage = Stage()
+    there = drive(Client(stage))
+    host = replace(there.host, vendor_id=0x002A, device_id=device_id)
+    frame = ether.bare(host.mac, station(2).mac, DCP, dcp_identify(host, "press-1"))
+    stage.frame(frame)
+    there.link().open().get(RAMP)
+    found = analyze(io.BytesIO(captured(stage)))
+    assert proof(found) == shown
+    assert elements(found) == ([(2, "1120[0] [10.0]")] if shown == "device" else [])
+
+
 def test_its_type_of_station_proves_a_drive() -> None:
     stage = Stage()
     there = drive(Client(stage))
-    name = dcp_identify(there.host, "press-1")
+    name = dcp_identify(replace(there.host, vendor_id=0x0123), "press-1")
     kind = b"\2\1" + struct.pack(">H", 2 + 14) + bytes(2) + b"SINAMICS G120C"
     length = struct.unpack(">H", name[10:12])[0] + len(kind)
     stage.frame(

@@ -78,6 +78,15 @@ class Stations:
         station = self._stations.get(self._by_ip.get(ip, ""))
         return station.kind if station is not None and station.ip == ip else None
 
+    def identity(self, ip: str) -> tuple[int, int] | None:
+        """Vendor and device id of a device, by Connect or DCP, as shown up to now; None where nothing tells."""
+        for known in (self._servers.get(ip), self._stations.get(self._by_ip.get(ip, ""))):
+            if known is None or known.ip != ip or known.vendor_id is None:
+                continue
+            if known.device_id is not None:
+                return known.vendor_id, known.device_id
+        return None
+
     def vendor_of(self, mac: str) -> int | None:
         """Vendor id of the station with a MAC address, as shown up to now; None where nothing says it."""
         station = self._stations.get(mac)

@@ -105,7 +105,7 @@ class Drives:
 
     Args:
         kinds: of servers by IP address, as the user says (`spec.s7.cpus`).
-        shown: what else of the capture shows that an IP address is a drive: "cyclic", "station"; None for nothing.
+        shown: what else of the capture shows that an IP address is a drive: "cyclic", "device", "station"; None.
         most: servers that are remembered.
     """
 

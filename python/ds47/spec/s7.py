@@ -114,6 +114,11 @@ def is_drive(kind: str) -> bool:
     return kind.upper().startswith(tuple(_load("s7.toml")["drive_stations"]))
 
 
+def is_drive_device(vendor_id: int, device_id: int) -> bool:
+    """Whether a device of PROFINET is such a drive."""
+    return [vendor_id, device_id >> 8] in _load("s7.toml")["drive_devices"]
+
+
 @cache
 def orders() -> tuple[Order, ...]:
     """Order numbers of CPUs; the first that fits counts."""
