@@ -635,7 +635,7 @@ EVIDENCE = Shape("", (
 ), model.Evidence)  # fmt: skip
 DRIVE = Shape("", (
     Key("proof", {"enum": ["chosen", "order", "records", "cyclic", "device", "station", "values", "addresses"]},
-        "What shows it: --s7-cpu, the order number in an SZL, record calls, cyclic frames, its device id, its type "
+        "What shows it: --s7-cpu, the order number in an SZL, record calls, cyclic frames, device id, its type "
         "of station in DCP, values that share no bytes. Addresses only suggest it."),
     Key("address", MAYBE_TEXT, "The first one of an element,"),
     Key("drive_object", WORD, "and what that stands for."),
