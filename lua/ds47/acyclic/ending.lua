@@ -21,7 +21,9 @@ function Events:concerns(index)
 end
 
 local function is_ours(self, origin, record)
-  return self.gate:is_open(records.ar_key(origin.peer, record), record.index)
+  local gate, peer = self.gate, origin.peer
+  return gate:is_open(records.ar_key(peer, record), record.index)
+    or gate:is_of_drive(peer.device, record.place)
 end
 
 function Events:about(origin, record, remark)

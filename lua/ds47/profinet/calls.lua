@@ -328,7 +328,7 @@ local function request(self, pdu)
   if before then
     self.completeness:went_on(before.request, pdu)
   end
-  activity.numbers:add(pdu)
+  activity.numbers:add(pdu, call ~= nil)
   activity.newest = seq
   call = {request = pdu, response = nil, context = nil, later = nil, again = nil}
   append(activity, seq, call)

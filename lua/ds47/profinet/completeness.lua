@@ -71,7 +71,8 @@ local function skip(self, pdu)
 end
 
 --- One more number: that of a request, or of a response whose request is not there.
-function Numbers:add(pdu)
+-- @param renewed  whether it stood for another call before
+function Numbers:add(pdu, renewed)
   local number = pdu.seq
   if number > self.highest then
     if number > self.highest + 1 then
@@ -85,7 +86,7 @@ function Numbers:add(pdu)
   elseif number == self.again + 1 then
     self.lowest, self.highest, self.newest = self.again, number, pdu
   elseif not fills(self.holes, number) then
-    self.again, self.anew = number, pdu.frame
+    self.again, self.anew = number, renewed and pdu.frame or self.anew
   end
 end
 

@@ -211,6 +211,7 @@ class CallTracker:
         if calls:
             self._expire(activity, pdu)
         call = calls.get(seq) or self._answered.get(key)
+        renewed = call is not None
         if call is not None:
             if self._is_retransmission(activity, call, pdu):
                 self.counts["retransmissions"] += 1
@@ -228,7 +229,7 @@ class CallTracker:
         before = calls.get(activity.newest)
         if before is not None:
             self._completeness.went_on(before.request, pdu)
-        activity.numbers.add(pdu)
+        activity.numbers.add(pdu, renewed=renewed)
         call = calls[seq] = Call(pdu)
         activity.newest = seq
         early = self._early.pop(key, None) if self._early else None

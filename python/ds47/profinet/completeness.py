@@ -61,7 +61,7 @@ class Numbers:
         self.again = -2
         """The newest number that was there before: the next one tells whether the client counts anew."""
         self.anew = 0
-        """The newest frame in which a number stands for another call: what came in between nobody knows."""
+        """The newest frame from which on a client counts anew: what came up to there nobody knows. 0 for none."""
         self.newest = pdu
         """The request with the highest number."""
         self.heard = False
@@ -69,8 +69,11 @@ class Numbers:
         self.holes: list[Hole] = []
         """In the order of their frames."""
 
-    def add(self, pdu: Pdu) -> None:
-        """One more number: that of a request, or of a response whose request is not there."""
+    def add(self, pdu: Pdu, *, renewed: bool = False) -> None:
+        """One more number: that of a request, or of a response whose request is not there.
+
+        `renewed`: it stood for another call before.
+        """
         number = pdu.seq
         if number > self.highest:
             if number > self.highest + 1:
@@ -83,7 +86,9 @@ class Numbers:
         elif number == self.again + 1:
             self.lowest, self.highest, self.newest = self.again, number, pdu
         elif not self._fills(number):
-            self.again, self.anew = number, pdu.frame
+            self.again = number
+            if renewed:
+                self.anew = pdu.frame
 
     def _skip(self, pdu: Pdu) -> None:
         self.holes.append(Hole(self.newest.frame, pdu.frame, self.highest + 1, pdu.seq - 1))
