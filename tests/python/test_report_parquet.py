@@ -191,8 +191,10 @@ def test_parquet_says_what_json_says(arrow, results):
         ]
         for each in results
         for item in each.transactions
-        for position, parameter in enumerate(item.parameters)
-        if parameter.values
+        for position, parameter in enumerate(
+            item.parameters or [part.parameter for part in item.items]
+        )
+        if parameter is not None and parameter.values
     }
 
 
