@@ -199,7 +199,7 @@ def test_watch_and_report_say_the_same(source: Path, tmp_path: Path) -> None:
     result = analyze(source)
 
     def comparable(start: str, frames: object, state: str, findings: list[str]) -> str:
-        """DS101 comes when its call is given up, perhaps long behind the transaction: it is told by itself then."""
+        """DS101 comes when its call is given up, perhaps long behind the transaction: by itself then."""
         at_once = [each for each in findings if each != "DS101"]
         return json.dumps([start, frames, state, at_once], sort_keys=True)
 
