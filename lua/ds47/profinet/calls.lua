@@ -328,12 +328,12 @@ local function request(self, pdu)
   if before then
     self.completeness:went_on(before.request, pdu)
   end
-  activity.numbers:add(pdu, call ~= nil)
+  local early = early_response(self, pdu)
+  activity.numbers:add(pdu, early == nil)
   activity.newest = seq
   call = {request = pdu, response = nil, context = nil, later = nil, again = nil}
   append(activity, seq, call)
   self.newest, self.asks_again = call, false
-  local early = early_response(self, pdu)
   if early then
     answer(self, activity, call, early)
     self.completeness:asked_after_all(early)

@@ -71,7 +71,7 @@ local function skip(self, pdu)
 end
 
 --- One more number: that of a request, or of a response whose request is not there.
--- @param renewed  whether it stood for another call before
+-- @param renewed  whether it stands for another call, if it was there before
 function Numbers:add(pdu, renewed)
   local number = pdu.seq
   if number > self.highest then

@@ -211,7 +211,6 @@ class CallTracker:
         if calls:
             self._expire(activity, pdu)
         call = calls.get(seq) or self._answered.get(key)
-        renewed = call is not None
         if call is not None:
             if self._is_retransmission(activity, call, pdu):
                 self.counts["retransmissions"] += 1
@@ -229,11 +228,12 @@ class CallTracker:
         before = calls.get(activity.newest)
         if before is not None:
             self._completeness.went_on(before.request, pdu)
-        activity.numbers.add(pdu, renewed=renewed)
+        early = self._early.pop(key, None) if self._early else None
+        late = early is not None and 0 <= early.time_ns - pdu.time_ns <= self._limits.call_expiry_ns
+        activity.numbers.add(pdu, renewed=not late)
         call = calls[seq] = Call(pdu)
         activity.newest = seq
-        early = self._early.pop(key, None) if self._early else None
-        if early is None or not 0 <= early.time_ns - pdu.time_ns <= self._limits.call_expiry_ns:
+        if early is None or not late:
             self._handlers.request(call)
             return
         self._answer(activity, call, early)

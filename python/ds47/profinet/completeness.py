@@ -72,7 +72,7 @@ class Numbers:
     def add(self, pdu: Pdu, *, renewed: bool = False) -> None:
         """One more number: that of a request, or of a response whose request is not there.
 
-        `renewed`: it stood for another call before.
+        `renewed`: it stands for another call, if it was there before.
         """
         number = pdu.seq
         if number > self.highest:
