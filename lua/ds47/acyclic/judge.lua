@@ -26,9 +26,9 @@ M.PNU_ACCESS_IDENTIFICATION = 974
 local PNU_ACCESS_IDENTIFICATION, NOT_SUPPORTED = M.PNU_ACCESS_IDENTIFICATION, family.NOT_SUPPORTED
 local VALUE = tables.layouts.ADDRESS_VALUE
 local NONE = {} -- no remarks; most jobs have none
--- Flaws that say that something is not there: pad, bytes, error block.
 local WRONG_COUNT = 0x18 -- the number of values does not fit (docs/protocol.md A.7)
 local TOO_MANY = "DS304" -- more parameters than usual
+-- Flaws that say that something is not there: pad, bytes, error block.
 local ABSENT = {DS311 = true, DS315 = true, DS412 = true}
 
 --- A remark. `args` may be nil; `offset` is the 0-based byte of the message, nil where there is none.

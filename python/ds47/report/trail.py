@@ -17,6 +17,7 @@ from ds47.profidrive import decode_request
 from ds47.profidrive.dictionary import changes_itself
 from ds47.profidrive.drive_objects import Access, DriveObjects, Identity, access_of
 from ds47.profidrive.elements import is_whole, split
+from ds47.report import s7
 from ds47.spec.semantics import known
 
 ACCEPTED: Final = "accepted"
@@ -24,8 +25,6 @@ NEGATIVE: Final = "negative"
 REFUSED: Final = "refused"
 SENT: Final = "sent"
 """Outcomes: the response accepts it; it is negative; the Write call was refused; no response tells."""
-DONE: Final = 0xFF
-"""The return code of an item of S7 that went well."""
 _NO_INDEX: Final = 0
 """Of an access that has no record index: the drive object is named by itself."""
 _DOUBTFUL: Final = frozenset({"DS106", "DS309", "DS313", "DS315"})
@@ -253,7 +252,7 @@ def _requests(item: Transaction) -> Iterator[Transaction]:
     for accepted in (True, False):
         found = [
             each for each in item.items
-            if each.parameter is not None and (each.code in (None, DONE)) is accepted
+            if each.parameter is not None and (each.code in (s7.OK, None)) is accepted
         ]  # fmt: skip
         for number in dict.fromkeys(each.drive_object for each in found):
             part = copy(item)
