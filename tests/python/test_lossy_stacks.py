@@ -13,6 +13,8 @@ from typing import Any
 import pytest
 from test_real_stacks import result_of
 
+from ds47.cli import main
+
 WHOLE = {"l1_replay": "l1_replay.device.pcapng", "l4_harsh": "l4_harsh.pcapng"}
 """What was asked by name of the list, and where the wire was recorded."""
 OF_THE_WIRE = {
@@ -126,3 +128,24 @@ def test_bytes_of_s7_are_those_that_the_client_had(
             assert bytes(there[at] for at in span).hex() == line["bytes"], line
         elif line["ok"] is False:
             assert not set(span) <= set(there), line
+
+
+def test_a_refusal_with_nothing_open_is_told_with_what_the_frames_show(
+    stacks: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """DF80B500 behind a response that was fetched: no other request is in the capture, so none is claimed."""
+    assert main(["report", "--all", str(stacks / "l3_once.pcapng")]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert (
+        "was turned away in frame 86 with state conflict; no open request is in the capture" in told
+    )
+
+
+def test_the_time_beside_a_frame_is_that_of_this_frame(
+    stacks: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Frame 39 brings the response of #3, whose request came at 19:25:07.043."""
+    assert main(["report", "--all", str(stacks / "l3_once.pcapng")]) == 0
+    told = capsys.readouterr().out
+    assert "look at frame 39 (#3, 19:25:07.232): " in told
+    assert "frame 39 #3 19:25:07.232: offset 4: " in told

@@ -45,7 +45,6 @@ class Opening:
         self._paint = paint
         self._width = min(WIDTH, options.width)
         self._clock = Clock(options.zone, None)
-        self._starts: dict[int, int] = {}
         self._seen_at: dict[int, int] = {}
         """When the frames of findings were, by number."""
 
@@ -56,7 +55,6 @@ class Opening:
     def lines(self, result: CaptureResult, clock: Clock) -> Iterator[str]:
         """Everything behind the verdict, each part with an empty line before it; no line is to be broken."""
         self._clock = clock
-        self._starts = {each.id: each.start_ns for each in result.transactions}
         told = ((each.frame, each.time_ns) for each in result.findings)
         self._seen_at = {frame: time_ns for frame, time_ns in told if time_ns is not None}
         yield from self._drives(result)
@@ -216,14 +214,13 @@ class Opening:
             return
         (_, numbers), *others = places.by_file(frames)
         shown, left_out = display_filter(numbers)
-        values = {"frame": escape(places.number(frames[0], self._lang)), "filter": shown}
-        if jobs:
-            values["job"] = str(jobs[0])
-            values["time"] = self._clock.moment(self._starts.get(jobs[0], 0))
-        elif frames[0] in self._seen_at:
-            values["time"] = self._clock.moment(self._seen_at[frames[0]])
-        timed = "look_at_time" if "time" in values else "look_at"
-        line = self._say("look_at_job" if jobs else timed, **values)
+        frame = escape(places.number(frames[0], self._lang))
+        about = [f"#{jobs[0]}"] if jobs else []
+        if frames[0] in self._seen_at:
+            about.append(self._clock.moment(self._seen_at[frames[0]]))
+        if about:
+            frame = self._say("frame_about", frame=frame, about=", ".join(about))
+        line = self._say("look_at", frame=frame, filter=shown)
         left_out += item.frames_left_out
         yield "    " + self._paint("dim", line) + self._left_out(left_out)
         for file, numbers in others:

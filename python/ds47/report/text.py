@@ -83,7 +83,6 @@ class Writer(_Writer):
         self._rows: list[Row] = []
         self._latency = Latency()
         self._clock = Clock(self.options.zone, None)
-        self._starts: dict[int, int] = {}
 
     def capture(self, result: CaptureResult) -> None:
         counts, row = Counts.of(result), Row.of(result)
@@ -105,7 +104,6 @@ class Writer(_Writer):
         if self._rows:
             self._line()
         self._clock = Clock.of(result, self.options.zone)
-        self._starts = {each.id: each.start_ns for each in result.transactions}
         self._header(result, counts)
         for line in self._opening.lines(result, self._clock):
             self._copied(line)
@@ -457,14 +455,9 @@ class Writer(_Writer):
         text = escape(sentence(item, self.options.lang))
         text = at_offset(item.offset, text, self.options.lang)
         frame = escape(places.words(item.frame, self.options.lang))
-        known = "" if item.time_ns is None else f" {self._clock.moment(item.time_ns)}"
-        job = known if item.transaction is None else self._job(item.transaction)
-        return self._say("finding_line", frame=frame, job=job, message=text)
-
-    def _job(self, number: int) -> str:
-        """` #12 12:14:03.412`: a transaction and when it began."""
-        start = self._starts.get(number)
-        return f" #{number}" if start is None else f" #{number} {self._clock.moment(start)}"
+        job = "" if item.transaction is None else f" #{item.transaction}"
+        time = "" if item.time_ns is None else f" {self._clock.moment(item.time_ns)}"
+        return self._say("finding_line", frame=frame, job=job + time, message=text)
 
     def _summary(
         self, title: str, sums: dict[str, Any], latency: Latency, verdict: str = ""

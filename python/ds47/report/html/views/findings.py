@@ -90,6 +90,6 @@ def _group(rule: str, items: list[Finding], links: Links, moments: Moments) -> G
 
 def _shown(item: Finding, links: Links, moments: Moments) -> Shown:
     others = links.of(frame for frame in item.frames if frame != item.frame)
-    clock, known = moments.clock, moments.of_finding(item)
+    clock, known = moments.clock, item.time_ns
     time, since = ("", "") if known is None else (clock.at(known), f"{clock.since(known)} s")
     return Shown(item.frame, time, since, item.transaction, messages.with_offset(item), others)

@@ -142,7 +142,7 @@ def problems(
     told += _others(result, targets or Targets(result.evidence))
     if moments is not None:
         for problem in told:
-            problem.time = moments.told(problem.job, problem.frame)
+            problem.time = moments.told(problem.frame)
     return sorted(told, key=_serious_first)
 
 

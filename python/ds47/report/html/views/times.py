@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ds47.model import CaptureResult, Finding
+from ds47.model import CaptureResult
 from ds47.report.clock import Clock
 
 _MS = 1_000_000
@@ -28,23 +28,15 @@ def for_script(clock: Clock) -> dict[str, Any]:
 
 
 class Moments:
-    """When transactions began and when frames of findings and events were."""
+    """When the frames of findings were."""
 
     def __init__(self, result: CaptureResult, clock: Clock) -> None:
         self.clock = clock
-        self._starts = {each.id: each.start_ns for each in result.transactions}
         self._frames = {
             each.frame: each.time_ns for each in result.findings if each.time_ns is not None
         }
 
-    def of_finding(self, item: Finding) -> int | None:
-        """When its frame was; where that was not kept, when its transaction began."""
-        known = self._frames.get(item.frame)
-        return self._starts.get(item.transaction or 0) if known is None else known
-
-    def told(self, job: int | None, frame: int | None) -> str:
-        """When a job began, or a frame was; empty where neither is known."""
-        known = self._starts.get(job or 0)
-        if known is None:
-            known = self._frames.get(frame or 0)
+    def told(self, frame: int | None) -> str:
+        """When a frame was; empty where that is not known."""
+        known = self._frames.get(frame or 0)
         return "" if known is None else self.clock.moment(known)
