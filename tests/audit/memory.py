@@ -32,6 +32,8 @@ class Target:
     device: str
     axis: int | None
     submodule: tuple[int, int] | None
+    through: tuple[int, int] | None = None
+    """The submodule that was asked for axis 0, which names no drive object."""
 
 
 @dataclass
@@ -87,7 +89,10 @@ class Memory:
         if deal.index == LOCAL:
             place = (deal.slot, deal.subslot)
             return Target(deal.device, self.proven.get((deal.device, place)), place)
-        return None if deal.asked is None else Target(deal.device, deal.asked.axis, None)
+        if deal.asked is None:
+            return None
+        axis = deal.asked.axis
+        return Target(deal.device, axis, None, None if axis else (deal.slot, deal.subslot))
 
     def same(self, one: Target | None, other: Target | None) -> str:
         """Whether two are one drive object: sure, maybe or never."""

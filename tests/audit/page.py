@@ -387,7 +387,7 @@ class Headline:
     answering: list[int] = field(default_factory=list)
     more: int = 0
     time: str = ""
-    """When this one began."""
+    """When its frame was."""
     device: str | None = None
     """The device in front of its words."""
     state: str = ""
@@ -435,13 +435,8 @@ def headlines(lines: list[str]) -> list[Headline]:
 
 
 def _timed(item: Headline, reading: Reading) -> Iterator[str]:
-    """The time behind "look at": that of the transaction, else that of the frame."""
-    if not item.time:
-        return
-    if item.job in reading.by_id:
-        if item.time != clock(reading.by_id[item.job], reading):
-            yield f"#{item.job} did not begin at {item.time}"
-    elif item.job is None and item.time != _of_frame(item.frame, reading):
+    """The time behind "look at" is that of the frame."""
+    if item.frame is not None and item.time != (_of_frame(item.frame, reading) or ""):
         yield f"frame {item.frame} was not at {item.time}"
 
 
@@ -716,9 +711,7 @@ def _group(findings: list[Finding], lines: list[str], reading: Reading) -> Itera
     frames, more = set[int](), 0
     for text in whole(lines):
         told = re.match(r"frame (\d+)(?: #(\d+))?(?: ([\d.:+ s-]+?))?: (.*)$", text)
-        if told and told[2] and told[3] != clock(reading.by_id[int(told[2])], reading):
-            yield f"#{told[2]} did not begin at {told[3]}"
-        if told and not told[2] and told[3] != _of_frame(int(told[1]), reading):
+        if told and told[3] != _of_frame(int(told[1]), reading):
             yield f"frame {told[1]} was not at {told[3]}"
         if told and not any(
             each.frame == int(told[1]) and each.message == told[4]

@@ -371,6 +371,8 @@ def _asked_by(record: wire.Record, deal: Deal, reading: Reading) -> tuple[set[in
     begin = taken[-1].asked if taken else 0
     behind = [each for each in writes if each.asked > begin]
     unseen = {each.asked for each in behind if _end(each) == "unseen"}
+    if any(not each.asked and _end(each) == "done" and _at(each) > begin for each in writes):
+        unseen.add(0)  # a Write that was accepted, and whose request nobody saw
     if taken and _is_open(begin, at, deal, reading):
         owner = _owner(begin, deal, reading)
         unsure = bool(unseen) or (owner is not None and owner.state == "incomplete")

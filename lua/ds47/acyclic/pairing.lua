@@ -1092,6 +1092,9 @@ function Pairing:read_response(peer, record)
   if missing then
     set_aside(self, channel, job, missing)
     job = nil
+    if channel.open then -- whosever this is, it ends what was asked before it
+      set_aside(self, channel, channel.open, {what = "later"})
+    end
   end
   if job then
     read(self, channel, job, event, record)
@@ -1109,6 +1112,9 @@ function Pairing:read_response(peer, record)
   if again and last.phase ~= "closed" then
     reread(self, channel, last, record)
     return last
+  end
+  if not (late or is_last(channel, half.data)) then
+    pass_over(channel)
   end
   job = new_job(self, channel, peer, record, nil, nil, channel.written)
   job.phase, job.uncertain = "open", self.forgot_requests or nil

@@ -438,6 +438,8 @@ class Pairing:
             missing = self._of_another(channel, job, record)
         if job is not None and missing is not None:
             self._set_aside(channel, job, missing)
+            if channel.open is not None:  # whosever this is, it ends what was asked before it
+                self._set_aside(channel, channel.open, Missing("later"))
         elif job is not None:
             self._read(channel, job, event, record)
             return job
@@ -452,6 +454,8 @@ class Pairing:
         if read is not None and again and read.phase != "closed":
             self._reread(channel, read, record)
             return read
+        if not (late or _is_last(channel, half.data)):
+            channel.pass_over()
         job = self._job(peer, record, None)
         job.phase, job.certain, job.previous = "open", not self._pushed_out, channel.written
         if first is not None and again:
