@@ -124,6 +124,10 @@ class Gaps:
         ]  # fmt: skip
         return max([0, *found])
 
+    def newest_gap(self) -> int:
+        """The frame behind which no number of anybody is missing; 0 where none is."""
+        return max((gap.before for pair in self._of for gap in self.of(*pair)), default=0)
+
     def turns(self, station: str) -> list[int]:
         """Of a station of PROFIBUS the requests behind which an answer is missing, or an exchange before them.
 
@@ -163,7 +167,8 @@ class Gaps:
         """Whether a call may be missing between two frames, also by what another activity leaves open."""
         lacks = bool(self.halves(client, server) or self.of(client, server))
         other = lacks and self.began_behind(client, server, first)
-        return other or any(self.between(client, server, first, last))
+        cut = any(first < each <= last for each in self.cut(client, server))
+        return other or cut or any(self.between(client, server, first, last))
 
     def between(self, client: str, server: str, first: int, last: int) -> Iterator[str]:
         """Why a Write may be missing between two frames."""

@@ -256,6 +256,10 @@ def _finding(whole: Whole, finding: Finding, cut: Reading, origin: list[int]) ->
     deal = cut.deal(finding)
     same = _same(whole, deal, origin) if deal is not None else None
     args, frame = _moved(finding, origin), origin[finding.frame]
+    if deal is not None and same is not None and finding.frame == deal.write:
+        again = _asked_again(whole, same, origin[deal.read or 0])
+        if again is not None and again.write is not None:  # what is said of one is said of both
+            same, frame = again, again.write
     if finding.rule != "DS704":
         frame = _first_time(frame, deal is not None and finding.frame == deal.read, deal, same)
     moved = Finding(

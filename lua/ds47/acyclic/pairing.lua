@@ -58,6 +58,7 @@ Job.again = "" -- of the first re-read, how it came about: a key of tables.diagn
 --   fetching: array of the Reads that were sent for it and have no response up to now; nil for none
 --   read_before: true where an earlier Read that is not in the capture may have brought the response
 --   insisted: until when the client of a call of it that was sent again waits at least; nil where none was
+--   uncounted: true for the first one on its channel, if another channel of its AR had its reference last
 --   twice: frame of a call of it with two responses, of which the client may have either; nil for none
 --   written_again: frame of the Write that asked for the same while this one had no response: it was accepted
 --   crossed: {first, last}, frames of two Writes, one of them this, accepted in the other order (P27)
@@ -870,6 +871,16 @@ local function reread(self, channel, job, record)
   touch(self, job, "reread", record.response)
 end
 
+-- Whether another channel of its AR had a reference last, where a channel has none yet.
+local function is_uncounted(self, channel, reference)
+  for key in (channel.written and NO_KEYS or self.of_ar[channel.ar_key]):iterate() do
+    if self.channels:get(key).reference == reference then
+      return true
+    end
+  end
+  return nil
+end
+
 --- A Write that asks for something. Returns the job, for `write_response`.
 function Pairing:write_request(peer, record, message)
   local channel = channel_of(self, peer, record, record.request.time_ns)
@@ -879,6 +890,7 @@ function Pairing:write_request(peer, record, message)
   local job = new_job(self, channel, peer, record, message, reference, channel.written)
   local asked, half = channel.asked, record.request
   local count = #asked + 1
+  job.uncounted = is_uncounted(self, channel, message.request_reference)
   asked[count] = job
   channel.reference, channel.written = message.request_reference, half.frame
   touch(self, job, "write_request", half)
@@ -959,7 +971,8 @@ end
 local function counts(job)
   local before, now = job.previous_reference, job:reference()
   local step = before and now and (now - before) % 256
-  local first = before == nil and job.previous == nil and not (job.fetching or job:write_refused())
+  local first = before == nil and job.previous == nil
+    and not (job.fetching or job.uncounted or job:write_refused())
   for _, poll in ipairs(first and job.polls or NONE) do
     first = first and poll.request ~= nil
   end
@@ -1020,7 +1033,8 @@ local function of_another(self, channel, job, record)
   elseif may_be_newer(channel, job, record) then
     return {what = "later"}
   end
-  local since = has_data and job == channel.refused and free_since(self, channel, sought) or asked.frame
+  local ended = job == channel.refused and half.status ~= STATUS_SHORT
+  local since = ended and free_since(self, channel, sought) or asked.frame
   local found = asked_behind(self, job.peer, channel, since)
   if found == nil or not has_data or channel.unseen > since then
     return found

@@ -283,8 +283,6 @@ function Completeness:behind(client, server, since, lost)
   local pair = self.pairs:get(key_of(client, server))
   if pair == nil or pair.activities[1] == nil then
     return {what = "requests"}
-  elseif not hears(pair) then
-    return {what = "one_direction"}
   end
   local across, unasked = since < pair.since, pair.unasked
   local hole = hole_behind(pair.activities, since, across)
@@ -294,6 +292,8 @@ function Completeness:behind(client, server, since, lost)
     return {what = "requests"}
   elseif is_anew(pair.activities, since) then
     return {what = "renewed"}
+  elseif not hears(pair) then
+    return {what = "one_direction"}
   elseif across and (lost or pair.lost[1]) then
     return {what = "halves"}
   end

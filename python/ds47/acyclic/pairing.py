@@ -103,6 +103,8 @@ class Job:
     previous_reference: int | None
     previous: int | None
     """Frame of the request before it on its channel, as far as the capture shows."""
+    uncounted: bool
+    """Whether it is the first one on its channel, and another channel of its AR had its reference last."""
     superseded_by: int | None
     reason: str
     order: int
@@ -179,6 +181,7 @@ class Job:
         self.response = response
         self.previous_reference = previous_reference
         self.previous = previous
+        self.uncounted = False
         self.superseded_by = superseded_by
         self.reason = reason
         self.order = order
@@ -360,6 +363,10 @@ class Pairing:
         missing = None if before is None else self._behind(peer, before)
         if missing is None or missing.what == "one_direction":
             job.previous_reference = channel.reference
+        if before is None:
+            others = self._of_ar[_key(peer, record)[:3]]
+            last = (self.channels[each].reference for each in others)
+            job.uncounted = message.request_reference in last
         channel.reference, channel.written = message.request_reference, record.request.frame
         channel.asked.append(job)
         if self._asked is not None:
@@ -456,11 +463,14 @@ class Pairing:
             return read
         if not (late or _is_last(channel, half.data)):
             channel.pass_over()
+        return self._orphan(peer, channel, record, first.frame if first and again else None)
+
+    def _orphan(self, peer: Peer, channel: Channel, record: Record, repeats: int | None) -> Job:
+        """A record whose request is not known; `repeats`: the frame in which its bytes were read first."""
         job = self._job(peer, record, None)
         job.phase, job.certain, job.previous = "open", not self._pushed_out, channel.written
-        if first is not None and again:
-            job.repeats = first.frame
-        self._read(channel, job, event, record)
+        job.repeats = repeats
+        self._read(channel, job, "read_record", record)
         return job
 
     # What is not in the capture (P73)
@@ -561,7 +571,8 @@ class Pairing:
         if _may_be_newer(channel, job, record):
             return Missing("later")
         free = self._free_since(job.peer, channel, job.record, record.request or half)
-        since = free if job is channel.refused and half.data else asked.frame
+        ended = job is channel.refused and half.status != STATUS_SHORT
+        since = free if ended else asked.frame
         found = self._asked_behind(job.peer, channel, since)
         if found is None or not half.data or channel.unseen > since:
             return found
@@ -1109,13 +1120,13 @@ def _mirrors(job: Job, half: Half) -> bool:
 def _counts(job: Job) -> bool:
     """Whether a program counts its references, as far as is known: one more than before, or two past 0.
 
-    Of the first one on a channel it may, and a capture that has only what somebody chose has no other. Whoever
-    chooses takes whole calls.
+    Of the first one on a channel it may, if another channel had not the same one last, and a capture that has
+    only what somebody chose has no other. Whoever chooses takes whole calls.
     """
     before, now = job.previous_reference, job.reference
     if before is None:
         halves = job.fetching or any(read is None for read, _ in job.polls)
-        return job.previous is None and not (halves or job.write_refused)
+        return job.previous is None and not (halves or job.write_refused or job.uncounted)
     return now is not None and (now - before) % 256 in (1, 2)
 
 

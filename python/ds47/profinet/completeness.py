@@ -257,8 +257,6 @@ class Completeness:
         pair = self._pairs.get((client, server))
         if pair is None or not pair.asks:
             return "requests"
-        if not pair.hears:
-            return "one_direction"
         across = since < pair.since
         for numbers in pair.activities:
             if numbers.holes and (across or numbers.holes[-1].before > since):
@@ -267,6 +265,8 @@ class Completeness:
             return "requests"
         if any(each.anew > since for each in pair.activities):
             return "renewed"
+        if not pair.hears:
+            return "one_direction"
         return "halves" if across and pair.lost else None
 
     def spoke_ns(self, client: str, server: str) -> int | None:
@@ -292,3 +292,9 @@ class Completeness:
             return self.lost_on_line(int(server.removeprefix(STATION)))
         pairs = (pair for (_, called), pair in self._pairs.items() if called == server)
         return max((pair.newest for pair in pairs), default=0)
+
+    def newest_gap(self) -> int:
+        """The newest frame before which numbers of anybody are missing: what else was said up to it is unknown."""
+        return max(
+            (each.holes[-1].before for each in self._pairs.values() if each.holes), default=0
+        )
