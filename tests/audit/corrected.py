@@ -20,7 +20,7 @@ from typing import Any
 from tests.audit import message
 from tests.audit.causes import described, formats
 from tests.audit.drive import Drive
-from tests.audit.memory import LOCAL, NEVER, NO_SUCH_AXIS, Memory, Target
+from tests.audit.memory import LOCAL, NEVER, NO_SUCH_AXIS, Memory, Target, by_axis
 from tests.audit.reading import Complaint, Deal, Reading
 
 SAFETY = (*range(9300, 9400), *range(9500, 9950), *range(10000, 10300))
@@ -217,12 +217,8 @@ def _shown(
 
 
 def _target(deal: Deal, new: message.Message) -> Target:
-    place = deal.slot, deal.subslot
-    return (
-        Target(deal.device, None, place)
-        if deal.index == LOCAL
-        else Target(deal.device, new.axis, None)
-    )
+    local = Target(deal.device, None, (deal.slot, deal.subslot))
+    return local if deal.index == LOCAL else by_axis(deal, new.axis)
 
 
 def _alike(part: tuple[object, ...], other: tuple[object, ...], code: int | None) -> bool:

@@ -36,6 +36,11 @@ class Target:
     """The submodule that was asked for axis 0, which names no drive object."""
 
 
+def by_axis(deal: Deal, axis: int) -> Target:
+    """The drive object that an axis names in a request at the place of a transaction."""
+    return Target(deal.device, axis, None, None if axis else (deal.slot or 0, deal.subslot or 0))
+
+
 @dataclass
 class Event:
     """Something that may have set a parameter: a change of one element, or of all (`pnu` None).
@@ -89,10 +94,7 @@ class Memory:
         if deal.index == LOCAL:
             place = (deal.slot, deal.subslot)
             return Target(deal.device, self.proven.get((deal.device, place)), place)
-        if deal.asked is None:
-            return None
-        axis = deal.asked.axis
-        return Target(deal.device, axis, None, None if axis else (deal.slot, deal.subslot))
+        return None if deal.asked is None else by_axis(deal, deal.asked.axis)
 
     def same(self, one: Target | None, other: Target | None) -> str:
         """Whether two are one drive object: sure, maybe or never."""

@@ -435,8 +435,9 @@ def headlines(lines: list[str]) -> list[Headline]:
 
 
 def _timed(item: Headline, reading: Reading) -> Iterator[str]:
-    """The time behind "look at" is that of the frame."""
-    if item.frame is not None and item.time != (_of_frame(item.frame, reading) or ""):
+    """The time behind "look at" is that of the frame; it may lack where no finding stands on that frame."""
+    stands = any(each.frame == item.frame for each in reading.findings)
+    if (item.time or stands) and item.time != _of_frame(item.frame or 0, reading):
         yield f"frame {item.frame} was not at {item.time}"
 
 

@@ -1033,10 +1033,13 @@ local function of_another(self, channel, job, record)
   elseif may_be_newer(channel, job, record) then
     return {what = "later"}
   end
-  local ended = job == channel.refused and half.status ~= STATUS_SHORT
-  local since = ended and free_since(self, channel, sought) or asked.frame
+  local unknown = job.write_response == nil and not has_data -- whether its Write was accepted
+  local over = (unknown or job == channel.refused) and half.status ~= STATUS_SHORT
+  local since = over and free_since(self, channel, sought) or asked.frame
   local found = asked_behind(self, job.peer, channel, since)
-  if found == nil or not has_data or channel.unseen > since then
+  if unknown and found and found.what == "begins" then
+    return {what = "write_answer", first = asked.frame}
+  elseif found == nil or not has_data or channel.unseen > since then
     return found
   end
   local first = found.what == "begins" and (not job:write_refused() or kind_fits(job.message, data))

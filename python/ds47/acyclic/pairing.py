@@ -571,9 +571,12 @@ class Pairing:
         if _may_be_newer(channel, job, record):
             return Missing("later")
         free = self._free_since(job.peer, channel, job.record, record.request or half)
-        ended = job is channel.refused and half.status != STATUS_SHORT
-        since = free if ended else asked.frame
+        unknown = job.write_response is None and not half.data  # whether its Write was accepted
+        over = (unknown or job is channel.refused) and half.status != STATUS_SHORT
+        since = free if over else asked.frame
         found = self._asked_behind(job.peer, channel, since)
+        if unknown and found is not None and found.what == "begins":
+            return Missing("write_answer", asked.frame)
         if found is None or not half.data or channel.unseen > since:
             return found
         first = found.what == "begins" and (not job.write_refused or _is_of_kind(job, half))
