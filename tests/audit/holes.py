@@ -256,7 +256,8 @@ def _finding(whole: Whole, finding: Finding, cut: Reading, origin: list[int]) ->
     deal = cut.deal(finding)
     same = _same(whole, deal, origin) if deal is not None else None
     args, frame = _moved(finding, origin), origin[finding.frame]
-    if deal is not None and same is not None and finding.frame == deal.write:
+    of_its_bytes = not any(args.get(each) for each in _of_type(finding.rule, "frame", "frames"))
+    if deal is not None and same is not None and of_its_bytes and finding.frame == deal.write:
         again = _asked_again(whole, same, origin[deal.read or 0])
         if again is not None and again.write is not None:  # what is said of one is said of both
             same, frame = again, again.write
@@ -307,7 +308,9 @@ def _is_outside(rule: str, complaint: str, origin: list[int]) -> bool:
     unknown = re.fullmatch(r"the value is not known since frame (\d+)", complaint)
     if rule == "DS417" and unknown is not None:
         return int(unknown[1]) not in origin
-    wanted = {"DS708": "a call there is accepted", "DS401": "the channel goes on"}.get(rule, "-")
+    wanted = {
+        "DS708": "a call there is accepted", "DS401": "the channel goes on", "DS402": "the channel goes on",
+    }.get(rule, "-")  # fmt: skip
     found = re.fullmatch(rf"{wanted} in frame (\d+)", complaint)
     return found is not None and int(found[1]) not in range(origin[1], max(origin) + 1)
 

@@ -131,6 +131,8 @@ def check(reading: Reading) -> Iterator[Complaint]:
         truth = sorted(each for each in _events(drive.looks) if each[1] not in left_out)
         if drive.relation["device"] in mixed:  # told as far as its frames are of one drive
             truth = truth[: len(said)]
+        if (end := _configured_anew(drive, reading)) is not None:
+            truth = [each for each in truth if each[0] < end or each in said]
         if said != truth:
             odd = sorted(set(said) ^ set(truth))[:4]
             yield Complaint("pzd", f"relation {timeline['relation']}", f"the events differ: {odd}")
@@ -144,6 +146,13 @@ def check(reading: Reading) -> Iterator[Complaint]:
             word = look.stw1 if each["word"] == "STW1" else look.zsw1
             if each["word"] and each["after"] != word:
                 yield Complaint("pzd", f"frame {each['frame']}", f"{each['word']} is {word}")
+
+
+def _configured_anew(drive: Drive, reading: Reading) -> int | None:
+    """The frame of a later configuration of its device: behind it the words have to show themselves once more."""
+    mine = drive.relation
+    later = (each for each in reading.plain["relations"] if each["device"] == mine["device"])
+    return min((each["frame"] for each in later if each["frame"] > mine["frame"]), default=None)
 
 
 def offers(reading: Reading) -> Iterator[Complaint]:
