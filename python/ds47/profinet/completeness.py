@@ -295,6 +295,4 @@ class Completeness:
 
     def newest_gap(self) -> int:
         """The newest frame before which numbers of anybody are missing: what else was said up to it is unknown."""
-        return max(
-            (each.holes[-1].before for each in self._pairs.values() if each.holes), default=0
-        )
+        return max((hole.before for pair in self._pairs.values() for hole in pair.holes), default=0)

@@ -145,6 +145,11 @@ class Clock:
         return clock[:12], date, f"{sign}{minutes // 60:02}:{minutes % 60:02}"
 
 
+def seen_at(result: CaptureResult) -> dict[int, int]:
+    """When the frames of findings were, by number: nanoseconds since 1970."""
+    return {each.frame: each.time_ns for each in result.findings if each.time_ns is not None}
+
+
 def beginning(where: Zone, time_ns: int | None) -> str:
     """`2026-11-21 12:14:03`: when a capture begins, for a table of many; empty where no time of day is known."""
     clock = Clock(where, time_ns)

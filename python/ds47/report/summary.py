@@ -13,7 +13,7 @@ from ds47.findings.grouping import headlines
 from ds47.model import S7, CaptureResult, Device, Diagnosis, Finding
 from ds47.report import Options
 from ds47.report.bilingual import say
-from ds47.report.clock import Clock
+from ds47.report.clock import Clock, seen_at
 from ds47.report.filters import display_filter
 from ds47.report.formatting import escape
 from ds47.report.places import Places
@@ -55,8 +55,7 @@ class Opening:
     def lines(self, result: CaptureResult, clock: Clock) -> Iterator[str]:
         """Everything behind the verdict, each part with an empty line before it; no line is to be broken."""
         self._clock = clock
-        told = ((each.frame, each.time_ns) for each in result.findings)
-        self._seen_at = {frame: time_ns for frame, time_ns in told if time_ns is not None}
+        self._seen_at = seen_at(result)
         yield from self._drives(result)
         serious = [each for each in result.diagnoses if each.severity != "note"]
         rest = uncovered(result)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from ds47.model import CaptureResult
-from ds47.report.clock import Clock
+from ds47.report.clock import Clock, seen_at
 
 _MS = 1_000_000
 
@@ -32,9 +32,7 @@ class Moments:
 
     def __init__(self, result: CaptureResult, clock: Clock) -> None:
         self.clock = clock
-        self._frames = {
-            each.frame: each.time_ns for each in result.findings if each.time_ns is not None
-        }
+        self._frames = seen_at(result)
 
     def told(self, frame: int | None) -> str:
         """When a frame was; empty where that is not known."""
