@@ -324,19 +324,6 @@ local function gave_up(self, job, call)
   return until_ns and job.insisted <= until_ns
 end
 
--- Whether a Read without response shows that the device was silent: its client did not go on.
-local function is_silence(self, job, lost)
-  local read, peer = job.fetching[1], job.peer
-  if gave_up(self, job, read) then
-    return true
-  elseif job.ended_ns == nil or self.completeness == nil then
-    return false
-  end
-  local until_ns = went_on_ns(self, job, read) or job.ended_ns
-  return self.completeness:is_whole_before(peer.controller, peer.device, read.frame, lost)
-    and until_ns - read.time_ns >= self.limits.silence_ns
-end
-
 -- Which call of a job, or which half of one, may be missing; PROFIBUS has no calls.
 local function lacks_calls(self, job, asked, lost)
   if job.peer.station then
@@ -347,7 +334,7 @@ local function lacks_calls(self, job, asked, lost)
     return {what = "crossed", first = job.crossed.first, last = job.crossed.last}
   elseif job.twice then
     return {what = "twice", first = job.twice}
-  elseif job.fetching and not job.limit and not is_silence(self, job, lost) then
+  elseif job.fetching and not (job.limit or gave_up(self, job, job.fetching[1])) then
     return {what = "read_answer", first = job.fetching[1].frame}
   end
   local found = behind(self, job.peer, asked.frame, lost)

@@ -175,9 +175,9 @@ local function count(self, name)
   counts[name] = counts[name] + 1
 end
 
-local function lose(self, call, went_on)
+local function lose(self, call)
   count(self, "unanswered")
-  self.completeness:lost(call.request, went_on)
+  self.completeness:lost(call.request)
   self.handlers:lost(call)
 end
 
@@ -192,7 +192,6 @@ end
 
 -- Loses the calls that are too old.
 local function lose_old(self, activity, pdu)
-  local highest = math.max(activity.numbers.highest, pdu.seq)
   local before, call, lost = nil, activity.oldest, nil
   while call do
     if is_old(self, call, pdu.time_ns) then
@@ -205,7 +204,7 @@ local function lose_old(self, activity, pdu)
   end
   for _, each in ipairs(lost or NONE) do
     self.given_up:keep(key_of(each.request), true, self.limits.calls)
-    lose(self, each, each.request.seq < highest)
+    lose(self, each)
   end
 end
 
@@ -317,7 +316,7 @@ local function request(self, pdu)
     end
     activity.anew = pdu.frame
     if not call.response then
-      lose(self, call, true)
+      lose(self, call)
       forget(activity, call)
     end
   end

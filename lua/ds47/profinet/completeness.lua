@@ -117,15 +117,15 @@ end
 
 -- {activities = array of Numbers; since = frame since which all calls are of activities that were there
 -- before; heard = whether the station that is called has said anything; unasked = frames of Writes that are
--- not there; lost = frames of calls of which only one half is there, half = the first of them; went_on =
--- frame of a call without its response -> when its client sent the next one}
+-- not there; lost = frames of calls of which only one half is there; went_on = frame of a call without its
+-- response -> when its client sent the next one}
 local function pair_of(self, client, server)
   local key = key_of(client, server)
   local pair = self.pairs:get(key)
   if pair == nil then
     local back = self.pairs:get(key_of(server, client))
     local heard = back ~= nil and back.activities[1] ~= nil
-    pair = {activities = {}, since = 0, heard = heard, unasked = {}, half = 0, lost = {}}
+    pair = {activities = {}, since = 0, heard = heard, unasked = {}, lost = {}}
     pair.went_on = ordered.new()
     self.pairs:set(key, pair)
     if self.pairs.length > self.most then
@@ -160,11 +160,6 @@ function Completeness:began(pdu, numbers)
   end
 end
 
--- Of a call only one half is there.
-local function has_half(pair, frame)
-  pair.half = pair.half == 0 and frame or math.min(pair.half, frame)
-end
-
 -- One more frame: the oldest one and the newest ones are kept.
 local function keep(frames, frame)
   frames[#frames + 1] = frame
@@ -177,7 +172,6 @@ end
 function Completeness:unasked(pdu)
   local pair = pair_of(self, pdu.client, pdu.server)
   pair.heard = true
-  has_half(pair, pdu.frame)
   local placeless = pdu.opnum == WRITE or pdu.ptype ~= 2 -- a fault tells no place
   keep(placeless and pair.unasked or pair.lost, pdu.frame)
 end
@@ -194,13 +188,9 @@ function Completeness:asked_after_all(response)
   take_out(pair.lost, response.frame)
 end
 
---- A call has no response; where its client went on, the capture lacks one half.
-function Completeness:lost(request, went_on)
-  local pair = pair_of(self, request.client, request.server)
-  keep(pair.lost, request.frame)
-  if went_on then
-    has_half(pair, request.frame)
-  end
+--- A call has no response.
+function Completeness:lost(request)
+  keep(pair_of(self, request.client, request.server).lost, request.frame)
 end
 
 --- A client calls again before the response to its last call is there.
@@ -222,22 +212,6 @@ function Completeness:spoke_ns(client, server)
     newest = newest and newest > time_ns and newest or time_ns
   end
   return newest
-end
-
---- Whether all is there that a client said to a server and heard of it before a frame.
--- @param half  the first call that is open though its client went on, its frame; nil asks what was told
-function Completeness:is_whole_before(client, server, frame, half)
-  local pair = self.pairs:get(key_of(client, server))
-  if pair == nil then
-    return false
-  end
-  for _, numbers in ipairs(pair.activities) do
-    if numbers.holes[1] then
-      return false
-    end
-  end
-  local first = pair.half == 0 and half or pair.half
-  return pair.unasked[1] == nil and (first == 0 or first == nil or first >= frame)
 end
 
 local function hears(pair)

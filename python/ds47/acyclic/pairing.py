@@ -510,23 +510,12 @@ class Pairing:
             return Missing("crossed", *job.crossed)
         if job.twice:
             return Missing("twice", job.twice)
-        if job.fetching and not job.limit and not self._is_silence(job):
+        if job.fetching and not job.limit and not self._gave_up(job, job.fetching[0]):
             return Missing("read_answer", job.fetching[0].frame)
         found = self._behind(job.peer, asked.frame)
         if found is None and not job.limit and job.write_response is None:
             return None if self._gave_up(job, asked) else Missing("write_answer", asked.frame)
         return found
-
-    def _is_silence(self, job: Job) -> bool:
-        """Whether a Read without response shows that the device was silent: its client did not go on."""
-        read, peer = job.fetching[0], job.peer
-        if self._gave_up(job, read):
-            return True
-        if job.ended_ns is None or self._completeness is None:
-            return False
-        until_ns = self._went_on_ns(job, read) or job.ended_ns
-        whole = self._completeness.is_whole_before(peer.controller, peer.device, read.frame)
-        return whole and until_ns - read.time_ns >= self._limits.silence_ns
 
     def _gave_up(self, job: Job, call: Half) -> bool:
         """Whether a client sent a call again, and waited for its response still: it goes on at once with one."""

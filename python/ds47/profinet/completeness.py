@@ -279,13 +279,6 @@ class Completeness:
         """When a client sent its next call after one that has no response; None where it did not."""
         return self.lacks(client, server).went_on.get(frame)
 
-    def is_whole_before(self, client: str, server: str, frame: int) -> bool:
-        """Whether all is there that a client said to a server and heard of it before a frame."""
-        pair = self._pairs.get((client, server))
-        if pair is None or pair.holes or pair.unasked:
-            return False
-        return not pair.half or pair.half >= frame
-
     def newest(self, server: str) -> int:
         """The newest frame behind which something that was said with a server may be missing; 0 for none."""
         if server.startswith(STATION):

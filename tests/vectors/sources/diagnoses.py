@@ -13,7 +13,7 @@ from uuid import UUID
 from book import NOTHING, Row, Vectors, orphan, par, ramp, real, row, tx
 from conversations import AR2, BAD_HEADER, CUT, HOME2, SHORT, ask, put, second, tell
 
-from ds47.lab import message
+from ds47.lab import message, wire
 from ds47.lab.client import BUSY, Client, drive
 
 BOOK = Vectors(
@@ -614,13 +614,15 @@ def ds722_connect(client: Client) -> None:
 @BOOK.scene(
     "unanswered lost",
     tx(1, "unanswered", (1, 2, 3), None, NOTHING),
-    rules="DS101@3#1 DS401@1#1 DS722@1#1",
+    rules="DS101@3#1 DS103@4#1 DS401@1#1 DS722@1#1",
 )
 def ds722_read_under_way(client: Client) -> None:
-    """The same while its Read is under way, and its client waits 3 s for the response."""
+    """The same while its Read is under way: its client sends that again, and waits for the response."""
     client.write(ask())
-    client.ask_read()
-    client.wait(3_000)
+    call = client.ask_read()
+    client.wait(1_000)
+    client.ask(call, wire.read_request(call.sequence, client.channel))
+    client.wait(1_000)
     client.connect("plc")
 
 
@@ -629,10 +631,11 @@ def ds722_read_under_way(client: Client) -> None:
     tx(1, "incomplete", (1, 2, 3), None, NOTHING),
     rules="DS101@3#1 DS110@1#1",
 )
-def ds722_read_not_waited_for(client: Client) -> None:
-    """Near miss: the client goes on at once, as with a response: that may be missing in the capture."""
+def ds722_read_sent_once(client: Client) -> None:
+    """Near miss: the client sends nothing again in 3 s: the response may be missing in the capture."""
     client.write(ask())
     client.ask_read()
+    client.wait(3_000)
     client.connect("plc")
 
 
