@@ -58,6 +58,10 @@ ALIKE = {
 """How complaints begin of what is true of the whole as well."""
 
 
+MOST_NAMED = 60
+"""Frames that a finding names of what happens again and again."""
+
+
 @cache
 def _of_type(rule: str, *types: str) -> set[str]:
     return {name for name, kind in run.declared()[rule].items() if kind in types}
@@ -274,9 +278,7 @@ def _finding(whole: Whole, finding: Finding, cut: Reading, origin: list[int]) ->
     if "frames" in args or moved.rule in OF_COUNTS:  # the first of them the cut one may not have
         there = [each for each in whole.item.findings if each.rule == moved.rule]
     true = [each.args for each in there if _agrees(moved.rule, args, each.args, origin)]
-    if true and set(args.get("frames", ())) <= {
-        at for each in true for at in each.get("frames", ())
-    }:
+    if true and _are_named(args.get("frames", []), [each.get("frames", []) for each in true]):
         return
     if frame != origin[finding.frame] and deal and same and not _same_bytes(deal, same):
         return  # of the record itself, of which another Read brought more or less: `run` looks at that
@@ -289,6 +291,13 @@ def _finding(whole: Whole, finding: Finding, cut: Reading, origin: list[int]) ->
         alike = text.startswith(ALIKE.get(moved.rule, "-")) or _is_outside(moved.rule, text, origin)
         if text.split(" ")[0] not in free and not _says_nothing(text, args) and not alike:
             yield text
+
+
+def _are_named(told: list[int], true: list[list[int]]) -> bool:
+    """Whether the frames are those of the whole, of which only the first ones are named."""
+    named = {frame for each in true for frame in each}
+    ends = max((each[-1] for each in true if len(each) >= MOST_NAMED), default=inf)
+    return all(frame in named or frame > ends for frame in told)
 
 
 def _saved(whole: Whole, args: dict[str, Any], origin: list[int]) -> Iterator[str]:

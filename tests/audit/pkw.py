@@ -96,7 +96,10 @@ Auditor = Callable[[Finding, Talk], Iterator[str]]
 
 def of(finding: Finding, reading: Reading) -> Iterator[str]:
     """What is not so in a finding about PKW."""
-    talk = next(each for each in talks(reading) if each.plain["id"] == finding.transaction)
+    talk = next((each for each in talks(reading) if each.plain["id"] == finding.transaction), None)
+    if talk is None:
+        yield "it is of no transaction"
+        return
     if {"pnu", "subindex"} <= set(finding.args):
         told = finding.args["pnu"], finding.args["subindex"]
         if told != talk.parameter:
