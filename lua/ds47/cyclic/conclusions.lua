@@ -3,6 +3,7 @@
 -- Gathers what habits.lua, operation.lua and explanation.lua have to say, and of whom: tables and bits are
 -- those of one maker, so that what is said of the drives of others is a note (docs/cyclic.md 5).
 
+local deep = require("ds47.support.deep").copy
 local explanation = require("ds47.cyclic.explanation")
 local habits = require("ds47.cyclic.habits")
 local handshake = require("ds47.cyclic.handshake")
@@ -42,11 +43,7 @@ end
 --- The same conclusions as ones that go on alone.
 -- @param channels those of the capture, which go on alone
 function Conclusions:apart(channels)
-  local made = M.new(self.limits, channels)
-  for place, each in self.habits:iterate() do
-    made.habits:set(place, each:apart())
-  end
-  return made
+  return deep(self, {[self.limits] = self.limits, [self.channels] = channels})
 end
 
 local function habits_of(self, relation, layout)
