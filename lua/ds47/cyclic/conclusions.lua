@@ -8,6 +8,7 @@ local explanation = require("ds47.cyclic.explanation")
 local habits = require("ds47.cyclic.habits")
 local handshake = require("ds47.cyclic.handshake")
 local judge = require("ds47.cyclic.judge")
+local link = require("ds47.profinet.link")
 local ordered = require("ds47.support.ordered")
 local relations = require("ds47.cyclic.relations")
 
@@ -77,7 +78,7 @@ end
 function Conclusions:finish(layout_of)
   local found = {}
   for _, each in ipairs(self.channels.mixed) do
-    local args = {device = each.device, sender = relations.mac_text(each.sender), frame_id = each.frame_id}
+    local args = {device = each.device, sender = link.mac_text(each.sender), frame_id = each.frame_id}
     found[#found + 1] = {rule = "DS515", frame = each.frame, args = args}
   end
   for _, drive in ipairs(self.channels:drives()) do

@@ -62,7 +62,7 @@ end
 
 --- A frame.
 -- @param cut  whether the recording did not keep all of it
--- @return the exchanges that are over with it, up to two
+-- @return the exchange that is over with it, nil for none
 function Line:take(seen, cut)
   local item = seen.item
   self.same = item.data == self.before
