@@ -98,20 +98,14 @@ end
 
 function Requests:take(sent, words, moment)
   if sent then
-    self.said_out = true
     self.channel:sent(words, moment)
   else
-    self.said_in = true
     self.channel:answered(words, moment)
   end
 end
 
 function Requests:lost(sent, moment)
-  local said = sent and "said_out" or "said_in"
-  if self[said] then
-    self[said] = false
-    self.channel:lost(moment, sent and "out" or "in")
-  end
+  self.channel:lost(moment, sent and "out" or "in")
 end
 
 --- Only what nothing proves is given up.
@@ -622,7 +616,7 @@ local function take(each, frame, at, number, time)
   local moment = {frame = number, time = time, cycle = cycle}
   if valid then
     line:take(each.sent, words, moment)
-  else
+  elseif each.valid then
     line:lost(each.sent, moment)
   end
   local moved = words ~= each.words or valid ~= each.valid

@@ -189,12 +189,9 @@ function Recorder:answered(words, frame, time)
   tell(self, frame, time)
 end
 
---- Data of one side is not valid from a frame on.
+--- Data of one side is not valid from a frame on, as it was before.
 function Recorder:lost(by_controller, frame, time)
   local lost = by_controller and "lost_out" or "lost_in"
-  local word = self.zsw1
-  if by_controller then word = self.stw1 end
-  if self[lost] or word == nil then return end
   self[lost] = true
   if not by_controller then self.fault_since = nil end
   self.operation:lost(frame, by_controller)

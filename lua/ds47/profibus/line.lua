@@ -39,10 +39,6 @@ function Line.new()
   }, Line)
 end
 
-local function way(asks, asked)
-  return asks * 0x100 + asked
-end
-
 -- A frame of which nothing is proved: it may be an answer, or a request that nobody knows then. One that the
 -- recording cut is sound on the line: where no answer is due any more, it is a request.
 local function damage(self, seen, cut)
@@ -87,7 +83,7 @@ function Line:_request(seen)
     open.due, open.retried = true, true
     return nil
   end
-  local row, key = tables.profibus.request[item.code], way(item.sa, item.da)
+  local row, key = tables.profibus.request[item.code], item.sa * 0x100 + item.da
   if item.da == ALL_STATIONS or row ~= nil and row.silent then -- the one before may be repeated behind it
     self.last = nil
     if open then open.due = false end

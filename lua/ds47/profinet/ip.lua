@@ -43,8 +43,12 @@ end
 
 --- Whether no hole is left up to the last fragment.
 local function covered(entry)
+  local pieces = entry.pieces
+  while pieces[entry.reach] do -- mostly one begins where the one before it ends
+    entry.reach = entry.reach + pieces[entry.reach].length
+  end
   while entry.reach < entry.total and entry.looked <= entry.reach do
-    local piece = entry.pieces[entry.looked]
+    local piece = pieces[entry.looked]
     if piece then
       entry.reach = math.max(entry.reach, entry.looked + piece.length)
     end
