@@ -13,8 +13,8 @@
 -- same ones as the analyzer looks at (`sampled` in capture/scan.py).
 
 local connect = require("ds47.profinet.connect")
-local entries = require("ds47.support.later").entries
-local flat = require("ds47.support.flat").copy
+local deep = require("ds47.support.deep").copy
+local filtered = require("ds47.support.arrays").filtered
 local handshake = require("ds47.cyclic.handshake")
 local link = require("ds47.profinet.link")
 local operation = require("ds47.cyclic.operation")
@@ -40,8 +40,6 @@ local DENSE = 1024 -- data exchanges that are all looked at; then one of ever mo
 local SPEED = "^NSOLL" -- how the name of a word begins that is a setpoint of speed
 local LENGTHS, CONFIGURED, SEEN = relations.LENGTHS, relations.CONFIGURED, relations.SEEN
 local NAMED, ODD, REFUTED = relations.NAMED, relations.ODD, relations.REFUTED
-
-local NO_DOUBT = {{}, {}} -- the ends of a line that gets no more frames
 
 local Channels = {}
 Channels.__index = Channels
@@ -100,32 +98,18 @@ end
 
 function Requests:take(sent, words, moment)
   if sent then
-    self.said_out = true
     self.channel:sent(words, moment)
   else
-    self.said_in = true
     self.channel:answered(words, moment)
   end
 end
 
 function Requests:lost(sent, moment)
-  local said = sent and "said_out" or "said_in"
-  if self[said] then
-    self[said] = false
-    self.channel:lost(moment, sent and "out" or "in")
-  end
+  self.channel:lost(moment, sent and "out" or "in")
 end
 
---- The same line as one that goes on alone, with another relation and owner.
-function Requests:apart(relation, owner)
-  local made = flat(self)
-  made.relation, made.owner, made.channel = relation, owner, self.channel:apart(made)
-  made.waiting = {}
-  for number, job in ipairs(self.waiting) do
-    made.waiting[number] = flat(job)
-  end
-  return made
-end
+--- Only what nothing proves is given up.
+function Requests.is_hopeless() return false end
 
 -- What stood for so long, where all reads as requests, and nothing has a response or proves that it is PKW.
 local function ignored(line, cycles)
@@ -141,7 +125,7 @@ end
 
 function Requests:finish()
   self.channel:finish()
-  self.ends = NO_DOUBT
+  self.ends[1].doubt, self.ends[2].doubt = false, false
   self:hand_out()
   local owner = self.owner
   local job = ignored(self, owner.limits.pkw_cycles)
@@ -175,18 +159,9 @@ function Drive:is_proven()
   return (certainty == SEEN or certainty == NAMED) and not (self.refuted or self.recorder.refuted)
 end
 
--- Whether it was looked at for long, and nothing speaks for a drive.
+--- Whether it was looked at for long, and nothing speaks for a drive.
 function Drive:is_hopeless()
   return self.looked_at > PATIENCE and not self:is_proven()
-end
-
--- A speed is known to be one: the telegrams without a setpoint of speed are left out.
-local function leave_out_positions(self)
-  local left = {}
-  for _, number in ipairs(self.relation.telegrams) do
-    if is_speed({number}) then left[#left + 1] = number end
-  end
-  self.is_speed, self.relation.telegrams = true, left
 end
 
 function Drive:take(sent, words, moment)
@@ -199,19 +174,14 @@ function Drive:take(sent, words, moment)
   end
   if recorder.proven and not self.behind and relation.certainty == LENGTHS then relation.certainty = SEEN end
   if recorder.refuted and relation.certainty == NAMED then relation.certainty = REFUTED end
-  if recorder.speed and not self.is_speed then leave_out_positions(self) end
+  if recorder.speed and not self.is_speed then
+    self.is_speed = true
+    relation.telegrams = filtered(relation.telegrams, function(number) return is_speed({number}) end)
+  end
 end
 
 function Drive:lost(sent, moment)
   self.recorder:lost(sent, moment.frame, moment.time)
-end
-
---- As that of PKW; events are shared, because no frame adds one.
-function Drive:apart(relation, owner)
-  local made = flat(self)
-  made.relation, made.owner, made.recorder = relation, owner, flat(self.recorder)
-  made.recorder.operation = self.recorder.operation:apart()
-  return made
 end
 
 function Drive:finish()
@@ -305,19 +275,22 @@ function Channels:proven(pkw)
   if #beside == 1 then beside[1].relation.certainty = SEEN end
 end
 
+-- Relations that were replaced get no more frames.
+local function leave_out_replaced(self)
+  self.lines = filtered(self.lines, function(line) return line.relation.replaced == nil end)
+end
+
 -- The stations set up all their channels anew, in this frame.
 local function replace(self, controller, device, frame)
-  local left = {}
   for _, line in ipairs(self.lines) do
-    if line.relation.output.source == controller and line.relation.input.source == device then
+    local relation = line.relation
+    if relation.output.source == controller and relation.input.source == device then
       line:finish()
-      line.relation.replaced = frame
+      relation.replaced = frame
       if line.recorder then line.recorder.fault_since = nil end -- what becomes of it the next one shows
-    else
-      left[#left + 1] = line
     end
   end
-  self.lines = left
+  leave_out_replaced(self)
 end
 
 -- The bytes that matter in the frames of a row, in order and each once: array of {offset, length}.
@@ -361,42 +334,32 @@ function M.ends_to(ends, receiver)
   return found[1] and found or ends
 end
 
--- Whether the frames of a row go to several receivers: two controllers may have the same frame id.
-local function is_shared(row)
-  for place = 2, #row do
-    if receiver_of(row[place]) ~= receiver_of(row[1]) then return true end
-  end
-  return false
-end
-
 local function watch(self)
   self.rows, self.senders, self.moved, self.stations = {}, 0, {}, {}
   for _, line in ipairs(self.lines) do
+    local is_bus = relations.is_bus(line.relation)
     for _, each in ipairs(line.ends) do
-      local id = each.side.frame_id
-      if relations.is_bus(line.relation) then
-        local row = self.stations[each.side.source] or {said = "", count = 0, due = 0}
-        self.stations[each.side.source] = row
-        row[#row + 1] = each
-      elseif floor(id / 256) ~= DCP then
-        local key = each.side.source .. ETHERTYPE .. char(floor(id / 256), id % 256)
-        local row = self.rows[key]
-        if row == nil then
-          row = {period = -1, due = 0} -- of the last look, and the frame with which the next begins
-          self.rows[key], self.senders = row, self.senders + 1
-        end
-        row[#row + 1] = each
+      local rows, key, id = self.stations, each.side.source, each.side.frame_id
+      if not is_bus then rows, key = self.rows, key .. ETHERTYPE .. char(floor(id / 256), id % 256) end
+      if is_bus or floor(id / 256) ~= DCP then
+        rows[key] = rows[key] or {
+          period = -1, due = 0, -- of the last look, and the frame with which the next begins
+          said = "", count = 0, -- of a station
+          follows = false, -- whether the frame behind one that says something new is looked at as well
+          sequences = {}, -- by receiver
+        }
+        local row = rows[key]
+        row[#row + 1], row.follows = each, row.follows or each.side.cycle_ns == 0
       end
     end
   end
   for _, rows in ipairs({self.rows, self.stations}) do
     for _, row in pairs(rows) do
-      row.shared, row.sequences = is_shared(row), {} -- these by receiver
+      row.shared = #M.ends_to(row, receiver_of(row[1])) < #row
       row.parts = parts_of(row)
-      row.follows = false -- whether the frame behind one that says something new is looked at as well
-      for _, each in ipairs(row) do row.follows = row.follows or each.side.cycle_ns == 0 end
       local final = row.parts[#row.parts]
       row.need = final[1] + final[2]
+      self.senders = self.senders + (rows == self.rows and 1 or 0)
     end
   end
 end
@@ -416,7 +379,7 @@ function Channels:connected(request, response)
   connect.answered(asked, frame_ids)
   replace(self, asked.controller_mac, device_mac, response.frame)
   local vendor_id = rpc.device_identity(response.object_uuid)
-  if vendor_id == nil and self.naming and self.naming.vendor_id then
+  if vendor_id == nil and self.naming.vendor_id then
     vendor_id = self.naming:vendor(request.server)
   end
   for _, found in ipairs(relations.channels(asked)) do
@@ -437,7 +400,7 @@ end
 --- Of whom the drives are whose channels were named, as far as the capture has shown it.
 function Channels:identify()
   for _, each in ipairs(self.named) do
-    each.vendor_id = self.naming and self.naming:vendor_of(each.device)
+    each.vendor_id = self.naming:vendor_of(each.device)
   end
 end
 
@@ -447,13 +410,9 @@ end
 
 -- Whether these channels are at work already: a station that starts again has the same ones.
 local function is_set_up_so(self, found, output)
-  local there = {}
-  for _, line in ipairs(self.lines) do
-    local relation = line.relation
-    if relation.output.source == output then there[#there + 1] = relation end
-  end
+  local there = filtered(self.lines, function(line) return line.relation.output.source == output end)
   for number, each in ipairs(found) do
-    local other = there[number]
+    local other = there[number] and there[number].relation
     if not other or each.channel ~= other.channel or each.vendor_id ~= other.vendor_id
       or not same_side(each.output, other.output) or not same_side(each.input, other.input) then
       return false
@@ -480,11 +439,7 @@ end
 
 --- The proven lines of PZD.
 function Channels:drives()
-  local found = {}
-  for _, each in ipairs(self.drives_) do
-    if each:is_proven() then found[#found + 1] = each end
-  end
-  return found
+  return filtered(self.drives_, Drive.is_proven)
 end
 
 --- Whether there is one of them.
@@ -506,15 +461,12 @@ end
 
 --- Those that are reported, those that a later Connect replaced too; of PZD those that are proven.
 function Channels:relations()
-  local proven, found = {}, {}
+  local proven = {}
   for _, each in ipairs(self:drives()) do proven[each.relation] = true end
-  for _, each in ipairs(self.all) do
-    local pkw = each.channel == relations.PKW and not is_pzd(self, each)
-    if proven[each] or relations.is_named(each) or pkw then
-      found[#found + 1] = each
-    end
-  end
-  return found
+  return filtered(self.all, function(each)
+    local may_be_pkw = each.channel == relations.PKW and not is_pzd(self, each)
+    return proven[each] or relations.is_named(each) or may_be_pkw
+  end)
 end
 
 --- What happened to each drive: array of {relation (its place in `relations`), events, left_out}.
@@ -544,48 +496,31 @@ end
 
 --- Where PKW is as sure as the process data beside it, and no request was seen; when nothing more comes.
 function Channels:unused()
-  local places, found = places_of(self:drives()), {}
-  for _, each in ipairs(self.without_request) do
-    local asked = self.asked[relations.place(each)]
-    if not asked and is_beside(self, each, places) then found[#found + 1] = each end
-  end
-  return found
+  local places = places_of(self:drives())
+  return filtered(self.without_request, function(each)
+    return not self.asked[relations.place(each)] and is_beside(self, each, places)
+  end)
 end
 
 --- What reads as a request beside the words of a drive, and has no response; when nothing more comes. An
 -- array of {relation, job}.
 function Channels:unanswered()
-  local places, found = places_of(self:drives()), {}
-  for _, each in ipairs(self.ignored) do
-    if is_beside(self, each.relation, places) then found[#found + 1] = each end
-  end
-  return found
-end
-
--- What stands for each of a list.
-local function mapped(list, standing)
-  local found = {}
-  for number, each in ipairs(list) do
-    found[number] = standing[each]
-  end
-  return found
+  local places = places_of(self:drives())
+  return filtered(self.ignored, function(each) return is_beside(self, each.relation, places) end)
 end
 
 --- The same channels as ones that go on alone, to their end: no frame comes to them any more.
 -- @param listener  as `new` takes it
 function Channels:apart(listener)
-  local made = flat(self)
-  local relations_apart = entries(flat)
-  local lines_apart = entries(function(line) return line:apart(relations_apart[line.relation], made) end)
-  made.listener, made.asked = listener, flat(self.asked)
-  made.all = mapped(self.all, relations_apart)
-  made.without_request = mapped(self.without_request, relations_apart)
-  made.ignored = {}
-  for number, each in ipairs(self.ignored) do
-    made.ignored[number] = {relation = relations_apart[each.relation], job = each.job}
+  local copies = {[self.listener] = listener}
+  for _, name in ipairs({"limits", "naming", "rows", "stations", "moved"}) do
+    copies[self[name]] = self[name]
   end
-  made.lines, made.drives_ = mapped(self.lines, lines_apart), mapped(self.drives_, lines_apart)
-  return made
+  for _, drive in ipairs(self.drives_) do -- their events are shared, because no frame adds one
+    local events = drive.recorder.events
+    copies[events] = events
+  end
+  return deep(self, copies)
 end
 
 -- Frames
@@ -613,28 +548,27 @@ local function said(each, frame, at)
   return sub(frame, first + 1, first + side.length), valid
 end
 
--- The bytes that matter, and what a frame looks like in which they are the same, as a pattern: one call tells
--- nearly all frames apart.
-local function keep(row, frame, at)
-  local bytes, pattern, stop = {}, {"^"}, at + row.parts[1][1]
-  row.first = stop + 1
+-- The bytes that matter.
+local function bytes_of(row, data, at)
+  local bytes = {}
   for number, part in ipairs(row.parts) do
-    local first = at + part[1]
-    bytes[number] = sub(frame, first + 1, first + part[2])
-    pattern[number + 1] = rep(".", first - stop) .. gsub(bytes[number], "%W", "%%%0")
-    stop = first + part[2]
+    bytes[number] = sub(data, at + part[1] + 1, at + part[1] + part[2])
   end
-  row.bytes, row.standing, row.at = concat(bytes), concat(pattern), at
+  return concat(bytes)
 end
 
-local function has_changed(row, frame, at)
-  local first = 1
+-- Keeps them, and what a frame looks like in which they are the same, as a pattern: one call tells nearly all
+-- frames apart.
+local function keep(row, frame, at)
+  local pattern, stop = {"^"}, at + row.parts[1][1]
+  row.bytes, row.first, row.at = bytes_of(row, frame, at), stop + 1, at
   for _, part in ipairs(row.parts) do
-    local start, last = at + part[1], first + part[2]
-    if sub(frame, start + 1, start + part[2]) ~= sub(row.bytes, first, last - 1) then return true end
-    first = last
+    local first = at + part[1]
+    pattern[#pattern + 1] = rep(".", first - stop)
+    stop = first + part[2]
+    pattern[#pattern + 1] = gsub(sub(frame, first + 1, stop), "%W", "%%%0")
   end
-  return false
+  row.standing = concat(pattern)
 end
 
 -- Of how many frames around the one of this number each watched sender has one looked at.
@@ -658,7 +592,7 @@ function Channels:is_news(row, frame, at, number)
     row.due = (period + 1) * step
     if period ~= row.period then return true end
   end
-  return has_changed(row, frame, at)
+  return bytes_of(row, frame, at) ~= row.bytes
 end
 
 -- Half of an even number goes down, as Python rounds.
@@ -682,7 +616,7 @@ local function take(each, frame, at, number, time)
   local moment = {frame = number, time = time, cycle = cycle}
   if valid then
     line:take(each.sent, words, moment)
-  else
+  elseif each.valid then
     line:lost(each.sent, moment)
   end
   local moved = words ~= each.words or valid ~= each.valid
@@ -690,14 +624,16 @@ local function take(each, frame, at, number, time)
   return moved
 end
 
--- Lines that were looked at for long without a proof are given up.
-local function give_up(self)
-  local left = {}
-  for _, line in ipairs(self.lines) do
-    if line.is_hopeless == nil or not line:is_hopeless() then left[#left + 1] = line end
+-- The ends of a frame that is looked at. Lines that were looked at for long without a proof are given up.
+local function take_all(self, ends, frame, at, number, time)
+  local hopeless = false
+  for place = 1, #ends do
+    local each = ends[place]
+    if take(each, frame, at, number, time) then self.moved[#self.moved + 1] = each end
+    hopeless = hopeless or each.line:is_hopeless()
   end
-  if #left < #self.lines then
-    self.lines = left
+  if hopeless then
+    self.lines = filtered(self.lines, function(line) return not line:is_hopeless() end)
     watch(self)
   end
 end
@@ -719,16 +655,12 @@ local function are_mixed(self, row, ends, frame, at, number, time)
   self.mixed[#self.mixed + 1] = {
     frame = number, device = ends[1].line.relation.device, sender = side.source, frame_id = side.frame_id,
   }
-  local gone, left = {}, {}
   for _, each in ipairs(ends) do
-    gone[each.line], each.line.relation.replaced = true, number
+    each.line.relation.replaced = number
     if each.line.recorder then each.line:cut(found.since) end
     self.asked[relations.place(each.line.relation)] = true
   end
-  for _, line in ipairs(self.lines) do
-    if not gone[line] then left[#left + 1] = line end
-  end
-  self.lines = left
+  leave_out_replaced(self)
   watch(self)
   return true
 end
@@ -738,7 +670,6 @@ end
 -- @param number, time  of the frame; a time as times.lua has it
 function Channels:frame(row, frame, at, number, time)
   self.moved = {}
-  local hopeless = false
   local before = row.bytes
   row.period = floor(number / sampled(self, number))
   keep(row, frame, at)
@@ -746,24 +677,16 @@ function Channels:frame(row, frame, at, number, time)
     row.period, row.due = -1, 0
   end
   local ends = row.shared and M.ends_to(row, link.receiver(frame, at - 2)) or row
-  if are_mixed(self, row, ends, frame, at, number, time) then return end
-  for place = 1, #ends do
-    local each = ends[place]
-    if take(each, frame, at, number, time) then self.moved[#self.moved + 1] = each end
-    hopeless = hopeless or (each.line.is_hopeless ~= nil and each.line:is_hopeless())
+  if not are_mixed(self, row, ends, frame, at, number, time) then
+    take_all(self, ends, frame, at, number, time)
   end
-  if hopeless then give_up(self) end
 end
 
 -- Whether the data of a station says something else than the one before it, or is due, because values move in
 -- all of them.
 local function is_news_of_station(row, data)
   row.count = row.count + 1
-  local bytes = {}
-  for number, part in ipairs(row.parts) do
-    bytes[number] = sub(data, part[1] + 1, part[1] + part[2])
-  end
-  bytes = concat(bytes)
+  local bytes = bytes_of(row, data, 0)
   if bytes == row.said and row.count < row.due and #data >= row.need then return false end
   row.due = row.count + (bytes == row.said and min(max(floor(row.count / DENSE), 1), RAREST) or 1)
   row.said = bytes
@@ -775,14 +698,8 @@ end
 -- @param number, time  of the frame; a time as times.lua has it
 function Channels:exchanged(source, data, number, time)
   self.moved = {}
-  local row, hopeless = self.stations[source], false
-  if row == nil or not is_news_of_station(row, data) then return end
-  for place = 1, #row do
-    local each = row[place]
-    if take(each, data, 0, number, time) then self.moved[#self.moved + 1] = each end
-    hopeless = hopeless or (each.line.is_hopeless ~= nil and each.line:is_hopeless())
-  end
-  if hopeless then give_up(self) end
+  local row = self.stations[source]
+  if row and is_news_of_station(row, data) then take_all(self, row, data, 0, number, time) end
 end
 
 -- Whether a relation is proven, or will be by this request.

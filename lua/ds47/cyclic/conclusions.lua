@@ -3,10 +3,12 @@
 -- Gathers what habits.lua, operation.lua and explanation.lua have to say, and of whom: tables and bits are
 -- those of one maker, so that what is said of the drives of others is a note (docs/cyclic.md 5).
 
+local deep = require("ds47.support.deep").copy
 local explanation = require("ds47.cyclic.explanation")
 local habits = require("ds47.cyclic.habits")
 local handshake = require("ds47.cyclic.handshake")
 local judge = require("ds47.cyclic.judge")
+local link = require("ds47.profinet.link")
 local ordered = require("ds47.support.ordered")
 local relations = require("ds47.cyclic.relations")
 
@@ -42,11 +44,7 @@ end
 --- The same conclusions as ones that go on alone.
 -- @param channels those of the capture, which go on alone
 function Conclusions:apart(channels)
-  local made = M.new(self.limits, channels)
-  for place, each in self.habits:iterate() do
-    made.habits:set(place, each:apart())
-  end
-  return made
+  return deep(self, {[self.limits] = self.limits, [self.channels] = channels})
 end
 
 local function habits_of(self, relation, layout)
@@ -80,7 +78,7 @@ end
 function Conclusions:finish(layout_of)
   local found = {}
   for _, each in ipairs(self.channels.mixed) do
-    local args = {device = each.device, sender = relations.mac_text(each.sender), frame_id = each.frame_id}
+    local args = {device = each.device, sender = link.mac_text(each.sender), frame_id = each.frame_id}
     found[#found + 1] = {rule = "DS515", frame = each.frame, args = args}
   end
   for _, drive in ipairs(self.channels:drives()) do

@@ -5,6 +5,7 @@
 -- the controller. What a Connect would say besides (addresses, slot, IOPS, cycle time) nobody knows.
 
 local LENGTH = require("ds47.cyclic.pkw").LENGTH
+local mac_text = require("ds47.profinet.link").mac_text
 local relations = require("ds47.cyclic.relations")
 
 local char, find, floor = string.char, string.find, math.floor
@@ -53,7 +54,7 @@ end
 local function relation(channel, output, input, behind, length)
   return {
     channel = channel, telegrams = {},
-    controller = relations.mac_text(output.source), device = relations.mac_text(input.source),
+    controller = mac_text(output.source), device = mac_text(input.source),
     output = side(output, behind, channel, length), input = side(input, behind, channel, length),
     certainty = relations.NAMED,
   }

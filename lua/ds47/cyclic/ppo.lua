@@ -5,6 +5,7 @@
 -- business of channels.lua and of those behind it, for PROFINET and PROFIBUS alike.
 
 local dp = require("ds47.profibus.dp")
+local flat = require("ds47.support.flat").copy
 local pkw = require("ds47.cyclic.pkw")
 local relations = require("ds47.cyclic.relations")
 local tables = require("ds47.spec.tables")
@@ -15,6 +16,9 @@ local M = {}
 
 local LAST = 126 -- the highest address of a station
 
+local ROWS = {} -- PPO by their numbers
+for _, row in ipairs(tables.profibus.ppos) do ROWS[row.number] = row end
+
 local Ppo = {}
 Ppo.__index = Ppo
 
@@ -22,21 +26,8 @@ Ppo.__index = Ppo
 function M.list(text)
   local found = {}
   for station, number in text:lower():gmatch("(%d+)=ppo(%d+)") do
-    for _, row in ipairs(tables.profibus.ppos) do
-      local fits = row.number == tonumber(number) and tonumber(station) <= LAST
-      if fits then found[tonumber(station)] = row.number end
-    end
-  end
-  return found
-end
-
--- The rows of the PPO that are named, by station.
-local function rows_of(named)
-  local found = {}
-  for _, row in ipairs(tables.profibus.ppos) do
-    for station, number in pairs(named) do
-      if number == row.number then found[station] = row end
-    end
+    local address, known = tonumber(station), ROWS[tonumber(number)]
+    if known and address <= LAST then found[address] = known.number end
   end
   return found
 end
@@ -48,16 +39,15 @@ end
 function M.new(channels, named, idents)
   return setmetatable({
     channels = channels,
-    named = rows_of(named),
+    named = flat(named),
     at_work = {}, -- masters and stations of a PPO that is named, as a set
     idents = idents,
   }, Ppo)
 end
 
---- What stands for a sender where frames have stations, and neither MAC address nor frame id.
-function M.source(sender, receiver)
-  return char(sender, receiver)
-end
+--- What stands for a sender where frames have stations, and neither MAC address nor frame id: sender and
+-- receiver as bytes.
+M.source = char
 
 -- The telegrams that the process data may be.
 local function telegrams_of(told)
@@ -114,7 +104,7 @@ end
 
 -- Whether data of a station whose PPO is named has its length; its channels begin with the first data.
 local function fits(self, master, station, output, input)
-  local row, key, length, identifiers = self.named[station], M.source(master, station), 0, {}
+  local row, key, length, identifiers = ROWS[self.named[station]], M.source(master, station), 0, {}
   for number, each in ipairs(row.modules) do
     length, identifiers[number] = length + each, char(0xF0 + each / relations.WORD - 1)
   end
@@ -122,7 +112,7 @@ local function fits(self, master, station, output, input)
     self.at_work[key] = true
     local told = dp.configuration(table.concat(identifiers))
     local found = M.relations(master, station, told, nil, nil)
-    self.channels:configured(found, M.source(master, station), M.source(station, master))
+    self.channels:configured(found, key, M.source(station, master))
   end
   return #output == length and #input == length
 end

@@ -16,6 +16,8 @@
 
 local LENGTH = require("ds47.cyclic.pkw").LENGTH
 local dictionary = require("ds47.profidrive.dictionary")
+local entries = require("ds47.support.later").entries
+local filtered = require("ds47.support.arrays").filtered
 local tables = require("ds47.spec.tables")
 
 local M = {
@@ -26,11 +28,6 @@ local M = {
 local LEAST_PZD = 4
 local STATIONS = 2 -- bytes of a sender on PROFIBUS; a MAC address has six
 local LONGEST = 1440 -- bytes of data that a cyclic frame has at the most
-
---- A MAC address as text: 00:0e:cf:01:02:03.
-function M.mac_text(source)
-  return (source:gsub(".", function(each) return ("%02x:"):format(each:byte()) end):sub(1, -2))
-end
 
 -- Whether data lies in its frame: what a device sets up does, a broken capture may say anything.
 local function fits(data)
@@ -45,36 +42,25 @@ end
 
 local function is(item, length) return item.output.length == length and item.input.length == length end
 
--- Bytes of the words of a telegram.
-local function size_of(words)
-  local size = 0
-  for _, word in ipairs(words) do
-    size = size + (word:sub(-3) == "(2)" and 4 or 2)
-  end
-  return size
-end
+local function size_of(word) return word:sub(-3) == "(2)" and 4 or 2 end
 
--- The telegrams, in the order of their numbers: {number, pkw, output, input}, lengths of process data.
-local telegrams
-local function known_telegrams()
-  if telegrams == nil then
-    telegrams = {}
-    for number, row in pairs(tables.pzd.telegrams) do
-      local output, input = size_of(row.out), size_of(row.inward)
-      telegrams[#telegrams + 1] = {number = number, pkw = row.pkw, output = output, input = input}
-    end
-    table.sort(telegrams, function(a, b) return a.number < b.number end)
-  end
-  return telegrams
-end
+-- Bytes of the words of a telegram.
+local sizes = entries(function(words)
+  local size = 0
+  for _, word in ipairs(words) do size = size + size_of(word) end
+  return size
+end)
 
 --- Adds the numbers of the telegrams, with PKW or without, whose process data has these lengths.
 function M.add_telegrams(numbers, output, input, pkw)
-  for _, each in ipairs(known_telegrams()) do
-    if each.pkw == pkw and each.output == output and each.input == input then
-      numbers[#numbers + 1] = each.number
+  local fitting = {}
+  for number, row in pairs(tables.pzd.telegrams) do
+    if row.pkw == pkw and sizes[row.out] == output and sizes[row.inward] == input then
+      fitting[#fitting + 1] = number
     end
   end
+  table.sort(fitting)
+  for _, number in ipairs(fitting) do numbers[#numbers + 1] = number end
   return numbers
 end
 
@@ -122,10 +108,7 @@ end
 -- lengths of a telegram.
 -- @param connect as connect.lua gives it
 function M.channels(connect)
-  local both = {}
-  for _, each in ipairs(connect.submodules) do
-    if fits(each.input) and fits(each.output) then both[#both + 1] = each end
-  end
+  local both = filtered(connect.submodules, function(each) return fits(each.input) and fits(each.output) end)
   table.sort(both, is_before)
   local result, first = {}, 1
   while both[first] do
@@ -156,10 +139,10 @@ end
 --- Where a word is in the drive's data of the only telegram that it may be; nil where that has none.
 function M.place_of(word, numbers)
   if #numbers ~= 1 then return nil end
-  local before = {}
+  local place = 0
   for _, each in ipairs(tables.pzd.telegrams[numbers[1]].inward) do
-    if each == word then return size_of(before) end
-    before[#before + 1] = each
+    if each == word then return place end
+    place = place + size_of(each)
   end
   return nil
 end

@@ -6,6 +6,7 @@
 -- those of tables.pzd.events.
 
 local bits = require("ds47.support.bits")
+local filtered = require("ds47.support.arrays").filtered
 local pzd = require("ds47.cyclic.pzd")
 local reader = require("ds47.support.bytes")
 local tables = require("ds47.spec.tables")
@@ -87,8 +88,18 @@ local function happened(self, name, frame, time, word, before, after)
   }
 end
 
-local function is_edge(edge, before, after)
-  return bit(before, edge.bit) ~= bit(after, edge.bit) and bit(after, edge.bit) == edge.value
+-- Events of a word that is another one now. All of its bits but HEEDED are compared with those of `heeded`.
+local function tell_edges(self, word, edges, before, heeded, after, frame, time)
+  if before == nil then
+    happened(self, "first", frame, time, word, nil, after)
+    return
+  end
+  for _, edge in ipairs(edges) do
+    local from = edge.bit == HEEDED and before or heeded
+    if bit(after, edge.bit) == edge.value and bit(from, edge.bit) ~= edge.value then
+      happened(self, edge.id, frame, time, word, before, after)
+    end
+  end
 end
 
 local function is_healthy(zsw1) return bit(zsw1, NO_OFF2) == 1 and bit(zsw1, NO_OFF3) == 1 end
@@ -131,15 +142,8 @@ local function control(self, stw1, frame, time)
   end
   look(self)
   back(self, true, frame, time)
-  if before == nil then
-    happened(self, "first", frame, time, "STW1", nil, stw1)
-    return
-  end
-  for _, edge in ipairs(COMMANDS) do
-    local from = before
-    if edge.bit ~= HEEDED then from = now and heeded or stw1 end -- nothing happens where it is not heeded
-    if is_edge(edge, from, stw1) then happened(self, edge.id, frame, time, "STW1", before, stw1) end
-  end
+  -- nothing happens where it is not heeded
+  tell_edges(self, "STW1", COMMANDS, before, now and heeded or stw1, stw1, frame, time)
 end
 
 local function status(self, zsw1, frame, time)
@@ -157,13 +161,7 @@ local function status(self, zsw1, frame, time)
   self.legal = self.legal or is_legal(zsw1) or standing and is_healthy(zsw1)
   look(self)
   back(self, false, frame, time)
-  if before == nil then
-    happened(self, "first", frame, time, "ZSW1", nil, zsw1)
-    return
-  end
-  for _, edge in ipairs(STATES) do
-    if is_edge(edge, before, zsw1) then happened(self, edge.id, frame, time, "ZSW1", before, zsw1) end
-  end
+  tell_edges(self, "ZSW1", STATES, before, before, zsw1, frame, time)
 end
 
 --- The words of the controller from a frame on.
@@ -191,12 +189,9 @@ function Recorder:answered(words, frame, time)
   tell(self, frame, time)
 end
 
---- Data of one side is not valid from a frame on.
+--- Data of one side is not valid from a frame on, as it was before.
 function Recorder:lost(by_controller, frame, time)
   local lost = by_controller and "lost_out" or "lost_in"
-  local word = self.zsw1
-  if by_controller then word = self.stw1 end
-  if self[lost] or word == nil then return end
   self[lost] = true
   if not by_controller then self.fault_since = nil end
   self.operation:lost(frame, by_controller)
@@ -211,11 +206,7 @@ end
 --- The events.
 function Recorder:told()
   if self.speed then return self.events end
-  local found = {}
-  for _, event in ipairs(self.events) do
-    if self:is_told(event) then found[#found + 1] = event end
-  end
-  return found
+  return filtered(self.events, function(event) return self:is_told(event) end)
 end
 
 --- The number of the fault that came with a frame: it stands there already, or comes soon.
@@ -266,23 +257,13 @@ function Recorder:state_at(frame)
   return found
 end
 
--- Those of a list that are about frames before one; `frame_of` an item.
-local function before(list, frame, frame_of)
-  local found = {}
-  for _, each in ipairs(list) do
-    if frame_of(each) < frame then found[#found + 1] = each end
-  end
-  return found
-end
-
-local function own_frame(item) return item.frame end
-
 --- Forgets what was seen from a frame on.
 function Recorder:cut(frame)
   local operation = self.operation
-  self.events, self.faults = before(self.events, frame, own_frame), before(self.faults, frame, own_frame)
-  operation.faults = before(operation.faults, frame, function(number) return number end)
-  operation.remarks = before(operation.remarks, frame, own_frame)
+  local function is_before(item) return item.frame < frame end
+  self.events, self.faults = filtered(self.events, is_before), filtered(self.faults, is_before)
+  operation.faults = filtered(operation.faults, function(number) return number < frame end)
+  operation.remarks = filtered(operation.remarks, is_before)
   self.fault_since = nil
 end
 

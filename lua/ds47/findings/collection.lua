@@ -4,6 +4,7 @@
 -- here either: that is sentences.lua. A remark may be `of` somebody: of the drive of a maker whose tables are
 -- not known it is a note.
 
+local filtered = require("ds47.support.arrays").filtered
 local tables = require("ds47.spec.tables")
 
 local M = {}
@@ -21,7 +22,6 @@ function M.new(select, ignore)
   return setmetatable({
     select = select or {},
     ignore = ignore or {},
-    decided = {}, -- rule id -> whether it is wanted
     kept = {}, -- array of remarks; `below` is one that comes before it
     at_frame = {}, -- frame -> array of remarks, also of those that are not kept yet
     frames_dropped = false, -- whether the capture says that frames are missing (docs/pairing.md P47)
@@ -46,37 +46,21 @@ end
 
 --- Whether the user wants to hear of a rule.
 function Findings:wanted(rule)
-  local wanted = self.decided[rule]
-  if wanted == nil then
-    wanted = (#self.select == 0 or begins_with_one(rule, self.select))
-      and not begins_with_one(rule, self.ignore)
-    self.decided[rule] = wanted
-  end
-  return wanted
-end
-
-local function show(self, remark)
-  local there = self.at_frame[remark.frame]
-  if there == nil then
-    there = {}
-    self.at_frame[remark.frame] = there
-  end
-  there[#there + 1] = remark
+  return (#self.select == 0 or begins_with_one(rule, self.select)) and not begins_with_one(rule, self.ignore)
 end
 
 --- Keeps a remark for `result`, if its rule is wanted.
 function Findings:add(remark)
-  if self:wanted(remark.rule) then
-    show(self, remark)
-    self.kept[#self.kept + 1] = remark
-  end
+  self:foresee({remark})
+  self:keep({remark})
 end
 
 --- Shows remarks in `at` that `keep` will keep later, when their job is closed.
 function Findings:foresee(remarks)
   for _, remark in ipairs(remarks) do
     if self:wanted(remark.rule) then
-      show(self, remark)
+      local there = self.at_frame[remark.frame] or {}
+      self.at_frame[remark.frame], there[#there + 1] = there, remark
     end
   end
 end
@@ -137,23 +121,21 @@ local function sorted(findings, owner)
   for number, finding in ipairs(findings) do
     told[finding] = number
   end
+  local fields = {"frame", "rule", owner, "offset"}
   table.sort(findings, function(a, b)
-    if a.frame ~= b.frame then
-      return a.frame < b.frame
-    elseif a.rule ~= b.rule then
-      return a.rule < b.rule
-    end
-    local first, second = a[owner] or 0, b[owner] or 0
-    if first ~= second then
-      return first < second
-    end
-    first, second = a.offset or 0, b.offset or 0
-    if first ~= second then
-      return first < second
+    for _, field in ipairs(fields) do
+      local one, other = a[field] or 0, b[field] or 0
+      if one ~= other then
+        return one < other
+      end
     end
     return told[a] < told[b]
   end)
   return findings
+end
+
+local function stands(remark)
+  return not remark.withdrawn
 end
 
 --- What is known so far of a frame: array of findings without transaction ids.
@@ -162,25 +144,15 @@ function Findings:at(frame)
   if remarks == nil then
     return NONE
   end
-  local result = {}
-  for _, remark in ipairs(remarks) do
-    if not remark.withdrawn then
-      result[#result + 1] = self:finding(remark)
-    end
+  local result = filtered(remarks, stands)
+  for number, remark in ipairs(result) do
+    result[number] = self:finding(remark)
   end
   return sorted(result, "order")
 end
 
-local function standing(remarks)
-  local result = {}
-  for _, remark in ipairs(remarks) do
-    result[#result + 1] = not remark.withdrawn and remark or nil
-  end
-  return result
-end
-
 local function add_all(self, remarks, store, result, offers)
-  for _, remark in ipairs(standing(remarks)) do
+  for _, remark in ipairs(filtered(remarks, stands)) do
     local owner = remark.order and store:by_order(remark.order)
     local finding = self:finding(remark, owner and owner.id)
     finding.corrected = remark.corrected and offers:offered(remark.corrected)

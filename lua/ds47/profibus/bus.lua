@@ -9,7 +9,6 @@ local telegram = require("ds47.profibus.telegram")
 -- LINKTYPE_PROFIBUS_DL, and the link type that is everybody's own: PROFIBUS where a frame of it proves that.
 local M = {PROFIBUS_DL = 257, USER0 = 147}
 
-local NONE = {}
 local PROVES = {SD1 = true, SD2 = true, SD3 = true}
 
 local Bus = {}
@@ -26,23 +25,9 @@ function M.new(listeners)
   }, Bus)
 end
 
-local function tell(self, ...)
-  for number = 1, select("#", ...) do
-    local exchange = select(number, ...)
-    for _, listener in ipairs(exchange and self.listeners or NONE) do
-      listener:take(exchange)
-    end
-  end
-end
-
--- The exchange that this frame began, if it waits for its answer.
-local function tell_begun(self, seen)
-  local open = self.line.open
-  if not open or open.request ~= seen then
-    return
-  end
+local function tell(self, name, exchange)
   for _, listener in ipairs(self.listeners) do
-    if listener.begin then listener:begin(open) end
+    if listener[name] then listener[name](listener, exchange) end
   end
 end
 
@@ -64,8 +49,10 @@ function Bus:take(link_type, data, number, time_ns, cut)
     end
   end
   local seen = {frame = number, time_ns = time_ns, item = item}
-  tell(self, self.line:take(seen, cut))
-  tell_begun(self, seen)
+  local over = self.line:take(seen, cut)
+  if over then tell(self, "take", over) end
+  local open = self.line.open
+  if open and open.request == seen then tell(self, "begin", open) end
   return item
 end
 

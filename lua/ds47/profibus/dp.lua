@@ -1,6 +1,8 @@
 -- What DP says in a frame, by its SAPs: diagnosis, parameters, configuration, control, data
 -- (docs/profibus.md 3). One frame at a time. Records (MS1, MS2) are in ms1.lua.
 
+local bit_of = require("ds47.support.bits").bit
+local filtered = require("ds47.support.arrays").filtered
 local tables = require("ds47.spec.tables")
 
 local floor, max = math.floor, math.max
@@ -9,10 +11,6 @@ local M = {}
 
 local NO_MASTER, MOST_MAKER = 255, 14
 local BLOCK_LENGTHS = {[2] = 3, [3] = 1}
-
-local function bit_of(number, bit)
-  return floor(number / 2 ^ bit) % 2
-end
 
 local function row_of(item)
   return tables.profibus[item.request and "request" or "answer"][item.code]
@@ -137,22 +135,17 @@ local function is_ppo(row, filled)
   return true
 end
 
--- Whether the module of PKW is consistent over its whole length, both ways.
-local function is_consistent(module)
-  return module.inputs.consistent and module.outputs.consistent
-end
-
--- The PPO by the lengths of the modules; each of these gets its role.
+-- The PPO by the lengths of the modules; each of these gets its role. And whether PKW is consistent over its
+-- whole length, both ways.
 local function name_ppo(found)
-  local filled = {}
-  for _, module in ipairs(found.modules) do
-    if module.inputs or module.outputs then filled[#filled + 1] = module end
-  end
+  local filled = filtered(found.modules, function(module) return module.inputs or module.outputs end)
   for _, row in ipairs(tables.profibus.ppos) do
     if is_ppo(row, filled) then
       found.ppo = row.number
       for i, module in ipairs(filled) do module.role = row.pkw and i == 1 and "PKW" or "PZD" end
-      if row.pkw then found.pkw_consistent = is_consistent(filled[1]) end
+      if row.pkw then
+        found.pkw_consistent = filled[1].inputs.consistent and filled[1].outputs.consistent
+      end
     end
   end
   return found

@@ -41,10 +41,6 @@ function Line.new()
   }, Line)
 end
 
-local function way(asks, asked)
-  return asks * 0x100 + asked
-end
-
 -- A frame of which nothing is proved: it may be an answer, or a request that nobody knows then. One that the
 -- recording cut is sound on the line: where no answer is due any more, it is a request.
 local function damage(self, seen, cut)
@@ -64,7 +60,7 @@ end
 
 --- A frame.
 -- @param cut  whether the recording did not keep all of it
--- @return the exchanges that are over with it, up to two
+-- @return the exchange that is over with it, nil for none
 function Line:take(seen, cut)
   local item = seen.item
   self.same = item.data == self.before
@@ -110,7 +106,7 @@ end
 
 function Line:_request(seen)
   local item, open = seen.item, self.open
-  local row, key, counts = tables.profibus.request[item.code], way(item.sa, item.da), item.fcv == 1
+  local row, key, counts = tables.profibus.request[item.code], item.sa * 0x100 + item.da, item.fcv == 1
   if open and open.request.item.data == item.data and (counts and is_at_once(self, seen, key)
     or not counts and self.same) then
     open.due, open.retried, self.newest[key] = true, true, seen.time_ns

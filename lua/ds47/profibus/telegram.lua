@@ -1,19 +1,14 @@
 -- One frame of PROFIBUS: start byte, addresses, function code, SAPs, data, check byte (docs/profibus.md 2).
 -- One frame whose bytes are in hand; what its data says is in dp.lua and ms1.lua.
 
+local bit_of = require("ds47.support.bits").bit
 local tables = require("ds47.spec.tables")
-
-local floor = math.floor
 
 local M = {ALL_STATIONS = 127}
 
 local END, START = 0x16, 0x68
 local HEAD, TRAILER = 4, 2
 local SIZES = {SD1 = 6, SD3 = 14, SD4 = 3, SC = 1}
-
-local function bit_of(number, bit)
-  return floor(number / 2 ^ bit) % 2
-end
 
 local function add(flaws, kind, offset, args)
   flaws[#flaws + 1] = {kind = kind, offset = offset, args = args or {}}
@@ -109,9 +104,9 @@ local function direct(item)
   item.request, item.code = bit_of(fc, 6) == 1, fc % 0x10
   if item.request then
     item.fcb, item.fcv = bit_of(fc, 5), bit_of(fc, 4)
-    item.slave, item.slave_sap, item.master, item.master_sap = item.da, item.dsap, item.sa, item.ssap
+    item.slave_sap, item.master_sap = item.dsap, item.ssap
   else
-    item.slave, item.slave_sap, item.master, item.master_sap = item.sa, item.ssap, item.da, item.dsap
+    item.slave_sap, item.master_sap = item.ssap, item.dsap
   end
 end
 
@@ -137,8 +132,8 @@ end
 --- The frame that these bytes are; whatever they are, with what is wrong about it.
 -- @param data string, all bytes of one frame; further ones are a flaw
 -- @return table {kind ("SD1" to "SD4", "SC", "" where no frame begins so), data, da, sa, fc, dae, sae, dsap,
--- ssap, du, fcs, flaws (list of {kind, offset, args}), request, code, fcb, fcv, slave, slave_sap, master,
--- master_sap}; what it does not have is nil, du, dae and sae are empty then
+-- ssap, du, fcs, flaws (list of {kind, offset, args}), request, code, fcb, fcv, slave_sap, master_sap}; what
+-- it does not have is nil, du, dae and sae are empty then
 function M.decode(data)
   local item = {kind = "", data = data, du = "", dae = "", sae = "", flaws = {}}
   local first = data:byte(1)

@@ -31,11 +31,7 @@ end
 
 --- A text without the zero bytes at its end.
 function M.without_zeros(text)
-  local length = #text
-  while length > 0 and byte(text, length) == 0 do
-    length = length - 1
-  end
-  return sub(text, 1, length)
+  return (text:reverse():gsub("^\0+", ""):reverse())
 end
 
 local function learn(station, option, content)

@@ -13,45 +13,7 @@ local M = {}
 local MOST_DONE = 64
 local COPY_NS = 1000000
 local LONGEST = 65535
-
--- A heap of numbers, the smallest first.
-
-local function push(heap, value)
-  local at = #heap + 1
-  while at > 1 do
-    local parent = math.floor(at / 2)
-    if heap[parent] <= value then
-      break
-    end
-    heap[at] = heap[parent]
-    at = parent
-  end
-  heap[at] = value
-end
-
-local function pop(heap)
-  local smallest, count = heap[1], #heap
-  local value = heap[count]
-  heap[count] = nil
-  count = count - 1
-  if count == 0 then
-    return smallest
-  end
-  local at = 1
-  while at * 2 <= count do
-    local child = at * 2
-    if child < count and heap[child + 1] < heap[child] then
-      child = child + 1
-    end
-    if value <= heap[child] then
-      break
-    end
-    heap[at] = heap[child]
-    at = child
-  end
-  heap[at] = value
-  return smallest
-end
+local UNIT = 8 -- bytes in which offsets count
 
 -- What is known of an unfinished datagram:
 --   first_ns, frame, time_ns   of the first fragment; of the newest one
@@ -59,15 +21,17 @@ end
 --   pieces                     offset -> {data = captured bytes, length = on the wire, frame}
 --   count, bytes               of the pieces, and of their captured bytes
 --   cut                        the first frame that the capture cut, as rpc.parse takes it
---   reach, beyond              there is no hole up to `reach`; a heap of the offsets behind it
+--   reach, looked              there is no hole up to `reach`; up to which offset pieces are in it
 
 local function add(entry, offset, data, length, more, cut, frame)
   local known = entry.pieces[offset]
   if not known or known.length < length then
     entry.pieces[offset] = {data = data, length = length, frame = frame}
     entry.bytes = entry.bytes + #data - (known and #known.data or 0)
-    push(entry.beyond, offset)
     entry.cut = entry.cut or cut
+    if offset < entry.looked then
+      entry.reach = math.max(entry.reach, offset + length)
+    end
   end
   if not more and not entry.total then
     entry.total = offset + length
@@ -79,10 +43,16 @@ end
 
 --- Whether no hole is left up to the last fragment.
 local function covered(entry)
-  local beyond = entry.beyond
-  while beyond[1] and beyond[1] <= entry.reach do
-    local offset = pop(beyond)
-    entry.reach = math.max(entry.reach, offset + entry.pieces[offset].length)
+  local pieces = entry.pieces
+  while pieces[entry.reach] do -- mostly one begins where the one before it ends
+    entry.reach = entry.reach + pieces[entry.reach].length
+  end
+  while entry.reach < entry.total and entry.looked <= entry.reach do
+    local piece = pieces[entry.looked]
+    if piece then
+      entry.reach = math.max(entry.reach, entry.looked + piece.length)
+    end
+    entry.looked = entry.looked + UNIT
   end
   return entry.reach >= entry.total
 end
@@ -194,7 +164,7 @@ function Reassembly:feed(part)
   if not entry then
     entry = {
       src_ip = part.src_ip, dst_ip = part.dst_ip, ip_id = part.ip_id, first_ns = time_ns,
-      total = nil, pieces = {}, count = 0, bytes = 0, reach = 0, beyond = {},
+      total = nil, pieces = {}, count = 0, bytes = 0, reach = 0, looked = 0,
     }
     self.open:set(key, entry)
   end

@@ -34,6 +34,11 @@ function M.network(frame, kinds)
   return nil
 end
 
+--- A MAC address as text: 00:0e:cf:01:02:03.
+function M.mac_text(address)
+  return ("%02x:%02x:%02x:%02x:%02x:%02x"):format(byte(address, 1, 6))
+end
+
 local function is_ethernet(offset)
   return offset % 4 == 2 and offset >= 14
 end

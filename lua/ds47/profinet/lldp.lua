@@ -7,6 +7,7 @@
 -- a MAC address of its own; the PROFINET TLV (00-0E-CF, 5) says that of the station.
 
 local dcp = require("ds47.profinet.dcp")
+local mac_text = require("ds47.profinet.link").mac_text
 
 local byte, sub = string.byte, string.sub
 
@@ -18,11 +19,6 @@ local LONGEST_NAME = 240
 local DIGIT = "[0-9]"
 local PORT_ID = "^port%-" .. DIGIT:rep(3) .. "%.(.+)$"
 local LONG_PORT_ID = "^port%-" .. DIGIT:rep(3) .. "%-" .. DIGIT:rep(5) .. "%.(.+)$"
-
---- Six bytes as text: 00:0e:cf:01:02:03.
-local function mac(data)
-  return ("%02x:%02x:%02x:%02x:%02x:%02x"):format(byte(data, 1, 6))
-end
 
 --- The text when it obeys the rules for station names (lower case, digits, dots, dashes), else nil.
 local function station_name(value)
@@ -39,7 +35,7 @@ local learn = {
     if subtype == LOCAL_SUBTYPE then
       station.name = station_name(sub(value, 2))
     elseif subtype == MAC_SUBTYPE and #value == 7 then
-      station.mac = mac(sub(value, 2))
+      station.mac = mac_text(sub(value, 2))
     end
   end,
   [PORT] = function(station, value)
@@ -57,7 +53,7 @@ local learn = {
     if sub(value, 1, 3) == "\x00\x0e\xcf" then
       station.ours = true
       if byte(value, 4) == 5 and #value >= 10 then
-        station.mac = mac(sub(value, 5, 10))
+        station.mac = mac_text(sub(value, 5, 10))
       end
     end
   end,

@@ -15,6 +15,7 @@
 -- What records repeat stands in their metatable, `record.place`: a table with a few keys of its own is what
 -- the plugin can afford for a frame. Halves have no metatable, and no key that says nothing.
 
+local entries = require("ds47.support.later").entries
 local rpc = require("ds47.profinet.rpc")
 local layout = require("ds47.spec.tables").layouts
 
@@ -24,8 +25,7 @@ local floor, setmetatable = math.floor, setmetatable
 local M = {}
 
 local SIZE, NDR = layout.RECORD_SIZE, layout.NDR_SIZE
-local AR, INDEX, HEAD = layout.RECORD_AR, layout.RECORD_INDEX, layout.RECORD_DATA + 4
-local STATUS = layout.RECORD_STATUS
+local AR, INDEX, STATUS = layout.RECORD_AR, layout.RECORD_INDEX, layout.RECORD_STATUS
 local WRITE_MULTIPLE = layout.RECORD_WRITE_MULTIPLE
 local NIL_UUID = ("\0"):rep(16)
 M.WRITE_MULTIPLE, M.NIL_UUID = WRITE_MULTIPLE, NIL_UUID
@@ -33,27 +33,19 @@ M.NO_API = -1 -- where there is neither API nor subslot: on PROFIBUS
 
 local WRITE, READ_IMPLICIT = rpc.WRITE, rpc.READ_IMPLICIT
 
--- The blocks of an operation in one direction: the first two bytes of each, and those that were seen by what
--- they say from the AR up to the record data length or, where a block has one, the status (`new_block`). So
--- one look at 32 or 40 bytes tells all of a block. `sound` are the beginnings of bodies up to that type in
--- which there is no error.
-local function blocks_of(type, upto)
-  return {type = char(floor(type / 256), type % 256), upto = upto, known = {}, sound = {}}
-end
+local function bytes_of(type) return char(floor(type / 256), type % 256) end
 
-local REQUEST_BLOCKS = {
-  [rpc.READ] = blocks_of(layout.BLOCK_READ_REQUEST, HEAD),
-  [READ_IMPLICIT] = blocks_of(layout.BLOCK_READ_REQUEST, HEAD),
-  [WRITE] = blocks_of(layout.BLOCK_WRITE_REQUEST, HEAD),
+-- The types of the blocks of an operation in one direction, as bytes.
+local REQUEST_TYPES = {
+  [rpc.READ] = bytes_of(layout.BLOCK_READ_REQUEST), [READ_IMPLICIT] = bytes_of(layout.BLOCK_READ_REQUEST),
+  [WRITE] = bytes_of(layout.BLOCK_WRITE_REQUEST),
 }
-local RESPONSE_BLOCKS = {
-  [rpc.READ] = blocks_of(layout.BLOCK_READ_RESPONSE, HEAD),
-  [READ_IMPLICIT] = blocks_of(layout.BLOCK_READ_RESPONSE, HEAD),
-  [WRITE] = blocks_of(layout.BLOCK_WRITE_RESPONSE, STATUS + 4),
+local RESPONSE_TYPES = {
+  [rpc.READ] = bytes_of(layout.BLOCK_READ_RESPONSE), [READ_IMPLICIT] = bytes_of(layout.BLOCK_READ_RESPONSE),
+  [WRITE] = bytes_of(layout.BLOCK_WRITE_RESPONSE),
 }
-local known_count, MOST_KNOWN = 0, 16384 -- of all blocks and beginnings
-local AR_BLOCK = layout.BLOCK_AR_REQUEST
 local ONLY_ARS = {[0x0001] = true, [0x0010] = true}
+local CONNECT_BLOCKS = {[layout.BLOCK_AR_REQUEST] = true}
 local RELEASE_BLOCKS = {[layout.BLOCK_RELEASE_REQUEST] = true, [layout.BLOCK_RELEASE_OF_RSI] = true}
 local FIRST_END = NDR + SIZE -- where the first block ends
 local FIRST_AR = NDR + layout.BLOCK_AR -- where the AR stands in a Connect or Release
@@ -66,7 +58,6 @@ end
 -- The fields of a place are those of its records: `write` to `position`. With them stand `spot`, a text for
 -- slot, subslot and index, and the keys of its AR and its channel for the peer that spoke of it last
 -- (`ar_key`, `channel_key`), which is always the same one but for ReadImplicit.
-local places, place_count, MOST_PLACES = {}, 0, 4096
 
 --- Makes a place of a table with the fields `write` to `position`.
 function M.place(place)
@@ -93,34 +84,11 @@ local function new_place(opnum, key)
   })
 end
 
--- The place that the bytes from the AR to the index name.
-local function place_of(opnum, key)
-  local known = places[opnum]
-  if known == nil then
-    known = {}
-    places[opnum] = known
-  end
-  local place = known[key]
-  if place == nil then
-    place = new_place(opnum, key)
-    if place_count >= MOST_PLACES then
-      places, place_count = {[opnum] = {[key] = place}}, 1
-    else
-      known[key], place_count = place, place_count + 1
-    end
-  end
-  return place
-end
-
-local function remember(blocks, kind, key, value)
-  if known_count >= MOST_KNOWN then
-    for _, all in ipairs({REQUEST_BLOCKS, RESPONSE_BLOCKS}) do
-      for _, each in pairs(all) do each.known, each.sound = {}, {} end
-    end
-    known_count = 0
-  end
-  blocks[kind][key], known_count = value, known_count + 1
-end
+-- The places that the bytes from the AR to the index name, by operation.
+local MOST_PLACES = 4096
+local places = entries(function(opnum)
+  return entries(function(key) return new_place(opnum, key) end, MOST_PLACES)
+end)
 
 -- Four bytes at a 1-based place as a number, big-endian as in blocks (P13); nil where not all are there.
 local function number_at(data, at, little)
@@ -131,34 +99,14 @@ local function number_at(data, at, little)
   return d and ((a * 256 + b) * 256 + c) * 256 + d
 end
 
--- What a block says: {place, stated, status (of a Write response), multiple (of IODWriteMultiple)}; nil where
--- it is not whole.
-local function new_block(blocks, opnum, key)
-  local stated = number_at(key, INDEX + 3 - AR)
+-- The place and the RecordDataLength in the block of this type at the 0-based offset; nil where no such block
+-- is there as far as that.
+local function block_at(type, opnum, data, offset)
+  local stated = sub(data, offset + 1, offset + 2) == type and number_at(data, offset + INDEX + 3)
   if not stated then
     return nil
   end
-  local place = place_of(opnum, sub(key, 1, INDEX + 2 - AR))
-  local block = {
-    place = place, stated = stated, status = number_at(key, STATUS + 1 - AR),
-    multiple = opnum == WRITE and place.index == WRITE_MULTIPLE,
-  }
-  remember(blocks, "known", key, block)
-  return block
-end
-
--- The block at the 0-based offset, whose type is known; nil where it is not whole.
-local function typed_block(blocks, opnum, data, offset)
-  local key = sub(data, offset + AR + 1, offset + blocks.upto)
-  return blocks.known[key] or new_block(blocks, opnum, key)
-end
-
--- The same; nil too where it is not of the expected type.
-local function block_at(blocks, opnum, data, offset)
-  if blocks and sub(data, offset + 1, offset + 2) == blocks.type then
-    return typed_block(blocks, opnum, data, offset)
-  end
-  return nil
+  return places[opnum][sub(data, offset + AR + 1, offset + INDEX + 2)], stated
 end
 
 --- What names an AR: controller, device, AR UUID (nil UUID for ReadImplicit).
@@ -181,24 +129,23 @@ function M.know_peer(place, peer)
   place.channel_key = place.text .. names
 end
 
-local know_peer = M.know_peer
+-- The place of a record, with its keys for a peer.
+local function place_for(peer, record)
+  local place = record.place
+  if place.peer ~= peer then
+    M.know_peer(place, peer)
+  end
+  return place
+end
 
 --- What names the AR of a record, between two peers: its `ar_text`.
 function M.ar_key(peer, record)
-  local place = record.place
-  if place.peer ~= peer then
-    know_peer(place, peer)
-  end
-  return place.ar_key
+  return place_for(peer, record).ar_key
 end
 
 --- What names the channel of a record.
 function M.channel_key(peer, record)
-  local place = record.place
-  if place.peer ~= peer then
-    know_peer(place, peer)
-  end
-  return place.channel_key
+  return place_for(peer, record).channel_key
 end
 
 -- Hangs something on the last one of its kind; the first and the last one then.
@@ -209,32 +156,27 @@ local function chained(first, last, item)
   return first or item, item
 end
 
--- The record that a block of a request asks for: with the data behind the block in a Write, with the wanted
--- length alone in a Read.
-local function asked(pdu, opnum, block, data, start)
-  local stated = block.stated
-  if opnum ~= WRITE then
-    return new_record(block.place, {frame = pdu.frame, time_ns = pdu.time_ns, stated = stated})
-  end
+-- A half with the data behind the 0-based offset, as far as it is there.
+local function carrying(pdu, data, start, stated, status)
   local payload = sub(data, start + 1, start + stated)
-  local half = {frame = pdu.frame, time_ns = pdu.time_ns, data = payload}
+  local half = {frame = pdu.frame, time_ns = pdu.time_ns, data = payload, status = status}
   if #payload < stated then
     half.stated, half.missing = stated, stated - #payload
   end
-  return new_record(block.place, half)
+  return half
 end
 
 -- The records of an IODWriteMultiple.
-local function parse_multiple(pdu, blocks, inner)
+local function parse_multiple(pdu, type, inner)
   local first, last, offset, position, nested = nil, nil, 0, 1, false
-  local block = block_at(blocks, WRITE, inner, 0)
-  while block do
-    nested = nested or block.multiple
-    local record = asked(pdu, WRITE, block, inner, offset + SIZE)
+  local place, stated = block_at(type, WRITE, inner, 0)
+  while place do
+    nested = nested or place.index == WRITE_MULTIPLE
+    local record = new_record(place, carrying(pdu, inner, offset + SIZE, stated))
     record.position, position = position, position + 1
     first, last = chained(first, last, record)
-    offset = offset + SIZE + block.stated + -block.stated % 4
-    block = block_at(blocks, WRITE, inner, offset)
+    offset = offset + SIZE + stated + -stated % 4
+    place, stated = block_at(type, WRITE, inner, offset)
   end
   return first, true, nested
 end
@@ -244,56 +186,29 @@ end
 --   IODWriteMultiple, and whether another one stands inside it, whose records are not opened (P18)
 function M.parse_request(pdu)
   local body, opnum = pdu.body, pdu.opnum
-  local blocks = REQUEST_BLOCKS[opnum]
-  local block = block_at(blocks, opnum, body, NDR)
-  if not block then
+  local type = REQUEST_TYPES[opnum]
+  local place, stated = block_at(type, opnum, body, NDR)
+  if not place then
     return nil, false, false
-  elseif block.multiple then
-    return parse_multiple(pdu, blocks, sub(body, FIRST_END + 1, FIRST_END + block.stated))
+  elseif opnum ~= WRITE then -- the wanted length alone
+    return new_record(place, {frame = pdu.frame, time_ns = pdu.time_ns, stated = stated}), false, false
+  elseif place.index == WRITE_MULTIPLE then
+    return parse_multiple(pdu, type, sub(body, FIRST_END + 1, FIRST_END + stated))
   end
-  return asked(pdu, opnum, block, body, FIRST_END), false, false
+  return new_record(place, carrying(pdu, body, FIRST_END, stated)), false, false
 end
 
--- The response of one block. The status of a Write is its own, unless the whole call failed.
-local function answer(pdu, opnum, block, body, offset, status)
-  if opnum == WRITE then
+-- The halves of the blocks of a Write response. Their status is their own, unless the whole call failed.
+local function write_halves(pdu, type, status)
+  local first, last, offset, body = nil, nil, NDR, pdu.body
+  repeat
+    local own = status
     if status == 0 then
-      status = block.status
+      own = number_at(body, offset + STATUS + 1)
     end
-    -- without data, but a Read may be answered so, too
-    return {frame = pdu.frame, time_ns = pdu.time_ns, data = "", status = status}
-  end
-  local stated = block.stated
-  local data = sub(body, offset + SIZE + 1, offset + SIZE + stated)
-  local half = {frame = pdu.frame, time_ns = pdu.time_ns, data = data, status = status}
-  if #data < stated then
-    half.stated, half.missing = stated, stated - #data
-  end
-  return half
-end
-
--- The PNIOStatus of a response (nil for an empty body), and its first block, nil for none.
-local function beginning_of(pdu, blocks, opnum, body)
-  local beginning = sub(body, 1, NDR + 2)
-  if blocks and blocks.sound[beginning] then
-    return 0, typed_block(blocks, opnum, body, NDR)
-  end
-  local status, block = number_at(body, 1, pdu.little), block_at(blocks, opnum, body, NDR)
-  if status == 0 and block then
-    remember(blocks, "sound", beginning, true)
-  end
-  return status, block
-end
-
--- The halves of the blocks of a Write response, from the one at the offset on.
-local function answers(pdu, blocks, offset, status)
-  local first, last, body = nil, nil, pdu.body
-  local block = block_at(blocks, WRITE, body, offset)
-  while block do
-    first, last = chained(first, last, answer(pdu, WRITE, block, body, offset, status))
+    first, last = chained(first, last, M.half(pdu.frame, pdu.time_ns, own))
     offset = offset + SIZE
-    block = block_at(blocks, WRITE, body, offset)
-  end
+  until not block_at(type, WRITE, body, offset)
   return first
 end
 
@@ -302,26 +217,21 @@ end
 --   next), nil for none; whether they are those of an IODWriteMultiple, of which only the inner ones are told
 function M.parse_halves(pdu)
   local body, opnum = pdu.body, pdu.opnum
-  local blocks = RESPONSE_BLOCKS[opnum]
-  local status, block = beginning_of(pdu, blocks, opnum, body)
-  if not block then
+  local type, status = RESPONSE_TYPES[opnum], number_at(body, 1, pdu.little)
+  local place, stated = block_at(type, opnum, body, NDR)
+  if not place then
     return status, nil, false
+  elseif opnum ~= WRITE then -- it has one block, and its data behind it
+    return status, carrying(pdu, body, FIRST_END, stated, status), false
   end
-  local half = answer(pdu, opnum, block, body, NDR, status)
-  if opnum ~= WRITE then -- it has one block, and its data behind it
+  local half = write_halves(pdu, type, status)
+  if place.index ~= WRITE_MULTIPLE then
     return status, half, false
   end
-  local others = #body >= FIRST_END + HEAD and answers(pdu, blocks, FIRST_END, status) or nil
-  if not block.multiple then
-    if others then
-      half.following = others
-    end
-    return status, half, false
-  end
-  if not others and half.status and half.status ~= 0 then
+  if not half.following and half.status and half.status ~= 0 then
     status = half.status
   end
-  return status, others, true
+  return status, half.following, true
 end
 
 --- The PNIOStatus of the NDR header (nil for an empty body) and the response blocks as records.
@@ -336,8 +246,8 @@ function M.parse_response(pdu)
     offset, position = offset + SIZE, 1
   end
   while half do
-    local block = block_at(RESPONSE_BLOCKS[pdu.opnum], pdu.opnum, pdu.body, offset)
-    local record = new_record(block.place, nil, half)
+    local place = block_at(RESPONSE_TYPES[pdu.opnum], pdu.opnum, pdu.body, offset)
+    local record = new_record(place, nil, half)
     if position ~= 0 then
       record.position = position
     end
@@ -347,13 +257,18 @@ function M.parse_response(pdu)
   return status, first
 end
 
---- The AR that a Release ends, by its request or response; nil where its block does not parse.
-function M.released_ar(pdu)
+-- The AR in the first block of a message, nil where that is of no such type or does not parse.
+local function first_ar(pdu, types)
   local t1, t2 = byte(pdu.body, NDR + 1, NDR + 2)
-  if #pdu.body < FIRST_AR + 16 or not RELEASE_BLOCKS[t1 % 128 * 256 + t2] then
+  if #pdu.body < FIRST_AR + 16 or not types[t1 % 128 * 256 + t2] then
     return nil
   end
   return sub(pdu.body, FIRST_AR + 1, FIRST_AR + 16)
+end
+
+--- The AR that a Release ends, by its request or response; nil where its block does not parse.
+function M.released_ar(pdu)
+  return first_ar(pdu, RELEASE_BLOCKS)
 end
 
 --- Whether a Connect request with an AR sets up one of which a controller has one with a device.
@@ -365,11 +280,7 @@ end
 
 --- The AR that a Connect sets up, by its request or response; nil where its first block is no ARBlock.
 function M.connected_ar(pdu)
-  local t1, t2 = byte(pdu.body, NDR + 1, NDR + 2)
-  if #pdu.body < FIRST_AR + 16 or t1 % 128 * 256 + t2 ~= AR_BLOCK then
-    return nil
-  end
-  return sub(pdu.body, FIRST_AR + 1, FIRST_AR + 16)
+  return first_ar(pdu, CONNECT_BLOCKS)
 end
 
 return M

@@ -6,6 +6,8 @@
 -- Other than in Python, what the header of a conversation repeats is read once (`heads`): every frame of ours
 -- passes here while Wireshark reads a file, and making things is what costs time in Lua.
 
+local entries = require("ds47.support.later").entries
+local flat = require("ds47.support.flat").copy
 local ordered = require("ds47.support.ordered")
 local tables = require("ds47.spec.tables")
 
@@ -98,51 +100,33 @@ local function new_head(header, source, destination)
     boot = sub(header, ACTIVITY + 17, ACTIVITY + 20), -- when the server started, as it says itself
     digest = digest_of(source .. "\0" .. destination .. "\0" .. activity), -- to know a datagram again
     fragment = 0, missing = 0, -- of most PDUs; the others have their own
-    operations = {}, operation_count = 0,
   }
-  return head
-end
-
--- What the PDUs of a head have in common that have this operation number.
-local function class_of(head, opnum)
-  local class = {}
-  for key, value in pairs(head) do
-    class[key] = value
-  end
-  class.opnum, class.operations, class.__index = opnum, nil, class
-  if head.operation_count < MOST_OPERATIONS then
-    head.operations[opnum], head.operation_count = class, head.operation_count + 1
-  end
-  return class
-end
-
-local function remember(header, source, destination)
-  local head = new_head(header, source, destination)
-  if head == nil then
-    return nil
-  end
-  local beginning, rest = sub(header, 1, ACTIVITY), sub(header, ACTIVITY + 1)
-  local known = heads[beginning]
-  if known == nil or known[rest] == nil then
-    if head_count >= MOST_HEADS then
-      heads, head_count = {}, 0
-    end
-    known, head_count = heads[beginning] or {}, head_count + 1
-    heads[beginning] = known
-  end
-  known[rest] = head
+  head.operations = entries(function(opnum)
+    local class = flat(head)
+    class.opnum, class.operations, class.__index = opnum, nil, class
+    return class
+  end, MOST_OPERATIONS)
   return head
 end
 
 --- What the PDUs have in common whose header begins at the 0-based offset `at`, of which 64 bytes are there,
 -- and that go from one address to another; nil where it is not PNIO RPC.
 function M.head(data, at, source, destination)
-  local known = heads[sub(data, at + 1, at + ACTIVITY)]
-  local head = known and known[sub(data, at + ACTIVITY + 1, at + COMMON)]
+  local beginning, rest = sub(data, at + 1, at + ACTIVITY), sub(data, at + ACTIVITY + 1, at + COMMON)
+  local known = heads[beginning]
+  local head = known and known[rest]
   if head and head.source == source and head.destination == destination then
     return head
   end
-  return remember(sub(data, at + 1, at + COMMON), source, destination)
+  head = new_head(beginning .. rest, source, destination)
+  if head then
+    if head_count >= MOST_HEADS then
+      heads, head_count = {}, 0
+    end
+    heads[beginning] = heads[beginning] or {}
+    heads[beginning][rest], head_count = head, head_count + 1
+  end
+  return head
 end
 
 --- The PDU of a head.
@@ -167,7 +151,7 @@ function M.pdu(head, data, at, stop, frame, time_ns)
   local pdu = setmetatable({
     seq = seq, body = sub(data, begin + 1, stated < stop and stated or stop),
     frame = frame, time_ns = time_ns,
-  }, head.operations[opnum] or class_of(head, opnum))
+  }, head.operations[opnum])
   if stated > stop then
     pdu.missing = stated - stop
   end
@@ -253,10 +237,7 @@ local function join(partial, newest)
     length, cut = length + #part.body + part.missing, cut or part.missing > 0
     first_cut = first_cut or part.cut
   end
-  local whole = setmetatable({}, getmetatable(parts[0]))
-  for name, value in pairs(parts[0]) do -- the fragment itself is still needed to know its copies
-    whole[name] = value
-  end
+  local whole = flat(parts[0]) -- the fragment itself is still needed to know its copies
   whole.body = table.concat(bodies)
   whole.missing = length - #whole.body
   whole.cut = first_cut

@@ -88,13 +88,8 @@ end
 -- @param src_mac of the frame that it came in, or that completed it: text, nil where that is not known
 function Naming:message(pdu, src_mac)
   local ptype = pdu.ptype
-  if ptype == 2 then
-    local known = self.servers.values[pdu.source]
-    if known and known.mac and known.vendor_id then
-      return -- nothing is left to learn
-    elseif pdu.opnum ~= rpc.CONTROL then -- a controller answers ApplicationReady
-      self:_learn(pdu.source, src_mac, pdu.object_uuid)
-    end
+  if ptype == 2 and pdu.opnum ~= rpc.CONTROL then -- a controller answers ApplicationReady
+    self:_learn(pdu.source, src_mac, pdu.object_uuid)
   elseif ptype == 0 and pdu.opnum == rpc.CONNECT then
     self:_learn(pdu.destination, nil, pdu.object_uuid)
   end

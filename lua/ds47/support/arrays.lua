@@ -1,4 +1,4 @@
--- What arrays lack: an item is taken out by itself, not by its place.
+-- What arrays lack: an item is taken out by itself, not by its place; and which of the items are such ones.
 
 local M = {}
 
@@ -10,6 +10,15 @@ function M.take_out(array, item)
       return
     end
   end
+end
+
+--- A new array of those items for which `wanted` is true.
+function M.filtered(array, wanted)
+  local found = {}
+  for _, item in ipairs(array) do
+    if wanted(item) then found[#found + 1] = item end
+  end
+  return found
 end
 
 return M
