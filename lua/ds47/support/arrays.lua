@@ -1,4 +1,4 @@
--- What arrays lack: an item is taken out by itself, not by its place.
+-- What arrays lack: an item is taken out by itself, not by its place, and found by what it begins with.
 
 local M = {}
 
@@ -10,6 +10,21 @@ function M.take_out(array, item)
       return
     end
   end
+end
+
+--- The place of the last entry {number, ...} that is not behind a number; 0 before the first one.
+-- @param entries in the order of their numbers
+function M.last_until(entries, number)
+  local low, high = 0, #entries
+  while low < high do
+    local middle = math.ceil((low + high) / 2)
+    if entries[middle][1] <= number then
+      low = middle
+    else
+      high = middle - 1
+    end
+  end
+  return low
 end
 
 return M
