@@ -10,8 +10,6 @@ local format, gsub = string.format, string.gsub
 
 local M = {}
 
-local CACHED = 4096
-
 local filling -- what a template is filled with; here so that no call makes a function
 
 local function first(rows, families)
@@ -77,7 +75,12 @@ function M.of_maker(vendor_id, lang)
   return M.fill(M.words(tables.error_of_maker, lang), {vendor = format("0x%04X", vendor_id)})
 end
 
-local function error_words(code, lang, vendor_id)
+--- What an error number means, in words (docs/protocol.md B).
+-- @param code error value 1, 0..0xFFFF
+-- @param lang "en" or "zh"; anything else gives English
+-- @param vendor_id PROFINET vendor id of the device or nil. Numbers from 0x65 on belong to the vendor:
+--   without an id the meaning on SINAMICS is given as such, and a vendor without a table gets no meaning
+function M.error_text(code, lang, vendor_id)
   local vendor = vendor_id and by_id[vendor_id]
   if vendor and vendor.errors[code] then return words(vendor.errors[code], code, lang) end
   if tables.errors[code] then return words(tables.errors[code], code, lang) end
@@ -95,24 +98,6 @@ end
 -- @param vendor a row of tables.vendors that has the number
 function M.vendor_text(vendor, code, lang)
   return words(vendor.errors[code], code, lang)
-end
-
-local texts, held = {}, 0
-
---- What an error number means, in words (docs/protocol.md B).
--- @param code error value 1, 0..0xFFFF
--- @param lang "en" or "zh"; anything else gives English
--- @param vendor_id PROFINET vendor id of the device or nil. Numbers from 0x65 on belong to the vendor:
---   without an id the meaning on SINAMICS is given as such, and a vendor without a table gets no meaning
-function M.error_text(code, lang, vendor_id)
-  local key = code * 131072 + (vendor_id and vendor_id + 1 or 0) + (lang == "zh" and 0.5 or 0)
-  local text = texts[key]
-  if not text then
-    if held >= CACHED then texts, held = {}, 0 end
-    text = error_words(code, lang, vendor_id)
-    texts[key], held = text, held + 1
-  end
-  return text
 end
 
 --- What error value 2 means for an error number: "none", "subindex" or "unknown".
