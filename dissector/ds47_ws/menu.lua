@@ -22,10 +22,7 @@ local function show(title, text)
 end
 
 --- How many frames the open file has: the highest number that a Listener sees when all are gone through.
-local function count_frames(track)
-  if track.frames then
-    return type(track.frames) == "function" and track.frames() or track.frames
-  end
+local function count_frames()
   local frames = 0
   local listener = Listener.new("frame")
   function listener.packet(pinfo)
@@ -93,7 +90,7 @@ local function ask_and_save(track)
   local lang = stats.options(track).lang
   local title, where = say(lang, "menu_save"), say(lang, "menu_where")
   local function chosen(text)
-    local options = stats.options(track, count_frames(track))
+    local options = stats.options(track, count_frames())
     local lines = M.save(function(kind)
       return stats.text(kind, track, options)
     end, text, lang)
