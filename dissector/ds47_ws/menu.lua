@@ -106,14 +106,10 @@ end
 
 -- Checking the installation
 
-local function version_numbers(text)
-  local major, minor = text:match("^(%d+)%.(%d+)")
-  return tonumber(major) or 0, tonumber(minor) or 0
-end
-
 local function about_version(add)
   local version = get_version()
-  local major, minor = version_numbers(version)
+  local major, minor = version:match("^(%d+)%.(%d+)")
+  major, minor = tonumber(major) or 0, tonumber(minor) or 0
   local old = major < OLDEST[1] or major == OLDEST[1] and minor < OLDEST[2]
   local note = old and string.format("  TOO OLD: %d.%d or later is needed", OLDEST[1], OLDEST[2]) or ""
   add("Wireshark           " .. version .. note)
@@ -162,13 +158,9 @@ local function about_copies(add, info)
   end
 end
 
--- Wireshark 4.4 and later do not say whether they run as the superuser: the home folder tells.
-local function is_superuser()
-  return running_superuser or os.getenv("HOME") == "/root"
-end
-
 local function about_superuser(add)
-  if not is_superuser() then
+  -- Wireshark 4.4 and later do not say whether they run as the superuser: the home folder tells.
+  if not running_superuser and os.getenv("HOME") ~= "/root" then
     add("Superuser           no")
     return
   end

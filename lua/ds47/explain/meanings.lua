@@ -3,6 +3,7 @@
 -- The same as python/ds47/explain/meanings.py has it, of these two kinds of codes: those that a frame has.
 -- How it is laid out is in ds47.report.explanation. The words are in tables.explain.
 
+local has = require("ds47.support.arrays").has
 local spec = require("ds47.spec.lookup")
 local statuses = require("ds47.spec.statuses")
 local tables = require("ds47.spec.tables")
@@ -41,13 +42,6 @@ end
 local function fits(row, decode, code_1, code_2)
   return within(row.decode, row.decode_to, decode) and within(row.code1, row.to, code_1)
     and within(row.code2, nil, code_2)
-end
-
-local function has(list, wanted)
-  for _, each in ipairs(list) do
-    if each == wanted then return true end
-  end
-  return false
 end
 
 local function entry_of(status)

@@ -1,7 +1,6 @@
 --- Words of the reports: numbers, values and addresses as a person reads them (Python: ds47.report.words).
 -- Also the little of UTF-8 that fixed-width text needs. No layout here, no file is opened.
 
-local later = require("ds47.support.later").entries
 local naming = require("ds47.profidrive.naming")
 local tables = require("ds47.spec.tables")
 local descriptions = require("ds47.report.descriptions")
@@ -162,13 +161,17 @@ end
 --- A number as Python shows it.
 M.number = formats.number_text
 
+--- Text from the drive in quotes.
+function M.quoted(text)
+  return '"' .. gsub(M.escape(text), '"', '\\"') .. '"'
+end
+
 --- One value; text from the drive in quotes.
 function M.value(item, format_name, scaled)
   if type(item) ~= "string" then
     return M.number(item, format_name, scaled)
   end
-  local plain = M.escape(item)
-  return M.is_text(format_name) and '"' .. gsub(plain, '"', '\\"') .. '"' or plain
+  return M.is_text(format_name) and M.quoted(item) or M.escape(item)
 end
 
 --- A list of values, cut where it grows long: `1, 2, 3, ... (40 values)`.
@@ -212,22 +215,10 @@ end
 function M.name(item, lang)
   local name = sentences.name(item, lang)
   if name and item.described and item.described.name then -- of the drive, or of a list of the user
-    return item.described.frames and M.value(name, "VisibleString") or M.escape(name)
+    return item.described.frames and M.quoted(name) or M.escape(name)
   end
   return name
 end
-
--- What values.lua and profile.lua need of the words of a language.
-local words_in = later(function(lang)
-  return {
-    lang = lang,
-    escape = M.escape,
-    say = function(key, values) return M.say(lang, key, values) end,
-    noted = function(text, note) return M.joined(lang, { text, note }, ": ", "：") end,
-    joined = function(parts, en, zh) return M.joined(lang, parts, en, zh) end,
-    quoted = function(text) return M.value(text, "VisibleString") end,
-  }
-end)
 
 --- Whose parameter it is, where the vendor does not say it: "micromaster", else nil.
 function M.family(item)
@@ -236,7 +227,7 @@ end
 
 --- What the values of a parameter mean; nil where they say it themselves.
 function M.meaning(item, lang)
-  local parts = meanings.parts(item, words_in[lang or "en"])
+  local parts = meanings.parts(item, M, lang)
   return parts and M.joined(lang, parts) or nil
 end
 

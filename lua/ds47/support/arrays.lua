@@ -1,6 +1,14 @@
--- What arrays lack: an item is taken out by itself, not by its place, and found by what it begins with.
+-- What arrays lack: an item is found and taken out by itself, not by its place.
 
 local M = {}
+
+--- Whether an item is in an array.
+function M.has(array, item)
+  for _, each in ipairs(array) do
+    if each == item then return true end
+  end
+  return false
+end
 
 --- Takes an item out of an array, the last one that equals it; none where there is none.
 function M.take_out(array, item)
