@@ -38,12 +38,8 @@ local function key_of(source, frame_id)
 end
 
 local function push(lists, key, item)
-  local list = lists[key]
-  if list == nil then
-    list = {}
-    lists[key] = list
-  end
-  list[#list + 1] = item
+  lists[key] = lists[key] or {}
+  table.insert(lists[key], item)
 end
 
 -- The control words that a drive heeds, each behind the frame from which on it stands.

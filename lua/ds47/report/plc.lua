@@ -210,21 +210,21 @@ end
 --- The same of one transaction while the capture goes on: what its job has learnt so far.
 function M.witness_of(item, job)
   local findings = {}
+  local function add(rule, frame, args)
+    findings[#findings + 1] = { rule = rule, frame = frame, transaction = item.id, args = args }
+  end
   for _, call in ipairs(job.calls) do
-    findings[#findings + 1] = { rule = call.rule, frame = call.frame, transaction = item.id }
+    add(call.rule, call.frame)
   end
   for _, half in ipairs(job.empty_reads) do
-    findings[#findings + 1] = { rule = "DS207", frame = half.frame, transaction = item.id }
+    add("DS207", half.frame)
   end
   for _, read in ipairs(job:too_short()) do
-    local half = read.response
-    local args = { status = status_hex(half.status) }
-    findings[#findings + 1] = { rule = "DS201", frame = half.frame, transaction = item.id, args = args }
+    add("DS201", read.response.frame, { status = status_hex(read.response.status) })
   end
   local read = job.read_response
   if read and read.cut then
-    local args = { completed = read.frame, length = read.stated }
-    findings[#findings + 1] = { rule = CUT, frame = read.frame, args = args }
+    add(CUT, read.frame, { completed = read.frame, length = read.stated })
   end
   return M.witness({ transactions = { item }, findings = findings })
 end
