@@ -4,6 +4,7 @@
 -- proven. Fields and texts are not here (pzd_tree.lua, info.lua), nor is what words mean (ds47.cyclic).
 
 local bits = require("ds47.support.bits")
+local last_until = require("ds47.support.arrays").last_until
 local ends_to = require("ds47.cyclic.channels").ends_to
 local pzd = require("ds47.cyclic.pzd")
 local tables = require("ds47.spec.tables")
@@ -37,15 +38,11 @@ local function key_of(source, frame_id)
 end
 
 local function push(lists, key, item)
-  local list = lists[key]
-  if list == nil then
-    list = {}
-    lists[key] = list
-  end
-  list[#list + 1] = item
+  lists[key] = lists[key] or {}
+  table.insert(lists[key], item)
 end
 
--- The control words that a drive heeds, by the frames from which on they stand.
+-- The control words that a drive heeds, each behind the frame from which on it stands.
 local function controls_of(events)
   local controls = {}
   for _, event in ipairs(events) do
@@ -81,20 +78,6 @@ function M.complete(result, channels)
     end
   end
   return found
-end
-
--- The newest control word that stands in a frame, of those that the drive heeds; nil before the first.
-local function control_at(controls, frame)
-  local low, high = 0, #controls
-  while low < high do
-    local middle = math.ceil((low + high) / 2)
-    if controls[middle][1] <= frame then
-      low = middle
-    else
-      high = middle - 1
-    end
-  end
-  return low > 0 and controls[low][2] or nil
 end
 
 -- Words
@@ -160,7 +143,8 @@ function M.words(complete, number, frame, place)
   local found, at = {}, place.at
   for _, each in ipairs(ends_to(ends, place.receiver)) do
     if counts(each.relation, number) and is_whole(each.side, frame, at) then
-      found[#found + 1] = place_of(each, frame, at, each.speed, control_at(each.controls, number))
+      local control = each.controls[last_until(each.controls, number)]
+      found[#found + 1] = place_of(each, frame, at, each.speed, control and control[2])
     end
   end
   return found

@@ -4,28 +4,14 @@
 
 local csv = require("ds47.report.csv")
 local info = require("ds47_ws.info")
+local sentences = require("ds47.report.sentences")
 local statistics = require("ds47.report.statistics")
 local words = require("ds47.report.formatting")
 
 local concat, format = table.concat, string.format
+local integer, say = words.integer, words.say
 
 local M = {}
-
-local TEXTS = {
-  en = {
-    title = "Drives: control and status word",
-    none = "No drive was seen in the cyclic frames of this capture.",
-    drive = "%s%s%s: %d events", slot = " slot %d.%d", telegram = ", telegram %s",
-    more = "and %d more, which are not kept", time = "Time (UTC)", frame = "Frame", word = "Word",
-    event = "Event: state from then on",
-  },
-  zh = {
-    title = "驱动器：控制字和状态字", none = "此抓包的循环帧中没有驱动器。",
-    drive = "%s%s%s：%d 个事件", slot = " 插槽 %d.%d", telegram = "，报文 %s",
-    more = "还有 %d 个，未保留", time = "时间 (UTC)", frame = "帧", word = "字",
-    event = "事件：此后的状态",
-  },
-}
 
 local BEFORE = 2 + 12 + 2 + 7 + 2 + 17 + 2 -- columns before the event
 
@@ -51,10 +37,8 @@ end
 
 -- One drive: a line about it, then its events.
 local function add_drive(lines, relation, timeline, base_seconds, lang)
-  local texts = TEXTS[lang]
-  local slot = relation.slot and format(texts.slot, relation.slot, relation.subslot) or ""
-  local numbers = relation.telegrams
-  local telegram = #numbers > 0 and format(texts.telegram, concat(numbers, ", ")) or ""
+  local slot = relation.slot and sentences.slot_number(relation.slot, relation.subslot)
+  local telegrams = concat(relation.telegrams, ", ")
   local function add(time, frame, word, event)
     local before = "  " .. padded(time, 12) .. "  " .. padded(frame, -7) .. "  " .. padded(word, 17) .. "  "
     for _, line in ipairs(words.wrap(before .. event, statistics.WIDTH, BEFORE)) do
@@ -62,8 +46,13 @@ local function add_drive(lines, relation, timeline, base_seconds, lang)
     end
   end
   lines[#lines + 1] = ""
-  lines[#lines + 1] = format(texts.drive, relation.device, slot, telegram, #timeline.events)
-  add(texts.time, texts.frame, texts.word, texts.event)
+  lines[#lines + 1] = say(lang, "timeline_drive", {
+    device = relation.device, slot = slot and say(lang, "timeline_slot", { slot = slot }) or "",
+    telegram = telegrams ~= "" and say(lang, "timeline_telegram", { number = telegrams }) or "",
+    number = integer(#timeline.events),
+  })
+  add(say(lang, "timeline_time"), say(lang, "timeline_frame"), say(lang, "timeline_word"),
+    say(lang, "timeline_event"))
   local day
   for _, same in ipairs(info.together(timeline.events)) do
     local event = same[1]
@@ -72,10 +61,10 @@ local function add_drive(lines, relation, timeline, base_seconds, lang)
       lines[#lines + 1] = "  " .. date
       day = date
     end
-    add(time, format("%d", event.frame), word_of(event), info.what(same, lang))
+    add(time, integer(event.frame), word_of(event), info.what(same, lang))
   end
   if timeline.left_out > 0 then
-    lines[#lines + 1] = "  " .. format(texts.more, timeline.left_out)
+    lines[#lines + 1] = "  " .. say(lang, "timeline_more", { number = integer(timeline.left_out) })
   end
 end
 
@@ -84,12 +73,12 @@ end
 -- @param options {lang = "en" or "zh"}
 function M.text(result, options)
   local lang = options and options.lang or "en"
-  local lines = { TEXTS[lang].title }
+  local lines = { say(lang, "timeline_title") }
   for _, timeline in ipairs(result.timelines) do
     add_drive(lines, result.relations[timeline.relation], timeline, result.base_seconds, lang)
   end
   if #lines == 1 then
-    lines[2] = TEXTS[lang].none
+    lines[2] = say(lang, "timeline_none")
   end
   return concat(lines, "\n") .. "\n"
 end

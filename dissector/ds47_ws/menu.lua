@@ -22,10 +22,7 @@ local function show(title, text)
 end
 
 --- How many frames the open file has: the highest number that a Listener sees when all are gone through.
-local function count_frames(track)
-  if track.frames then
-    return type(track.frames) == "function" and track.frames() or track.frames
-  end
+local function count_frames()
   local frames = 0
   local listener = Listener.new("frame")
   function listener.packet(pinfo)
@@ -93,7 +90,7 @@ local function ask_and_save(track)
   local lang = stats.options(track).lang
   local title, where = say(lang, "menu_save"), say(lang, "menu_where")
   local function chosen(text)
-    local options = stats.options(track, count_frames(track))
+    local options = stats.options(track, count_frames())
     local lines = M.save(function(kind)
       return stats.text(kind, track, options)
     end, text, lang)
@@ -109,14 +106,10 @@ end
 
 -- Checking the installation
 
-local function version_numbers(text)
-  local major, minor = text:match("^(%d+)%.(%d+)")
-  return tonumber(major) or 0, tonumber(minor) or 0
-end
-
 local function about_version(add)
   local version = get_version()
-  local major, minor = version_numbers(version)
+  local major, minor = version:match("^(%d+)%.(%d+)")
+  major, minor = tonumber(major) or 0, tonumber(minor) or 0
   local old = major < OLDEST[1] or major == OLDEST[1] and minor < OLDEST[2]
   local note = old and string.format("  TOO OLD: %d.%d or later is needed", OLDEST[1], OLDEST[2]) or ""
   add("Wireshark           " .. version .. note)
@@ -165,13 +158,9 @@ local function about_copies(add, info)
   end
 end
 
--- Wireshark 4.4 and later do not say whether they run as the superuser: the home folder tells.
-local function is_superuser()
-  return running_superuser or os.getenv("HOME") == "/root"
-end
-
 local function about_superuser(add)
-  if not is_superuser() then
+  -- Wireshark 4.4 and later do not say whether they run as the superuser: the home folder tells.
+  if not running_superuser and os.getenv("HOME") ~= "/root" then
     add("Superuser           no")
     return
   end

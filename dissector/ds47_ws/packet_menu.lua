@@ -23,14 +23,20 @@ local WIDTH = 80 -- columns of the window
 local MOST_TERMS = 32
 local NEEDED = "ds47.transaction" -- what a packet needs for an entry
 
+-- Adds what is not there yet.
+local function add_new(list, item)
+  list.has = list.has or {}
+  if item ~= nil and not list.has[item] then
+    list.has[item] = true
+    list[#list + 1] = item
+  end
+end
+
 --- The transactions of views, each once.
 function M.transactions(views)
-  local items, seen = {}, {}
+  local items = {}
   for _, view in ipairs(views) do
-    if not seen[view.item] then
-      seen[view.item] = true
-      items[#items + 1] = view.item
-    end
+    add_new(items, view.item)
   end
   return items
 end
@@ -75,14 +81,6 @@ local function device_term(item, fields)
   return name .. " == " .. item.device
 end
 
--- Adds a term that is not there yet.
-local function add_new(terms, term)
-  if term and not terms[term] then
-    terms[term] = true
-    terms[#terms + 1] = term
-  end
-end
-
 --- All frames of the drives of these transactions; nil where none has an address.
 -- @param fields of the packet, by their names
 function M.drive_filter(items, fields)
@@ -122,34 +120,17 @@ local function overlap(one, other)
   return one.subindex <= last_of(other) and other.subindex <= last_of(one)
 end
 
--- Adds the first element of a parameter, if it is known and not there yet.
-local function add_first(subindices, seen, parameter)
-  local first = parameter.subindex
-  if first and not seen[first] then
-    seen[first] = true
-    subindices[#subindices + 1] = first
-  end
-end
-
 -- The ways by which requests reach the same parameter, in all of the capture, and the subindices from which
 -- on they ask for one of its elements.
 local function requests_for(parameter, item, result, shown)
-  local access, ways, subindices, seen = drive_objects.access_of(item), {}, {}, {}
+  local access, ways, subindices = drive_objects.access_of(item), {}, {}
   add_new(ways, way_term(item))
-  add_first(subindices, seen, parameter)
+  add_new(subindices, parameter.subindex)
   for _, other in ipairs(result.transactions) do
-    local same
     for _, each in ipairs(other.parameters) do
-      if each.pnu == parameter.pnu then
-        if same == nil then
-          same = shown:same(access, drive_objects.access_of(other), parameter.pnu)
-        end
-        if same then
-          add_new(ways, way_term(other))
-          if overlap(each, parameter) then
-            add_first(subindices, seen, each)
-          end
-        end
+      if each.pnu == parameter.pnu and shown:same(access, drive_objects.access_of(other), each.pnu) then
+        add_new(ways, way_term(other))
+        add_new(subindices, overlap(each, parameter) and each.subindex or nil)
       end
     end
   end
@@ -224,13 +205,12 @@ end
 -- @param findings of these transactions
 -- @return the text; or nil and what to say instead
 function M.instead(findings, lang)
-  local texts, seen = {}, {}
+  local requests, texts = {}, {}
   for _, finding in ipairs(findings) do
-    local better = finding.corrected
-    if better and not seen[better] then
-      seen[better] = true
-      texts[#texts + 1] = suggest.scl(better)
-    end
+    add_new(requests, finding.corrected)
+  end
+  for place, request in ipairs(requests) do
+    texts[place] = suggest.scl(request)
   end
   if texts[1] == nil then
     return nil, say(lang, "menu_no_instead")
@@ -246,7 +226,7 @@ local function append(lines, more)
   end
 end
 
--- The error numbers of the parameters of a transaction, each once. Gives whether there are some.
+-- The error numbers of the parameters of a transaction, each once.
 local function add_errors(lines, item, lang)
   local seen = {}
   for _, each in ipairs(item.parameters) do
@@ -263,7 +243,6 @@ local function add_errors(lines, item, lang)
       end
     end
   end
-  return next(seen) ~= nil
 end
 
 local function add_status(lines, status, lang)
@@ -274,15 +253,14 @@ end
 -- What ended a transaction: the statuses of its record calls and its error numbers; where there is none of
 -- them, what a good status says.
 local function add_outcome(lines, item, lang)
-  local failed = false
+  local before = #lines
   for _, key in ipairs({ "write_status", "read_status" }) do
     if item[key] and item[key] ~= 0 then
       add_status(lines, item[key], lang)
-      failed = true
     end
   end
-  failed = add_errors(lines, item, lang) or failed
-  if not failed and (item.write_status or item.read_status) then
+  add_errors(lines, item, lang)
+  if #lines == before and (item.write_status or item.read_status) then
     add_status(lines, 0, lang)
   end
 end
@@ -337,34 +315,30 @@ end
 --- Adds the menu.
 -- @param track the analysis of the open file
 function M.register(track)
-  -- `action` is a function of the views, and of the fields by their names.
-  local function entry(name, action)
+  -- `make` is a function of the views, and of the fields by their names. It gives a text for `take`, or nil
+  -- and what to say instead.
+  local function entry(name, make, take)
     register_packet_menu("DS47/" .. name, function(...)
       local fields = by_name(...)
       local views = track.complete_views(fields["frame.number"].value) or {}
-      action(views, fields)
+      local text, problem = make(views, fields)
+      if text then
+        take(text)
+      else
+        show(problem)
+      end
     end, NEEDED)
   end
   local function filter(name, make)
     entry(name, function(views, fields)
-      local text = make(M.transactions(views), fields)
-      if text then
-        set_filter(text)
-        apply_filter()
-      else
-        show(say(track.lang, "menu_no_parameter"))
-      end
+      return make(M.transactions(views), fields), say(track.lang, "menu_no_parameter")
+    end, function(text)
+      set_filter(text)
+      apply_filter()
     end)
   end
   local function copy(name, make)
-    entry(name, function(views)
-      local text, problem = make(views)
-      if text then
-        copy_to_clipboard(text)
-      else
-        show(problem)
-      end
-    end)
+    entry(name, make, copy_to_clipboard)
   end
   filter("Only this transaction", M.transaction_filter)
   filter("Only these parameters on this drive object", function(items, fields)
@@ -378,16 +352,15 @@ function M.register(track)
     return M.copied(M.transactions(views), "scl", track.lang)
   end)
   copy("Copy what to send instead as SCL", function(views)
-    local findings, seen = {}, {}
+    local findings = {}
     for _, view in ipairs(views) do
-      append(findings, seen[view.item] and {} or track.findings_of(view))
-      seen[view.item] = true
+      append(findings, track.findings_of(view))
     end
     return M.instead(findings, track.lang)
   end)
   entry("Explain this status", function(views, fields)
-    show(M.explained(views, own_status(fields), track.lang))
-  end)
+    return M.explained(views, own_status(fields), track.lang)
+  end, show)
 end
 
 return M

@@ -573,6 +573,7 @@ def test_every_word_is_there_in_both_languages_and_used():
         "buffer_",
         "ms1_",
         "s7_",
+        "statistics_",
     )
     for key, texts in report_words().items():
         assert set(texts) == {"en", "zh"}, key

@@ -3,6 +3,7 @@
 -- The same as python/ds47/explain/meanings.py has it, of these two kinds of codes: those that a frame has.
 -- How it is laid out is in ds47.report.explanation. The words are in tables.explain.
 
+local has = require("ds47.support.arrays").has
 local spec = require("ds47.spec.lookup")
 local statuses = require("ds47.spec.statuses")
 local tables = require("ds47.spec.tables")
@@ -41,13 +42,6 @@ end
 local function fits(row, decode, code_1, code_2)
   return within(row.decode, row.decode_to, decode) and within(row.code1, row.to, code_1)
     and within(row.code2, nil, code_2)
-end
-
-local function has(list, wanted)
-  for _, each in ipairs(list) do
-    if each == wanted then return true end
-  end
-  return false
 end
 
 local function entry_of(status)
@@ -149,20 +143,23 @@ local function meaning(title, known, entry, lang, more)
   }
 end
 
-local function known_status(entry, status, lang, title)
-  local code = statuses.status_hex(status)
+-- A status that has a meaning as `template` tells of it, in which `given` is what was asked; nil where it has
+-- none.
+local function known_status(status, template, given, lang)
+  local entry, code = entry_of(status), statuses.status_hex(status)
+  if not entry then return nil end
+  local title = fill(template, {given = given, code = code, text = headline(entry, status, lang)})
   return meaning(title, true, entry, lang, {
     parts = parts_of(status, lang), view = sided(entry.plc, status), shown = code,
     filter = sided(entry.filter, status), values = status_values(status),
   })
 end
 
--- The status whose first three bytes these are behind a byte in front; nil where it has no meaning.
+-- The status whose first three bytes these are behind a byte in front; nil where none begins so.
 local function read_too_early(status)
   local late = status % 16777216 * 256
   local code = four(late)
-  local begins = tables.status.error_code[code] or code ~= 0 and OF_PLC[code]
-  return begins and entry_of(late) and late or nil
+  return (tables.status.error_code[code] or code ~= 0 and OF_PLC[code]) and late or nil
 end
 
 --- What a status of four bytes means.
@@ -170,26 +167,13 @@ end
 -- @param lang "en" or "zh"; anything else gives English
 -- @return a meaning; `known` is false where only its bytes have one
 function M.status(status, lang)
-  local words, code, entry = words_in(lang), statuses.status_hex(status), entry_of(status)
-  if entry then
-    local title = fill(words.status, {code = code, text = headline(entry, status, lang)})
-    return known_status(entry, status, lang, title)
-  end
+  local words, code, late = words_in(lang), statuses.status_hex(status), read_too_early(status)
   local code_1, code_2, code_3, code_4 = four(status)
   local turned = ((code_4 * 256 + code_3) * 256 + code_2) * 256 + code_1
-  entry = entry_of(turned)
-  if entry then
-    return known_status(entry, turned, lang, fill(words.bytes_reversed, {
-      given = code, code = statuses.status_hex(turned), text = headline(entry, turned, lang),
-    }))
-  end
-  local late = read_too_early(status)
-  if late then
-    entry = entry_of(late)
-    return known_status(entry, late, lang, fill(words.bytes_shifted, {
-      given = code, code = statuses.status_hex(late), text = headline(entry, late, lang),
-    }))
-  end
+  local known = known_status(status, words.status, code, lang)
+    or known_status(turned, words.bytes_reversed, code, lang)
+    or late and known_status(late, words.bytes_shifted, code, lang)
+  if known then return known end
   local text = format("%s (%s)", words.unknown_status, statuses.status_text(status, lang))
   return meaning(fill(words.status, {code = code, text = text}), false, tables.explain.unknown, lang, {
     parts = parts_of(status, lang), view = "unknown", shown = code, filter = "status",

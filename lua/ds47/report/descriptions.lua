@@ -69,16 +69,13 @@ end
 --- What a description or a text says: an array of texts; nil where the values say it themselves.
 -- @param words the module formatting.lua, which has the language
 function M.parts(item, words, lang)
-  local function quoted(text)
-    return words.value(text, "VisibleString")
-  end
   local found = {}
   local entries, described = M.entries(item), M.of(item)
   for number, each in ipairs(entries or {}) do
-    found[number] = quoted(each)
+    found[number] = words.quoted(each)
   end
   if described then
-    found = plain(described, item.family, quoted)
+    found = plain(described, item.family, words.quoted)
     for _, key in ipairs(marks(described)) do
       found[#found + 1] = words.say(lang, key)
     end

@@ -1,7 +1,6 @@
 --- Words of the reports: numbers, values and addresses as a person reads them (Python: ds47.report.words).
 -- Also the little of UTF-8 that fixed-width text needs. No layout here, no file is opened.
 
-local later = require("ds47.support.later").entries
 local naming = require("ds47.profidrive.naming")
 local tables = require("ds47.spec.tables")
 local descriptions = require("ds47.report.descriptions")
@@ -31,6 +30,9 @@ local WIDE = {
   0x1100, 0x115F, 0x2E80, 0xA4CF, 0xAC00, 0xD7A3, 0xF900, 0xFAFF, 0xFE30, 0xFE6F, 0xFF00, 0xFF60,
   0xFFE0, 0xFFE6, 0x20000, 0x3FFFD,
 }
+-- Of characters of one byte to four: the least and the greatest first byte, and the lowest bit in it that is
+-- no part of the code point.
+local LEADS = { { 0, 0x7F, 0x80 }, { 0xC2, 0xDF, 0x20 }, { 0xE0, 0xEF, 0x10 }, { 0xF0, 0xF4, 0x08 } }
 local SHORT_ESCAPES = { [9] = "\\t", [10] = "\\n", [13] = "\\r" }
 
 local function within(ranges, point)
@@ -46,17 +48,12 @@ end
 
 --- The code point of one UTF-8 character, nil where the bytes are none.
 local function code_point(character)
-  local first = character:byte()
-  local size = #character
-  if first < 0x80 then
-    return size == 1 and first or nil
-  end
-  local start = first < 0xE0 and 0xC0 or first < 0xF0 and 0xE0 or 0xF0
-  if first < 0xC2 or first > 0xF4 or size ~= (start == 0xC0 and 2 or start == 0xE0 and 3 or 4) then
+  local first, lead = character:byte(), LEADS[#character]
+  if not lead or first < lead[1] or first > lead[2] then
     return nil
   end
-  local point = first - start
-  for i = 2, size do
+  local point = first % lead[3]
+  for i = 2, #character do
     point = point * 64 + character:byte(i) - 0x80
   end
   return point
@@ -132,16 +129,6 @@ function M.state(lang, word)
   return M.say(lang, "state_" .. word)
 end
 
---- The name of what a transaction asks.
-function M.operation(lang, word)
-  return M.say(lang, "operation_" .. word)
-end
-
---- A text and a note behind it, in Chinese without a blank; the text alone where there is no note.
-function M.noted(lang, text, note)
-  return note and M.joined(lang, { text, note }, " ", "") or text
-end
-
 --- Texts in a row, with the commas of their language where no separators are given.
 function M.joined(lang, parts, en, zh)
   return concat(parts, lang == "zh" and (zh or "，") or en or ", ")
@@ -158,12 +145,7 @@ function M.address(item)
   elseif first then
     index = format("[%d]", first)
   end
-  local attribute = item.attribute
-  if attribute == nil or attribute == "value" then
-    attribute = ""
-  else
-    attribute = "." .. attribute
-  end
+  local attribute = item.attribute and item.attribute ~= "value" and "." .. item.attribute or ""
   return naming.spelling(item.pnu, item.family) .. index .. attribute
 end
 
@@ -179,13 +161,17 @@ end
 --- A number as Python shows it.
 M.number = formats.number_text
 
+--- Text from the drive in quotes.
+function M.quoted(text)
+  return '"' .. gsub(M.escape(text), '"', '\\"') .. '"'
+end
+
 --- One value; text from the drive in quotes.
 function M.value(item, format_name, scaled)
   if type(item) ~= "string" then
     return M.number(item, format_name, scaled)
   end
-  local plain = M.escape(item)
-  return M.is_text(format_name) and '"' .. gsub(plain, '"', '\\"') .. '"' or plain
+  return M.is_text(format_name) and M.quoted(item) or M.escape(item)
 end
 
 --- A list of values, cut where it grows long: `1, 2, 3, ... (40 values)`.
@@ -209,8 +195,11 @@ function M.error(item, lang)
   if told ~= "" then
     text = M.joined(lang, { text, told }, ": ", "：")
   end
-  local info = item.info and item.info ~= 0 and { info = M.integer(item.info) }
-  return M.noted(lang, text, info and M.say(lang, "parameter_error_info", info))
+  if not item.info or item.info == 0 then
+    return text
+  end
+  local info = M.say(lang, "parameter_error_info", { info = M.integer(item.info) })
+  return M.joined(lang, { text, info }, " ", "")
 end
 
 --- The values of a parameter with its unit: `10.0 s`, `5461 (33.33 %)`. `lang` as in `values`.
@@ -226,22 +215,10 @@ end
 function M.name(item, lang)
   local name = sentences.name(item, lang)
   if name and item.described and item.described.name then -- of the drive, or of a list of the user
-    return item.described.frames and M.value(name, "VisibleString") or M.escape(name)
+    return item.described.frames and M.quoted(name) or M.escape(name)
   end
   return name
 end
-
--- What values.lua and profile.lua need of the words of a language.
-local words_in = later(function(lang)
-  return {
-    lang = lang,
-    escape = M.escape,
-    say = function(key, values) return M.say(lang, key, values) end,
-    noted = function(text, note) return M.joined(lang, { text, note }, ": ", "：") end,
-    joined = function(parts, en, zh) return M.joined(lang, parts, en, zh) end,
-    quoted = function(text) return M.value(text, "VisibleString") end,
-  }
-end)
 
 --- Whose parameter it is, where the vendor does not say it: "micromaster", else nil.
 function M.family(item)
@@ -250,7 +227,7 @@ end
 
 --- What the values of a parameter mean; nil where they say it themselves.
 function M.meaning(item, lang)
-  local parts = meanings.parts(item, words_in[lang or "en"])
+  local parts = meanings.parts(item, M, lang)
   return parts and M.joined(lang, parts) or nil
 end
 

@@ -4,6 +4,7 @@
 -- words are those of tables.report_words.
 
 local all_frames = require("ds47.acyclic.transactions").all_frames
+local last_until = require("ds47.support.arrays").last_until
 local family_fits = require("ds47.profidrive.family").family_fits
 local status_hex = require("ds47.spec.statuses").status_hex
 local tables = require("ds47.spec.tables")
@@ -15,7 +16,7 @@ local say = words.say
 
 local M = {}
 
-M.NOT_READY = 0xDE80B500 -- the STATUS of a poll: state conflict on a Read
+local NOT_READY = 0xDE80B500 -- the STATUS of a poll: state conflict on a Read
 local NEGATIVE = 0x80 -- the bit of byte 1 of a response that says that it is a negative one
 
 -- Rules about a call that brought no record, and what the call ended with.
@@ -64,30 +65,21 @@ local function waits_of(transactions)
   return waits
 end
 
--- The entries {frame, id} of a table by channel; made where there are none yet.
-local function entries_of(kind, channel)
-  local entries = kind[channel]
-  if not entries then
-    entries = {}
-    kind[channel] = entries
+-- The frames of a transaction, and of the findings about its calls.
+local function frames_of(item, found)
+  local list = all_frames(item.frames)
+  for _, each in ipairs(found or {}) do
+    list[#list + 1] = each.frame
   end
-  return entries
+  return list
 end
 
--- The frames of the Reads of a transaction, and of the findings about its calls, as entries.
-local function put_reads(entries, item, found)
-  local frames = item.frames
-  local function put(frame)
-    if frame and frame ~= frames.write_request and frame ~= frames.write_response then
-      entries[#entries + 1] = { frame, item.id }
-    end
+local function newest_of(item, found)
+  local newest = 0
+  for _, frame in ipairs(frames_of(item, found)) do
+    newest = math.max(newest, frame)
   end
-  for _, frame in ipairs(all_frames(frames)) do
-    put(frame)
-  end
-  for _, each in ipairs(found or {}) do
-    put(each.frame)
-  end
+  return newest
 end
 
 local function sort(entries)
@@ -101,72 +93,42 @@ local function is_unread(item)
   return not item.frames.read_request and not item.frames.read_response
 end
 
--- Where Reads came between the Writes: `reads` by channel, `loose` those of no transaction. Whose they are is
--- not always known. Of channels on which nobody asks there is nothing.
-local function channels_of(transactions, calls, loose)
-  local wanted = {}
+-- Where Reads came between the accepted Writes, by channel: entries {frame, id of the transaction} in the
+-- order of their frames. Whose they are is not always known. Channels on which nobody asks have none.
+local function channels_of(transactions, calls)
+  local reads, accepted = {}, {}
   for _, item in ipairs(transactions) do
     if is_unread(item) then
-      wanted[channel_of(item)] = true
+      local channel = channel_of(item)
+      reads[channel], accepted[channel] = {}, {}
     end
   end
-  local all = { reads = {}, accepted = {} }
-  for _, item in ipairs(next(wanted) and transactions or {}) do
-    local channel, asked = channel_of(item), item.frames.write_request
-    if wanted[channel] then
-      put_reads(entries_of(all.reads, channel), item, calls[item.id])
+  for _, item in ipairs(next(reads) and transactions or {}) do
+    local channel, frames = channel_of(item), item.frames
+    local entries, asked = reads[channel], frames.write_request
+    for _, frame in ipairs(entries and frames_of(item, calls[item.id]) or {}) do
+      if frame ~= asked and frame ~= frames.write_response then
+        entries[#entries + 1] = { frame, item.id }
+      end
     end
-    if wanted[channel] and asked and item.write_status == 0 then
-      local entries = entries_of(all.accepted, channel)
-      entries[#entries + 1] = { asked, item.id }
-    end
-  end
-  for _, kind in pairs(all) do
-    for _, entries in pairs(kind) do
-      sort(entries)
+    if entries and asked and item.write_status == 0 then
+      table.insert(accepted[channel], { asked, item.id })
     end
   end
-  sort(loose)
-  all.loose = loose
-  return all
+  for channel, entries in pairs(reads) do
+    sort(entries)
+    sort(accepted[channel])
+  end
+  return reads, accepted
 end
 
 -- The first frame after another one that does not belong to the transaction `but`; huge where there is none.
 local function after(entries, frame, but)
-  local low, high = 1, #entries + 1
-  while low < high do
-    local middle = math.floor((low + high) / 2)
-    if entries[middle][1] > frame then
-      high = middle
-    else
-      low = middle + 1
-    end
+  local place = last_until(entries, frame) + 1
+  while entries[place] and entries[place][2] == but do
+    place = place + 1
   end
-  while entries[low] and entries[low][2] == but do
-    low = low + 1
-  end
-  return entries[low] and entries[low][1] or math.huge
-end
-
--- Whether a Read that is told of another transaction, or of none, came before the next accepted Write.
-local function perhaps(channels, item)
-  local channel, begin = channel_of(item), item.frames.write_request
-  if not begin then
-    return false
-  end
-  local limit = after(channels.accepted[channel] or {}, begin)
-  local others = channels.reads[channel] or {}
-  return math.min(after(channels.loose, begin), after(others, begin, item.id)) < limit
-end
-
--- The newest frame of a transaction, and of the findings about its calls.
-local function newest_of(item, found)
-  local entries, newest = {}, math.max(item.frames.write_request or 0, item.frames.write_response or 0)
-  put_reads(entries, item, found)
-  for _, entry in ipairs(entries) do
-    newest = math.max(newest, entry[1])
-  end
-  return newest
+  return entries[place] and entries[place][1] or math.huge
 end
 
 -- Says "unseen" of those behind whose last frame a Read came that may be of their channel.
@@ -187,13 +149,19 @@ local function say_followed(transactions, calls, loose, waits)
   end
 end
 
--- Says "beside" of those behind whose Write a Read came that is told of another transaction, or of none: for
--- which of them the PLC started RDREC is not known then.
+-- Says "beside" of those behind whose Write, before the next accepted one, a Read came that is told of
+-- another transaction, or of none (`loose`): for which of them the PLC started RDREC is not known then.
 local function say_beside(transactions, calls, loose, waits)
-  local channels = channels_of(transactions, calls, loose)
+  local reads, accepted = channels_of(transactions, calls)
+  sort(loose)
   for _, item in ipairs(transactions) do
-    if is_unread(item) and perhaps(channels, item) then
-      waits[item.id] = "beside"
+    local begin = is_unread(item) and item.frames.write_request
+    if begin then
+      local channel = channel_of(item)
+      local read = math.min(after(loose, begin), after(reads[channel], begin, item.id))
+      if read < after(accepted[channel], begin) then
+        waits[item.id] = "beside"
+      end
     end
   end
 end
@@ -242,21 +210,21 @@ end
 --- The same of one transaction while the capture goes on: what its job has learnt so far.
 function M.witness_of(item, job)
   local findings = {}
+  local function add(rule, frame, args)
+    findings[#findings + 1] = { rule = rule, frame = frame, transaction = item.id, args = args }
+  end
   for _, call in ipairs(job.calls) do
-    findings[#findings + 1] = { rule = call.rule, frame = call.frame, transaction = item.id }
+    add(call.rule, call.frame)
   end
   for _, half in ipairs(job.empty_reads) do
-    findings[#findings + 1] = { rule = "DS207", frame = half.frame, transaction = item.id }
+    add("DS207", half.frame)
   end
   for _, read in ipairs(job:too_short()) do
-    local half = read.response
-    local args = { status = status_hex(half.status) }
-    findings[#findings + 1] = { rule = "DS201", frame = half.frame, transaction = item.id, args = args }
+    add("DS201", read.response.frame, { status = status_hex(read.response.status) })
   end
   local read = job.read_response
   if read and read.cut then
-    local args = { completed = read.frame, length = read.stated }
-    findings[#findings + 1] = { rule = CUT, frame = read.frame, args = args }
+    add(CUT, read.frame, { completed = read.frame, length = read.stated })
   end
   return M.witness({ transactions = { item }, findings = findings })
 end
@@ -277,7 +245,7 @@ local function left_out_of(item, found)
     elseif frame ~= frames.write_request and frame ~= frames.write_response and frame ~= frames.read_request
       and frame ~= frames.read_response then
       local status = each.rule == "DS201" and tonumber(each.args.status, 16) or nil
-      list[#list + 1] = { frame = frame, outcome = LEFT_OUT[each.rule], status = status, order = #list }
+      list[#list + 1] = { frame = frame, outcome = LEFT_OUT[each.rule], status = status }
     end
   end
   return list, in_part
@@ -286,21 +254,24 @@ end
 -- Polls, Reads that brought nothing, and the one without a response that is a frame of the transaction, by
 -- their frames; of the last one alone it is told that the capture ended.
 local function in_order(item, left_out, wait)
-  local frames = item.frames
-  local polls, all, told = frames.polls or {}, {}, {}
-  for _, each in ipairs(left_out) do
-    all[#all + 1], told[each.frame] = each, true
+  local frames, all, told = item.frames, {}, {}
+  local function add(frame, outcome, status)
+    all[#all + 1] = { frame = frame, outcome = outcome, status = status, order = #all }
   end
-  for place, poll in ipairs(polls) do
+  for _, each in ipairs(left_out) do
+    told[each.frame] = true
+  end
+  for _, poll in ipairs(frames.polls or {}) do
     if not told[poll.response] then
-      local order = place - 1 - #polls
-      all[#all + 1] = { frame = poll.response or 0, outcome = "polled", status = M.NOT_READY, order = order }
+      add(poll.response or 0, "polled", NOT_READY)
     end
+  end
+  for _, each in ipairs(left_out) do
+    add(each.frame, each.outcome, each.status)
   end
   local waits = frames.read_request and not frames.read_response
   if waits then
-    local outcome = item.station and "nothing" or "unseen"
-    all[#all + 1] = { frame = frames.read_request, outcome = outcome, order = #left_out }
+    add(frames.read_request, item.station and "nothing" or "unseen")
   end
   table.sort(all, function(a, b)
     return a.frame < b.frame or a.frame == b.frame and a.order < b.order

@@ -20,11 +20,6 @@ local M = {}
 local RECORDS = { record = true, alarm = true, resource = true, ms2 = true }
 local ALL_STATIONS = require("ds47.profibus.telegram").ALL_STATIONS
 
--- `{n}` of a text that chooses between one and several.
-local function count(lang, key, n)
-  return say(lang, key, { n = n })
-end
-
 --- The message of MS1 or MS2 that a frame carries; nil for none.
 -- @param item what telegram.lua decoded
 function M.record(item)
@@ -107,7 +102,7 @@ end
 
 local function area_text(area, side, lang)
   local counted = area.words and area.length / 2 or area.length
-  local unit = count(lang, area.words and "dp_words" or "dp_bytes", floor(counted))
+  local unit = say(lang, area.words and "dp_words" or "dp_bytes", { n = floor(counted) })
   local whole = say(lang, area.consistent and "dp_whole" or "dp_piecewise")
   return joined(lang, { joined(lang, { unit, say(lang, side) }, " ", ""), whole })
 end
@@ -131,7 +126,7 @@ end
 function M.module_text(module, lang)
   local text = sides_text(module, lang)
   if module.maker ~= "" then
-    text = joined(lang, { text, count(lang, "dp_maker", #module.maker) })
+    text = joined(lang, { text, say(lang, "dp_maker", { n = #module.maker }) })
   end
   return module.role and format(lang == "zh" and "%s（%s）" or "%s (%s)", text, module.role) or text
 end
@@ -189,29 +184,20 @@ end
 
 -- In one line
 
--- What the content of a frame says, as far as a line has room; nil for nothing.
-local gists = {}
-
-function gists.diagnosis(content, lang)
-  return M.flag_words("diagnosis", content.flags, lang)
+local function flags(content, lang)
+  return M.flag_words(content.kind, content.flags, lang)
 end
+
+-- What the content of a frame says, as far as a line has room; nil for nothing.
+local gists = { diagnosis = flags, control = flags, configuration = M.ppo_text }
 
 function gists.parameters(content, lang)
-  local parts = { M.watchdog_text(content.watchdog_ms, lang) }
-  parts[2] = content.ident and M.ident_text(content.ident, lang) or nil
-  return joined(lang, parts)
-end
-
-function gists.configuration(content, lang)
-  return M.ppo_text(content, lang)
-end
-
-function gists.control(content, lang)
-  return M.flag_words("control", content.flags, lang)
+  local ident = content.ident and M.ident_text(content.ident, lang)
+  return joined(lang, { M.watchdog_text(content.watchdog_ms, lang), ident or nil })
 end
 
 function gists.exchange(content, lang)
-  local text = count(lang, content.outputs and "dp_outputs" or "dp_inputs", #content.data)
+  local text = say(lang, content.outputs and "dp_outputs" or "dp_inputs", { n = #content.data })
   return content.wants_diagnosis and joined(lang, { text, say(lang, "dp_wants_diagnosis") }) or text
 end
 

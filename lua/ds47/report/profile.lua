@@ -2,6 +2,7 @@
 -- Python: ds47.report.profile.
 
 local tables = require("ds47.spec.tables")
+local unhex = require("ds47.support.bytes").unhex
 
 local floor, format = math.floor, string.format
 
@@ -16,11 +17,11 @@ local function is_number(value)
   return type(value) == "number" and value >= 0 and value <= 0xFFFF and value == floor(value)
 end
 
--- `say` gives a word of the report in the language: (key, values).
-local function limit(place, value, say)
-  if place == 0 then return say("profile_block", { n = value }) end
-  if place == 1 then return say("profile_parameters", { n = value }) end
-  return place == 2 and value > 0 and say("profile_latency", { n = value * 10 }) or nil
+-- `words` is the module formatting.lua, which has the language.
+local function limit(place, value, words, lang)
+  if place == 0 then return words.say(lang, "profile_block", { n = value }) end
+  if place == 1 then return words.say(lang, "profile_parameters", { n = value }) end
+  return place == 2 and value > 0 and words.say(lang, "profile_latency", { n = value * 10 }) or nil
 end
 
 -- `2014-03-15`, where there is such a day.
@@ -30,21 +31,22 @@ local function date(year, ddmm)
   return format("%d-%02d-%02d", year, month, day)
 end
 
-local function identification(pnu, place, value, say)
-  if place == 0 then return say("profile_maker", { id = format("0x%04X", value) }) end
+local function identification(pnu, place, value, words, lang)
+  if place == 0 then return words.say(lang, "profile_maker", { id = format("0x%04X", value) }) end
   if place == 1 then
-    return say(pnu == 964 and "profile_device" or "profile_do_type", { n = format("%d", value) })
+    return words.say(lang, pnu == 964 and "profile_device" or "profile_do_type", { n = format("%d", value) })
   elseif place == 2 then
-    return say("profile_version", { version = format("%d.%02d", floor(value / 100), value % 100) })
+    local version = format("%d.%02d", floor(value / 100), value % 100)
+    return words.say(lang, "profile_version", { version = version })
   elseif place == 5 then
-    if pnu == 964 then return say("profile_objects", { n = value }) end
-    return CLASSES[value] and say(CLASSES[value]) or nil
+    if pnu == 964 then return words.say(lang, "profile_objects", { n = value }) end
+    return CLASSES[value] and words.say(lang, CLASSES[value]) or nil
   end
-  return place == 7 and pnu == 975 and say("profile_do_id", { n = format("%d", value) }) or nil
+  return place == 7 and pnu == 975 and words.say(lang, "profile_do_id", { n = format("%d", value) }) or nil
 end
 
 -- The elements of 964, 974 and 975, each for itself; year and day together.
-local function elements(pnu, first, values, say)
+local function elements(pnu, first, values, words, lang)
   local known, found = {}, {}
   for number, value in ipairs(values) do
     if is_number(value) then known[first + number - 1] = value end
@@ -53,11 +55,11 @@ local function elements(pnu, first, values, say)
     local place = first + number - 1
     local value, told = known[place], nil
     if value and pnu == 974 then
-      told = limit(place, value, say)
+      told = limit(place, value, words, lang)
     elseif value and (place == 3 or place == 4) and known[3] and known[4] then
       told = place == 3 and date(known[3], known[4]) or nil
     elseif value then
-      told = identification(pnu, place, value, say)
+      told = identification(pnu, place, value, words, lang)
     end
     found[#found + 1] = told
   end
@@ -65,12 +67,14 @@ local function elements(pnu, first, values, say)
 end
 
 -- The name of a telegram, and its words where they are known.
-local function telegram(value, say, noted)
+local function telegram(value, words, lang)
   if not is_number(value) or value == 0 or value >= 999 then return nil end
-  local told = say(value < 100 and "profile_standard" or "profile_own", { n = format("%d", value) })
+  local key = value < 100 and "profile_standard" or "profile_own"
+  local told = words.say(lang, key, { n = format("%d", value) })
   local known = tables.pzd.telegrams[value]
   if known then
-    told = noted(told, table.concat(known.out, " ") .. " / " .. table.concat(known.inward, " "))
+    local signals = table.concat(known.out, " ") .. " / " .. table.concat(known.inward, " ")
+    told = words.joined(lang, { told, signals }, ": ", "：")
   end
   return { told }
 end
@@ -80,7 +84,7 @@ local function hex_number(text)
 end
 
 -- `PROFIdrive 4.1` of 0x0329, whatever the format of the two bytes.
-local function profile(values, say)
+local function profile(values, words, lang)
   local first, second, number = values[1], values[2], nil
   if type(first) == "string" then
     number = hex_number(first)
@@ -92,37 +96,34 @@ local function profile(values, say)
   local key = number and PROFILES[floor(number / 0x100)]
   if not key then return nil end
   local version = number % 0x100
-  return { say(key, { version = format("%d.%d", floor(version / 10), version % 10) }) }
+  return { words.say(lang, key, { version = format("%d.%d", floor(version / 10), version % 10) }) }
 end
 
 -- A name of station, an IP address, a MAC address, of octets in hex.
 local function address(pnu, value, quoted)
   if type(value) ~= "string" or value:find("%X") or #value % 2 == 1 then return nil end
-  local octets = {}
-  for pair in value:gmatch("%x%x") do octets[#octets + 1] = tonumber(pair, 16) end
+  local octets = unhex(value)
   if ADDRESSES[pnu] and #octets == 4 then
-    return { format("%d.%d.%d.%d", octets[1], octets[2], octets[3], octets[4]) }
+    return { format("%d.%d.%d.%d", octets:byte(1, 4)) }
   elseif pnu == 61002 and #octets == 6 then
     return { (value:lower():gsub("%x%x", "%0:"):sub(1, -2)) }
   elseif pnu ~= 61000 then
     return nil
   end
-  for number = 1, #octets do octets[number] = string.char(octets[number]) end
-  local text = table.concat(octets):gsub("[%z ]+$", "")
+  local text = octets:gsub("[%z ]+$", "")
   if text == "" or #text > MOST_NAME or text:find("[^ -~]") then return nil end
   return { quoted(text) }
 end
 
 --- What the values of a parameter of the profile mean: an array of texts; nil where they say it.
 -- @param item  a parameter with values
---- What the values of a parameter of the profile mean: an array of texts; nil where they say it.
---   puts one in quotes
-function M.parts(item, words)
-  local pnu, values, say, noted, quoted = item.pnu, item.values, words.say, words.noted, words.quoted
-  if pnu == 964 or pnu == 974 or pnu == 975 then return elements(pnu, item.subindex, values, say) end
-  if pnu == 922 then return telegram(values[1], say, noted) end
-  if pnu == 965 then return profile(values, say) end
-  return address(pnu, values[1], quoted)
+-- @param words the module formatting.lua
+function M.parts(item, words, lang)
+  local pnu, values = item.pnu, item.values
+  if pnu == 964 or pnu == 974 or pnu == 975 then return elements(pnu, item.subindex, values, words, lang) end
+  if pnu == 922 then return telegram(values[1], words, lang) end
+  if pnu == 965 then return profile(values, words, lang) end
+  return address(pnu, values[1], words.quoted)
 end
 
 return M

@@ -34,24 +34,13 @@ local function plain(value)
   return tostring(value)
 end
 
-local function list(items)
+local function list(items, most)
   local shown = {}
-  for number, item in ipairs(items) do
-    shown[number] = plain(item)
+  for number = 1, math.min(#items, most or #items) do
+    shown[number] = plain(items[number])
   end
+  shown[#shown + 1] = #items > #shown and "..." or nil
   return concat(shown, ", ")
-end
-
-local function values(items)
-  local shown = {}
-  for number, item in ipairs(items) do
-    if number > M.VALUES_SHOWN then
-      shown[number] = "..."
-      break
-    end
-    shown[number] = plain(item)
-  end
-  return #shown > 0 and concat(shown, ", ") or "-"
 end
 
 --- A record index as people write it: 47, 0xB02E.
@@ -59,68 +48,47 @@ function M.record_index(index)
   return index < 0x100 and integer(index) or format("0x%04X", index)
 end
 
+local function tenths(number)
+  return format("%.1f", tonumber(plain(number)))
+end
+
 local SHOW = {
   hex = spec.error_hex,
   code = spec.error_hex,
   hex32 = function(number) return format("0x%08X", number) end,
   index = M.record_index,
-  ms = function(number) return format("%.1f", tonumber(plain(number))) end,
+  ms = tenths,
   ms3 = function(number) return format("%.3f", tonumber(plain(number))) end,
-  s = function(number) return format("%.1f", tonumber(plain(number))) end,
+  s = tenths,
   numbers = list,
   frames = list,
-  values = values,
+  values = function(items) return #items > 0 and list(items, M.VALUES_SHOWN) or "-" end,
   line = function(text) return #text <= LINE and text or text:sub(1, LINE - 3) .. "..." end,
 }
-
-local function word(texts, lang)
-  return lang == "zh" and texts.zh or texts.en
-end
-
--- Templates as arrays: text, name of an argument, text, ...
-local templates = {}
-
-local function pieces(template)
-  local found = templates[template]
-  if found == nil then
-    found = {}
-    local at = 1
-    for before, name, after in template:gmatch("([^{]*){([^}]*)}()") do
-      found[#found + 1] = before
-      found[#found + 1] = name
-      at = after
-    end
-    found[#found + 1] = template:sub(at)
-    templates[template] = found
-  end
-  return found
-end
 
 local shown -- forward: the words of a key have arguments too
 
 local function fill(template, rule, args, lang)
-  local parts, text = pieces(template), {}
-  for number, part in ipairs(parts) do
-    text[number] = number % 2 == 1 and part or shown(part, rule, args, lang)
-  end
-  return concat(text)
+  return (template:gsub("{([^}]*)}", function(name)
+    return shown(name, rule, args, lang)
+  end))
 end
 
 -- The words of a key.
 local function key_words(key, lang)
-  return word(tables.diagnosis_words[key], lang)
+  return spec.words(tables.diagnosis_words[key], lang)
 end
 
 -- The error number that the rule is about, and what it means.
 local function error_of(rule, args, lang)
   local code, kind = args.code, rule.args.code
   if code == nil then
-    return word(tables.report_words[kind == "pkw" and "no_known_number" or "no_error_number"], lang)
+    return spec.words(tables.report_words[kind == "pkw" and "no_known_number" or "no_error_number"], lang)
   end
   if kind == "pkw" then return integer(code) .. " " .. cyclic.error_text(code, lang, args.vendor_id) end
   local text = spec.error_hex(code) .. " " .. spec.error_text(code, lang, args.vendor_id)
   if not args.among then return text end
-  return (key_words("among", lang):gsub("{error}", {["{error}"] = text}))
+  return spec.fill(key_words("among", lang), {error = text})
 end
 
 -- The words of the status that the rule is about.
@@ -129,17 +97,15 @@ local function text_of(args, lang)
 end
 
 local function reason(args, lang)
-  local text = word(tables.reasons[args.reason], lang)
+  local text = spec.words(tables.reasons[args.reason], lang)
   local between = lang == "zh" and "；" or "; "
-  return args.dropped and text .. between .. word(tables.reasons.dropped, lang) or text
+  return args.dropped and text .. between .. spec.words(tables.reasons.dropped, lang) or text
 end
 
 -- A drive in cyclic frames: its device and slot; one that was named by hand has no slot.
 local function drive(args, lang)
   local device = args.device or "?"
-  if args.slot == nil then return device end
-  local values_ = {device = device, slot = integer(args.slot)}
-  return (word(tables.diagnosis_words.drive, lang):gsub("{(%w+)}", values_))
+  return args.slot and spec.fill(key_words("drive", lang), {device = device, slot = args.slot}) or device
 end
 
 --- `1.1`; `1` on PROFIBUS, which has no subslots.
@@ -148,8 +114,8 @@ function M.slot_number(slot, subslot)
 end
 
 local function place(where, lang)
-  local values_ = {slot = M.slot_number(where.slot, where.subslot), index = M.record_index(where.index)}
-  return (word(tables.diagnosis_words.place, lang):gsub("{(%w+)}", values_))
+  local slot, index = M.slot_number(where.slot, where.subslot), M.record_index(where.index)
+  return spec.fill(key_words("place", lang), {slot = slot, index = index})
 end
 
 -- A part of a message, such as `value block 1 of 2`; what no table has stays as it is.
@@ -161,7 +127,7 @@ local function part(text, lang)
   end)
   local known = lang == "zh" and tables.message_parts[template]
   if not known then return text end
-  return (known:gsub("{(%w)}", { n = numbers[1], m = numbers[2] }))
+  return spec.fill(known, {n = numbers[1], m = numbers[2]})
 end
 
 function shown(name, rule, args, lang)
@@ -191,8 +157,6 @@ function shown(name, rule, args, lang)
   return (SHOW[kind] or plain)(value)
 end
 
-local NONE = {}
-
 --- What the error number of a parameter means on the drive that sent it; "" where there is no number.
 function M.error_words(item, lang)
   if item.ak then
@@ -214,13 +178,12 @@ function M.name(item, lang)
   return known and (lang == "zh" and known.name_zh or known.name_en) or nil
 end
 
---- The sentence of a rule with these arguments, in "en" or "zh".
-function M.words(rule, args, lang)
-  local row = tables.rules[rule]
-  args = args or NONE
+--- What a finding says, in "en" or "zh".
+function M.sentence(finding, lang)
+  local row, args = tables.rules[finding.rule], finding.args or {}
   local text = fill(lang == "zh" and row.message_zh or row.message, row, args, lang)
   if args.dropped and args.reason == nil then
-    return text .. format(lang == "zh" and "（%s）" or " (%s)", word(tables.reasons.dropped, lang))
+    return text .. format(lang == "zh" and "（%s）" or " (%s)", spec.words(tables.reasons.dropped, lang))
   end
   return text
 end
@@ -232,26 +195,18 @@ function M.advice(row, args, lang)
   if not args.code then
     return text
   end
-  local seen, first, others, from = spec.error_hex(args.code) .. colon, {}, {}, 1
-  while from <= #text do
-    local to = text:find("0x%x%x" .. colon, from + 1) or #text + 1
-    local piece = text:sub(from, to - 1):match("^%s*(.-)%s*$")
+  local seen, parts, wanted = spec.error_hex(args.code) .. colon, {}, 0
+  -- What is about a number begins a line.
+  for piece in text:gsub("0x%x%x" .. colon, "\n%0"):gmatch("[^\n]+") do
+    piece = piece:match("^%s*(.-)%s*$")
     if piece:sub(1, #seen) == seen then
-      first[#first + 1] = piece
+      wanted = wanted + 1
+      table.insert(parts, wanted, piece)
     elseif not piece:find("^0x%x%x" .. colon) then
-      others[#others + 1] = piece
+      parts[#parts + 1] = piece
     end
-    from = to
   end
-  for _, piece in ipairs(others) do
-    first[#first + 1] = piece
-  end
-  return first[1] and concat(first, zh and "" or " ") or text
-end
-
---- What a finding says.
-function M.sentence(finding, lang)
-  return M.words(finding.rule, finding.args, lang)
+  return parts[1] and concat(parts, zh and "" or " ") or text
 end
 
 return M

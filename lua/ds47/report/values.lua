@@ -30,8 +30,8 @@ local function listed(row, lang)
 end
 
 -- The text of each value; a value without one stays a number, and none at all is told.
-local function texts(row, values, told, words)
-  local known, found, any = listed(row, words.lang), {}, false
+local function texts(row, values, told, words, lang)
+  local known, found, any = listed(row, lang), {}, false
   if #values > MOST then return nil end
   for number, value in ipairs(values) do
     local text = told[value] and words.escape(told[value]) or known[value]
@@ -42,7 +42,7 @@ local function texts(row, values, told, words)
 end
 
 -- `from r0722.2`, of the 32 bits that name a signal of the same drive object; nil of any others.
-local function connection(kind, values, words)
+local function connection(kind, values, words, lang)
   local value = values[1]
   if #values ~= 1 or value <= 0xFFFF or value > 0xFFFFFFFF then return nil end
   local number, place = floor(value / 0x10000), value % 0x400
@@ -50,25 +50,27 @@ local function connection(kind, values, words)
   local row = lookup.parameter(number, "sinamics")
   local source = row and row.access and format("%s%04d", row.access, number) or format("%d", number)
   source = source .. format(kind == "bit" and ".%d" or "[%d]", place)
-  local told = words.say("value_from", { source = source })
-  local name = row and (words.lang == "zh" and row.name_zh or row.name_en)
-  return { name and words.joined({ told, name }) or told }
+  local told = words.say(lang, "value_from", { source = source })
+  local name = row and (lang == "zh" and row.name_zh or row.name_en)
+  return { name and words.joined(lang, { told, name }) or told }
 end
 
 -- The entries of a buffer that are not 0, by what they belong to: eight places each. Only a number or a code
 -- says that there is no fault, as a value may be 0.
-local function buffer(row, first, values, told, words)
+local function buffer(row, first, values, told, words, lang)
   local kind, column = row.buffer, row.entry and row.entry[2]
   local found, active, situation, entries, gone = {}, false, nil, nil, {}
+  local function add(what, list)
+    found[#found + 1] = words.joined(lang, { what, list }, ": ", "：")
+  end
   local function close()
     if entries == nil then return end
-    local list = words.joined(entries)
+    local list = words.joined(lang, entries)
     if situation == 0 then
       active = true
-      found[#found + 1] = words.noted(words.say("value_active"), list)
+      add(words.say(lang, "value_active"), list)
     elseif kind == "faults" then
-      local past = words.say("value_acknowledged", { n = format("%d", situation) })
-      found[#found + 1] = words.noted(past, list)
+      add(words.say(lang, "value_acknowledged", { n = format("%d", situation) }), list)
     else
       gone[#gone + 1] = list
     end
@@ -86,25 +88,25 @@ local function buffer(row, first, values, told, words)
     end
   end
   close()
-  if gone[1] then found[#found + 1] = words.noted(words.say("value_gone"), words.joined(gone)) end
+  if gone[1] then add(words.say(lang, "value_gone"), words.joined(lang, gone)) end
   if first == 0 and not active and M.LEADING[column] then
-    table.insert(found, 1, words.say(kind == "faults" and "value_no_faults" or "value_no_alarms"))
+    table.insert(found, 1, words.say(lang, kind == "faults" and "value_no_faults" or "value_no_alarms"))
   end
-  return found[1] and { words.joined(found, "; ", "；") } or nil
+  return found[1] and { words.joined(lang, found, "; ", "；") } or nil
 end
 
 -- `signed -25`: a word of PKW, which has no type, and of which nothing else tells it.
-local function signed(item, words)
+local function signed(item, words, lang)
   local value, half, row = item.values[1], HALF[item.format], item.listed
   if item.element_count or item.described or row and not OPEN[row.type] then return nil end
   if not half or value < half then return nil end
-  return { words.say("value_signed", { value = format("%d", value - 2 * half) }) }
+  return { words.say(lang, "value_signed", { value = format("%d", value - 2 * half) }) }
 end
 
 --- What the values of a parameter mean: an array of texts; nil where they say it themselves.
 -- @param item  a parameter; `told` is what lists of the user say of single values
--- @param words of a language: `lang`, `say`, `noted`, `joined`, `quoted` and `escape` (formatting.lua)
-function M.parts(item, words)
+-- @param words the module formatting.lua, which has the language
+function M.parts(item, words, lang)
   local pnu, values, row = item.pnu, item.values, item.listed
   if item.attribute ~= "value" or not pnu or not item.subindex or not values or values[1] == nil then
     return nil
@@ -112,15 +114,15 @@ function M.parts(item, words)
     return nil
   end
   local told = item.told or NONE
-  local found = profile.parts(item, words)
+  local found = profile.parts(item, words, lang)
   if found or not are_whole(values) then
     return found
   elseif row and row.buffer then
-    return buffer(row, item.subindex, values, told, words)
+    return buffer(row, item.subindex, values, told, words, lang)
   elseif row and row.connects and not item.told then
-    return connection(row.connects, values, words)
+    return connection(row.connects, values, words, lang)
   end
-  return texts(row, values, told, words) or signed(item, words)
+  return texts(row, values, told, words, lang) or signed(item, words, lang)
 end
 
 return M

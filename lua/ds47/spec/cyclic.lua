@@ -1,6 +1,7 @@
 -- The words of the tables of cyclic frames, PKW and PZD, in "en" or "zh" (docs/cyclic.md). The tables
 -- themselves are tables.lua; what the bytes are is in cyclic/.
 
+local has = require("ds47.support.arrays").has
 local lookup = require("ds47.spec.lookup")
 local tables = require("ds47.spec.tables")
 
@@ -27,13 +28,6 @@ function M.error_text(code, lang, vendor_id)
   return known and text .. " (" .. usual.name .. ": " .. known .. ")" or text
 end
 
-local function among(items, wanted)
-  for _, item in ipairs(items) do
-    if item == wanted then return true end
-  end
-  return false
-end
-
 local function row_of(id)
   if id == tables.pzd.stopping.id then return tables.pzd.stopping end
   for _, row in ipairs(tables.pzd.states) do
@@ -47,7 +41,7 @@ function M.state_text(id, overlays, lang)
   local own = words(row_of(id), lang)
   local parts = {id:sub(1, 1) == "S" and id .. " " .. own or own}
   for _, each in ipairs(tables.pzd.overlays) do
-    if among(overlays, each.id) then parts[#parts + 1] = words(each, lang) end
+    if has(overlays, each.id) then parts[#parts + 1] = words(each, lang) end
   end
   return concat(parts, lang == "zh" and "，" or ", ")
 end

@@ -2,15 +2,12 @@
 -- error numbers, and templates with their names filled in. The tables themselves are tables.lua; a PNIOStatus
 -- in words is statuses.lua.
 
-local entries = require("ds47.support.later").entries
 local numbers = require("ds47.support.numbers")
 local tables = require("ds47.spec.tables")
 
 local format, gsub = string.format, string.gsub
 
 local M = {}
-
-local CACHED = 4096
 
 local filling -- what a template is filled with; here so that no call makes a function
 
@@ -59,12 +56,12 @@ local function words(entry, code, lang)
   return M.fill(M.words(entry, lang), {code = M.error_hex(code), above = code - (entry.code or code)})
 end
 
-local by_id = entries(function(id)
+local function vendor_of(id)
   for _, vendor in ipairs(tables.vendors) do
     if vendor.id == id then return vendor end
   end
   return nil
-end)
+end
 
 --- The words for a number of which nobody knows more than that it is the maker's.
 -- @param code as text
@@ -77,8 +74,13 @@ function M.of_maker(vendor_id, lang)
   return M.fill(M.words(tables.error_of_maker, lang), {vendor = format("0x%04X", vendor_id)})
 end
 
-local function error_words(code, lang, vendor_id)
-  local vendor = vendor_id and by_id[vendor_id]
+--- What an error number means, in words (docs/protocol.md B).
+-- @param code error value 1, 0..0xFFFF
+-- @param lang "en" or "zh"; anything else gives English
+-- @param vendor_id PROFINET vendor id of the device or nil. Numbers from 0x65 on belong to the vendor:
+--   without an id the meaning on SINAMICS is given as such, and a vendor without a table gets no meaning
+function M.error_text(code, lang, vendor_id)
+  local vendor = vendor_id and vendor_of(vendor_id)
   if vendor and vendor.errors[code] then return words(vendor.errors[code], code, lang) end
   if tables.errors[code] then return words(tables.errors[code], code, lang) end
   local text = M.error_fallback(M.error_hex(code), lang)
@@ -95,24 +97,6 @@ end
 -- @param vendor a row of tables.vendors that has the number
 function M.vendor_text(vendor, code, lang)
   return words(vendor.errors[code], code, lang)
-end
-
-local texts, held = {}, 0
-
---- What an error number means, in words (docs/protocol.md B).
--- @param code error value 1, 0..0xFFFF
--- @param lang "en" or "zh"; anything else gives English
--- @param vendor_id PROFINET vendor id of the device or nil. Numbers from 0x65 on belong to the vendor:
---   without an id the meaning on SINAMICS is given as such, and a vendor without a table gets no meaning
-function M.error_text(code, lang, vendor_id)
-  local key = code * 131072 + (vendor_id and vendor_id + 1 or 0) + (lang == "zh" and 0.5 or 0)
-  local text = texts[key]
-  if not text then
-    if held >= CACHED then texts, held = {}, 0 end
-    text = error_words(code, lang, vendor_id)
-    texts[key], held = text, held + 1
-  end
-  return text
 end
 
 --- What error value 2 means for an error number: "none", "subindex" or "unknown".

@@ -1,6 +1,5 @@
 -- PNIOStatus in words: what DE80B500 means (docs/protocol.md E.5). The words are in tables.lua.
 
-local entries = require("ds47.support.later").entries
 local spec = require("ds47.spec.lookup")
 local tables = require("ds47.spec.tables")
 
@@ -9,7 +8,6 @@ local floor, format = math.floor, string.format
 local M = {}
 
 local ACCESS, PROTOCOL = 0x80, 0x81
-local CACHED = 1024
 
 --- A status as engineers know it, ErrorCode first: "DE80B500".
 -- @param status 32 bits, ErrorCode in the highest byte, whatever the byte order on the wire was
@@ -26,7 +24,11 @@ local function name(column, value, lang, words)
   return entry and entry[lang] or filled(words.unknown, value)
 end
 
-local function describe(status, lang)
+--- A status in words: "read: access: state conflict".
+-- @param status 32 bits
+-- @param lang "en" or "zh"; anything else gives English
+function M.status_text(status, lang)
+  lang = lang == "zh" and "zh" or "en"
   local words = tables.status.words[lang]
   if status == 0 then return words.ok end
   local code, decode = floor(status / 16777216), floor(status / 65536) % 256
@@ -40,18 +42,6 @@ local function describe(status, lang)
   end
   if second ~= 0 then parts[#parts + 1] = filled(words[detail], second) end
   return table.concat(parts, words.separator)
-end
-
-local texts = {}
-for _, lang in ipairs({"en", "zh"}) do
-  texts[lang] = entries(function(status) return describe(status, lang) end, CACHED)
-end
-
---- A status in words: "read: access: state conflict".
--- @param status 32 bits
--- @param lang "en" or "zh"; anything else gives English
-function M.status_text(status, lang)
-  return texts[lang == "zh" and "zh" or "en"][status]
 end
 
 return M

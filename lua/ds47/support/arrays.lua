@@ -1,6 +1,14 @@
--- What arrays lack: an item is taken out by itself, not by its place; and which of the items are such ones.
+-- What arrays lack: an item is found and taken out by itself, not by its place; which items are such ones.
 
 local M = {}
+
+--- Whether an item is in an array.
+function M.has(array, item)
+  for _, each in ipairs(array) do
+    if each == item then return true end
+  end
+  return false
+end
 
 --- Takes an item out of an array, the last one that equals it; none where there is none.
 function M.take_out(array, item)
@@ -19,6 +27,21 @@ function M.filtered(array, wanted)
     if wanted(item) then found[#found + 1] = item end
   end
   return found
+end
+
+--- The place of the last entry {number, ...} that is not behind a number; 0 before the first one.
+-- @param entries in the order of their numbers
+function M.last_until(entries, number)
+  local low, high = 0, #entries
+  while low < high do
+    local middle = math.ceil((low + high) / 2)
+    if entries[middle][1] <= number then
+      low = middle
+    else
+      high = middle - 1
+    end
+  end
+  return low
 end
 
 return M
