@@ -1024,8 +1024,8 @@ local function of_another(self, channel, job, record)
   local over = (unknown or job == channel.refused) and half.status ~= STATUS_SHORT
   local since = over and free_since(self, channel, sought) or asked.frame
   local found = asked_behind(self, job.peer, channel, since)
-  if unknown and found and found.what == "begins" then
-    return {what = "write_answer", first = asked.frame}
+  if unknown and found then
+    return asked_behind(self, job.peer, channel, asked.frame) or {what = "write_answer", first = asked.frame}
   elseif found == nil or not has_data or channel.unseen > since then
     return found
   end

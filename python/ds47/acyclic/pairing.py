@@ -564,8 +564,9 @@ class Pairing:
         over = (unknown or job is channel.refused) and half.status != STATUS_SHORT
         since = free if over else asked.frame
         found = self._asked_behind(job.peer, channel, since)
-        if unknown and found is not None and found.what == "begins":
-            return Missing("write_answer", asked.frame)
+        if unknown and found is not None:  # of its own calls it is at least this one
+            behind = self._asked_behind(job.peer, channel, asked.frame)
+            return behind or Missing("write_answer", asked.frame)
         if found is None or not half.data or channel.unseen > since:
             return found
         first = found.what == "begins" and (not job.write_refused or _is_of_kind(job, half))
