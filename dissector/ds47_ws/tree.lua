@@ -28,7 +28,7 @@ local sentences = require("ds47.report.sentences")
 local types = require("ds47_ws.types")
 local wanted_fields = require("ds47_ws.wanted")
 
-local byte, find, format, match, sub = string.byte, string.find, string.format, string.match, string.sub
+local find, format, match, sub = string.find, string.format, string.match, string.sub
 local floor, huge = math.floor, math.huge
 local VISIBLE, UNKNOWN = wanted_fields.VISIBLE, wanted_fields.UNKNOWN
 
@@ -65,64 +65,52 @@ end
 
 -- Part of a record: `offset` counts in the record. Nil where the record is not in the frame.
 local function part(record, offset, size)
-  if record == nil or size == 0 or offset + size > record:len() then
+  if record == nil or size <= 0 or offset + size > record:len() then
     return nil
   end
   return record:range(offset, size)
 end
 
--- How fields are added, `see` tells: where somebody sees the tree, with the bytes that they stand at, or in
--- brackets; where nobody does, all alike.
-local add, derive, show
-
--- Adds a field; nothing where there is no value, or nobody wants it.
-local function put(parent, key, value)
-  if value ~= nil then
-    local field = wants[key]
-    if field then
-      newest = add_item(parent, field, value)
-      return newest
-    end
+-- Adds a field; nothing where there is no value, or nobody wants it. Who sees the tree sees it at its bytes:
+-- they stand at an offset in the record, if that is in the frame.
+local function add(parent, key, value, record, offset, size)
+  local field = value ~= nil and wants[key]
+  if not field then
+    return nil
   end
-  return nil
-end
-
--- The same, at its bytes: they stand at an offset in the record, if that is in the frame.
-local function put_at(parent, key, value, record, offset, size)
-  local range = value ~= nil and wants[key] and record and part(record, offset, size)
+  local range = marked and part(record, offset, size)
   if range then
-    return add_item(parent, fields[key], range, value)
+    return add_item(parent, field, range, value)
   end
-  return put(parent, key, value)
+  newest = add_item(parent, field, value)
+  return newest
 end
 
--- The same of a value that stands nowhere in the frame.
-local function put_in_brackets(parent, key, value)
-  local item = put(parent, key, value)
-  if item then
-    item:set_generated()
+-- The same of a value that stands nowhere in the frame: in brackets.
+local function derive(parent, key, value)
+  local field = value ~= nil and wants[key]
+  if not field then
+    return nil
   end
-  return item
+  newest = add_item(parent, field, value)
+  if marked then
+    newest:set_generated()
+  end
+  return newest
 end
 
 -- The same of a value that stands at its bytes where they are in this frame.
-local function put_either(parent, key, value, here, record, offset, size)
+local function show(parent, key, value, here, record, offset, size)
   if here then
-    return put_at(parent, key, value, record, offset, size)
+    return add(parent, key, value, record, offset, size)
   end
-  return put_in_brackets(parent, key, value)
+  return derive(parent, key, value)
 end
 
 -- Adds a field whose value is taken from its bytes, which have to be in the frame.
 local function take(parent, key, record, offset, size)
   local range = wants[key] and part(record, offset, size)
   return range and add_item(parent, fields[key], range) or nil
-end
-
-local function mark_generated(item)
-  if item and marked then
-    item:set_generated()
-  end
 end
 
 -- The tree of a protocol; that of the frame where nobody wants the protocol itself.
@@ -146,11 +134,16 @@ local function own_last(tree, owner, record)
   end
 end
 
+local function mark_generated(item)
+  if item and marked then
+    item:set_generated()
+  end
+  return item
+end
+
 -- Adds a field whose value is that of bytes, which need not be in the frame.
 local function point(parent, key, range)
-  local item = add_item(parent, fields[key], range)
-  mark_generated(item)
-  return item
+  return mark_generated(add_item(parent, fields[key], range))
 end
 
 -- Bytes that another frame has, to point at. `name` is what Wireshark shows above them.
@@ -159,25 +152,14 @@ local function elsewhere(data, name)
 end
 
 -- For the trees of single things: pkw_tree.lua, finding_tree.lua and the like.
-local adding = { wanted = wanted, take = take, point = point, elsewhere = elsewhere }
-
-local function see(visible)
-  marked = visible
-  add, derive, show = put, put, put
-  if visible then
-    add, derive, show = put_at, put_in_brackets, put_either
-  end
-  adding.add, adding.derive, adding.show = add, derive, show
-end
+local adding = {
+  wanted = wanted, add = add, derive = derive, show = show, take = take, point = point, elsewhere = elsewhere,
+}
 
 -- Begins with the tree of a frame; `answers` and `kind` as wanted.lua takes them.
 local function begin(tree, answers, kind, lang)
   add_item, language, wants = add_item or tree.add, lang, wanted_fields.of(tree, answers, kind)
-  newest = nil
-  local visible = wants[VISIBLE]
-  if visible ~= marked then
-    see(visible)
-  end
+  newest, marked = nil, wants[VISIBLE]
 end
 
 -- What stands together: of an array of keys it is asked at once whether one of them is wanted.
@@ -231,11 +213,6 @@ local OF_LINKS = { "request_in", "response_in", "time" }
 
 -- Values with the type of their format
 
-local function low_and_high(bytes)
-  local a, b, c, d, e, f, g, h = byte(bytes, 1, 8)
-  return ((e * 256 + f) * 256 + g) * 256 + h, ((a * 256 + b) * 256 + c) * 256 + d
-end
-
 local SIGNED = { b = true, h = true, i = true, q = true }
 
 -- Kind of a format -> what adds the typed value: (parent, row, value, bytes, record, offset), where the
@@ -249,12 +226,7 @@ function typed.number(parent, row, value, bytes, record, offset)
     return
   end
   local class = signed and Int64 or UInt64
-  local number
-  if #bytes == 8 then
-    number = class.new(low_and_high(bytes))
-  else
-    number = class.new(value)
-  end
+  local number = #bytes == 8 and class.decode(bytes, false) or class.new(value)
   add(parent, key, number, record, offset, #bytes)
 end
 
@@ -268,10 +240,7 @@ function typed.text(parent, _, value, bytes, record, offset)
 end
 
 function typed.octets(parent, _, _, bytes, record, offset)
-  local range = wants["value.bytes"] and part(record, offset, #bytes)
-  if range then
-    add_item(parent, fields["value.bytes"], range)
-  end
+  take(parent, "value.bytes", record, offset, #bytes)
 end
 
 typed.with_status = typed.octets
@@ -349,14 +318,6 @@ local function add_block(parent, block, record)
   add(parent, "value_count", block.value_count, record, block.offset + 1, 1)
 end
 
--- Bytes that have no field of their own.
-local function add_raw(parent, record, offset, size)
-  local range = size > 0 and wants.raw and part(record, offset, size)
-  if range then
-    add_item(parent, fields.raw, range)
-  end
-end
-
 -- The words of an error block: the number, the additional information, and what else there is.
 -- `worded` is the error of the transaction, nil where the block belongs to none of its parameters.
 local function add_error(parent, failed, worded, block, record)
@@ -373,7 +334,7 @@ local function add_error(parent, failed, worded, block, record)
   else
     derive(parent, "error.text", text)
   end
-  add_raw(parent, record, at + shown, #block.raw - shown)
+  take(parent, "raw", record, at + shown, #block.raw - shown)
 end
 
 -- A block that belongs to no parameter of the transaction.
@@ -384,7 +345,7 @@ local function add_loose(parent, block, record)
   if block.error then
     add_error(parent, block.error, nil, block, record)
   else
-    add_raw(parent, record, block.offset + 2, #block.raw)
+    take(parent, "raw", record, block.offset + 2, #block.raw)
   end
 end
 
@@ -480,7 +441,7 @@ local function add_rest(_, shown, item, place)
   if block and block.error and not place.asked then
     add_error(shown, block.error, item.error, block, record)
   elseif block and not (place.values and #item.values > 0) then
-    add_raw(shown, record, block.offset + 2, #block.raw)
+    take(shown, "raw", record, block.offset + 2, #block.raw)
   end
 end
 
@@ -544,7 +505,7 @@ local function add_others(parent, view, message, record)
     add_loose(parent, message.blocks[number], record)
   end
   if record then
-    add_raw(parent, record, record:len() - #message.rest, #message.rest)
+    take(parent, "raw", record, record:len() - #message.rest, #message.rest)
   end
 end
 
@@ -585,10 +546,8 @@ end
 -- The other frames, and the transaction
 
 local function duration(nanoseconds)
-  local seconds = floor(math.abs(nanoseconds) / 1e9)
-  local rest = math.abs(nanoseconds) - seconds * 1e9
-  local sign = nanoseconds < 0 and -1 or 1
-  return NSTime.new(sign * seconds, floor(sign * rest))
+  local rest = math.fmod(nanoseconds, 1e9)
+  return NSTime.new((nanoseconds - rest) / 1e9, rest)
 end
 
 -- The number of the frame with a half of the transaction. Its job has it, as long as it is not complete: all
@@ -614,26 +573,13 @@ local function add_links(parent, view)
   end
 end
 
-local function add_reads(parent, name, reads)
-  for _, read in ipairs(reads) do
-    derive(parent, "frames." .. name .. ".request", read.request)
-    derive(parent, "frames." .. name .. ".response", read.response)
-  end
-end
-
 -- Whether earlier frames prove the state: one pass does not know how an open transaction ends.
 local function state_is_certain(view)
-  local job, item = view.job, view.item
+  local item = view.item
   if view.complete or item.operation == "usend" or frame_of(view, "read_response") then
     return true
   end
-  local status_of_write
-  if job then -- see `frame_of`
-    status_of_write = job.write_response and job.write_response.status
-  else
-    status_of_write = item.write_status
-  end
-  return status_of_write ~= nil and status_of_write ~= 0
+  return (item.write_status or 0) ~= 0
 end
 
 -- Says that later frames may say more of a transaction, where somebody wants what they say; in a window every
@@ -690,10 +636,14 @@ local function add_plc(parent, view, lang)
 end
 
 local function add_frames_of_reads(parent, view)
-  if view.item.channel == "ds47" and is_main(view) and wants[FRAMES_OF_READS] then
-    local frames = view.item.frames
-    add_reads(parent, "poll", frames.polls)
-    add_reads(parent, "reread", frames.rereads)
+  if view.item.channel ~= "ds47" or not is_main(view) or not wants[FRAMES_OF_READS] then
+    return
+  end
+  for _, name in ipairs({ "poll", "reread" }) do
+    for _, read in ipairs(view.item.frames[name .. "s"]) do
+      derive(parent, "frames." .. name .. ".request", read.request)
+      derive(parent, "frames." .. name .. ".response", read.response)
+    end
   end
 end
 
@@ -707,39 +657,47 @@ end
 
 local PEERS = { "controller", "controller.mac", "master", "device", "device.mac", "station" }
 
--- The row of a key that is shown as the transaction has it; a dot stands between a key and the one inside it.
-local function plain(key)
-  local outer, inner = match(key, "^(%w+)%.(.+)$")
-  return { field = key, add = function(shown, item)
-    if outer then
-      derive(shown, key, item[outer][inner])
-    else
-      derive(shown, key, item[key])
-    end
-  end }
-end
-
--- The same of a key of messages: what the message in the frame shows already is not shown again.
+-- A key of messages: what the message in the frame shows already is not shown again.
 local function of_message(key)
-  return { field = key, add = function(shown, item, view)
-    if not HEADERS[view.role] then
-      derive(shown, key, item[key])
+  return function(item, view)
+    return not HEADERS[view.role] and item[key] or nil
+  end
+end
+
+-- By its key what is not shown as the transaction has it: a function of it, the view, whether its state is
+-- certain, and the context.
+local VALUES = {
+  state = function(item, _, certain) return certain and item.state or nil end,
+  request_reference = of_message("request_reference"), axis = of_message("axis"),
+  polls = function(item) return item.channel == "ds47" and #item.frames.polls or nil end, -- its Reads
+  start = function(item, _, _, context) return csv.timestamp(context.base_seconds(), item.start_ns) end,
+  duration_ms = function(item) return item.duration_ns and item.duration_ns / 1000000 end,
+}
+
+-- The row of a key with one value; a dot stands between a key and the one inside it.
+local function row_of(field)
+  local key, names = field[1], field[3] == "code" and codes[field[4]]
+  local outer, inner = match(key, "^(%w+)%.(.+)$")
+  local value = VALUES[key]
+  return { field = key, add = function(shown, item, view, certain, _, context)
+    local found
+    if value then
+      found = value(item, view, certain, context)
+    elseif outer then
+      found = item[outer][inner]
+    else
+      found = item[key]
     end
+    if names then
+      found = names[found]
+    end
+    derive(shown, key, found)
   end }
 end
 
--- By their names the keys that are shown otherwise, with what stands behind them.
-local OTHERWISE = {
+-- By their names the keys that have no such row, with those that they have instead.
+local INSTEAD = {
   transaction = {}, -- below which all others stand
-  channel = { { field = "channel", add = function(shown, item)
-    derive(shown, "channel", codes.channels[item.channel])
-  end } },
-  operation = { { field = "operation", add = function(shown, item)
-    derive(shown, "operation", codes.operations[item.operation])
-  end } },
-  state = { { field = "state", add = function(shown, item, _, certain)
-    derive(shown, "state", certain and codes.states[item.state] or nil)
-  end } },
   controller = { { field = PEERS, rare = true, add = function(shown, item)
     types.add_peers(adding, shown, item)
   end } },
@@ -748,28 +706,10 @@ local OTHERWISE = {
     if item.ar and wants.ar then
       mark_generated(types.add_uuid(shown, fields.ar, item.ar, find_bytes))
     end
-  end }, plain("vendor_assumed") },
-  request_reference = { of_message("request_reference") },
-  axis = { of_message("axis") },
+  end }, row_of({ "vendor_assumed" }) },
   drive_object = { { field = "drive_object", rare = true, add = function(shown, item, view, _, _, context)
     if view.complete and wants.drive_object then
       derive(shown, "drive_object", context.drive_object(item))
-    end
-  end } },
-  polls = { { field = "polls", add = function(shown, item)
-    if item.channel == "ds47" then -- nothing else is polled
-      derive(shown, "polls", #item.frames.polls)
-    end
-  end }, { field = FRAMES_OF_READS, rare = true, add = function(shown, _, view)
-    add_frames_of_reads(shown, view)
-  end } },
-  start = { { field = "start", add = function(shown, item, _, _, _, context)
-    derive(shown, "start", csv.timestamp(context.base_seconds(), item.start_ns))
-  end } },
-  duration_ms = { { field = "duration_ms", add = function(shown, item, view)
-    if view.job == nil or view.job.read_response then
-      local nanoseconds = item.duration_ns
-      derive(shown, "duration_ms", nanoseconds and nanoseconds / 1000000)
     end
   end } },
   ["status.write"] = { { field = "status.write", add = function(shown, item)
@@ -782,14 +722,16 @@ local OTHERWISE = {
   end }, { field = "plc", rare = true, add = function(shown, _, view, _, _, context)
     add_plc(shown, view, context.lang)
   end } },
+  polls = { row_of({ "polls" }), { field = FRAMES_OF_READS, rare = true, add = function(shown, _, view)
+    add_frames_of_reads(shown, view)
+  end } },
 }
 
 -- What is shown of a transaction, in its order.
 local function rows_of_transaction()
   local rows = {}
   for _, field in ipairs(tables.transaction_fields) do
-    local key = field[1]
-    for _, row in ipairs(OTHERWISE[key] or { plain(key) }) do
+    for _, row in ipairs(INSTEAD[field[1]] or { row_of(field) }) do
       rows[#rows + 1] = row
     end
   end
