@@ -46,7 +46,6 @@ package.path = table.concat({
 
 local clock = require("ds47_ws.clock")
 local collector = require("ds47_ws.collector")
-local copies = require("ds47_ws.copies")
 local ds47_fields = require("ds47_ws.fields")
 local encapsulations = require("ds47_ws.encapsulations")
 local info = require("ds47_ws.info")
@@ -57,6 +56,7 @@ local preferences = require("ds47_ws.preferences")
 local tables = require("ds47.spec.tables")
 local track = require("ds47_ws.track")
 local wanted_fields = require("ds47_ws.wanted")
+local words = require("ds47.report.formatting")
 
 set_plugin_info({
   version = tables.version,
@@ -92,7 +92,6 @@ clock.configure(Field.new("frame.time_epoch"), WINDOW)
 
 -- To ask whether anybody wants fields of ours.
 local this_dissector, words_dissector, bus_dissector
-local referenced -- the method of all trees that tells it: looking it up costs as much as asking
 local on_bus = false -- whether this is a frame of PROFIBUS, which is shown already
 
 local NONE = {}
@@ -113,13 +112,6 @@ end
 -- behind which byte the next record is. One table for all frames, as are those who find something in it.
 local shown = { tvb = nil, bytes = nil, at = 0, from = 0 }
 
-local range, raw -- methods of all Tvbs: looking one up costs a quarter of what it does, or more
-
-local function range_shown(at, size)
-  range = range or shown.tvb.range
-  return range(shown.tvb, at, size)
-end
-
 local function bytes_shown()
   local bytes = shown.bytes
   if bytes == nil then
@@ -134,7 +126,7 @@ local function next_record(data)
   local found = track.find_record(bytes_shown(), data, shown.from)
   if found then
     shown.from = found + #data
-    return range_shown(found, #data)
+    return shown.tvb:range(found, #data)
   end
   return data ~= "" and find_reassembled(data) or nil
 end
@@ -207,14 +199,12 @@ end
 -- Whether somebody wants fields of a protocol of ours; a tree that is visible counts as well. Asking costs as
 -- much as all else of a cyclic frame in which nothing changed.
 local function is_wanted(tree, dissector, reading)
-  referenced = referenced or tree.referenced
-  if reading == nil then
-    return referenced(tree, dissector)
-  end
-  local found = reading.protocols[dissector]
+  local found = reading and reading.protocols[dissector]
   if found == nil then
-    found = referenced(tree, dissector)
-    reading.protocols[dissector] = found
+    found = tree:referenced(dissector)
+    if reading then
+      reading.protocols[dissector] = found
+    end
   end
   return found
 end
@@ -248,7 +238,7 @@ local function dissect_cyclic(tvb, pinfo, tree)
   local number, frame, views, findings, events = pinfo.number, nil, nil, nil, nil
   local is_new = track.is_new(number, pinfo)
   if not is_new then
-    passes.came_again()
+    passes.again = true
     views, findings, events = track.complete_views(number)
   else
     frame = tvb:raw()
@@ -279,7 +269,7 @@ end
 local function look_at_bus(tvb, pinfo, is_new, wanted)
   local number = pinfo.number
   if not is_new then
-    passes.came_again()
+    passes.again = true
     return track.bus_frame(number, tvb:raw()), track.complete_views(number)
   elseif not clock.is_ready() then
     return nil
@@ -305,16 +295,20 @@ local function show_bus(item, tvb, columns, tree)
   end
 end
 
--- A mirror port's copy of a frame of the parameter channel.
+-- A mirror port's copy of a frame of the parameter channel: that it is one, and a link to the frame that was
+-- captured first, which has the message. A copy is no frame of `ds47`: so a filter finds each message once.
 local function show_copy(number, pinfo, tree, reading, whole)
   local original = track.original(number, whole)
-  if original then
-    local columns = columns_of(pinfo, reading)
-    if columns then
-      copies.set_columns(columns, original, track.lang)
-    end
-    copies.add(tree, ds47_copy, fields.duplicate_of, original, track.lang)
+  if not original then
+    return
   end
+  local columns = columns_of(pinfo, reading)
+  local text = words.say(track.lang, "duplicate", { frame = words.integer(original) })
+  if columns then
+    columns.protocol, columns.info = "DS47", text
+  end
+  local root = tree:add(ds47_copy, "DS47 " .. text)
+  root:add(fields.duplicate_of, original):set_generated()
 end
 
 -- Nothing behind a frame of PROFIBUS is dissected by others: all of it is taken, or it is none.
@@ -342,7 +336,7 @@ end
 
 -- A frame with IP that was fed before: a second pass, or somebody looks at it.
 local function dissect_again(tvb, pinfo, tree, number, offset)
-  passes.came_again()
+  passes.again = true
   local reading = wanted_fields.reading(tree, number, false)
   local views, findings = track.complete_views(number)
   if views then
@@ -374,8 +368,7 @@ function ds47.dissector(tvb, pinfo, tree)
     return
   end
   clock.set(pinfo)
-  raw = raw or tvb.raw
-  local offset, frame = ip.offset, raw(tvb)
+  local offset, frame = ip.offset, tvb:raw()
   local fed, is_copy = track.feed(number, frame, offset, clock.now, pinfo)
   if fed then
     local reading = wanted_fields.reading(tree, number, true)
@@ -385,7 +378,9 @@ function ds47.dissector(tvb, pinfo, tree)
     if is_copy then
       show_copy(number, pinfo, tree, reading, false)
     end
-    passes.came(pinfo)
+    if passes.blind == nil then
+      passes.blind = pinfo.visited
+    end
   end
 end
 

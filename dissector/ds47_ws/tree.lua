@@ -588,7 +588,7 @@ local function add_second_pass(parent)
   if WINDOW then
     return
   end
-  passes.shown_partly()
+  passes.partly = true
   if wants.second_pass then
     derive(parent, "second_pass", words.say(language, "second_pass"))
   end
