@@ -123,12 +123,15 @@ end
 
 -- Finds records in the frame, one behind the other.
 local function next_record(data)
-  local found = track.find_record(bytes_shown(), data, shown.from)
-  if found then
-    shown.from = found + #data
-    return shown.tvb:range(found, #data)
+  if data == "" then
+    return nil
   end
-  return data ~= "" and find_reassembled(data) or nil
+  local found = string.find(bytes_shown(), data, shown.from + 1, true)
+  if found then
+    shown.from = found - 1 + #data
+    return shown.tvb:range(found - 1, #data)
+  end
+  return find_reassembled(data)
 end
 
 -- The columns of a frame; nil where nobody sees them, as when a file is loaded or in the first of two passes.
@@ -278,7 +281,7 @@ local function look_at_bus(tvb, pinfo, is_new, wanted)
   local link_type = encapsulations.link_type(pinfo)
   local item = track.feed_bus(number, tvb:raw(), link_type, clock.now, pinfo.len)
   if item then
-    return item, track.live_bus_views(wanted)
+    return item, track.live_cyclic_views(wanted)
   end
   return nil
 end
