@@ -392,7 +392,7 @@ function ds47_words.dissector() end
 
 local function begin_anew()
   on_bus = false
-  encapsulations.register(ds47_bus, preferences.takes_user0(ds47))
+  encapsulations.register(ds47_bus, ds47.prefs.profibus_user0)
   clock.reset()
   passes.reset()
   wanted_fields.reset()

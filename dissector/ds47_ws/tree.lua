@@ -10,7 +10,7 @@
 -- field is wanted.
 
 local info = require("ds47_ws.info")
-local later, entries = require("ds47.support.later").module, require("ds47.support.later").entries
+local later = require("ds47.support.later").module
 local description_tree = later("ds47_ws.description_tree")
 local finding_tree = later("ds47_ws.finding_tree")
 local pkw_tree = later("ds47_ws.pkw_tree")
@@ -275,12 +275,7 @@ local function text_bytes(parent, item, value, range)
   end
 end
 
--- The row of a format by its name; false where it has none.
-local ROWS = entries(function(name)
-  return tables.formats[types.format_code(name)] or false
-end)
-
--- One value of a parameter, in a format of a row (false: of none). `block` and `record` say where it stands;
+-- One value of a parameter, in a format of a row (nil: of none). `block` and `record` say where it stands;
 -- nil where it is not in this frame.
 local function add_value(parent, item, number, row, block, record)
   local values, kind = item.values, row and row.kind
@@ -397,15 +392,9 @@ local function places(view, record)
   end
 end
 
--- What the request of a response wrote.
-local function add_written(parent, item)
-  derive(parent, "written.format", types.format_code(item.format))
-  derive(parent, "written.value_count", item.value_count)
-end
-
 local function add_values(_, shown, item, place)
   local count = #item.values
-  local row = count > 0 and ROWS[item.format or ""]
+  local row = tables.formats[types.format_code(item.format)]
   for number = 1, count do
     add_value(shown, item, number, row, place.values, place.record)
   end
@@ -466,9 +455,10 @@ local PARAMETER = wanted_fields.list({
       add_block(shown, place.block, place.record)
     end
   end },
-  { field = OF_WRITTEN, add = function(_, shown, item, place)
+  { field = OF_WRITTEN, add = function(_, shown, item, place) -- by the request of a response
     if not place.here then
-      add_written(shown, item)
+      derive(shown, "written.format", types.format_code(item.format))
+      derive(shown, "written.value_count", item.value_count)
     end
   end },
   { field = OF_VALUES, add = add_values },
@@ -667,11 +657,14 @@ end
 -- By its key what is not shown as the transaction has it: a function of it, the view, whether its state is
 -- certain, and the context.
 local VALUES = {
-  state = function(item, _, certain) return certain and item.state or nil end,
+  state = function(item, _, certain) return certain and codes.states[item.state] or nil end,
   request_reference = of_message("request_reference"), axis = of_message("axis"),
   polls = function(item) return item.channel == "ds47" and #item.frames.polls or nil end, -- its Reads
   start = function(item, _, _, context) return csv.timestamp(context.base_seconds(), item.start_ns) end,
-  duration_ms = function(item) return item.duration_ns and item.duration_ns / 1000000 end,
+  duration_ms = function(item)
+    local nanoseconds = item.duration_ns
+    return nanoseconds and nanoseconds / 1000000
+  end,
 }
 
 -- The row of a key with one value; a dot stands between a key and the one inside it.
@@ -683,13 +676,12 @@ local function row_of(field)
     local found
     if value then
       found = value(item, view, certain, context)
+    elseif names then
+      found = names[item[key]]
     elseif outer then
       found = item[outer][inner]
     else
       found = item[key]
-    end
-    if names then
-      found = names[found]
     end
     derive(shown, key, found)
   end }
@@ -783,37 +775,19 @@ local function of_view(finding, view)
   return finding.order == view.item.order
 end
 
--- The sentence of the Info column, which the root says already: for fields and filters. From Wireshark 4.4 on
--- `_ws.col.info` is taken before a plugin comes.
-local function add_info(root, sentence)
-  local item = derive(root, "info", sentence)
-  if item then
-    item:set_hidden()
-  end
-end
-
--- The tree of a view; that of the frame where nobody sees it.
+-- The tree of a view; that of the frame where nobody sees it. The sentence of the Info column, which the root
+-- says already, is there for fields and filters: from Wireshark 4.4 on `_ws.col.info` is taken before a
+-- plugin comes.
 local function add_root(tree, view, record)
   local root, sentence = tree, (marked or wants.info) and info.sentence(view, language)
   if marked then
     root = own_tree(tree, protocol, record, "DS47 " .. sentence)
   end
-  if sentence then
-    add_info(root, sentence)
+  local item = sentence and derive(root, "info", sentence)
+  if item then
+    item:set_hidden()
   end
   return root
-end
-
--- What is in the frame, and where the other half of it is.
-local function add_frame(root, view, record)
-  if view.item.channel == "pkw" then
-    pkw_tree.add(adding, root, view, record, language)
-  else
-    add_message(root, view, record)
-  end
-  if wants[OF_LINKS] then
-    add_links(root, view)
-  end
 end
 
 -- Findings of the transaction that other frames have, each rule once a frame: a refused change is looked at
@@ -848,7 +822,14 @@ end
 local function add_view(tree, view, findings, taken, finders, context)
   local record = record_of(view, finders)
   local root = add_root(tree, view, record)
-  add_frame(root, view, record)
+  if view.item.channel == "pkw" then
+    pkw_tree.add(adding, root, view, record, language)
+  else
+    add_message(root, view, record)
+  end
+  if wants[OF_LINKS] then
+    add_links(root, view)
+  end
   local certain = view.complete or not wants[OF_LATER_FRAMES] or state_is_certain(view)
   if not certain then
     add_second_pass(root)
