@@ -153,38 +153,30 @@ local function search(bytes)
   return found and shown.tvb:range(found - 1, #bytes)
 end
 
--- What finds in a frame what views and events are about.
-local OF_RECORDS = { record = next_record, bytes = search }
-
--- The same of words of PKW, and of those of events.
-local OF_WORDS = {
-  bytes = search,
-  record = function(_, view)
+-- The record that a view has, or its words of PKW.
+local function record_of(data, view)
+  if view.item.channel == "pkw" then
     return shown.tvb:range(shown.at + view.item.places[view.role], 8)
-  end,
-  word = function(found)
-    local side = found.event.word and found.relation[found.event.word == "STW1" and "output" or "input"]
-    return side and shown.tvb:range(shown.at + side.offset, 2)
-  end,
-}
+  end
+  return next_record(data)
+end
 
--- The same of a frame of PROFIBUS, which has a record or words.
-local ON_BUS = {
-  bytes = search, word = OF_WORDS.word,
-  record = function(data, view)
-    return view.item.channel == "pkw" and OF_WORDS.record(data, view) or next_record(data)
-  end,
-}
+-- The word that an event is about; nil where it is about none.
+local function word_of(found)
+  local side = found.event.word and found.relation[found.event.word == "STW1" and "output" or "input"]
+  return side and shown.tvb:range(shown.at + side.offset, 2)
+end
 
 -- For the tree of the newest frame, which does not keep it.
 local context = {
+  find_record = record_of, find_word = word_of, find_bytes = search,
   request_of = track.request_of, findings_of = track.findings_of, base_seconds = track.base_seconds,
   drive_object = track.drive_object,
 }
 
--- Adds to the tree and sets the columns, where there are some. `finders` as above; the data of the frame
--- begins at `at`. `whole`: somebody wants our fields. `bytes`: those of the frame, where they are known.
-local function show(views, findings, events, tvb, columns, tree, finders, at, whole, reading, bytes)
+-- Adds to the tree and sets the columns, where there are some. The data of the frame begins at `at`. `whole`:
+-- somebody wants our fields. `bytes`: those of the frame, where they are known.
+local function show(views, findings, events, tvb, columns, tree, at, whole, reading, bytes)
   local is_shown = views[1] ~= nil or events[1] ~= nil
   if columns and is_shown then
     columns.protocol, columns.info = "DS47", info.text(views, events, track.lang)
@@ -192,7 +184,7 @@ local function show(views, findings, events, tvb, columns, tree, finders, at, wh
   if whole and (is_shown or findings[1]) then
     context.lang, context.answers = track.lang, reading and reading.answers
     shown.tvb, shown.bytes, shown.at, shown.from = tvb, bytes, at, at
-    tree_of.add(tree, views, findings, events, finders, context)
+    tree_of.add(tree, views, findings, events, context)
     shown.tvb = nil
   elseif findings[1] or events[1] then
     experts_of.add(tree, experts, findings, events, track.lang)
@@ -261,7 +253,7 @@ local function dissect_cyclic(tvb, pinfo, tree)
   if views then
     local columns, at = columns_of(pinfo, reading), place and place.at
     local whole = is_wanted(tree, this_dissector, reading)
-    show(views, findings, events, tvb, columns, tree, OF_WORDS, at, whole, reading)
+    show(views, findings, events, tvb, columns, tree, at, whole, reading)
   end
   if looked_at and place then
     show_all_words(tvb, number, tree, frame, place, is_new, views)
@@ -328,7 +320,7 @@ function ds47_bus.dissector(tvb, pinfo, tree)
   show_bus(item, tvb, columns, tree)
   local at, place = bus_info.data_start(item), track.bus_place(item)
   if views then
-    show(views, findings, events, tvb, columns, tree, ON_BUS, at, whole, reading)
+    show(views, findings, events, tvb, columns, tree, at, whole, reading)
   end
   if place and is_wanted(tree, words_dissector, reading) then
     local data = tvb:raw(0, at + #item.du) -- the check byte is none of it
@@ -344,7 +336,7 @@ local function dissect_again(tvb, pinfo, tree, number, offset)
   local views, findings = track.complete_views(number)
   if views then
     local columns, whole = columns_of(pinfo, reading), is_wanted(tree, this_dissector, reading)
-    show(views, findings, NONE, tvb, columns, tree, OF_RECORDS, offset, whole, reading)
+    show(views, findings, NONE, tvb, columns, tree, offset, whole, reading)
   end
   show_copy(number, pinfo, tree, reading, true)
 end
@@ -377,7 +369,7 @@ function ds47.dissector(tvb, pinfo, tree)
     local reading = wanted_fields.reading(tree, number, true)
     local columns, whole = columns_of(pinfo, reading), is_wanted(tree, this_dissector, reading)
     local views, findings = track.live_views(columns ~= nil or whole)
-    show(views, findings, NONE, tvb, columns, tree, OF_RECORDS, offset, whole, reading, frame)
+    show(views, findings, NONE, tvb, columns, tree, offset, whole, reading, frame)
     if is_copy then
       show_copy(number, pinfo, tree, reading, false)
     end

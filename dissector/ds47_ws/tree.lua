@@ -750,9 +750,7 @@ local function add_events(tree, events, find_word, lang)
   local root = own_tree(tree, of_drives, nil, marked and "DS47 " .. info.events(events, lang) or "DS47 PZD")
   for _, each in ipairs(events) do
     local shown = pzd_tree.add_event(adding, root, each, find_word(each), lang)
-    shown = shown or root
-    local key, text = own_experts.of_event(each.event, lang)
-    shown:add_proto_expert_info(experts[key], text)
+    own_experts.add_event(shown or root, experts, each.event, lang)
   end
 end
 
@@ -807,7 +805,7 @@ local function add_elsewhere(root, view, findings, context)
 end
 
 -- The record of a view in the frame, where somebody sees, or asks for, what is made of it.
-local function record_of(view, finders)
+local function record_of(view, context)
   local item, data = view.item, nil
   if item.channel == "ds47" and not wants[protocol] and not wants[OF_RECORD] then
     return nil
@@ -816,11 +814,11 @@ local function record_of(view, finders)
   elseif HEADERS[view.role] then
     data = item.response
   end
-  return data and finders.record(data, view)
+  return data and context.find_record(data, view)
 end
 
-local function add_view(tree, view, findings, taken, finders, context)
-  local record = record_of(view, finders)
+local function add_view(tree, view, findings, taken, context)
+  local record = record_of(view, context)
   local root = add_root(tree, view, record)
   if view.item.channel == "pkw" then
     pkw_tree.add(adding, root, view, record, language)
@@ -855,24 +853,24 @@ local NONE_TAKEN = {} -- of no findings
 --- Adds all that a frame shows.
 -- @param tree the tree of the frame
 -- @param views, findings, events as track.lua gives them
--- @param finders {record = a function of a record and of the view that has it, which gives its TvbRange in
---   this frame, or nil; word = the same of an event; bytes = a function of bytes that does the same}
 -- @param context {lang = "en" or "zh",
+--   find_record = a function of a record and of the view that has it, which gives its TvbRange in this frame,
+--   or nil; find_word = the same of an event; find_bytes = a function of bytes that does the same,
 --   base_seconds = a function that gives the second since 1970 that the times are relative to,
 --   request_of = a function that gives the frame of the request of a finding's transaction, or nil,
 --   findings_of = a function that gives all findings of the transaction of a view,
 --   drive_object = one that gives the number of the drive object of a transaction of the complete result,
 --   answers = what is known of what trees of this reading want (wanted.lua), or nil}
-function M.add(tree, views, findings, events, finders, context)
+function M.add(tree, views, findings, events, context)
   local view = not findings[1] and views[1]
   begin(tree, context.answers, view and view.role or "other", context.lang)
-  find_bytes = finders.bytes
+  find_bytes = context.find_bytes
   local taken = findings[1] and {} or NONE_TAKEN
   for number = 1, #views do
-    add_view(tree, views[number], findings, taken, finders, context)
+    add_view(tree, views[number], findings, taken, context)
   end
   if #events > 0 then
-    add_events(tree, events, finders.word, context.lang)
+    add_events(tree, events, context.find_word, context.lang)
   end
   local rest
   for number = 1, #findings do
