@@ -316,8 +316,8 @@ function M.define(proto, words, bus)
   local fields, experts = {}, {}
   add_fields(fields, proto, FIELDS, tables.transaction_fields, M.DESCRIPTION)
   add_fields(fields, words, WORDS, rows_of_bits(), rows_of_telegrams())
-  add_fields(fields, bus, bus_rows.FIELDS)
   add_experts(experts, proto, rows_of_experts())
+  add_fields(fields, bus, bus_rows.FIELDS)
   add_experts(experts, bus, bus_rows.EXPERTS)
   return fields, experts
 end
