@@ -46,7 +46,6 @@ package.path = table.concat({
 
 local clock = require("ds47_ws.clock")
 local collector = require("ds47_ws.collector")
-local copies = require("ds47_ws.copies")
 local ds47_fields = require("ds47_ws.fields")
 local encapsulations = require("ds47_ws.encapsulations")
 local info = require("ds47_ws.info")
@@ -57,6 +56,7 @@ local preferences = require("ds47_ws.preferences")
 local tables = require("ds47.spec.tables")
 local track = require("ds47_ws.track")
 local wanted_fields = require("ds47_ws.wanted")
+local words = require("ds47.report.formatting")
 
 set_plugin_info({
   version = tables.version,
@@ -92,7 +92,6 @@ clock.configure(Field.new("frame.time_epoch"), WINDOW)
 
 -- To ask whether anybody wants fields of ours.
 local this_dissector, words_dissector, bus_dissector
-local referenced -- the method of all trees that tells it: looking it up costs as much as asking
 local on_bus = false -- whether this is a frame of PROFIBUS, which is shown already
 
 local NONE = {}
@@ -113,13 +112,6 @@ end
 -- behind which byte the next record is. One table for all frames, as are those who find something in it.
 local shown = { tvb = nil, bytes = nil, at = 0, from = 0 }
 
-local range, raw -- methods of all Tvbs: looking one up costs a quarter of what it does, or more
-
-local function range_shown(at, size)
-  range = range or shown.tvb.range
-  return range(shown.tvb, at, size)
-end
-
 local function bytes_shown()
   local bytes = shown.bytes
   if bytes == nil then
@@ -131,12 +123,15 @@ end
 
 -- Finds records in the frame, one behind the other.
 local function next_record(data)
-  local found = track.find_record(bytes_shown(), data, shown.from)
-  if found then
-    shown.from = found + #data
-    return range_shown(found, #data)
+  if data == "" then
+    return nil
   end
-  return data ~= "" and find_reassembled(data) or nil
+  local found = string.find(bytes_shown(), data, shown.from + 1, true)
+  if found then
+    shown.from = found - 1 + #data
+    return shown.tvb:range(found - 1, #data)
+  end
+  return find_reassembled(data)
 end
 
 -- The columns of a frame; nil where nobody sees them, as when a file is loaded or in the first of two passes.
@@ -158,38 +153,30 @@ local function search(bytes)
   return found and shown.tvb:range(found - 1, #bytes)
 end
 
--- What finds in a frame what views and events are about.
-local OF_RECORDS = { record = next_record, bytes = search }
-
--- The same of words of PKW, and of those of events.
-local OF_WORDS = {
-  bytes = search,
-  record = function(_, view)
+-- The record that a view has, or its words of PKW.
+local function record_of(data, view)
+  if view.item.channel == "pkw" then
     return shown.tvb:range(shown.at + view.item.places[view.role], 8)
-  end,
-  word = function(found)
-    local side = found.event.word and found.relation[found.event.word == "STW1" and "output" or "input"]
-    return side and shown.tvb:range(shown.at + side.offset, 2)
-  end,
-}
+  end
+  return next_record(data)
+end
 
--- The same of a frame of PROFIBUS, which has a record or words.
-local ON_BUS = {
-  bytes = search, word = OF_WORDS.word,
-  record = function(data, view)
-    return view.item.channel == "pkw" and OF_WORDS.record(data, view) or next_record(data)
-  end,
-}
+-- The word that an event is about; nil where it is about none.
+local function word_of(found)
+  local side = found.event.word and found.relation[found.event.word == "STW1" and "output" or "input"]
+  return side and shown.tvb:range(shown.at + side.offset, 2)
+end
 
 -- For the tree of the newest frame, which does not keep it.
 local context = {
+  find_record = record_of, find_word = word_of, find_bytes = search,
   request_of = track.request_of, findings_of = track.findings_of, base_seconds = track.base_seconds,
   drive_object = track.drive_object,
 }
 
--- Adds to the tree and sets the columns, where there are some. `finders` as above; the data of the frame
--- begins at `at`. `whole`: somebody wants our fields. `bytes`: those of the frame, where they are known.
-local function show(views, findings, events, tvb, columns, tree, finders, at, whole, reading, bytes)
+-- Adds to the tree and sets the columns, where there are some. The data of the frame begins at `at`. `whole`:
+-- somebody wants our fields. `bytes`: those of the frame, where they are known.
+local function show(views, findings, events, tvb, columns, tree, at, whole, reading, bytes)
   local is_shown = views[1] ~= nil or events[1] ~= nil
   if columns and is_shown then
     columns.protocol, columns.info = "DS47", info.text(views, events, track.lang)
@@ -197,7 +184,7 @@ local function show(views, findings, events, tvb, columns, tree, finders, at, wh
   if whole and (is_shown or findings[1]) then
     context.lang, context.answers = track.lang, reading and reading.answers
     shown.tvb, shown.bytes, shown.at, shown.from = tvb, bytes, at, at
-    tree_of.add(tree, views, findings, events, finders, context)
+    tree_of.add(tree, views, findings, events, context)
     shown.tvb = nil
   elseif findings[1] or events[1] then
     experts_of.add(tree, experts, findings, events, track.lang)
@@ -207,14 +194,12 @@ end
 -- Whether somebody wants fields of a protocol of ours; a tree that is visible counts as well. Asking costs as
 -- much as all else of a cyclic frame in which nothing changed.
 local function is_wanted(tree, dissector, reading)
-  referenced = referenced or tree.referenced
-  if reading == nil then
-    return referenced(tree, dissector)
-  end
-  local found = reading.protocols[dissector]
+  local found = reading and reading.protocols[dissector]
   if found == nil then
-    found = referenced(tree, dissector)
-    reading.protocols[dissector] = found
+    found = tree:referenced(dissector)
+    if reading then
+      reading.protocols[dissector] = found
+    end
   end
   return found
 end
@@ -248,7 +233,7 @@ local function dissect_cyclic(tvb, pinfo, tree)
   local number, frame, views, findings, events = pinfo.number, nil, nil, nil, nil
   local is_new = track.is_new(number, pinfo)
   if not is_new then
-    passes.came_again()
+    passes.again = true
     views, findings, events = track.complete_views(number)
   else
     frame = tvb:raw()
@@ -268,7 +253,7 @@ local function dissect_cyclic(tvb, pinfo, tree)
   if views then
     local columns, at = columns_of(pinfo, reading), place and place.at
     local whole = is_wanted(tree, this_dissector, reading)
-    show(views, findings, events, tvb, columns, tree, OF_WORDS, at, whole, reading)
+    show(views, findings, events, tvb, columns, tree, at, whole, reading)
   end
   if looked_at and place then
     show_all_words(tvb, number, tree, frame, place, is_new, views)
@@ -279,7 +264,7 @@ end
 local function look_at_bus(tvb, pinfo, is_new, wanted)
   local number = pinfo.number
   if not is_new then
-    passes.came_again()
+    passes.again = true
     return track.bus_frame(number, tvb:raw()), track.complete_views(number)
   elseif not clock.is_ready() then
     return nil
@@ -288,7 +273,7 @@ local function look_at_bus(tvb, pinfo, is_new, wanted)
   local link_type = encapsulations.link_type(pinfo)
   local item = track.feed_bus(number, tvb:raw(), link_type, clock.now, pinfo.len)
   if item then
-    return item, track.live_bus_views(wanted)
+    return item, track.live_cyclic_views(wanted)
   end
   return nil
 end
@@ -305,16 +290,20 @@ local function show_bus(item, tvb, columns, tree)
   end
 end
 
--- A mirror port's copy of a frame of the parameter channel.
+-- A mirror port's copy of a frame of the parameter channel: that it is one, and a link to the frame that was
+-- captured first, which has the message. A copy is no frame of `ds47`: so a filter finds each message once.
 local function show_copy(number, pinfo, tree, reading, whole)
   local original = track.original(number, whole)
-  if original then
-    local columns = columns_of(pinfo, reading)
-    if columns then
-      copies.set_columns(columns, original, track.lang)
-    end
-    copies.add(tree, ds47_copy, fields.duplicate_of, original, track.lang)
+  if not original then
+    return
   end
+  local columns = columns_of(pinfo, reading)
+  local text = words.say(track.lang, "duplicate", { frame = words.integer(original) })
+  if columns then
+    columns.protocol, columns.info = "DS47", text
+  end
+  local root = tree:add(ds47_copy, "DS47 " .. text)
+  root:add(fields.duplicate_of, original):set_generated()
 end
 
 -- Nothing behind a frame of PROFIBUS is dissected by others: all of it is taken, or it is none.
@@ -331,7 +320,7 @@ function ds47_bus.dissector(tvb, pinfo, tree)
   show_bus(item, tvb, columns, tree)
   local at, place = bus_info.data_start(item), track.bus_place(item)
   if views then
-    show(views, findings, events, tvb, columns, tree, ON_BUS, at, whole, reading)
+    show(views, findings, events, tvb, columns, tree, at, whole, reading)
   end
   if place and is_wanted(tree, words_dissector, reading) then
     local data = tvb:raw(0, at + #item.du) -- the check byte is none of it
@@ -342,12 +331,12 @@ end
 
 -- A frame with IP that was fed before: a second pass, or somebody looks at it.
 local function dissect_again(tvb, pinfo, tree, number, offset)
-  passes.came_again()
+  passes.again = true
   local reading = wanted_fields.reading(tree, number, false)
   local views, findings = track.complete_views(number)
   if views then
     local columns, whole = columns_of(pinfo, reading), is_wanted(tree, this_dissector, reading)
-    show(views, findings, NONE, tvb, columns, tree, OF_RECORDS, offset, whole, reading)
+    show(views, findings, NONE, tvb, columns, tree, offset, whole, reading)
   end
   show_copy(number, pinfo, tree, reading, true)
 end
@@ -374,18 +363,19 @@ function ds47.dissector(tvb, pinfo, tree)
     return
   end
   clock.set(pinfo)
-  raw = raw or tvb.raw
-  local offset, frame = ip.offset, raw(tvb)
+  local offset, frame = ip.offset, tvb:raw()
   local fed, is_copy = track.feed(number, frame, offset, clock.now, pinfo)
   if fed then
     local reading = wanted_fields.reading(tree, number, true)
     local columns, whole = columns_of(pinfo, reading), is_wanted(tree, this_dissector, reading)
     local views, findings = track.live_views(columns ~= nil or whole)
-    show(views, findings, NONE, tvb, columns, tree, OF_RECORDS, offset, whole, reading, frame)
+    show(views, findings, NONE, tvb, columns, tree, offset, whole, reading, frame)
     if is_copy then
       show_copy(number, pinfo, tree, reading, false)
     end
-    passes.came(pinfo)
+    if passes.blind == nil then
+      passes.blind = pinfo.visited
+    end
   end
 end
 
@@ -394,7 +384,7 @@ function ds47_words.dissector() end
 
 local function begin_anew()
   on_bus = false
-  encapsulations.register(ds47_bus, preferences.takes_user0(ds47))
+  encapsulations.register(ds47_bus, ds47.prefs.profibus_user0)
   clock.reset()
   passes.reset()
   wanted_fields.reset()

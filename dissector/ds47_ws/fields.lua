@@ -7,15 +7,16 @@
 -- own: so one question tells whether anybody wants it. What happened to a drive stands below that protocol,
 -- too: a frame of `ds47` is one of the parameter channel.
 
-local description_rows = require("ds47_ws.description_fields")
-local profibus_fields = require("ds47_ws.profibus_fields")
+local bus_rows = require("ds47_ws.profibus_fields")
 local tables = require("ds47.spec.tables")
 local types = require("ds47_ws.types")
 
 local M = {}
 
--- Key, label, kind. A kind is the constructor of ProtoField, with what it takes behind the label; "code" is
--- the number of a word, with its table in spec/codes.toml.
+-- Key, label, kind. A kind is the constructor of ProtoField, with its base, the names of numbers (a table of
+-- them, or where it is in tables.lua) and the mask; of a "bool" with the words of set and not set, the mask,
+-- and how many bits the whole has (nil: 8); "code" is the number of a word, with its table in
+-- spec/codes.toml.
 local FIELDS = {
   { "info", "Info", "string" }, -- the sentence of the Info column
   -- the message
@@ -115,6 +116,31 @@ local FIELDS = {
   { "pzd.event.telegrams", "Telegrams", "string" },
 }
 
+--- A description (attribute 0x20), and texts (0x30). Which stands where is in description_tree.lua.
+M.DESCRIPTION = {
+  { "description", "Description", "string" },
+  { "description.identifier", "Identifier", "uint16", "HEX" },
+  { "description.type", "Type", "string" },
+  { "description.writable", "Can be written", "bool" },
+  { "description.text_array", "Has texts", "bool" },
+  { "description.changed", "Not at its factory setting", "bool" },
+  { "description.reset_only", "Can only be reset", "bool" },
+  { "description.array", "Has elements", "bool" },
+  { "description.elements", "Number of elements, or length", "uint16", "DEC" },
+  { "description.factor", "Standardisation factor", "double" },
+  { "description.quantity", "Variable index", "uint8", "DEC" },
+  { "description.conversion", "Conversion index", "int8", "DEC" },
+  { "description.unit", "Unit", "string" },
+  { "description.name", "Name", "string" },
+  { "description.low", "Lower limit", "double" },
+  { "description.high", "Upper limit", "double" },
+  { "description.extension", "Extension of the identifier", "uint16", "HEX" },
+  { "description.reference", "Reference parameter", "uint16", "DEC" },
+  { "description.normalisation", "Normalisation", "uint16", "HEX" },
+  { "description.full_scale", "100 % in the value", "uint32", "HEX" },
+  { "text", "Entry of a text array", "string" },
+}
+
 -- The words of a drive, in each of its frames.
 local WORDS = {
   { "pzd", "Control and status word", "string" },
@@ -146,6 +172,7 @@ local SEVERITIES = { note = "NOTE", warning = "WARN", error = "ERROR" }
 -- Groups of expert infos, as spec/rules.toml names them.
 local GROUPS = {
   response = "RESPONSE_CODE", malformed = "MALFORMED", sequence = "SEQUENCE", protocol = "PROTOCOL",
+  checksum = "CHECKSUM",
 }
 
 -- Names of the codes in a table of tables.lua (`formats`, `pkw.errors`), for Wireshark to show beside the
@@ -212,80 +239,73 @@ local function rows_of_telegrams()
   return rows
 end
 
--- The field of a bit: what it says as 1 and as 0.
-local function make_bit(key, word, bit)
-  local row = tables.pzd[word][bit]
-  return ProtoField.bool("ds47." .. key, string.format("%s bit %d", string.upper(word), bit), 16,
-    { row.set or "1", row.clear or "0" }, 2 ^ bit)
+-- The fields of the bits of both words: what each says as 1 and as 0.
+local function rows_of_bits()
+  local rows = {}
+  for _, word in ipairs({ "stw1", "zsw1" }) do
+    for number, name in ipairs(M.BITS[word]) do
+      local bit, label = number - 1, string.format("%s bit %d", string.upper(word), number - 1)
+      local said = { tables.pzd[word][bit].set or "1", tables.pzd[word][bit].clear or "0" }
+      rows[#rows + 1] = { "pzd." .. word .. "." .. name, label, "bool", said, 2 ^ bit, 16 }
+    end
+  end
+  return rows
 end
 
 local function make(row)
-  local key, label, kind, detail, table_name = row[1], row[2], row[3], row[4], row[5]
-  local abbreviation = "ds47." .. key
+  local key, label, kind, detail, values, more = row[1], row[2], row[3], row[4], row[5], row[6]
+  local abbreviation, constructor = "ds47." .. key, ProtoField[kind == "code" and "uint8" or kind]
   if kind == "code" then
-    return ProtoField.uint8(abbreviation, label, base.DEC, types.words(detail))
-  end
-  local constructor = ProtoField[kind]
-  if kind == "framenum" then
+    return constructor(abbreviation, label, base.DEC, types.words(detail))
+  elseif kind == "bool" and values then
+    return constructor(abbreviation, label, more or 8, detail, values)
+  elseif kind == "framenum" then
     return constructor(abbreviation, label, base.NONE, frametype[detail])
   elseif detail then
-    return constructor(abbreviation, label, base[detail], table_name and names(table_name))
+    values = type(values) == "string" and names(values) or values
+    return constructor(abbreviation, label, base[detail], values, more)
   end
   return constructor(abbreviation, label)
 end
 
--- Makes fields, adds them to those that there are by key, and gives them as an array.
-local function add_fields(fields, rows)
+-- Makes the fields of a protocol, and adds them to those that there are by key.
+local function add_fields(fields, proto, ...)
   local list = {}
-  for number, row in ipairs(rows) do
-    local field = make(row)
-    fields[row[1]] = field
-    list[number] = field
-  end
-  return list
-end
-
-local function define_words(proto, fields)
-  local list = add_fields(fields, WORDS)
-  for _, word in ipairs({ "stw1", "zsw1" }) do
-    for number, name in ipairs(M.BITS[word]) do
-      local key = "pzd." .. word .. "." .. name
-      fields[key] = make_bit(key, word, number - 1)
-      list[#list + 1] = fields[key]
+  for _, rows in ipairs({ ... }) do
+    for _, row in ipairs(rows) do
+      local field = make(row)
+      fields[row[1]] = field
+      list[#list + 1] = field
     end
-  end
-  for _, field in ipairs(add_fields(fields, rows_of_telegrams())) do
-    list[#list + 1] = field
   end
   proto.fields = list
 end
 
--- Expert infos of what happens to a drive: key, text, severity.
-local EVENTS = {
-  { "pzd.event", "Event of a drive", "note" },
-  { "pzd.fault", "Fault of a drive", "warning" },
-}
-
-local function define_experts(proto)
-  local experts, all = {}, {}
-  local function add(key, name, text, group, severity)
-    local made = ProtoExpert.new("ds47.expert." .. name, text, expert.group[GROUPS[group]],
-      expert.severity[SEVERITIES[severity]])
-    experts[key] = made
-    all[#all + 1] = made
-  end
+-- Expert infos of findings and of what happens to a drive: key, text, group, severity.
+local function rows_of_experts()
+  local rows = {}
   for _, rule in ipairs(tables.experts) do
-    local name, text = string.lower(rule.id), rule.id .. " " .. rule.title
-    add(rule.id, name, text, rule.expert, rule.severity)
+    local text = rule.id .. " " .. rule.title
+    rows[#rows + 1] = { rule.id, text, rule.expert, rule.severity }
     if rule.of_makers then
-      add(rule.id .. " note", name .. ".note", text, rule.expert, "note")
+      rows[#rows + 1] = { rule.id .. " note", text, rule.expert, "note" }
     end
   end
-  for _, row in ipairs(EVENTS) do
-    add(row[1], row[1], row[2], "protocol", row[3])
+  rows[#rows + 1] = { "pzd.event", "Event of a drive", "protocol", "note" }
+  rows[#rows + 1] = { "pzd.fault", "Fault of a drive", "protocol", "warning" }
+  return rows
+end
+
+-- The same of expert infos.
+local function add_experts(experts, proto, rows)
+  local list = {}
+  for number, row in ipairs(rows) do
+    local name = string.gsub(string.lower(row[1]), " ", ".")
+    list[number] = ProtoExpert.new("ds47.expert." .. name, row[2], expert.group[GROUPS[row[3]]],
+      expert.severity[SEVERITIES[row[4]]])
+    experts[row[1]] = list[number]
   end
-  proto.experts = all
-  return experts
+  proto.experts = list
 end
 
 --- Gives the protocols their fields and expert infos.
@@ -293,17 +313,12 @@ end
 -- @return fields of all by key ("value.float"), expert infos by rule id, and by "pzd.event", "pzd.fault" and
 --   those of profibus_fields.lua
 function M.define(proto, words, bus)
-  local fields = {}
-  local list = add_fields(fields, FIELDS)
-  for _, rows in ipairs({ tables.transaction_fields, description_rows }) do
-    for _, field in ipairs(add_fields(fields, rows)) do
-      list[#list + 1] = field
-    end
-  end
-  proto.fields = list
-  define_words(words, fields)
-  local experts = define_experts(proto)
-  profibus_fields.define(bus, fields, experts)
+  local fields, experts = {}, {}
+  add_fields(fields, proto, FIELDS, tables.transaction_fields, M.DESCRIPTION)
+  add_fields(fields, words, WORDS, rows_of_bits(), rows_of_telegrams())
+  add_experts(experts, proto, rows_of_experts())
+  add_fields(fields, bus, bus_rows.FIELDS)
+  add_experts(experts, bus, bus_rows.EXPERTS)
   return fields, experts
 end
 

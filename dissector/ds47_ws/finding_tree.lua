@@ -115,7 +115,7 @@ function M.add(put, parent, finding, experts, request, lang)
     shown:set_text(label_of_one(finding, row, lang))
   end
   shown = shown or parent
-  shown:add_proto_expert_info(experts[own_experts.key_of(finding)], own_experts.of_finding(finding, lang))
+  own_experts.add_finding(shown, experts, finding, lang)
   if put.wanted("finding.message") then
     hide(put.derive(shown, "finding.message", words.escape(sentences.sentence(finding, lang))))
   end

@@ -20,18 +20,16 @@ local M = {}
 local PARAMETERS_SHOWN = 6 -- more make the line long: they are counted
 local NAMES_SHOWN = 2 -- with more parameters than these the line has no names
 
--- The texts of bytes, false where a message is too short to have one: `, DO 2` of an axis, `ref 0x03` of a
--- reference. Whole sentences are not remembered: a collector would look through all of them.
-local DRIVE_OBJECTS = entries(function(axis)
-  return axis and string.format(", DO %d", axis) or ""
-end)
-
-local REFERENCES = entries(function(number)
-  return number and string.format("ref 0x%02X", number) or "ref ?"
-end)
-
+-- `ref 0x03`; a message may be too short to have one.
 local function reference(item)
-  return REFERENCES[item.request_reference or false]
+  local number = item.request_reference
+  return number and string.format("ref 0x%02X", number) or "ref ?"
+end
+
+-- A text with the axis behind it: `ref 0x03, DO 2`.
+local function with_axis(text, item)
+  local axis = item.axis
+  return axis and string.format("%s, DO %d", text, axis) or text
 end
 
 local language -- of the texts of error numbers, "en" or "zh"
@@ -145,9 +143,7 @@ end
 local sentences = {}
 
 function sentences.write_request(view)
-  local item = view.item
-  local number, axis = item.request_reference or false, item.axis or false
-  return asked(view) .. " request " .. REFERENCES[number] .. DRIVE_OBJECTS[axis] .. list_asked(view)
+  return with_axis(asked(view) .. " request " .. reference(view.item), view.item) .. list_asked(view)
 end
 
 function sentences.write_response(view)
@@ -162,8 +158,7 @@ function sentences.write_response(view)
 end
 
 function sentences.read_request(view)
-  local item = view.item
-  return "fetch response " .. REFERENCES[item.request_reference or false] .. DRIVE_OBJECTS[item.axis or false]
+  return with_axis("fetch response " .. reference(view.item), view.item)
 end
 
 function sentences.poll(view)
@@ -173,11 +168,9 @@ end
 -- How a record of the drive is called: where parameters failed by the state that comes of it.
 local function outcome(view)
   local item = view.item
-  local failing, axis = item.failing, item.axis or false
-  if not failing then
-    return asked(view) .. " response " .. REFERENCES[item.request_reference or false] .. DRIVE_OBJECTS[axis]
-  end
-  return asked(view) .. " " .. words.state("en", failing) .. DRIVE_OBJECTS[axis]
+  local failing = item.failing
+  local how = failing and words.state("en", failing) or "response " .. reference(item)
+  return with_axis(asked(view) .. " " .. how, item)
 end
 
 function sentences.read_response(view)

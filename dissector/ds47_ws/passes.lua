@@ -7,40 +7,19 @@ local words = require("ds47.report.formatting")
 
 local M = {}
 
-local partly -- whether a transaction was shown of which later frames may say more
-local again -- whether a frame came again
-local blind -- whether the frames came in a second pass for the first time: the first one had no fields; nil
--- before the first
-
 --- Forgets all: another file.
 function M.reset()
-  partly, again, blind = false, false, nil
+  M.partly = false -- whether a transaction was shown of which later frames may say more
+  M.again = false -- whether a frame came again
+  M.blind = nil -- whether new frames had come before, in a first pass without fields; nil before the first
 end
 
 M.reset()
 
---- A transaction was shown of which later frames may say more.
-function M.shown_partly()
-  partly = true
-end
-
---- A frame came again.
-function M.came_again()
-  again = true
-end
-
---- A new frame comes.
--- @param pinfo what Wireshark knows of it: whether it has dissected it before, without fields
-function M.came(pinfo)
-  if blind == nil then
-    blind = pinfo.visited
-  end
-end
-
 --- The capture is over: says what is missing above, if something is.
 function M.finish(lang)
-  if partly and not again then
-    io.stderr:write("ds47: ", words.say(lang, blind and "blind_pass" or "one_pass"), "\n")
+  if M.partly and not M.again then
+    io.stderr:write("ds47: ", words.say(lang, M.blind and "blind_pass" or "one_pass"), "\n")
   end
   M.reset()
 end

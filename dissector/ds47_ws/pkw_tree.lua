@@ -75,13 +75,9 @@ end
 
 -- The address of the parameter; in a response without it, that of the request.
 local function add_address(put, parent, item, told, record)
-  if told and told.pnu == item.pnu then
-    put.add(parent, "pnu", item.pnu, record, 0, 2)
-    put.add(parent, "subindex", item.subindex, record, told.layout == "uss" and 3 or 2, 1)
-  else
-    put.derive(parent, "pnu", item.pnu)
-    put.derive(parent, "subindex", item.subindex)
-  end
+  local here = told and told.pnu == item.pnu
+  put.show(parent, "pnu", item.pnu, here, record, 0, 2)
+  put.show(parent, "subindex", item.subindex, here, record, told and told.layout == "uss" and 3 or 2, 1)
 end
 
 -- A value; `told` are the words that it stands in, nil where they are in another frame.

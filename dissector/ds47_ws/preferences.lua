@@ -92,11 +92,6 @@ local function layouts(text)
   return by_device
 end
 
---- Whether frames of USER0 may be PROFIBUS.
-function M.takes_user0(proto)
-  return proto.prefs.profibus_user0
-end
-
 --- The preferences as they are now: the options of `ds47.analysis`, and the language of the texts.
 function M.options(proto)
   local prefs = proto.prefs

@@ -8,10 +8,11 @@ local expert_of = require("ds47_ws.profibus_fields").expert_of
 local spec = require("ds47.spec.profibus")
 local status_text = require("ds47.spec.statuses").status_text
 local tables = require("ds47.spec.tables")
+local types = require("ds47_ws.types")
 local words = require("ds47.report.profibus")
 
 local codes = tables.codes
-local floor, format, rep = math.floor, string.format, string.rep
+local format = string.format
 
 local M = {}
 
@@ -64,19 +65,13 @@ local function derive(parent, key, value, offset, size)
   return item
 end
 
--- `.... .1..`, as Wireshark shows a bit of a byte.
-local function picture(byte, bit)
-  local dots = rep(".", 7 - bit) .. format("%d", floor(byte / 2 ^ bit) % 2) .. rep(".", bit)
-  return dots:sub(1, 4) .. " " .. dots:sub(5)
-end
-
 -- All bits of a table, each a field.
 local function add_flags(parent, name, flags, at, size)
   for _, row in ipairs(tables.profibus[name .. "_flags"]) do
     local item = row.byte < size and take(parent, name .. "." .. row.id, at + row.byte, 1)
     if item and language == "zh" then
-      local byte = frame:range(at + row.byte, 1):uint()
-      item:set_text(format("%s = %s：%s", picture(byte, row.bit), row.zh, flags[row.id] and "True" or "False"))
+      local picture = types.picture(frame:range(at + row.byte, 1):uint(), row.bit, 8)
+      item:set_text(format("%s = %s：%s", picture, row.zh, flags[row.id] and "True" or "False"))
     end
   end
 end
@@ -106,24 +101,14 @@ local function add_function(root, item, at)
   end
 end
 
--- The place of the byte with the SAP among the extension bytes: bit 6 is not set there.
-local function sap_place(bytes)
-  for place = 1, #bytes do
-    if floor(bytes:byte(place) / 0x40) % 2 == 0 then
-      return place - 1
-    end
-  end
-  return nil
-end
-
 local function add_sap(root, key, bytes, sap, at)
   local name = key == "dsap" and "dae" or "sae"
-  local place = sap_place(bytes)
+  local place = bytes:find("[^\64-\127\192-\255]") -- of the SAP: bit 6 is not set there
   if #bytes > 1 or bytes ~= "" and not place then
     take(root, name, at, #bytes)
   end
   if place then
-    derive(root, key, sap, at + place, 1)
+    derive(root, key, sap, at + place - 1, 1)
   end
 end
 

@@ -13,16 +13,11 @@ local tables = require("ds47.spec.tables")
 local types = require("ds47_ws.types")
 
 local bit_of, codes = bits.bit, tables.codes
-local concat, format, lower, rep = table.concat, string.format, string.lower, string.rep
+local concat, format, lower = table.concat, string.format, string.lower
 
 local M = {}
 
 local REVERSE = 11 -- bit of STW1 that turns the sign of the setpoint
-
--- The second word with its sign.
-local function raw_value(record)
-  return record:len() >= 4 and record:range(2, 2):int() or nil
-end
 
 -- Setpoint as it is effective, or actual value, in percent; nil where it is none, or not valid.
 local function percent(place, raw)
@@ -49,12 +44,6 @@ local function line_of(place, value, lang)
   return concat(parts, ", ")
 end
 
--- `.... .1.. .... ....`, as Wireshark shows a bit of a word.
-local function picture(word, bit)
-  local dots = rep(".", 15 - bit) .. bit_of(word, bit) .. rep(".", bit)
-  return (dots:gsub("....", "%0 "):sub(1, -2))
-end
-
 -- The words of a bit in this family of telegrams.
 local function bit_text(name, word, bit, family, lang)
   local own = family and tables.pzd[name .. "_" .. family] or {}
@@ -78,22 +67,17 @@ local function add_bits(put, parent, name, place, record, lang)
   for number = 1, #keys do
     local shown, bit = put.take(parent, keys[number], record, 0, 2), number - 1
     if shown and (family or lang == "zh") then
-      shown:set_text(format("%s = %s bit %d: %s", picture(place.word, bit), name:upper(), bit,
+      shown:set_text(format("%s = %s bit %d: %s", types.picture(place.word, bit, 16), name:upper(), bit,
         bit_text(name, place.word, bit, family, lang)))
     end
   end
 end
 
--- The telegram that is the only one that may be; nil where there are more, or none.
-local function telegram_of(relation)
-  local numbers = relation.telegrams
-  return #numbers == 1 and tables.pzd.telegrams[numbers[1]] or nil
-end
-
--- The words behind the first, by their names in the telegram.
+-- The words behind the first, by their names in the telegram: the only one that may be.
 local function add_words(put, parent, place, record)
-  local telegram = telegram_of(place.relation)
-  if telegram == nil then
+  local numbers = place.relation.telegrams
+  local telegram = #numbers == 1 and tables.pzd.telegrams[numbers[1]]
+  if not telegram then
     return
   end
   local offset = 2
@@ -119,27 +103,11 @@ local function add_values(put, parent, place, record, raw, value)
   end
 end
 
-local function add_root(put, parent, place, record, value, lang)
-  local line = line_of(place, value, lang)
-  local root = put.add(parent, "pzd", line, record, 0, record:len())
-  if root then
-    root:set_text("DS47 PZD: " .. line)
-  end
-  return root
-end
-
 -- The state has a number; what stands beside it is told in words.
 local function derive_state(put, parent, key, state, overlays, lang)
-  local shown = put.derive(parent, key, codes.drive_states[state])
+  local shown = state and put.derive(parent, key, codes.drive_states[state])
   if shown then
     shown:set_text("State of the drive: " .. cyclic.state_text(state, overlays, lang))
-  end
-end
-
-local function add_state(put, parent, place, lang)
-  local state, overlays = drives.state(place)
-  if state then
-    derive_state(put, parent, "pzd.state", state, overlays, lang)
   end
 end
 
@@ -158,10 +126,12 @@ end
 -- @param place as drives.lua gives it
 -- @param lang "en" or "zh"
 function M.add(put, parent, place, record, lang)
-  local raw, name = raw_value(record), place.sent and "stw1" or "zsw1"
-  local value, root = percent(place, raw), parent
+  local raw = record:len() >= 4 and record:range(2, 2):int() or nil -- the second word, with its sign
+  local value, root, name = percent(place, raw), parent, place.sent and "stw1" or "zsw1"
   if put.wanted("pzd") then
-    root = add_root(put, parent, place, record, value, lang)
+    local line = line_of(place, value, lang)
+    root = put.add(parent, "pzd", line, record, 0, record:len())
+    root:set_text("DS47 PZD: " .. line)
   end
   local numbers = place.relation.telegrams
   if numbers[1] and put.wanted("pzd.telegram") then
@@ -170,7 +140,8 @@ function M.add(put, parent, place, record, lang)
   local word = put.add(root, "pzd." .. name, place.word, record, 0, 2)
   add_bits(put, word or root, name, place, record, lang)
   if put.wanted("pzd.state") then
-    add_state(put, root, place, lang)
+    local state, overlays = drives.state(place)
+    derive_state(put, root, "pzd.state", state, overlays, lang)
   end
   add_values(put, root, place, record, raw, value)
   add_words(put, root, place, record)
@@ -193,10 +164,8 @@ function M.add_event(put, root, found, record, lang)
   put.derive(below, "pzd.event.word", codes.drive_words[event.word])
   put.derive(below, "pzd.event.before", event.before)
   put.derive(below, "pzd.event.after", event.after)
-  if event.state then
-    derive_state(put, below, "pzd.event.state", event.state, {}, lang)
-    put.derive(below, "pzd.event.overlays", event.overlays[1] and concat(event.overlays, " "))
-  end
+  derive_state(put, below, "pzd.event.state", event.state, {}, lang)
+  put.derive(below, "pzd.event.overlays", event.state and event.overlays[1] and concat(event.overlays, " "))
   put.derive(below, "pzd.event.relation", found.number)
   put.derive(below, "pzd.event.telegrams", relation.telegrams[1] and concat(relation.telegrams, " "))
   types.add_peers(put, below, relation)

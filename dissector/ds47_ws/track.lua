@@ -22,7 +22,7 @@ local source_on_bus = require("ds47.cyclic.ppo").source
 local telegram = require("ds47.profibus.telegram")
 local transactions = require("ds47.acyclic.transactions")
 
-local byte, find, format, sub = string.byte, string.find, string.format, string.sub
+local byte, format, sub = string.byte, string.format, string.sub
 
 local M = {}
 
@@ -98,11 +98,6 @@ end
 
 local STATIONS = { [0x8892] = "dcp", [0x88CC] = "lldp" }
 
-local function station_payload(frame)
-  local at, kind = link.network(frame, STATIONS)
-  return STATIONS[kind], at
-end
-
 -- Stations wait, because what tells the analysis something new makes it forget its complete result, and in
 -- two passes they come while frames are drawn from it.
 local function hand_over_stations()
@@ -130,12 +125,15 @@ function M.begin()
   M.hears_stations = chosen ~= nil and chosen.vendor_id ~= nil
 end
 
--- What a frame says of a station, where that is not what was told last.
-local function note_station(number, frame, kind, at)
-  newest_station = number
-  if kind == nil then
+--- Takes a frame that may name a station (DCP, LLDP): its number and its bytes. What it says counts where
+-- that is not what was told last.
+function M.station(number, frame)
+  local at, kind = link.network(frame, STATIONS)
+  kind = STATIONS[kind]
+  if number <= newest_station or kind == nil or kind == "dcp" and (link.u16(frame, at) or 0) < FIRST_DCP then
     return
   end
+  newest_station = number
   local payload = sub(frame, at + 1)
   local source, receiver = source_mac(frame, at), link.receiver(frame, at)
   local destination = receiver ~= "" and mac_texts[receiver] or nil
@@ -151,24 +149,11 @@ local function note_station(number, frame, kind, at)
   end
 end
 
---- Takes a frame that names a station (DCP, LLDP): its number and its bytes.
-function M.station(number, frame)
-  if number > newest_station then
-    note_station(number, frame, station_payload(frame))
-  end
-end
-
---- Takes a frame without IP while vendors may be assumed: what it says of one counts from now on.
+--- The same of a frame without IP while vendors may be assumed: what it says of one counts from now on.
 function M.hear_station(number, frame)
-  if number <= newest_station then
-    return
-  end
-  local kind, at = station_payload(frame)
-  if kind == "lldp" or kind == "dcp" and (link.u16(frame, at) or 0) >= FIRST_DCP then
-    note_station(number, frame, kind, at)
-    if #stations > 0 then
-      hand_over_stations()
-    end
+  M.station(number, frame)
+  if #stations > 0 then
+    hand_over_stations()
   end
 end
 
@@ -278,7 +263,7 @@ function M.original(number, whole)
     return nil
   elseif whole then
     local all = the_complete()
-    return (all.places.items[original] or all.findings[original]) and original
+    return (all.places[original] or all.findings[original]) and original
   end
   return ours[original % MOST_OURS] == original and original
 end
@@ -460,16 +445,9 @@ local function add_cyclic(views, findings, seen)
   return M.has_drives and current:cyclic_events() or NONE
 end
 
---- The same of the cyclic frame that was fed last, and what happened to drives: an array of its own.
+--- The same of a cyclic frame or one of PROFIBUS, which may have records or words, and what happened to
+-- drives: arrays of its own.
 function M.live_cyclic_views(seen)
-  local views, findings = {}, {}
-  local events = add_cyclic(views, findings, seen)
-  append(findings, current:findings_at(last))
-  return views, findings, events
-end
-
---- The same of a frame of PROFIBUS, which may have records or words.
-function M.live_bus_views(seen)
   local views, findings = {}, {}
   local records, known = M.live_views(seen)
   append(views, records)
@@ -478,50 +456,36 @@ function M.live_bus_views(seen)
   return views, findings, events
 end
 
--- Where a transaction shows: mostly it is the only one in its frame. `places` is {items = by frame, roles =
--- the same, more = frame -> {transaction, role, ...} of those behind the first}.
-local function put(places, frame, item, role)
-  if frame == nil then
-    return
-  elseif places.items[frame] == nil then
-    places.items[frame], places.roles[frame] = item, role
-    return
+-- Adds items to the list of a key; nothing where there is no key.
+local function put(lists, key, ...)
+  if key ~= nil then
+    lists[key] = lists[key] or {}
+    append(lists[key], { ... })
   end
-  local more = places.more[frame] or {}
-  more[#more + 1] = item
-  more[#more + 1] = role
-  places.more[frame] = more
 end
 
--- The complete result by frames.
+-- The complete result by frames: `places` has transactions, each with its role, {transaction, role, ...}.
 local function by_frames(result)
-  local places, findings = { items = {}, roles = {}, more = {} }, {}
+  local places, findings, of_transactions = {}, {}, {}
   for _, item in ipairs(result.transactions) do
     local frames = item.frames
-    put(places, frames.write_request, item, "write_request")
-    put(places, frames.write_response, item, "write_response")
-    put(places, frames.read_request, item, "read_request")
-    put(places, frames.read_response, item, "read_response")
-    for _, poll in ipairs(frames.polls) do
-      put(places, poll.request, item, "read_request")
-      put(places, poll.response, item, "poll")
+    for _, role in ipairs({ "write_request", "write_response", "read_request", "read_response" }) do
+      put(places, frames[role], item, role)
     end
-    for _, reread in ipairs(frames.rereads) do
-      put(places, reread.request, item, "read_request")
-      put(places, reread.response, item, "reread")
+    for _, role in ipairs({ "poll", "reread" }) do
+      for _, read in ipairs(frames[role .. "s"]) do
+        put(places, read.request, item, "read_request")
+        put(places, read.response, item, role)
+      end
     end
   end
   for _, finding in ipairs(result.findings) do
-    local there = findings[finding.frame]
-    if there == nil then
-      there = {}
-      findings[finding.frame] = there
-    end
-    there[#there + 1] = finding
+    put(findings, finding.frame, finding)
+    put(of_transactions, finding.transaction, finding)
   end
   return {
-    places = places, findings = findings, result = result, witness = nil,
-    drives = drives.complete(result, current.cyclic), transactions = result.transactions,
+    places = places, findings = findings, of_transactions = of_transactions, result = result, witness = nil,
+    drives = drives.complete(result, current.cyclic),
   }
 end
 
@@ -587,36 +551,20 @@ function M.complete_views(number)
     return nil
   end
   local all = the_complete()
-  local places = all.places
-  local item, findings, events = places.items[number], all.findings[number], all.drives.events[number]
-  if item == nil and findings == nil and events == nil then
+  local there, findings, events = all.places[number], all.findings[number], all.drives.events[number]
+  if not (there or findings or events) then
     return nil
   end
-  local views = { item and complete_view(item, places.roles[number]) or nil }
-  local more = places.more[number] or NONE
-  for at = 1, #more, 2 do
-    views[#views + 1] = complete_view(more[at], more[at + 1])
+  local views = {}
+  for at = 1, #(there or NONE), 2 do
+    views[#views + 1] = complete_view(there[at], there[at + 1])
   end
   return views, findings or NONE, events or NONE
 end
 
 --- The findings of the transaction of a view, wherever they stand; none before all of the file is known.
 function M.findings_of(view)
-  if not view.complete then
-    return NONE
-  end
-  local all = the_complete()
-  if all.of_transactions == nil then
-    all.of_transactions = {}
-    for _, finding in ipairs(all.result.findings) do
-      local id = finding.transaction
-      if id then
-        all.of_transactions[id] = all.of_transactions[id] or {}
-        table.insert(all.of_transactions[id], finding)
-      end
-    end
-  end
-  return all.of_transactions[view.item.id] or NONE
+  return view.complete and the_complete().of_transactions[view.item.id] or NONE
 end
 
 --- The number of the drive object that a transaction of the complete result reaches; nil where none is sure.
@@ -629,7 +577,7 @@ end
 function M.request_of(finding)
   local item
   if finding.transaction then
-    item = complete and complete.transactions[finding.transaction]
+    item = complete and complete.result.transactions[finding.transaction]
   elseif finding.order then
     item = current:finished(finding.order)
   end
@@ -698,15 +646,6 @@ function M.result()
   local result = live:ended()
   result.base_seconds = live.base_seconds
   return result
-end
-
---- Where the bytes of a record stand in a frame: the offset, nil where they are not in it as a whole.
-function M.find_record(frame, data, from)
-  if data == nil or data == "" then
-    return nil
-  end
-  local at = find(frame, data, from + 1, true)
-  return at and at - 1
 end
 
 return M

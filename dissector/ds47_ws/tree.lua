@@ -10,7 +10,7 @@
 -- field is wanted.
 
 local info = require("ds47_ws.info")
-local later, entries = require("ds47.support.later").module, require("ds47.support.later").entries
+local later = require("ds47.support.later").module
 local description_tree = later("ds47_ws.description_tree")
 local finding_tree = later("ds47_ws.finding_tree")
 local pkw_tree = later("ds47_ws.pkw_tree")
@@ -28,7 +28,7 @@ local sentences = require("ds47.report.sentences")
 local types = require("ds47_ws.types")
 local wanted_fields = require("ds47_ws.wanted")
 
-local byte, find, format, match, sub = string.byte, string.find, string.format, string.match, string.sub
+local find, format, match, sub = string.find, string.format, string.match, string.sub
 local floor, huge = math.floor, math.huge
 local VISIBLE, UNKNOWN = wanted_fields.VISIBLE, wanted_fields.UNKNOWN
 
@@ -65,64 +65,52 @@ end
 
 -- Part of a record: `offset` counts in the record. Nil where the record is not in the frame.
 local function part(record, offset, size)
-  if record == nil or size == 0 or offset + size > record:len() then
+  if record == nil or size <= 0 or offset + size > record:len() then
     return nil
   end
   return record:range(offset, size)
 end
 
--- How fields are added, `see` tells: where somebody sees the tree, with the bytes that they stand at, or in
--- brackets; where nobody does, all alike.
-local add, derive, show
-
--- Adds a field; nothing where there is no value, or nobody wants it.
-local function put(parent, key, value)
-  if value ~= nil then
-    local field = wants[key]
-    if field then
-      newest = add_item(parent, field, value)
-      return newest
-    end
+-- Adds a field; nothing where there is no value, or nobody wants it. Who sees the tree sees it at its bytes:
+-- they stand at an offset in the record, if that is in the frame.
+local function add(parent, key, value, record, offset, size)
+  local field = value ~= nil and wants[key]
+  if not field then
+    return nil
   end
-  return nil
-end
-
--- The same, at its bytes: they stand at an offset in the record, if that is in the frame.
-local function put_at(parent, key, value, record, offset, size)
-  local range = value ~= nil and wants[key] and record and part(record, offset, size)
+  local range = marked and part(record, offset, size)
   if range then
-    return add_item(parent, fields[key], range, value)
+    return add_item(parent, field, range, value)
   end
-  return put(parent, key, value)
+  newest = add_item(parent, field, value)
+  return newest
 end
 
--- The same of a value that stands nowhere in the frame.
-local function put_in_brackets(parent, key, value)
-  local item = put(parent, key, value)
-  if item then
-    item:set_generated()
+-- The same of a value that stands nowhere in the frame: in brackets.
+local function derive(parent, key, value)
+  local field = value ~= nil and wants[key]
+  if not field then
+    return nil
   end
-  return item
+  newest = add_item(parent, field, value)
+  if marked then
+    newest:set_generated()
+  end
+  return newest
 end
 
 -- The same of a value that stands at its bytes where they are in this frame.
-local function put_either(parent, key, value, here, record, offset, size)
+local function show(parent, key, value, here, record, offset, size)
   if here then
-    return put_at(parent, key, value, record, offset, size)
+    return add(parent, key, value, record, offset, size)
   end
-  return put_in_brackets(parent, key, value)
+  return derive(parent, key, value)
 end
 
 -- Adds a field whose value is taken from its bytes, which have to be in the frame.
 local function take(parent, key, record, offset, size)
   local range = wants[key] and part(record, offset, size)
   return range and add_item(parent, fields[key], range) or nil
-end
-
-local function mark_generated(item)
-  if item and marked then
-    item:set_generated()
-  end
 end
 
 -- The tree of a protocol; that of the frame where nobody wants the protocol itself.
@@ -146,11 +134,16 @@ local function own_last(tree, owner, record)
   end
 end
 
+local function mark_generated(item)
+  if item and marked then
+    item:set_generated()
+  end
+  return item
+end
+
 -- Adds a field whose value is that of bytes, which need not be in the frame.
 local function point(parent, key, range)
-  local item = add_item(parent, fields[key], range)
-  mark_generated(item)
-  return item
+  return mark_generated(add_item(parent, fields[key], range))
 end
 
 -- Bytes that another frame has, to point at. `name` is what Wireshark shows above them.
@@ -159,25 +152,14 @@ local function elsewhere(data, name)
 end
 
 -- For the trees of single things: pkw_tree.lua, finding_tree.lua and the like.
-local adding = { wanted = wanted, take = take, point = point, elsewhere = elsewhere }
-
-local function see(visible)
-  marked = visible
-  add, derive, show = put, put, put
-  if visible then
-    add, derive, show = put_at, put_in_brackets, put_either
-  end
-  adding.add, adding.derive, adding.show = add, derive, show
-end
+local adding = {
+  wanted = wanted, add = add, derive = derive, show = show, take = take, point = point, elsewhere = elsewhere,
+}
 
 -- Begins with the tree of a frame; `answers` and `kind` as wanted.lua takes them.
 local function begin(tree, answers, kind, lang)
   add_item, language, wants = add_item or tree.add, lang, wanted_fields.of(tree, answers, kind)
-  newest = nil
-  local visible = wants[VISIBLE]
-  if visible ~= marked then
-    see(visible)
-  end
+  newest, marked = nil, wants[VISIBLE]
 end
 
 -- What stands together: of an array of keys it is asked at once whether one of them is wanted.
@@ -210,7 +192,7 @@ local OF_BLOCKS = joined(OF_BLOCK, OF_WRITTEN, OF_TYPED, {
 -- What needs to know where a parameter stands.
 local OF_PLACES = joined(OF_BLOCKS, { "attribute" })
 local OF_DESCRIPTION = {}
-for number, row in ipairs(require("ds47_ws.description_fields")) do
+for number, row in ipairs(require("ds47_ws.fields").DESCRIPTION) do
   OF_DESCRIPTION[number] = row[1]
 end
 -- All that stands below the header of a message; what the profile shows first, as the first one decides.
@@ -231,11 +213,6 @@ local OF_LINKS = { "request_in", "response_in", "time" }
 
 -- Values with the type of their format
 
-local function low_and_high(bytes)
-  local a, b, c, d, e, f, g, h = byte(bytes, 1, 8)
-  return ((e * 256 + f) * 256 + g) * 256 + h, ((a * 256 + b) * 256 + c) * 256 + d
-end
-
 local SIGNED = { b = true, h = true, i = true, q = true }
 
 -- Kind of a format -> what adds the typed value: (parent, row, value, bytes, record, offset), where the
@@ -249,12 +226,7 @@ function typed.number(parent, row, value, bytes, record, offset)
     return
   end
   local class = signed and Int64 or UInt64
-  local number
-  if #bytes == 8 then
-    number = class.new(low_and_high(bytes))
-  else
-    number = class.new(value)
-  end
+  local number = #bytes == 8 and class.decode(bytes, false) or class.new(value)
   add(parent, key, number, record, offset, #bytes)
 end
 
@@ -268,10 +240,7 @@ function typed.text(parent, _, value, bytes, record, offset)
 end
 
 function typed.octets(parent, _, _, bytes, record, offset)
-  local range = wants["value.bytes"] and part(record, offset, #bytes)
-  if range then
-    add_item(parent, fields["value.bytes"], range)
-  end
+  take(parent, "value.bytes", record, offset, #bytes)
 end
 
 typed.with_status = typed.octets
@@ -306,12 +275,7 @@ local function text_bytes(parent, item, value, range)
   end
 end
 
--- The row of a format by its name; false where it has none.
-local ROWS = entries(function(name)
-  return tables.formats[types.format_code(name)] or false
-end)
-
--- One value of a parameter, in a format of a row (false: of none). `block` and `record` say where it stands;
+-- One value of a parameter, in a format of a row (nil: of none). `block` and `record` say where it stands;
 -- nil where it is not in this frame.
 local function add_value(parent, item, number, row, block, record)
   local values, kind = item.values, row and row.kind
@@ -349,14 +313,6 @@ local function add_block(parent, block, record)
   add(parent, "value_count", block.value_count, record, block.offset + 1, 1)
 end
 
--- Bytes that have no field of their own.
-local function add_raw(parent, record, offset, size)
-  local range = size > 0 and wants.raw and part(record, offset, size)
-  if range then
-    add_item(parent, fields.raw, range)
-  end
-end
-
 -- The words of an error block: the number, the additional information, and what else there is.
 -- `worded` is the error of the transaction, nil where the block belongs to none of its parameters.
 local function add_error(parent, failed, worded, block, record)
@@ -373,7 +329,7 @@ local function add_error(parent, failed, worded, block, record)
   else
     derive(parent, "error.text", text)
   end
-  add_raw(parent, record, at + shown, #block.raw - shown)
+  take(parent, "raw", record, at + shown, #block.raw - shown)
 end
 
 -- A block that belongs to no parameter of the transaction.
@@ -384,7 +340,7 @@ local function add_loose(parent, block, record)
   if block.error then
     add_error(parent, block.error, nil, block, record)
   else
-    add_raw(parent, record, block.offset + 2, #block.raw)
+    take(parent, "raw", record, block.offset + 2, #block.raw)
   end
 end
 
@@ -436,15 +392,9 @@ local function places(view, record)
   end
 end
 
--- What the request of a response wrote.
-local function add_written(parent, item)
-  derive(parent, "written.format", types.format_code(item.format))
-  derive(parent, "written.value_count", item.value_count)
-end
-
 local function add_values(_, shown, item, place)
   local count = #item.values
-  local row = count > 0 and ROWS[item.format or ""]
+  local row = tables.formats[types.format_code(item.format)]
   for number = 1, count do
     add_value(shown, item, number, row, place.values, place.record)
   end
@@ -480,7 +430,7 @@ local function add_rest(_, shown, item, place)
   if block and block.error and not place.asked then
     add_error(shown, block.error, item.error, block, record)
   elseif block and not (place.values and #item.values > 0) then
-    add_raw(shown, record, block.offset + 2, #block.raw)
+    take(shown, "raw", record, block.offset + 2, #block.raw)
   end
 end
 
@@ -505,9 +455,10 @@ local PARAMETER = wanted_fields.list({
       add_block(shown, place.block, place.record)
     end
   end },
-  { field = OF_WRITTEN, add = function(_, shown, item, place)
+  { field = OF_WRITTEN, add = function(_, shown, item, place) -- by the request of a response
     if not place.here then
-      add_written(shown, item)
+      derive(shown, "written.format", types.format_code(item.format))
+      derive(shown, "written.value_count", item.value_count)
     end
   end },
   { field = OF_VALUES, add = add_values },
@@ -544,7 +495,7 @@ local function add_others(parent, view, message, record)
     add_loose(parent, message.blocks[number], record)
   end
   if record then
-    add_raw(parent, record, record:len() - #message.rest, #message.rest)
+    take(parent, "raw", record, record:len() - #message.rest, #message.rest)
   end
 end
 
@@ -585,10 +536,8 @@ end
 -- The other frames, and the transaction
 
 local function duration(nanoseconds)
-  local seconds = floor(math.abs(nanoseconds) / 1e9)
-  local rest = math.abs(nanoseconds) - seconds * 1e9
-  local sign = nanoseconds < 0 and -1 or 1
-  return NSTime.new(sign * seconds, floor(sign * rest))
+  local rest = math.fmod(nanoseconds, 1e9)
+  return NSTime.new((nanoseconds - rest) / 1e9, rest)
 end
 
 -- The number of the frame with a half of the transaction. Its job has it, as long as it is not complete: all
@@ -614,26 +563,13 @@ local function add_links(parent, view)
   end
 end
 
-local function add_reads(parent, name, reads)
-  for _, read in ipairs(reads) do
-    derive(parent, "frames." .. name .. ".request", read.request)
-    derive(parent, "frames." .. name .. ".response", read.response)
-  end
-end
-
 -- Whether earlier frames prove the state: one pass does not know how an open transaction ends.
 local function state_is_certain(view)
-  local job, item = view.job, view.item
+  local item = view.item
   if view.complete or item.operation == "usend" or frame_of(view, "read_response") then
     return true
   end
-  local status_of_write
-  if job then -- see `frame_of`
-    status_of_write = job.write_response and job.write_response.status
-  else
-    status_of_write = item.write_status
-  end
-  return status_of_write ~= nil and status_of_write ~= 0
+  return (item.write_status or 0) ~= 0
 end
 
 -- Says that later frames may say more of a transaction, where somebody wants what they say; in a window every
@@ -642,7 +578,7 @@ local function add_second_pass(parent)
   if WINDOW then
     return
   end
-  passes.shown_partly()
+  passes.partly = true
   if wants.second_pass then
     derive(parent, "second_pass", words.say(language, "second_pass"))
   end
@@ -690,10 +626,14 @@ local function add_plc(parent, view, lang)
 end
 
 local function add_frames_of_reads(parent, view)
-  if view.item.channel == "ds47" and is_main(view) and wants[FRAMES_OF_READS] then
-    local frames = view.item.frames
-    add_reads(parent, "poll", frames.polls)
-    add_reads(parent, "reread", frames.rereads)
+  if view.item.channel ~= "ds47" or not is_main(view) or not wants[FRAMES_OF_READS] then
+    return
+  end
+  for _, name in ipairs({ "poll", "reread" }) do
+    for _, read in ipairs(view.item.frames[name .. "s"]) do
+      derive(parent, "frames." .. name .. ".request", read.request)
+      derive(parent, "frames." .. name .. ".response", read.response)
+    end
   end
 end
 
@@ -707,39 +647,49 @@ end
 
 local PEERS = { "controller", "controller.mac", "master", "device", "device.mac", "station" }
 
--- The row of a key that is shown as the transaction has it; a dot stands between a key and the one inside it.
-local function plain(key)
-  local outer, inner = match(key, "^(%w+)%.(.+)$")
-  return { field = key, add = function(shown, item)
-    if outer then
-      derive(shown, key, item[outer][inner])
-    else
-      derive(shown, key, item[key])
-    end
-  end }
-end
-
--- The same of a key of messages: what the message in the frame shows already is not shown again.
+-- A key of messages: what the message in the frame shows already is not shown again.
 local function of_message(key)
-  return { field = key, add = function(shown, item, view)
-    if not HEADERS[view.role] then
-      derive(shown, key, item[key])
+  return function(item, view)
+    return not HEADERS[view.role] and item[key] or nil
+  end
+end
+
+-- By its key what is not shown as the transaction has it: a function of it, the view, whether its state is
+-- certain, and the context.
+local VALUES = {
+  state = function(item, _, certain) return certain and codes.states[item.state] or nil end,
+  request_reference = of_message("request_reference"), axis = of_message("axis"),
+  polls = function(item) return item.channel == "ds47" and #item.frames.polls or nil end, -- its Reads
+  start = function(item, _, _, context) return csv.timestamp(context.base_seconds(), item.start_ns) end,
+  duration_ms = function(item)
+    local nanoseconds = item.duration_ns
+    return nanoseconds and nanoseconds / 1000000
+  end,
+}
+
+-- The row of a key with one value; a dot stands between a key and the one inside it.
+local function row_of(field)
+  local key, names = field[1], field[3] == "code" and codes[field[4]]
+  local outer, inner = match(key, "^(%w+)%.(.+)$")
+  local value = VALUES[key]
+  return { field = key, add = function(shown, item, view, certain, _, context)
+    local found
+    if value then
+      found = value(item, view, certain, context)
+    elseif names then
+      found = names[item[key]]
+    elseif outer then
+      found = item[outer][inner]
+    else
+      found = item[key]
     end
+    derive(shown, key, found)
   end }
 end
 
--- By their names the keys that are shown otherwise, with what stands behind them.
-local OTHERWISE = {
+-- By their names the keys that have no such row, with those that they have instead.
+local INSTEAD = {
   transaction = {}, -- below which all others stand
-  channel = { { field = "channel", add = function(shown, item)
-    derive(shown, "channel", codes.channels[item.channel])
-  end } },
-  operation = { { field = "operation", add = function(shown, item)
-    derive(shown, "operation", codes.operations[item.operation])
-  end } },
-  state = { { field = "state", add = function(shown, item, _, certain)
-    derive(shown, "state", certain and codes.states[item.state] or nil)
-  end } },
   controller = { { field = PEERS, rare = true, add = function(shown, item)
     types.add_peers(adding, shown, item)
   end } },
@@ -748,28 +698,10 @@ local OTHERWISE = {
     if item.ar and wants.ar then
       mark_generated(types.add_uuid(shown, fields.ar, item.ar, find_bytes))
     end
-  end }, plain("vendor_assumed") },
-  request_reference = { of_message("request_reference") },
-  axis = { of_message("axis") },
+  end }, row_of({ "vendor_assumed" }) },
   drive_object = { { field = "drive_object", rare = true, add = function(shown, item, view, _, _, context)
     if view.complete and wants.drive_object then
       derive(shown, "drive_object", context.drive_object(item))
-    end
-  end } },
-  polls = { { field = "polls", add = function(shown, item)
-    if item.channel == "ds47" then -- nothing else is polled
-      derive(shown, "polls", #item.frames.polls)
-    end
-  end }, { field = FRAMES_OF_READS, rare = true, add = function(shown, _, view)
-    add_frames_of_reads(shown, view)
-  end } },
-  start = { { field = "start", add = function(shown, item, _, _, _, context)
-    derive(shown, "start", csv.timestamp(context.base_seconds(), item.start_ns))
-  end } },
-  duration_ms = { { field = "duration_ms", add = function(shown, item, view)
-    if view.job == nil or view.job.read_response then
-      local nanoseconds = item.duration_ns
-      derive(shown, "duration_ms", nanoseconds and nanoseconds / 1000000)
     end
   end } },
   ["status.write"] = { { field = "status.write", add = function(shown, item)
@@ -782,14 +714,16 @@ local OTHERWISE = {
   end }, { field = "plc", rare = true, add = function(shown, _, view, _, _, context)
     add_plc(shown, view, context.lang)
   end } },
+  polls = { row_of({ "polls" }), { field = FRAMES_OF_READS, rare = true, add = function(shown, _, view)
+    add_frames_of_reads(shown, view)
+  end } },
 }
 
 -- What is shown of a transaction, in its order.
 local function rows_of_transaction()
   local rows = {}
   for _, field in ipairs(tables.transaction_fields) do
-    local key = field[1]
-    for _, row in ipairs(OTHERWISE[key] or { plain(key) }) do
+    for _, row in ipairs(INSTEAD[field[1]] or { row_of(field) }) do
       rows[#rows + 1] = row
     end
   end
@@ -816,9 +750,7 @@ local function add_events(tree, events, find_word, lang)
   local root = own_tree(tree, of_drives, nil, marked and "DS47 " .. info.events(events, lang) or "DS47 PZD")
   for _, each in ipairs(events) do
     local shown = pzd_tree.add_event(adding, root, each, find_word(each), lang)
-    shown = shown or root
-    local key, text = own_experts.of_event(each.event, lang)
-    shown:add_proto_expert_info(experts[key], text)
+    own_experts.add_event(shown or root, experts, each.event, lang)
   end
 end
 
@@ -841,37 +773,19 @@ local function of_view(finding, view)
   return finding.order == view.item.order
 end
 
--- The sentence of the Info column, which the root says already: for fields and filters. From Wireshark 4.4 on
--- `_ws.col.info` is taken before a plugin comes.
-local function add_info(root, sentence)
-  local item = derive(root, "info", sentence)
-  if item then
-    item:set_hidden()
-  end
-end
-
--- The tree of a view; that of the frame where nobody sees it.
+-- The tree of a view; that of the frame where nobody sees it. The sentence of the Info column, which the root
+-- says already, is there for fields and filters: from Wireshark 4.4 on `_ws.col.info` is taken before a
+-- plugin comes.
 local function add_root(tree, view, record)
   local root, sentence = tree, (marked or wants.info) and info.sentence(view, language)
   if marked then
     root = own_tree(tree, protocol, record, "DS47 " .. sentence)
   end
-  if sentence then
-    add_info(root, sentence)
+  local item = sentence and derive(root, "info", sentence)
+  if item then
+    item:set_hidden()
   end
   return root
-end
-
--- What is in the frame, and where the other half of it is.
-local function add_frame(root, view, record)
-  if view.item.channel == "pkw" then
-    pkw_tree.add(adding, root, view, record, language)
-  else
-    add_message(root, view, record)
-  end
-  if wants[OF_LINKS] then
-    add_links(root, view)
-  end
 end
 
 -- Findings of the transaction that other frames have, each rule once a frame: a refused change is looked at
@@ -891,7 +805,7 @@ local function add_elsewhere(root, view, findings, context)
 end
 
 -- The record of a view in the frame, where somebody sees, or asks for, what is made of it.
-local function record_of(view, finders)
+local function record_of(view, context)
   local item, data = view.item, nil
   if item.channel == "ds47" and not wants[protocol] and not wants[OF_RECORD] then
     return nil
@@ -900,13 +814,20 @@ local function record_of(view, finders)
   elseif HEADERS[view.role] then
     data = item.response
   end
-  return data and finders.record(data, view)
+  return data and context.find_record(data, view)
 end
 
-local function add_view(tree, view, findings, taken, finders, context)
-  local record = record_of(view, finders)
+local function add_view(tree, view, findings, taken, context)
+  local record = record_of(view, context)
   local root = add_root(tree, view, record)
-  add_frame(root, view, record)
+  if view.item.channel == "pkw" then
+    pkw_tree.add(adding, root, view, record, language)
+  else
+    add_message(root, view, record)
+  end
+  if wants[OF_LINKS] then
+    add_links(root, view)
+  end
   local certain = view.complete or not wants[OF_LATER_FRAMES] or state_is_certain(view)
   if not certain then
     add_second_pass(root)
@@ -932,24 +853,24 @@ local NONE_TAKEN = {} -- of no findings
 --- Adds all that a frame shows.
 -- @param tree the tree of the frame
 -- @param views, findings, events as track.lua gives them
--- @param finders {record = a function of a record and of the view that has it, which gives its TvbRange in
---   this frame, or nil; word = the same of an event; bytes = a function of bytes that does the same}
 -- @param context {lang = "en" or "zh",
+--   find_record = a function of a record and of the view that has it, which gives its TvbRange in this frame,
+--   or nil; find_word = the same of an event; find_bytes = a function of bytes that does the same,
 --   base_seconds = a function that gives the second since 1970 that the times are relative to,
 --   request_of = a function that gives the frame of the request of a finding's transaction, or nil,
 --   findings_of = a function that gives all findings of the transaction of a view,
 --   drive_object = one that gives the number of the drive object of a transaction of the complete result,
 --   answers = what is known of what trees of this reading want (wanted.lua), or nil}
-function M.add(tree, views, findings, events, finders, context)
+function M.add(tree, views, findings, events, context)
   local view = not findings[1] and views[1]
   begin(tree, context.answers, view and view.role or "other", context.lang)
-  find_bytes = finders.bytes
+  find_bytes = context.find_bytes
   local taken = findings[1] and {} or NONE_TAKEN
   for number = 1, #views do
-    add_view(tree, views[number], findings, taken, finders, context)
+    add_view(tree, views[number], findings, taken, context)
   end
   if #events > 0 then
-    add_events(tree, events, finders.word, context.lang)
+    add_events(tree, events, context.find_word, context.lang)
   end
   local rest
   for number = 1, #findings do

@@ -1,11 +1,12 @@
 -- What the analysis says, as the types that fields of Wireshark take: numbers of words, numbers, addresses,
 -- bytes that the frame does not have. Which field has which type is in fields.lua.
 
+local bit_of = require("ds47.support.bits").bit
 local code_of = require("ds47.profidrive.formats").code_of
 local entries = require("ds47.support.later").entries
 local tables = require("ds47.spec.tables")
 
-local char, format, gsub, match = string.char, string.format, string.gsub, string.match
+local char, format, gsub, match, rep = string.char, string.format, string.gsub, string.match, string.rep
 
 local M = {}
 
@@ -40,10 +41,19 @@ function M.number(value)
   return FLOAT_WORDS[value] or tonumber(value)
 end
 
+--- `.... .1..`, as Wireshark shows a bit of a number of so many bits.
+function M.picture(number, bit, width)
+  local dots = rep(".", width - 1 - bit) .. bit_of(number, bit) .. rep(".", bit)
+  return (gsub(dots, "....", "%0 "):sub(1, -2))
+end
+
 -- Addresses
 
-local CONTROLLER = { ip = "controller", mac = "controller.mac", bus = "master" }
-local DEVICE = { ip = "device", mac = "device.mac", bus = "station" }
+-- Of both ends the field of each kind of address.
+local ENDS = {
+  controller = { ip = "controller", mac = "controller.mac", bus = "master" },
+  device = { ip = "device", mac = "device.mac", bus = "station" },
+}
 
 -- What kind of address a text is, and what a field takes of it: nil of what is none.
 local PEERS = entries(function(text)
@@ -62,13 +72,11 @@ end, KEPT)
 -- the addresses of master and station.
 -- @param put the functions of tree.lua that add fields
 function M.add_peers(put, parent, about)
-  local controller = about.controller and PEERS[about.controller]
-  if controller then
-    put.derive(parent, CONTROLLER[controller.kind], controller.value)
-  end
-  local device = about.device and PEERS[about.device]
-  if device then
-    put.derive(parent, DEVICE[device.kind], device.value)
+  for _, name in ipairs({ "controller", "device" }) do
+    local peer = about[name] and PEERS[about[name]]
+    if peer then
+      put.derive(parent, ENDS[name][peer.kind], peer.value)
+    end
   end
 end
 
