@@ -235,9 +235,16 @@ def _next_write(whole: Whole, same: Deal) -> float:
 
 
 def _given_away(whole: Whole, deal: Deal, origin: list[int]) -> bool:
-    """Whether the whole knows that a request was over, and leaves the record that mirrors it to a refused Write."""
+    """Whether the whole knows that a request was over, and leaves the record that mirrors it to another Write."""
     there = whole.by_frame.get(origin[deal.read or 0], [])
-    return deal.fits and any(each.state == "refused" and not each.fits for each in there)
+    others = [each for each in there if each.state in ("refused", "mismatch")]
+    return _fits_wholly(deal) and not all(_fits_wholly(each) for each in others)
+
+
+def _fits_wholly(deal: Deal) -> bool:
+    """Whether a response has a block for each parameter, too."""
+    answer = deal.answer
+    return deal.fits and answer is not None and len(answer.blocks) == deal.parameters_asked
 
 
 def _values(plain: dict[str, Any]) -> tuple[object, ...]:
