@@ -114,12 +114,15 @@ local function missing(flaws, offset, need, what)
   flaw(flaws, "DS315", offset, {need = need, what = what})
 end
 
-local function has_one_of(flaws, rules)
+--- Whether flaws are there of one of these rules, a set.
+function M.has_one_of(flaws, rules)
   for i = 1, #flaws do
     if rules[flaws[i].rule] then return true end
   end
   return false
 end
+
+local has_one_of = M.has_one_of
 
 local function is_shaped(known, message)
   local count = message.parameter_count
