@@ -5,7 +5,7 @@ local M = {}
 -- What may change: the result that is kept, the transactions that are finished, which have their newest ids,
 -- and what is made when it is asked for.
 local MAY = {}
-for key in ("result finished_jobs blank place peer blocks value_lists"):gmatch("%S+") do
+for key in ("result finished_jobs blank place peer blocks"):gmatch("%S+") do
   MAY[key] = true
 end
 

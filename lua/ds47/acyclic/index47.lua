@@ -29,12 +29,7 @@ local ADDRESSLESS = {DS305 = true, DS306 = true}
 
 --- Whether a request is one by itself (P20): it decodes to its end, with known attributes and PNUs.
 function M.is_question(request)
-  for _, flaw in ipairs(request.flaws) do
-    if ADDRESSLESS[flaw.rule] then
-      return false
-    end
-  end
-  return request.shaped
+  return request.shaped and not parameter.has_one_of(request.flaws, ADDRESSLESS)
 end
 
 local Gate = {}

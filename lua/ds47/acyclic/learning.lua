@@ -2,6 +2,7 @@
 -- ds47.acyclic.learning, where it is explained). A description counts from its response on.
 
 local drive_objects = require("ds47.profidrive.drive_objects")
+local has_one_of = require("ds47.profidrive.parameter").has_one_of
 local rules = require("ds47.acyclic.judge")
 local tables = require("ds47.spec.tables")
 
@@ -27,12 +28,7 @@ local function is_believed(job)
   if response == nil or half == nil then
     return false
   end
-  for _, flaw in ipairs(response.flaws) do
-    if BROKEN[flaw.rule] then
-      return false
-    end
-  end
-  local whole = not half.missing and (half.status or 0) == 0
+  local whole = not half.missing and (half.status or 0) == 0 and not has_one_of(response.flaws, BROKEN)
   return whole and READ[response.response_id] == true and not rules.is_mismatch(job)
 end
 

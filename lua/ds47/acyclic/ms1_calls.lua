@@ -69,7 +69,7 @@ function StartUps:take(exchange)
     local peer = M.peer(item.sa, item.da)
     self.stations[peer.device] = self.stations[peer.device] or exchange.request.frame
     local asked = exchange.request
-  self.pairing:connected(peer.controller, peer.device, {frame = asked.frame, time_ns = asked.time_ns})
+    self.pairing:connected(peer.controller, peer.device, {frame = asked.frame, time_ns = asked.time_ns})
   end
 end
 
@@ -98,13 +98,6 @@ function Ms1Calls:asked(call)
   self.events:asked(origin(self, call, record.request), record)
 end
 
-function Ms1Calls:answered(call)
-  local record = call.record
-  if self.events:concerns(record.index) then
-    self.events:answered(origin(self, call, record.response), record)
-  end
-end
-
 function Ms1Calls:failed(call)
   local record = call.record
   if self.events:concerns(record.index) then
@@ -114,17 +107,13 @@ function Ms1Calls:failed(call)
   end
 end
 
-function Ms1Calls:lost(call)
-  local record = call.record
-  if self.events:concerns(record.index) then
-    self.events:lost(origin(self, call, record.request), record)
-  end
-end
-
-function Ms1Calls:unasked(call)
-  local record = call.record
-  if self.events:concerns(record.index) then
-    self.events:unasked(origin(self, call, record.response), record)
+-- What happens to a record with one half of its call is told as it is.
+for event, half in pairs({answered = "response", lost = "request", unasked = "response"}) do
+  Ms1Calls[event] = function(self, call)
+    local record = call.record
+    if self.events:concerns(record.index) then
+      self.events[event](self.events, origin(self, call, record[half]), record)
+    end
   end
 end
 

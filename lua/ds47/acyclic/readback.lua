@@ -7,6 +7,7 @@
 local dictionary = require("ds47.profidrive.dictionary")
 local drive_objects = require("ds47.profidrive.drive_objects")
 local formats = require("ds47.profidrive.formats")
+local has_one_of = require("ds47.profidrive.parameter").has_one_of
 local json = require("ds47.support.json")
 local ordered = require("ds47.support.ordered")
 local places_of = require("ds47.profidrive.layouts").places
@@ -20,8 +21,8 @@ local DO_IDENTIFICATION = drive_objects.DO_IDENTIFICATION
 local VALUE = tables.layouts.ADDRESS_VALUE
 local NEVER = huge -- a frame behind the end of every capture
 local KEPT = 8 -- writes that may be the last one of a parameter; of more of them nothing is known
-local CUT = "DS315"
-local DOUBTFUL = {DS309 = true, DS313 = true, [CUT] = true} -- of a message not decoded to its end
+local BROKEN = {DS309 = true, DS313 = true} -- of a message not decoded to its end
+local BROKEN_OR_CUT = {DS309 = true, DS313 = true, DS315 = true}
 local OF_CHANGES = {[0x02] = true, [0x82] = true, [0x42] = true, [0xC2] = true} -- response IDs of changes
 local NEGATIVE = 0x80 -- the first response id that is negative
 local NONE = {}
@@ -139,16 +140,6 @@ local function note(self, told, access, place, address, block, frame)
   self.pnus[address.pnu] = true
 end
 
--- Whether a message is not decoded to its end, for another reason than `but`.
-local function is_broken(message, but)
-  for _, flaw in ipairs(message.flaws) do
-    if DOUBTFUL[flaw.rule] and flaw.rule ~= but then
-      return true
-    end
-  end
-  return false
-end
-
 --- A Write request asks for something.
 function ReadBack:asked(job)
   local message, half = job.message, job:write_request()
@@ -156,7 +147,7 @@ function ReadBack:asked(job)
     return
   end
   local access, told = drive_objects.access(job), {}
-  if is_broken(message) then
+  if has_one_of(message.flaws, BROKEN_OR_CUT) then
     self:_device(access.device).recomputing[job] = true -- which values it writes is not known
   end
   for number, block in ipairs(message.blocks) do
@@ -187,7 +178,7 @@ end
 -- Whether the response does not say for sure what became of the parameters that it has blocks of.
 local function is_doubtful(job, response)
   local half = job.read_response
-  return is_broken(response, CUT) or half.missing or half.status ~= nil and half.status ~= 0
+  return has_one_of(response.flaws, BROKEN) or half.missing or half.status ~= nil and half.status ~= 0
 end
 
 -- Which parameters, from 1, did not take effect (nil: all), and of how many, from the first, this is sure.
@@ -202,7 +193,7 @@ local function outcome(job, stray)
   for number, block in ipairs(response.blocks) do
     failed[number] = block.error ~= nil
   end
-  local whole = response.response_id < NEGATIVE and not is_broken(response)
+  local whole = response.response_id < NEGATIVE and not has_one_of(response.flaws, BROKEN_OR_CUT)
   return failed, whole and #message.addresses or #response.blocks
 end
 

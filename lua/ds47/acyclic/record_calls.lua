@@ -118,9 +118,13 @@ local function ours_from(self, record)
   return record
 end
 
--- The same of a record that something happened to: the next one.
-local function ours_after(self, record)
-  return ours_from(self, record.following)
+-- Tells what happened to each record of a call that can be ours: `event` is a method of record_events.lua.
+local function tell_each(self, pdu, record, event, detail)
+  record = ours_from(self, record)
+  while record do
+    self.events[event](self.events, placed(self, pdu), record, detail)
+    record = ours_from(self, record.following)
+  end
 end
 
 --- A message whose fragments did not become whole.
@@ -242,11 +246,7 @@ function RecordCalls:late_request(call)
   end
   local is_read = pdu.opnum == rpc.READ or pdu.opnum == rpc.READ_IMPLICIT
   local first = select(2, parse_response(answer))
-  local told = ours_from(self, first)
-  while told do
-    self.events:not_unasked(placed(self, pdu), told)
-    told = ours_after(self, told)
-  end
+  tell_each(self, pdu, first, "not_unasked")
   if not is_read or first == nil then
     self:request(call)
     self:response(call)
@@ -263,13 +263,12 @@ function RecordCalls:retransmission(call, pdu)
   local operation = OPERATIONS[pdu.opnum] or "?"
   local args = {operation = operation, first = call.request.frame}
   self:_about_call(call, {rule = "DS103", frame = pdu.frame, args = args})
-  local record = not call.response and ours_from(self, call.context)
+  if call.response then
+    return
+  end
   local half_ns = (pdu.time_ns - (call.sent_ns or call.request.time_ns)) / 2 -- timers are not exact
   local waits_ns = pdu.time_ns + math.max(half_ns, tables.limits.resend_ns)
-  while record do
-    self.events:sent_again(placed(self, pdu), record, waits_ns)
-    record = ours_after(self, record)
-  end
+  tell_each(self, pdu, call.context, "sent_again", waits_ns)
 end
 
 function RecordCalls:lost(call)
@@ -281,7 +280,7 @@ function RecordCalls:lost(call)
     local args = {operation = OPERATIONS[pdu.opnum]}
     self:_about_call(call, {rule = "DS101", frame = pdu.frame, args = args})
   end
-  self:_reads_lost(pdu, context)
+  tell_each(self, pdu, context, "lost")
 end
 
 --- A call without a response that a limit pushed out: one may still come.
@@ -291,15 +290,7 @@ function RecordCalls:pushed_out(call, limit)
     self.forgot_requests = true
     self.events:then_run(placed(self, pdu), record, self, "limit_reached", limit)
   end
-  self:_reads_lost(pdu, record)
-end
-
-function RecordCalls:_reads_lost(pdu, record)
-  record = ours_from(self, record)
-  while record do
-    self.events:lost(placed(self, pdu), record)
-    record = ours_after(self, record)
-  end
+  tell_each(self, pdu, record, "lost")
 end
 
 -- Responses
@@ -353,7 +344,7 @@ function RecordCalls:orphan_response(pdu, certain)
       self.events:about(placed(self, pdu), record, remark)
     end
     self.events:unasked(placed(self, pdu), record)
-    record = ours_after(self, record)
+    record = ours_from(self, record.following)
   end
 end
 
@@ -363,10 +354,8 @@ function RecordCalls:second_response(call, pdu)
     has = call.again and "has_either" or "has_first",
   }
   self:_about_call(call, {rule = "DS111", frame = pdu.frame, args = args})
-  local record = call.again and ours_from(self, call.context)
-  while record do
-    self.events:answered_twice(placed(self, pdu), record)
-    record = ours_after(self, record)
+  if call.again then
+    tell_each(self, pdu, call.context, "answered_twice")
   end
 end
 
@@ -382,11 +371,7 @@ end
 function RecordCalls:fault(call, pdu)
   local args = {kind = rpc.PTYPES[pdu.ptype], fault = fault_code(pdu)}
   self:_about_call(call, {rule = "DS104", frame = pdu.frame, args = args})
-  local record = ours_from(self, call.context)
-  while record do
-    self.events:failed(placed(self, pdu), record)
-    record = ours_after(self, record)
-  end
+  tell_each(self, pdu, call.context, "failed")
 end
 
 -- What waited for its AR to prove itself is behind a Release then, as all else was when that came.

@@ -144,16 +144,15 @@ function RecordEvents:concerns(index)
   return self.gate:concerns(index)
 end
 
-local function new_counts(self, index)
-  local counts = {read = 0, write = 0}
-  self.counts[index] = counts
-  return counts
+-- One more record request of this index.
+local function count(self, index, kind)
+  local counts = self.counts[index] or {read = 0, write = 0}
+  self.counts[index], counts[kind] = counts, counts[kind] + 1
 end
 
 --- An IODWriteMultiple, whatever it holds.
 function RecordEvents:wrote_multiple()
-  local counts = self.counts[records.WRITE_MULTIPLE] or new_counts(self, records.WRITE_MULTIPLE)
-  counts.write = counts.write + 1
+  count(self, records.WRITE_MULTIPLE, "write")
 end
 
 -- Runs an event, now or when something proves the same AR; never if nothing does. Whether it waits.
@@ -230,26 +229,20 @@ end
 --- A request, ours or not.
 function RecordEvents:asked(origin, record)
   local place = record.place
-  local index = place.index
-  local counts, ours = self.counts[index] or new_counts(self, index), self.gate.ours[index]
-  if place.write then
-    counts.write = counts.write + 1
-    if ours then
-      asked_to_write(self, origin, record)
-    end
-  else
-    counts.read = counts.read + 1
-    if ours and pass(self, event_read_request, nil, origin, record) then
-      self.gate:heard(place.ar_key, record.request.frame, true)
-    end
+  count(self, place.index, place.write and "write" or "read")
+  if not self.gate.ours[place.index] then
+    return
+  elseif place.write then
+    asked_to_write(self, origin, record)
+  elseif pass(self, event_read_request, nil, origin, record) then
+    self.gate:heard(place.ar_key, record.request.frame, true)
   end
 end
 
 --- The request of a Read whose response was in an earlier frame.
 function RecordEvents:asked_late(origin, record, answer)
   local index = record.place.index
-  local counts = self.counts[index] or new_counts(self, index)
-  counts.read = counts.read + 1
+  count(self, index, "read")
   if self.gate.ours[index] and pass(self, event_read_asked_late, nil, origin, record, answer) then
     self.gate:heard(record.place.ar_key, answer, true)
   end

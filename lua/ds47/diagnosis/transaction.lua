@@ -36,6 +36,7 @@ local MOST = 1e30
 local USUAL = {[0x01] = true, [0x02] = true} -- response ids without a refusal
 local LEARNT = {[0x01] = true, [0x02] = true, [0x81] = true, [0x82] = true}
 
+local CUT = {DS315 = true} -- the flaw of a message that ends too soon
 local LOCAL = 0xB02E -- index of local access: the slot decides, not the axis byte
 local SEVERAL = -1 -- in place of a format: a PNU is read in several
 local NONE = {}
@@ -376,12 +377,7 @@ function Diagnoses:_unless_refused(offer, bytes, request)
       return nil
     end
   end
-  for _, flaw in ipairs(request.flaws) do
-    if flaw.rule == "DS315" then
-      return nil
-    end
-  end
-  return bytes
+  return not parameter.has_one_of(request.flaws, CUT) and bytes or nil
 end
 
 function Diagnoses:_learn_refused(job, refused)

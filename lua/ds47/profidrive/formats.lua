@@ -17,21 +17,19 @@ local DAY_MS = 86400000
 local MS_RANGE = 268435456 -- times of day use 28 of their 32 bits
 local DAYS_TO_1984 = 5113 -- from 1970-01-01
 
--- decode(raw, count, size, at) -> values: `count` whole values from the offset `at` on (nil: all of `raw`).
--- Here one after the other: one(raw, offset, size) -> value.
-local function each(one, own_size)
-  return function(raw, count, size, at)
-    size, at = own_size or size, at or 0
-    if count == 1 then return {(one(raw, at, size))} end
+-- decode(raw, count, size) -> values: `count` whole values. Here one after the other: one(raw, offset, size)
+-- -> value.
+local function each(one)
+  return function(raw, count, size)
+    if count == 1 then return {(one(raw, 0, size))} end
     local values = {}
-    for i = 1, count do values[i] = one(raw, at + (i - 1) * size, size) end
+    for i = 1, count do values[i] = one(raw, (i - 1) * size, size) end
     return values
   end
 end
 
-local function bytes(raw, count, _, at)
-  at = at or 0
-  return {byte(raw, at + 1, at + count)}
+local function bytes(raw, count)
+  return {byte(raw, 1, count)}
 end
 
 local function i8(raw, at)
@@ -50,14 +48,9 @@ local function i32(raw, at)
   return value < 0x80000000 and value or value - 0x100000000
 end
 
-local ONE = { -- what decodes one value, by `pack`
-  b = i8, H = reader.u16, h = i16, I = reader.u32, i = i32, q = numbers.signed64, f = float32,
-  d = float64,
-}
-local decode = {
-  B = bytes, b = each(i8, 1), H = each(reader.u16, 2), h = each(i16, 2), I = each(reader.u32, 4),
-  i = each(i32, 4), Q = each(numbers.unsigned, 8), q = each(numbers.signed64, 8), f = each(float32, 4),
-  d = each(float64, 8),
+local decode = { -- by `pack`
+  B = bytes, b = each(i8), H = each(reader.u16), h = each(i16), I = each(reader.u32), i = each(i32),
+  Q = each(numbers.unsigned), q = each(numbers.signed64), f = each(float32), d = each(float64),
 }
 local integers = each(numbers.unsigned)
 
@@ -69,16 +62,12 @@ local octets = each(function(raw, at, size)
   return reader.hex(sub(raw, at + 1, at + size))
 end)
 
-local function part(raw, count, size, at)
-  return at and sub(raw, at + 1, at + count * size) or raw
+local function one_text(raw, count)
+  return count > 0 and {reader.latin1(raw)} or {}
 end
 
-local function one_text(raw, count, size, at)
-  return count > 0 and {reader.latin1(part(raw, count, size, at))} or {}
-end
-
-local function one_octets(raw, count, size, at)
-  return count > 0 and {reader.hex(part(raw, count, size, at))} or {}
+local function one_octets(raw, count)
+  return count > 0 and {reader.hex(raw)} or {}
 end
 
 local function nothing()
@@ -130,9 +119,7 @@ end)
 
 -- kind of tables.lua -> what of a codec does not stand in the row itself.
 local make = {
-  float = function(row)
-    return {decode = decode[row.pack], one = ONE[row.pack], float = true, pack = row.pack}
-  end,
+  float = function(row) return {decode = decode[row.pack], float = true} end,
   text = function(row) return {decode = row.whole and one_text or texts} end,
   octets = function(row) return {decode = row.whole and one_octets or octets} end,
   with_status = function(row)
@@ -142,21 +129,16 @@ local make = {
   time_of_day = function() return {decode = integers, scale = time_of_day} end,
   duration = function() return {decode = integers, scale = duration, scaled_float = true} end,
   zero = function() return {decode = nothing} end,
+  number = function(row)
+    return {decode = decode[row.pack], scale = row.divide and ratio, scaled_float = row.divide ~= nil}
+  end,
 }
-
-function make.number(row)
-  return {
-    decode = decode[row.pack], one = ONE[row.pack], scale = row.divide and ratio,
-    scaled_float = row.divide ~= nil, pack = not row.divide and row.pack or nil,
-  }
-end
 
 --- The codec of a format code, nil where the length of its values cannot be known.
 -- @param code a code of tables.formats, dialects already resolved
 -- @param size bytes per value where the format has two sizes; its own otherwise
 -- @return {size, decode, scale (nil: the format has none), whole, float (values are floats), scaled_float,
---   pack (of plain numbers: a letter of string.unpack), multiply, divide}; decode(raw, count, size, at) and
---   scale(values, raw, codec) give arrays, one(raw, at) of most numbers a single value
+--   multiply, divide}; decode(raw, count, size) and scale(values, raw, codec) give arrays
 function M.codec(code, size)
   local row = tables.formats[code]
   if not (row and row.size and make[row.kind]) then return nil end

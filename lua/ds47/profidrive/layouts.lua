@@ -30,42 +30,23 @@ local function place_of(block)
   for key, value in pairs(format) do place[key] = value end
   place.value_count, place.offset, place.pad = block.value_count, block.offset, block.pad
   place.at, place.last = block.offset + 2, block.offset + 2 + #block.raw
-  place.one = block.value_count == 1 and block.sound_codec.one
   place.__index = place
   return place
 end
 
--- The values at all places, one array for each.
-local function values_of(layout, data)
-  local places, found = layout.places, {nil, nil, nil, nil} -- so many places need not be added one by one
+-- The blocks of a response that has a layout.
+local function blocks_of(layout, data)
+  local places, blocks = layout.places, {nil, nil, nil, nil} -- so many places need not be added one by one
   for number = 1, #places do
     local place = places[number]
-    local one, codec = place.one, place.sound_codec
-    if one then
-      found[number] = {(one(data, place.at))}
-    else
-      found[number] = codec.decode(data, place.value_count, codec.size, place.at)
-    end
-  end
-  return found
-end
-
-local function blocks_of(layout, response)
-  local places, blocks, values = layout.places, {}, response.value_lists
-  for number = 1, #places do
-    local place = places[number]
-    local codec, raw = place.sound_codec, sub(response.data, place.at + 1, place.last)
-    local block = setmetatable({values = values[number], raw = raw}, place)
-    if codec.scale then block.scaled = codec.scale(block.values, raw, codec) end
+    local codec, raw = place.sound_codec, sub(data, place.at + 1, place.last)
+    local values = codec.decode(raw, place.value_count, codec.size)
+    local block = setmetatable({values = values, raw = raw}, place)
+    if codec.scale then block.scaled = codec.scale(values, raw, codec) end
     blocks[number] = block
   end
   return blocks
 end
-
--- What is made of a response when somebody asks for it, and kept.
-local MADE = {
-  value_lists = function(layout, response) return values_of(layout, response.data) end, blocks = blocks_of,
-}
 
 --- The blocks of a response but for their values, which need not be decoded for it.
 function M.places(response)
@@ -75,28 +56,27 @@ end
 
 -- The layout of a response, the metatable of all that have it; nil where there is none.
 local function layout_of(data, response)
-  local places, is_scaled, pattern = {}, false, "^." .. literal(sub(data, 2, 4))
+  local places, pattern = {}, "^." .. literal(sub(data, 2, 4))
   for number, block in ipairs(response.blocks) do
     local place = place_of(block)
     if not place then
       return nil
     end
-    places[number], is_scaled = place, is_scaled or place.sound_codec.scale and true
+    places[number] = place
     local head = literal(sub(data, block.offset + 1, block.offset + 2))
     pattern = pattern .. head .. rep(".", #block.raw) .. block.pad
   end
   local layout = {
     places = places, pattern = pattern .. "$", response_id = response.response_id, axis = response.axis,
     parameter_count = response.parameter_count, flaws = response.flaws, rest = "", length = #data,
-    shaped = response.shaped, is_scaled = is_scaled,
+    shaped = response.shaped,
   }
-  function layout.__index(made, key)
-    local value, make = layout[key], MADE[key]
-    if make then
-      value = make(layout, made)
-      made[key] = value
+  function layout.__index(made, key) -- the blocks are made when somebody asks for them
+    if key == "blocks" then
+      made.blocks = blocks_of(layout, made.data)
+      return made.blocks
     end
-    return value
+    return layout[key]
   end
   return layout
 end
@@ -107,16 +87,14 @@ function M.question(options)
   return {options = options, layouts = {}}
 end
 
---- A response to a question in one of its layouts: as parameter.decode_response gives it, with `layout` and
--- `value_lists`, the values of its blocks. Nil where it has none of them.
+--- A response to a question in one of its layouts: as parameter.decode_response gives it, with `layout`. Nil
+-- where it has none of them.
 function M.find(question, data)
   local layouts = question.layouts
   for number = 1, #layouts do
     local layout = layouts[number]
     if find(data, layout.pattern) then
-      return setmetatable({
-        request_reference = byte(data, 1), data = data, layout = layout, value_lists = nil,
-      }, layout)
+      return setmetatable({request_reference = byte(data, 1), data = data, layout = layout}, layout)
     end
   end
   return nil

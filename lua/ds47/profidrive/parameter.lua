@@ -6,14 +6,15 @@
 --   Flaw     {rule, offset, args}
 --   Address  {attribute, element_count, pnu, subindex, offset, attribute_name}
 --   Block    {format, value_count, values, scaled, error, raw, offset, pad, meaning, format_name,
---             float, scaled_float, sound_codec, of_format}   whether the numbers in `values` and `scaled` are
---             floats; the codec where the format byte alone tells it; the same table for each format
+--             float, scaled_float, sound_codec}   whether the numbers in `values` and `scaled` are floats;
+--             the codec where the format byte alone tells it
 --   error    {code, info, words}
 --   Request  {request_reference, request_id, axis, parameter_count, addresses, blocks, flaws, rest, length,
 --             operation, shaped}
 --   Response {request_reference, response_id, axis, parameter_count, blocks, flaws, rest, length, shaped,
 --             layout}   layout (layouts.lua) where it is like an earlier one
 
+local entries = require("ds47.support.later").entries
 local formats = require("ds47.profidrive.formats")
 local layouts = require("ds47.profidrive.layouts")
 local reader = require("ds47.support.bytes")
@@ -51,7 +52,7 @@ local function choice(code, meaning, size)
     format = code, meaning = meaning, format_name = row and row.name or format("0x%02X", code), pad = "",
     float = codec and codec.float, scaled_float = codec and codec.scaled_float,
   }
-  class.__index, class.of_format = class, class
+  class.__index = class
   return {meaning = meaning, codec = codec, class = class}
 end
 
@@ -113,12 +114,15 @@ local function missing(flaws, offset, need, what)
   flaw(flaws, "DS315", offset, {need = need, what = what})
 end
 
-local function has_one_of(flaws, rules)
+--- Whether flaws are there of one of these rules, a set.
+function M.has_one_of(flaws, rules)
   for i = 1, #flaws do
     if rules[flaws[i].rule] then return true end
   end
   return false
 end
+
+local has_one_of = M.has_one_of
 
 local function is_shaped(known, message)
   local count = message.parameter_count
@@ -362,13 +366,11 @@ local function value_counts(request)
   end
 end
 
-local the_body = {} -- of the message that is being decoded: there is only one at a time
-
 local function decode_blocks(message, data, offset, kind, vendor, options)
-  local body = the_body
-  body.data, body.size, body.offset, body.count = data, #data, offset, message.parameter_count
-  body.vendor, body.dialect, body.chosen, body.rest, body.cut = vendor, dialect_of(options), nil, "", nil
-  body.flaws, body.blocks = message.flaws, message.blocks
+  local body = {
+    data = data, size = #data, offset = offset, count = message.parameter_count, vendor = vendor,
+    dialect = dialect_of(options), rest = "", flaws = message.flaws, blocks = message.blocks,
+  }
   decode_body(body, kind)
   if body.rest ~= "" then message.rest = body.rest end
   if body.cut then message.cut = true end
@@ -405,62 +407,36 @@ end
 
 local MOST_REMEMBERED, LONGEST_REMEMBERED = 1024, 240
 
--- Gives the question of a request: a function of its bytes and of what was decoded, which has the addresses
--- of the question from then on. Nil of one whose addresses are not all there.
-local function questions_in(options)
-  local known, count = {}, 0
-  return function(data, request)
-    local addresses = #request.addresses
-    if addresses ~= request.parameter_count then
-      return nil
-    end
-    local key = sub(data, 2, HEADER + ADDRESS * addresses)
-    local question = known[key]
-    if question == nil then
-      if count >= MOST_REMEMBERED then
-        known, count = {}, 0
-      end
-      question = layouts.question(options)
-      question.addresses = request.addresses
-      known[key], count = question, count + 1
-    end
-    request.addresses = question.addresses -- and with them what is known of parameters (transactions.lua)
-    return question
-  end
-end
-
 --- `decode_request` that decodes equal requests once: a function of the data, with the options bound.
 -- Programs ask the same again and again, but for the reference. So all of a message but that is shared with
 -- its equals, and stands in its metatable (`message.shared`). Requests that differ in their values, too,
--- share what is known of their responses (`message.question`).
+-- share what is known of their responses (`message.question`) and of their parameters (the addresses).
 function M.remembering(options)
-  local known, count, question_of = {}, 0, questions_in(options)
+  local questions = entries(function() return layouts.question(options) end, MOST_REMEMBERED)
+  local known = entries(function(behind)
+    local class = M.decode_request("\1" .. behind, options)
+    class.shared, class.__index = class, class
+    local count = #class.addresses
+    if count == class.parameter_count then
+      local question = questions[sub(behind, 1, HEADER + ADDRESS * count - 1)]
+      question.addresses = question.addresses or class.addresses
+      class.question, class.addresses = question, question.addresses
+    end
+    return class
+  end, MOST_REMEMBERED)
   return function(data)
     local reference = byte(data, 1)
     if not reference or reference == 0 or #data > LONGEST_REMEMBERED then
       return M.decode_request(data, options)
     end
-    local behind = sub(data, 2)
-    local class = known[behind]
-    if class == nil then
-      class = M.decode_request(data, options)
-      class.shared, class.__index, class.question = class, class, question_of(data, class)
-      if count >= MOST_REMEMBERED then
-        known, count = {}, 0
-      end
-      known[behind], count = class, count + 1
-    end
-    return setmetatable({request_reference = reference}, class)
+    return setmetatable({request_reference = reference}, known[sub(data, 2)])
   end
 end
 
 -- Responses ---------------------------------------------------------------------------------------------
 
-local NONE = {}
 local Response = {rest = ""}
 Response.__index = Response
-
-local spare_flaws -- those of the last response, which had none
 
 -- Bit 7 of the response id says whether an error is inside (A.2).
 local function sign(response, negative)
@@ -491,18 +467,14 @@ local function decode_response(data, request, options)
   local known = id and response_ids[id]
   local response = setmetatable({
     request_reference = reference, response_id = id, axis = axis, parameter_count = count,
-    blocks = {}, flaws = spare_flaws or {}, length = #data, shaped = nil,
+    blocks = {}, flaws = {}, length = #data, shaped = nil,
   }, Response)
-  spare_flaws = nil
   if count then
     response_body(response, data, known, request, options)
   else
     missing(response.flaws, #data, HEADER - #data, "header")
   end
   response.shaped = is_shaped(known, response)
-  if #response.flaws == 0 then
-    spare_flaws, response.flaws = response.flaws, NONE
-  end
   return response
 end
 

@@ -1465,6 +1465,8 @@ M.report_words = {
   description_changed = {en = "not at its factory setting", zh = "非出厂设置"},
   description_reset = {en = "can only be reset", zh = "只能复位"},
   vendor_assumed = {en = "no vendor seen, taken for 0x{id} (SINAMICS)", zh = "未见厂商，按 0x{id}（SINAMICS）处理"},
+  vendor_id = {en = "vendor 0x{id}", zh = "厂商 0x{id}"},
+  device_id = {en = "device 0x{id}", zh = "设备 0x{id}"},
   look_at = {en = "look at frame {frame}: {filter}", zh = "查看帧 {frame}：{filter}"},
   state_says = {en = "the status word of the drive (#{job}): {message}", zh = "驱动器的状态字（#{job}）：{message}"},
   severity_error = {en = "error", zh = "错误"},

@@ -37,15 +37,6 @@ local SHORTER = {"%.1g", "%.2g", "%.3g", "%.4g", "%.5g", "%.6g", "%.7g", "%.8g"}
 local NORMAL32 = POWER[-126] -- below it a Float32 has fewer digits
 local SMALLEST32 = POWER[-149] -- the scale of those
 local LEAST = 8388608 -- the fraction of a power of two
-local TOO_LARGE32 = POWER[128] - POWER[103] -- from here on a double is infinite as a Float32
-
--- Whether a double rounds to the Float32 fraction * scale. `narrow`: a power of two, whose neighbour below
--- is nearer than the one above.
-local function rounds_to(short, fraction, scale, narrow)
-  local off = short / scale - fraction
-  if narrow and off < 0 then return off >= -0.25 end
-  return off > -0.5 and off < 0.5 or (off == 0.5 or off == -0.5) and fraction % 2 == 0
-end
 
 -- The least power of ten that brings nine digits or more of a Float32 of an exponent before its point; nil
 -- where a double does not hold it exactly, or the Float32 has more of them.
@@ -76,21 +67,26 @@ end
 local EVEN = entries(function(first) return class_of(first, false) end)
 local ODD = entries(function(first) return class_of(first, true) end)
 
--- The shortest decimal of a Float32 by printing and reading, without the sign.
-local function printed(fraction, class)
-  local number = fraction * class.scale
+-- The shortest decimal of the Float32 fraction * scale by printing and reading, without the sign. What lies
+-- between `low` and `high` rounds to it; where it is even they do so, too. Below a power of two the next one
+-- is nearer.
+local function shortest(fraction, scale)
+  local number = fraction * scale
   if number < 16777216 and number % 1 == 0 then return number end
+  local narrow = fraction == LEAST and scale > SMALLEST32
+  local low, high = number - scale * (narrow and 0.25 or 0.5), number + scale * 0.5
   for i = number >= NORMAL32 and 6 or 1, 8 do
-    local short = tonumber(format(SHORTER[i], number)) + 0.0
-    local narrow = fraction == LEAST and class.scale > SMALLEST32
-    if short < TOO_LARGE32 and rounds_to(short, fraction, class.scale, narrow) then return short end
+    local short = tonumber(format(SHORTER[i], number))
+    if short >= low and short <= high and (short > low and short < high or fraction % 2 == 0) then
+      return short + 0.0
+    end
   end
   return tonumber(format("%.9g", number)) + 0.0
 end
 
 local function by_printing(fraction, class)
   if class.special then return not_finite(fraction - LEAST, class.negative) end
-  local number = printed(fraction, class)
+  local number = shortest(fraction, class.scale)
   if class.negative then return -number end
   return number
 end
@@ -215,26 +211,8 @@ local function fewest(number)
   return layout(sign, first .. others, tonumber(exponent))
 end
 
--- PLACED[1000] is how a number with three places is written.
-local PLACED = entries(function(power) return "%d.%0" .. #format("%d", power) - 1 .. "d" end)
-
 --- The text of a float: shortest that reads back the same, always with a point or an exponent (10.0, 1e-05).
 function M.float_text(number)
-  local size = number < 0 and -number or number
-  if size >= 0.0001 and size < 1e9 then
-    -- Without printing and reading a double where it has few places: no other decimal of up to 15 digits than
-    -- the quotient of two whole numbers is the same double.
-    local power = size < 1 and 1e9 or 1e6
-    local digits = size * power + 0.5
-    digits = digits - digits % 1
-    if digits / power == size then
-      while digits % 100 == 0 and power > 100 do digits, power = digits / 100, power / 100 end
-      if digits % 10 == 0 and power > 10 then digits, power = digits / 10, power / 10 end
-      local behind = digits % power
-      local text = format(PLACED[power], (digits - behind) / power, behind)
-      return number < 0 and "-" .. text or text
-    end
-  end
   if number ~= number then return "NaN" end
   if number == math.huge then return "Infinity" end
   if number == -math.huge then return "-Infinity" end
