@@ -364,7 +364,7 @@ local function live_view(number, job, role)
   if job.response == nil and job.phase == "closed" then
     transactions.restore(job, current.codec) -- a Write response may come late
   end
-  view.role, view.item, view.job = role, transactions.open(job, view.item), job
+  view.role, view.item, view.job = role, transactions.open(job), job
   view.message, view.response = job.message, job.response
 end
 

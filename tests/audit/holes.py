@@ -235,10 +235,23 @@ def _next_write(whole: Whole, same: Deal) -> float:
 
 
 def _given_away(whole: Whole, deal: Deal, origin: list[int]) -> bool:
-    """Whether the whole knows that a request was over, and leaves the record that mirrors it to another Write."""
+    """Whether the whole knows that a request was over, and leaves the record that mirrors it to another Write.
+
+    Or to one with its reference, where it was the first one of its channel (docs/pairing.md, P77).
+    """
+    if not _fits_wholly(deal):
+        return False
     there = whole.by_frame.get(origin[deal.read or 0], [])
     others = [each for each in there if each.state in ("refused", "mismatch")]
-    return _fits_wholly(deal) and not all(_fits_wholly(each) for each in others)
+    if not all(_fits_wholly(each) for each in others):
+        return True
+    writes = [
+        each.write for each in whole.item.deals if each.channel == deal.channel and each.write
+    ]
+    alike = any(
+        each.asked and deal.asked and each.asked.reference == deal.asked.reference for each in there
+    )
+    return alike and bool(deal.write) and origin[deal.write] == min(writes)
 
 
 def _fits_wholly(deal: Deal) -> bool:

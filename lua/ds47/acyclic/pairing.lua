@@ -48,6 +48,7 @@ Job.again = "" -- of the first re-read, how it came about: a key of tables.diagn
 --   previous: frame of the request before it on its channel, as far as the capture shows
 --   superseding: the request that displaced this one; until it is closed
 --   rival: whose request was open when this one was turned away as in conflict with another; the same
+--   refused_behind: the newer Write that was refused before the first Read: what is read may be for that one
 --   repeats: frame of an earlier response that was read once more where a new one was due
 --   between: the Write without its response before the first re-read, which may be the response to it
 --   ended: frame that ended the connection while the request was open
@@ -259,8 +260,8 @@ local function end_job(self, job, event)
   tell_read(job)
   job.phase = PHASES[job.phase][event]
   self.listener:closed(job)
-  if job.rival or job.between then -- or a closed job would keep all that came after it
-    job.rival, job.between = nil, nil
+  if job.rival or job.refused_behind or job.between then -- or a closed job would keep all that came after it
+    job.rival, job.refused_behind, job.between = nil, nil, nil
   end
 end
 
@@ -1011,9 +1012,10 @@ local function of_another(self, channel, job, record)
     return not (sure and counts(job)) and behind(self, job.peer, asked.frame) or nil
   end
   local fits, other = mirrors(job, data), open ~= nil and open ~= job
+  local rival = job.refused_behind and mirrors(job.refused_behind, data)
   local sought = record.request or half
   local doubtful = not fits or is_last(channel, data) and not counts(job)
-  if has_data and not (fits or other) and job.write_response == nil then
+  if has_data and (rival or not (fits or other)) and job.write_response == nil then
     return {what = "write_answer", first = asked.frame}
   elseif has_data and doubtful and job.fetching and job.fetching[1].frame < sought.frame then
     return {what = "read_answer", first = job.fetching[1].frame}
@@ -1088,6 +1090,9 @@ function Pairing:read_response(peer, record)
     job = nil -- what the Read asked for is over: its response came late
   end
   if channel.refused and channel.refused ~= job then
+    if job and channel.refused.order > job.order then
+      job.refused_behind = channel.refused
+    end
     lose(self, channel.refused, "")
     channel.refused = nil
   end

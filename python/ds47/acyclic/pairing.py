@@ -112,6 +112,8 @@ class Job:
     """The request that displaced this one."""
     rival: Job | None
     """Whose request was open when this one was turned away as in conflict with another."""
+    refused_behind: Job | None
+    """The newer Write that was refused before the first Read: what is read may be for that one."""
     repeats: int | None
     """Frame of an earlier response that was read once more where a new one was due."""
     again: str
@@ -186,7 +188,7 @@ class Job:
         self.reason = reason
         self.order = order
         self.superseding = None
-        self.rival = None
+        self.rival = self.refused_behind = None
         self.repeats = None
         self.again = ""
         self.between = None
@@ -438,6 +440,8 @@ class Pairing:
         if late:
             job = None  # what the Read asked for is over: its response came late
         if channel.refused is not None and channel.refused is not job:
+            if job is not None and channel.refused.order > job.order:
+                job.refused_behind = channel.refused
             self._lose(channel.refused, "")
             channel.refused = None
         missing = None
@@ -551,7 +555,8 @@ class Pairing:
             sure = _mirrors(job, half) and _is_of_kind(job, half) is True
             return None if sure and _counts(job) else found
         fits, other = _mirrors(job, half), channel.open not in (None, job)
-        if half.data and not (fits or other) and job.write_response is None:
+        rival = job.refused_behind is not None and _mirrors(job.refused_behind, half)
+        if half.data and (rival or not (fits or other)) and job.write_response is None:
             return Missing("write_answer", asked.frame)
         read = record.request.frame if record.request is not None else half.frame
         doubtful = not fits or (_is_last(channel, half.data) and not _counts(job))
@@ -977,7 +982,7 @@ class Pairing:
             job.read_request = job.fetching[0]
         self._step(job, event)
         self._closed(job)
-        job.superseding = job.rival = job.between = None  # or each would keep the next one alive
+        job.superseding = job.rival = job.refused_behind = job.between = None  # or each would keep the next one alive
 
     def _push_out(self, job: Job, limit: str) -> None:
         """Nothing more is known of a job from now on, and not because nothing came."""
