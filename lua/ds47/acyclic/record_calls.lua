@@ -91,6 +91,7 @@ function RecordCalls.new(events, gate, pairing, listener, naming, completeness)
     events = events, gate = gate, pairing = pairing, listener = listener, naming = naming,
     completeness = completeness,
     alone = ordered.new(), -- the newest responses without a request (DS102), by their frames
+    connections = ordered.new(), -- client and server -> the request that begins or ends an AR: `_goes_on`
     forgot_requests = false, -- whether a limit pushed out a request whose response may still come
     limits = ordered.new(), -- name of a limit -> what it pushed out: {frame = of the first, count}
   }, RecordCalls)
@@ -207,11 +208,30 @@ function RecordCalls:_connection(pdu, opnum)
   end
 end
 
+-- A connection begins or ends with its response, or when its client asks for something else after it. Between
+-- the two may stand the responses to requests that came before it, which are out of order in the capture
+-- (P79). One of which neither is there changes nothing.
+function RecordCalls:_goes_on(pdu)
+  local key = pdu.client .. " " .. pdu.server
+  local begun = self.connections:get(key)
+  if begun and (pdu.ptype ~= 0 or pdu.time_ns >= begun.time_ns) then
+    self.connections:pop(key)
+    self:_connection(begun, begun.opnum)
+  end
+end
+
 function RecordCalls:request(call)
   local pdu = call.request
   local opnum = pdu.opnum
+  if self.connections.length > 0 then
+    self:_goes_on(pdu)
+  end
   if not OPERATIONS[opnum] then
-    self:_connection(pdu, opnum)
+    self.connections:set(pdu.client .. " " .. pdu.server, pdu)
+    if self.connections.length > tables.limits.activities then
+      local _, oldest = self.connections:pop_first()
+      self:_connection(oldest, oldest.opnum)
+    end
     return
   end
   local record, multiple, nested = parse_request(pdu)
@@ -260,6 +280,7 @@ function RecordCalls:late_request(call)
 end
 
 function RecordCalls:retransmission(call, pdu)
+  self:_goes_on(pdu)
   local operation = OPERATIONS[pdu.opnum] or "?"
   local args = {operation = operation, first = call.request.frame}
   self:_about_call(call, {rule = "DS103", frame = pdu.frame, args = args})
@@ -297,8 +318,11 @@ end
 
 function RecordCalls:response(call)
   local pdu, record = call.response, call.context
-  if pdu.opnum == CONNECT then
-    self.listener:set_up(call.request, pdu)
+  if not OPERATIONS[pdu.opnum] then
+    self:_goes_on(pdu)
+    if pdu.opnum == CONNECT then
+      self.listener:set_up(call.request, pdu)
+    end
   end
   if not record then
     return
@@ -327,6 +351,7 @@ end
 function RecordCalls:orphan_response(pdu, certain)
   local operation = OPERATIONS[pdu.opnum]
   if not operation then
+    self:_goes_on(pdu)
     self:_connection(pdu, pdu.opnum)
     return
   end
@@ -371,6 +396,9 @@ end
 function RecordCalls:fault(call, pdu)
   local args = {kind = rpc.PTYPES[pdu.ptype], fault = fault_code(pdu)}
   self:_about_call(call, {rule = "DS104", frame = pdu.frame, args = args})
+  if not call.context then
+    self:_goes_on(pdu)
+  end
   tell_each(self, pdu, call.context, "failed")
 end
 

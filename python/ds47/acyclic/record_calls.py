@@ -107,6 +107,8 @@ class RecordCalls:
         """By the name of the limit."""
         self._alone: OrderedDict[int, list[Remark]] = OrderedDict()
         """The newest responses without a request (DS102), by their frames."""
+        self._connections: dict[tuple[str, str], rpc.Pdu] = {}
+        """Of client and server the request that begins or ends an AR, until its response or the next request."""
 
     def handlers(self) -> Handlers:
         """What to give to the `CallTracker`."""
@@ -172,8 +174,12 @@ class RecordCalls:
 
     def _request(self, call: Call) -> None:
         pdu = call.request
+        self._goes_on(pdu)
         if pdu.opnum not in _OPERATIONS:
-            self._connection(pdu)
+            self._connections[pdu.client, pdu.server] = pdu
+            if len(self._connections) > self._limits.activities:
+                oldest = next(iter(self._connections))
+                self._connection(self._connections.pop(oldest))
             return
         body = parse_request(pdu)
         context = call.context = _Context(body, self._peer(pdu))
@@ -211,6 +217,7 @@ class RecordCalls:
                 self._events.asked_late(self._peer(pdu), record, answer.frame)
 
     def _retransmission(self, call: Call, pdu: rpc.Pdu) -> None:
+        self._goes_on(pdu)
         args = {"operation": _OPERATIONS.get(pdu.opnum, "?"), "first": call.request.frame}
         self._about_call(call, Remark("DS103", pdu.frame, args))
         context = _context(call)
@@ -248,6 +255,17 @@ class RecordCalls:
             if self._events.concerns(record.index):
                 self._events.lost(context.peer, record)
 
+    def _goes_on(self, pdu: rpc.Pdu) -> None:
+        """A connection begins or ends with its response, or when its client asks for something else after it.
+
+        Between the two may stand the responses to requests that came before it, which are out of order in the
+        capture (P79). One of which neither is there changes nothing.
+        """
+        begun = self._connections.get((pdu.client, pdu.server)) if self._connections else None
+        if begun is not None and (pdu.ptype != 0 or pdu.time_ns >= begun.time_ns):
+            del self._connections[pdu.client, pdu.server]
+            self._connection(begun)
+
     def _connection(self, pdu: rpc.Pdu) -> None:
         """An AR begins or ends, as its request says; or a response whose request is missing."""
         at = Moment(pdu.frame, pdu.time_ns)
@@ -263,8 +281,10 @@ class RecordCalls:
 
     def _response(self, call: Call) -> None:
         pdu, context = call.response, _context(call)
-        if pdu is not None and pdu.opnum == RPC_CONNECT:
-            self._connected(call.request, pdu)
+        if pdu is not None and pdu.opnum not in _OPERATIONS:
+            self._goes_on(pdu)
+            if pdu.opnum == RPC_CONNECT:
+                self._connected(call.request, pdu)
         if pdu is None or context is None:
             return
         status, answers = parse_response(pdu)
@@ -286,6 +306,7 @@ class RecordCalls:
 
     def _orphan_response(self, pdu: rpc.Pdu, certain: bool) -> None:
         if pdu.opnum not in _OPERATIONS:
+            self._goes_on(pdu)
             self._connection(pdu)
             return
         records = parse_response(pdu)[1]
@@ -326,6 +347,7 @@ class RecordCalls:
         self._about_call(call, Remark("DS104", pdu.frame, args))
         context = _context(call)
         if context is None:
+            self._goes_on(pdu)
             return
         for record in context.body.records:
             if self._events.concerns(record.index):
