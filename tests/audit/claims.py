@@ -851,6 +851,7 @@ def _orphan(case: Case) -> Iterator[str]:
         and last in same
         and last
         and last.state not in ("refused", "mismatch")  # then it says nothing of its request either
+        and last.operation != "unknown"  # which proves no AR: what was read may be no response yet
         and not any(each.call.response and each.call.response.cut for each in reads)
         and not case.reading.gaps.leaves_open(
             last.controller, last.device, last.read or 0, case.frame

@@ -1026,6 +1026,9 @@ local function of_another(self, channel, job, record)
   local over = (unknown or job == channel.refused) and half.status ~= STATUS_SHORT
   local since = over and free_since(self, channel, sought) or asked.frame
   local found = asked_behind(self, job.peer, channel, since)
+  if found == nil and job == channel.refused and has_data and not fits then
+    found = behind(self, job.peer, 0) -- what it mirrors may have outlived a Connect
+  end
   if unknown and found then
     return asked_behind(self, job.peer, channel, asked.frame) or {what = "write_answer", first = asked.frame}
   elseif found == nil or not has_data or channel.unseen > since then

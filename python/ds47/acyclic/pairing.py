@@ -569,6 +569,8 @@ class Pairing:
         over = (unknown or job is channel.refused) and half.status != STATUS_SHORT
         since = free if over else asked.frame
         found = self._asked_behind(job.peer, channel, since)
+        if found is None and job is channel.refused and half.data and not fits:
+            found = self._behind(job.peer, 0)  # what it mirrors may have outlived a Connect
         if unknown and found is not None:  # of its own calls it is at least this one
             behind = self._asked_behind(job.peer, channel, asked.frame)
             return behind or Missing("write_answer", asked.frame)
