@@ -2392,5 +2392,66 @@ def p79_response_first(client: Client) -> None:
     client.read(tell(1, 1.5))
 
 
+def swap(client: Client, place: int) -> None:
+    """Two datagrams stand in the other order; their times stay."""
+    steps = tape(client).steps
+    steps[place], steps[place + 1] = steps[place + 1], steps[place]
+
+
+@BOOK.scene(
+    "unanswered disorder",
+    tx(1, "unanswered", (1, 3), None, NOTHING),
+    rules="DS401@1#1 DS722@1#1",
+)
+def p79_connect_before_a_response(client: Client) -> None:
+    """The Connect stands before the Write response, and is later by their times: the Write was accepted before."""
+    client.write(ask())
+    client.connect("plc")
+    swap(client, 1)
+
+
+@BOOK.scene(
+    "refused fault disorder",
+    tx(1, "refused", (1, 3), None, NOTHING, write=None),
+    rules="DS104@3#1",
+)
+def p79_release_before_a_reject(client: Client) -> None:
+    """The Release stands before the reject of a Write: that was turned away, and its response is not missing."""
+    client.reply(client.ask_write(ask()), bytes.fromhex("0300011c"), wire.REJECT)
+    client.release()
+    swap(client, 1)
+
+
+@BOOK.scene(
+    "P32 P73 P80 incomplete refused orphan",
+    tx(1, "incomplete", (1,), None, NOTHING, write=None),
+    tx(2, "refused", (2, 3), None, NOTHING, write="DF80B500"),
+    orphan(3, 4, real(1.5, pnu=None)),
+    rules="DS101@1#1 DS110@1#1 DS203@3#2 DS403@5#3 DS415@2#2 DS705@2#2",
+)
+def p77_refused_behind(client: Client) -> None:
+    """The record mirrors a Write without its response, and the refused one behind it: nobody knows whose it is."""
+    client.write(ask())
+    client.stage.lose()
+    client.write(ask(), 0xDF80B500)
+    client.read(tell(1, 1.5))
+
+
+@BOOK.scene(
+    "P32 P73 refused orphan",
+    row(1, real(2.5), slot=2),
+    tx(2, "refused", (7, 8), None, NOTHING, ref=2, write="DF80B500"),
+    orphan(3, 9, real(1.5, pnu=None)),
+    rules="DS203@8#2 DS403@10#3 DS705@7#2",
+)
+def p77_record_of_an_older_one(client: Client) -> None:
+    """A request is missing before a Connect: what does not mirror the refused Write may be of that one."""
+    client.exchange(ask(), tell(1, 2.5), at=client.at(slot=2))
+    client.call(wire.WRITE)
+    client.connect("plc")
+    client.write(ask(2), 0xDF80B500)
+    client.read(tell(1, 1.5))
+
+
 if __name__ == "__main__":
     BOOK.write(sys.argv[1:])
