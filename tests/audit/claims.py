@@ -1412,5 +1412,9 @@ def _ends(case: Case, deal: Deal) -> Iterator[str]:
     newest = max(later, default=0) if case.reading.line is not None else calls[-1]
     if newest - (case.reading.time(deal.write) or 0) >= 10 * 10**9 and case.reading.line is None:
         yield "the capture goes on for 10 s and more"
-    if released := case.reading.ends(deal):
+    if (released := case.reading.ends(deal)) and any(
+        each.frame > released[0]
+        and pair in ((each.source, each.target), (each.target, each.source))
+        for each in capture.pdus
+    ):  # by the last frame of the two no connection ends (P79)
         yield f"its AR was released in frame {released[0]}"

@@ -209,6 +209,11 @@ def turned(pdu: Pdu) -> Pdu:
     return other
 
 
+def test_a_station_of_profibus_is_asked_of_its_line() -> None:
+    found = Completeness(64, {3: 7}.__getitem__)
+    assert found.newest("dp3") == 7
+
+
 def test_a_response_before_its_request_is_out_of_order() -> None:
     frames = pdus(three)
     frames[4], frames[5] = frames[5], frames[4]
