@@ -984,7 +984,8 @@ class Pairing:
             job.read_request = job.fetching[0]
         self._step(job, event)
         self._closed(job)
-        job.superseding = job.rival = job.refused_behind = job.between = None  # or each would keep the next one alive
+        # Or each would keep the next one alive.
+        job.superseding = job.rival = job.refused_behind = job.between = None
 
     def _push_out(self, job: Job, limit: str) -> None:
         """Nothing more is known of a job from now on, and not because nothing came."""
