@@ -439,11 +439,7 @@ class Pairing:
         late = job is not None and _is_later(job, record)
         if late:
             job = None  # what the Read asked for is over: its response came late
-        if channel.refused is not None and channel.refused is not job:
-            if job is not None and channel.refused.order > job.order:
-                job.refused_behind = channel.refused
-            self._lose(channel.refused, "")
-            channel.refused = None
+        self._leave_refused(channel, job)
         missing = None
         if job is not None and event not in ("read_poll", "read_empty"):
             missing = self._of_another(channel, job, record)
@@ -468,6 +464,16 @@ class Pairing:
         if not (late or _is_last(channel, half.data)):
             channel.pass_over()
         return self._orphan(peer, channel, record, first.frame if first and again else None)
+
+    def _leave_refused(self, channel: Channel, job: Job | None) -> None:
+        """What is read is no response to the refused Write: from now on none is."""
+        refused = channel.refused
+        if refused is None or refused is job:
+            return
+        if job is not None and refused.order > job.order:
+            job.refused_behind = refused
+        self._lose(refused, "")
+        channel.refused = None
 
     def _orphan(self, peer: Peer, channel: Channel, record: Record, repeats: int | None) -> Job:
         """A record whose request is not known; `repeats`: the frame in which its bytes were read first."""
