@@ -130,7 +130,9 @@ def test_command_of_the_readme(
     status, output, errors = done[command.line]
     assert status == command.status, errors
     assert "Traceback" not in errors
-    if PLACEHOLDER not in command.output:
+    if " -i lo" in command.line:  # where other tests talk at the same time
+        assert re.search(r"^Summary of \d+ frames", output, re.MULTILINE), output
+    elif PLACEHOLDER not in command.output:
         _assert_shown(command.output, output)
 
 
