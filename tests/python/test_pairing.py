@@ -144,6 +144,16 @@ def test_the_life_of_a_read() -> None:
     assert (channel.answered, channel.closed) == ([job], [job])
 
 
+def test_of_many_polls_the_first_and_the_newest_are_kept() -> None:
+    channel = Channel(LIMITS.but(reads=3))
+    job = channel.open()
+    frames = []
+    for _ in range(5):
+        channel.read(status=BUSY)
+        frames.append(channel.now)
+    assert [answer.frame for _, answer in job.polls] == [*frames[:2], frames[-1]]
+
+
 def test_a_read_before_the_write_response_only_presumes_acceptance() -> None:
     channel = Channel()
     job = channel.ask()
