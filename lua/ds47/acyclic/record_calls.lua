@@ -220,6 +220,20 @@ function RecordCalls:_goes_on(pdu)
   end
 end
 
+-- A request that begins or ends an AR waits; of more than a limit the oldest does no more.
+function RecordCalls:_wait(pdu, opnum)
+  local key = pdu.client .. " " .. pdu.server
+  if self.connections:get(key) then
+    self:_connection(pdu, opnum) -- sent before the one that waits
+  elseif opnum == CONNECT or opnum == RELEASE then
+    self.connections:set(key, pdu)
+  end
+  if self.connections.length > tables.limits.activities then
+    local _, oldest = self.connections:pop_first()
+    self:_connection(oldest, oldest.opnum)
+  end
+end
+
 function RecordCalls:request(call)
   local pdu = call.request
   local opnum = pdu.opnum
@@ -227,11 +241,7 @@ function RecordCalls:request(call)
     self:_goes_on(pdu)
   end
   if not OPERATIONS[opnum] then
-    self.connections:set(pdu.client .. " " .. pdu.server, pdu)
-    if self.connections.length > tables.limits.activities then
-      local _, oldest = self.connections:pop_first()
-      self:_connection(oldest, oldest.opnum)
-    end
+    self:_wait(pdu, opnum)
     return
   end
   local record, multiple, nested = parse_request(pdu)

@@ -176,10 +176,7 @@ class RecordCalls:
         pdu = call.request
         self._goes_on(pdu)
         if pdu.opnum not in _OPERATIONS:
-            self._connections[pdu.client, pdu.server] = pdu
-            if len(self._connections) > self._limits.activities:
-                oldest = next(iter(self._connections))
-                self._connection(self._connections.pop(oldest))
+            self._wait(pdu)
             return
         body = parse_request(pdu)
         context = call.context = _Context(body, self._peer(pdu))
@@ -254,6 +251,17 @@ class RecordCalls:
         for record in context.body.records:
             if self._events.concerns(record.index):
                 self._events.lost(context.peer, record)
+
+    def _wait(self, pdu: rpc.Pdu) -> None:
+        """A request that begins or ends an AR waits; of more than a limit the oldest does no more."""
+        key = pdu.client, pdu.server
+        if key in self._connections:
+            self._connection(pdu)  # sent before the one that waits
+        elif pdu.opnum in (RPC_CONNECT, RPC_RELEASE):
+            self._connections[key] = pdu
+        if len(self._connections) > self._limits.activities:
+            oldest = next(iter(self._connections))
+            self._connection(self._connections.pop(oldest))
 
     def _goes_on(self, pdu: rpc.Pdu) -> None:
         """A connection begins or ends with its response, or when its client asks for something else after it.

@@ -2411,6 +2411,22 @@ def p79_connect_before_a_response(client: Client) -> None:
 
 
 @BOOK.scene(
+    "unanswered disorder",
+    tx(1, "unanswered", (1, 2), None, NOTHING),
+    row(2, real(2.5, pnu=27), first=7),
+    rules="DS401@1#1 DS722@1#1",
+)
+def p79_release_behind_a_connect(client: Client) -> None:
+    """The Release stands behind the next Connect, and is earlier by their times: both count."""
+    client.write(ask())
+    client.release()
+    client.connect("plc")
+    steps = tape(client).steps
+    steps[2:5] = steps[4], steps[2], steps[3]
+    client.exchange(ask(2, 27), tell(2, 2.5))
+
+
+@BOOK.scene(
     "refused fault disorder",
     tx(1, "refused", (1, 3), None, NOTHING, write=None),
     rules="DS104@3#1",
