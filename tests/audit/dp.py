@@ -97,6 +97,8 @@ class Turn:
     answer: Heard | None = None
     repeats: list[Heard] = field(default_factory=list)
     """The same request again, before an answer."""
+    copies: set[int] = field(default_factory=set)
+    """Which of them stand directly behind the same frame, every second one."""
     again: bool = False
     """It repeats a turn that has its answer."""
     broken: list[int] = field(default_factory=list)
@@ -112,7 +114,8 @@ class Turn:
 
     @property
     def sent(self) -> list[Heard]:
-        return [self.asked, *self.repeats]
+        """It, and those that repeat it, but for what may be the copy of the frame before."""
+        return [self.asked, *(each for each in self.repeats if each.number not in self.copies)]
 
 
 @dataclass
@@ -258,7 +261,8 @@ def _turns(found: Line) -> None:
         turn = Turn(asked)
         if not turn.silent:
             turn.again = _is_again(turn, found.turns, found.flow[since + 1 : at], waited)
-            _look_ahead(turn, found.flow[at + 1 :], taken, waited, _room(turn, found.turns))
+            room = _room(turn, found.turns)
+            _look_ahead(turn, found.flow[at + 1 :], taken, waited, room, single=found.doubled)
             if turn.answer is not None:
                 answers.add(turn.answer.number)
         found.turns.append(turn)
@@ -292,7 +296,13 @@ def _forward(pairs: Iterable[tuple[Heard, Heard]]) -> Iterator[int]:
 
 
 def _look_ahead(
-    turn: Turn, later: list[Heard], taken: set[int], waited: set[int], room: float
+    turn: Turn,
+    later: list[Heard],
+    taken: set[int],
+    waited: set[int],
+    room: float,
+    *,
+    single: bool,
 ) -> None:
     passed, whole = False, True
     for before, each in pairwise([turn.asked, *later]):
@@ -313,6 +323,8 @@ def _look_ahead(
                 return
             passed, whole = False, True
             turn.repeats.append(each)
+            if before.data == each.data and not (single or before.number in turn.copies):
+                turn.copies.add(each.number)
             taken.add(each.number)
         elif each.time_ns >= turn.asked.time_ns and (each.short or _is_answer(turn.asked, each)):
             turn.answer = each

@@ -109,7 +109,8 @@ function Line:_request(seen)
   local row, key, counts = tables.profibus.request[item.code], item.sa * 0x100 + item.da, item.fcv == 1
   if open and open.request.item.data == item.data and (counts and is_at_once(self, seen, key)
     or not counts and self.same) then
-    open.due, open.retried, self.newest[key] = true, true, seen.time_ns
+    open.due, open.retried = true, true
+    if not self.echo then self.newest[key] = seen.time_ns end -- else it may be a copy
     return nil
   end
   if item.da == ALL_STATIONS or row ~= nil and row.silent then -- the one before may be repeated behind it

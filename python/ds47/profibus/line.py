@@ -204,7 +204,8 @@ class Line:
         ):
             over.passed, over.due = False, True
             over.retried += 1
-            self._newest[front.way] = seen.time_ns
+            if not self._echo:  # else it may be a copy
+                self._newest[front.way] = seen.time_ns
             if over.retried <= MOST_RETRIES:
                 over.retries.append(seen)
             return ()
