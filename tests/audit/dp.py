@@ -6,10 +6,9 @@ is a repetition. Numbers are those of EN 50170 and of docs/profibus.md, written 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import groupby, pairwise
-from math import inf
 from uuid import UUID
 
 from tests.audit import wire
@@ -97,8 +96,6 @@ class Turn:
     answer: Heard | None = None
     repeats: list[Heard] = field(default_factory=list)
     """The same request again, before an answer."""
-    copies: set[int] = field(default_factory=set)
-    """Which of them stand directly behind the same frame, every second one."""
     again: bool = False
     """It repeats a turn that has its answer."""
     broken: list[int] = field(default_factory=list)
@@ -111,11 +108,6 @@ class Turn:
     @property
     def silent(self) -> bool:
         return _is_silent(self.asked)
-
-    @property
-    def sent(self) -> list[Heard]:
-        """It, and those that repeat it, but for what may be the copy of the frame before."""
-        return [self.asked, *(each for each in self.repeats if each.number not in self.copies)]
 
 
 @dataclass
@@ -254,56 +246,24 @@ def _turns(found: Line) -> None:
     taken: set[int] = set()
     answers: set[int] = set()
     waited: set[int] = set()
-    since = 0
     for at, asked in enumerate(found.flow):
         if asked.number in taken or not asked.asks:
             continue
         turn = Turn(asked)
         if not turn.silent:
-            turn.again = _is_again(turn, found.turns, found.flow[since + 1 : at], waited)
-            room = _room(turn, found.turns)
-            _look_ahead(turn, found.flow[at + 1 :], taken, waited, room, single=found.doubled)
+            _look_ahead(turn, found.flow[at + 1 :], taken, waited)
             if turn.answer is not None:
                 answers.add(turn.answer.number)
         found.turns.append(turn)
-        since = at
     for each in found.flow:
         if each.good and not each.token and not each.asks and each.number not in answers:
             found.stray.append(each)
     found.doubts = [each.number for each in found.flow if each.damage and each.number not in waited]
+    for at, turn in enumerate(found.turns):
+        turn.again = not turn.silent and _is_again(turn, found.turns[:at], found)
 
 
-def _room(turn: Turn, before: list[Turn]) -> float:
-    """A request later than that may be one behind an exchange that is not there, which has the other FCB.
-
-    The two take twice the shortest time between two requests so far, and at least that between two of this kind.
-    """
-    mine = [
-        two for two in (*before, turn)
-        if two.asked.counts and (two.asked.sa, two.asked.da) == (turn.asked.sa, turn.asked.da)
-    ]  # fmt: skip
-    new = [two.asked for two in mine if not two.again and two.asked.saps == turn.asked.saps]
-    twice = min(
-        _forward(((a.sent[-1], b.asked) for a, b in pairwise(mine) if not b.again)), default=0
-    )
-    cycle = min(_forward(pairwise(new)), default=0)
-    return max(2 * twice, cycle) or inf
-
-
-def _forward(pairs: Iterable[tuple[Heard, Heard]]) -> Iterator[int]:
-    """The times between two, where the clock was not set back."""
-    return (b.time_ns - a.time_ns for a, b in pairs if b.time_ns > a.time_ns)
-
-
-def _look_ahead(
-    turn: Turn,
-    later: list[Heard],
-    taken: set[int],
-    waited: set[int],
-    room: float,
-    *,
-    single: bool,
-) -> None:
+def _look_ahead(turn: Turn, later: list[Heard], taken: set[int], waited: set[int]) -> None:
     passed, whole = False, True
     for before, each in pairwise([turn.asked, *later]):
         if each.damage == "cut" and (passed or not whole):
@@ -317,14 +277,10 @@ def _look_ahead(
             passed = True
         elif each.asks:
             at_once = before.data == each.data  # directly behind itself FCV does not matter
-            if turn.asked.counts:
-                at_once = each.time_ns - turn.sent[-1].time_ns < room
-            if each.data != turn.asked.data or not at_once:
+            if each.data != turn.asked.data or not (turn.asked.counts or at_once):
                 return
             passed, whole = False, True
             turn.repeats.append(each)
-            if before.data == each.data and not (single or before.number in turn.copies):
-                turn.copies.add(each.number)
             taken.add(each.number)
         elif each.time_ns >= turn.asked.time_ns and (each.short or _is_answer(turn.asked, each)):
             turn.answer = each
@@ -337,17 +293,13 @@ def _is_answer(asked: Heard, told: Heard) -> bool:
     return (told.da, told.sa) == (asked.sa, asked.da) and told.saps in (turned, (None, None))
 
 
-def _is_again(turn: Turn, before: list[Turn], between: list[Heard], waited: set[int]) -> bool:
+def _is_again(turn: Turn, before: list[Turn], found: Line) -> bool:
     """Whether it is the turn before once more: a master repeats at once, before it says anything else."""
-    asked, last = turn.asked, before[-1] if before else None
-    if last is None or not asked.counts or last.asked.data != asked.data:
+    if not before or not turn.asked.counts or before[-1].asked.data != turn.asked.data:
         return False
-    if asked.time_ns - last.sent[-1].time_ns >= _room(last, before[:-1]):
-        return False
-    return not any(
-        each.token or (each.number not in waited if each.damage else each.good and each is not last.answer and not each.asks)
-        for each in between
-    )  # fmt: skip
+    between = [each.number for each in found.stray] + found.doubts
+    between += [each.number for each in found.flow if each.token]
+    return not any(before[-1].asked.number < each < turn.asked.number for each in between)
 
 
 # Records

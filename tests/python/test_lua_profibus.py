@@ -311,8 +311,8 @@ def test_chance_leaves_nothing_out() -> None:
     assert min(
         events[name] for name in ("asked", "answered", "failed", "lost", "unasked", "closed")
     ) > 100  # fmt: skip
-    for name, least in (("answer", 50), ("again", 10), ("silent", 50), ("unsure", 50)):
-        assert sum(bool(each.get(name)) for each in told) > least, name
+    for name in ("answer", "again", "silent", "unsure"):
+        assert sum(bool(each.get(name)) for each in told) > 50, name
     jobs = [each for each in told if each["event"] == "closed"]
     for name in ("refused", "read_response", "polls", "superseded_by"):
         assert sum(bool(each[name]) for each in jobs) > 20, name

@@ -124,17 +124,6 @@ def test_retries_are_counted() -> None:
     assert station(wire).answer == (100_000, 100_000, 100_000)
 
 
-def test_a_request_that_comes_late_is_no_retry() -> None:
-    """Exchanges that are missing two by two leave the same FCB; they take their time."""
-    for late_ns, retries in ((100_000, 1), (20_000_000, 0)):
-        wire = running()
-        wire.exchange(STATION, "00" * 12)
-        wire.stage.now_ns += late_ns
-        wire.repeat()
-        wire.tell(STATION, "00" * 12)
-        assert station(wire).retries == retries
-
-
 def test_a_damaged_answer_is_that_of_its_station_though_a_retry_was_answered() -> None:
     wire = running()
     for _ in range(2):

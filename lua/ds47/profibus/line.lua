@@ -8,7 +8,7 @@
 -- An exchange is a request and what became of it:
 --   request  what was seen of it
 --   answer   the same; nil where none came, or nobody answers such a request
---   again    whether it repeats the exchange before at once: the master has no answer to that
+--   again    whether it repeats the exchange before: the master has no answer to that
 --   silent   whether nobody answers such a request
 --   due      whether its answer may still come: no token came behind it, nor a frame that the recording cut
 
@@ -31,8 +31,6 @@ function Line.new()
     open = nil, -- the exchange that waits for its answer
     last = nil, -- the bytes of the request before, where nothing but its answer stands behind it
     counted = {}, -- who asks whom -> the FCB of the newest request, where that counts
-    newest = {}, -- who asks whom, and that with the SAPs -> when the newest request was, in ns,
-    shortest = {}, -- and the shortest time to one that is no repetition
     before = nil, -- the bytes of the frame before,
     same = false, -- whether the frame has them, too,
     echo = false, -- and whether it is so the second of two, the fourth of four and so on
@@ -79,40 +77,13 @@ function Line:take(seen, cut)
   return nil
 end
 
--- The same with the SAPs.
-local function with_saps(key, item)
-  return (key * 0x100 + (item.dsap or 0xFF)) * 0x100 + (item.ssap or 0xFF)
-end
-
--- Whether a request comes so soon behind one with its FCB that no exchange was between that is not there.
--- Such a one has the other FCB, and takes its time; and its master asks in cycles.
-local function is_at_once(self, seen, key)
-  local shortest_ns = self.shortest[key]
-  if not shortest_ns then return true end
-  local cycle_ns = self.shortest[with_saps(key, seen.item)] or 0
-  return seen.time_ns - self.newest[key] < math.max(2 * shortest_ns, cycle_ns)
-end
-
--- Takes the times since the request before, and since the one for the same.
-local function take_time(self, seen, key)
-  for _, each in ipairs({key, with_saps(key, seen.item)}) do
-    local took_ns = seen.time_ns - (self.newest[each] or seen.time_ns)
-    if took_ns > 0 then
-      self.shortest[each] = math.min(took_ns, self.shortest[each] or took_ns)
-    end
-    self.newest[each] = seen.time_ns
-  end
-end
-
 function Line:_request(seen)
   local item, open = seen.item, self.open
-  local row, key, counts = tables.profibus.request[item.code], item.sa * 0x100 + item.da, item.fcv == 1
-  if open and open.request.item.data == item.data and (counts and is_at_once(self, seen, key)
-    or not counts and self.same) then
+  if open and open.request.item.data == item.data and (item.fcv == 1 or self.same) then
     open.due, open.retried = true, true
-    if not self.echo then self.newest[key] = seen.time_ns end -- else it may be a copy
     return nil
   end
+  local row, key = tables.profibus.request[item.code], item.sa * 0x100 + item.da
   if item.da == ALL_STATIONS or row ~= nil and row.silent then -- the one before may be repeated behind it
     self.last = nil
     if open then open.due = false end
@@ -123,14 +94,11 @@ function Line:_request(seen)
   if open and open.request.item.fcv == 1 and not open.retried then
     self.gone[open.request.item.da] = seen.frame
   end
-  local again = counts and self.last == item.data and is_at_once(self, seen, key)
-  if again then
-    self.newest[key] = seen.time_ns
-  elseif counts then
-    take_time(self, seen, key)
-    if last == item.fcb then self.gone[item.da] = seen.frame end
+  local again = item.fcv == 1 and self.last == item.data
+  if last and item.fcv == 1 and last == item.fcb and not again then
+    self.gone[item.da] = seen.frame
   end
-  self.counted[key] = counts and item.fcb or nil
+  self.counted[key] = item.fcv == 1 and item.fcb or nil
   local exchange = {
     request = seen, answer = nil, due = true, again = again, silent = false,
   }

@@ -44,7 +44,7 @@ class Exchange:
     retried: int
     """and how many there are."""
     again: bool
-    """Whether it repeats the exchange before at once: the master has no answer to that."""
+    """Whether it repeats the exchange before: the master has no answer to that."""
     hole: bool
     """Whether an exchange before it was not seen: it has the FCB of the one that was, and does not repeat that."""
     silent: bool
@@ -107,10 +107,6 @@ class Line:
         """What the newest frame shows of that: it is behind the request of which it gives the exchange."""
         self._counted: dict[bytes, int | None] = {}
         """By who asks whom the FCB of the last request, where it counts."""
-        self._newest: dict[object, int] = {}
-        """By who asks whom, and by that with the SAPs, when the newest request was,"""
-        self._shortest: dict[object, int] = {}
-        """and the shortest time to one that is no repetition, in ns."""
         self._before = b""
         """The bytes of the frame before,"""
         self._same = False
@@ -200,12 +196,10 @@ class Line:
         if (
             over is not None
             and over.request.item.data == item.data
-            and (self._is_at_once(seen) if front.fcv == 1 else self._same)
+            and (front.fcv == 1 or self._same)
         ):
             over.passed, over.due = False, True
             over.retried += 1
-            if not self._echo:  # else it may be a copy
-                self._newest[front.way] = seen.time_ns
             if over.retried <= MOST_RETRIES:
                 over.retries.append(seen)
             return ()
@@ -214,38 +208,12 @@ class Line:
             if over is not None:
                 over.passed, over.due = True, False
             return (Exchange(seen, silent=True),)
-        last = self._last if front.fcv == 1 else None
-        again = last is not None and last.data == item.data and self._is_at_once(seen)
-        if again:
-            self._newest[front.way] = seen.time_ns
-        elif front.fcv == 1:
-            self._time(seen)
+        again = front.fcv == 1 and self._last is not None and self._last.data == item.data
         exchange = Exchange(seen, again)
         exchange.hole = self._count(seen, again)
         self._last = item
         self._open = exchange
         return () if over is None else (over,)
-
-    def _is_at_once(self, seen: Seen) -> bool:
-        """Whether a request comes so soon behind one with its FCB that no exchange was between that is not there.
-
-        Such a one has the other FCB, and takes its time; and its master asks in cycles.
-        """
-        front = seen.item.front
-        shortest_ns = self._shortest.get(front.way)
-        if shortest_ns is None:
-            return True
-        cycle_ns = self._shortest.get((front.way, front.dsap, front.ssap), 0)
-        return seen.time_ns - self._newest[front.way] < max(2 * shortest_ns, cycle_ns)
-
-    def _time(self, seen: Seen) -> None:
-        """Takes the times since the request before, and since the one for the same."""
-        front, now_ns = seen.item.front, seen.time_ns
-        for key in (front.way, (front.way, front.dsap, front.ssap)):
-            took_ns = now_ns - self._newest.get(key, now_ns)
-            if took_ns > 0:
-                self._shortest[key] = min(took_ns, self._shortest.get(key, took_ns))
-            self._newest[key] = now_ns
 
     def _answer(self, seen: Seen) -> Sequence[Exchange]:
         over, item = self._open, seen.item
