@@ -255,9 +255,9 @@ def _given_away(whole: Whole, deal: Deal, origin: list[int]) -> bool:
 
 
 def _fits_wholly(deal: Deal) -> bool:
-    """Whether a response has a block for each parameter, too."""
+    """Whether a response has the number of parameters, too."""
     answer = deal.answer
-    return deal.fits and answer is not None and len(answer.blocks) == deal.parameters_asked
+    return deal.fits and answer is not None and answer.data[3:4] == bytes([deal.parameters_asked])
 
 
 def _values(plain: dict[str, Any]) -> tuple[object, ...]:
