@@ -13,8 +13,9 @@
 -- same ones as the analyzer looks at (`sampled` in capture/scan.py).
 
 local connect = require("ds47.profinet.connect")
-local deep = require("ds47.support.deep").copy
+local entries = require("ds47.support.later").entries
 local filtered = require("ds47.support.arrays").filtered
+local flat = require("ds47.support.flat").copy
 local handshake = require("ds47.cyclic.handshake")
 local link = require("ds47.profinet.link")
 local operation = require("ds47.cyclic.operation")
@@ -40,6 +41,8 @@ local DENSE = 1024 -- data exchanges that are all looked at; then one of ever mo
 local SPEED = "^NSOLL" -- how the name of a word begins that is a setpoint of speed
 local LENGTHS, CONFIGURED, SEEN = relations.LENGTHS, relations.CONFIGURED, relations.SEEN
 local NAMED, ODD, REFUTED = relations.NAMED, relations.ODD, relations.REFUTED
+
+local NO_DOUBT = {{}, {}} -- the ends of a line that gets no more frames
 
 local Channels = {}
 Channels.__index = Channels
@@ -108,6 +111,17 @@ function Requests:lost(sent, moment)
   self.channel:lost(moment, sent and "out" or "in")
 end
 
+--- The same line as one that goes on alone, with another relation and owner.
+function Requests:apart(relation, owner)
+  local made = flat(self)
+  made.relation, made.owner, made.channel = relation, owner, self.channel:apart(made)
+  made.waiting = {}
+  for number, job in ipairs(self.waiting) do
+    made.waiting[number] = flat(job)
+  end
+  return made
+end
+
 --- Only what nothing proves is given up.
 function Requests.is_hopeless() return false end
 
@@ -125,7 +139,7 @@ end
 
 function Requests:finish()
   self.channel:finish()
-  self.ends[1].doubt, self.ends[2].doubt = false, false
+  self.ends = NO_DOUBT
   self:hand_out()
   local owner = self.owner
   local job = ignored(self, owner.limits.pkw_cycles)
@@ -182,6 +196,14 @@ end
 
 function Drive:lost(sent, moment)
   self.recorder:lost(sent, moment.frame, moment.time)
+end
+
+--- As that of PKW; events are shared, because no frame adds one.
+function Drive:apart(relation, owner)
+  local made = flat(self)
+  made.relation, made.owner, made.recorder = relation, owner, flat(self.recorder)
+  made.recorder.operation = self.recorder.operation:apart()
+  return made
 end
 
 function Drive:finish()
@@ -509,18 +531,30 @@ function Channels:unanswered()
   return filtered(self.ignored, function(each) return is_beside(self, each.relation, places) end)
 end
 
+-- What stands for each of a list.
+local function mapped(list, standing)
+  local found = {}
+  for number, each in ipairs(list) do
+    found[number] = standing[each]
+  end
+  return found
+end
+
 --- The same channels as ones that go on alone, to their end: no frame comes to them any more.
 -- @param listener  as `new` takes it
 function Channels:apart(listener)
-  local copies = {[self.listener] = listener}
-  for _, name in ipairs({"limits", "naming", "rows", "stations", "moved"}) do
-    copies[self[name]] = self[name]
+  local made = flat(self)
+  local relations_apart = entries(flat)
+  local lines_apart = entries(function(line) return line:apart(relations_apart[line.relation], made) end)
+  made.listener, made.asked = listener, flat(self.asked)
+  made.all = mapped(self.all, relations_apart)
+  made.without_request = mapped(self.without_request, relations_apart)
+  made.ignored = {}
+  for number, each in ipairs(self.ignored) do
+    made.ignored[number] = {relation = relations_apart[each.relation], job = each.job}
   end
-  for _, drive in ipairs(self.drives_) do -- their events are shared, because no frame adds one
-    local events = drive.recorder.events
-    copies[events] = events
-  end
-  return deep(self, copies)
+  made.lines, made.drives_ = mapped(self.lines, lines_apart), mapped(self.drives_, lines_apart)
+  return made
 end
 
 -- Frames

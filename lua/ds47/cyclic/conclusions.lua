@@ -3,7 +3,6 @@
 -- Gathers what habits.lua, operation.lua and explanation.lua have to say, and of whom: tables and bits are
 -- those of one maker, so that what is said of the drives of others is a note (docs/cyclic.md 5).
 
-local deep = require("ds47.support.deep").copy
 local explanation = require("ds47.cyclic.explanation")
 local habits = require("ds47.cyclic.habits")
 local handshake = require("ds47.cyclic.handshake")
@@ -44,7 +43,11 @@ end
 --- The same conclusions as ones that go on alone.
 -- @param channels those of the capture, which go on alone
 function Conclusions:apart(channels)
-  return deep(self, {[self.limits] = self.limits, [self.channels] = channels})
+  local made = M.new(self.limits, channels)
+  for place, each in self.habits:iterate() do
+    made.habits:set(place, each:apart())
+  end
+  return made
 end
 
 local function habits_of(self, relation, layout)

@@ -1,6 +1,7 @@
 -- Judgement: how a program uses the PKW of one drive, to findings DS507 to DS511 (docs/cyclic.md 5). What one
 -- request alone does not show. Whether anybody wants to know is decided elsewhere, as in judge.lua.
 
+local flat = require("ds47.support.flat").copy
 local json = require("ds47.support.json")
 local pkw = require("ds47.cyclic.pkw")
 local tables = require("ds47.spec.tables")
@@ -90,6 +91,24 @@ function Habits:take(job, took, remarks)
       args = {pnu = asked.pnu, subindex = asked.subindex, read = self.double[key], family = self.family},
     }
   end
+end
+
+-- Entries that may be counted on alone.
+local function entries_apart(list)
+  local made = {}
+  for number, entry in ipairs(list) do
+    made[number] = flat(entry)
+    made[key_of(entry)] = made[number]
+  end
+  return made
+end
+
+--- The same habits as ones that go on alone.
+function Habits:apart()
+  local made = flat(self)
+  made.double = flat(self.double)
+  made.saved, made.reads = entries_apart(self.saved), entries_apart(self.reads)
+  return made
 end
 
 -- A remark about the drive.

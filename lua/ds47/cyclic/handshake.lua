@@ -10,6 +10,7 @@
 -- newest {data, at}, halves (frame), odd {data, at}, late (frame), ended (moment), heard (whether the drive
 -- said anything at all), last (the moment in which it was looked at last). A moment: {frame, time, cycle}.
 
+local flat = require("ds47.support.flat").copy
 local tables = require("ds47.spec.tables")
 
 local byte, char, floor, sub = string.byte, string.char, math.floor, string.sub
@@ -149,6 +150,13 @@ function Channel:lost(at, side)
   self._job, self._fresh = nil, false
   if side ~= "in" then self._out = nil end
   if side ~= "out" then self._in = nil end
+end
+
+--- The same channel as one that goes on alone, for another owner.
+function Channel:apart(owner)
+  local made = flat(self)
+  made._owner, made._job = owner, self._job and flat(self._job)
+  return made
 end
 
 --- The capture ends.

@@ -9,6 +9,7 @@
 -- (raw, as it is effective; nil where the telegram has none), actual}. Nobody changes one.
 
 local bits = require("ds47.support.bits")
+local flat = require("ds47.support.flat").copy
 local json = require("ds47.support.json")
 local pzd = require("ds47.cyclic.pzd")
 local tables = require("ds47.spec.tables")
@@ -215,6 +216,16 @@ function Operation:lost(frame, by_controller)
   end
   self:finish()
   self.last, self.unheeded = nil, {}
+end
+
+--- The same operation as one that goes on alone.
+function Operation:apart()
+  local made = flat(self)
+  made.remarks = flat(self.remarks)
+  for _, name in ipairs(STANDING) do
+    made[name] = flat(self[name])
+  end
+  return made
 end
 
 --- Nothing more comes: what stands, stood until here.
