@@ -15,7 +15,7 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
-from tests.audit import causes, cuts, reading, run, wire
+from tests.audit import causes, cuts, reading, run, stations, wire
 from tests.audit.claims import Case
 from tests.audit.memory import Memory
 from tests.audit.reading import Complaint, Deal, Finding, Reading
@@ -56,10 +56,6 @@ ALIKE = {
     "DS704": ("a new request was written", "no new request was written"),
 }
 """How complaints begin of what is true of the whole as well."""
-
-
-MOST_NAMED = 60
-"""Frames that a finding names of what happens again and again."""
 
 
 @cache
@@ -316,7 +312,7 @@ def _finding(whole: Whole, finding: Finding, cut: Reading, origin: list[int]) ->
 def _are_named(told: list[int], true: list[list[int]]) -> bool:
     """Whether the frames are those of the whole, of which only the first ones are named."""
     named = {frame for each in true for frame in each}
-    ends = max((each[-1] for each in true if len(each) >= MOST_NAMED), default=inf)
+    ends = max((each[-1] for each in true if len(each) >= stations.KEPT), default=inf)
     return all(frame in named or frame > ends for frame in told)
 
 

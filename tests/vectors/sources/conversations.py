@@ -2392,12 +2392,6 @@ def p79_response_first(client: Client) -> None:
     client.read(tell(1, 1.5))
 
 
-def swap(client: Client, place: int) -> None:
-    """Two datagrams stand in the other order; their times stay."""
-    steps = tape(client).steps
-    steps[place], steps[place + 1] = steps[place + 1], steps[place]
-
-
 @BOOK.scene(
     "unanswered disorder",
     tx(1, "unanswered", (1, 3), None, NOTHING),
@@ -2407,7 +2401,7 @@ def p79_connect_before_a_response(client: Client) -> None:
     """The Connect stands before the Write response, and is later by their times: the Write was accepted before."""
     client.write(ask())
     client.connect("plc")
-    swap(client, 1)
+    tape(client).bring_forward(2, 1)
 
 
 @BOOK.scene(
@@ -2421,8 +2415,7 @@ def p79_release_behind_a_connect(client: Client) -> None:
     client.write(ask())
     client.release()
     client.connect("plc")
-    steps = tape(client).steps
-    steps[2:5] = steps[4], steps[2], steps[3]
+    tape(client).bring_forward(4, 2)
     client.exchange(ask(2, 27), tell(2, 2.5))
 
 
@@ -2435,7 +2428,7 @@ def p79_release_before_a_reject(client: Client) -> None:
     """The Release stands before the reject of a Write: that was turned away, and its response is not missing."""
     client.reply(client.ask_write(ask()), bytes.fromhex("0300011c"), wire.REJECT)
     client.release()
-    swap(client, 1)
+    tape(client).bring_forward(2, 1)
 
 
 @BOOK.scene(
