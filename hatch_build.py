@@ -9,8 +9,8 @@ each fed with the plain Python files themselves:
 
 They are fetched only then. Where one of them or the C compiler fails, the build fails and says why. The wheel
 always gets the tables of `ds47/spec` as JSON too, because TOML takes longer to parse than a small capture to
-analyse. DS47_COMPILE_LEVEL=0 tells the C compiler not to optimise, which takes a fraction of the time: for tests,
-which ask whether both packages say the same.
+analyse; an editable install writes them into the sources. DS47_COMPILE_LEVEL=0 tells the C compiler not to
+optimise, which takes a fraction of the time: for tests, which ask whether both packages say the same.
 
 `python hatch_build.py FOLDER PART` compiles a part of the copy of `ds47` in FOLDER in place.
 
@@ -29,6 +29,7 @@ import subprocess
 import sys
 import sysconfig
 import tomllib
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -75,16 +76,20 @@ def level(usual: str) -> str:
 
 
 def tables(spec: Path) -> str:
-    """The tables of `ds47/spec`, a line for each file: `{"NAME": CONTENT}`. Nobody needs all of them."""
-    lines = [
-        json.dumps(
-            {file.name: tomllib.loads(file.read_text("utf-8"))},
-            ensure_ascii=False,
-            separators=(",", ":"),
-        )
-        for file in sorted(spec.glob("*.toml"))
-    ]
-    return "\n".join(lines) + "\n"
+    """The tables of `ds47/spec`, a line for each file: `{"NAME CHECKSUM": CONTENT}`. Nobody needs all of them."""
+    lines = []
+    for file in sorted(spec.glob("*.toml")):
+        text = file.read_bytes()
+        table = {f"{file.name} {zlib.crc32(text):08x}": tomllib.loads(text.decode("utf-8"))}
+        lines.append(json.dumps(table, ensure_ascii=False, separators=(",", ":")) + "\n")
+    return "".join(lines)
+
+
+def write(spec: Path, target: Path) -> None:
+    """Write the tables of `spec` into `target`, at once: another build or a command may be reading it."""
+    draft = target.with_name(f"tables-{os.getpid()}.ndjson")
+    draft.write_text(tables(spec), encoding="utf-8", newline="\n")
+    draft.replace(target)
 
 
 def digest(sources: Path) -> str:
@@ -211,7 +216,7 @@ def wanted() -> bool:
 
 
 class CustomBuildHook(BuildHookInterface):  # type: ignore[type-arg]
-    """Adds extension modules and tables.ndjson to a wheel; an editable install stays plain."""
+    """Adds extension modules and tables.ndjson to a wheel; an editable install gets the tables alone."""
 
     def dependencies(self) -> list[str]:
         """What the build needs besides: the compilers, where they are asked for."""
@@ -219,9 +224,12 @@ class CustomBuildHook(BuildHookInterface):  # type: ignore[type-arg]
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Called by hatchling before a wheel is put together."""
-        if self.target_name != "wheel" or version == "editable":
+        if self.target_name != "wheel":
             return
         sources = Path(self.root, "python", "ds47")
+        if version == "editable":
+            write(sources / "spec", sources / "spec" / "tables.ndjson")
+            return
         work = Path(self.root, "build", "compiled")
         work.mkdir(parents=True, exist_ok=True)
         included = build_data["force_include"]
@@ -235,9 +243,7 @@ class CustomBuildHook(BuildHookInterface):  # type: ignore[type-arg]
         else:
             sys.stderr.write("ds47: plain Python; DS47_COMPILE=1 compiles its hot path\n")
         target = work.with_name("tables.ndjson")
-        draft = work.with_name(f"tables-{os.getpid()}.ndjson")  # another build may be reading it
-        draft.write_text(tables(sources / "spec"), encoding="utf-8")
-        draft.replace(target)
+        write(sources / "spec", target)
         included[str(target)] = "ds47/spec/tables.ndjson"
 
 

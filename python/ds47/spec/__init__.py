@@ -12,6 +12,7 @@ from json import loads
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, cast
+from zlib import crc32
 
 from ds47.spec.rows import Row
 
@@ -206,13 +207,18 @@ class Rule(Row):
 @cache
 def _load(name: str) -> dict[str, Any]:
     """The content of one of the TOML files beside this one."""
-    line = _ready().get(name)
-    return loads(line)[name] if line else _parsed(name)
+    text = _content(name)
+    key = f"{name} {crc32(text):08x}"
+    line = _ready().get(key)
+    return loads(line)[key] if line else _parsed(text)
 
 
 @cache
 def _ready() -> dict[str, bytes]:
-    """The files as the wheel has them, because TOML takes long to parse: a line of JSON each, with its name."""
+    """The files as JSON, because TOML takes long to parse: a line each, by the name and checksum of the file.
+
+    An installation writes them (hatch_build.py). A file that was changed since then is parsed.
+    """
     try:
         lines = _content("tables.ndjson").splitlines()
     except OSError:
@@ -220,10 +226,10 @@ def _ready() -> dict[str, bytes]:
     return {line.split(b'"', 2)[1].decode(): line for line in lines}
 
 
-def _parsed(name: str) -> dict[str, Any]:
+def _parsed(text: bytes) -> dict[str, Any]:
     import tomllib
 
-    return tomllib.loads(_content(name).decode("utf-8"))
+    return tomllib.loads(text.decode("utf-8"))
 
 
 def _content(name: str) -> bytes:

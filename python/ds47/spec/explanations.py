@@ -6,14 +6,12 @@ names of the codes are in `ds47.spec`.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
 from typing import Any
 
-from ds47.spec import Vendor, vendors
+from ds47.spec import Vendor, _load, vendors
 
 BASES = ("documented", "usual", "unconfirmed")
 """How sure a cause is: a document says so, it is so in practice, or neither is certain."""
@@ -75,9 +73,8 @@ class View:
         return self.zh if lang == "zh" else self.en
 
 
-@cache
 def _table() -> dict[str, Any]:
-    return tomllib.loads((files(__package__) / "explain.toml").read_text("utf-8"))
+    return _load("explain.toml")
 
 
 @cache
