@@ -290,7 +290,7 @@ class Analysis:
         self._s7.finish()
         self._calls.finish()
         self._bus.finish()
-        self._bus_stations.finish()
+        self._bus_stations.finish(self._bus.line.paused())
         self._services.finish()
         self._pairing.finish(self._events.newest_ns)
         self._records.finish()

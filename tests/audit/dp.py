@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import groupby, pairwise
+from math import inf
 from uuid import UUID
 
 from tests.audit import wire
@@ -134,6 +135,15 @@ class Line:
     def of(self, station: int) -> list[Turn]:
         """The turns with a station, in their order."""
         return [each for each in self.turns if each.asked.da == station and not each.silent]
+
+    def behind_a_lull(self) -> int:
+        """The request behind a pause that is half as long again as any other; 0 where none stands out."""
+        pauses = [two.time_ns - one.time_ns for one, two in pairwise(self.heard)]
+        second, longest = [0, 0, *sorted(pauses)][-2:]
+        if 2 * longest <= 3 * second:
+            return 0
+        behind = self.heard[pauses.index(longest) + 1 :]
+        return next((each.number for each in behind if each.good and each.asks), 0)
 
 
 # Frames
@@ -264,7 +274,7 @@ def _turns(found: Line) -> None:
 
 
 def _look_ahead(turn: Turn, later: list[Heard], taken: set[int], waited: set[int]) -> None:
-    passed, whole = False, True
+    passed, whole, gone = False, True, inf
     for before, each in pairwise([turn.asked, *later]):
         if each.damage == "cut" and (passed or not whole):
             return  # a second frame, or one behind a token: a request of which nothing is known
@@ -274,15 +284,17 @@ def _look_ahead(turn: Turn, later: list[Heard], taken: set[int], waited: set[int
         elif each.damage:
             turn.broken += [each.number] * (not passed)
         elif each.token or (each.asks and _is_silent(each)):
-            passed = True
+            passed, gone = True, each.time_ns if each.token else gone
         elif each.asks:
             at_once = before.data == each.data  # directly behind itself FCV does not matter
             if each.data != turn.asked.data or not (turn.asked.counts or at_once):
                 return
-            passed, whole = False, True
+            passed, whole, gone = False, True, inf
             turn.repeats.append(each)
             taken.add(each.number)
-        elif each.time_ns >= turn.asked.time_ns and (each.short or _is_answer(turn.asked, each)):
+        elif turn.asked.time_ns <= each.time_ns < gone and (
+            each.short or _is_answer(turn.asked, each)
+        ):
             turn.answer = each
             return
     turn.last = not passed

@@ -484,7 +484,7 @@ def of_habit(finding: Finding, reading: Reading) -> Iterator[str]:
         counted = [each for each in own if bytes.fromhex(each["bytes"]["request"])[3] & 3]
     elif finding.rule == "DS511":
         counted = [each for each in own if (each["duration_ms"] or 0) > args["limit"]]
-        if max(each["duration_ms"] or 0 for each in counted) != args["slowest"]:
+        if max((each["duration_ms"] or 0 for each in counted), default=0) != args["slowest"]:
             yield "another one is the slowest"
     else:
         aks = range(11, 15) if finding.rule == "DS508" else (1, 6)

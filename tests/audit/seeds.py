@@ -24,8 +24,8 @@ SHARE = 100
 
 
 OF_LINES = (
-    "every 5th lost", "every 11th lost", "every 17th lost", "to devices", "from devices", "snapped",
-    "clock back", "doubled", "twice",
+    "every 5th lost", "every 11th lost", "every 17th lost", "to devices", "from devices", "snapped", "middle",
+    "3rd swapped", "7th swapped", "clock back", "doubled", "twice",
 )  # fmt: skip
 """How a line is cut. Of whole exchanges that are missing two by two nothing tells."""
 UNTOLD = ("DS5", "DS811")

@@ -670,18 +670,43 @@ def test_each_frame_twice_is_a_line_of_two_places() -> None:
     assert found(double, "DS803") == []
 
 
-def test_behind_a_damaged_request_nothing_is_a_repetition() -> None:
+@pytest.mark.parametrize("damaged", [True, False])
+def test_behind_a_damaged_request_nothing_is_a_repetition(damaged: bool) -> None:
+    wire = asked_twice(damaged=damaged)
+    assert station(wire).retries == (not damaged)
+
+
+def test_behind_a_pause_that_stands_out_nothing_is_a_repetition() -> None:
+    """So may whole exchanges be missing, the one with the other FCB among them."""
+    wire = asked_twice(wait=0.2)
+    wire.exchange(STATION)
+    assert station(wire).retries == 0
+    assert found(wire, "DS803") == []
+
+
+def test_an_answer_behind_a_token_is_none() -> None:
+    wire = running()
+    wire.ask(STATION, "00" * 12)
+    wire.token()
+    wire.tell(STATION, "00" * 12)
+    told = result(wire).bus
+    assert told is not None
+    assert told.stray == 1
+
+
+def asked_twice(*, damaged: bool = False, wait: float = 0) -> Master:
+    """An exchange, and the same request once more; between them a damaged one, or milliseconds."""
     wire = running()
     wire.ask(STATION, "00" * 12)
     asked = wire.stage.shots[-1].data
     wire.tell(STATION, "00" * 12)
-    wire.ask(STATION, "01" * 12)
-    wire.spoil()
+    if damaged:
+        wire.ask(STATION, "01" * 12)
+        wire.spoil()
+    wire.wait(wait)
     wire.put(asked)
     wire.tell(STATION, "00" * 12)
-    assert station(wire).retries == 0
-    wire.stage.lose(-3)
-    assert station(wire).retries == 1
+    return wire
 
 
 def test_what_is_counted_is_what_is_said() -> None:

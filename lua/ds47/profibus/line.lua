@@ -68,7 +68,7 @@ function Line:take(seen, cut)
     return damage(self, seen, cut)
   elseif item.kind == "SD4" then
     self.last = nil
-    if self.open then self.open.due = false end
+    if self.open then self.open.due, self.open.gone_ns = false, seen.time_ns end
   elseif item.request then
     return self:_request(seen)
   else
@@ -80,7 +80,7 @@ end
 function Line:_request(seen)
   local item, open = seen.item, self.open
   if open and open.request.item.data == item.data and (item.fcv == 1 or self.same) then
-    open.due, open.retried = true, true
+    open.due, open.retried, open.gone_ns = true, true, nil
     return nil
   end
   local row, key = tables.profibus.request[item.code], item.sa * 0x100 + item.da
@@ -116,10 +116,14 @@ local function fits(request, answer)
   return answer.ssap == request.dsap and answer.dsap == request.ssap or not answer.ssap and not answer.dsap
 end
 
+-- Whether an answer was sent behind a request and before the token went on; frames may be out of order.
+local function in_time(asked, answer)
+  return answer.time_ns >= asked.request.time_ns and not (asked.gone_ns and answer.time_ns >= asked.gone_ns)
+end
+
 function Line:_answer(seen)
   local over, item = self.open, seen.item
-  local early = over and seen.time_ns < over.request.time_ns
-  if not over or early or not fits(over.request.item, item) then
+  if not over or not in_time(over, seen) or not fits(over.request.item, item) then
     self.unsure = seen.frame
     self.last = nil -- between the two was a request that was not seen: nothing repeats that before it
     return nil

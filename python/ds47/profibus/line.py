@@ -61,6 +61,8 @@ class Exchange:
     """Whether the next such frame may be that: none was there since the newest request, and no token."""
     passed: bool
     """Whether a token or a broadcast came behind it and its retries: the master waits no more."""
+    gone_ns: int | None
+    """When such a token came: an answer behind it is none to this."""
     unfinished: bool
     """Whether the recording ended before that and before another request: its answer may be missing for that."""
 
@@ -78,6 +80,7 @@ class Exchange:
         self.cut = False
         self.due = True
         self.passed = False
+        self.gone_ns = None
         self.unfinished = False
 
 
@@ -107,6 +110,11 @@ class Line:
         """What the newest frame shows of that: it is behind the request of which it gives the exchange."""
         self._counted: dict[bytes, int | None] = {}
         """By who asks whom the FCB of the last request, where it counts."""
+        self._heard_ns: int | None = None
+        self._longest = self._second = 0
+        """The two longest times between frames,"""
+        self._behind = 0
+        """and the first request behind the longest."""
         self._before = b""
         """The bytes of the frame before,"""
         self._same = False
@@ -125,6 +133,7 @@ class Line:
         if self._marks:
             self._lost.update(self._marks)
             self._marks.clear()
+        self._pause(seen)
         self._same = item.data == self._before
         self._echo = self._same and not self._echo
         self._before = item.data
@@ -138,6 +147,7 @@ class Line:
         self._last = None
         if self._open is not None:
             self._open.passed, self._open.due = True, False
+            self._open.gone_ns = seen.time_ns
         return ()
 
     def lost(self, station: int) -> int:
@@ -146,6 +156,20 @@ class Line:
         A master repeats a request without an answer, and turns the FCB round with each new one.
         """
         return self._lost.get(station, 0)
+
+    def paused(self) -> int:
+        """The first request behind the one pause that is longer than others by half, as a hole is; 0 for none."""
+        return self._behind if 2 * self._longest > 3 * self._second else 0
+
+    def _pause(self, seen: Seen) -> None:
+        pause = 0 if self._heard_ns is None else seen.time_ns - self._heard_ns
+        self._heard_ns = seen.time_ns
+        if pause > self._longest:
+            self._longest, self._second, self._behind = pause, self._longest, 0
+        elif pause > self._second:
+            self._second = pause
+        if not self._behind and seen.item.front.request and not seen.item.flaws:
+            self._behind = seen.frame
 
     def _count(self, seen: Seen, again: bool) -> bool:
         """Whether the exchange before a request is not there; remembers that, and whether its answer is not."""
@@ -198,7 +222,7 @@ class Line:
             and over.request.item.data == item.data
             and (front.fcv == 1 or self._same)
         ):
-            over.passed, over.due = False, True
+            over.passed, over.due, over.gone_ns = False, True, None
             over.retried += 1
             if over.retried <= MOST_RETRIES:
                 over.retries.append(seen)
@@ -217,8 +241,11 @@ class Line:
 
     def _answer(self, seen: Seen) -> Sequence[Exchange]:
         over, item = self._open, seen.item
-        early = over is not None and seen.time_ns < over.request.time_ns
-        if over is None or early or not _fits(over.request.item.front, item.front):
+        if (
+            over is None
+            or not _in_time(over, seen)
+            or not _fits(over.request.item.front, item.front)
+        ):
             self.stray += 1
             self.echoes += self._echo
             self.unsure = seen.frame
@@ -234,6 +261,12 @@ def _asked(request: Seen) -> int:
     station = request.item.front.da
     assert station is not None
     return station
+
+
+def _in_time(asked: Exchange, answer: Seen) -> bool:
+    """Whether an answer was sent behind a request and before the token went on; frames may be out of order."""
+    gone = asked.gone_ns is not None and answer.time_ns >= asked.gone_ns
+    return answer.time_ns >= asked.request.time_ns and not gone
 
 
 def _fits(request: Front, answer: Front) -> bool:

@@ -32,6 +32,12 @@ class Counted:
             self.frames.append(frame)
         self.count += count
 
+    def leave_out(self, frame: int) -> None:
+        """It may not have happened there."""
+        if frame in self.frames:
+            self.frames.remove(frame)
+            self.count -= 1
+
 
 @dataclass(slots=True, eq=False)
 class Times:
@@ -206,9 +212,10 @@ class Stations:
         """All that were seen, by address."""
         return [self._stations[address] for address in sorted(self._stations)]
 
-    def finish(self) -> None:
-        """No frame comes any more."""
+    def finish(self, paused: int) -> None:
+        """No frame comes any more; `paused` is a request that may stand behind a hole, and then is no retry."""
         for station in self.all():
+            station.retries.leave_out(paused)
             station.settle(self.copied)
 
     def told(self, stray: int, echoes: int, timed: bool) -> Bus | None:
