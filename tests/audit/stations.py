@@ -80,11 +80,11 @@ class Station:
         return [frame for each in self.turns for frame in each.broken]
 
     def repeats(self) -> list[int]:
-        """The frames that repeat a request, behind what may be a hole aside."""
-        found = []
+        """The frames that repeat a request, but for one that may stand behind a hole."""
+        found, unsure = [], self.line.behind_a_lull()
         for each in self.turns:
             found += [each.asked.number] * each.again + [one.number for one in each.repeats]
-        return [each for each in found if each != self.line.behind_a_lull()]
+        return [each for each in found if each != unsure]
 
     def exchanges(self) -> list[Turn]:
         return [each for each in self.answered("exchange") if _is_data(each)]

@@ -684,6 +684,17 @@ def test_behind_a_pause_that_stands_out_nothing_is_a_repetition() -> None:
     assert found(wire, "DS803") == []
 
 
+def test_nor_is_it_where_each_frame_stands_there_twice() -> None:
+    wire = running()
+    wire.ask(STATION, "00" * 12)
+    wire.wait(0.2)
+    wire.repeat()
+    wire.tell(STATION, "00" * 12)
+    for each in (wire, twice(wire)):
+        assert station(each).retries == 0
+        assert found(each, "DS803") == []
+
+
 def test_an_answer_behind_a_token_is_none() -> None:
     wire = running()
     wire.ask(STATION, "00" * 12)

@@ -62,7 +62,7 @@ class Exchange:
     passed: bool
     """Whether a token or a broadcast came behind it and its retries: the master waits no more."""
     gone_ns: int | None
-    """When such a token came: an answer behind it is none to this."""
+    """When the token came: what is sent from then on is no answer to this request."""
     unfinished: bool
     """Whether the recording ended before that and before another request: its answer may be missing for that."""
 

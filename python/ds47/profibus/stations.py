@@ -215,8 +215,8 @@ class Stations:
     def finish(self, paused: int) -> None:
         """No frame comes any more; `paused` is a request that may stand behind a hole, and then is no retry."""
         for station in self.all():
-            station.retries.leave_out(paused)
             station.settle(self.copied)
+            station.retries.leave_out(paused)
 
     def told(self, stray: int, echoes: int, timed: bool) -> Bus | None:
         """As the result has it; None where there was no frame.
