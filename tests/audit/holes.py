@@ -131,7 +131,7 @@ def check(
     origin = [0, *(whole.first.get(at, at) for at in numbers)]
     for deal in cut.deals:
         same = _same(whole, deal, origin)
-        settled = ended or (same is not None and same.answer is not None)
+        settled = ended or (same is not None and same.answer is not None and _is_over(whole, same))
         settled = settled and not _given_away(whole, deal, origin)
         if deal.cyclic or not settled or (same is None and _is_unproven(whole, deal)):
             continue
@@ -178,6 +178,12 @@ def _same(whole: Whole, deal: Deal, origin: list[int]) -> Deal | None:
         return whole.by_write.get((origin[deal.write], deal.place))
     there = whole.by_frame.get(origin[deal.read or 0], [])
     return next((each for each in there if each.place == deal.place), None)
+
+
+def _is_over(whole: Whole, same: Deal) -> bool:
+    """Whether nothing is open on a channel at the end: what comes behind that is for nobody else."""
+    there = [each for each in whole.item.deals if each.channel == same.channel]
+    return there[-1].answer is not None
 
 
 def _deal(whole: Whole, same: Deal, deal: Deal, cut: Reading, origin: list[int]) -> Iterator[str]:

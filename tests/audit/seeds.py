@@ -68,17 +68,16 @@ def of_wires() -> dict[str, list[lossy.Plan]]:
     return {kind: [lossy.plan(each) for each in plans] for kind, plans in kinds.items()}
 
 
-def planned(count: int, number: int, *, talks: bool = False) -> list[Plan]:
-    """So many plans of a seed, unless only talks on PROFINET without a wire are asked for.
+def planned(count: int, number: int, *, wires: bool = True) -> list[Plan]:
+    """So many plans of a seed. Every third is a line of PROFIBUS.
 
-    Every third is a line of PROFIBUS, every sixth a conversation over a wire.
+    `wires`: every sixth is a conversation over a wire. Of what such a one loses nothing is the whole.
     """
-    random, wires = Random(number), Random(f"wires {number}")
+    random, lossy_ones = Random(number), Random(f"wires {number}")
     found: list[Plan] = []
     for at in range(count):
-        line = not talks and at % 3 == 0
-        each: Plan = lines.planned(random) if line else conversations.planned(random)
-        found.append(lossy.planned(wires) if not talks and at % 6 == 5 else each)
+        each: Plan = lines.planned(random) if at % 3 == 0 else conversations.planned(random)
+        found.append(lossy.planned(lossy_ones) if wires and at % 6 == 5 else each)
     return found
 
 
@@ -139,4 +138,4 @@ def everywhere(
 
 
 def _share(count: int, number: int, cut: bool) -> list[tuple[Plan, list[Complaint]]]:
-    return list(over(planned(count, number, talks=cut), cut=cut))
+    return list(over(planned(count, number, wires=not cut), cut=cut))

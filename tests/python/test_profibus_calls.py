@@ -317,7 +317,7 @@ def paired(frames: Iterable[bytes]) -> list[Job]:
     pairing = Pairing(limits(), lambda job: None, closed.append, lambda *about: None)
 
     def peer(call: Call) -> Peer:
-        return Peer(str(call.master), str(call.station))
+        return Peer(str(call.master), str(call.station), station=call.station)
 
     def asked(call: Call) -> None:
         half = call.record.request
@@ -373,3 +373,21 @@ def test_two_stations_are_two_channels() -> None:
     ) for both in pair for frame in both])  # fmt: skip
     assert [job.peer.device for job in jobs] == ["3", "4"]
     assert all(job.read_response is not None for job in jobs)
+
+
+def test_what_a_refused_write_did_not_ask_for() -> None:
+    """It may be for a request before the begin of the capture, until one ended in it (docs/pairing.md, P77)."""
+    write, read = Talk().ask(WRITE).answer().ask("").answer("5f002f0a"), "5e002f0a"
+    got = write.ask(READ).answer(read + GIVEN).frames
+    other = "04" + GIVEN[2:]
+    refused = Talk().ask("5f002f0a04" + ASKED[2:]).answer().ask("").answer("df80b000")
+    (first, orphan) = paired(refused.ask(READ).answer(read + GIVEN).frames)
+    assert (first.write_refused, first.read_response, orphan.message) == (True, None, None)
+    (job,) = paired(refused.frames[:4] + refused.ask(READ).answer(read + other).frames[-2:])
+    assert job.read_response is not None
+    assert job.write_refused
+    (_, job) = paired(
+        got + refused.frames[:4] + write.ask(READ).answer(read + "05" + GIVEN[2:]).frames[-2:]
+    )
+    assert job.read_response is not None
+    assert job.write_refused

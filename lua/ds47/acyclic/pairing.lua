@@ -1007,11 +1007,16 @@ local function of_another(self, channel, job, record)
   local has_data = data ~= ""
   if asked == nil then
     return nil
-  elseif job.peer.station then
-    local sure = mirrors(job, data) and kind_fits(job.message, data)
-    return not (sure and counts(job)) and behind(self, job.peer, asked.frame) or nil
   end
   local fits, other = mirrors(job, data), open ~= nil and open ~= job
+  if job.peer.station then
+    local strange = job == channel.refused and has_data and not fits
+    local found = behind(self, job.peer, strange and 0 or asked.frame)
+    if strange and channel.ended == 0 then
+      found = found or {what = "begins"}
+    end
+    return not (fits and kind_fits(job.message, data) and counts(job)) and found or nil
+  end
   local rival = job.refused_behind and mirrors(job.refused_behind, data)
   local sought = record.request or half
   local doubtful = not fits or is_last(channel, data) and not counts(job)

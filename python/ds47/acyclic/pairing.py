@@ -556,11 +556,14 @@ class Pairing:
         assert half is not None
         if asked is None:
             return None
-        if job.peer.station is not None:
-            found = self._behind(job.peer, asked.frame)
-            sure = _mirrors(job, half) and _is_of_kind(job, half) is True
-            return None if sure and _counts(job) else found
         fits, other = _mirrors(job, half), channel.open not in (None, job)
+        if job.peer.station is not None:
+            strange = job is channel.refused and bool(half.data) and not fits
+            found = self._behind(job.peer, 0 if strange else asked.frame)
+            if strange and not channel.ended:
+                found = found or Missing("begins")
+            sure = fits and _is_of_kind(job, half) is True
+            return None if sure and _counts(job) else found
         rival = job.refused_behind is not None and _mirrors(job.refused_behind, half)
         if half.data and (rival or not (fits or other)) and job.write_response is None:
             return Missing("write_answer", asked.frame)
