@@ -18,7 +18,7 @@ from ds47.acyclic import learning
 from ds47.acyclic.index47 import Index47
 from ds47.acyclic.judge import Judge
 from ds47.acyclic.ms1_calls import Ms1Calls, StartUps
-from ds47.acyclic.pairing import Job, Missing, Pairing, Peer
+from ds47.acyclic.pairing import Access, Job, Missing, Pairing
 from ds47.acyclic.record_calls import RecordCalls
 from ds47.acyclic.record_events import RecordEvents
 from ds47.acyclic.services import CallTracker as ServiceTracker
@@ -53,7 +53,7 @@ from ds47.profidrive.dictionary import Dictionary, explain_transaction
 from ds47.profidrive.drive_objects import DriveObjects
 from ds47.profinet.calls import CallTracker
 from ds47.profinet.completeness import Completeness
-from ds47.profinet.records import Half, Record
+from ds47.profinet.records import Half
 from ds47.profinet.stations import Stations as Names
 from ds47.profinet.transport import Transport
 from ds47.s7.choices import Choices
@@ -491,24 +491,28 @@ class Analysis:
         transaction.findings = sorted({remark.rule for remark in remarks})
         to(transaction, [self._findings.told(remark, order) for remark in remarks])
 
-    def _nothing_to_read(self, peer: Peer, record: Record, missing: Missing | None) -> None:
-        half = record.response
+    def _nothing_to_read(self, access: Access, missing: Missing | None) -> None:
+        half = access.record.response
         if half is None or half.status is None:
             return  # it is DS108, the cause
-        remark = self._not_asked(peer, record, half)
+        remark = self._not_asked(access, half)
         if remark.rule == "DS808":
             missing = None
         elif missing is not None:
             remark = Remark("DS110", half.frame, missing._asdict())
-        self._diagnoses.nothing_to_read(peer, record, missing)
+        self._diagnoses.nothing_to_read(access, missing)
         self._findings.add(remark)
 
-    def _not_asked(self, peer: Peer, record: Record, half: Half) -> Remark:
+    def _not_asked(self, access: Access, half: Half) -> Remark:
         """Of a Read that found nothing; what the capture shows since the start-up cannot lie before it."""
-        status, device = status_hex(half.status or 0), peer.device
+        status, device, index = (
+            status_hex(half.status or 0),
+            access.peer.device,
+            access.record.index,
+        )
         known = self._start_ups.seen(device, half.frame, self._bus.line.unsure)
-        if known and not self._ms1.was_written(device, record.index, half.frame):
-            args = {"device": device, "index": record.index, "status": status}
+        if known and not self._ms1.was_written(device, index, half.frame):
+            args = {"device": device, "index": index, "status": status}
             return Remark("DS808", half.frame, args)
         return Remark("DS206", half.frame, {"status": status})
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import count
 
-from ds47.acyclic.pairing import Job, Peer
+from ds47.acyclic.pairing import Access, Job, Peer
 from ds47.lab.client import Client
 from ds47.lab.ether import Host
 from ds47.lab.stage import Stage
@@ -66,9 +66,10 @@ def job(
 
     record = Record(True, False, bytes(range(16)), 0, *at, 0)
     message = None if asked is None else decode_request(asked)
-    made = Job(Peer("c", device, vendor, 0x0501), record, message, phase="closed")
+    record.request = None if asked is None else half(0, asked)
+    made = Job(Access(Peer("c", device, vendor, 0x0501), record), message, phase="closed")
     if asked is not None:
-        record.request, made.write_response = half(0, asked), half(1, status=0)
+        made.write_response = half(1, status=0)
     if answer is not None:
         made.read_request, made.read_response = half(2), half(3, answer, 0)
         made.response = decode_response(answer, message) if answer else None

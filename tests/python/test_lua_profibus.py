@@ -22,7 +22,7 @@ import test_profibus_calls as by_hand
 from lua_program import LUAS, lua_program
 from test_profibus_calls import MS, NOT_READY, SHORT, Talk
 
-from ds47.acyclic.pairing import Job, Pairing, Peer
+from ds47.acyclic.pairing import Access, Job, Pairing, Peer
 from ds47.acyclic.services import Call, CallTracker, Handlers
 from ds47.profibus import telegram
 from ds47.profibus.line import Exchange, Line, Seen
@@ -102,20 +102,20 @@ class Ear:
 
     def _asked(self, call: Call) -> None:
         self._call("asked", call)
-        peer, half = self._peer(call), call.record.request
+        access, half = self._access(call), call.record.request
         assert half is not None
         if call.record.write:
             message = decode_request(half.data, Options())
-            self._jobs[id(call)] = self.pairing.write_request(peer, call.record, message)
+            self._jobs[id(call)] = self.pairing.write_request(access, message)
         else:
-            self.pairing.expected(peer, call.record)
+            self.pairing.expected(access)
 
     def _answered(self, call: Call) -> None:
         self._call("answered", call)
         if call.record.write:
             self.pairing.write_response(self._jobs[id(call)], call.record.response)
         else:
-            self.pairing.read_response(self._peer(call), call.record)
+            self.pairing.read_response(self._access(call))
 
     def _failed(self, call: Call) -> None:
         self._call("failed", call)
@@ -125,7 +125,7 @@ class Ear:
     def _lost(self, call: Call) -> None:
         self._call("lost", call)
         if not call.record.write:
-            self.pairing.read_lost(self._peer(call), call.record)
+            self.pairing.read_lost(self._access(call))
 
     def _unasked(self, call: Call) -> None:
         self._tell(
@@ -144,8 +144,8 @@ class Ear:
         )  # fmt: skip
 
     @staticmethod
-    def _peer(call: Call) -> Peer:
-        return Peer(str(call.master), str(call.station))
+    def _access(call: Call) -> Access:
+        return Access(Peer(str(call.master), str(call.station)), call.record)
 
 
 # Lines by chance

@@ -23,7 +23,7 @@ from typing import Any
 import pytest
 
 from ds47.acyclic.index47 import Index47
-from ds47.acyclic.pairing import Moment, Peer
+from ds47.acyclic.pairing import Access, Moment, Peer
 from ds47.acyclic.record_calls import RecordCalls
 from ds47.acyclic.record_events import RecordEvents
 from ds47.capture import Frame, open_capture
@@ -128,30 +128,33 @@ class Ear:
 
     told: list[dict[str, Any]] = field(default_factory=list)
     jobs: int = 0
+    replaced: bool = False
 
     def tell(self, kind: str, **content: Any) -> None:
         self.told.append(_known(event=kind, **content))
 
-    def write_request(self, peer: Peer, record: Record, message: Any) -> int:
+    def write_request(self, access: Access, message: Any) -> int:
         self.jobs += 1
-        self.tell("write_request", job=self.jobs, peer=_peer(peer), record=_record(record),
+        self.tell("write_request", job=self.jobs, peer=_peer(access.peer), record=_record(access.record),
                   shaped=message.shaped)  # fmt: skip
         return JobNumber(self.jobs)
 
     def write_response(self, job: int, half: Half | None, *, fault: bool = False) -> None:
         self.tell("write_response", job=job, half=_half(half), fault=fault)
 
-    def read_response(self, peer: Peer, record: Record) -> None:
-        self.tell("read_response", peer=_peer(peer), record=_record(record))
+    def read_response(self, access: Access) -> None:
+        self.tell("read_response", peer=_peer(access.peer), record=_record(access.record))
 
-    def expected(self, peer: Peer, record: Record) -> None:
+    def expected(self, access: Access) -> None:
         return None
 
-    def read_lost(self, peer: Peer, record: Record) -> None:
-        self.tell("read_lost", peer=_peer(peer), record=_record(record))
+    def read_lost(self, access: Access) -> None:
+        self.tell("read_lost", peer=_peer(access.peer), record=_record(access.record))
 
-    def read_asked_late(self, peer: Peer, record: Record, answer: int) -> None:
-        self.tell("read_asked_late", peer=_peer(peer), record=_record(record), answer=answer)
+    def read_asked_late(self, access: Access, answer: int) -> None:
+        self.tell(
+            "read_asked_late", peer=_peer(access.peer), record=_record(access.record), answer=answer
+        )
 
     def release(
         self, controller: str, device: str, ar: bytes, at: Moment, index: int | None = None
@@ -190,10 +193,10 @@ class Ear:
     ) -> None:
         self.tell("connected", controller=controller, device=device, frame=at.frame, only=only)
 
-    def write_unasked(self, peer: Peer, record: Record) -> None:
-        self.tell("write_unasked", peer=_peer(peer), record=_record(record))
+    def write_unasked(self, access: Access) -> None:
+        self.tell("write_unasked", peer=_peer(access.peer), record=_record(access.record))
 
-    def is_again(self, peer: Peer, record: Record) -> bool:
+    def is_again(self, access: Access) -> bool:
         return False
 
     def goes_on(self, controller: str, device: str, ar: bytes) -> None:
@@ -232,8 +235,9 @@ def _ignore(*_: object) -> None:
 class Without47(Index47):
     """What `forbid_47` of the Lua gate means."""
 
-    def concerns(self, index: int) -> bool:
-        return index != 47 and super().concerns(index)
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self.concerned -= {47}
 
 
 class Run:

@@ -8,7 +8,7 @@ from uuid import UUID
 import pytest
 from talk import request
 
-from ds47.acyclic.pairing import STATUS_SHORT, Job, Pairing, Peer
+from ds47.acyclic.pairing import STATUS_SHORT, Access, Job, Pairing, Peer
 from ds47.lab import message
 from ds47.lab.client import BUSY, CONTROLLER_AR
 from ds47.profinet.records import Half, Record
@@ -28,14 +28,14 @@ class Channel:
     now: int = 0
     answered: list[Job] = field(default_factory=list)
     closed: list[Job] = field(default_factory=list)
-    nothing: list[tuple[Peer, Record]] = field(default_factory=list)
+    nothing: list[Access] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.pairing = Pairing(
             self.bounds,
             self.answered.append,
             self.closed.append,
-            lambda peer, record, missing: self.nothing.append((peer, record, missing)),
+            lambda access, missing: self.nothing.append(access),
         )
 
     def half(self, data: bytes = b"", status: int | None = None) -> Half:
@@ -49,7 +49,7 @@ class Channel:
         data = message.read(reference, 1, message.address(21))
         record = self.record(True, slot=slot)
         record.request = self.half(data)
-        return self.pairing.write_request(PEER, record, request(data))
+        return self.pairing.write_request(Access(PEER, record), request(data))
 
     def written(self, job: Job, status: int | None = 0, fault: bool = False) -> None:
         self.pairing.write_response(job, self.half(status=status), fault=fault)
@@ -62,7 +62,7 @@ class Channel:
     def read(self, data: bytes = b"", status: int | None = 0, slot: int = 1) -> Job | None:
         record = self.record(False, slot=slot)
         record.request, record.response = self.half(), self.half(data, status)
-        return self.pairing.read_response(PEER, record)
+        return self.pairing.read_response(Access(PEER, record))
 
     def bring(self, reference: int = 1, value: float = 1.0) -> Job | None:
         return self.read(message.answer(reference, 1, 1, message.real(value)))
@@ -224,9 +224,9 @@ def test_a_lost_read_leaves_its_request_to_the_open_job() -> None:
     job = channel.open()
     record = channel.record(False)
     record.request = channel.half()
-    assert channel.pairing.read_lost(PEER, record) is job
+    assert channel.pairing.read_lost(Access(PEER, record)) is job
     assert job.read_request is record.request
-    assert channel.pairing.read_lost(PEER, channel.record(False, slot=9)) is None
+    assert channel.pairing.read_lost(Access(PEER, channel.record(False, slot=9))) is None
 
 
 def test_a_lost_read_belongs_to_no_request_that_came_after_it() -> None:
@@ -234,7 +234,7 @@ def test_a_lost_read_belongs_to_no_request_that_came_after_it() -> None:
     record = channel.record(False)
     record.request = channel.half()
     job = channel.open()
-    assert channel.pairing.read_lost(PEER, record) is None
+    assert channel.pairing.read_lost(Access(PEER, record)) is None
     assert job.read_request is None
 
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ds47.acyclic.pairing import Job, Pairing, Peer
+from ds47.acyclic.pairing import Access, Job, Pairing, Peer
 from ds47.acyclic.services import MOST_OPEN, MOST_POLLS, Call, CallTracker, Handlers
 from ds47.profibus import telegram
 from ds47.profibus.line import MOST_RETRIES, Exchange, Line, Seen
@@ -316,23 +316,23 @@ def paired(frames: Iterable[bytes]) -> list[Job]:
     closed: list[Job] = []
     pairing = Pairing(limits(), lambda job: None, closed.append, lambda *about: None)
 
-    def peer(call: Call) -> Peer:
-        return Peer(str(call.master), str(call.station), station=call.station)
+    def access(call: Call) -> Access:
+        return Access(Peer(str(call.master), str(call.station), station=call.station), call.record)
 
     def asked(call: Call) -> None:
         half = call.record.request
         assert half is not None
         if call.record.write:
             message = decode_request(half.data, Options())
-            jobs[id(call)] = pairing.write_request(peer(call), call.record, message)
+            jobs[id(call)] = pairing.write_request(access(call), message)
         else:
-            pairing.expected(peer(call), call.record)
+            pairing.expected(access(call))
 
     def answered(call: Call) -> None:
         if call.record.write:
             pairing.write_response(jobs[id(call)], call.record.response)
         else:
-            pairing.read_response(peer(call), call.record)
+            pairing.read_response(access(call))
 
     tracker = CallTracker(
         Handlers(asked, answered, lambda call: None, lambda call: None, lambda *about: None)

@@ -65,7 +65,8 @@ class Index47:
         self, extra: frozenset[int], waiting: int, waiting_ars: int = 16, proven: int = 65_536
     ) -> None:
         self._always = ALWAYS | extra
-        self._concerned = self._always | {SHARED_INDEX}
+        self.concerned = self._always | {SHARED_INDEX}
+        """The indices of which a record can be ours at all."""
         self._waiting = waiting
         self._most_events = waiting * waiting_ars
         self._most_open = proven
@@ -77,10 +78,6 @@ class Index47:
         """Submodules that have responded at 0xB02E or 0xB02F."""
         self._unproven: OrderedDict[str, tuple[int, int, bool]] = OrderedDict()
         """Of ARs that do not wait any more, by device: the first frame, how many records, and whether any asks."""
-
-    def concerns(self, index: int) -> bool:
-        """Whether a record of this index can be ours at all."""
-        return index in self._concerned
 
     def waits(self, device: str) -> bool:
         """Whether anything waits that was asked of a device, perhaps a change of a parameter."""

@@ -10,8 +10,8 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import ClassVar
 
-from ds47.acyclic.pairing import Moment, Peer
-from ds47.acyclic.record_events import Jobs, RecordEvents
+from ds47.acyclic.pairing import Access, Moment, Peer
+from ds47.acyclic.record_events import RecordEvents
 from ds47.acyclic.services import Call, Handlers
 from ds47.findings.remark import Remark
 from ds47.profibus import dp
@@ -20,7 +20,6 @@ from ds47.profibus.judge import Judge
 from ds47.profibus.line import Exchange
 from ds47.profibus.ms1 import MOST_DATA
 from ds47.profinet.completeness import STATION
-from ds47.profinet.records import Record
 
 
 class Ms1Calls:
@@ -37,7 +36,7 @@ class Ms1Calls:
     def __init__(
         self,
         events: RecordEvents,
-        foreign: Callable[[Peer, Record], None],
+        foreign: Callable[[Access], None],
         judge: Judge,
         remark: Callable[[Remark], None],
         idents: Idents,
@@ -49,8 +48,8 @@ class Ms1Calls:
         self._remark = remark
         self._written: dict[tuple[str, int], int] = {}
         """Stations and indices that were written there, with the frame of the first time."""
-        self._jobs: dict[Call, Jobs] = {}
-        """Of the services that are open."""
+        self._open: dict[Call, Access] = {}
+        """The services that are open."""
 
     def handlers(self) -> Handlers:
         """What to give to the `CallTracker`."""
@@ -60,20 +59,21 @@ class Ms1Calls:
         """Whether a record was written to an index of a station before a frame."""
         return self._written.get((device, index), before) < before
 
-    def _peer(self, call: Call) -> Peer:
-        return peer(call.master, call.station, self._idents.family(call.station))
+    def _access(self, call: Call) -> Access:
+        who = peer(call.master, call.station, self._idents.family(call.station))
+        return Access(who, call.record, ours=call.record.index in self._events.concerned)
 
     def _asked(self, call: Call) -> None:
-        record = call.record
+        record, access = call.record, self._access(call)
         if record.write:
-            self._writing(call)
+            self._writing(access)
         self._events.count(record.index, write=record.write)
-        if self._events.concerns(record.index):
-            jobs = self._jobs[call] = {}
-            self._events.asked(self._peer(call), record, None, jobs)
+        if access.ours:
+            self._open[call] = access
+            self._events.asked(access, None)
 
-    def _writing(self, call: Call) -> None:
-        record, device = call.record, self._peer(call).device
+    def _writing(self, access: Access) -> None:
+        record, device = access.record, access.peer.device
         half = record.request
         if half is None:
             return
@@ -94,30 +94,30 @@ class Ms1Calls:
             )
 
     def _answered(self, call: Call) -> None:
-        self._told(call, call in self._jobs)
-        jobs, who = self._jobs.pop(call, None), self._peer(call)
-        if jobs is not None:
-            self._events.answered(who, call.record, None, jobs)
+        access = self._open.pop(call, None)
+        self._told(call, access is not None)
+        if access is not None:
+            self._events.answered(access, None)
         elif call.record.write:
-            self._foreign(who, call.record)
+            self._foreign(self._access(call))
 
     def _failed(self, call: Call) -> None:
-        jobs, who = self._jobs.pop(call, None), self._peer(call)
-        half = call.record.response
-        if jobs is not None and half is not None:
-            self._events.failed(who, call.record, half, jobs)
-            self._events.lost(who, call.record)
+        access, half = self._open.pop(call, None), call.record.response
+        if access is not None and half is not None:
+            self._events.failed(access, half)
+            self._events.lost(access)
 
     def _lost(self, call: Call) -> None:
-        if self._jobs.pop(call, None) is not None:
-            self._events.lost(self._peer(call), call.record)
+        access = self._open.pop(call, None)
+        if access is not None:
+            self._events.lost(access)
 
     def _unasked(self, call: Call) -> None:
-        who, record = self._peer(call), call.record
-        if record.write:
-            self._foreign(who, record)
-        if self._events.concerns(record.index):
-            self._events.unasked(who, record, None)
+        access = self._access(call)
+        if call.record.write:
+            self._foreign(access)
+        if access.ours:
+            self._events.unasked(access, None)
 
 
 class StartUps:

@@ -82,13 +82,50 @@ ChannelKey = tuple[str, str, bytes, int, int, int, int]
 """A DS47 channel (docs/pairing.md, record level): controller, device, AR, API, slot, subslot, index."""
 
 
+class Access:
+    """A record call that may be ours: who asks whom for which record, and what comes of it.
+
+    Attributes:
+        peer: who asks whom.
+        record: what is asked for.
+        ar: controller, device and AR.
+        channel: these, and where the record is.
+        ours: whether its index may carry the parameter channel.
+        job: of a Write its own, of a Read the one whose response it is to fetch; None as long as none is known.
+    """
+
+    __slots__ = ("ar", "channel", "job", "ours", "peer", "record")
+
+    def __init__(self, peer: Peer, record: Record, *, ours: bool = True) -> None:
+        controller, device, uuid = peer.controller, peer.device, record.ar
+        self.peer = peer
+        self.record = record
+        self.ar = controller, device, uuid
+        self.channel: ChannelKey = (
+            controller, device, uuid, record.api, record.slot, record.subslot, record.index,
+        )  # fmt: skip
+        self.ours = ours
+        self.job: Job | None = None
+
+    @property
+    def place(self) -> tuple[int, int, int]:
+        """API, slot and subslot."""
+        return self.channel[3:6]
+
+
 @dataclass(slots=True, eq=False, init=False)
 class Job:
     """A transaction in the making: the halves of its record calls and what pairing learnt of it."""
 
     peer: Peer
     record: Record
+    key: ChannelKey
+    """Its channel."""
     message: Request | None
+    reference: int | None
+    """The request reference that was sent."""
+    write_request: Half | None
+    """The request of the Write that asked; None for an orphan."""
     phase: str
     write_response: Half | None
     write_fault: bool
@@ -151,8 +188,7 @@ class Job:
 
     def __init__(
         self,
-        peer: Peer,
-        record: Record,
+        access: Access,
         message: Request | None,
         phase: str = "asked",
         write_response: Half | None = None,
@@ -169,9 +205,11 @@ class Job:
         reason: str = "",
         order: int = 0,
     ) -> None:
-        self.peer = peer
-        self.record = record
+        record = access.record
+        self.peer, self.record, self.key = access.peer, record, access.channel
         self.message = message
+        self.reference = None if message is None else message.request_reference
+        self.write_request = None if message is None else record.request
         self.phase = phase
         self.write_response = write_response
         self.write_fault = write_fault
@@ -211,11 +249,6 @@ class Job:
         return self.peer.device
 
     @property
-    def write_request(self) -> Half | None:
-        """The request of the Write that asked; None for an orphan."""
-        return self.record.request if self.message is not None else None
-
-    @property
     def write_refused(self) -> bool:
         """Whether the Write was answered with a negative status or an RPC fault."""
         return self.write_fault or bool(self.write_response and self.write_response.status)
@@ -229,11 +262,6 @@ class Job:
     def too_short(self) -> list[tuple[Half | None, Half]]:
         """The Reads that asked for fewer bytes than its response has."""
         return [read for read in self.polls if read[1].status == STATUS_SHORT]
-
-    @property
-    def reference(self) -> int | None:
-        """The request reference that was sent."""
-        return self.message.request_reference if self.message else None
 
 
 @dataclass(slots=True, init=False)
@@ -324,7 +352,7 @@ class Pairing:
         limits: Limits,
         answered: Callable[[Job], None],
         closed: Callable[[Job], None],
-        nothing_to_read: Callable[[Peer, Record, Missing | None], None],
+        nothing_to_read: Callable[[Access, Missing | None], None],
         refused: Callable[[Job], None] | None = None,
         asked: Callable[[Job], None] | None = None,
         connected: Callable[[str, int], None] | None = None,
@@ -356,20 +384,21 @@ class Pairing:
         self._count = 0
         self._newest_ns: int | None = None
 
-    def write_request(self, peer: Peer, record: Record, message: Request) -> Job:
+    def write_request(self, access: Access, message: Request) -> Job:
         """A Write that asks for something. Returns the job, for `write_response`."""
-        assert record.request is not None
-        channel = self._channel(peer, record, record.request.time_ns)
-        job = self._job(peer, record, message)
+        asked = access.record.request
+        assert asked is not None
+        channel = self._channel(access, asked.time_ns)
+        job = Job(access, message, order=self.number())
         before = job.previous = channel.written
-        missing = None if before is None else self._behind(peer, before)
+        missing = None if before is None else self._behind(access.peer, before)
         if missing is None or missing.what == "one_direction":
             job.previous_reference = channel.reference
         if before is None:
-            others = self._of_ar[_key(peer, record)[:3]]
+            others = self._of_ar[access.ar]
             last = (self.channels[each].reference for each in others)
             job.uncounted = message.request_reference in last
-        channel.reference, channel.written = message.request_reference, record.request.frame
+        channel.reference, channel.written = message.request_reference, asked.frame
         channel.asked.append(job)
         if self._asked is not None:
             self._asked(job)
@@ -385,7 +414,7 @@ class Pairing:
         status = response.status if response else None
         if job.phase == "closed" or (status is None and not fault):
             return
-        channel = self.channels.get(_key(job.peer, job.record))
+        channel = self.channels.get(job.key)
         if channel is None:
             return
         if status == 0 and not fault:
@@ -396,17 +425,17 @@ class Pairing:
             if self._tell_refused is not None and job.phase == "refused":
                 self._tell_refused(job)
 
-    def write_unasked(self, peer: Peer, record: Record) -> None:
+    def write_unasked(self, access: Access) -> None:
         """The answer to a Write whose request is not in the capture.
 
         It came after the refused one of its channel: no Read is for that one any more. One that was accepted asks
         for something that nobody knows: what is read from now on may be its response, also where that has the
         bytes of an earlier one.
         """
-        half = record.response
+        half = access.record.response
         if half is None:
             return
-        channel = self._channel(peer, record, half.time_ns)
+        channel = self._channel(access, half.time_ns)
         channel.unasked = half.frame
         given_up = half.time_ns - self._limits.call_expiry_ns
         asked = (job.record.request for job in channel.asked)
@@ -427,11 +456,12 @@ class Pairing:
             self._lose(channel.last, "")
             channel.last = None
 
-    def read_response(self, peer: Peer, record: Record) -> Job | None:
+    def read_response(self, access: Access) -> Job | None:
         """The answer to a Read. Returns the job it went to, None where there is none."""
+        peer, record = access.peer, access.record
         half = record.response
         assert half is not None
-        channel = self._channel(peer, record, half.time_ns)
+        channel = self._channel(access, half.time_ns)
         event = _read_event(half)
         if event == "read_record":
             channel.heard = half.frame
@@ -452,9 +482,9 @@ class Pairing:
             return job
         if event != "read_record":
             if not late:
-                self._nothing(peer, channel, record, missing)
+                self._nothing(access, channel, missing)
             return None
-        read = self._last_response(peer, channel, record)
+        read = self._last_response(access, channel)
         first = read.read_response if read is not None else None
         again = first is not None and first.data == half.data and missing is None
         again = again and first is not None and self._behind(peer, first.frame) is None
@@ -463,7 +493,7 @@ class Pairing:
             return read
         if not (late or _is_last(channel, half.data)):
             channel.pass_over()
-        return self._orphan(peer, channel, record, first.frame if first and again else None)
+        return self._orphan(access, channel, first.frame if first and again else None)
 
     def _leave_refused(self, channel: Channel, job: Job | None) -> None:
         """What is read is no response to the refused Write: from now on none is."""
@@ -475,12 +505,12 @@ class Pairing:
         self._lose(refused, "")
         channel.refused = None
 
-    def _orphan(self, peer: Peer, channel: Channel, record: Record, repeats: int | None) -> Job:
+    def _orphan(self, access: Access, channel: Channel, repeats: int | None) -> Job:
         """A record whose request is not known; `repeats`: the frame in which its bytes were read first."""
-        job = self._job(peer, record, None)
+        job = Job(access, None, order=self.number())
         job.phase, job.certain, job.previous = "open", not self._pushed_out, channel.written
         job.repeats = repeats
-        self._read(channel, job, "read_record", record)
+        self._read(channel, job, "read_record", access.record)
         return job
 
     # What is not in the capture (P73)
@@ -573,7 +603,7 @@ class Pairing:
             return Missing("read_answer", job.fetching[0].frame)
         if _may_be_newer(channel, job, record):
             return Missing("later")
-        free = self._free_since(job.peer, channel, job.record, record.request or half)
+        free = self._free_since(job.key, channel, record.request or half)
         unknown = job.write_response is None and not half.data  # whether its Write was accepted
         over = (unknown or job is channel.refused) and half.status != STATUS_SHORT
         since = free if over else asked.frame
@@ -601,12 +631,12 @@ class Pairing:
             job.missing = missing
         self._lose(job, "")
 
-    def _free_since(self, peer: Peer, channel: Channel, record: Record, read: Half) -> int:
+    def _free_since(self, key: ChannelKey, channel: Channel, read: Half) -> int:
         """The frame in which nothing was open on a channel before a Read; 0 where none is known.
 
         A Connect may be behind it: what is known of an AR that proves itself late is told late.
         """
-        connect = self._connects.get(_key(peer, record)[:3], _NEVER).frame
+        connect = self._connects.get(key[:3], _NEVER).frame
         return max(channel.ended, connect if connect < read.frame else 0)
 
     def _asked_behind(self, peer: Peer, channel: Channel, since: int) -> Missing | None:
@@ -615,41 +645,39 @@ class Pairing:
             return Missing("requests")
         return self._behind(peer, since) if since else Missing("begins")
 
-    def _nothing(
-        self, peer: Peer, channel: Channel, record: Record, missing: Missing | None
-    ) -> None:
+    def _nothing(self, access: Access, channel: Channel, missing: Missing | None) -> None:
         """A Read that brought nothing, where no request is open as far as is known."""
-        half = record.response
+        half = access.record.response
         assert half is not None
         known = missing is None
         if known:
-            missing = self._asked_behind(
-                peer, channel, self._free_since(peer, channel, record, record.request or half)
-            )
-        self._nothing_to_read(peer, record, missing)
+            since = self._free_since(access.channel, channel, access.record.request or half)
+            missing = self._asked_behind(access.peer, channel, since)
+        self._nothing_to_read(access, missing)
         if half.status is not None and known:
             channel.pass_over()
             if missing is None:
                 channel.ended = half.frame
 
-    def is_again(self, peer: Peer, record: Record) -> bool:
+    def is_again(self, access: Access) -> bool:
         """Whether a ReadImplicit brings the bytes of the last response of its place (P55). Changes nothing."""
-        return record.implicit and self._repeated(peer, record) is not None
+        return access.record.implicit and self._repeated(access) is not None
 
-    def _repeated(self, peer: Peer, record: Record) -> Job | None:
+    def _repeated(self, access: Access) -> Job | None:
         """The last response of a place, where a record has its bytes and came behind it (P22)."""
-        delivered, half = self._delivered.get(_spot(peer, record)), record.response
+        delivered, half = self._delivered.get(_spot(access.channel)), access.record.response
         before = None if delivered is None else delivered.read_response
         if half is None or before is None or half.frame <= before.frame:
             return None
         return delivered if before.data == half.data else None
 
-    def _last_response(self, peer: Peer, channel: Channel, record: Record) -> Job | None:
+    def _last_response(self, access: Access, channel: Channel) -> Job | None:
         """Whose response a Read without a request may bring once more.
 
         That of its channel; without an AR that of the place, whoever asked there.
         """
-        delivered = self._repeated(peer, record) if record.implicit else None
+        record = access.record
+        delivered = self._repeated(access) if record.implicit else None
         if delivered is None or record.response is None:
             return channel.last
         again = delivered.phase == "closed" and _bytes(channel.last) == record.response.data
@@ -667,14 +695,14 @@ class Pairing:
                 job.again = "again_without_ar"
         self._keep(job.rereads, (record.request, record.response))
 
-    def expected(self, peer: Peer, record: Record) -> Job | None:
+    def expected(self, access: Access) -> Job | None:
         """The job whose response a Read will fetch, as far as is known. Changes nothing."""
-        channel = self.channels.get(_key(peer, record))
+        channel = self.channels.get(access.channel)
         return None if channel is None else channel.expected()
 
-    def read_lost(self, peer: Peer, record: Record) -> Job | None:
+    def read_lost(self, access: Access) -> Job | None:
         """A Read that never got its RPC response."""
-        channel, read = self.channels.get(_key(peer, record)), record.request
+        channel, read = self.channels.get(access.channel), access.record.request
         if channel is None or read is None:
             return None
         job = channel.open or channel.waiting() or channel.refused
@@ -687,13 +715,13 @@ class Pairing:
             job.read_request = read
         return job
 
-    def read_asked_late(self, peer: Peer, record: Record, answer: int) -> None:
+    def read_asked_late(self, access: Access, answer: int) -> None:
         """The request of a Read whose response was in an earlier frame."""
-        channel = self.channels.get(_key(peer, record))
+        channel = self.channels.get(access.channel)
         last = channel.last if channel is not None else None
         read = last.read_response if last is not None else None
         if last is not None and read is not None and read.frame == answer:
-            last.read_request = record.request
+            last.read_request = access.record.request
 
     def release(
         self,
@@ -764,11 +792,8 @@ class Pairing:
         self._count += 1
         return self._count
 
-    def _job(self, peer: Peer, record: Record, message: Request | None) -> Job:
-        return Job(peer, record, message, order=self.number())
-
-    def _channel(self, peer: Peer, record: Record, now: int) -> Channel:
-        key = _key(peer, record)
+    def _channel(self, access: Access, now: int) -> Channel:
+        key = access.channel
         if self.replaced:
             self.goes_on(*key[:3])
         channel = self.channels.get(key)
@@ -779,7 +804,7 @@ class Pairing:
         if channel is None:
             channel = channels[key] = Channel(now)
             self._of_ar.setdefault(key[:3], {})[key] = None
-            self._of_place.setdefault(_spot(peer, record), {})[key] = None
+            self._of_place.setdefault(_spot(key), {})[key] = None
         channel.touched = now
         channels.move_to_end(key)
         while True:
@@ -841,7 +866,7 @@ class Pairing:
         It was accepted, no Connect of its AR ended it, and no Read that is under way fetches its response. What
         comes later changes nothing.
         """
-        keys = reversed(self._of_place.get(_spot(job.peer, job.record), {}))
+        keys = reversed(self._of_place.get(_spot(job.key), {}))
         found: Job | None = None
         for key in islice(keys, self._limits.users):
             channel = self.channels[key]
@@ -942,7 +967,7 @@ class Pairing:
                 self._lose(channel.last, "")
             channel.last = job
             if job.message is not None and not job.write_refused:
-                self._put(self._delivered, _spot(job.peer, job.record), job)
+                self._put(self._delivered, _spot(job.key), job)
 
     def _may_be_read(self, job: Job) -> bool:
         """Whether how long a request waited is not known: a Read that brought its record may be missing.
@@ -984,7 +1009,7 @@ class Pairing:
 
     def _connected_since(self, job: Job) -> Moment | None:
         """When the AR of a request was set up anew; None where it was not."""
-        asked, key = job.write_request, (job.peer.controller, job.peer.device, job.record.ar)
+        asked, key = job.write_request, job.key[:3]
         connect = self.replaced.get(key) or self._connects.get(key)
         return connect if connect and asked and connect.frame > asked.frame else None
 
@@ -1006,7 +1031,7 @@ class Pairing:
         self, key: ChannelKey, reason: str, at: Moment | None = None, limit: str = ""
     ) -> None:
         _take_out(self._of_ar, key[:3], key)
-        _take_out(self._of_place, (key[1], *key[3:]), key)
+        _take_out(self._of_place, _spot(key), key)
         channel = self.channels.pop(key)
         why = _at_the_end(channel) if reason == "end" else _may_be_displaced(channel)
         for job in channel.jobs():
@@ -1046,21 +1071,9 @@ def _cross(channel: Channel, job: Job) -> bool:
     return newer is channel.open
 
 
-def _key(peer: Peer, record: Record) -> ChannelKey:
-    return (
-        peer.controller,
-        peer.device,
-        record.ar,
-        record.api,
-        record.slot,
-        record.subslot,
-        record.index,
-    )
-
-
-def _spot(peer: Peer, record: Record) -> tuple[str, int, int, int, int]:
+def _spot(key: ChannelKey) -> tuple[str, int, int, int, int]:
     """Where a record is, whoever asks for it."""
-    return (peer.device, record.api, record.slot, record.subslot, record.index)
+    return (key[1], *key[3:])
 
 
 def _take_out(index: dict[_K, dict[ChannelKey, None]], name: _K, key: ChannelKey) -> None:

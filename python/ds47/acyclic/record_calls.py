@@ -13,17 +13,15 @@ from functools import lru_cache, partial
 from typing import Final
 
 from ds47.acyclic.index47 import SHARED_INDEX, Index47
-from ds47.acyclic.pairing import Moment, Pairing, Peer
-from ds47.acyclic.record_events import Jobs, RecordEvents
+from ds47.acyclic.pairing import Access, Moment, Pairing, Peer
+from ds47.acyclic.record_events import RecordEvents
 from ds47.findings.remark import Remark
 from ds47.profinet import rpc
 from ds47.profinet.calls import Call, Handlers
 from ds47.profinet.completeness import Completeness
-from ds47.profinet.ip import Cut
 from ds47.profinet.records import (
     Half,
     Record,
-    RequestBody,
     connected_ar,
     is_only_ar,
     parse_request,
@@ -41,20 +39,6 @@ from ds47.spec.layouts import (
 from ds47.spec.semantics import Limits
 
 _OPERATIONS: Final = {RPC_READ: "Read", RPC_WRITE: "Write", RPC_READ_IMPLICIT: "ReadImplicit"}
-
-
-@dataclass(slots=True, init=False)
-class _Context:
-    """What an RPC call carries: its record calls, and the jobs they belong to."""
-
-    body: RequestBody
-    jobs: Jobs
-    peer: Peer
-
-    def __init__(self, body: RequestBody, peer: Peer) -> None:
-        self.body = body
-        self.jobs = {}
-        self.peer = peer
 
 
 @dataclass(slots=True)
@@ -86,7 +70,7 @@ class RecordCalls:
         index47: Index47,
         pairing: Pairing,
         remark: Callable[[Remark], None],
-        foreign: Callable[[Peer, Record], None],
+        foreign: Callable[[Access], None],
         connected: Callable[[rpc.Pdu, rpc.Pdu], None],
         completeness: Completeness,
         limits: Limits,
@@ -95,6 +79,7 @@ class RecordCalls:
         self._vendor = vendor
         self._limits = limits
         self._events = events
+        self._concerned = events.concerned
         self._index47 = index47
         self._pairing = pairing
         self._remark = remark
@@ -143,56 +128,53 @@ class RecordCalls:
             limit: name of the limit that pushed it out: the others may have come later.
             call: the call that it answers, as far as that is known.
         """
-        record = self.first_record(pdu) or self._asked_by(call)
+        asked = next((each for each in call.context if each.ours), None) if call else None
+        record = self.first_record(pdu) or (asked and asked.record)
         if record is None:
             return
+        if asked is None or record.write:
+            asked = self._access(pdu, record)
         if limit:
-            self._pushed_out_with(pdu, record, limit)
+            self._pushed_out_with(pdu, asked, limit)
             self._forgot_requests |= pdu.ptype == 0
         else:
             remark = Remark("DS105", pdu.frame, {"have": have, "kind": kind})
-            context = _context(call) if call is not None and not record.write else None
-            if context is None:
-                self._events.about(self._peer(pdu), record, remark)
-            else:
-                self._events.about_job(self._peer(pdu), record, remark, context.jobs)
+            self._events.about(asked, remark)
 
     def first_record(self, pdu: rpc.Pdu) -> Record | None:
         """The first record in the beginning of a message; None where that tells of none that can be ours."""
         if pdu.fragment or pdu.ptype not in (0, 2):
             return None
         records = parse_request(pdu).records if pdu.ptype == 0 else parse_response(pdu)[1]
-        return records[0] if records and self._events.concerns(records[0].index) else None
+        return records[0] if records and records[0].index in self._concerned else None
 
-    def _asked_by(self, call: Call | None) -> Record | None:
-        """The first record that a call asks for and that can be ours; None for none."""
-        context = None if call is None else _context(call)
-        records = [] if context is None else context.body.records
-        return next((each for each in records if self._events.concerns(each.index)), None)
+    def _access(self, pdu: rpc.Pdu, record: Record) -> Access:
+        return Access(self._peer(pdu), record, ours=record.index in self._concerned)
 
     # Requests
 
     def _request(self, call: Call) -> None:
         pdu = call.request
-        self._goes_on(pdu)
+        if self._connections:
+            self._goes_on(pdu)
         if pdu.opnum not in _OPERATIONS:
             self._wait(pdu)
             return
-        body = parse_request(pdu)
-        context = call.context = _Context(body, self._peer(pdu))
+        body, peer, concerned = parse_request(pdu), self._peer(pdu), self._concerned
         if pdu.missing and pdu.opnum == RPC_WRITE and (body.multiple or not body.records):
             self._completeness.cut(pdu)
         if body.multiple:
             self._events.count(RECORD_WRITE_MULTIPLE, write=True)
-        pairing = self._pairing
-        for record in body.records:
-            self._events.count(record.index, write=record.write)
-            pairing.goes_on(pdu.client, pdu.server, record.ar)
+        call.context = [Access(peer, each, ours=each.index in concerned) for each in body.records]
+        for access in call.context:
+            self._events.count(access.record.index, write=access.record.write)
+            if self._pairing.replaced:
+                self._pairing.goes_on(*access.ar)
         if body.nested:
             self._remark(Remark("DS208", pdu.frame))
-        for record in body.records:
-            if self._events.concerns(record.index):
-                self._events.asked(context.peer, record, _cut(pdu), context.jobs)
+        for access in call.context:
+            if access.ours:
+                self._events.asked(access, pdu.cut)
 
     def _late_request(self, call: Call) -> None:
         """The request of a response that was heard of already, as one without its request."""
@@ -202,55 +184,46 @@ class RecordCalls:
             alone.withdrawn = True
         answers = parse_response(answer)[1]
         for record in answers:
-            if self._events.concerns(record.index):
-                self._events.not_unasked(self._peer(pdu), record)
+            if record.index in self._concerned:
+                self._events.not_unasked(self._access(pdu, record))
         if pdu.opnum not in (RPC_READ, RPC_READ_IMPLICIT) or not answers:
             self._request(call)
             self._response(call)
             return
         for record in parse_request(pdu).records:
             self._events.count(record.index, write=False)
-            if self._events.concerns(record.index):
-                self._events.asked_late(self._peer(pdu), record, answer.frame)
+            if record.index in self._concerned:
+                self._events.asked_late(self._access(pdu, record), answer.frame)
 
     def _retransmission(self, call: Call, pdu: rpc.Pdu) -> None:
         self._goes_on(pdu)
         args = {"operation": _OPERATIONS.get(pdu.opnum, "?"), "first": call.request.frame}
         self._about_call(call, Remark("DS103", pdu.frame, args))
-        context = _context(call)
-        if context is None or call.response is not None:
+        if call.response is not None:
             return
         half_ns = (pdu.time_ns - call.sent_ns) // 2  # timers are not exact
         waits_ns = pdu.time_ns + max(half_ns, self._limits.resend_ns)
-        for record in context.body.records:
-            if self._events.concerns(record.index):
-                self._events.sent_again(self._peer(pdu), record, context.jobs, waits_ns)
+        for access in call.context:
+            if access.ours:
+                self._events.sent_again(access, waits_ns)
 
     def _lost(self, call: Call) -> None:
-        context = _context(call)
-        if context is None:
-            return
-        if not call.in_part:  # DS105 says what there is
+        if call.context and not call.in_part:  # DS105 says what there is
             operation = _OPERATIONS[call.request.opnum]
             self._about_call(call, Remark("DS101", call.request.frame, {"operation": operation}))
-        self._reads_lost(context)
+        self._reads_lost(call)
 
     def _call_pushed_out(self, call: Call, limit: str) -> None:
-        context = _context(call)
-        if context is None:
-            return
-        pdu = call.request
-        for record in context.body.records:
-            if self._events.concerns(record.index):
-                self._forgot_requests = True
-                self._pushed_out_with(pdu, record, limit)
-                break
-        self._reads_lost(context)
+        first = next((each for each in call.context if each.ours), None)
+        if first is not None:
+            self._forgot_requests = True
+            self._pushed_out_with(call.request, first, limit)
+        self._reads_lost(call)
 
-    def _reads_lost(self, context: _Context) -> None:
-        for record in context.body.records:
-            if self._events.concerns(record.index):
-                self._events.lost(context.peer, record)
+    def _reads_lost(self, call: Call) -> None:
+        for access in call.context:
+            if access.ours:
+                self._events.lost(access)
 
     def _wait(self, pdu: rpc.Pdu) -> None:
         """A request that begins or ends an AR waits; of more than a limit the oldest does no more."""
@@ -288,29 +261,29 @@ class RecordCalls:
     # Responses
 
     def _response(self, call: Call) -> None:
-        pdu, context = call.response, _context(call)
-        if pdu is not None and pdu.opnum not in _OPERATIONS:
+        pdu = call.response
+        assert pdu is not None
+        if pdu.opnum not in _OPERATIONS:
             self._goes_on(pdu)
             if pdu.opnum == RPC_CONNECT:
                 self._connected(call.request, pdu)
-        if pdu is None or context is None:
+        if not call.context:
             return
         status, answers = parse_response(pdu)
-        for number, record in enumerate(context.body.records):
-            ours = self._events.concerns(record.index)
-            if not ours and not record.write:
+        for number, access in enumerate(call.context):
+            record = access.record
+            if not access.ours and not record.write:
                 continue
             half = answers[number].response if number < len(answers) else None
             if half is None:  # no block of its own: the status of the NDR header counts
                 half = Half(pdu.frame, pdu.time_ns, status=status)
             record.response = half
-            if not ours:
-                self._foreign(self._peer(pdu), record)
+            if not access.ours:
+                self._foreign(access)
                 continue
             if half.status is None:
-                remark = Remark("DS108", pdu.frame)
-                self._events.about_job(self._peer(pdu), record, remark, context.jobs)
-            self._events.answered(self._peer(pdu), record, _cut(pdu), context.jobs)
+                self._events.about(access, Remark("DS108", pdu.frame))
+            self._events.answered(access, pdu.cut)
 
     def _orphan_response(self, pdu: rpc.Pdu, certain: bool) -> None:
         if pdu.opnum not in _OPERATIONS:
@@ -321,18 +294,19 @@ class RecordCalls:
         if not records:
             self._completeness.cut(pdu)
         for record in records:
-            if not self._events.concerns(record.index) or record.response is None:
+            if record.index not in self._concerned or record.response is None:
                 continue
+            access = self._access(pdu, record)
             if certain and not self._forgot_requests:
                 args = {"operation": _OPERATIONS[pdu.opnum]}
                 remark = Remark("DS102", pdu.frame, args)
                 self._alone.setdefault(pdu.frame, []).append(remark)
                 if len(self._alone) > self._limits.calls:
                     self._alone.popitem(last=False)
-                self._events.about(self._peer(pdu), record, remark)
+                self._events.about(access, remark)
             if record.write:
-                self._foreign(self._peer(pdu), record)
-            self._events.unasked(self._peer(pdu), record, _cut(pdu))
+                self._foreign(access)
+            self._events.unasked(access, pdu.cut)
 
     def _second_response(self, call: Call, pdu: rpc.Pdu) -> None:
         assert call.response is not None
@@ -342,25 +316,20 @@ class RecordCalls:
             "has": "has_either" if call.again else "has_first",
         }
         self._about_call(call, Remark("DS111", pdu.frame, args))
-        context = _context(call)
-        if context is None or not call.again:
-            return
-        for record in context.body.records:
-            if self._events.concerns(record.index):
-                self._events.answered_twice(self._peer(pdu), record, context.jobs)
+        for access in call.context if call.again else ():
+            if access.ours:
+                self._events.answered_twice(access)
 
     def _fault(self, call: Call, pdu: rpc.Pdu) -> None:
         code = int.from_bytes(pdu.body[:4], "little" if pdu.little else "big")
         args = {"kind": rpc.PTYPES[pdu.ptype], "fault": code}
         self._about_call(call, Remark("DS104", pdu.frame, args))
-        context = _context(call)
-        if context is None:
+        if call.request.opnum not in _OPERATIONS:
             self._goes_on(pdu)
             return
-        for record in context.body.records:
-            if self._events.concerns(record.index):
-                half = Half(pdu.frame, pdu.time_ns)
-                self._events.failed(self._peer(pdu), record, half, context.jobs)
+        for access in call.context:
+            if access.ours:
+                self._events.failed(access, Half(pdu.frame, pdu.time_ns))
 
     def _peer(self, pdu: rpc.Pdu) -> Peer:
         """Who talks to whom, by the addresses and the object UUID, and whose the device is."""
@@ -373,27 +342,13 @@ class RecordCalls:
 
     def _about_call(self, call: Call, remark: Remark) -> None:
         """A finding about an RPC call: once, and with the first job that it carries."""
-        context = _context(call)
-        if context is None:
-            return
-        for record in context.body.records:
-            if self._events.concerns(record.index):
-                self._events.about_job(context.peer, record, remark, context.jobs)
+        for access in call.context:
+            if access.ours:
+                self._events.about(access, remark)
                 return
 
-    def _pushed_out_with(self, pdu: rpc.Pdu, record: Record, limit: str) -> None:
-        self._events.pass_on(self._peer(pdu), record, partial(self.pushed_out, limit, pdu.frame))
-
-
-def _context(call: Call) -> _Context | None:
-    """What the call carries; None where it carries no records."""
-    context = call.context
-    return context if isinstance(context, _Context) else None
-
-
-def _cut(pdu: rpc.Pdu) -> Cut | None:
-    """Where the capture cut the message; None where it did not."""
-    return pdu.cut if pdu.missing else None
+    def _pushed_out_with(self, pdu: rpc.Pdu, access: Access, limit: str) -> None:
+        self._events.pass_on(access, partial(self.pushed_out, limit, pdu.frame))
 
 
 @lru_cache(maxsize=4096)

@@ -11,20 +11,17 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, Final
 
-from ds47.acyclic.index47 import ALWAYS, SHARED_INDEX, ArKey, Index47, Place, is_question
-from ds47.acyclic.pairing import Job, Pairing, Peer
+from ds47.acyclic.index47 import ALWAYS, SHARED_INDEX, Index47, is_question
+from ds47.acyclic.pairing import Access, Pairing
 from ds47.findings.remark import Remark
 from ds47.profidrive import Options, Request, decode_request
 from ds47.profinet.ip import Cut
-from ds47.profinet.records import Half, Record
+from ds47.profinet.records import Half
 
 _MOST_SHARED: Final = 4_096
 """Decoded requests that are kept to be used again,"""
 _LONGEST_SHARED: Final = 512
 """and how many bytes each of them may have."""
-
-Jobs = dict[int, Job]
-"""By the position of its record the job of a Write, and the one whose response a Read was to fetch."""
 
 
 class RecordEvents:
@@ -44,6 +41,8 @@ class RecordEvents:
         self._pairing = pairing
         self._codec = codec
         self._remark = remark
+        self.concerned = index47.concerned
+        """The indices of which a record can be ours at all."""
         self.newest_ns: int | None = None
         """The time of the newest frame of a call that is ours,"""
         self.newest_frame = 0
@@ -52,10 +51,6 @@ class RecordEvents:
         self.counts: dict[int, dict[str, int]] = {}
         """Record requests by index: {"read": n, "write": n}."""
 
-    def concerns(self, index: int) -> bool:
-        """Whether a record of this index can be ours at all."""
-        return self._index47.concerns(index)
-
     def count(self, index: int, *, write: bool) -> None:
         """A record request, ours or not."""
         counts = self.counts.get(index)
@@ -63,107 +58,92 @@ class RecordEvents:
             counts = self.counts[index] = {"read": 0, "write": 0}
         counts["write" if write else "read"] += 1
 
-    def pass_on(
-        self, peer: Peer, record: Record, event: Callable[[], Any], *, proves: bool = False
-    ) -> None:
+    def pass_on(self, access: Access, event: Callable[[], Any], *, proves: bool = False) -> None:
         """Runs an event about a record now, or once its AR has proved itself; `proves`: it does that."""
-        ar, index = _ar(peer, record), record.index
+        ar, index = access.ar, access.record.index
         if not (proves or self._index47.passes(ar, index)):
-            proves = self._index47.is_of_drive(peer.device, _place(record))
+            proves = self._index47.is_of_drive(access.peer.device, access.place)
         self._index47.pass_on(ar, index, event, proves=proves)
 
-    def about(self, peer: Peer, record: Record, remark: Remark) -> None:
-        """A finding about a record that is ours, or will turn out to be."""
-        self.pass_on(peer, record, partial(self._remark, remark))
+    def about(self, access: Access, remark: Remark) -> None:
+        """A finding about a record that is ours, or will turn out to be; and about its job, if it has one then."""
+        self.pass_on(access, partial(self._about, access, remark))
 
-    def about_job(self, peer: Peer, record: Record, remark: Remark, jobs: Jobs) -> None:
-        """The same, about the job that the record belongs to, where there is one then."""
-        self.pass_on(peer, record, partial(self._job_remark, remark, record, jobs))
-
-    def asked(self, peer: Peer, record: Record, cut: Cut | None, jobs: Jobs) -> None:
-        """A request.
-
-        Args:
-            peer: who asks whom.
-            record: with its request; its index concerns us.
-            cut: where the capture cut the message; None where it did not.
-            jobs: takes the job.
-        """
-        half = record.request
+    def asked(self, access: Access, cut: Cut | None) -> None:
+        """A request; its index concerns us. `cut`: where the capture cut the message; None where it did not."""
+        record, half = access.record, access.record.request
         assert half is not None
         if half.missing:
-            self._length(peer, record, half, cut)
-        ar = _ar(peer, record)
-        passes = self._index47.passes(ar, record.index)
+            self._length(access, half, cut)
+        passes = self._index47.passes(access.ar, record.index)
         if not record.write:
             if passes:
-                self._read_asked(peer, record, half, jobs)
+                self._read_asked(access, half)
             else:
-                self.pass_on(peer, record, partial(self._read_asked, peer, record, half, jobs))
-                self._index47.heard(ar, half.frame, asks=True)
+                self.pass_on(access, partial(self._read_asked, access, half))
+                self._index47.heard(access.ar, half.frame, asks=True)
             return
         message = self.decoded(half.data)
         if passes:
-            self._write(peer, record, half, jobs, message)
+            self._write(access, half, message)
         else:
-            event = partial(self._write, peer, record, half, jobs, message)
-            self.pass_on(peer, record, event, proves=is_question(message))
-            self._index47.heard(ar, half.frame, asks=True)
-            self._index47.asked(ar, _place(record), message, half.data)
+            event = partial(self._write, access, half, message)
+            self.pass_on(access, event, proves=is_question(message))
+            self._index47.heard(access.ar, half.frame, asks=True)
+            self._index47.asked(access.ar, access.place, message, half.data)
 
-    def answered(self, peer: Peer, record: Record, cut: Cut | None, jobs: Jobs) -> None:
+    def answered(self, access: Access, cut: Cut | None) -> None:
         """The response to a request; arguments as for `asked`."""
-        half = record.response
+        record, half = access.record, access.record.response
         assert half is not None
         if not record.write:
-            self._read_answered(peer, record, half, cut, jobs)
-        elif self._index47.passes(_ar(peer, record), record.index):
-            self._write_answered(record, half, jobs)
+            self._read_answered(access, half, cut)
+        elif self._index47.passes(access.ar, record.index):
+            self._write_answered(access, half)
         else:
-            self.pass_on(peer, record, partial(self._write_answered, record, half, jobs))
+            self.pass_on(access, partial(self._write_answered, access, half))
 
-    def unasked(self, peer: Peer, record: Record, cut: Cut | None) -> None:
+    def unasked(self, access: Access, cut: Cut | None) -> None:
         """A response without its request."""
-        half = record.response
+        record, half = access.record, access.record.response
         assert half is not None
         if record.write:
-            self.pass_on(peer, record, partial(self._pairing.write_unasked, peer, record))
+            self.pass_on(access, partial(self._pairing.write_unasked, access))
         else:
-            self._read_answered(peer, record, half, cut, {})
+            self._read_answered(access, half, cut)
         if record.index == SHARED_INDEX:
-            self._index47.heard(_ar(peer, record), half.frame, asks=False)
+            self._index47.heard(access.ar, half.frame, asks=False)
 
-    def asked_late(self, peer: Peer, record: Record, answer: int) -> None:
+    def asked_late(self, access: Access, answer: int) -> None:
         """The request of a Read whose response was in an earlier frame, with that frame."""
-        self.pass_on(peer, record, partial(self._pairing.read_asked_late, peer, record, answer))
-        if record.index == SHARED_INDEX:
-            self._index47.heard(_ar(peer, record), answer, asks=True)
+        self.pass_on(access, partial(self._pairing.read_asked_late, access, answer))
+        if access.record.index == SHARED_INDEX:
+            self._index47.heard(access.ar, answer, asks=True)
 
-    def not_unasked(self, peer: Peer, record: Record) -> None:
+    def not_unasked(self, access: Access) -> None:
         """A response was no one without its request: that came late, and is told next."""
-        if record.index == SHARED_INDEX:
-            self._index47.unheard(_ar(peer, record))
+        if access.record.index == SHARED_INDEX:
+            self._index47.unheard(access.ar)
 
-    def failed(self, peer: Peer, record: Record, half: Half, jobs: Jobs) -> None:
+    def failed(self, access: Access, half: Half) -> None:
         """A request that was turned away before anybody looked at its record."""
-        if record.write:
-            event = partial(self._write_failed, record, half, jobs)
+        if access.record.write:
+            self.pass_on(access, partial(self._write_failed, access, half))
         else:
-            event = partial(_fetched, record, jobs)
-        self.pass_on(peer, record, event)
+            self.pass_on(access, partial(_fetched, access))
 
-    def sent_again(self, peer: Peer, record: Record, jobs: Jobs, waits_ns: int) -> None:
+    def sent_again(self, access: Access, waits_ns: int) -> None:
         """A request whose client had no response, and until when it waits for one at least."""
-        self.pass_on(peer, record, partial(self._insisted, record, jobs, waits_ns))
+        self.pass_on(access, partial(_insisted, access, waits_ns))
 
-    def answered_twice(self, peer: Peer, record: Record, jobs: Jobs) -> None:
+    def answered_twice(self, access: Access) -> None:
         """A request with two responses: which of them its client has is not known."""
-        self.pass_on(peer, record, partial(self._answered_twice, record, jobs))
+        self.pass_on(access, partial(_answered_twice, access))
 
-    def lost(self, peer: Peer, record: Record) -> None:
+    def lost(self, access: Access) -> None:
         """A request whose response does not come any more."""
-        if not record.write:
-            self.pass_on(peer, record, partial(self._pairing.read_lost, peer, record))
+        if not access.record.write:
+            self.pass_on(access, partial(self._pairing.read_lost, access))
 
     def decoded(self, data: bytes) -> Request:
         """The request; the same question is asked again and again, often with a reference that counts.
@@ -191,66 +171,51 @@ class RecordEvents:
 
     # What happens once it is ours
 
-    def _read_asked(self, peer: Peer, record: Record, half: Half, jobs: Jobs) -> None:
+    def _read_asked(self, access: Access, half: Half) -> None:
         self._clock(half)
-        job = self._pairing.expected(peer, record)
+        job = access.job = self._pairing.expected(access)
         if job is not None:
-            jobs[record.position] = job
             job.fetching.append(half)
 
-    def _write(self, peer: Peer, record: Record, half: Half, jobs: Jobs, message: Request) -> None:
+    def _write(self, access: Access, half: Half, message: Request) -> None:
         self._clock(half)
-        jobs[record.position] = self._pairing.write_request(peer, record, message)
+        access.job = self._pairing.write_request(access, message)
 
-    def _write_answered(self, record: Record, half: Half, jobs: Jobs) -> None:
+    def _write_answered(self, access: Access, half: Half) -> None:
         self._clock(half)
-        job = jobs.get(record.position)
-        if job is not None:
-            self._pairing.write_response(job, half)
+        if access.job is not None:
+            self._pairing.write_response(access.job, half)
 
-    def _write_failed(self, record: Record, half: Half, jobs: Jobs) -> None:
-        job = jobs.get(record.position)
-        if job is not None:
-            self._pairing.write_response(job, half, fault=True)
+    def _write_failed(self, access: Access, half: Half) -> None:
+        if access.job is not None:
+            self._pairing.write_response(access.job, half, fault=True)
 
-    def _insisted(self, record: Record, jobs: Jobs, waits_ns: int) -> None:
-        job = jobs.get(record.position)
-        if job is not None:
-            job.insisted = waits_ns
-
-    def _answered_twice(self, record: Record, jobs: Jobs) -> None:
-        job, asked = jobs.get(record.position), record.request
-        if job is not None and asked is not None:
-            job.twice = asked.frame
-
-    def _read_answered(
-        self, peer: Peer, record: Record, half: Half, cut: Cut | None, jobs: Jobs
-    ) -> None:
+    def _read_answered(self, access: Access, half: Half, cut: Cut | None) -> None:
         if half.missing:
-            self._length(peer, record, half, cut)
-        if self._index47.passes(_ar(peer, record), record.index):
-            self._read(peer, record, half, jobs)
+            self._length(access, half, cut)
+        if self._index47.passes(access.ar, access.record.index):
+            self._read(access, half)
             return
         proves = bool(half.data and not half.missing) and (
-            self._index47.answers(_ar(peer, record), _place(record), half.data, self._codec)
-            or self._pairing.is_again(peer, record)
+            self._index47.answers(access.ar, access.place, half.data, self._codec)
+            or self._pairing.is_again(access)
         )
-        self.pass_on(peer, record, partial(self._read, peer, record, half, jobs), proves=proves)
+        self.pass_on(access, partial(self._read, access, half), proves=proves)
 
-    def _read(self, peer: Peer, record: Record, half: Half, jobs: Jobs) -> None:
+    def _read(self, access: Access, half: Half) -> None:
         self._clock(half)
-        _fetched(record, jobs)
-        if record.index in ALWAYS and half.data:
-            self._index47.responded(peer.device, _place(record), half.data, self._codec)
-        self._pairing.read_response(peer, record)
+        _fetched(access)
+        if access.record.index in ALWAYS and half.data:
+            self._index47.responded(access.peer.device, access.place, half.data, self._codec)
+        self._pairing.read_response(access)
 
-    def _job_remark(self, remark: Remark, record: Record, jobs: Jobs) -> None:
-        remark.job = jobs.get(record.position)
+    def _about(self, access: Access, remark: Remark) -> None:
+        remark.job = access.job
         self._remark(remark)
 
     # Small things
 
-    def _length(self, peer: Peer, record: Record, half: Half, cut: Cut | None) -> None:
+    def _length(self, access: Access, half: Half, cut: Cut | None) -> None:
         if cut is not None:
             half.cut = True
             frame, captured, original = cut
@@ -258,10 +223,11 @@ class RecordEvents:
                 "captured": captured, "original": original, "length": half.stated,
                 "completed": half.frame,
             }  # fmt: skip
-            self.about(peer, record, Remark("DS106", frame, args))
+            remark = Remark("DS106", frame, args)
         else:
             args = {"stated": half.stated, "present": len(half.data)}
-            self.about(peer, record, Remark("DS202", half.frame, args))
+            remark = Remark("DS202", half.frame, args)
+        self.pass_on(access, partial(self._remark, remark))
 
     def _clock(self, half: Half) -> None:
         newest, before = self.newest_ns, self.newest_frame
@@ -273,16 +239,19 @@ class RecordEvents:
         self.newest_ns, self.newest_frame = half.time_ns, half.frame
 
 
-def _fetched(record: Record, jobs: Jobs) -> None:
+def _fetched(access: Access) -> None:
     """A Read is over, to whomever its response goes."""
-    job = jobs.get(record.position)
-    if job is not None and record.request in job.fetching:
-        job.fetching.remove(record.request)
+    job = access.job
+    if job is not None and access.record.request in job.fetching:
+        job.fetching.remove(access.record.request)
 
 
-def _ar(peer: Peer, record: Record) -> ArKey:
-    return peer.controller, peer.device, record.ar
+def _insisted(access: Access, waits_ns: int) -> None:
+    if access.job is not None:
+        access.job.insisted = waits_ns
 
 
-def _place(record: Record) -> Place:
-    return record.api, record.slot, record.subslot
+def _answered_twice(access: Access) -> None:
+    asked = access.record.request
+    if access.job is not None and asked is not None:
+        access.job.twice = asked.frame

@@ -490,15 +490,24 @@ class _Swapped:
         return frozenset(int.from_bytes(value.to_bytes(2), self._order) for value in values)
 
 
-def _usual(data: Bytes, start: int, captured: int) -> bool:
-    """Whether this is an RPC PDU where nearly all of them are: Ethernet, no tag, no IP option."""
-    return (
-        captured >= 82
-        and UUIDS.find(data[start + 66 : start + 82]) % 16 == 0
-        and data[start + 23] == UDP
-        and data[start + 42] == 4
-        and data[start + 14] == 0x45
-    )
+_NONE, _PLAIN, _TELLING = 0, 1, 2
+
+
+def _usual(data: Bytes, start: int, captured: int) -> int:
+    """Whether this is an RPC PDU where nearly all of them are: Ethernet, no tag, no IP option.
+
+    `_PLAIN`: it is no part of a response to a Connect.
+    """
+    if (
+        captured < 112
+        or UUIDS.find(data[start + 66 : start + 82]) % 16
+        or data[start + 23] != UDP
+        or data[start + 42] != 4
+        or data[start + 14] != 0x45
+    ):
+        return _NONE
+    plain = data[start + 43] != _RESPONSE or data[start + 110] or data[start + 111]
+    return _PLAIN if plain and not (data[start + 20] & 0x3F or data[start + 21]) else _TELLING
 
 
 def _is_rt(data: Bytes, start: int, captured: int) -> bool:
@@ -872,14 +881,16 @@ class PcapScan(Scan):
                     continue
             quiet = Runs.STRIDE if due else 0
             seconds, fraction, _captured, original = record(data, start - header)
-            wanted = due or (kind == ipv4 and ethernet and _usual(data, start, captured))
-            wanted = wanted or _relevant(data, start, after, link_type, original, ports)
+            usual = _usual(data, start, captured) if kind == ipv4 and ethernet else _NONE
+            wanted = due or usual or _relevant(data, start, after, link_type, original, ports)
             if not wanted and senders and (kind in tags or not ethernet):
                 wanted = news(data, start, after, number, link_type)
             if wanted:
                 frame = view[start:after].tobytes()
                 found.append((number, 0, seconds, fraction, original, frame))
-                self.paused = not due and self._sets_up(data, start, after, link_type)
+                self.paused = (
+                    not due and usual != _PLAIN and self._sets_up(data, start, after, link_type)
+                )
                 if len(found) == BATCH:
                     break
         self._ended(data, newest, position)
@@ -1015,14 +1026,16 @@ class PcapngScan(Scan):
                     continue
             quiet = Runs.STRIDE if due else 0
             link_type, behind = links[interface], start + captured
-            wanted = due or (kind == ipv4 and ethernet and _usual(data, start, captured))
-            wanted = wanted or _relevant(data, start, behind, link_type, original, ports)
+            usual = _usual(data, start, captured) if kind == ipv4 and ethernet else _NONE
+            wanted = due or usual or _relevant(data, start, behind, link_type, original, ports)
             if not wanted and senders and (kind in tags or not ethernet):
                 wanted = news(data, start, behind, number, link_type)
             if wanted:
                 frame = view[start:behind].tobytes()
                 found.append((number, interface, high, low, original, frame))
-                self.paused = not due and self._sets_up(data, start, behind, link_type)
+                self.paused = (
+                    not due and usual != _PLAIN and self._sets_up(data, start, behind, link_type)
+                )
                 if len(found) == BATCH:
                     break
         if number > self.frames:  # a block says at its end, too, how long it is

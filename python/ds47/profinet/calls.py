@@ -7,7 +7,7 @@ carries is `records`' business; what it means for the parameter channel is `ds47
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +19,7 @@ from ds47.spec.semantics import Limits
 
 @dataclass(slots=True, eq=False, init=False)
 class Call:
-    """One RPC call; `context` is for the layer above."""
+    """One RPC call; `context` is what it carries, for the layer above."""
 
     request: Pdu
     response: Pdu | None
@@ -27,18 +27,20 @@ class Call:
     in_part: bool
     """Whether fragments of a response were seen."""
     sent_ns: int
-    """When the request was sent last."""
+    """When the request was sent last,"""
+    heard_ns: int
+    """and when it was sent or answered last."""
     again: int
     """The last frame in which the request came again, other than by a mirror port; 0 for none."""
-    context: Any
+    context: Sequence[Any]
 
     def __init__(self, request: Pdu) -> None:
         self.request = request
         self.response = None
         self.in_part = False
-        self.sent_ns = request.time_ns
+        self.sent_ns = self.heard_ns = request.time_ns
         self.again = 0
-        self.context = None
+        self.context = ()
 
 
 @dataclass(slots=True, init=False)
@@ -49,6 +51,8 @@ class Activity:
     """Number of the newest call."""
     calls: dict[int, Call]
     """Those without a response."""
+    oldest_ns: int
+    """None of them was sent before that."""
     server: str
     """Which of its servers was called last."""
     numbers: Numbers
@@ -61,6 +65,7 @@ class Activity:
         self.newest = pdu.seq
         self.anew = self.doubled = 0
         self.calls = {}
+        self.oldest_ns = pdu.time_ns
         self.server = ""
         self.numbers = Numbers(pdu)
 
@@ -100,6 +105,7 @@ class CallTracker:
         self, limits: Limits, handlers: Handlers, completeness: Completeness | None = None
     ) -> None:
         self._limits = limits
+        self._expiry_ns, self._most = limits.call_expiry_ns, limits.calls
         self._handlers = handlers
         self._completeness = completeness or Completeness(limits.activities)
         self._early: OrderedDict[tuple[str, bytes, int], Pdu] = OrderedDict()
@@ -208,7 +214,9 @@ class CallTracker:
         self.counts["requests"] += 1
         activity, seq = self._activity(pdu), pdu.seq
         key, calls = (pdu.client, pdu.activity, seq), activity.calls
-        if calls:
+        if (calls and pdu.time_ns - activity.oldest_ns > self._expiry_ns) or len(
+            calls
+        ) > self._most:
             self._expire(activity, pdu)
         call = calls.get(seq) or self._answered.get(key)
         if call is not None:
@@ -216,7 +224,11 @@ class CallTracker:
                 self.counts["retransmissions"] += 1
                 self._handlers.retransmission(call, pdu)
                 call.sent_ns, call.again = pdu.time_ns, pdu.frame
-                if call.response is not None:
+                if call.response is None:
+                    call.heard_ns = pdu.time_ns
+                    activity.oldest_ns = min(activity.oldest_ns, pdu.time_ns)
+                else:
+                    call.heard_ns = max(pdu.time_ns, call.response.time_ns)
                     self._answered.move_to_end(key)
                 return
             activity.anew = pdu.frame
@@ -231,6 +243,8 @@ class CallTracker:
         early = self._early.pop(key, None) if self._early else None
         late = early is not None and 0 <= early.time_ns - pdu.time_ns <= self._limits.call_expiry_ns
         activity.numbers.add(pdu, renewed=not late)
+        if not calls or pdu.time_ns < activity.oldest_ns:
+            activity.oldest_ns = pdu.time_ns
         call = calls[seq] = Call(pdu)
         activity.newest = seq
         if early is None or not late:
@@ -277,18 +291,16 @@ class CallTracker:
         """Whether the number of a call may stand for another one: its client repeats it no more."""
         anew = 0 if activity is None else activity.anew
         begun = max(anew, self._connects.get((pdu.client, pdu.server), 0))
-        return begun > call.request.frame or self._is_old(call, pdu.time_ns)
-
-    def _is_old(self, call: Call, now: int) -> bool:
-        newest = call.sent_ns if call.response is None else max(call.sent_ns, call.response.time_ns)
-        return now - newest > self._limits.call_expiry_ns
+        old = pdu.time_ns - call.heard_ns > self._expiry_ns
+        return old or begun > call.request.frame
 
     def _response(self, pdu: Pdu) -> None:
         activity = self._activities.get((pdu.client, pdu.activity))
         call = None
-        if activity is not None and activity.calls:
-            self._expire(activity, pdu)
-            call = activity.calls.get(pdu.seq)
+        if activity is not None and (calls := activity.calls):
+            if pdu.time_ns - activity.oldest_ns > self._expiry_ns or len(calls) > self._most:
+                self._expire(activity, pdu)
+            call = calls.get(pdu.seq)
         if call is not None and activity is not None:
             self._answer(activity, call, pdu)
             self._handlers.response(call)
@@ -310,13 +322,14 @@ class CallTracker:
     def _answer(self, activity: Activity, call: Call, pdu: Pdu) -> None:
         """A call is answered: it is remembered as long as its client may repeat it."""
         call.response, activity.numbers.heard = pdu, True
+        call.heard_ns = max(call.sent_ns, pdu.time_ns)
         del activity.calls[pdu.seq]
         answered = self._answered
         key = pdu.client, pdu.activity, pdu.seq
         answered[key] = call
         answered.move_to_end(key)
-        most = self._limits.answered_calls
-        while len(answered) > most or self._is_old(next(iter(answered.values())), pdu.time_ns):
+        most, since = self._limits.answered_calls, pdu.time_ns - self._expiry_ns
+        while len(answered) > most or next(iter(answered.values())).heard_ns < since:
             answered.popitem(last=False)
 
     def _unasked(self, pdu: Pdu) -> bool:
@@ -345,10 +358,12 @@ class CallTracker:
     def _expire(self, activity: Activity, pdu: Pdu) -> None:
         """Gives up calls without response that are too old, or too many."""
         calls, highest = activity.calls, max(activity.numbers.highest, pdu.seq)
-        for seq in [seq for seq, call in calls.items() if self._is_old(call, pdu.time_ns)]:
+        since = pdu.time_ns - self._expiry_ns
+        for seq in [seq for seq, call in calls.items() if call.sent_ns < since]:
             call = calls.pop(seq)
             self._give_up(call)
             self._lose(call, went_on=seq < highest)
+        activity.oldest_ns = min((call.sent_ns for call in calls.values()), default=pdu.time_ns)
         while len(calls) > self._limits.calls:
             self._handlers.pushed_out(calls.pop(next(iter(calls))), "calls")
 

@@ -25,6 +25,8 @@ class Stations:
         self._most = most
         self._vendor_id = vendor_id
         self._servers: OrderedDict[str, Device] = OrderedDict()
+        self.known: set[str] = set()
+        """IP addresses of devices of which no response can say more."""
         self._stations: OrderedDict[str, dcp.Station] = OrderedDict()
         self._by_ip: OrderedDict[str, str] = OrderedDict()
         """MAC address of the station that was the last to say that it has this IP address."""
@@ -56,11 +58,6 @@ class Stations:
             self._learn(pdu.source, pdu.source_mac, pdu.object_uuid)
         elif pdu.ptype == 0 and pdu.opnum == RPC_CONNECT:
             self._learn(pdu.destination, None, pdu.object_uuid)
-
-    def knows(self, ip: str) -> bool:
-        """Whether no message of a device can say more of it."""
-        device = self._servers.get(ip)
-        return device is not None and bool(device.mac) and device.vendor_id is not None
 
     def vendor(self, ip: str) -> int | None:
         """Vendor id of a device whose record call does not say it: as shown up to now, else what is assumed."""
@@ -113,8 +110,6 @@ class Stations:
         return list(self._servers.values())
 
     def _learn(self, ip: str, mac: str | None, object_uuid: bytes) -> None:
-        if self.knows(ip):
-            return
         device = self._servers.get(ip)
         if device is None:
             if len(self._servers) >= self._most:
@@ -124,3 +119,5 @@ class Stations:
         identity = rpc.device_identity(object_uuid)
         if identity is not None and device.vendor_id is None:
             device.vendor_id, device.device_id = identity
+        if device.mac and device.vendor_id is not None:
+            self.known.add(ip)

@@ -16,7 +16,7 @@ from ds47.profinet.ip import Cut, Reassembler
 from ds47.profinet.link import Packet, Packets
 from ds47.profinet.records import Record
 from ds47.profinet.stations import Stations
-from ds47.spec.layouts import RPC_READ, RPC_READ_IMPLICIT, RPC_WRITE
+from ds47.spec.layouts import RPC_CONNECT, RPC_READ, RPC_READ_IMPLICIT, RPC_WRITE
 from ds47.spec.semantics import Limits
 
 _RECORD_CALLS = (RPC_READ, RPC_WRITE, RPC_READ_IMPLICIT)
@@ -80,7 +80,7 @@ class Transport:
         tcp: Segments,
     ) -> None:
         self._calls = calls
-        self._stations = stations
+        self._stations, self._known = stations, stations.known
         self._listener = listener
         self._cut = cut
         self._cyclic = cyclic
@@ -145,9 +145,11 @@ class Transport:
         if self._calls.is_copy(pdu):
             return
         whole = self._joined(pdu) if pdu.fragmented else pdu
-        if whole is not None:
+        if whole is None:
+            return
+        if (whole.ptype == 2 and whole.source not in self._known) or whole.opnum == RPC_CONNECT:
             self._stations.message(whole)
-            self._calls.feed(whole)
+        self._calls.feed(whole)
 
     def _joined(self, pdu: rpc.Pdu) -> rpc.Pdu | None:
         """The message that an RPC fragment completes."""
