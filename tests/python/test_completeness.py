@@ -6,6 +6,7 @@ Frames are taken out by their numbers; what is left goes through a `CallTracker`
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from io import BytesIO
 
 import pytest
@@ -489,3 +490,19 @@ def test_a_capture_that_goes_on_without_a_response(milliseconds: int, state: str
         client.exchange(ask(2), tell(2), other)
 
     assert analysed(play)[0].split()[0] == state
+
+
+def test_a_response_that_came_too_late_is_no_half_as_long_as_its_call_is_remembered() -> None:
+    """Of the calls that were given up only the newest are: as many as may be open."""
+    first, answer, second, other = (each for each in pdus(three) if each.frame <= 4)
+    late = limits().call_expiry_ns + 1_000_000_000
+    for most, halves in ((1, 1), (2, 0)):
+        found = Completeness(64)
+        tracker = CallTracker(limits().but(calls=most), Handlers(*[quiet] * 9), found)
+        for each in (
+            first,
+            second,
+            *(replace(each, time_ns=each.time_ns + late) for each in (answer, other)),
+        ):
+            tracker.feed(each)
+        assert found.lacks(CLIENT, SERVER).halves == halves + 1
