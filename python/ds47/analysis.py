@@ -259,7 +259,7 @@ class Analysis:
             self._events, self._diagnoses.foreign, self._bus_judge, self._remark, idents
         )
         self._services = ServiceTracker(self._ms1.handlers())
-        self._start_ups = StartUps(self._pairing.connected)
+        self._start_ups = StartUps(self._pairing.started)
         ppo = Ppo(self._cyclic, dict(options.ppos), idents)
         listeners = (
             Listener(idents.take, Idents.SERVICES), Listener(self._bus_stations.take),
@@ -372,6 +372,7 @@ class Analysis:
             job.response = decode_response(half.data, job.message, self._options.codec)
 
     def _asked(self, job: Job) -> None:
+        """A change is asked for."""
         self._judge.asked(job)
         self._diagnoses.asked(job)
 

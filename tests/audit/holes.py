@@ -311,6 +311,7 @@ def _finding(whole: Whole, finding: Finding, cut: Reading, origin: list[int]) ->
     free = COUNTS | OF_COUNTS.get(moved.rule, set())
     for text in run.AUDITORS[moved.rule](Case(moved, whole.item, whole.memory)):
         alike = text.startswith(ALIKE.get(moved.rule, "-")) or _is_outside(moved.rule, text, origin)
+        alike = alike or _is_other_letter(text, args)
         if text.split(" ")[0] not in free and not _says_nothing(text, args) and not alike:
             yield text
 
@@ -350,6 +351,12 @@ def _says_nothing(complaint: str, args: dict[str, Any]) -> bool:
     """Whether somebody complains of an argument that is not known in the cut capture."""
     name, _, rest = complaint.partition(" ")
     return name in args and args[name] is None and rest.startswith("None is ")
+
+
+def _is_other_letter(complaint: str, args: dict[str, Any]) -> bool:
+    """Whether somebody complains of P for p alone: whose parameters they are the cut one may not show."""
+    meant = complaint.removeprefix("what is meant is ")
+    return meant.lower() == str(args.get("meant")).lower()
 
 
 def _first_time(frame: int, read: bool, deal: Deal | None, same: Deal | None) -> int:

@@ -673,14 +673,18 @@ def _too_long(case: Case, station: Station) -> Iterator[str]:
 
 
 def _set_again(case: Case, station: Station) -> Iterator[str]:
-    """Set_Prm behind data exchange, of which none came since the Set_Prm before."""
+    """Set_Prm behind data exchange, of which none came since the Set_Prm before; none of which may be missing."""
     frames, lasts = [], []
-    begin = 0
+    begin, holes = 0, station.holes()
+    unsure = [
+        each.asked.number for each in station.turns
+        if each.asked.service == "parameters" and each.answer is None
+    ]  # fmt: skip
     for turn in station.start_ups():
         at = turn.asked.number
         data = [each.asked.number for each in station.exchanges() if begin < each.asked.number < at]
         begin = at
-        if data:
+        if data and not any(data[-1] < each <= at for each in (*holes, *unsure)):
             frames.append(at)
             lasts.append(data[-1])
     yield from _are(case, frames)

@@ -390,9 +390,10 @@ def test_parameters_again_after_data_exchange() -> None:
     [
         (400, {"case": "exchange_late", "watchdog": 300, "frame": 3}),
         (250, {"case": "exchange_in_time", "watchdog": 300, "frame": 3}),
+        (299.8001, {"case": "exchange_late", "gap": 300.0001}),
     ],
 )
-def test_data_exchange_that_is_refused(wait: int, told: dict[str, Any]) -> None:
+def test_data_exchange_that_is_refused(wait: float, told: dict[str, Any]) -> None:
     wire = running()
     last = wire.exchange(STATION) - 1
     wire.wait(wait)

@@ -478,6 +478,12 @@ def test_a_bsend_is_refused() -> None:
     assert line.told("DS912") == {"r_id": R_ID, "case": "r_id_refused", "code": 0xD202}
 
 
+def test_a_bsend_of_which_no_part_is_there_says_nothing() -> None:
+    line = Line()
+    line.over(Job(BSEND, line.connection, True, 7, line.at(), [], r_id=R_ID, state=REFUSED))
+    assert line.rules() == []
+
+
 def test_the_areas_of_a_usend_change() -> None:
     line = Line()
     first = line.usend(10)

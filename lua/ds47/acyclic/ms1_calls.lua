@@ -51,7 +51,7 @@ StartUps.__index = StartUps
 
 --- Hears of the exchanges of a line, for the stations that get their parameters (Set_Prm): a station may have
 -- been switched off and on before that, as a device before its Connect.
--- @param pairing is told of them: pairing:connected(master, station, {frame, time_ns})
+-- @param pairing is told of them: pairing:started(station, {frame, time_ns})
 function M.start_ups(pairing)
   return setmetatable({pairing = pairing, stations = {}}, StartUps)
 end
@@ -69,7 +69,7 @@ function StartUps:take(exchange)
     local peer = M.peer(item.sa, item.da)
     self.stations[peer.device] = self.stations[peer.device] or exchange.request.frame
     local asked = exchange.request
-    self.pairing:connected(peer.controller, peer.device, {frame = asked.frame, time_ns = asked.time_ns})
+    self.pairing:started(peer.device, {frame = asked.frame, time_ns = asked.time_ns})
   end
 end
 

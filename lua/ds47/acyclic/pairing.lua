@@ -226,6 +226,7 @@ function M.new(limits, listener, completeness)
     of_place = {}, -- place -> its channel keys, whoever asks there, in the order of first sight
     delivered = ordered.new(), -- place -> its newest accepted request whose response was read, whoever asked
     connects = ordered.new(), -- AR key -> its newest Connect, {frame, time_ns}
+    starts = ordered.new(), -- station of PROFIBUS -> when it got its parameters last, {frame, time_ns}
     connected_ars = ordered.new(), -- controller and device -> the newest AR of which they have one
     replaced = {}, -- key of an AR with open requests that a Connect seems to have replaced -> by what
     any_replaced = false, -- whether there may be one: seldom, and asked for every record
@@ -298,8 +299,8 @@ end
 
 -- The frame in which nothing was open on a channel before a Read; 0 where none is known. A Connect may be
 -- behind it: what is known of an AR that proves itself late is told late.
-local function free_since(self, channel, read)
-  local connect = self.connects:get(channel.ar_key)
+local function free_since(self, channel, peer, read)
+  local connect = self.connects:get(channel.ar_key) or self.starts:get(peer.device)
   return math.max(channel.ended, connect and connect.frame < read.frame and connect.frame or 0)
 end
 
@@ -956,11 +957,11 @@ end
 -- Whether a program counts its references, as far as is known: one more than before, or two past 0. Of the
 -- first one on a channel it may, and a capture that has only what somebody chose has no other. Whoever
 -- chooses takes whole calls.
-local function counts(job)
+local function counts(job, record)
   local before, now = job.previous_reference, job:reference()
   local step = before and now and (now - before) % 256
   local first = before == nil and job.previous == nil
-    and not (job.fetching or job.uncounted or job:write_refused())
+    and record.request and not (job.fetching or job.uncounted or job:write_refused())
   for _, poll in ipairs(first and job.polls or NONE) do
     first = first and poll.request ~= nil
   end
@@ -970,7 +971,8 @@ end
 -- Whether a Read may be for a Write without its response that is newer than the one of a job.
 local function may_be_newer(channel, job, record)
   local data = record.response.data
-  local strange = data == "" or kind_fits(job.message, data) == false and not is_last(channel, data)
+  local strange = data == "" or kind_fits(job.message, data) == false
+  strange = strange or job:reference() ~= data:byte(1) and is_last(channel, data)
   for _, each in ipairs(channel.asked) do
     local passed = each.passed or is_later(each, record)
     if each.order > job.order and not passed and (strange or mirrors(each, data)) then
@@ -1010,16 +1012,17 @@ local function of_another(self, channel, job, record)
   end
   local fits, other = mirrors(job, data), open ~= nil and open ~= job
   if job.peer.station then
-    local strange = job == channel.refused and has_data and not fits
-    local found = behind(self, job.peer, strange and 0 or asked.frame)
-    if strange and channel.ended == 0 then
-      found = found or {what = "begins"}
+    local strange = job == channel.refused and not fits
+    local since = strange and free_since(self, channel, job.peer, record.request or half) or asked.frame
+    local found = asked_behind(self, job.peer, channel, since)
+    if strange and has_data then
+      found = found or behind(self, job.peer, 0)
     end
-    return not (fits and kind_fits(job.message, data) and counts(job)) and found or nil
+    return not (fits and kind_fits(job.message, data) and counts(job, record)) and found or nil
   end
   local rival = job.refused_behind and mirrors(job.refused_behind, data)
   local sought = record.request or half
-  local doubtful = not fits or is_last(channel, data) and not counts(job)
+  local doubtful = not fits or is_last(channel, data) and not counts(job, record)
   if has_data and (rival or not (fits or other)) and job.write_response == nil then
     return {what = "write_answer", first = asked.frame}
   elseif has_data and doubtful and job.fetching and job.fetching[1].frame < sought.frame then
@@ -1029,7 +1032,7 @@ local function of_another(self, channel, job, record)
   end
   local unknown = job.write_response == nil and not has_data -- whether its Write was accepted
   local over = (unknown or job == channel.refused) and half.status ~= STATUS_SHORT
-  local since = over and free_since(self, channel, sought) or asked.frame
+  local since = over and free_since(self, channel, job.peer, sought) or asked.frame
   local found = asked_behind(self, job.peer, channel, since)
   if found == nil and job == channel.refused and has_data and not fits then
     found = behind(self, job.peer, 0) -- what it mirrors may have outlived a Connect
@@ -1040,7 +1043,7 @@ local function of_another(self, channel, job, record)
     return found
   end
   local first = found.what == "begins" and (not job:write_refused() or kind_fits(job.message, data))
-  return not (fits and (first or counts(job))) and found or nil
+  return not (fits and (first or counts(job, record))) and found or nil
 end
 
 -- Nobody knows any more what becomes of a job.
@@ -1064,7 +1067,7 @@ end
 local function nothing(self, peer, channel, record, missing)
   local half, known = record.response, missing == nil
   if known then
-    missing = asked_behind(self, peer, channel, free_since(self, channel, record.request or half))
+    missing = asked_behind(self, peer, channel, free_since(self, channel, peer, record.request or half))
   end
   self.listener:nothing_to_read(record, peer.device, missing)
   if half.status ~= nil and known then
@@ -1247,6 +1250,12 @@ function Pairing:connected(controller, device, at, ar, only)
     end
   end
   self.listener:connected(device, at.frame)
+end
+
+--- A station of PROFIBUS got its parameters: it may have been switched off before that.
+function Pairing:started(station, at)
+  self.starts:keep(station, at, self.limits.channels)
+  self.listener:connected(station, at.frame)
 end
 
 -- A job as the end of the capture closes it; what it holds that may grow is its own.

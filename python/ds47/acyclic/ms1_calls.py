@@ -126,13 +126,13 @@ class StartUps:
     A station may have been switched off and on before that, as a device before its Connect.
 
     Args:
-        connected: is told master, station, and when.
+        started: is told the station, and when.
     """
 
     SERVICES: ClassVar = frozenset({dp.PARAMETERS})
 
-    def __init__(self, connected: Callable[[str, str, Moment], None]) -> None:
-        self._connected = connected
+    def __init__(self, started: Callable[[str, Moment], None]) -> None:
+        self._started = started
         self._seen: dict[str, int] = {}
 
     def seen(self, device: str, before: int, behind: int) -> bool:
@@ -149,7 +149,7 @@ class StartUps:
             who = peer(item.sa, item.da)
             self._seen.setdefault(who.device, exchange.request.frame)
             at = Moment(exchange.request.frame, exchange.request.time_ns)
-            self._connected(who.controller, who.device, at)
+            self._started(who.device, at)
 
 
 @lru_cache(maxsize=4096)

@@ -342,7 +342,7 @@ class Pairing:
         closed: called once when nothing more can come.
         nothing_to_read: called for a Read without record on a channel that has no request.
         refused: called when a Write is refused: what comes after that is seldom of interest.
-        asked: called for each Write that asks for something.
+        asked: called for each Write that asks for a change.
         connected: called for each Connect, with the device and its frame.
         completeness: what is missing of what stations say to each other; None: nothing.
     """
@@ -377,6 +377,8 @@ class Pairing:
         """The newest accepted request of a place whose response was read, whoever asked."""
         self._connects: OrderedDict[tuple[str, str, bytes], Moment] = OrderedDict()
         """The newest Connect of each AR."""
+        self._started: OrderedDict[str, Moment] = OrderedDict()
+        """When a station of PROFIBUS got its parameters last: before that nothing is open."""
         self._connected: OrderedDict[tuple[str, str], bytes] = OrderedDict()
         """Of the ARs of which two stations have one, that which they set up last and did not release."""
         self.replaced: dict[tuple[str, str, bytes], Moment] = {}
@@ -400,7 +402,7 @@ class Pairing:
             job.uncounted = message.request_reference in last
         channel.reference, channel.written = message.request_reference, asked.frame
         channel.asked.append(job)
-        if self._asked is not None:
+        if self._asked is not None and message.operation == "change":
             self._asked(job)
         if len(channel.asked) > self._limits.pending_writes:
             self._push_out(channel.asked.pop(0), "pending_writes")
@@ -469,7 +471,8 @@ class Pairing:
         late = job is not None and _is_later(job, record)
         if late:
             job = None  # what the Read asked for is over: its response came late
-        self._leave_refused(channel, job)
+        if channel.refused is not None:
+            self._leave_refused(channel, job)
         missing = None
         if job is not None and event not in ("read_poll", "read_empty"):
             missing = self._of_another(channel, job, record)
@@ -588,25 +591,21 @@ class Pairing:
             return None
         fits, other = _mirrors(job, half), channel.open not in (None, job)
         if job.peer.station is not None:
-            strange = job is channel.refused and bool(half.data) and not fits
-            found = self._behind(job.peer, 0 if strange else asked.frame)
-            if strange and not channel.ended:
-                found = found or Missing("begins")
-            sure = fits and _is_of_kind(job, half) is True
-            return None if sure and _counts(job) else found
+            return self._of_another_on_line(channel, job, asked, record)
         rival = job.refused_behind is not None and _mirrors(job.refused_behind, half)
         if half.data and (rival or not (fits or other)) and job.write_response is None:
             return Missing("write_answer", asked.frame)
         read = record.request.frame if record.request is not None else half.frame
-        doubtful = not fits or (_is_last(channel, half.data) and not _counts(job))
-        if half.data and doubtful and job.fetching and job.fetching[0].frame < read:
-            return Missing("read_answer", job.fetching[0].frame)
-        if _may_be_newer(channel, job, record):
+        if half.data and job.fetching and job.fetching[0].frame < read:
+            doubtful = not fits or (_is_last(channel, half.data) and not _counts(job, record))
+            if doubtful:
+                return Missing("read_answer", job.fetching[0].frame)
+        if channel.asked and _may_be_newer(channel, job, record):
             return Missing("later")
-        free = self._free_since(job.key, channel, record.request or half)
         unknown = job.write_response is None and not half.data  # whether its Write was accepted
-        over = (unknown or job is channel.refused) and half.status != STATUS_SHORT
-        since = free if over else asked.frame
+        since = asked.frame
+        if (unknown or job is channel.refused) and half.status != STATUS_SHORT:
+            since = self._free_since(job.key, channel, record.request or half)
         found = self._asked_behind(job.peer, channel, since)
         if found is None and job is channel.refused and half.data and not fits:
             found = self._behind(job.peer, 0)  # what it mirrors may have outlived a Connect
@@ -616,7 +615,22 @@ class Pairing:
         if found is None or not half.data or channel.unseen > since:
             return found
         first = found.what == "begins" and (not job.write_refused or _is_of_kind(job, half))
-        return None if fits and (first or _counts(job)) else found
+        return None if fits and (first or _counts(job, record)) else found
+
+    def _of_another_on_line(
+        self, channel: Channel, job: Job, asked: Half, record: Record
+    ) -> Missing | None:
+        """The same on PROFIBUS: of the requests of a station nothing is known but what its line shows."""
+        half, since = record.response, asked.frame
+        assert half is not None
+        fits, refused = _mirrors(job, half), job is channel.refused
+        if refused and not fits:
+            since = self._free_since(job.key, channel, record.request or half)
+        found = self._asked_behind(job.peer, channel, since)
+        if found is None and refused and half.data and not fits:
+            found = self._behind(job.peer, 0)
+        sure = fits and _is_of_kind(job, half) is True
+        return None if sure and _counts(job, record) else found
 
     def _set_aside(self, channel: Channel, job: Job, missing: Missing) -> None:
         """Nobody knows any more what becomes of a job."""
@@ -636,8 +650,8 @@ class Pairing:
 
         A Connect may be behind it: what is known of an AR that proves itself late is told late.
         """
-        connect = self._connects.get(key[:3], _NEVER).frame
-        return max(channel.ended, connect if connect < read.frame else 0)
+        connect = self._connects.get(key[:3]) or self._started.get(key[1]) or _NEVER
+        return max(channel.ended, connect.frame if connect.frame < read.frame else 0)
 
     def _asked_behind(self, peer: Peer, channel: Channel, since: int) -> Missing | None:
         """What may be missing behind a frame of what was asked for on a channel; 0: the begin of the capture."""
@@ -685,7 +699,7 @@ class Pairing:
 
     def _reread(self, channel: Channel, job: Job, record: Record) -> None:
         assert record.response is not None
-        self._step(job, "reread")
+        job.phase = self._table[job.phase]["reread"]
         if not job.rereads:
             job.between = channel.waiting()
             read = job.read_response.frame if job.read_response else 0
@@ -762,6 +776,12 @@ class Pairing:
         if self._tell_connected is not None:
             self._tell_connected(device, at.frame)
 
+    def started(self, station: str, at: Moment) -> None:
+        """A station of PROFIBUS got its parameters: it may have been switched off before that."""
+        self._put(self._started, station, at)
+        if self._tell_connected is not None:
+            self._tell_connected(station, at.frame)
+
     def _replace(self, controller: str, device: str, ar: bytes, at: Moment) -> None:
         before = self._connected.get((controller, device))
         if before is None or before == ar:
@@ -821,7 +841,7 @@ class Pairing:
         channel.accepted = max(channel.accepted, job.order)
         if job.phase == "asked":
             channel.asked.remove(job)
-            if job.write_response is not None:
+            if channel.asked and job.write_response is not None:
                 _written_again(channel, job)
             if channel.open is not None:
                 self._displace(channel.open, job)
@@ -829,7 +849,7 @@ class Pairing:
                 self._lose(channel.refused, "")
                 channel.refused = None
             channel.open = job
-        self._step(job, "write_accepted")
+        job.phase = self._table[job.phase]["write_accepted"]
 
     def _displace(self, job: Job, by: Job) -> None:
         """An accepted Write displaces a request without its response; whose response may be missing, too.
@@ -856,7 +876,7 @@ class Pairing:
         """
         if channel.open is not None and channel.open.order > job.order:
             channel.asked.remove(job)
-            self._step(job, "write_accepted")
+            job.phase = self._table[job.phase]["write_accepted"]
         else:
             self._accept(channel, job)
 
@@ -888,7 +908,7 @@ class Pairing:
         half = job.write_response
         if half is not None and half.status == STATUS_IN_USE:
             job.rival = self._rival(job)
-        self._step(job, "write_refused")
+        job.phase = self._table[job.phase]["write_refused"]
         if before == "answered":
             return
         if before == "asked":
@@ -926,8 +946,10 @@ class Pairing:
     def _sought(self, channel: Channel, event: str, record: Record) -> Job | None:
         """The same, where a request that may be over is set aside."""
         job, half = self._addressee(channel, event, record), record.response
-        over = None if job is None else _wrote_behind(channel, job, record)
-        if job is None or over is None:
+        if job is None or channel.refused is None:
+            return job
+        over = _wrote_behind(channel, job, record)
+        if over is None:
             return job
         self._set_aside(channel, job, over)
         self._forget_last(channel)  # the missing one is newer
@@ -943,7 +965,7 @@ class Pairing:
             self._compare(channel.last, job, half)
         if job.phase == "asked" and event not in ("read_empty", "read_short"):
             self._presume(channel, job)
-        self._step(job, event)
+        job.phase = self._table[job.phase][event]
         if event in ("read_poll", "read_short"):
             self._keep(job.polls, (record.request, half))
         elif event == "read_empty":
@@ -951,7 +973,7 @@ class Pairing:
                 self._keep(job.empty_reads, half)
         else:
             job.read_request, job.read_response = record.request, half
-            job.read_before = self._may_be_read(job)
+            job.read_before = bool(job.polls) and self._may_be_read(job)
             channel.ended = half.frame
             if channel.open is job:
                 channel.open = None
@@ -995,16 +1017,15 @@ class Pairing:
             reads.pop()
         reads.append(read)
 
-    def _step(self, job: Job, event: str) -> None:
-        job.phase = self._table[job.phase][event]
-
     def _lose(self, job: Job, reason: str) -> None:
-        _refused_at_last(job)
+        if job.polls:
+            _refused_at_last(job)
         job.reason = reason
-        connect = self._connected_since(job) if job.ended is None else None
-        if connect is not None and job.read_response is None:
-            job.ended, job.ended_ns = connect
-        job.missing = job.missing or self._lacks(job, reason)
+        if job.read_response is None:
+            connect = self._connected_since(job) if job.ended is None else None
+            if connect is not None:
+                job.ended, job.ended_ns = connect
+            job.missing = job.missing or self._lacks(job, reason)
         self._end(job, "lost")
 
     def _connected_since(self, job: Job) -> Moment | None:
@@ -1016,7 +1037,7 @@ class Pairing:
     def _end(self, job: Job, event: str) -> None:
         if job.missing is not None and job.fetching and job.read_request is None:
             job.read_request = job.fetching[0]
-        self._step(job, event)
+        job.phase = self._table[job.phase][event]
         self._closed(job)
         # Or each would keep the next one alive.
         job.superseding = job.rival = job.refused_behind = job.between = None
@@ -1063,9 +1084,13 @@ def _written_again(channel: Channel, job: Job) -> None:
 
 def _cross(channel: Channel, job: Job) -> bool:
     """Whether a later Write is open already: which of them the device did last nobody knows (P27)."""
-    newer = next((e for e in (channel.open, channel.last) if e and e.order > job.order), None)
-    one, other = job.write_request, newer and newer.write_request
-    if job.phase != "asked" or not (newer and one and other):
+    newer = channel.open
+    if newer is None or newer.order < job.order:
+        newer = channel.last
+    if newer is None or newer.order < job.order:
+        return False
+    one, other = job.write_request, newer.write_request
+    if job.phase != "asked" or not (one and other):
         return False
     job.crossed = newer.crossed = one.frame, other.frame
     return newer is channel.open
@@ -1140,7 +1165,7 @@ def _mirrors(job: Job, half: Half) -> bool:
     return bool(half.data) and job.reference == half.data[0] and _is_of_kind(job, half) is not False
 
 
-def _counts(job: Job) -> bool:
+def _counts(job: Job, record: Record) -> bool:
     """Whether a program counts its references, as far as is known: one more than before, or two past 0.
 
     Of the first one on a channel it may, if another channel had not the same one last, and a capture that has
@@ -1148,7 +1173,8 @@ def _counts(job: Job) -> bool:
     """
     before, now = job.previous_reference, job.reference
     if before is None:
-        halves = job.fetching or any(read is None for read, _ in job.polls)
+        reads = [record.request, *(read for read, _ in job.polls)]
+        halves = bool(job.fetching) or None in reads
         return job.previous is None and not (halves or job.write_refused or job.uncounted)
     return now is not None and (now - before) % 256 in (1, 2)
 
@@ -1174,8 +1200,8 @@ def _may_be_newer(channel: Channel, job: Job, record: Record) -> bool:
     """Whether a Read may be for a Write without its response that is newer than the one of a job."""
     half = record.response
     assert half is not None
-    old_answer = _is_last(channel, half.data)
-    strange = not half.data or (_is_of_kind(job, half) is False and not old_answer)
+    strange = not half.data or _is_of_kind(job, half) is False
+    strange = strange or (job.reference != half.data[0] and _is_last(channel, half.data))
     return any(
         each.order > job.order
         and not (each.passed or _is_later(each, record))

@@ -15,26 +15,28 @@ from ds47.spec.units import uuid_text
 
 def of(job: Job) -> Iterator[Remark]:
     """What the order of its frames says of a closed job."""
-    yield from _read_too_early(job)
-    yield from _old_answer(job)
-    asked = job.write_request
-    if asked is not None:
+    asked, answer, read = job.write_request, job.write_response, job.read_request
+    if job.polls:
+        read = next((request for request, _ in job.polls if request is not None), read)
+    if answer is not None and read is not None and read.frame < answer.frame:
+        yield from _read_too_early(job, read, answer)
+    if job.repeats is not None or job.rereads:
+        yield from _old_answer(job)
+    if asked is None:
+        return
+    if job.superseding is not None:
         yield from _displaced(job, asked)
+    if answer is not None and answer.status == STATUS_IN_USE:
         yield from _turned_away(job, asked)
+    if job.ended is not None:
         yield from _connection_lost(job, asked)
 
 
-def _read_too_early(job: Job) -> Iterator[Remark]:
-    answer = job.write_response
-    if answer is None or answer.status != 0:
-        return
-    asked, reads = job.record.request, [*(request for request, _ in job.polls), job.read_request]
+def _read_too_early(job: Job, read: Half, answer: Half) -> Iterator[Remark]:
+    asked = job.record.request
     begin_ns = 0 if asked is None else asked.time_ns  # before that the times say another order
-    for read in reads:
-        if read is not None:
-            if read.frame < answer.frame and begin_ns <= read.time_ns <= answer.time_ns:
-                yield Remark("DS702", read.frame, {"frame": read.frame, "by": answer.frame})
-            return
+    if answer.status == 0 and begin_ns <= read.time_ns <= answer.time_ns:
+        yield Remark("DS702", read.frame, {"frame": read.frame, "by": answer.frame})
 
 
 def _old_answer(job: Job) -> Iterator[Remark]:
@@ -69,13 +71,11 @@ def _displaced(job: Job, asked: Half) -> Iterator[Remark]:
 
 def _turned_away(job: Job, asked: Half) -> Iterator[Remark]:
     """A Write that is turned away while another request is open."""
-    answer = job.write_response
-    if answer is not None and answer.status == STATUS_IN_USE:
-        rival = job.rival
-        held = rival.write_request if rival else None
-        if held is not None and held.frame > asked.frame:
-            return  # the two crossed: it was not open yet when this one was sent
-        yield _clash(rival, job, held.frame if held else None, asked.frame)
+    rival = job.rival
+    held = rival.write_request if rival else None
+    if held is not None and held.frame > asked.frame:
+        return  # the two crossed: it was not open yet when this one was sent
+    yield _clash(rival, job, held.frame if held else None, asked.frame)
 
 
 def _clash(held: Job | None, came: Job, first: int | None, frame: int) -> Remark:
@@ -108,7 +108,7 @@ def _case(held: Job | None, came: Job) -> str:
 def _connection_lost(job: Job, asked: Half) -> Iterator[Remark]:
     """What was to be read, or was waited for; of a change many programs never read the answer."""
     message = job.message
-    if job.missing is not None or job.ended is None or job.contested:
+    if job.missing is not None or job.contested:
         return
     if job.read_response is not None or job.write_refused:
         return

@@ -192,8 +192,8 @@ class Judge:
             self._note("DS811", station.address, answer.frame, args, tuple(args.values()))
 
     def _parameters(self, station: Station, told: dp.Parameters, frame: int) -> None:
-        last = station.last_exchange
-        if last is not None:
+        last, unsure = station.last_exchange, station.unsure.get(dp.PARAMETERS, 0)
+        if last is not None and max(station.hole, unsure) <= last.frame:
             self._note("DS810", station.address, frame, {"last": last.frame})
         if "lock" in told.flags and "watchdog" not in told.flags:
             self._note("DS815", station.address, frame, {})

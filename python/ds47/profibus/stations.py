@@ -135,8 +135,8 @@ class Station:
     """Chk_Cfg,"""
     hole: int = 0
     """The last request before which something was not seen."""
-    unsure: set[str | None] = field(default_factory=set)
-    """Services of which the newest request has no answer: whether the station took it is not known."""
+    unsure: dict[str | None, int] = field(default_factory=dict)
+    """Services of which the newest request, in a frame, has no answer: nobody knows whether it was taken."""
     diagnosis: dp.Diagnosis | None = None
     diagnosis_frame: int | None = None
     """and answer to Slave_Diag."""
@@ -278,7 +278,7 @@ class Stations:
 def _keep(station: Station, exchange: Exchange, answer: Seen) -> None:
     """What an exchange with an answer says of the station."""
     name, item = exchange.request.item.front.service, answer.item
-    station.unsure.discard(name)
+    station.unsure.pop(name, None)
     if dp.refuses(item):
         if name == dp.EXCHANGE:
             _cycle(station, exchange)
@@ -330,7 +330,7 @@ def _count(station: Station, exchange: Exchange) -> None:
     elif answer is None and not exchange.cut:
         station.unheard[seen.item.sa] = seen
     if answer is None:
-        station.unsure.add(seen.item.front.service)
+        station.unsure[seen.item.front.service] = seen.frame
     if answer is not None and exchange.retried <= len(
         exchange.retries
     ):  # else nobody knows when the last one was sent

@@ -129,7 +129,8 @@ class Pair:
     @property
     def hears(self) -> bool:
         """Whether anything that the server sent to the client is in the capture up to now."""
-        return self.heard or any(each.heard for each in self.activities)
+        self.heard = self.heard or any(each.heard for each in self.activities)
+        return self.heard
 
     @property
     def asks(self) -> bool:
@@ -255,17 +256,18 @@ class Completeness:
         this pair.
         """
         pair = self._pairs.get((client, server))
-        if pair is None or not pair.asks:
+        if pair is None or not pair.activities:
             return "requests"
-        across = since < pair.since
+        across, anew = since < pair.since, 0
         for numbers in pair.activities:
             if numbers.holes and (across or numbers.holes[-1].before > since):
                 return numbers.holes[-1]
+            anew = max(anew, numbers.anew)
         if pair.unasked and (across or pair.unasked[-1] > since):
             return "requests"
-        if any(each.anew > since for each in pair.activities):
+        if anew > since:
             return "renewed"
-        if not pair.hears:
+        if not (pair.heard or pair.hears):
             return "one_direction"
         return "halves" if across and pair.lost else None
 

@@ -1040,14 +1040,15 @@ def p71_asked_before(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P29 P43 lost mismatch incomplete",
+    "P29 lost orphan incomplete",
     row(1, par(RAMP, "Float32", 5.0, error=(2, 0)), state="change error"),
-    tx(2, "mismatch", (5, 6, 8, 9), 4, par(None, error=(2, 0)), ref=2),
+    tx(2, "incomplete", (5, 6), None, par(21), ref=2),
     tx(3, "change incomplete", (7,), None, ramp(10.0), ref=3),
-    rules="DS410@4#1 DS701@4#1 DS101@7#3 DS110@7#3 DS404@9#2 DS405@9#2 DS410@9#2",
+    orphan(4, 8, par(None, error=(2, 0)), state="change orphan"),
+    rules="DS410@4#1 DS701@4#1 DS110@5#2 DS101@7#3 DS110@7#3 DS403@9#4 DS410@9#4 DS701@9#4",
 )
-def p71_old_answer(client: Client) -> None:
-    """What is read is the last response once more: it is no new one of the change that has its kind."""
+def p77_old_answer(client: Client) -> None:
+    """What is read is the last response once more: of the open read, or of the change behind it."""
     old = message.answer(1, 0x82, 1, message.error(2))
     client.exchange(put(1, 5.0), old)
     client.write(ask(2))
