@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import count
 
+from ds47.acyclic.judge import is_mismatch
 from ds47.acyclic.pairing import Access, Job, Peer
 from ds47.lab.client import Client
 from ds47.lab.ether import Host
@@ -75,4 +76,5 @@ def job(
         made.response = decode_response(answer, message) if answer else None
     for name, value in changes.items():
         setattr(made, name, value)
+    made.stray = is_mismatch(made)
     return made

@@ -116,19 +116,21 @@ class Judge:
     def answered(self, job: Job) -> list[Remark]:
         """What its response, and the values in it, say of a job. Call in the order of the capture."""
         remarks: list[Remark] = []
-        stray = is_mismatch(job)
+        stray = job.stray = is_mismatch(job)
         self._request(job, remarks)
         self._reads(job, remarks)
         self._response(job, stray, remarks)
         self._time(job, remarks)
-        if _is_change(job):
+        change = _is_change(job)
+        if change:
             self._written.settled(job, stray=stray)
         elif job.message is None:
             self._written.unasked(job)
-        if not stray:
+        if change and not stray:
+            self._other_length(job, remarks)
+        elif not (change or stray):
             self._read_back(job, remarks)
             self._learn_limit(job)
-            self._other_length(job, remarks)
         for remark in remarks:
             remark.job = job
         return remarks
@@ -180,7 +182,7 @@ class Judge:
         """How many parameters of one request the device takes, as far as it has shown; None: not at all."""
         request, response = job.message, job.response
         most = self._most.get(job.peer.device)
-        if request is None or response is None or is_mismatch(job):
+        if request is None or response is None or job.stray:
             return most
         answered = len(response.blocks)
         return answered if answered == len(request.addresses) == request.parameter_count else most
@@ -193,10 +195,10 @@ class Judge:
         return [Remark("DS203", half.frame, {"status": status_hex(half.status)}, job=job)]
 
     def _reads(self, job: Job, remarks: list[Remark]) -> None:
-        refused = [answer for _, answer in job.too_short] if job.polls else []
-        for half in (*refused, job.read_response):
-            if half and half.status:
-                remarks.append(Remark("DS201", half.frame, {"status": status_hex(half.status)}))
+        for _, half in job.too_short if job.polls else ():
+            remarks.append(_refused(half))
+        if job.read_response is not None and job.read_response.status:
+            remarks.append(_refused(job.read_response))
         for half in job.empty_reads:
             remarks.append(Remark("DS207", half.frame))
 
@@ -254,7 +256,7 @@ class Judge:
             if block.error is not None and not told:
                 args = self._error_args(job, block, address)
                 remarks.append(Remark("DS410", frame, args, block.offset))
-            elif address and read:
+            elif address and read and block.value_count != (address.element_count or 1):
                 _count(frame, job, block, address, remarks)
 
     def _error_args(self, job: Job, block: Block, address: Address | None) -> dict[str, Any]:
@@ -308,7 +310,7 @@ class Judge:
     def _other_length(self, job: Job, remarks: list[Remark]) -> None:
         """A change that is accepted differs from one that was refused in nothing but its length."""
         half, response, record = job.write_request, job.response, job.record
-        if half is None or response is None or not _is_change(job) or half.missing:
+        if half is None or response is None or half.missing:
             return
         place = job.peer.device, record.api, record.slot, record.subslot, record.index
         if response.response_id is not None and response.response_id & 0x80:
@@ -351,6 +353,10 @@ def _flaws(flaws: list[Flaw], half: Half, remarks: list[Remark], most: int | Non
             args = {**args, "limit": most}
         if not half.cut or flaw.rule not in ABSENT:
             remarks.append(Remark(flaw.rule, half.frame, args, flaw.offset))
+
+
+def _refused(half: Half) -> Remark:
+    return Remark("DS201", half.frame, {"status": status_hex(half.status or 0)})
 
 
 def _is_change(job: Job) -> bool:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from typing import Final
 
-from ds47.acyclic.judge import is_mismatch
 from ds47.acyclic.pairing import Job
 from ds47.acyclic.readback import access_of
 from ds47.profidrive import Request
@@ -62,7 +61,7 @@ def _learn(dictionary: Dictionary, job: Job, request: Request) -> None:
     if response is None or half is None or response.response_id not in _READ:
         return
     broken = half.missing or half.status or any(flaw.rule in _BROKEN for flaw in response.flaws)
-    if broken or is_mismatch(job):
+    if broken or job.stray:
         return
     access = access_of(job)
     for address, block in zip(request.addresses, response.blocks, strict=False):

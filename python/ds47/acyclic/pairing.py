@@ -137,6 +137,8 @@ class Job:
     empty_reads: list[Half]
     response: Response | None
     """Decoded by whoever is told of the answer."""
+    stray: bool
+    """Whether that cannot be the answer to the request; found by the judge."""
     previous_reference: int | None
     previous: int | None
     """Frame of the request before it on its channel, as far as the capture shows."""
@@ -219,6 +221,7 @@ class Job:
         self.rereads = [] if rereads is None else rereads
         self.empty_reads = [] if empty_reads is None else empty_reads
         self.response = response
+        self.stray = False
         self.previous_reference = previous_reference
         self.previous = previous
         self.uncounted = False
@@ -1040,7 +1043,8 @@ class Pairing:
         job.phase = self._table[job.phase][event]
         self._closed(job)
         # Or each would keep the next one alive.
-        job.superseding = job.rival = job.refused_behind = job.between = None
+        # Or each would keep the next one alive, and the memory of calls what their responses say.
+        job.superseding = job.rival = job.refused_behind = job.between = job.response = None
 
     def _push_out(self, job: Job, limit: str) -> None:
         """Nothing more is known of a job from now on, and not because nothing came."""

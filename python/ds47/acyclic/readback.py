@@ -170,14 +170,17 @@ class ReadBack:
         request, response, asked = job.message, job.response, job.write_request
         if request is None or response is None or asked is None or request.operation != "read":
             return
-        reached = access_of(job)
+        pnus = self.pnus
         for address, block in zip(request.addresses, response.blocks, strict=False):
+            pnu = address.pnu
             if block.error is not None:
-                self.objects.refused(reached, block.error.code)
-            elif address.pnu == DO_IDENTIFICATION and address.attribute == VALUE:
-                self.objects.identified(reached, address.subindex, block.values)
-            if address.pnu in self.pnus:
-                yield from self._compared(reached, job.peer.drives, asked.frame, address, block)
+                self.objects.refused(access_of(job), block.error.code)
+            elif pnu == DO_IDENTIFICATION and address.attribute == VALUE:
+                self.objects.identified(access_of(job), address.subindex, block.values)
+            if pnu in pnus:
+                yield from self._compared(
+                    access_of(job), job.peer.drives, asked.frame, address, block
+                )
 
     def _compared(
         self, reached: Access, family: str, asked: int, address: Address, block: Block

@@ -8,7 +8,7 @@ from __future__ import annotations
 from itertools import zip_longest
 
 from ds47 import spec
-from ds47.acyclic.judge import is_mismatch, parameters_asked
+from ds47.acyclic.judge import parameters_asked
 from ds47.acyclic.pairing import Job
 from ds47.model import Frames, Parameter, ParameterError, Read, Transaction
 from ds47.profidrive import Address, Block
@@ -32,7 +32,7 @@ def build(job: Job) -> Transaction:
         reference, axis = response.request_reference, response.axis
     answer = (read.data or None) if read else None
     took = read.time_ns - write.time_ns if answer and read and write else None
-    stray = is_mismatch(job)
+    stray = job.stray
     parameters_ = _parameters(job, stray)
     for item, meaning in zip(parameters_, job.meanings, strict=False):
         if meaning is not None and item.pnu is not None:
@@ -105,9 +105,7 @@ def _outcome(job: Job) -> str:
     negative = known is not None and bool(known.negative)
     if not blocks and known and known.body != "blocks" and not negative:
         return "ok"  # a positive response that has nothing to carry
-    failed = 0
-    for block in blocks:
-        failed += block.error is not None
+    failed = response.failed
     done = len(blocks) - failed
     if response.cut and blocks[-1].error is None:
         done -= 1  # the last value did not arrive whole

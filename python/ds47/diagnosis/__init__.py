@@ -14,7 +14,7 @@ from dataclasses import replace
 from functools import cache, partial
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from ds47.acyclic.judge import PNU_ACCESS_IDENTIFICATION, is_mismatch
+from ds47.acyclic.judge import PNU_ACCESS_IDENTIFICATION
 from ds47.acyclic.pairing import Access, Job, Missing, Peer
 from ds47.diagnosis import length, order, refusal
 from ds47.diagnosis.capture import WholeCapture
@@ -79,9 +79,11 @@ class Diagnoses:
     def closed(self, job: Job) -> list[Remark]:
         """What a closed job shows, and the findings it has, were caused by."""
         self._whole.closed(job)
+        device = job.peer.device
         if (answer := job.read_response) is not None:
             size = answer.stated if answer.cut else len(answer.data)
-            self._learn_length(job.peer.device, size)
+            if size > self._longest.get(device, 0):
+                put(self._longest, device, size)
         remarks = list(order.of(job))
         if job.polls:
             remarks += length.read_too_short(job)
@@ -293,35 +295,31 @@ class Diagnoses:
 
     def _learn(self, job: Job) -> None:
         request, response, half = job.message, job.response, job.read_response
-        if request is None or response is None or half is None or is_mismatch(job):
+        if request is None or response is None or half is None or job.stray:
             return
         if response.response_id not in _TELLING:
             return
         device, reach = job.peer.device, reach_of(job.record, request.axis)
-        if job.record.index != LOCAL and request.axis is not None:
-            self._learn_axis(device, request.axis, response.blocks)
+        axis, known_axes = request.axis, self._axes.get(device, ())
+        if job.record.index != LOCAL and axis is not None and (response.failed or axis not in known_axes):
+            self._learn_axis(device, axis, response.blocks)
         if request.operation != "read":
             return
         for address, block in zip(request.addresses, response.blocks, strict=False):
             if address.attribute != VALUE or block.error is not None:
                 continue
-            self._learn_format(device, reach, address.pnu, block.format, half.frame)
+            before = self._formats.get((device, reach, address.pnu))
+            if before is None or before.format != block.format:
+                self._learn_format(device, reach, address.pnu, block.format, half.frame)
             if address.pnu == PNU_ACCESS_IDENTIFICATION and address.subindex == 0 and block.values:
                 longest = block.values[0]
                 if isinstance(longest, int) and longest > 0:
                     put(self._limits, device, longest)
 
     def _learn_format(self, device: str, reach: Reach, pnu: int, code: int, frame: int) -> None:
-        before = self._formats.get((device, reach, pnu))
-        if before is not None and before.format == code:
-            return
         put(self._formats, (device, reach, pnu), Seen(code, frame))
         same = self._anywhere.get((device, pnu), code) == code
         put(self._anywhere, (device, pnu), code if same else None)
-
-    def _learn_length(self, device: str, length: int) -> None:
-        if length > self._longest.get(device, 0):
-            put(self._longest, device, length)
 
     def _learn_axis(self, device: str, axis: int, blocks: list[Block]) -> None:
         error = known().axis_error

@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any, Generic, NamedTuple, TypeVar
 
-from ds47.acyclic.judge import is_mismatch
 from ds47.acyclic.pairing import STATUS_NOT_READY, Access, Job, Missing
 from ds47.diagnosis.repetition import Repetition, place_args
 from ds47.diagnosis.saving import Unsaved
@@ -162,7 +161,7 @@ class WholeCapture:
         message, record, device = job.message, job.record, job.peer.device
         place = _place(record)
         pair = job.peer.controller, device
-        seen = self._seen.get(pair) or self._seen.put(pair, _Seen())
+        seen = self._seen.entries.get(pair) or self._seen.put(pair, _Seen())
         seen.add(job)
         if message is None:
             self._accept(device, place, job)
@@ -332,10 +331,10 @@ class WholeCapture:
 
     def _accept(self, device: str, place: Place, job: Job) -> None:
         """Whether a request to the place was accepted, or a response read there, in any API: none is told."""
-        answer, read = job.write_response, job.read_response
+        answer, read, spot = job.write_response, job.read_response, (device, place[1:])
         taken = answer is not None and answer.status == 0
-        if taken or (read is not None and read.data):
-            self._accepting.put((device, place[1:]), True)
+        if spot not in self._accepting.entries and (taken or (read is not None and read.data)):
+            self._accepting.put(spot, True)
 
     def _slots(self) -> Iterator[Remark]:
         for (device, place), (tally, status) in self._refusing.items():
@@ -377,7 +376,7 @@ class WholeCapture:
         message, asked = job.message, job.write_request
         if message is None or asked is None or job.write_refused:
             return
-        outcome = _outcome(message, None if is_mismatch(job) else job.response)
+        outcome = _outcome(message, None if job.stray else job.response)
         who = job.peer
         effect = _effect(
             tuple(

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Final
 
-from ds47.acyclic.judge import is_mismatch, parameters_asked
+from ds47.acyclic.judge import parameters_asked
 from ds47.acyclic.pairing import Job
 from ds47.findings.remark import Remark
 from ds47.profidrive import Address, Request, decode_request
@@ -125,7 +125,7 @@ def answer_too_long(
     half, request, response = job.read_response, job.message, job.response
     if half is None or request is None or response is None or request.operation != "read":
         return
-    if is_mismatch(job):
+    if job.stray:
         return  # it is the response to another request
     longest = max(longest, len(half.data))
     limit = stated if stated is not None and stated >= longest else None

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, Final, NamedTuple
 
-from ds47.acyclic.judge import is_mismatch
 from ds47.acyclic.pairing import Job
 from ds47.findings.remark import Remark
 from ds47.model import SIEMENS
@@ -42,7 +41,7 @@ class Refusal(NamedTuple):
 def refusals(job: Job) -> list[Refusal]:
     """The parameters of a job that the drive refused; none where the response is that of another request."""
     request, response = job.message, job.response
-    if request is None or response is None or is_mismatch(job):
+    if request is None or response is None or job.stray:
         return []
     return [
         Refusal(number, block.error.code, address, block, _value(request.blocks, number))
@@ -123,7 +122,7 @@ def of(job: Job, refused: list[Refusal]) -> Iterator[tuple[Refusal, Remark]]:
 def not_seen(job: Job) -> Iterator[Remark]:
     """A refusal that no status tells of, and of which nothing better can be said."""
     half, response = job.read_response, job.response
-    if half is None or response is None or response.response_id is None or is_mismatch(job):
+    if half is None or response is None or response.response_id is None or job.stray:
         return
     if job.message is None and job.repeats is not None:  # told of the transaction that it repeats
         return

@@ -132,8 +132,10 @@ class DriveObjects:
         if item.items:
             named = {each.drive_object for each in item.items}
             return (named.pop() or None) if len(named) == 1 else None
-        number = self.number(access_of(item))
-        return number if number is not None and self.exists(item.device, number) else None
+        device, number = item.device, item.axis or None
+        if item.index is None or item.index == LOCAL:
+            number = self._submodules.get((device, item.slot, item.subslot))
+        return number if number is not None and (device, number) not in self._missing else None
 
     def exists(self, device: str, number: int) -> bool:
         """False where the device has said that there is no such drive object."""

@@ -212,6 +212,8 @@ class Response:
     length: int
     cut: bool
     """Whether the last block lacks bytes of its values."""
+    failed: int
+    """How many blocks are errors."""
 
     def __init__(
         self,
@@ -233,6 +235,7 @@ class Response:
         self.rest = rest
         self.length = length
         self.cut = False
+        self.failed = sum(block.error is not None for block in blocks) if blocks else 0
 
     @property
     def shaped(self) -> bool:

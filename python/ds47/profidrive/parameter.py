@@ -93,11 +93,13 @@ def decode_response(
         blocks = _sound_blocks(data, data[3], options, vendor)
         if blocks is not None:
             response.blocks = blocks
+            response.failed = _failed(blocks)
             _sign(response, known.negative)
             return response
     body = _Body(data, MESSAGE_SIZE, data[3], options, flaws, vendor)
     body.decode("all" if unsupported else known.body if known else "free")
     response.blocks, response.rest, response.cut = body.blocks, body.rest, body.cut
+    response.failed = _failed(body.blocks)
     if known and not unsupported:
         _sign(response, known.negative)
     return response
@@ -175,14 +177,18 @@ def _value_counts(request: Request) -> None:
 
 def _sign(response: Response, negative: bool | None) -> None:
     """Bit 7 of the response id says whether an error is inside (A.2)."""
-    failed = False
-    for block in response.blocks:
-        if block.error is not None:
-            failed = True
-    if negative is False and failed:
+    if negative is False and response.failed:
         response.flaws.append(Flaw("DS411", 1, {}))
-    elif negative and not failed and response.blocks and not _broken(response.flaws):
+    elif negative and not response.failed and response.blocks and not _broken(response.flaws):
         response.flaws.append(Flaw("DS412", 1, {}))
+
+
+def _failed(blocks: list[Block]) -> int:
+    failed = 0
+    for block in blocks:
+        if block.error is not None:
+            failed += 1
+    return failed
 
 
 def _broken(flaws: list[Flaw]) -> bool:
