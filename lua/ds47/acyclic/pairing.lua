@@ -633,7 +633,7 @@ local function rival_of(self, channel, job)
     end
   end
   local asked = found and found:write_request()
-  if asked == nil or behind(self, found.peer, asked.frame) then
+  if asked == nil or behind(self, found.peer, asked.frame) or behind(self, job.peer, asked.frame) then
     return nil
   end
   local came, over = job:write_request().frame, connected_since(self, found)

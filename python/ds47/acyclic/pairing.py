@@ -886,8 +886,8 @@ class Pairing:
     def _rival(self, job: Job) -> Job | None:
         """The newest request that is surely open at the place of another one, whoever asked; or came behind that.
 
-        It was accepted, no Connect of its AR ended it, and no Read that is under way fetches its response. What
-        comes later changes nothing.
+        It was accepted, no Connect of its AR ended it, no Read that is under way fetches its response, and nothing
+        is missing behind it of what either of the two asked. What comes later changes nothing.
         """
         keys = reversed(self._of_place.get(_spot(job.key), {}))
         found: Job | None = None
@@ -897,7 +897,9 @@ class Pairing:
             if held is not None and held is not job and (not found or held.order > found.order):
                 found = held
         asked, came = found and found.write_request, job.write_request
-        if not (found and asked and came) or self._behind(found.peer, asked.frame) is not None:
+        if not (found and asked and came):
+            return None
+        if any(self._behind(peer, asked.frame) is not None for peer in (found.peer, job.peer)):
             return None
         over = self._connected_since(found)
         if over is not None and over.frame < came.frame:

@@ -301,7 +301,11 @@ class Diagnoses:
             return
         device, reach = job.peer.device, reach_of(job.record, request.axis)
         axis, known_axes = request.axis, self._axes.get(device, ())
-        if job.record.index != LOCAL and axis is not None and (response.failed or axis not in known_axes):
+        if (
+            job.record.index != LOCAL
+            and axis is not None
+            and (response.failed or axis not in known_axes)
+        ):
             self._learn_axis(device, axis, response.blocks)
         if request.operation != "read":
             return
