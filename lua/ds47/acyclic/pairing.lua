@@ -1013,7 +1013,10 @@ local function of_another(self, channel, job, record)
   local fits, other = mirrors(job, data), open ~= nil and open ~= job
   if job.peer.station then
     local strange = job == channel.refused and not fits
-    local since = strange and free_since(self, channel, job.peer, record.request or half) or asked.frame
+    local since = asked.frame
+    if strange then -- what a record mirrors may have outlived a start-up
+      since = has_data and channel.ended or free_since(self, channel, job.peer, record.request or half)
+    end
     local found = asked_behind(self, job.peer, channel, since)
     if strange and has_data then
       found = found or behind(self, job.peer, 0)

@@ -627,8 +627,9 @@ class Pairing:
         half, since = record.response, asked.frame
         assert half is not None
         fits, refused = _mirrors(job, half), job is channel.refused
-        if refused and not fits:
-            since = self._free_since(job.key, channel, record.request or half)
+        if refused and not fits:  # what a record mirrors may have outlived a start-up
+            free = self._free_since(job.key, channel, record.request or half)
+            since = channel.ended if half.data else free
         found = self._asked_behind(job.peer, channel, since)
         if found is None and refused and half.data and not fits:
             found = self._behind(job.peer, 0)
