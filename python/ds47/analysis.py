@@ -221,6 +221,7 @@ class Analysis:
         )
         self._judge = Judge(bounds, slow_ns, index47.waits)
         self._catalogue = Catalogue(options.lists)
+        self._listed = not self._catalogue.is_empty
         self._dictionary = Dictionary(self._judge.objects, bounds.described_parameters)
         self._completeness = Completeness(
             bounds.activities, lambda station: self._bus.line.lost(station)
@@ -275,6 +276,8 @@ class Analysis:
         self._summary: dict[str, int] = {"transactions": 0}
         self._objects = DriveObjects()
         self._capture: Capture | Series | None = None
+        self._untimed = False
+        """Whether its frames have no times, as those of a log of PROFIBUS may have none."""
         layouts = dict(options.pkw_layouts)
         self._layout = partial(_layout, layouts)
         self._conclusions = Conclusions(bounds, self._layout, self._cyclic)
@@ -336,7 +339,8 @@ class Analysis:
     def _frames(self, frames: Capture | Series) -> None:
         for frame in frames:
             if frame.link_type in LINK_TYPES:
-                if frames.timed:
+                self._untimed = not frames.timed
+                if not self._untimed:
                     self._times.note(frame.number, frame.time_ns)
                 data = frame.data
                 cut = len(data) < frame.original_length
@@ -379,7 +383,9 @@ class Analysis:
     def _answered(self, job: Job) -> None:
         self._decode(job)
         self._answers[job] = self._judge.answered(job)
-        learning.answered(self._dictionary, job)
+        described = job.message is not None and job.message.describes
+        if described or not self._dictionary.is_empty:
+            learning.answered(self._dictionary, job)
         self._s7.records(job.peer.device)
         if self._early is not None:
             self._settled(job, self._answers[job], self._early)
@@ -398,21 +404,24 @@ class Analysis:
 
     def _closed(self, job: Job) -> None:
         remarks = self._answers.pop(job, None)
-        learning.closed(self._dictionary, job)
+        response = job.response
+        if response is None:
+            learning.ask(self._dictionary, job)
         if remarks is None:
             remarks = self._judge.unanswered(job, dropped=self._findings.frames_dropped)
             if job.limit and job.write_request is not None:
                 self._records.pushed_out(job.limit, job.write_request.frame)
         remarks += self._judge.closed(job)
         remarks += self._diagnoses.closed(job)
-        remarks += self._remarks.pop(job, [])
+        remarks += self._remarks.pop(job, ())
         transaction = self._built(job)
         self._objects.transaction(transaction)
-        if self._capture is not None and not self._capture.timed:
+        if self._untimed:
             transaction.duration_ns = None
-        for remark in self._conclusions.transaction(transaction):
-            remark.job = job
-            remarks.append(remark)
+        if response is not None and response.failed:
+            for remark in self._conclusions.transaction(transaction):
+                remark.job = job
+                remarks.append(remark)
         if DS47 not in self._options.channels:
             return
         summarise(self._summary, transaction.state, transaction.operation)
@@ -426,7 +435,7 @@ class Analysis:
     def _built(self, job: Job) -> Transaction:
         """The transaction of a job, with the names that lists have."""
         transaction = build(job)
-        if self._catalogue.is_empty:
+        if not self._listed:
             return transaction
         return naming.explain(transaction, self._catalogue, job.peer.vendor_id, job.peer.device_id)
 

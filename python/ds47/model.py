@@ -223,7 +223,8 @@ class Frames(_Plain):
 
     def first(self) -> int:
         """The first frame in which the transaction shows, 0 where it has none."""
-        return min(self.all(), default=0)
+        there = (self.write_request, self.write_response, self.read_request, self.read_response)
+        return min(self.all() if self.polls or self.rereads else filter(None, there), default=0)
 
     def all(self) -> list[int]:
         """Every frame of the transaction, sorted, each once."""

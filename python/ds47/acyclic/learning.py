@@ -23,15 +23,9 @@ _BROKEN: Final = frozenset(("DS309", "DS313", "DS315"))
 
 def answered(dictionary: Dictionary, job: Job) -> None:
     """A job has its response: what it describes is learned, and what its parameters are is asked."""
-    if job.message is not None and _asks_for_one(job.message):
+    if job.message is not None and job.message.describes and job.message.operation == "read":
         _learn(dictionary, job, job.message)
     ask(dictionary, job)
-
-
-def closed(dictionary: Dictionary, job: Job) -> None:
-    """A job is over: without a response it is asked only now what its parameters are."""
-    if job.response is None:
-        ask(dictionary, job)
 
 
 def ask(dictionary: Dictionary, job: Job) -> None:
@@ -46,13 +40,6 @@ def ask(dictionary: Dictionary, job: Job) -> None:
         for each in job.message.addresses
     ]
     job.meanings = [None if each is None or not each.is_said else each for each in found]
-
-
-def _asks_for_one(request: Request) -> bool:
-    for each in request.addresses:
-        if each.attribute == DESCRIPTION:
-            return request.operation == "read"
-    return False
 
 
 def _learn(dictionary: Dictionary, job: Job, request: Request) -> None:

@@ -91,10 +91,11 @@ class Access:
         ar: controller, device and AR.
         channel: these, and where the record is.
         ours: whether its index may carry the parameter channel.
+        proven: whether its AR had proved itself when it was asked for.
         job: of a Write its own, of a Read the one whose response it is to fetch; None as long as none is known.
     """
 
-    __slots__ = ("ar", "channel", "job", "ours", "peer", "record")
+    __slots__ = ("ar", "channel", "job", "ours", "peer", "proven", "record")
 
     def __init__(self, peer: Peer, record: Record, *, ours: bool = True) -> None:
         controller, device, uuid = peer.controller, peer.device, record.ar
@@ -104,7 +105,7 @@ class Access:
         self.channel: ChannelKey = (
             controller, device, uuid, record.api, record.slot, record.subslot, record.index,
         )  # fmt: skip
-        self.ours = ours
+        self.ours, self.proven = ours, False
         self.job: Job | None = None
 
     @property

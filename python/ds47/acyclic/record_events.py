@@ -75,7 +75,7 @@ class RecordEvents:
         assert half is not None
         if half.missing:
             self._length(access, half, cut)
-        passes = self._index47.passes(access.ar, record.index)
+        passes = access.proven = self._index47.passes(access.ar, record.index)
         if not record.write:
             if passes:
                 self._read_asked(access, half)
@@ -98,7 +98,7 @@ class RecordEvents:
         assert half is not None
         if not record.write:
             self._read_answered(access, half, cut)
-        elif self._index47.passes(access.ar, record.index):
+        elif access.proven or self._index47.passes(access.ar, record.index):
             self._write_answered(access, half)
         else:
             self.pass_on(access, partial(self._write_answered, access, half))
@@ -193,7 +193,7 @@ class RecordEvents:
     def _read_answered(self, access: Access, half: Half, cut: Cut | None) -> None:
         if half.missing:
             self._length(access, half, cut)
-        if self._index47.passes(access.ar, access.record.index):
+        if access.proven or self._index47.passes(access.ar, access.record.index):
             self._read(access, half)
             return
         proves = bool(half.data and not half.missing) and (

@@ -5,17 +5,19 @@ States and parameters follow docs/pairing.md; findings are the business of `judg
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import lru_cache
 from itertools import zip_longest
 
-from ds47 import spec
 from ds47.acyclic.judge import parameters_asked
 from ds47.acyclic.pairing import Job
 from ds47.model import Frames, Parameter, ParameterError, Read, Transaction
 from ds47.profidrive import Address, Block
 from ds47.profidrive.dictionary import explain, unit_of
 from ds47.profidrive.family import NOT_SUPPORTED
+from ds47.profidrive.model import attribute_name
 from ds47.profinet.records import NIL_UUID, NO_API, Half
-from ds47.spec import request_ids, response_ids
+from ds47.spec import Pnu, parameter, request_ids, response_ids
 from ds47.spec.units import uuid_text
 
 
@@ -131,34 +133,39 @@ def _parameters(job: Job, stray: bool) -> list[Parameter]:
     if stray and request is not None and change:
         blocks = request.blocks
     if request is None or (stray and not _refused(job)):
-        return [_parameter(job, None, block, block) for block in blocks]
-    addresses = request.addresses
-    answers: list[Block | None] = [] if stray else list(blocks)
-    values: list[Block | None] = list(request.blocks) if change else answers
-    rows = zip_longest(addresses, values[: len(addresses)], answers)
-    return [_parameter(job, *row) for row in rows if row[0] is not None]
+        return [_parameter(job, None, None, block, block) for block in blocks]
+    family, addresses = job.peer.drives, request.addresses
+    answers: Sequence[Block] = () if stray else blocks
+    values = request.blocks if change else answers
+    rows = zip_longest(addresses, values[: len(addresses)], answers[: len(addresses)])
+    return [_parameter(job, family, *row) for row in rows]
 
 
 def _parameter(
-    job: Job, address: Address | None, value: Block | None, answer: Block | None
+    job: Job, family: str | None, address: Address | None, value: Block | None, answer: Block | None
 ) -> Parameter:
-    pnu = subindex = attribute = elements = known = family = None
-    if address is not None:
+    pnu = subindex = attribute = elements = known = None
+    if address is not None and family is not None:
         pnu, subindex, elements = address.pnu, address.subindex, address.element_count
-        attribute = address.attribute_name
-        family = job.peer.drives
-        known = spec.parameter(pnu, family)
+        attribute, known = _listed(pnu, address.attribute, family)
     result = Parameter(pnu, subindex, attribute, elements, known, family=family)
     if value is not None and value.error is None:
         result.format = value.format_name
         result.value_count = value.value_count
         result.values = list(value.values)
         result.scaled = value.scaled
-    result.unit = unit_of(known, result.format)
+    if known is not None:
+        result.unit = unit_of(known, result.format)
     if answer is not None and answer.error is not None:
         failed = answer.error
         result.error = ParameterError(failed.code, failed.info, job.peer.vendor_id)
     return result
+
+
+@lru_cache(maxsize=4096)
+def _listed(pnu: int, attribute: int, family: str) -> tuple[str, Pnu | None]:
+    """The name of an attribute, and what the tables say of the PNU on this family of drives."""
+    return attribute_name(attribute), parameter(pnu, family)
 
 
 def _frames(job: Job) -> Frames:

@@ -72,7 +72,7 @@ class Address:
     @property
     def attribute_name(self) -> str:
         """The name, "value", "description" or "text", or the code as "0x50"."""
-        return _attribute_name(self.attribute)
+        return attribute_name(self.attribute)
 
 
 @dataclass(slots=True)
@@ -155,6 +155,8 @@ class Request:
     length: int
     operation: str
     """One of "read", "change", "vendor", or "unknown" where the request id is in no table."""
+    describes: bool
+    """Whether it addresses a description."""
 
     def __init__(
         self,
@@ -178,15 +180,18 @@ class Request:
         self.rest = rest
         self.length = length
         self.operation = _operations().get(request_id, "unknown")
+        self.describes = False
 
     def asked_as(self, reference: int) -> Request:
         """The same request under another reference; it shares the lists, which nobody changes."""
         if self.request_reference == reference:
             return self
-        return Request(
+        other = Request(
             reference, self.request_id, self.axis, self.parameter_count, self.addresses,
             self.blocks, self.flaws, self.rest, self.length,
         )  # fmt: skip
+        other.describes = self.describes
+        return other
 
     @property
     def shaped(self) -> bool:
@@ -248,7 +253,8 @@ class Response:
 
 
 @lru_cache(maxsize=256)
-def _attribute_name(code: int) -> str:
+def attribute_name(code: int) -> str:
+    """The name of an attribute, or its code as "0x50"."""
     known = spec.attributes().get(code)
     return known.name if known else f"0x{code:02X}"
 

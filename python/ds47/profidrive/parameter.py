@@ -16,6 +16,7 @@ from typing import Final
 from ds47 import spec
 from ds47.profidrive.formats import Codec, codec
 from ds47.profidrive.model import (
+    DESCRIPTION,
     ERROR,
     VALUE,
     Address,
@@ -137,6 +138,7 @@ def _addresses(request: Request, data: bytes, check: bool) -> int:
     for attribute, elements, pnu, subindex in _ADDRESS.iter_unpack(data[MESSAGE_SIZE:end]):
         address = Address(attribute, elements, pnu, subindex, offset)
         request.addresses.append(address)
+        request.describes = request.describes or address.attribute == DESCRIPTION
         if check:
             _address_flaws(request.flaws, address)
         offset += ADDRESS_SIZE
