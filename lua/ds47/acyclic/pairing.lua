@@ -1070,7 +1070,12 @@ end
 local function nothing(self, peer, channel, record, missing)
   local half, known = record.response, missing == nil
   if known then
-    missing = asked_behind(self, peer, channel, free_since(self, channel, peer, record.request or half))
+    local since = free_since(self, channel, peer, record.request or half)
+    missing = asked_behind(self, peer, channel, since)
+    for key in self.of_place[channel.place]:newest_first(self.limits.users) do
+      local unseen = self.channels:get(key).unseen > channel.ended -- whoever asked there; a Connect ends none
+      missing = missing or unseen and {what = "requests"} or nil
+    end
   end
   self.listener:nothing_to_read(record, peer.device, missing)
   if half.status ~= nil and known then

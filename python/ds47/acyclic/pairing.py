@@ -672,11 +672,22 @@ class Pairing:
         if known:
             since = self._free_since(access.channel, channel, access.record.request or half)
             missing = self._asked_behind(access.peer, channel, since)
+            if (
+                missing is None and self._newest_unseen(access.channel) > channel.ended
+            ):  # a Connect ends none
+                missing = Missing("requests")
         self._nothing_to_read(access, missing)
         if half.status is not None and known:
             channel.pass_over()
             if missing is None:
                 channel.ended = half.frame
+
+    def _newest_unseen(self, key: ChannelKey) -> int:
+        """The newest frame in which a Write to a place was accepted, whoever asked, whose request is missing."""
+        keys = reversed(self._of_place.get(_spot(key), {}))
+        return max(
+            (self.channels[each].unseen for each in islice(keys, self._limits.users)), default=0
+        )
 
     def is_again(self, access: Access) -> bool:
         """Whether a ReadImplicit brings the bytes of the last response of its place (P55). Changes nothing."""
