@@ -1085,8 +1085,9 @@ def _of_pair(
         yield f"the request of frame {asked[0].write} was captured"
     if what == "gaps":
         missing = gaps.of(*pair)
-        told = ", ".join([*(each.text for each in missing[:8]), *["..."][: len(missing) > 8]])
-        if told != ", ".join(dict.fromkeys(str(case.args.get("numbers")).split(", "))):
+        true = dict.fromkeys(each.text for each in missing[:8])
+        told = ", ".join([*true, *["..."][: len(missing) > 8]])
+        if told != case.args.get("numbers"):
             yield f"numbers {case.args.get('numbers')!r} is {told!r}"
 
 
