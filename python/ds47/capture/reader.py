@@ -6,6 +6,7 @@ Lives here: `open_capture` and `Capture`, which choose the format by content. No
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import BinaryIO
 
@@ -47,16 +48,15 @@ class Capture(Closing):
             self._reader = log
         else:
             raise CaptureError(_not_a_capture(head, window.broken))
-        self._frames = self._read()
+        self._frames = chain.from_iterable(self._read())
 
     def __iter__(self) -> Iterator[Frame]:
         return self._frames
 
-    def _read(self) -> Iterator[Frame]:
-        # not compiled, on purpose: here the interpreter looks up, at every frame, for Ctrl-C and for the
+    def _read(self) -> Iterator[list[Frame]]:
+        # not compiled, on purpose: here the interpreter looks up, at every batch, for Ctrl-C and for the
         # thread that reads ahead; what is compiled on both sides of this does not
-        for frames in self._reader.read():
-            yield from frames
+        yield from self._reader.read()
         self._ended = True
 
     def watch(self, watches: Sequence[Watch]) -> None:
