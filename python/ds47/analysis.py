@@ -12,16 +12,14 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 from ds47.acyclic import learning
 from ds47.acyclic.index47 import Index47
 from ds47.acyclic.judge import Judge
-from ds47.acyclic.ms1_calls import Ms1Calls, StartUps
 from ds47.acyclic.pairing import Access, Job, Missing, Pairing
 from ds47.acyclic.record_calls import RecordCalls
 from ds47.acyclic.record_events import RecordEvents
-from ds47.acyclic.services import CallTracker as ServiceTracker
 from ds47.acyclic.transactions import build, summarise
 from ds47.capture import Capture, CaptureError, Series, open_capture, sha256
 from ds47.capture.scan import Watch
@@ -30,7 +28,6 @@ from ds47.cyclic.channels import CyclicChannels
 from ds47.cyclic.conclusions import Conclusions
 from ds47.cyclic.handshake import Job as PkwJob
 from ds47.cyclic.named import Name
-from ds47.cyclic.ppo import Ppo
 from ds47.cyclic.relations import Relation
 from ds47.cyclic.senders import senders
 from ds47.cyclic.transactions import build as build_pkw
@@ -44,10 +41,7 @@ from ds47.model import Relation as ToldRelation
 from ds47.parameters import naming
 from ds47.parameters.catalogue import Catalogue
 from ds47.parameters.lists import ParameterList
-from ds47.profibus.bus import LINK_TYPES, Bus, Listener
-from ds47.profibus.idents import Idents
-from ds47.profibus.judge import Judge as BusJudge
-from ds47.profibus.stations import Stations
+from ds47.profibus import LINK_TYPES
 from ds47.profidrive import Options, decode_response
 from ds47.profidrive.dictionary import Dictionary, explain_transaction
 from ds47.profidrive.drive_objects import DriveObjects
@@ -57,12 +51,14 @@ from ds47.profinet.records import Half
 from ds47.profinet.stations import Stations as Names
 from ds47.profinet.transport import Transport
 from ds47.s7.choices import Choices
-from ds47.s7.communication import Communication
-from ds47.s7.model import Job as S7Job
-from ds47.s7.transactions import build as build_s7
+from ds47.s7.late import LateCommunication
 from ds47.spec import rules, s7
 from ds47.spec.semantics import limits
 from ds47.spec.statuses import status_hex
+
+if TYPE_CHECKING:
+    from ds47.acyclic.lines import Lines
+    from ds47.s7.model import Job as S7Job
 
 OnTransaction = Callable[[Transaction, list[Finding]], None]
 
@@ -224,7 +220,7 @@ class Analysis:
         self._listed = not self._catalogue.is_empty
         self._dictionary = Dictionary(self._judge.objects, bounds.described_parameters)
         self._completeness = Completeness(
-            bounds.activities, lambda station: self._bus.line.lost(station)
+            bounds.activities, lambda station: self._lines.line.lost(station) if self._lines else 0
         )
         self._diagnoses = Diagnoses(options.codec, self._completeness)
         self._pairing = Pairing(
@@ -243,7 +239,7 @@ class Analysis:
         )  # fmt: skip
         self._calls = CallTracker(bounds, self._records.handlers(), self._completeness)
         choices = options.s7 if S7 in options.channels else None
-        self._s7 = Communication(choices, bounds, self._communicated, self._remark, self._drive)
+        self._s7 = LateCommunication(choices, bounds, self._communicated, self._remark, self._drive)
         self._transport = Transport(
             bounds,
             self._calls,
@@ -253,21 +249,8 @@ class Analysis:
             self._cyclic.frame,
             self._s7,
         )
-        self._bus_judge = BusJudge(bounds)
-        self._bus_stations = Stations(self._bus_judge.heard)
-        idents = Idents()
-        self._ms1 = Ms1Calls(
-            self._events, self._diagnoses.foreign, self._bus_judge, self._remark, idents
-        )
-        self._services = ServiceTracker(self._ms1.handlers())
-        self._start_ups = StartUps(self._pairing.started)
-        ppo = Ppo(self._cyclic, dict(options.ppos), idents)
-        listeners = (
-            Listener(idents.take, Idents.SERVICES), Listener(self._bus_stations.take),
-            Listener(self._start_ups.take, StartUps.SERVICES),
-            Listener(self._services.take, ServiceTracker.SERVICES), Listener(ppo.take, Ppo.SERVICES),
-        )  # fmt: skip
-        self._bus = Bus(listeners, self._bus_stations.frame)
+        self._lines: Lines | None = None
+        """What PROFIBUS adds, once a frame of it came."""
         self._answers: dict[Job, list[Remark]] = {}
         self._remarks: dict[Exchange, list[Remark]] = {}
         """What is wrong with the transport of open jobs."""
@@ -292,9 +275,8 @@ class Analysis:
         self._transport.finish()
         self._s7.finish()
         self._calls.finish()
-        self._bus.finish()
-        self._bus_stations.finish(self._bus.line.paused())
-        self._services.finish()
+        if self._lines is not None:
+            self._lines.finish()
         self._pairing.finish(self._events.newest_ns)
         self._records.finish()
         self._events.finish()
@@ -320,7 +302,7 @@ class Analysis:
             summary=self._summary,
             relations=self._relations(),
             timelines=self._cyclic.timelines(),
-            bus=self._bus_stations.told(self._bus.line.stray, self._bus.line.echoes, capture.timed),
+            bus=None if self._lines is None else self._lines.told(capture.timed),
             connections=self._s7.told(),
             connections_left_out=self._s7.left_out,
         )
@@ -338,16 +320,24 @@ class Analysis:
 
     def _frames(self, frames: Capture | Series) -> None:
         for frame in frames:
-            if frame.link_type in LINK_TYPES:
-                self._untimed = not frames.timed
-                if not self._untimed:
-                    self._times.note(frame.number, frame.time_ns)
-                data = frame.data
-                cut = len(data) < frame.original_length
-                self._bus.take(frame.link_type, data, frame.number, frame.time_ns, cut)
-            else:
+            if frame.link_type not in LINK_TYPES:
                 self._times.note(frame.number, frame.time_ns)
                 self._transport.take_frame(frame)
+                continue
+            self._untimed = not frames.timed
+            if not self._untimed:
+                self._times.note(frame.number, frame.time_ns)
+            if self._lines is None:
+                self._lines = self._made_lines()
+            self._lines.take(frame)
+
+    def _made_lines(self) -> Lines:
+        from ds47.acyclic.lines import Lines  # few captures have one
+
+        return Lines(
+            limits(), self._events, self._pairing, self._diagnoses.foreign, self._cyclic,
+            dict(self._options.ppos), self._remark,
+        )  # fmt: skip
 
     def _diagnose(self, capture: Capture | Series) -> None:
         """What only the whole capture can show."""
@@ -453,7 +443,8 @@ class Analysis:
             naming.explain(transaction, self._catalogue, relation.vendor_id, None)
         self._objects.transaction(transaction)
         if relation.is_bus:
-            unseen = max(self._bus.line.unsure, self._completeness.newest(relation.device))
+            unsure = 0 if self._lines is None else self._lines.line.unsure
+            unseen = max(unsure, self._completeness.newest(relation.device))
             if unseen >= job.request.at.frame:
                 job.heard = False  # its response may be among what was not seen of the line
         order, remarks = self._pairing.number(), self._conclusions.exchanged(relation, job)
@@ -472,6 +463,8 @@ class Analysis:
 
     def _communicated(self, job: S7Job, remarks: list[Remark]) -> None:
         """A job of S7 is over."""
+        from ds47.s7.transactions import build as build_s7  # few captures have S7
+
         job.order = self._pairing.number()
         self._finished(job.order, build_s7(job), remarks)
 
@@ -490,7 +483,7 @@ class Analysis:
         """What the cyclic channels, and the stations of PROFIBUS, show when the capture is over."""
         for remark in self._conclusions.finish():
             self._findings.add(remark)
-        for remark in self._bus_judge.finish(self._bus_stations):
+        for remark in self._lines.remarks() if self._lines is not None else ():
             self._findings.add(remark)
 
     def _hand_out(
@@ -520,8 +513,7 @@ class Analysis:
             access.peer.device,
             access.record.index,
         )
-        known = self._start_ups.seen(device, half.frame, self._bus.line.unsure)
-        if known and not self._ms1.was_written(device, index, half.frame):
+        if self._lines is not None and self._lines.was_never_written(device, index, half.frame):
             args = {"device": device, "index": index, "status": status}
             return Remark("DS808", half.frame, args)
         return Remark("DS206", half.frame, {"status": status})

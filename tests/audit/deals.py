@@ -122,6 +122,9 @@ def _outcome(
         return ("ok", "partial", "error")  # what stood there is not known
     if answer.unknown is not None:
         return ("partial", "error", "ok")
+    request = reading.capture.frame(deal.write or 0)
+    if not deal.parameters_asked and request is not None and request.cut:
+        return ("ok", "error")  # how many were asked for is not known
     if done == deal.parameters_asked:
         return ("error",) if (answer.id or 0) & 0x80 else ("ok",)
     return ("partial",) if done else ("error",)

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from ds47.capture import open_capture
-from ds47.profibus.bus import LINK_TYPES
+from ds47.profibus import LINK_TYPES
 
 
 def is_profibus(path: Path) -> bool:

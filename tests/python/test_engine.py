@@ -29,7 +29,7 @@ from ds47.cyclic.named import parse
 from ds47.findings.times import FrameTimes
 from ds47.model import CHANNELS, CaptureResult, Event, Finding, Transaction
 from ds47.parameters.lists import ParameterList, Row
-from ds47.profibus.bus import PROFIBUS_DL, USER0
+from ds47.profibus import PROFIBUS_DL, USER0
 from ds47.profidrive import Options
 from ds47.report import contract, load
 from ds47.report import json as report

@@ -43,7 +43,7 @@ from ds47.capture.scan import (
 )
 from ds47.capture.writer import PcapngWriter
 from ds47.model import CaptureResult
-from ds47.profibus.bus import LINK_TYPES, PROFIBUS_DL, USER0
+from ds47.profibus import LINK_TYPES, PROFIBUS_DL, USER0
 from ds47.profinet import ip
 from ds47.profinet.link import dissect, mac
 from ds47.report import json as report

@@ -17,8 +17,7 @@ from ds47.lab import captured
 from ds47.lab.fdl import RECORDS
 from ds47.lab.master import Master
 from ds47.model import Transaction
-from ds47.profibus import telegram
-from ds47.profibus.bus import PROFIBUS_DL, USER0
+from ds47.profibus import PROFIBUS_DL, USER0, telegram
 from ds47.profinet import rpc
 from ds47.profinet.calls import Call, CallTracker, Handlers
 from ds47.profinet.link import Packets

@@ -12,7 +12,7 @@ from ds47.analysis import analyze
 from ds47.capture import open_capture
 from ds47.capture.writer import PcapngWriter
 from ds47.cli import main
-from ds47.profibus.bus import PROFIBUS_DL, USER0
+from ds47.profibus import PROFIBUS_DL, USER0
 
 
 def transaction(station: int) -> list[bytes]:

@@ -27,8 +27,7 @@ from ds47.analysis import analyze
 from ds47.capture import open_capture
 from ds47.capture.writer import PcapngWriter
 from ds47.model import CaptureResult
-from ds47.profibus import dp, telegram
-from ds47.profibus.bus import PROFIBUS_DL, USER0
+from ds47.profibus import PROFIBUS_DL, USER0, dp, telegram
 from ds47.profibus.stream import split
 
 FOLDER = Path(__file__).resolve().parents[2] / "captures/profibus"

@@ -18,7 +18,7 @@ from ds47.cyclic import channels, ppo
 from ds47.lab import captured
 from ds47.lab.master import SET_PRM, Master
 from ds47.model import NAMED, PKW, PZD, CaptureResult, Side
-from ds47.profibus.bus import PROFIBUS_DL
+from ds47.profibus import PROFIBUS_DL
 
 STATION = 3
 START_UP = 8

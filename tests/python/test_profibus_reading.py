@@ -15,8 +15,7 @@ from ds47.analysis import analyze
 from ds47.capture import CaptureError, open_capture
 from ds47.capture.writer import PcapngWriter
 from ds47.cli.paths import captures
-from ds47.profibus import telegram
-from ds47.profibus.bus import PROFIBUS_DL, USER0
+from ds47.profibus import PROFIBUS_DL, USER0, telegram
 
 MS = 1_000_000
 TALK = Talk().ask(WRITE).answer().ask("").answer("5f002f0a").ask(READ).answer("5e002f0a" + GIVEN)

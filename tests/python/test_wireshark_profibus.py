@@ -44,8 +44,7 @@ from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture.writer import PcapngWriter
 from ds47.lab.master import Master
 from ds47.model import CaptureResult
-from ds47.profibus import dp, ms1, telegram
-from ds47.profibus.bus import PROFIBUS_DL, USER0
+from ds47.profibus import PROFIBUS_DL, USER0, dp, ms1, telegram
 from ds47.report import profibus as shown
 from ds47.report.bilingual import LANGUAGES
 from ds47.spec import codes, rules

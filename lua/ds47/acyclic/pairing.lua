@@ -913,6 +913,8 @@ function Pairing:write_response(job, response, fault)
   local channel = self.channels.values[job.channel_key]
   if channel == nil then
     return
+  elseif self.any_replaced then
+    goes_on(self, channel.ar_key)
   end
   if status == 0 and not fault then
     if not cross(channel, job) then

@@ -423,6 +423,7 @@ class Pairing:
         channel = self.channels.get(job.key)
         if channel is None:
             return
+        self.goes_on(*job.key[:3])
         if status == 0 and not fault:
             if not _cross(channel, job):
                 self._accept(channel, job)

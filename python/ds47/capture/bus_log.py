@@ -11,8 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 
-from ds47.profibus import listing
-from ds47.profibus.bus import PROFIBUS_DL
+from ds47.profibus import PROFIBUS_DL, listing
 from ds47.profibus.stream import Reader, split
 from ds47.profibus.telegram import SD1, SD2, SD3, Telegram
 

@@ -8,14 +8,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain
 from pathlib import Path
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
-from . import bus_log, pcap, pcapng
+from . import pcap, pcapng
 from .closing import Closing
 from .errors import CaptureError
 from .frame import Frame, WholeFrame
 from .scan import Watch
 from .stream import Stream, Window
+
+if TYPE_CHECKING:
+    from .bus_log import BusLogReader
 
 
 class Capture(Closing):
@@ -39,12 +42,12 @@ class Capture(Closing):
         window = Window(stream)
         window.more(0, 4)
         head = bytes(window.view[: min(4, window.end)])
-        self._reader: pcap.PcapReader | pcapng.PcapngReader | bus_log.BusLogReader
+        self._reader: pcap.PcapReader | pcapng.PcapngReader | BusLogReader
         if pcap.recognised(head):
             self._reader = pcap.PcapReader(window)
         elif pcapng.recognised(head):
             self._reader = pcapng.PcapngReader(window)
-        elif log := bus_log.recognised(window):
+        elif log := _recording(window):
             self._reader = log
         else:
             raise CaptureError(_not_a_capture(head, window.broken))
@@ -105,8 +108,7 @@ class Capture(Closing):
     @property
     def timed(self) -> bool:
         """Whether frames have times; a log of PROFIBUS may have none."""
-        reader = self._reader
-        return not isinstance(reader, bus_log.BusLogReader) or reader.timed
+        return self._reader.timed
 
     @property
     def gaps(self) -> bool:
@@ -117,6 +119,13 @@ class Capture(Closing):
         """Close the file, if `open_capture` opened it."""
         self._reader.close()
         self._stream.close()
+
+
+def _recording(window: Window) -> BusLogReader | None:
+    """The reader of a recording of PROFIBUS; few captures are one, so what knows them is read only here."""
+    from . import bus_log
+
+    return bus_log.recognised(window)
 
 
 def _not_a_capture(head: bytes, broken: str | None) -> str:
@@ -141,7 +150,7 @@ def holds_capture(path: str | Path) -> bool:
         window.more(0, 4)
         head = bytes(window.view[: min(4, window.end)])
         capture = pcap.recognised(head) or pcapng.recognised(head)
-        return capture or bus_log.recognised(window) is not None
+        return capture or _recording(window) is not None
     finally:
         stream.close()
 

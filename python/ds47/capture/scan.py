@@ -30,7 +30,7 @@ import struct
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Literal, NamedTuple
 
-from ds47.profibus.bus import PROFIBUS_DL, USER0
+from ds47.profibus import PROFIBUS_DL, USER0
 
 ByteOrder = Literal["little", "big"]
 Bytes = bytes | bytearray

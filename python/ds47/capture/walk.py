@@ -23,6 +23,8 @@ class Walk:
         self.first_ns: int | None = None
         self.last_ns: int | None = None
         self.problem: str | None = None
+        self.timed = True
+        """Whether frames have times."""
 
     def watch(self, watches: Sequence[Watch]) -> None:
         """From the next frame on these cyclic frames matter too, and no others."""

@@ -22,7 +22,7 @@ from ds47.capture import Interface, PcapngWriter, WholeFrame
 from ds47.capture.scan import ETHERNET, IPV4, network_layer
 from ds47.capture.writer import nearest
 from ds47.model import PKW, S7, CaptureResult
-from ds47.profibus.bus import LINK_TYPES
+from ds47.profibus import LINK_TYPES
 from ds47.profinet import dcp, lldp, rpc
 from ds47.profinet.link import mac
 from ds47.profinet.records import NIL_UUID, parse_request, parse_response

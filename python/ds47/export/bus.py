@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from ds47.capture import Frame
 from ds47.export.selection import Chosen, Selection
 from ds47.model import Transaction
-from ds47.profibus.bus import LINK_TYPES
+from ds47.profibus import LINK_TYPES
 from ds47.profibus.telegram import SC, Telegram, decode
 
 

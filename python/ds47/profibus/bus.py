@@ -7,15 +7,11 @@ hear of it. Files and texts are not here.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
+from ds47.profibus import PROFIBUS_DL
 from ds47.profibus.line import Exchange, Line, Seen
 from ds47.profibus.telegram import SC, SD4, Telegram, decode
-
-PROFIBUS_DL: Final = 257
-USER0: Final = 147
-LINK_TYPES = frozenset({PROFIBUS_DL, USER0})
-"""LINKTYPE_PROFIBUS_DL, and the link type that is everybody's own: PROFIBUS where a frame of it proves that."""
 
 
 class Listener(NamedTuple):

@@ -42,7 +42,7 @@ from ds47.model import (
     Transaction,
 )
 from ds47.parameters import table
-from ds47.profibus.bus import LINK_TYPES
+from ds47.profibus import LINK_TYPES
 from ds47.regression.compare import Change, compare
 from ds47.regression.config import Config
 from ds47.report import json as report

@@ -1,0 +1,90 @@
+"""What PROFIBUS adds to an analysis: its line, its stations, records over MS1 and MS2, and PPOs.
+
+Made when the first frame of a line comes: few captures have one. The steps are modules of their own; here they are
+only joined, as those of PROFINET are in `analysis`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+from ds47.acyclic.ms1_calls import Ms1Calls, StartUps
+from ds47.acyclic.services import CallTracker
+from ds47.cyclic.ppo import Ppo
+from ds47.profibus.bus import Bus, Listener
+from ds47.profibus.idents import Idents
+from ds47.profibus.judge import Judge
+from ds47.profibus.stations import Stations
+
+if TYPE_CHECKING:
+    from ds47.acyclic.pairing import Access, Pairing
+    from ds47.acyclic.record_events import RecordEvents
+    from ds47.capture import Frame
+    from ds47.cyclic.channels import CyclicChannels
+    from ds47.findings.remark import Remark
+    from ds47.model import Bus as ToldBus
+    from ds47.spec.semantics import Limits
+
+
+class Lines:
+    """The line of a capture.
+
+    Args:
+        limits: numbers of spec/limits.toml.
+        events: hears of records,
+        pairing: and of stations that start up,
+        foreign: and of answered Writes to an index that is not ours.
+        cyclic: takes PPOs.
+        ppos: numbers of PPO by the address of the station, for captures without Chk_Cfg.
+        remark: takes findings about services.
+    """
+
+    def __init__(
+        self,
+        limits: Limits,
+        events: RecordEvents,
+        pairing: Pairing,
+        foreign: Callable[[Access], None],
+        cyclic: CyclicChannels,
+        ppos: dict[int, int],
+        remark: Callable[[Remark], None],
+    ) -> None:
+        self._judge = Judge(limits)
+        self._stations = Stations(self._judge.heard)
+        idents = Idents()
+        self._ms1 = Ms1Calls(events, foreign, self._judge, remark, idents)
+        self._services = CallTracker(self._ms1.handlers())
+        self._start_ups = StartUps(pairing.started)
+        ppo = Ppo(cyclic, ppos, idents)
+        listeners = (
+            Listener(idents.take, Idents.SERVICES), Listener(self._stations.take),
+            Listener(self._start_ups.take, StartUps.SERVICES),
+            Listener(self._services.take, CallTracker.SERVICES), Listener(ppo.take, Ppo.SERVICES),
+        )  # fmt: skip
+        self._bus = Bus(listeners, self._stations.frame)
+        self.line = self._bus.line
+
+    def take(self, frame: Frame) -> None:
+        """A frame of one of the link types of PROFIBUS."""
+        cut = len(frame.data) < frame.original_length
+        self._bus.take(frame.link_type, frame.data, frame.number, frame.time_ns, cut)
+
+    def finish(self) -> None:
+        """No frame comes any more."""
+        self._bus.finish()
+        self._stations.finish(self.line.paused())
+        self._services.finish()
+
+    def remarks(self) -> Iterator[Remark]:
+        """What the line shows when it is over."""
+        return self._judge.finish(self._stations)
+
+    def told(self, timed: bool) -> ToldBus | None:
+        """As the result has it; `timed`: whether the recording has times."""
+        return self._stations.told(self.line.stray, self.line.echoes, timed)
+
+    def was_never_written(self, device: str, index: int, frame: int) -> bool:
+        """Whether nothing was written to an index of a station since its start-up, which the capture has."""
+        seen = self._start_ups.seen(device, frame, self.line.unsure)
+        return seen and not self._ms1.was_written(device, index, frame)
