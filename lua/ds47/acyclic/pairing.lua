@@ -1047,8 +1047,9 @@ local function of_another(self, channel, job, record)
   elseif found == nil or not has_data or channel.unseen > since then
     return found
   end
-  local first = found.what == "begins" and (not job:write_refused() or kind_fits(job.message, data))
-  return not (fits and (first or counts(job, record))) and found or nil
+  local sure = fits and kind_fits(job.message, data) -- of a record that is too short nothing tells
+  local first = found.what == "begins" and (sure or fits and not job:write_refused())
+  return not (first or sure and counts(job, record)) and found or nil
 end
 
 -- Nobody knows any more what becomes of a job.

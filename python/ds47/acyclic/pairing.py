@@ -619,8 +619,10 @@ class Pairing:
             return behind or Missing("write_answer", asked.frame)
         if found is None or not half.data or channel.unseen > since:
             return found
-        first = found.what == "begins" and (not job.write_refused or _is_of_kind(job, half))
-        return None if fits and (first or _counts(job, record)) else found
+        # Of a record that is too short nothing tells.
+        sure = fits and _is_of_kind(job, half) is True
+        first = found.what == "begins" and (fits if not job.write_refused else sure)
+        return None if first or (sure and _counts(job, record)) else found
 
     def _of_another_on_line(
         self, channel: Channel, job: Job, asked: Half, record: Record
