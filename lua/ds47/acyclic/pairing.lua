@@ -299,8 +299,8 @@ end
 
 -- The frame in which nothing was open on a channel before a Read; 0 where none is known. A Connect may be
 -- behind it: what is known of an AR that proves itself late is told late.
-local function free_since(self, channel, peer, read)
-  local connect = self.connects:get(channel.ar_key) or self.starts:get(peer.device)
+local function free_since(self, channel, read)
+  local connect = self.connects:get(channel.ar_key)
   return math.max(channel.ended, connect and connect.frame < read.frame and connect.frame or 0)
 end
 
@@ -1017,7 +1017,9 @@ local function of_another(self, channel, job, record)
     local strange = job == channel.refused and not fits
     local since = asked.frame
     if strange then -- what a record mirrors may have outlived a start-up
-      since = has_data and channel.ended or free_since(self, channel, job.peer, record.request or half)
+      local begun = self.starts:get(job.peer.device)
+      local due = not has_data and begun and begun.frame < (record.request or half).frame
+      since = due and math.max(channel.ended, begun.frame) or channel.ended
     end
     local found = asked_behind(self, job.peer, channel, since)
     if strange and has_data then
@@ -1037,7 +1039,7 @@ local function of_another(self, channel, job, record)
   end
   local unknown = job.write_response == nil and not has_data -- whether its Write was accepted
   local over = (unknown or job == channel.refused) and half.status ~= STATUS_SHORT
-  local since = over and free_since(self, channel, job.peer, sought) or asked.frame
+  local since = over and free_since(self, channel, sought) or asked.frame
   local found = asked_behind(self, job.peer, channel, since)
   if found == nil and job == channel.refused and has_data and not fits then
     found = behind(self, job.peer, 0) -- what it mirrors may have outlived a Connect
@@ -1073,7 +1075,7 @@ end
 local function nothing(self, peer, channel, record, missing)
   local half, known = record.response, missing == nil
   if known then
-    local since = free_since(self, channel, peer, record.request or half)
+    local since = free_since(self, channel, record.request or half)
     missing = asked_behind(self, peer, channel, since)
     for key in self.of_place[channel.place]:newest_first(self.limits.users) do
       local unseen = self.channels:get(key).unseen > channel.ended -- whoever asked there; a Connect ends none

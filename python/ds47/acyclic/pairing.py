@@ -632,8 +632,11 @@ class Pairing:
         assert half is not None
         fits, refused = _mirrors(job, half), job is channel.refused
         if refused and not fits:  # what a record mirrors may have outlived a start-up
-            free = self._free_since(job.key, channel, record.request or half)
-            since = channel.ended if half.data else free
+            begun = self._started.get(job.peer.device, _NEVER).frame
+            sought = record.request or half
+            since = channel.ended
+            if not half.data and since < begun < sought.frame:
+                since = begun
         found = self._asked_behind(job.peer, channel, since)
         if found is None and refused and half.data and not fits:
             found = self._behind(job.peer, 0)
@@ -658,7 +661,7 @@ class Pairing:
 
         A Connect may be behind it: what is known of an AR that proves itself late is told late.
         """
-        connect = self._connects.get(key[:3]) or self._started.get(key[1]) or _NEVER
+        connect = self._connects.get(key[:3], _NEVER)
         return max(channel.ended, connect.frame if connect.frame < read.frame else 0)
 
     def _asked_behind(self, peer: Peer, channel: Channel, since: int) -> Missing | None:
