@@ -58,6 +58,7 @@ from ds47.spec.statuses import status_hex
 
 if TYPE_CHECKING:
     from ds47.acyclic.lines import Lines
+    from ds47.s7.communication import Communication
     from ds47.s7.model import Job as S7Job
 
 OnTransaction = Callable[[Transaction, list[Finding]], None]
@@ -238,8 +239,8 @@ class Analysis:
             self._cyclic.connected, self._completeness, bounds, vendor,
         )  # fmt: skip
         self._calls = CallTracker(bounds, self._records.handlers(), self._completeness)
-        choices = options.s7 if S7 in options.channels else None
-        self._s7 = LateCommunication(choices, bounds, self._communicated, self._remark, self._drive)
+        ports = options.s7.every_port if S7 in options.channels else ()
+        self._s7 = LateCommunication(ports, self._made_s7, bounds.s7_memories)
         self._transport = Transport(
             bounds,
             self._calls,
@@ -330,6 +331,12 @@ class Analysis:
             if self._lines is None:
                 self._lines = self._made_lines()
             self._lines.take(frame)
+
+    def _made_s7(self) -> Communication:
+        from ds47.s7.communication import Communication  # few captures have any
+
+        choices = self._options.s7 if S7 in self._options.channels else None
+        return Communication(choices, limits(), self._communicated, self._remark, self._drive)
 
     def _made_lines(self) -> Lines:
         from ds47.acyclic.lines import Lines  # few captures have one
@@ -439,7 +446,7 @@ class Analysis:
         self._cyclic.identify()
         transaction = build_pkw(relation, job, self._layout(relation.device))
         explain_transaction(self._dictionary, transaction, relation.maker, relation.family)
-        if not self._catalogue.is_empty:
+        if self._listed:
             naming.explain(transaction, self._catalogue, relation.vendor_id, None)
         self._objects.transaction(transaction)
         if relation.is_bus:

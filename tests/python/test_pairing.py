@@ -113,6 +113,23 @@ def test_every_row_of_the_table(phase: str, event: str) -> None:
     assert channel.closed.count(job) == 1
 
 
+EVENTS = sorted({event for _, event in ROWS})
+
+
+@pytest.mark.parametrize("event", EVENTS)
+@pytest.mark.parametrize("phase", [*phases(), "closed"])
+def test_what_the_table_does_not_list_is_an_error(phase: str, event: str) -> None:
+    channel = Channel()
+    job = channel.ask()
+    job.phase = phase
+    if event in phases().get(phase, {}):
+        channel.pairing._step(job, event)
+        assert job.phase == phases()[phase][event]
+    else:
+        with pytest.raises(KeyError):
+            channel.pairing._step(job, event)
+
+
 def test_the_life_of_a_read() -> None:
     channel = Channel()
     job = channel.open()

@@ -594,9 +594,9 @@ class Pairing:
         assert half is not None
         if asked is None:
             return None
-        fits, other = _mirrors(job, half), channel.open not in (None, job)
         if job.peer.station is not None:
             return self._of_another_on_line(channel, job, asked, record)
+        fits, other = _mirrors(job, half), channel.open not in (None, job)
         rival = job.refused_behind is not None and _mirrors(job.refused_behind, half)
         if half.data and (rival or not (fits or other)) and job.write_response is None:
             return Missing("write_answer", asked.frame)
@@ -721,7 +721,7 @@ class Pairing:
 
     def _reread(self, channel: Channel, job: Job, record: Record) -> None:
         assert record.response is not None
-        job.phase = self._table[job.phase]["reread"]
+        self._step(job, "reread")
         if not job.rereads:
             job.between = channel.waiting()
             read = job.read_response.frame if job.read_response else 0
@@ -820,8 +820,7 @@ class Pairing:
 
     def goes_on(self, controller: str, device: str, ar: bytes) -> None:
         """Something is said on an AR."""
-        if self.replaced:
-            self.replaced.pop((controller, device, ar), None)
+        self.replaced.pop((controller, device, ar), None)
 
     def finish(self, newest_ns: int | None = None) -> None:
         """The capture is over, with the time of the newest record call that is ours."""
@@ -871,7 +870,7 @@ class Pairing:
                 self._lose(channel.refused, "")
                 channel.refused = None
             channel.open = job
-        job.phase = self._table[job.phase]["write_accepted"]
+        self._step(job, "write_accepted")
 
     def _displace(self, job: Job, by: Job) -> None:
         """An accepted Write displaces a request without its response; whose response may be missing, too.
@@ -898,7 +897,7 @@ class Pairing:
         """
         if channel.open is not None and channel.open.order > job.order:
             channel.asked.remove(job)
-            job.phase = self._table[job.phase]["write_accepted"]
+            self._step(job, "write_accepted")
         else:
             self._accept(channel, job)
 
@@ -932,7 +931,7 @@ class Pairing:
         half = job.write_response
         if half is not None and half.status == STATUS_IN_USE:
             job.rival = self._rival(job)
-        job.phase = self._table[job.phase]["write_refused"]
+        self._step(job, "write_refused")
         if before == "answered":
             return
         if before == "asked":
@@ -989,7 +988,7 @@ class Pairing:
             self._compare(channel.last, job, half)
         if job.phase == "asked" and event not in ("read_empty", "read_short"):
             self._presume(channel, job)
-        job.phase = self._table[job.phase][event]
+        self._step(job, event)
         if event in ("read_poll", "read_short"):
             self._keep(job.polls, (record.request, half))
         elif event == "read_empty":
@@ -1041,6 +1040,9 @@ class Pairing:
             reads.pop()
         reads.append(read)
 
+    def _step(self, job: Job, event: str) -> None:
+        job.phase = self._table[job.phase][event]
+
     def _lose(self, job: Job, reason: str) -> None:
         if job.polls:
             _refused_at_last(job)
@@ -1061,9 +1063,8 @@ class Pairing:
     def _end(self, job: Job, event: str) -> None:
         if job.missing is not None and job.fetching and job.read_request is None:
             job.read_request = job.fetching[0]
-        job.phase = self._table[job.phase][event]
+        self._step(job, event)
         self._closed(job)
-        # Or each would keep the next one alive.
         # Or each would keep the next one alive, and the memory of calls what their responses say.
         job.superseding = job.rival = job.refused_behind = job.between = job.response = None
 

@@ -242,7 +242,7 @@ class RecordCalls:
         Between the two may stand the responses to requests that came before it, which are out of order in the
         capture (P79). One of which neither is there changes nothing.
         """
-        begun = self._connections.get((pdu.client, pdu.server)) if self._connections else None
+        begun = self._connections.get((pdu.client, pdu.server))
         if begun is not None and (pdu.ptype != 0 or pdu.time_ns >= begun.time_ns):
             del self._connections[pdu.client, pdu.server]
             self._connection(begun)

@@ -203,6 +203,15 @@ class Request:
         )
 
 
+def failed(blocks: list[Block]) -> int:
+    """How many blocks are errors."""
+    found = 0
+    for block in blocks:
+        if block.error is not None:
+            found += 1
+    return found
+
+
 @dataclass(slots=True, init=False)
 class Response:
     """A parameter response: the data of a Read record (docs/protocol.md A.2). See `Request`."""
@@ -240,7 +249,7 @@ class Response:
         self.rest = rest
         self.length = length
         self.cut = False
-        self.failed = sum(block.error is not None for block in blocks) if blocks else 0
+        self.failed = failed(self.blocks)
 
     @property
     def shaped(self) -> bool:

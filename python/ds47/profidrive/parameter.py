@@ -26,6 +26,7 @@ from ds47.profidrive.model import (
     Options,
     Request,
     Response,
+    failed,
 )
 from ds47.spec.layouts import ADDRESS_SIZE, MESSAGE_SIZE
 from ds47.spec.semantics import limits
@@ -94,13 +95,13 @@ def decode_response(
         blocks = _sound_blocks(data, data[3], options, vendor)
         if blocks is not None:
             response.blocks = blocks
-            response.failed = _failed(blocks)
+            response.failed = failed(blocks)
             _sign(response, known.negative)
             return response
     body = _Body(data, MESSAGE_SIZE, data[3], options, flaws, vendor)
     body.decode("all" if unsupported else known.body if known else "free")
     response.blocks, response.rest, response.cut = body.blocks, body.rest, body.cut
-    response.failed = _failed(body.blocks)
+    response.failed = failed(body.blocks)
     if known and not unsupported:
         _sign(response, known.negative)
     return response
@@ -183,14 +184,6 @@ def _sign(response: Response, negative: bool | None) -> None:
         response.flaws.append(Flaw("DS411", 1, {}))
     elif negative and not response.failed and response.blocks and not _broken(response.flaws):
         response.flaws.append(Flaw("DS412", 1, {}))
-
-
-def _failed(blocks: list[Block]) -> int:
-    failed = 0
-    for block in blocks:
-        if block.error is not None:
-            failed += 1
-    return failed
 
 
 def _broken(flaws: list[Flaw]) -> bool:

@@ -214,9 +214,7 @@ class CallTracker:
         self.counts["requests"] += 1
         activity, seq = self._activity(pdu), pdu.seq
         key, calls = (pdu.client, pdu.activity, seq), activity.calls
-        if (calls and pdu.time_ns - activity.oldest_ns > self._expiry_ns) or len(
-            calls
-        ) > self._most:
+        if pdu.time_ns - activity.oldest_ns > self._expiry_ns or len(calls) > self._most:
             self._expire(activity, pdu)
         call = calls.get(seq) or self._answered.get(key)
         if call is not None:

@@ -37,6 +37,11 @@ class Choices:
         """To another process, as the options around it."""
         return type(self), (self.ports, self.blocks, self.cpus, self.readback)
 
+    @property
+    def every_port(self) -> tuple[int, ...]:
+        """All ports of TCP that are wanted."""
+        return (PORT, *self.ports)
+
     def and_then(self, other: Choices) -> Choices:
         """Both; where they differ the other one counts."""
         return Choices(

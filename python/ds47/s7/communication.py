@@ -13,7 +13,7 @@ from ds47.findings.remark import Remark
 from ds47.profinet.link import Packet
 from ds47.s7 import tcp
 from ds47.s7.blocks import Blocks
-from ds47.s7.choices import PORT, Choices
+from ds47.s7.choices import Choices
 from ds47.s7.connections import Connections
 from ds47.s7.drives import Drives
 from ds47.s7.judge import Judge
@@ -41,7 +41,7 @@ class Communication:
         remark: Callable[[Remark], None],
         shown: Callable[[str], str | None] = lambda _: None,
     ) -> None:
-        self.ports: Sequence[int] = () if choices is None else (PORT, *choices.ports)
+        self.ports: Sequence[int] = () if choices is None else choices.every_port
         choices = choices or Choices()
         self._over = over
         self._remark = remark

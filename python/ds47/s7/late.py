@@ -5,16 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from ds47.s7.choices import PORT, Choices
-
 if TYPE_CHECKING:
     from ds47.capture import Frame
-    from ds47.findings.remark import Remark
     from ds47.model import Connection
     from ds47.profinet.link import Packet
     from ds47.s7.communication import Communication
-    from ds47.s7.model import Job
-    from ds47.spec.semantics import Limits
 
 _PROTOCOL = 23
 """Where an IPv4 packet without VLAN tag says what it carries,"""
@@ -23,24 +18,18 @@ _TCP = 6
 
 
 class LateCommunication:
-    """As `Communication`; arguments are the same.
+    """As `Communication`. It remembers which devices have a parameter channel, until somebody asks.
 
-    It remembers which devices have a parameter channel, until somebody asks.
+    Args:
+        ports: of TCP that are wanted; none where nobody wants to hear of S7.
+        make: gives the communication.
+        most: devices that are remembered.
     """
 
-    def __init__(
-        self,
-        choices: Choices | None,
-        bounds: Limits,
-        over: Callable[[Job, list[Remark]], None],
-        remark: Callable[[Remark], None],
-        shown: Callable[[str], str | None],
-    ) -> None:
-        self.ports: Sequence[int] = () if choices is None else (PORT, *choices.ports)
-        self._arguments = choices, bounds, over, remark, shown
+    def __init__(self, ports: Sequence[int], make: Callable[[], Communication], most: int) -> None:
+        self.ports, self._make, self._most = ports, make, most
         self._made: Communication | None = None
         self._drives: dict[str, None] = {}
-        self._most = bounds.s7_memories
 
     def frame(self, frame: Frame) -> bool:
         """The next frame of the capture, if it has a segment of TCP as nearly all of them are."""
@@ -77,9 +66,7 @@ class LateCommunication:
 
     def _communication(self) -> Communication:
         if self._made is None:
-            from ds47.s7.communication import Communication
-
-            self._made = Communication(*self._arguments)
+            self._made = self._make()
             for ip in self._drives:
                 self._made.records(ip)
         return self._made
