@@ -542,7 +542,8 @@ def _better(case: Case, deal: Deal) -> Iterator[str]:
     # A read of what may be another drive object says nothing against the list.
     known = [formats(case.memory, case.reading, deal, pnu, each, kinds=(SURE,)) for each in before]
     seen = seen if told == "format_read" else set().union(*known)
-    if seen and better not in seen:
+    # What the drive says of itself comes first.
+    if seen and better not in seen and told != "format_described":
         yield f"the drive reads it as {sorted(seen)}"
     if told == "format_read":
         there = [each for each in case.reading.deals if each.read == case.args.get("seen")]

@@ -99,6 +99,8 @@ class Turn:
     """The same request again, before an answer."""
     again: bool = False
     """It repeats a turn that has its answer."""
+    hole: bool = False
+    """A turn of these two is missing before it: its FCB is that of the one that is there."""
     broken: list[int] = field(default_factory=list)
     """The damaged frames behind it, in the place of its answer."""
     cut: bool = False
@@ -271,6 +273,13 @@ def _turns(found: Line) -> None:
     found.doubts = [each.number for each in found.flow if each.damage and each.number not in waited]
     for at, turn in enumerate(found.turns):
         turn.again = not turn.silent and _is_again(turn, found.turns[:at], found)
+    before: dict[tuple[int, int], Heard] = {}
+    for turn in found.turns:
+        if not turn.silent:
+            way, asked = (turn.asked.sa, turn.asked.da), turn.asked
+            last, before[way] = before.get(way, asked), asked
+            turn.hole = last.counts and asked.counts and not turn.again and last is not asked
+            turn.hole = turn.hole and last.fc & 0x20 == asked.fc & 0x20
 
 
 def _look_ahead(turn: Turn, later: list[Heard], taken: set[int], waited: set[int]) -> None:
@@ -321,11 +330,16 @@ def _is_again(turn: Turn, before: list[Turn], found: Line) -> bool:
 class _Open:
     record: wire.Record
     polled: int = 0
+    doubtful: bool = False
+    """Something that was said with its station is missing: a refusal may be for another one."""
 
 
 def _services(found: Line) -> None:
     opened: dict[tuple[int, int, int | None], _Open] = {}
     for turn in found.turns:
+        if turn.hole:
+            for each in opened:
+                opened[each].doubtful |= each[1] == turn.asked.da
         if turn.asked.service not in ("record", "ms2"):
             continue
         key = turn.asked.sa, turn.asked.da, turn.asked.saps[0]
@@ -344,6 +358,9 @@ def _answer(
     opened: dict[tuple[int, int, int | None], _Open],
 ) -> None:  # fmt: skip
     held, told = opened.get(key), turn.answer
+    if held is not None and held.doubtful and told is not None and _refuses(told):
+        del opened[key]
+        return
     if held is not None and told is not None and told.fc & 15 in REFUSALS and not told.short:
         _ends(held.record, told, wire.FAULT)
         del opened[key]
@@ -368,6 +385,12 @@ def _answer(
         record = _record(turn.asked, told, du, du[0] == WRITE)
         _ends(record, told, wire.RESPONSE)
         found.records.append(record)
+
+
+def _refuses(told: Heard) -> bool:
+    """Whether an answer is a refusal: by the link, or by the slave."""
+    by_link = told.fc & 15 in REFUSALS and not told.short
+    return by_link or told.du[:1] in (bytes([READ | NEGATIVE]), bytes([WRITE | NEGATIVE]))
 
 
 def _pdu(heard: Heard, kind: int, write: bool) -> wire.Pdu:

@@ -139,14 +139,7 @@ class Gaps:
             each.asked.number + 1 for each in turns
             if each.asked.counts and each.answer is None and not each.repeats and not each.last
         ]  # fmt: skip
-        for master in {each.asked.sa for each in turns}:
-            own = [each for each in turns if each.asked.sa == master]
-            found += [
-                two.asked.number for one, two in pairwise(own)
-                if one.asked.counts and two.asked.counts and not two.again
-                and one.asked.fc & 0x20 == two.asked.fc & 0x20
-            ]  # fmt: skip
-        return found
+        return found + [each.asked.number for each in turns if each.hole]
 
     def late(self, client: str, server: str) -> list[int]:
         """The frames of responses that come before their requests."""

@@ -48,6 +48,7 @@ ALIKE = {
     "DS722": "neither Release nor Connect",  # but a response that comes first there
     "DS413": "the new request that followed",  # a later one did, too
     "DS414": "the new request that followed",
+    "DS417": "written last may be",  # it says what the capture shows
     "DS714": "the drive reads it as",  # what was read the cut does not have
     "DS917": "no connection is refused in this frame",  # the frame of RST, which stands before that of CR
     "DS908": "area '1 x unknown address' is",  # of an answer, and the cut has not the job
@@ -239,11 +240,15 @@ def _next_write(whole: Whole, same: Deal) -> float:
 def _given_away(whole: Whole, deal: Deal, origin: list[int]) -> bool:
     """Whether the whole knows that a request was over, and leaves the record that mirrors it to another Write.
 
-    Or to one with its reference, where it was the first one of its channel (docs/pairing.md, P77).
+    Or to one with its reference, where it was the first one of its channel (docs/pairing.md, P77), or to nobody,
+    where it does not know what became of the request.
     """
     if not _fits_wholly(deal):
         return False
     there = whole.by_frame.get(origin[deal.read or 0], [])
+    same, orphan = _same(whole, deal, origin), {each.state for each in there} == {"orphan"}
+    if same is not None and same.state == "incomplete" and orphan:
+        return True
     others = [each for each in there if each.state in ("refused", "mismatch")]
     if not all(_fits_wholly(each) for each in others):
         return True

@@ -8,7 +8,7 @@ from uuid import UUID
 import pytest
 from talk import request
 
-from ds47.acyclic.pairing import STATUS_SHORT, Access, Job, Pairing, Peer
+from ds47.acyclic.pairing import STATUS_SHORT, Access, Job, Moment, Pairing, Peer
 from ds47.lab import message
 from ds47.lab.client import BUSY, CONTROLLER_AR
 from ds47.profinet.records import Half, Record
@@ -99,6 +99,43 @@ def cause(channel: Channel, job: Job, event: str) -> None:
         channel.open(2)
     else:
         channel.pairing.finish()
+
+
+@pytest.mark.parametrize(("behind", "reason"), [(3, "release"), (5, "")])
+def test_a_connect_ends_what_was_asked_before_it(behind: int, reason: str) -> None:
+    """Of an AR that proves itself late the Connects are known first: this one may lie behind the next Write."""
+    channel = Channel()
+    job = channel.open()
+    at = Moment(behind, behind)
+    channel.pairing.connected(PEER.controller, PEER.device, at, CONTROLLER_AR.bytes)
+    channel.now = 3
+    newer = channel.open(2)
+    asked = newer.write_request
+    assert asked is not None
+    assert asked.frame == 4
+    assert (job.reason, job.superseded_by) == (reason, None if reason else 4)
+
+
+def test_a_write_without_its_response_may_have_displaced_what_a_connect_ended() -> None:
+    channel = Channel()
+    job = channel.open()
+    channel.ask(2)
+    channel.now += 1
+    at = Moment(channel.now, channel.now)
+    channel.pairing.connected(PEER.controller, PEER.device, at, CONTROLLER_AR.bytes)
+    channel.open(3)
+    assert (job.missing and job.missing.what, job.superseded_by) == ("later", None)
+
+
+def test_a_refusal_as_too_short_is_not_the_end_where_the_record_may_have_come() -> None:
+    """The Read behind it brings a record of which nobody knows whose it is."""
+    channel = Channel()
+    job = channel.open()
+    channel.read(status=STATUS_SHORT)
+    newer = channel.ask(2)
+    assert newer is not None
+    found = channel.read(message.answer(2, 1, 1, message.real(1.0)))
+    assert (found, job.read_response) != (job, None)
 
 
 @pytest.mark.parametrize(("phase", "event"), ROWS)

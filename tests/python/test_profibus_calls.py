@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -38,6 +39,11 @@ class Talk:
         own = 51 if self._sap == 51 else 50
         data = telegram.encode(self._station, self._master, fc, bytes.fromhex(du), self._sap, own)
         self.frames.append(data)
+        return self
+
+    def skip(self) -> Talk:
+        """A request that was not recorded, nor its answer."""
+        self._fcb = not self._fcb
         return self
 
     def answer(self, du: str | None = None, fc: int = 0x08) -> Talk:
@@ -206,6 +212,20 @@ def test_a_read_and_a_refusal() -> None:
     assert (second.response.status, second.response.data.hex()) == (0, GIVEN)
     assert second.request is not None
     assert (second.request.status, second.request.stated, second.request.missing) == (None, 240, 0)
+
+
+@pytest.mark.parametrize("refusal", [{"du": NOT_READY}, {"fc": 3}])
+@pytest.mark.parametrize("missing", [True, False])
+def test_a_refusal_behind_a_hole_is_nobodys(refusal: dict[str, Any], missing: bool) -> None:
+    """It names no place: the request that it refuses may be the one that is missing."""
+    talk = Talk().ask(READ).answer()
+    if missing:
+        talk.skip()
+    heard = Heard(talk.ask("").answer(**refusal).frames)
+    end = "lost" if missing else "answered" if "du" in refusal else "failed"
+    assert (heard.events, heard.unasked) == ([("asked", 0), (end, 0)], [])
+    talk = Talk().ask(WRITE).answer().skip().ask(READ).answer().ask("").answer(NOT_READY)
+    assert Heard(talk.frames).events[-1] == ("answered", 1)  # the hole is before its request
 
 
 def test_a_request_that_comes_again_is_one_call() -> None:

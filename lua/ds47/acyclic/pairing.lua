@@ -266,12 +266,13 @@ local function end_job(self, job, event)
   end
 end
 
--- The Connect of its AR that came after the request of a job, its frame and its time; nil for none.
-local function connected_since(self, job)
+-- The Connect of its AR that came after the request of a job, its frame and its time; nil for none, or for
+-- none `before` another request. Of an AR that proves itself late the Connects are known first.
+local function connected_since(self, job, before)
   local asked = job:write_request()
   local key = ar_key(job.peer, job.record)
   local connect = asked and (self.replaced[key] or self.connects:get(key))
-  if connect and connect.frame > asked.frame then
+  if connect and connect.frame > asked.frame and not (before and connect.frame > before.frame) then
     return connect.frame, connect.time_ns
   end
   return nil
@@ -375,7 +376,7 @@ end
 
 -- `at` is what ended its connection, {frame, time_ns}; nil where nothing is known of that.
 local function lose(self, job, reason, at)
-  refused_at_last(job)
+  if not job.missing then refused_at_last(job) end
   if reason ~= "" then
     job.reason = reason
   end
@@ -552,13 +553,13 @@ end
 
 -- An accepted Write displaces a request without its response; whose response may be missing, too.
 -- A Read that was sent behind that Write is for it. Behind a Connect it displaces nothing: the AR is new.
-local function displace(self, job, by)
+local function displace(self, channel, by)
+  local job, asked = channel.open, by.record.request
   refused_at_last(job)
-  if job.read_response or connected_since(self, job) then
-    lose(self, job, "release")
+  if job.read_response or connected_since(self, job, asked) then
+    lose(self, job, may_be_displaced(channel) and "later" or "release")
     return
   end
-  local asked = by.record.request
   for place = #(job.fetching or NONE), asked and 1 or math.huge, -1 do
     if job.fetching[place].frame >= asked.frame then
       job:fetched(job.fetching[place])
@@ -595,7 +596,7 @@ local function accept(self, channel, job)
     end
     local open = channel.open
     if open then
-      displace(self, open, job)
+      displace(self, channel, job)
     end
     if channel.refused then
       lose(self, channel.refused, "")
@@ -636,13 +637,13 @@ local function rival_of(self, channel, job)
   if asked == nil or behind(self, found.peer, asked.frame) or behind(self, job.peer, asked.frame) then
     return nil
   end
-  local came, over = job:write_request().frame, connected_since(self, found)
-  if over and over < came then
+  local came = job:write_request()
+  if connected_since(self, found, came) then
     return nil
   end
-  local fetched = found.fetching and found.fetching[1].frame < came
+  local fetched = found.fetching and found.fetching[1].frame < came.frame
   local sure = found.write_response and not (fetched or found.twice)
-  return (sure or asked.frame > came) and found or nil
+  return (sure or asked.frame > came.frame) and found or nil
 end
 
 local function refuse(self, channel, job)
@@ -1063,7 +1064,6 @@ local function set_aside(self, channel, job, missing)
   else
     take_from(channel.asked, job)
   end
-  refused_at_last(job)
   if not (job.read_response or job:write_refused()) then
     job.missing = missing
   end

@@ -138,6 +138,12 @@ local function is_of(record, answer)
   return same and record.write == (answer.name == "write")
 end
 
+-- Whether a refusal, which names no place, may be for a request that was not seen.
+local function may_be_of_another(call, exchange, answer)
+  local refuses = dp.refuses(exchange.answer.item) or answer.kind == "refusal"
+  return refuses and exchange.hole > call.record.request.frame
+end
+
 function CallTracker:_asked(key, asked, exchange)
   self:_lose(key)
   if asked.code ~= ms1.READ and asked.code ~= ms1.WRITE or not asked.slot or not asked.index then
@@ -153,6 +159,11 @@ end
 
 function CallTracker:_answer(key, exchange)
   local seen, call = exchange.answer, self.open:get(key)
+  local answer = seen and ms1.decode(seen.item.du, false)
+  if call and seen and may_be_of_another(call, exchange, answer) then
+    self:_lose(key)
+    return
+  end
   if call and seen and dp.refuses(seen.item) then
     call.fault = seen.item.code
     call.record.response = records.half(seen.frame, seen.time_ns)
@@ -160,7 +171,6 @@ function CallTracker:_answer(key, exchange)
     self.handlers:failed(call)
     return
   end
-  local answer = seen and ms1.decode(seen.item.du, false)
   if not answer or answer.kind == "taken" or answer.name == IDLE then
     return -- not there yet
   elseif answer.name ~= "read" and answer.name ~= "write" then

@@ -10,6 +10,8 @@
 --   answer   the same; nil where none came, or nobody answers such a request
 --   again    whether it repeats the exchange before: the master has no answer to that
 --   silent   whether nobody answers such a request
+--   hole     the newest request to its station before which an exchange was not seen: it has the FCB of the
+--            one that was, and does not repeat that; 0 for none
 --   due      whether its answer may still come: no token came behind it, nor a frame that the recording cut
 
 local ALL_STATIONS = require("ds47.profibus.telegram").ALL_STATIONS
@@ -35,6 +37,7 @@ function Line.new()
     same = false, -- whether the frame has them, too,
     echo = false, -- and whether it is so the second of two, the fourth of four and so on
     unsure = 0,
+    holes = {}, -- station -> the newest request before which an exchange was not seen
     gone = {}, -- station -> the last frame before which something that was said with it was not seen
   }, Line)
 end
@@ -87,7 +90,7 @@ function Line:_request(seen)
   if item.da == ALL_STATIONS or row ~= nil and row.silent then -- the one before may be repeated behind it
     self.last = nil
     if open then open.due = false end
-    return {request = seen, answer = nil, due = true, again = false, silent = true}
+    return {request = seen, answer = nil, due = true, again = false, silent = true, hole = 0}
   end
   self.open = nil
   local last = self.counted[key]
@@ -96,11 +99,11 @@ function Line:_request(seen)
   end
   local again = item.fcv == 1 and self.last == item.data
   if last and item.fcv == 1 and last == item.fcb and not again then
-    self.gone[item.da] = seen.frame
+    self.gone[item.da], self.holes[item.da] = seen.frame, seen.frame
   end
   self.counted[key] = item.fcv == 1 and item.fcb or nil
   local exchange = {
-    request = seen, answer = nil, due = true, again = again, silent = false,
+    request = seen, answer = nil, due = true, again = again, silent = false, hole = self.holes[item.da] or 0,
   }
   self.last, self.open = item.data, exchange
   return open

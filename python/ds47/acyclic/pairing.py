@@ -651,7 +651,6 @@ class Pairing:
             channel.refused = None
         else:
             channel.asked.remove(job)
-        _refused_at_last(job)
         if job.read_response is None and not job.write_refused:
             job.missing = missing
         self._lose(job, "")
@@ -865,23 +864,23 @@ class Pairing:
             if channel.asked and job.write_response is not None:
                 _written_again(channel, job)
             if channel.open is not None:
-                self._displace(channel.open, job)
+                self._displace(channel, channel.open, job)
             if channel.refused is not None:
                 self._lose(channel.refused, "")
                 channel.refused = None
             channel.open = job
         self._step(job, "write_accepted")
 
-    def _displace(self, job: Job, by: Job) -> None:
+    def _displace(self, channel: Channel, job: Job, by: Job) -> None:
         """An accepted Write displaces a request without its response; whose response may be missing, too.
 
         A Read that was sent behind that Write is for it. Behind a Connect it displaces nothing: the AR is new.
         """
-        _refused_at_last(job)
-        if job.read_response is not None or self._connected_since(job) is not None:
-            self._lose(job, "release")
-            return
         asked = by.record.request
+        _refused_at_last(job)
+        if job.read_response is not None or self._connected_since(job, asked) is not None:
+            self._lose(job, _may_be_displaced(channel).get(job.order, "release"))
+            return
         if asked is not None:
             job.fetching = [read for read in job.fetching if read.frame < asked.frame]
         job.missing = self._lacks(job, "")
@@ -919,8 +918,7 @@ class Pairing:
             return None
         if any(self._behind(peer, asked.frame) is not None for peer in (found.peer, job.peer)):
             return None
-        over = self._connected_since(found)
-        if over is not None and over.frame < came.frame:
+        if self._connected_since(found, came) is not None:
             return None
         fetched = any(read.frame < came.frame for read in found.fetching)
         sure = found.write_response is not None and not (fetched or found.twice)
@@ -1044,7 +1042,7 @@ class Pairing:
         job.phase = self._table[job.phase][event]
 
     def _lose(self, job: Job, reason: str) -> None:
-        if job.polls:
+        if job.polls and job.missing is None:
             _refused_at_last(job)
         job.reason = reason
         if job.read_response is None:
@@ -1054,11 +1052,16 @@ class Pairing:
             job.missing = job.missing or self._lacks(job, reason)
         self._end(job, "lost")
 
-    def _connected_since(self, job: Job) -> Moment | None:
-        """When the AR of a request was set up anew; None where it was not."""
+    def _connected_since(self, job: Job, before: Half | None = None) -> Moment | None:
+        """When the AR of a request was set up anew; None where it was not, or not `before` another one.
+
+        Of an AR that proves itself late the Connects are known first.
+        """
         asked, key = job.write_request, job.key[:3]
         connect = self.replaced.get(key) or self._connects.get(key)
-        return connect if connect and asked and connect.frame > asked.frame else None
+        if connect is None or asked is None or connect.frame < asked.frame:
+            return None
+        return connect if before is None or connect.frame < before.frame else None
 
     def _end(self, job: Job, event: str) -> None:
         if job.missing is not None and job.fetching and job.read_request is None:

@@ -101,13 +101,16 @@ class CallTracker:
 
     def _answer(self, key: tuple[int, int, int], exchange: Exchange) -> None:
         seen, call = exchange.answer, self._open.get(key)
+        answer = None if seen is None else ms1.decode(seen.item.du, request=False)
+        if call is not None and _may_be_of_another(call, exchange, answer):
+            self._lose(key)
+            return
         if call is not None and seen is not None and dp.refuses(seen.item):
             call.fault = seen.item.code
             call.record.response = Half(seen.frame, seen.time_ns)
             del self._open[key]
             self._handlers.failed(call)
             return
-        answer = None if seen is None else ms1.decode(seen.item.du, request=False)
         if seen is None or answer is None or answer.kind == ms1.TAKEN or answer.function == _IDLE:
             if call is not None:
                 call.polled += 1
@@ -141,6 +144,14 @@ def _is_of(record: Record, answer: ms1.Message) -> bool:
     place = answer.slot, answer.index
     same = place in ((None, None), (record.slot, record.index))
     return same and record.write == (answer.function == "write")
+
+
+def _may_be_of_another(call: Call, exchange: Exchange, answer: ms1.Message | None) -> bool:
+    """Whether a refusal, which names no place, may be for a request that was not seen."""
+    seen, asked = exchange.answer, call.record.request
+    if seen is None or asked is None or exchange.hole <= asked.frame:
+        return False
+    return dp.refuses(seen.item) or (answer is not None and answer.kind == ms1.REFUSAL)
 
 
 def _half(seen: Seen, message: ms1.Message) -> Half:

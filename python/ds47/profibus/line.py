@@ -45,8 +45,9 @@ class Exchange:
     """and how many there are."""
     again: bool
     """Whether it repeats the exchange before: the master has no answer to that."""
-    hole: bool
-    """Whether an exchange before it was not seen: it has the FCB of the one that was, and does not repeat that."""
+    hole: int
+    """The newest request to its station before which an exchange was not seen: it has the FCB of the one that was,
+    and does not repeat that; 0 for none."""
     silent: bool
     """Whether nobody answers such a request."""
     damaged: int
@@ -72,7 +73,7 @@ class Exchange:
         self.retries = []
         self.retried = 0
         self.again = again
-        self.hole = False
+        self.hole = 0
         self.silent = silent
         self.damaged = 0
         self.spoiled = 0
@@ -110,6 +111,8 @@ class Line:
         """What the newest frame shows of that: it is behind the request of which it gives the exchange."""
         self._counted: dict[bytes, int | None] = {}
         """By who asks whom the FCB of the last request, where it counts."""
+        self._holes: dict[int, int] = {}
+        """By station the newest request before which an exchange was not seen."""
         self._heard_ns: int | None = None
         self._longest = self._second = 0
         """The two longest times between frames,"""
@@ -171,17 +174,15 @@ class Line:
         if not self._behind and seen.item.front.request and not seen.item.flaws:
             self._behind = seen.frame
 
-    def _count(self, seen: Seen, again: bool) -> bool:
-        """Whether the exchange before a request is not there; remembers that, and whether its answer is not."""
+    def _count(self, seen: Seen, again: bool) -> None:
+        """Remembers whether the exchange before a request is not there, or its answer."""
         over, front = self._open, seen.item.front
         if over is not None and over.request.item.front.fcv == 1 and not over.retried:
             self._marks[_asked(over.request)] = seen.frame
         counted = front.fcb if front.fcv == 1 else None
-        hole = counted is not None and counted == self._counted.get(front.way) and not again
-        if hole:
-            self._marks[_asked(seen)] = seen.frame
+        if counted is not None and counted == self._counted.get(front.way) and not again:
+            self._marks[_asked(seen)] = self._holes[_asked(seen)] = seen.frame
         self._counted[front.way] = counted
-        return hole
 
     def finish(self) -> Sequence[Exchange]:
         """No frame comes any more."""
@@ -234,7 +235,8 @@ class Line:
             return (Exchange(seen, silent=True),)
         again = front.fcv == 1 and self._last is not None and self._last.data == item.data
         exchange = Exchange(seen, again)
-        exchange.hole = self._count(seen, again)
+        self._count(seen, again)
+        exchange.hole = self._holes.get(_asked(seen), 0)
         self._last = item
         self._open = exchange
         return () if over is None else (over,)

@@ -310,7 +310,7 @@ def _settle(station: Station, exchange: Exchange) -> None:
         station.silent.add(before.frame)
     elif before is not None and front.fcb != before.item.front.fcb:
         station.missing.add(before.frame)
-    if exchange.hole or (before is not None and front.fcv == 1):
+    if exchange.hole == seen.frame or (before is not None and front.fcv == 1):
         station.hole = seen.frame
 
 
