@@ -838,6 +838,10 @@ def _orphan(case: Case) -> Iterator[str]:
     ]  # fmt: skip
     same = [each for each in there if each.answer and each.answer.data == deal.answer.data]
     last = max(there, key=lambda each: each.read or 0, default=None)
+    others = [
+        each.read or 0 for each in case.reading.deals
+        if each.place == deal.place and each.asked is None and each is not deal
+    ]  # fmt: skip
     told = case.args.get("case")
     implicit = bool(reads) and all(each.implicit for each in reads)
     if told not in ("unasked", "unasked_behind", "unasked_without_ar", "unasked_again"):
@@ -851,6 +855,7 @@ def _orphan(case: Case) -> Iterator[str]:
         and last in same
         and last
         and last.state not in ("refused", "mismatch")  # then it says nothing of its request either
+        and not any((last.read or 0) < each < case.frame for each in others)
         and last.operation != "unknown"  # which proves no AR: what was read may be no response yet
         and not any(each.call.response and each.call.response.cut for each in reads)
         and not case.reading.gaps.leaves_open(
@@ -1263,6 +1268,7 @@ def _read_for_nothing(case: Case, what: str) -> Iterator[str]:
         yield from _lacks_turns(case, pair[1], 0)
     elif what == "begins":
         unknown = {each.frame for each in case.reading.findings if each.rule == "DS110"}
+        unknown |= {each.read for each in case.reading.deals if each.asked is None and each.read}
         before = [
             each for each in case.reading.capture.records
             if each.channel == reads[0].channel and not each.write and each.answered not in unknown

@@ -513,8 +513,7 @@ def _program(random: Random, user: User, part: Part) -> Steps:
     others = [user.hold, user.multiple, user.connect, user.idle_read]
     for _ in range(part.jobs):
         at = random.choice(places)
-        if random.random() < 0.1:
-            yield from random.choice(others)(at)
-        else:
-            yield from user.job(at)
-        user.tape.wait(random.choice((1, 20, 20, 100, -30 if random.random() < 0.05 else 5)))
+        do = random.choice(others) if random.random() < 0.1 else user.job
+        yield from do(at)
+        pause = random.choice((1, 20, 20, 100, -30 if random.random() < 0.05 else 5))
+        user.tape.wait(abs(pause) if do == user.connect else pause)  # no AR is used before it is there

@@ -191,6 +191,8 @@ def _deal(whole: Whole, same: Deal, deal: Deal, cut: Reading, origin: list[int])
     allowed = {same.state, "orphan" if deal.write is None else "incomplete"}
     if same.state == "unanswered":
         allowed.add("superseded")  # the cut has not what ended the connection before
+    if _connected_at_last(whole, same, origin):
+        allowed.add("unanswered")
     if same.state == "superseded" and _next_write(whole, same) > max(origin):
         allowed.add("unanswered")  # its connection ended before, as far as the cut shows
     frames = (cut.capture.frame(at) for at in (deal.read, deal.write) if at is not None)
@@ -217,6 +219,12 @@ def _deal(whole: Whole, same: Deal, deal: Deal, cut: Reading, origin: list[int])
             yield f"parameters are others than those of #{same.id} of the whole"
 
 
+def _connected_at_last(whole: Whole, same: Deal, origin: list[int]) -> bool:
+    """Whether the cut ends between a Connect of the AR of a request and its response, which outlived that."""
+    end = max(origin)
+    return (same.read or 0) > end and any(each <= end for each in whole.item.ends(same))
+
+
 def _is_unproven(whole: Whole, deal: Deal) -> bool:
     """Whether index 47 of its AR shows in the cut alone that it is DS47: the whole one says nothing of it."""
     connection = deal.controller, deal.device, deal.ar
@@ -241,13 +249,13 @@ def _given_away(whole: Whole, deal: Deal, origin: list[int]) -> bool:
     """Whether the whole knows that a request was over, and leaves the record that mirrors it to another Write.
 
     Or to one with its reference, where it was the first one of its channel (docs/pairing.md, P77), or to nobody,
-    where it does not know what became of the request.
+    where it does not know what became of the request, or a Read of it was refused.
     """
     if not _fits_wholly(deal):
         return False
     there = whole.by_frame.get(origin[deal.read or 0], [])
     same, orphan = _same(whole, deal, origin), {each.state for each in there} == {"orphan"}
-    if same is not None and same.state == "incomplete" and orphan:
+    if same is not None and same.state in ("incomplete", "refused") and orphan:
         return True
     others = [each for each in there if each.state in ("refused", "mismatch")]
     if not all(_fits_wholly(each) for each in others):
@@ -313,6 +321,8 @@ def _finding(whole: Whole, finding: Finding, cut: Reading, origin: list[int]) ->
         return
     if deal and deal.write is None and same and same.answer and not same.fits:
         return  # the same: the whole reads it as the answer to a request that it is not the answer to
+    if moved.rule in ("DS401", "DS402", "DS722") and same and _connected_at_last(whole, same, origin):
+        return
     free = COUNTS | OF_COUNTS.get(moved.rule, set())
     for text in run.AUDITORS[moved.rule](Case(moved, whole.item, whole.memory)):
         alike = text.startswith(ALIKE.get(moved.rule, "-")) or _is_outside(moved.rule, text, origin)

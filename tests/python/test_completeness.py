@@ -394,7 +394,7 @@ ABSENT = ("DS206", "DS401", "DS402", "DS404", "DS413", "DS415", "DS704", "DS705"
         (polled, (), "ok ok", [("DS206", 6)]),
         (polled, (4, 5), "incomplete ok", [(1, "read_answer", 3)]),
         (polled, (7, 8), "ok orphan", [("DS206", 6)]),
-        (polled, (1, 2), "orphan ok", [("DS206", 4)]),
+        (polled, (1, 2), "orphan ok", [(4, "begins")]),
         (refused, (), "superseded refused", [("DS413", 3)]),
         (refused, (3,), "incomplete", [(1, "requests"), (5, "requests")]),
         (refused, (4,), "incomplete incomplete", [(1, "later"), (3, "write_answer", 3), (5, "later")]),

@@ -28,8 +28,8 @@ local VALUE = tables.layouts.ADDRESS_VALUE
 local NONE = {} -- no remarks; most jobs have none
 local WRONG_COUNT = 0x18 -- the number of values does not fit (docs/protocol.md A.7)
 local TOO_MANY = "DS304" -- more parameters than usual
--- Flaws that say that something is not there: pad, bytes, error block.
-local ABSENT = {DS311 = true, DS315 = true, DS412 = true}
+-- Flaws of which a message that the capture cut shows nothing: pad, bytes left over or missing, error block.
+local ABSENT = {DS311 = true, DS313 = true, DS314 = true, DS315 = true, DS412 = true}
 
 --- A remark. `args` may be nil; `offset` is the 0-based byte of the message, nil where there is none.
 function M.remark(rule, frame, args, offset)

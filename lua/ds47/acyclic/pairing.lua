@@ -758,7 +758,7 @@ local function answer(self, channel, job, record)
   local half = record.response
   job.read_request, job.read_response = record.request, half
   job.read_before = may_be_read(self, job)
-  channel.ended = half.frame
+  if job.message then channel.ended = half.frame end -- before an orphan anything may be missing
   if channel.open == job then
     channel.open = nil
   end

@@ -28,8 +28,8 @@ WRONG_COUNT: Final = 0x18
 """The number of values does not fit (docs/protocol.md A.7)."""
 TOO_MANY: Final = "DS304"
 """More parameters than usual."""
-ABSENT: Final = frozenset(("DS311", "DS315", "DS412"))
-"""Flaws that say that something is not there: pad, bytes, error block."""
+ABSENT: Final = frozenset(("DS311", "DS313", "DS314", "DS315", "DS412"))
+"""Flaws of which a message that the capture cut shows nothing: pad, bytes left over or missing, error block."""
 
 
 _K = TypeVar("_K")

@@ -289,7 +289,7 @@ class Channel:
     unseen: int
     """The same, of one that was accepted: it displaced what was open."""
     ended: int
-    """The frame of the newest Read response that ended a transaction, or found none; 0 for neither."""
+    """The frame of the newest Read response that ended a known request, or found none; 0 for neither."""
 
     def __init__(
         self,
@@ -995,7 +995,8 @@ class Pairing:
         else:
             job.read_request, job.read_response = record.request, half
             job.read_before = bool(job.polls) and self._may_be_read(job)
-            channel.ended = half.frame
+            if job.message is not None:  # before an orphan anything may be missing
+                channel.ended = half.frame
             if channel.open is job:
                 channel.open = None
             if channel.refused is job:
