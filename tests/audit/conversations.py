@@ -516,4 +516,6 @@ def _program(random: Random, user: User, part: Part) -> Steps:
         do = random.choice(others) if random.random() < 0.1 else user.job
         yield from do(at)
         pause = random.choice((1, 20, 20, 100, -30 if random.random() < 0.05 else 5))
-        user.tape.wait(abs(pause) if do == user.connect else pause)  # no AR is used before it is there
+        if do == user.connect:
+            pause = abs(pause)  # no AR is used before it is there
+        user.tape.wait(pause)

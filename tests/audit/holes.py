@@ -317,11 +317,7 @@ def _finding(whole: Whole, finding: Finding, cut: Reading, origin: list[int]) ->
         return
     if frame != origin[finding.frame] and deal and same and not _same_bytes(deal, same):
         return  # of the record itself, of which another Read brought more or less: `run` looks at that
-    if deal and (_given_away(whole, deal, origin) or (same is None and _is_unproven(whole, deal))):
-        return
-    if deal and deal.write is None and same and same.answer and not same.fits:
-        return  # the same: the whole reads it as the answer to a request that it is not the answer to
-    if moved.rule in ("DS401", "DS402", "DS722") and same and _connected_at_last(whole, same, origin):
+    if deal and _is_free(whole, deal, same, moved.rule, origin):
         return
     free = COUNTS | OF_COUNTS.get(moved.rule, set())
     for text in run.AUDITORS[moved.rule](Case(moved, whole.item, whole.memory)):
@@ -329,6 +325,16 @@ def _finding(whole: Whole, finding: Finding, cut: Reading, origin: list[int]) ->
         alike = alike or _is_other_letter(text, args)
         if text.split(" ")[0] not in free and not _says_nothing(text, args) and not alike:
             yield text
+
+
+def _is_free(whole: Whole, deal: Deal, same: Deal | None, rule: str, origin: list[int]) -> bool:
+    """Whether the whole is not the truth about a transaction of the cut one: it says another thing, or nothing."""
+    if _given_away(whole, deal, origin) or (same is None and _is_unproven(whole, deal)):
+        return True
+    if deal.write is None and same and same.answer and not same.fits:
+        return True  # the whole reads it as the answer to a request that it is not the answer to
+    ended = rule in ("DS401", "DS402", "DS722")
+    return ended and same is not None and _connected_at_last(whole, same, origin)
 
 
 def _are_named(told: list[int], true: list[list[int]]) -> bool:

@@ -993,25 +993,29 @@ class Pairing:
             if half.status is not None:
                 self._keep(job.empty_reads, half)
         else:
-            job.read_request, job.read_response = record.request, half
-            job.read_before = bool(job.polls) and self._may_be_read(job)
-            if job.message is not None:  # before an orphan anything may be missing
-                channel.ended = half.frame
-            if channel.open is job:
-                channel.open = None
-            if channel.refused is job:
-                channel.refused = None
-            self._answered(job)
-            if not half.data:
-                self._lose(job, "")
-                if not job.write_refused:
-                    self._forget_last(channel)  # what is read from now on may be of either
-                return
-            if channel.last is not None:
-                self._lose(channel.last, "")
-            channel.last = job
-            if job.message is not None and not job.write_refused:
-                self._put(self._delivered, _spot(job.key), job)
+            self._answer(channel, job, record.request, half)
+
+    def _answer(self, channel: Channel, job: Job, read: Half | None, half: Half) -> None:
+        """A Read that ends the waiting of a job: with the record, or with a refusal."""
+        job.read_request, job.read_response = read, half
+        job.read_before = bool(job.polls) and self._may_be_read(job)
+        if job.message is not None:  # before an orphan anything may be missing
+            channel.ended = half.frame
+        if channel.open is job:
+            channel.open = None
+        if channel.refused is job:
+            channel.refused = None
+        self._answered(job)
+        if not half.data:
+            self._lose(job, "")
+            if not job.write_refused:
+                self._forget_last(channel)  # what is read from now on may be of either
+            return
+        if channel.last is not None:
+            self._lose(channel.last, "")
+        channel.last = job
+        if job.message is not None and not job.write_refused:
+            self._put(self._delivered, _spot(job.key), job)
 
     def _may_be_read(self, job: Job) -> bool:
         """Whether how long a request waited is not known: a Read that brought its record may be missing.
