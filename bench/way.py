@@ -49,7 +49,7 @@ class Way:
         name = path.rpartition(PACKAGE)[2] if PACKAGE in path else "elsewhere"
         self.calls[name] += 1
         self._now[name] += 1
-        if code.co_name == "feed" and (pdu := frame.f_locals.get("pdu")) is not None:
+        if code.co_name == "take" and (pdu := frame.f_locals.get("pdu")) is not None:
             self.frames[KINDS.get((pdu.ptype, pdu.opnum), "other")].append(self._now)
 
 

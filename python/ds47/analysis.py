@@ -45,7 +45,7 @@ from ds47.profibus import LINK_TYPES
 from ds47.profidrive import Options, decode_response
 from ds47.profidrive.dictionary import Dictionary, explain_transaction
 from ds47.profidrive.drive_objects import DriveObjects
-from ds47.profinet.calls import CallTracker
+from ds47.profinet.calls import Became, CallTracker
 from ds47.profinet.completeness import Completeness
 from ds47.profinet.records import Half
 from ds47.profinet.stations import Stations as Names
@@ -238,7 +238,7 @@ class Analysis:
             self._events, index47, self._pairing, self._remark, self._diagnoses.foreign,
             self._cyclic.connected, self._completeness, bounds, vendor,
         )  # fmt: skip
-        self._calls = CallTracker(bounds, self._records.handlers(), self._completeness)
+        self._calls = CallTracker(bounds, self._completeness)
         ports = options.s7.every_port if S7 in options.channels else ()
         self._s7 = LateCommunication(ports, self._made_s7, bounds.s7_memories)
         self._transport = Transport(
@@ -275,7 +275,7 @@ class Analysis:
         self._findings.frames_dropped = capture.gaps
         self._transport.finish()
         self._s7.finish()
-        self._calls.finish()
+        self.take(self._calls.finish())
         if self._lines is not None:
             self._lines.finish()
         self._pairing.finish(self._events.newest_ns)
@@ -323,7 +323,7 @@ class Analysis:
         for frame in frames:
             if frame.link_type not in LINK_TYPES:
                 self._times.note(frame.number, frame.time_ns)
-                self._transport.take_frame(frame)
+                self.take(self._transport.take_frame(frame))
                 continue
             self._untimed = not frames.timed
             if not self._untimed:
@@ -331,6 +331,11 @@ class Analysis:
             if self._lines is None:
                 self._lines = self._made_lines()
             self._lines.take(frame)
+
+    def take(self, told: Sequence[Became]) -> None:
+        """What became of calls."""
+        for became in told:
+            self._records.take(became)
 
     def _made_s7(self) -> Communication:
         from ds47.s7.communication import Communication  # few captures have any

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import pytest
@@ -10,7 +9,7 @@ from talk import pdus
 
 from ds47.lab import wire
 from ds47.lab.client import CHANNEL, Client
-from ds47.profinet.calls import CallTracker, Handlers
+from ds47.profinet.calls import Became, CallTracker
 from ds47.profinet.rpc import Pdu
 from ds47.spec.semantics import Limits, limits
 
@@ -26,30 +25,22 @@ class Heard:
     events: list[tuple[str, int, int]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        def note(name: str) -> Callable[..., None]:
-            def handler(call: object, more: object = None) -> None:
-                about = more if isinstance(more, Pdu) else getattr(call, "request", call)
-                self.events.append((name, about.seq, about.frame))  # type: ignore[union-attr]
-
-            return handler
-
-        names = (
-            "request",
-            "response",
-            "orphan",
-            "second",
-            "late",
-            "retransmission",
-            "fault",
-            "lost",
-            "pushed out",
-        )
-        self.tracker = CallTracker(self.bounds, Handlers(*map(note, names)))
+        self.tracker = CallTracker(self.bounds)
 
     def feed(self, *sequence: Pdu) -> Heard:
         for pdu in sequence:
-            self.tracker.feed(pdu)
+            self._note(self.tracker.take(pdu))
         return self
+
+    def finish(self) -> None:
+        self._note(self.tracker.finish())
+
+    def _note(self, told: list[Became]) -> None:
+        for what, call, pdu in told:
+            about = pdu or (call and call.request)
+            assert about is not None
+            of_call = call is not None and what in ("answered", "late")
+            self.events.append((what, about.seq, call.frame if of_call else about.frame))
 
     @property
     def names(self) -> list[str]:
@@ -73,9 +64,9 @@ def later(pdu: Pdu, nanoseconds: int, **changes: object) -> Pdu:
 
 def test_a_call_and_its_response() -> None:
     heard = Heard().feed(*calls(2))
-    heard.tracker.finish()
+    heard.finish()
     assert heard.events == [
-        ("request", 0, 1), ("response", 0, 1), ("request", 1, 3), ("response", 1, 3),
+        ("asked", 0, 1), ("answered", 0, 1), ("asked", 1, 3), ("answered", 1, 3),
     ]  # fmt: skip
     counts = heard.tracker.counts
     assert (counts["requests"], counts["responses"], counts["unanswered"]) == (2, 2, 0)
@@ -126,35 +117,35 @@ def test_a_retransmission_of_an_unanswered_call_at_any_time_before_it_expires() 
     request, response = calls()
     again = later(request, 30 * SECOND)
     heard = Heard().feed(request, again, later(response, 30 * SECOND))
-    assert heard.events == [("request", 0, 1), ("retransmission", 0, 101), ("response", 0, 1)]
+    assert heard.events == [("asked", 0, 1), ("again", 0, 101), ("answered", 0, 1)]
     assert heard.tracker.counts["retransmissions"] == 1
 
 
 @pytest.mark.parametrize(
     ("delay", "event"),
-    [(0, "retransmission"), (LIMITS.call_expiry_ns, "retransmission"),
-     (LIMITS.call_expiry_ns + 1, "request")],
+    [(0, "again"), (LIMITS.call_expiry_ns, "again"),
+     (LIMITS.call_expiry_ns + 1, "asked")],
 )  # fmt: skip
 def test_an_identical_request_after_the_answer(delay: int, event: str) -> None:
     request, response = calls()
     again = replace(request, frame=9, time_ns=response.time_ns + delay)
     heard = Heard().feed(request, response, again)
-    assert heard.names == ["request", "response", event]
+    assert heard.names == ["asked", "answered", event]
 
 
 def test_an_identical_request_after_another_number_is_a_retransmission() -> None:
     """A datagram that the network doubled or delayed comes behind the next calls of its client."""
     request, response, other, _ = calls(2)
     heard = Heard().feed(request, response, other, later(request, SECOND))
-    assert heard.names == ["request", "response", "request", "retransmission"]
+    assert heard.names == ["asked", "answered", "asked", "again"]
 
 
 def test_each_repetition_gives_a_client_time_for_the_next_one() -> None:
     request, response = calls()
     often = [later(request, number * LIMITS.call_expiry_ns) for number in (1, 2, 3)]
-    assert Heard().feed(request, *often).names == ["request", *["retransmission"] * 3]
+    assert Heard().feed(request, *often).names == ["asked", *["again"] * 3]
     after = Heard().feed(request, response, *often)
-    assert after.names == ["request", "response", *["retransmission"] * 3]
+    assert after.names == ["asked", "answered", *["again"] * 3]
 
 
 @pytest.mark.parametrize("answered", [True, False])
@@ -164,73 +155,73 @@ def test_an_identical_request_from_another_port_or_behind_a_connect_is_a_new_cal
     request, response = calls()
     first = [request, response] if answered else [request]
     over = [] if answered else ["lost"]
-    names = ["request", "response"] if answered else ["request"]
+    names = ["asked", "answered"] if answered else ["asked"]
     other_port = Heard().feed(*first, later(request, SECOND, port=request.port + 1))
-    assert other_port.names == [*names, *over, "request"]
+    assert other_port.names == [*names, *over, "asked"]
     connect = later(request, SECOND, opnum=wire.CONNECT, activity=bytes(16))
     again = later(request, 2 * SECOND, frame=request.frame + 200)
-    assert Heard().feed(*first, connect, again).names == [*names, "request", *over, "request"]
+    assert Heard().feed(*first, connect, again).names == [*names, "asked", *over, "asked"]
     elsewhere = replace(connect, server="192.168.133.9")
-    assert Heard().feed(*first, elsewhere, again).names[-1] == "retransmission"
-    assert Heard().feed(connect, later(connect, SECOND)).names == ["request", "retransmission"]
+    assert Heard().feed(*first, elsewhere, again).names[-1] == "again"
+    assert Heard().feed(connect, later(connect, SECOND)).names == ["asked", "again"]
 
 
 def test_a_client_that_uses_a_number_for_another_call_counts_anew() -> None:
     first, _, second, answer = calls(2)
     other = later(first, SECOND, body=b"other")
     heard = Heard().feed(first, second, answer, other, later(second, 2 * SECOND, frame=300))
-    assert heard.names == ["request", "request", "response", "lost", "request", "request"]
+    assert heard.names == ["asked", "asked", "answered", "lost", "asked", "asked"]
 
 
 def test_another_body_under_an_unanswered_number_is_a_new_call() -> None:
     request, response = calls()
     reused = later(request, SECOND, body=request.body + b"\0")
     heard = Heard().feed(request, reused, later(response, SECOND))
-    assert heard.events == [("request", 0, 1), ("lost", 0, 1), ("request", 0, 101),
-                            ("response", 0, 101)]  # fmt: skip
+    assert heard.events == [("asked", 0, 1), ("lost", 0, 1), ("asked", 0, 101),
+                            ("answered", 0, 101)]  # fmt: skip
     assert heard.tracker.counts["unanswered"] == 1
 
 
 def test_another_operation_under_an_answered_number_is_a_new_call() -> None:
     request, response = calls()
     heard = Heard().feed(request, response, later(request, SECOND, opnum=wire.WRITE))
-    assert heard.names == ["request", "response", "request"]
+    assert heard.names == ["asked", "answered", "asked"]
 
 
-@pytest.mark.parametrize(("over", "last"), [(0, ["response"]), (1, ["lost", "orphan"])])
+@pytest.mark.parametrize(("over", "last"), [(0, ["answered"]), (1, ["lost", "unasked"])])
 def test_a_response_after_the_expiry_finds_nothing(over: int, last: list[str]) -> None:
     request, response = calls()
     late = replace(response, time_ns=request.time_ns + LIMITS.call_expiry_ns + over)
     heard = Heard().feed(request, late)
-    heard.tracker.finish()
-    assert heard.names == ["request", *last]
+    heard.finish()
+    assert heard.names == ["asked", *last]
 
 
 def test_the_next_request_makes_an_old_one_expire() -> None:
     first, _, second, _ = calls(2)
     heard = Heard().feed(first, later(second, LIMITS.call_expiry_ns))
-    assert heard.names == ["request", "lost", "request"]
+    assert heard.names == ["asked", "lost", "asked"]
 
 
 def test_a_late_second_response_is_none_to_another_call() -> None:
     talk = calls(30)
     heard = Heard().feed(*talk, later(talk[1], SECOND))
-    assert heard.names == ["request", "response"] * 30
+    assert heard.names == ["asked", "answered"] * 30
 
 
 def test_answered_calls_are_remembered_as_long_as_they_may_be_repeated() -> None:
     talk = calls(3)
     few = Heard(LIMITS.but(answered_calls=2)).feed(*talk, later(talk[1], SECOND))
-    assert few.names[6:] == ["orphan"]
+    assert few.names[6:] == ["unasked"]
     first, answer, second, last = calls(2)
     late = [later(each, LIMITS.call_expiry_ns + 2_000_000) for each in (second, last, answer)]
-    assert Heard().feed(first, answer, *late).names[4:] == ["orphan"]
+    assert Heard().feed(first, answer, *late).names[4:] == ["unasked"]
 
 
 def test_a_second_response() -> None:
     request, response = calls()
     heard = Heard().feed(request, response, later(response, SECOND, body=b"other"))
-    assert heard.events[2:] == [("second", 0, 102)], "it belongs to no other call (P81)"
+    assert heard.events[2:] == [("twice", 0, 102)], "it belongs to no other call (P81)"
     assert heard.tracker.counts["responses"] == 2
 
 
@@ -238,11 +229,11 @@ def test_a_response_that_comes_again_without_its_request_hides_what_was_asked() 
     request, response = calls()
     other = later(response, SECOND, body=b"other")
     assert Heard().feed(request, response, later(response, 2), other).names == [
-        "request",
-        "response",
+        "asked",
+        "answered",
     ]
     asked = Heard().feed(request, response, later(request, 1), later(response, 2), other)
-    assert asked.names == ["request", "response", "retransmission", "second"]
+    assert asked.names == ["asked", "answered", "again", "twice"]
 
 
 @pytest.mark.parametrize(("passed", "again"), [(2_000_000, 1), (0, 0)])
@@ -254,14 +245,14 @@ def test_a_request_that_the_wire_doubled_was_there_twice(passed: int, again: int
     copy = replace(request, time_ns=request.time_ns + passed, frame=999)
     assert talk.tracker.is_copy(copy)
     assert talk.tracker.open_call(response).again == 999 * again
-    assert talk.feed(response).names == ["request", "response"]
+    assert talk.feed(response).names == ["asked", "answered"]
 
 
 def test_a_second_response_that_is_a_fault() -> None:
     request, response = calls()
     fault = replace(response, ptype=wire.FAULT, body=b"\x03\x00\x01\x1c")
     assert Heard().feed(request, response, later(fault, 1)).names == [
-        "request", "response", "second",
+        "asked", "answered", "twice",
     ]  # fmt: skip
 
 
@@ -270,19 +261,19 @@ def test_an_answer_to_a_number_that_counts_anew_is_no_second_one() -> None:
     for between in ([], [later(request, 2, body=b"new"), later(response, 3, body=b"old")]):
         late = later(response, LIMITS.call_expiry_ns + SECOND, body=b"other")
         names = Heard().feed(request, response, *between, late).names
-        assert names[-1] == "orphan"
+        assert names[-1] == "unasked"
 
 
 def test_a_response_without_its_request() -> None:
     _, response = calls()
-    assert Heard().feed(response).events == [("orphan", 0, 2)]
+    assert Heard().feed(response).events == [("unasked", 0, 2)]
 
 
 def test_activities_do_not_mix() -> None:
     request, response = calls()
     for change in ({"activity": bytes(16)}, {"client": "192.168.133.9"}, {"seq": 5}):
         heard = Heard().feed(request, replace(response, **change))  # type: ignore[arg-type]
-        assert heard.names == ["request", "orphan"]
+        assert heard.names == ["asked", "unasked"]
 
 
 @pytest.mark.parametrize(("kind", "count"), [(wire.FAULT, "faults"), (wire.REJECT, "rejects")])
@@ -290,8 +281,8 @@ def test_a_fault_answers_a_call_once(kind: int, count: str) -> None:
     request, response = calls()
     fault = replace(response, ptype=kind, body=b"\x03\x00\x01\x1c")
     heard = Heard().feed(request, fault, later(fault, 1))
-    heard.tracker.finish()
-    assert heard.events == [("request", 0, 1), ("fault", 0, 2)]
+    heard.finish()
+    assert heard.events == [("asked", 0, 1), ("failed", 0, 2)]
     assert heard.tracker.counts[count] == 2
     assert Heard().feed(fault).events == []
 
@@ -308,17 +299,17 @@ def test_other_types_are_counted_only() -> None:
 def test_finish_loses_every_open_call_once() -> None:
     first, _, second, answer = calls(2)
     heard = Heard().feed(first, second, answer)
-    heard.tracker.finish()
-    heard.tracker.finish()
-    assert heard.names == ["request", "request", "response", "lost"]
+    heard.finish()
+    heard.finish()
+    assert heard.names == ["asked", "asked", "answered", "lost"]
     assert heard.events[-1] == ("lost", 0, 1)
 
 
 def test_open_calls_of_an_activity_are_bounded() -> None:
     requests = calls(5)[::2]
     heard = Heard(LIMITS.but(calls=2)).feed(*requests)
-    heard.tracker.finish()
-    assert [seq for event, seq, _ in heard.events if event == "pushed out"] == [0, 1]
+    heard.finish()
+    assert [seq for event, seq, _ in heard.events if event == "pushed_out"] == [0, 1]
     assert [seq for event, seq, _ in heard.events if event == "lost"] == [2, 3, 4]
     assert len(heard.events) == 10
     assert heard.tracker.counts["unanswered"] == 3
@@ -328,18 +319,18 @@ def test_activities_are_bounded_and_the_one_that_spoke_last_stays() -> None:
     request = calls()[0]
     one, two, three = (replace(request, activity=bytes([n]) * 16, seq=n) for n in (1, 2, 3))
     heard = Heard(LIMITS.but(activities=2)).feed(one, two, later(one, 1), three)
-    assert heard.names == ["request", "request", "retransmission", "pushed out", "request"]
+    assert heard.names == ["asked", "asked", "again", "pushed_out", "asked"]
     assert heard.events[3][1] == 2
 
 
 def test_the_context_of_the_layer_above_stays_with_the_call() -> None:
-    def ask(call) -> None:  # type: ignore[no-untyped-def]
-        call.context = "mine"
-
     got: list[object] = []
-    ignore = lambda *_: None  # noqa: E731
-    handlers = Handlers(ask, lambda call: got.append(call.context), *[ignore] * 7)
-    tracker = CallTracker(LIMITS, handlers)
+    tracker = CallTracker(LIMITS)
     for pdu in pdus(lambda client: client.read(b"data", client.at(index=CHANNEL.index))):
-        tracker.feed(pdu)
-    assert got == ["mine"]
+        for what, call, _ in tracker.take(pdu):
+            assert call is not None
+            if what == "asked":
+                call.context = ["mine"]
+            else:
+                got.append(call.context)
+    assert got == [["mine"]]

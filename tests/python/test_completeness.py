@@ -16,7 +16,7 @@ from ds47.analysis import analyze
 from ds47.lab import captured, message, wire
 from ds47.lab.client import Client
 from ds47.lab.stage import Stage
-from ds47.profinet.calls import CallTracker, Handlers
+from ds47.profinet.calls import CallTracker
 from ds47.profinet.completeness import Completeness, Hole, Numbers
 from ds47.profinet.rpc import Pdu
 from ds47.spec.semantics import limits
@@ -26,16 +26,12 @@ ASK = message.read(1, 1, message.address(21))
 TELL = message.answer(1, 1, 1, message.real(1.0))
 
 
-def quiet(*_: object) -> None:
-    """A handler that hears nothing."""
-
-
 def heard(calls: Iterable[Pdu], kept: int = 64) -> Completeness:
     """What is known of them to be missing."""
     found = Completeness(kept)
-    tracker = CallTracker(limits(), Handlers(*[quiet] * 9), found)
+    tracker = CallTracker(limits(), found)
     for each in calls:
-        tracker.feed(each)
+        tracker.take(each)
     return found
 
 
@@ -156,9 +152,9 @@ def test_a_read_response_without_its_request_is_a_half() -> None:
 def test_a_call_without_response_is_a_half_once_its_client_went_on() -> None:
     asked = [each for each in pdus(three) if each.frame != 6]
     found = Completeness(64)
-    tracker = CallTracker(limits(), Handlers(*[quiet] * 9), found)
+    tracker = CallTracker(limits(), found)
     for each in asked:
-        tracker.feed(each)
+        tracker.take(each)
     assert found.lacks(CLIENT, SERVER).halves == 0
     tracker.finish()
     assert (found.lacks(CLIENT, SERVER).halves, found.lacks(CLIENT, SERVER).half) == (1, 5)
@@ -168,10 +164,10 @@ def test_a_call_without_response_is_a_half_once_its_client_went_on() -> None:
 def test_the_last_call_may_still_get_its_response() -> None:
     """It is no half; behind it something may be missing all the same."""
     found = Completeness(64)
-    tracker = CallTracker(limits(), Handlers(*[quiet] * 9), found)
+    tracker = CallTracker(limits(), found)
     for each in pdus(three):
         if each.frame != 12:
-            tracker.feed(each)
+            tracker.take(each)
     tracker.finish()
     assert (found.lacks(CLIENT, SERVER).halves, found.newest(SERVER)) == (0, 11)
 
@@ -498,11 +494,11 @@ def test_a_response_that_came_too_late_is_no_half_as_long_as_its_call_is_remembe
     late = limits().call_expiry_ns + 1_000_000_000
     for most, halves in ((1, 1), (2, 0)):
         found = Completeness(64)
-        tracker = CallTracker(limits().but(calls=most), Handlers(*[quiet] * 9), found)
+        tracker = CallTracker(limits().but(calls=most), found)
         for each in (
             first,
             second,
             *(replace(each, time_ns=each.time_ns + late) for each in (answer, other)),
         ):
-            tracker.feed(each)
+            tracker.take(each)
         assert found.lacks(CLIENT, SERVER).halves == halves + 1

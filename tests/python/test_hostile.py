@@ -433,7 +433,7 @@ def test_an_endless_stream_stays_within_the_limits(stream):
     wire_ = Wire()
     for number in range(1500):
         for packet in stream(wire_, number):
-            run._transport.packet(packet)
+            run.take(run._transport._packet(packet))
     most = {
         "activities": 32, "calls": 8 + 1, "answered": 32, "connects": 32, "datagrams": 2 * 256,
         "channels": 32, "asked": 8,
@@ -459,7 +459,7 @@ def growth(stream, first, then, options=None):
                 gc.collect()
                 before = tracemalloc.get_traced_memory()[0]
             for packet in stream(wire_, number):
-                run._transport.packet(packet)
+                run.take(run._transport._packet(packet))
         gc.collect()
         return (tracemalloc.get_traced_memory()[0] - before) / then
     finally:
@@ -530,7 +530,7 @@ def test_a_transport_finding_holds_no_finished_transaction():
     wire_ = Wire()
     for number in range(20):
         for packet in lost_writes(wire_, number):
-            run._transport.packet(packet)
+            run.take(run._transport._packet(packet))
     assert run._remarks
     assert not any(remark.job for remark in run._findings._remarks)
     assert all(job.phase != "closed" for job in run._remarks)
@@ -628,7 +628,7 @@ def test_a_stream_costs_its_length(stream):
         wire_ = Wire()
         for number in range(size):
             for packet in stream(wire_, number):
-                run._transport.packet(packet)
+                run.take(run._transport._packet(packet))
         run._calls.finish()
         run._pairing.finish()
 
@@ -645,7 +645,7 @@ def test_a_full_analysis_costs_the_length_of_its_stream():
         for number in range(size):
             for stream in (channels, foreign_records, activities, unanswered_writes):
                 for packet in stream(wire_, number):
-                    run._transport.packet(packet)
+                    run.take(run._transport._packet(packet))
 
     assert is_linear(work, 150)
 
@@ -704,7 +704,7 @@ def nasty_result(text):
     stream = io.BytesIO(make.section())
     with open_capture(stream, name=text) as capture:
         for packet in packets:
-            run._transport.packet(packet)
+            run.take(run._transport._packet(packet))
         return run.run(capture)
 
 

@@ -23,7 +23,7 @@ from lua_program import LUAS, lua_program
 from test_profibus_calls import MS, NOT_READY, SHORT, Talk
 
 from ds47.acyclic.pairing import Access, Job, Pairing, Peer
-from ds47.acyclic.services import Call, CallTracker, Handlers
+from ds47.acyclic.services import Became, Call, CallTracker
 from ds47.profibus import telegram
 from ds47.profibus.line import Exchange, Line, Seen
 from ds47.profidrive import decode_request
@@ -66,21 +66,22 @@ class Ear:
         self.pairing = Pairing(limits(), lambda job: None, self._closed, lambda *about: None)
 
     def run(self, frames: Iterable[bytes]) -> list[dict[str, Any]]:
-        line = Line()
-        calls = CallTracker(
-            Handlers(self._asked, self._answered, self._failed, self._lost, self._unasked)
-        )
+        line, calls = Line(), CallTracker()
         for number, data in enumerate(frames, start=1):
             for exchange in line.take(Seen(number, number * MS, telegram.decode(data))):
                 self._exchange(exchange)
-                calls.take(exchange)
+                self._heard(calls.take(exchange))
         for exchange in line.finish():
             self._exchange(exchange)
-            calls.take(exchange)
-        calls.finish()
+            self._heard(calls.take(exchange))
+        self._heard(calls.finish())
         self.pairing.finish()
         self._tell("end", unsure=line.unsure)
         return self.told
+
+    def _heard(self, told: list[Became]) -> None:
+        for what, call in told:
+            getattr(self, f"_{what}")(call)
 
     def _tell(self, event: str, **content: Any) -> None:
         self.told.append({"event": event, **content})
@@ -92,12 +93,14 @@ class Ear:
         )  # fmt: skip
 
     def _call(self, event: str, call: Call) -> None:
-        if event == "asked":
+        record, fault = record_of(call.record), call.fault
+        if event == "asked":  # the answer may be there already: it is told next
             self._calls.append(call)
+            record, fault = {**record, "response": None}, None
         (number,) = (at for at, each in enumerate(self._calls, start=1) if each is call)
         self._tell(
-            event, call=number, master=call.master, station=call.station, sap=call.sap, fault=call.fault,
-            record=record_of(call.record),
+            event, call=number, master=call.master, station=call.station, sap=call.sap, fault=fault,
+            record=record,
         )  # fmt: skip
 
     def _asked(self, call: Call) -> None:

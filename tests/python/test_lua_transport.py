@@ -31,7 +31,7 @@ from ds47.capture.scan import IPV4, network_layer
 from ds47.findings.remark import Remark
 from ds47.profidrive import Options
 from ds47.profinet import connect, dcp, ip, lldp, rpc
-from ds47.profinet.calls import CallTracker
+from ds47.profinet.calls import Became, CallTracker
 from ds47.profinet.completeness import Completeness
 from ds47.profinet.link import Packet, Packets, dissect, mac
 from ds47.profinet.records import Half, Record, parse_request, parse_response, released_ar
@@ -259,7 +259,7 @@ class Run:
             missing,
             limits(),
         )  # type: ignore[arg-type]
-        self.calls = CallTracker(limits(), self.records.handlers(), missing)
+        self.calls = CallTracker(limits(), missing)
 
     def run(self, frames: Iterable[Frame]) -> list[dict[str, Any]]:
         source = Packets()
@@ -277,7 +277,7 @@ class Run:
             if pdu is not None:
                 self.ear.pdu("unfinished", pdu)
                 self.records.incomplete(pdu, have, "IP", limit)
-        self.calls.finish()
+        self.tell(self.calls.finish())
         self.records.finish()
         counts = {str(index): count for index, count in self.events.counts.items()}
         devices = [
@@ -306,7 +306,11 @@ class Run:
                 self.ear.pdu("whole", whole)
             self.ear.records(whole)
             self.naming.message(whole)
-            self.calls.feed(whole)
+            self.tell(self.calls.take(whole))
+
+    def tell(self, told: list[Became]) -> None:
+        for became in told:
+            self.records.take(became)
 
 
 # Where frames come from

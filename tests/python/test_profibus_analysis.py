@@ -19,7 +19,7 @@ from ds47.lab.master import Master
 from ds47.model import Transaction
 from ds47.profibus import PROFIBUS_DL, USER0, telegram
 from ds47.profinet import rpc
-from ds47.profinet.calls import Call, CallTracker, Handlers
+from ds47.profinet.calls import Call, CallTracker
 from ds47.profinet.link import Packets
 from ds47.profinet.records import Record, parse_request, parse_response
 from ds47.spec.semantics import limits
@@ -64,32 +64,32 @@ class Records:
         return self.frames
 
 
-def calls(path: Path) -> list[Call]:
-    """The RPC calls of a capture in the order of their requests."""
-    found: list[Call] = []
-
-    def ignore(*_: Any) -> None:
-        pass
-
-    tracker = CallTracker(limits(), Handlers(found.append, *[ignore] * 8))
+def calls(path: Path) -> list[tuple[rpc.Pdu, rpc.Pdu | None]]:
+    """Requests and responses of the RPC calls of a capture, in the order of the requests."""
+    found: dict[Call, tuple[rpc.Pdu, rpc.Pdu | None]] = {}
+    tracker = CallTracker(limits())
     with open_capture(path) as capture:
         for packet in Packets().of(capture):
             pdu = rpc.parse(packet) if packet.kind == "udp" else None
             if pdu is not None and not tracker.is_copy(pdu):
-                tracker.feed(pdu)
-    return found
+                for what, call, said in tracker.take(pdu):
+                    if call is not None and said is not None and what == "asked":
+                        found[call] = said, None
+                    elif call is not None and what in ("answered", "failed", "late"):
+                        found[call] = found.get(call, (pdu, None))[0], said
+    return list(found.values())
 
 
 def reframed(path: Path) -> Records | None:
     """The same records by MS1; None where MS1 cannot carry them so."""
     master, busy = Records(), 0
-    for call in calls(path):
-        if call.request.opnum in (rpc_ for rpc_ in range(10) if rpc_ not in (2, 3)):
+    for request, response in calls(path):
+        if request.opnum in (rpc_ for rpc_ in range(10) if rpc_ not in (2, 3)):
             return None
-        if call.response is None or call.request.frame < busy:
+        if response is None or request.frame < busy:
             return None
-        busy = call.response.frame
-        asked, (_, told) = parse_request(call.request), parse_response(call.response)
+        busy = response.frame
+        asked, (_, told) = parse_request(request), parse_response(response)
         if len(asked.records) != 1 or len(told) != 1 or asked.multiple:
             return None
         record = asked.records[0]
@@ -97,7 +97,7 @@ def reframed(path: Path) -> Records | None:
         both = framed(record)
         if both is None:
             return None
-        master.places.add((call.request.client, call.request.server, record.ar, record.subslot))
+        master.places.add((request.client, request.server, record.ar, record.subslot))
         master.service(record, *both)
     return master if master.frames else None
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ds47.acyclic.pairing import Access, Job, Pairing, Peer
-from ds47.acyclic.services import MOST_OPEN, MOST_POLLS, Call, CallTracker, Handlers
+from ds47.acyclic.services import MOST_OPEN, MOST_POLLS, Became, Call, CallTracker
 from ds47.profibus import telegram
 from ds47.profibus.line import MOST_RETRIES, Exchange, Line, Seen
 from ds47.profidrive import decode_request, decode_response
@@ -68,6 +68,12 @@ def exchanges(frames: Iterable[bytes], line: Line | None = None) -> list[Exchang
     return [*found, *line.finish()]
 
 
+def services(frames: Iterable[bytes]) -> list[Became]:
+    tracker = CallTracker()
+    told = [became for exchange in exchanges(frames) for became in tracker.take(exchange)]
+    return told + tracker.finish()
+
+
 class Heard:
     """Everything that is told of calls."""
 
@@ -75,20 +81,13 @@ class Heard:
         self.events: list[tuple[str, int]] = []
         self.calls: list[Call] = []
         self.unasked: list[Call] = []
-        tracker = CallTracker(
-            Handlers(self._asked, self._event("answered"), self._event("failed"), self._event("lost"),
-                     self.unasked.append)
-        )  # fmt: skip
-        for exchange in exchanges(frames):
-            tracker.take(exchange)
-        tracker.finish()
-
-    def _asked(self, call: Call) -> None:
-        self.calls.append(call)
-        self._event("asked")(call)
-
-    def _event(self, name):
-        return lambda call: self.events.append((name, self.calls.index(call)))
+        for what, call in services(frames):
+            if what == "unasked":
+                self.unasked.append(call)
+                continue
+            if what == "asked":
+                self.calls.append(call)
+            self.events.append((what, self.calls.index(call)))
 
 
 # The line
@@ -354,12 +353,11 @@ def paired(frames: Iterable[bytes]) -> list[Job]:
         else:
             pairing.read_response(access(call))
 
-    tracker = CallTracker(
-        Handlers(asked, answered, lambda call: None, lambda call: None, lambda *about: None)
-    )
-    for exchange in exchanges(frames):
-        tracker.take(exchange)
-    tracker.finish()
+    for what, call in services(frames):
+        if what == "asked":
+            asked(call)
+        elif what == "answered":
+            answered(call)
     pairing.finish()
     return closed
 

@@ -335,7 +335,7 @@ function RecordCalls:response(call)
   local pdu, record = call.response, call.context
   if not OPERATIONS[pdu.opnum] then
     self:_goes_on(pdu)
-    if pdu.opnum == CONNECT then
+    if call.request.opnum == CONNECT then
       self.listener:set_up(call.request, pdu)
     end
   end

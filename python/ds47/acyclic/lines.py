@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ds47.cyclic.channels import CyclicChannels
     from ds47.findings.remark import Remark
     from ds47.model import Bus as ToldBus
+    from ds47.profibus.line import Exchange
     from ds47.spec.semantics import Limits
 
 
@@ -54,13 +55,13 @@ class Lines:
         self._stations = Stations(self._judge.heard)
         idents = Idents()
         self._ms1 = Ms1Calls(events, foreign, self._judge, remark, idents)
-        self._services = CallTracker(self._ms1.handlers())
+        self._services = CallTracker()
         self._start_ups = StartUps(pairing.started)
         ppo = Ppo(cyclic, ppos, idents)
         listeners = (
             Listener(idents.take, Idents.SERVICES), Listener(self._stations.take),
             Listener(self._start_ups.take, StartUps.SERVICES),
-            Listener(self._services.take, CallTracker.SERVICES), Listener(ppo.take, Ppo.SERVICES),
+            Listener(self._record, CallTracker.SERVICES), Listener(ppo.take, Ppo.SERVICES),
         )  # fmt: skip
         self._bus = Bus(listeners, self._stations.frame)
         self.line = self._bus.line
@@ -74,7 +75,12 @@ class Lines:
         """No frame comes any more."""
         self._bus.finish()
         self._stations.finish(self.line.paused())
-        self._services.finish()
+        for became in self._services.finish():
+            self._ms1.take(became)
+
+    def _record(self, exchange: Exchange) -> None:
+        for became in self._services.take(exchange):
+            self._ms1.take(became)
 
     def remarks(self) -> Iterator[Remark]:
         """What the line shows when it is over."""

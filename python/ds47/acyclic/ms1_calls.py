@@ -12,7 +12,7 @@ from typing import ClassVar
 
 from ds47.acyclic.pairing import Access, Moment, Peer
 from ds47.acyclic.record_events import RecordEvents
-from ds47.acyclic.services import Call, Handlers
+from ds47.acyclic.services import Became, Call
 from ds47.findings.remark import Remark
 from ds47.profibus import dp
 from ds47.profibus.idents import Idents
@@ -23,7 +23,7 @@ from ds47.profinet.completeness import STATION
 
 
 class Ms1Calls:
-    """The handlers of a `services.CallTracker`.
+    """Takes what becomes of services (`services`).
 
     Args:
         events: hears of every record that may be ours.
@@ -51,9 +51,19 @@ class Ms1Calls:
         self._open: dict[Call, Access] = {}
         """The services that are open."""
 
-    def handlers(self) -> Handlers:
-        """What to give to the `CallTracker`."""
-        return Handlers(self._asked, self._answered, self._failed, self._lost, self._unasked)
+    def take(self, became: Became) -> None:
+        """What became of a service."""
+        what, call = became
+        if what == "asked":
+            self._asked(call)
+        elif what == "answered":
+            self._answered(call)
+        elif what == "failed":
+            self._failed(call)
+        elif what == "lost":
+            self._lost(call)
+        else:
+            self._unasked(call)
 
     def was_written(self, device: str, index: int, before: int) -> bool:
         """Whether a record was written to an index of a station before a frame."""

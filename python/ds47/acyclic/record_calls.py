@@ -17,7 +17,7 @@ from ds47.acyclic.pairing import Access, Moment, Pairing, Peer
 from ds47.acyclic.record_events import RecordEvents
 from ds47.findings.remark import Remark
 from ds47.profinet import rpc
-from ds47.profinet.calls import Call, Handlers
+from ds47.profinet.calls import Became, Call
 from ds47.profinet.completeness import Completeness
 from ds47.profinet.records import (
     Half,
@@ -50,7 +50,7 @@ class _PushedOut:
 
 
 class RecordCalls:
-    """The handlers of a `CallTracker`.
+    """Takes what becomes of calls (`profinet.calls`).
 
     Args:
         events: hears of every record that may be ours.
@@ -95,12 +95,26 @@ class RecordCalls:
         self._connections: dict[tuple[str, str], rpc.Pdu] = {}
         """Of client and server the request that begins or ends an AR, until its response or the next request."""
 
-    def handlers(self) -> Handlers:
-        """What to give to the `CallTracker`."""
-        return Handlers(
-            self._request, self._response, self._orphan_response, self._second_response,
-            self._late_request, self._retransmission, self._fault, self._lost, self._call_pushed_out,
-        )  # fmt: skip
+    def take(self, became: Became) -> None:
+        """What became of a call."""
+        what, call, pdu = became
+        if call is None:
+            if pdu is not None:
+                self._unasked(pdu, certain=what == "unasked")
+        elif pdu is None:
+            self._lost(call)
+        elif what == "answered":
+            self._answered(call, pdu)
+        elif what == "asked":
+            self._asked(call, pdu)
+        elif what == "failed":
+            self._failed(call, pdu)
+        elif what == "again":
+            self._again(call, pdu)
+        elif what == "twice":
+            self._twice(call, pdu)
+        else:
+            self._late(call, pdu)
 
     def finish(self) -> None:
         """The capture is over: tells of each limit that pushed something out, once."""
@@ -153,8 +167,7 @@ class RecordCalls:
 
     # Requests
 
-    def _request(self, call: Call) -> None:
-        pdu = call.request
+    def _asked(self, call: Call, pdu: rpc.Pdu) -> None:
         if self._connections:
             self._goes_on(pdu)
         if pdu.opnum not in _OPERATIONS:
@@ -176,10 +189,10 @@ class RecordCalls:
             if access.ours:
                 self._events.asked(access, pdu.cut)
 
-    def _late_request(self, call: Call) -> None:
+    def _late(self, call: Call, answer: rpc.Pdu) -> None:
         """The request of a response that was heard of already, as one without its request."""
-        pdu, answer = call.request, call.response
-        assert answer is not None
+        pdu = call.request
+        assert pdu is not None
         for alone in self._alone.pop(answer.frame, ()):
             alone.withdrawn = True
         answers = parse_response(answer)[1]
@@ -187,40 +200,35 @@ class RecordCalls:
             if record.index in self._concerned:
                 self._events.not_unasked(self._access(pdu, record))
         if pdu.opnum not in (RPC_READ, RPC_READ_IMPLICIT) or not answers:
-            self._request(call)
-            self._response(call)
+            self._asked(call, pdu)
+            self._answered(call, answer)
             return
         for record in parse_request(pdu).records:
             self._events.count(record.index, write=False)
             if record.index in self._concerned:
                 self._events.asked_late(self._access(pdu, record), answer.frame)
 
-    def _retransmission(self, call: Call, pdu: rpc.Pdu) -> None:
+    def _again(self, call: Call, pdu: rpc.Pdu) -> None:
         self._goes_on(pdu)
-        args = {"operation": _OPERATIONS.get(pdu.opnum, "?"), "first": call.request.frame}
+        args = {"operation": _OPERATIONS.get(pdu.opnum, "?"), "first": call.frame}
         self._about_call(call, Remark("DS103", pdu.frame, args))
-        if call.response is not None:
+        if call.answer:
             return
-        half_ns = (pdu.time_ns - call.sent_ns) // 2  # timers are not exact
+        half_ns = call.pause_ns // 2  # timers are not exact
         waits_ns = pdu.time_ns + max(half_ns, self._limits.resend_ns)
         for access in call.context:
             if access.ours:
                 self._events.sent_again(access, waits_ns)
 
     def _lost(self, call: Call) -> None:
-        if call.context and not call.in_part:  # DS105 says what there is
-            operation = _OPERATIONS[call.request.opnum]
-            self._about_call(call, Remark("DS101", call.request.frame, {"operation": operation}))
-        self._reads_lost(call)
-
-    def _call_pushed_out(self, call: Call, limit: str) -> None:
-        first = next((each for each in call.context if each.ours), None)
-        if first is not None:
-            self._forgot_requests = True
-            self._pushed_out_with(call.request, first, limit)
-        self._reads_lost(call)
-
-    def _reads_lost(self, call: Call) -> None:
+        pdu, first = call.request, next((each for each in call.context if each.ours), None)
+        if pdu is not None and first is not None:
+            if call.limit:
+                self._forgot_requests = True
+                self._pushed_out_with(pdu, first, call.limit)
+            elif not call.in_part:  # DS105 says what there is
+                args = {"operation": _OPERATIONS[call.opnum]}
+                self._events.about(first, Remark("DS101", pdu.frame, args))
         for access in call.context:
             if access.ours:
                 self._events.lost(access)
@@ -260,12 +268,10 @@ class RecordCalls:
 
     # Responses
 
-    def _response(self, call: Call) -> None:
-        pdu = call.response
-        assert pdu is not None
+    def _answered(self, call: Call, pdu: rpc.Pdu) -> None:
         if pdu.opnum not in _OPERATIONS:
             self._goes_on(pdu)
-            if pdu.opnum == RPC_CONNECT:
+            if call.opnum == RPC_CONNECT and call.request is not None:
                 self._connected(call.request, pdu)
         if not call.context:
             return
@@ -285,7 +291,7 @@ class RecordCalls:
                 self._events.about(access, Remark("DS108", pdu.frame))
             self._events.answered(access, pdu.cut)
 
-    def _orphan_response(self, pdu: rpc.Pdu, certain: bool) -> None:
+    def _unasked(self, pdu: rpc.Pdu, *, certain: bool) -> None:
         if pdu.opnum not in _OPERATIONS:
             self._goes_on(pdu)
             self._connection(pdu)
@@ -308,11 +314,10 @@ class RecordCalls:
                 self._foreign(access)
             self._events.unasked(access, pdu.cut)
 
-    def _second_response(self, call: Call, pdu: rpc.Pdu) -> None:
-        assert call.response is not None
+    def _twice(self, call: Call, pdu: rpc.Pdu) -> None:
         args = {
             "operation": _OPERATIONS.get(pdu.opnum, "?"),
-            "first": call.response.frame,
+            "first": call.answer,
             "has": "has_either" if call.again else "has_first",
         }
         self._about_call(call, Remark("DS111", pdu.frame, args))
@@ -320,11 +325,11 @@ class RecordCalls:
             if access.ours:
                 self._events.answered_twice(access)
 
-    def _fault(self, call: Call, pdu: rpc.Pdu) -> None:
+    def _failed(self, call: Call, pdu: rpc.Pdu) -> None:
         code = int.from_bytes(pdu.body[:4], "little" if pdu.little else "big")
         args = {"kind": rpc.PTYPES[pdu.ptype], "fault": code}
         self._about_call(call, Remark("DS104", pdu.frame, args))
-        if call.request.opnum not in _OPERATIONS:
+        if call.opnum not in _OPERATIONS:
             self._goes_on(pdu)
             return
         for access in call.context:

@@ -6,9 +6,8 @@ What is asked of a record, and what "not ready" (B5) means for it, is not here: 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 from ds47.profibus import dp, ms1
 from ds47.profibus.line import Exchange, Seen
@@ -43,51 +42,51 @@ class Call:
     """The function code that refused it below MS1: 3 where the SAP is not enabled."""
 
 
-@dataclass(frozen=True, slots=True)
-class Handlers:
-    """Who hears of what becomes of a call, in the order of the capture."""
+Became = tuple[Literal["asked", "answered", "failed", "lost", "unasked"], Call]
+"""What became of a call:
 
-    asked: Callable[[Call], None]
-    answered: Callable[[Call], None]
-    """It has its answer, positive or negative."""
-    failed: Callable[[Call], None]
-    """The station refused it before MS1 (`fault`); `record.response` has the place alone."""
-    lost: Callable[[Call], None]
-    """Another service began, or nothing came any more; or it is the oldest of too many."""
-    unasked: Callable[[Call], None]
-    """An answer without its request. One that is negative says neither slot nor index: nobody hears of it."""
+    asked      its request
+    answered   it has its answer, positive or negative
+    failed     the station refused it before MS1 (`fault`); `record.response` has the place alone
+    lost       another service began, or nothing came any more; or it is the oldest of too many
+    unasked    an answer without its request; a negative one has neither slot nor index, and is not told
+"""
 
 
 class CallTracker:
-    """Takes the exchanges of a line and tells of the calls in them."""
+    """Takes the exchanges of a line and tells what becomes of the calls in them."""
 
     SERVICES: ClassVar = frozenset({dp.RECORD, dp.MS2})
 
-    def __init__(self, handlers: Handlers) -> None:
-        self._handlers = handlers
+    def __init__(self) -> None:
         self._open: dict[tuple[int, int, int], Call] = {}
 
-    def take(self, exchange: Exchange) -> None:
-        """An exchange; those of other services than MS1 and MS2 say nothing here."""
-        item = exchange.request.item
+    def take(self, exchange: Exchange) -> list[Became]:
+        """What becomes of calls by an exchange; those of other services than MS1 and MS2 say nothing here."""
+        item, told = exchange.request.item, list[Became]()
         if dp.service(item) not in self.SERVICES or not item.request:
-            return
+            return told
         station, sap, master = item.da, item.dsap, item.sa
         if station is None or sap is None or master is None:
-            return
+            return told
         key = (master, station, sap)
         asked = ms1.decode(item.du, request=True)
         if asked.kind == ms1.REQUEST and asked.function != _IDLE and not exchange.again:
-            self._asked(key, asked, exchange)
-        self._answer(key, exchange)
+            self._asked(key, asked, exchange, told)
+        self._answer(key, exchange, told)
+        return told
 
-    def finish(self) -> None:
+    def finish(self) -> list[Became]:
         """No exchange comes any more."""
+        told: list[Became] = []
         for key in list(self._open):
-            self._lose(key)
+            self._lose(key, told)
+        return told
 
-    def _asked(self, key: tuple[int, int, int], asked: ms1.Message, exchange: Exchange) -> None:
-        self._lose(key)
+    def _asked(
+        self, key: tuple[int, int, int], asked: ms1.Message, exchange: Exchange, told: list[Became]
+    ) -> None:
+        self._lose(key, told)
         if asked.code not in (ms1.READ, ms1.WRITE) or asked.slot is None or asked.index is None:
             return
         write = asked.code == ms1.WRITE
@@ -95,21 +94,21 @@ class CallTracker:
         record = Record(write, False, NIL_UUID, NO_API, asked.slot, 0, asked.index, 0, half)
         master, station, sap = key
         call = self._open[key] = Call(master, station, sap, record)
-        self._handlers.asked(call)
+        told.append(("asked", call))
         if len(self._open) > MOST_OPEN:
-            self._lose(next(iter(self._open)))
+            self._lose(next(iter(self._open)), told)
 
-    def _answer(self, key: tuple[int, int, int], exchange: Exchange) -> None:
+    def _answer(self, key: tuple[int, int, int], exchange: Exchange, told: list[Became]) -> None:
         seen, call = exchange.answer, self._open.get(key)
         answer = None if seen is None else ms1.decode(seen.item.du, request=False)
         if call is not None and _may_be_of_another(call, exchange, answer):
-            self._lose(key)
+            self._lose(key, told)
             return
         if call is not None and seen is not None and dp.refuses(seen.item):
             call.fault = seen.item.code
             call.record.response = Half(seen.frame, seen.time_ns)
             del self._open[key]
-            self._handlers.failed(call)
+            told.append(("failed", call))
             return
         if seen is None or answer is None or answer.kind == ms1.TAKEN or answer.function == _IDLE:
             if call is not None:
@@ -117,26 +116,28 @@ class CallTracker:
                 if call.polled <= MOST_POLLS:
                     call.polls.append(exchange)
         elif answer.function not in ("read", "write"):
-            self._lose(key)
+            self._lose(key, told)
         elif call is not None and _is_of(call.record, answer):
             del self._open[key]
             call.record.response = _half(seen, answer)
-            self._handlers.answered(call)
+            told.append(("answered", call))
         elif not exchange.again:
-            self._unasked(key, answer, seen)
+            self._unasked(key, answer, seen, told)
 
-    def _unasked(self, key: tuple[int, int, int], answer: ms1.Message, seen: Seen) -> None:
+    def _unasked(
+        self, key: tuple[int, int, int], answer: ms1.Message, seen: Seen, told: list[Became]
+    ) -> None:
         if answer.slot is not None and answer.index is not None:
-            self._lose(key)
+            self._lose(key, told)
             write = answer.function == "write"
             record = Record(write, False, NIL_UUID, NO_API, answer.slot, 0, answer.index, 0)
             record.response = _half(seen, answer)
-            self._handlers.unasked(Call(*key, record))
+            told.append(("unasked", Call(*key, record)))
 
-    def _lose(self, key: tuple[int, int, int]) -> None:
+    def _lose(self, key: tuple[int, int, int], told: list[Became]) -> None:
         call = self._open.pop(key, None)
         if call is not None:
-            self._handlers.lost(call)
+            told.append(("lost", call))
 
 
 def _is_of(record: Record, answer: ms1.Message) -> bool:

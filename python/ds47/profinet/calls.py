@@ -1,15 +1,15 @@
 """RPC calls: which response belongs to which request (docs/pairing.md, RPC level).
 
-Tells copies, retransmissions and reused numbers apart and hands each call on exactly once. What a call
+Tells copies, retransmissions and reused numbers apart and gives each call exactly once. What a call
 carries is `records`' business; what it means for the parameter channel is `ds47.acyclic.pairing`'s.
 """
 
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, TypeVar
 
 from ds47.profinet.completeness import Completeness, Numbers
 from ds47.profinet.rpc import Pdu
@@ -21,23 +21,40 @@ from ds47.spec.semantics import Limits
 class Call:
     """One RPC call; `context` is what it carries, for the layer above."""
 
-    request: Pdu
-    response: Pdu | None
-    """The response or the fault; None as long as there is none."""
+    request: Pdu | None
+    """None behind its response, but for a Connect: many calls are remembered."""
+    frame: int
+    """That of the request,"""
+    opnum: int
+    """and its operation."""
+    asked: int
+    """A hash of what the request and its repetitions have in common."""
+    answer: int
+    """The frame of the response or the fault; 0 as long as there is none,"""
+    answer_ns: int
+    """and its time."""
+    said: int
+    """A hash of what that says."""
     in_part: bool
     """Whether fragments of a response were seen."""
     sent_ns: int
     """When the request was sent last,"""
+    pause_ns: int
+    """how long after the time before,"""
     heard_ns: int
     """and when it was sent or answered last."""
     again: int
     """The last frame in which the request came again, other than by a mirror port; 0 for none."""
+    limit: str
+    """The limit (spec/limits.toml) for which it was given up without a response; "" for none."""
     context: Sequence[Any]
 
     def __init__(self, request: Pdu) -> None:
-        self.request = request
-        self.response = None
+        self.request, self.frame, self.opnum = request, request.frame, request.opnum
+        self.asked = _asked(request)
+        self.answer = self.answer_ns = self.said = self.pause_ns = 0
         self.in_part = False
+        self.limit = ""
         self.sent_ns = self.heard_ns = request.time_ns
         self.again = 0
         self.context = ()
@@ -70,25 +87,27 @@ class Activity:
         self.numbers = Numbers(pdu)
 
 
-@dataclass(slots=True)
-class Handlers:
-    """What the layer above wants to hear. Each is called at most once for one event of one call."""
+What = Literal[
+    "asked", "answered", "failed", "again", "late", "twice", "unasked", "unasked_in_part", "lost", "pushed_out"
+]  # fmt: skip
+Became = tuple[What, Call | None, Pdu | None]
+"""What became of a call, and the message by which it did:
 
-    request: Callable[[Call], None]
-    response: Callable[[Call], None]
-    orphan_response: Callable[[Pdu, bool], None]
-    """With whether it is certain that its request is not in the capture."""
-    second_response: Callable[[Call, Pdu], None]
-    """One with other bytes to a call that was answered: it belongs to no other call."""
-    late_request: Callable[[Call], None]
-    """The request of such a response, which comes behind it in the capture and before it by their times."""
-    retransmission: Callable[[Call, Pdu], None]
-    fault: Callable[[Call, Pdu], None]
-    lost: Callable[[Call], None]
-    pushed_out: Callable[[Call, str], None]
-    """A call without a response that was given up for the limit of this name: one may still come."""
+    asked             a request that was not there before
+    answered, failed  its response; its fault or reject
+    again             its request once more
+    late              its response stood before its request, which comes now: the message is the response
+    twice             a second response with other bytes: it belongs to no other call
+    unasked           a response whose request is not in the capture,
+    unasked_in_part   or of which fragments are, perhaps
+    lost              nobody waits for its response any more
+    pushed_out        the same for a limit: it may still come
+"""
 
 
+_T = TypeVar("_T")
+_Key = tuple[str, bytes, int]
+"""Client, activity, number."""
 _DatagramKey = object
 """A hash of all that two copies of a datagram have in common. Not called an `int`: it is no number, and
 compiled it would be unpacked and packed for each use."""
@@ -97,20 +116,17 @@ compiled it would be unpacked and packed for each use."""
 class CallTracker:
     """Feeds on whole RPC messages in the order of the capture.
 
-    Memory is bounded by `Limits`; a call without response is reported as lost when it expires or at
-    `finish`, and as pushed out when there are too many. What is missing is told to `completeness`.
+    Memory is bounded by `Limits`; a call without response is lost when it expires or at `finish`, and pushed
+    out when there are too many. What is missing is told to `completeness`.
     """
 
-    def __init__(
-        self, limits: Limits, handlers: Handlers, completeness: Completeness | None = None
-    ) -> None:
+    def __init__(self, limits: Limits, completeness: Completeness | None = None) -> None:
         self._limits = limits
         self._expiry_ns, self._most = limits.call_expiry_ns, limits.calls
-        self._handlers = handlers
         self._completeness = completeness or Completeness(limits.activities)
-        self._early: OrderedDict[tuple[str, bytes, int], Pdu] = OrderedDict()
+        self._early: OrderedDict[_Key, Pdu] = OrderedDict()
         """The newest responses without a request."""
-        self._answered: OrderedDict[tuple[str, bytes, int], Call] = OrderedDict()
+        self._answered: OrderedDict[_Key, Call] = OrderedDict()
         """Calls with a response that may still be repeated; the one that was heard of last comes last."""
         self._connects: OrderedDict[tuple[str, str], int] = OrderedDict()
         """Of client and server the frame of the newest Connect."""
@@ -121,9 +137,9 @@ class CallTracker:
         """The newest ones, and when they came; when they are enough, all that came before them is forgotten."""
         self._earlier: dict[_DatagramKey, int] = {}
         """Those before them."""
-        self._given_up: OrderedDict[tuple[str, bytes, int], None] = OrderedDict()
+        self._given_up: OrderedDict[_Key, None] = OrderedDict()
         """The newest requests whose responses did not come in time."""
-        self._begun: OrderedDict[tuple[str, bytes, int], None] = OrderedDict()
+        self._begun: OrderedDict[_Key, None] = OrderedDict()
         """Requests of which fragments were seen, as far as is known."""
         self.counts = dict.fromkeys(
             ("requests", "responses", "faults", "rejects", "pings", "working", "others",
@@ -172,18 +188,20 @@ class CallTracker:
         if call is not None:
             call.again = pdu.frame
 
-    def feed(self, pdu: Pdu) -> None:
-        """Takes one whole message (not a copy, see `is_copy`)."""
+    def take(self, pdu: Pdu) -> list[Became]:
+        """What becomes of calls by a whole message (not a copy, see `is_copy`), in the order in which it does."""
+        told: list[Became] = []
         if pdu.ptype == 0:
-            self._request(pdu)
+            self._request(pdu, told)
         elif pdu.ptype == 2:
             self.counts["responses"] += 1
-            self._response(pdu)
+            self._response(pdu, told)
         elif pdu.ptype in (3, 6):
             self.counts["faults" if pdu.ptype == 3 else "rejects"] += 1
-            self._fault(pdu)
+            self._fault(pdu, told)
         else:
             self.counts[{1: "pings", 4: "working"}.get(pdu.ptype, "others")] += 1
+        return told
 
     def begun(self, pdu: Pdu) -> None:
         """Takes a fragment that completes no message: its call is not without request or response."""
@@ -203,40 +221,35 @@ class CallTracker:
         activity = self._activities.get((pdu.client, pdu.activity)) if pdu.ptype == 2 else None
         return activity.calls.get(pdu.seq) if activity is not None else None
 
-    def finish(self) -> None:
+    def finish(self) -> list[Became]:
         """The capture is over: every open call is lost."""
+        told: list[Became] = []
         while self._activities:
             activity = self._activities.popitem(last=False)[1]
-            for call in activity.calls.values():
-                self._lose(call, went_on=call.request.seq < activity.numbers.highest)
+            for seq, call in activity.calls.items():
+                self._lose(call, told, went_on=seq < activity.numbers.highest)
+        return told
 
-    def _request(self, pdu: Pdu) -> None:
+    def _request(self, pdu: Pdu, told: list[Became]) -> None:
         self.counts["requests"] += 1
-        activity, seq = self._activity(pdu), pdu.seq
+        activity, seq = self._activity(pdu, told), pdu.seq
         key, calls = (pdu.client, pdu.activity, seq), activity.calls
         if pdu.time_ns - activity.oldest_ns > self._expiry_ns or len(calls) > self._most:
-            self._expire(activity, pdu)
+            self._expire(activity, pdu, told)
         call = calls.get(seq) or self._answered.get(key)
         if call is not None:
-            if self._is_retransmission(activity, call, pdu):
-                self.counts["retransmissions"] += 1
-                self._handlers.retransmission(call, pdu)
-                call.sent_ns, call.again = pdu.time_ns, pdu.frame
-                if call.response is None:
-                    call.heard_ns = pdu.time_ns
-                    activity.oldest_ns = min(activity.oldest_ns, pdu.time_ns)
-                else:
-                    call.heard_ns = max(pdu.time_ns, call.response.time_ns)
-                    self._answered.move_to_end(key)
+            if call.asked == _asked(pdu) and not self._is_over(activity, call, pdu):
+                self._repeated(activity, call, pdu)
+                told.append(("again", call, pdu))
                 return
             activity.anew = pdu.frame
-            if call.response is None:
-                self._lose(call, went_on=True)
+            if not call.answer:
+                self._lose(call, told, went_on=True)
                 del calls[seq]  # the new one goes to the end
         if pdu.opnum == RPC_CONNECT:
             self._connected(pdu)
         before = calls.get(activity.newest)
-        if before is not None:
+        if before is not None and before.request is not None:
             self._completeness.went_on(before.request, pdu)
         early = self._early.pop(key, None) if self._early else None
         late = early is not None and 0 <= early.time_ns - pdu.time_ns <= self._limits.call_expiry_ns
@@ -246,31 +259,44 @@ class CallTracker:
         call = calls[seq] = Call(pdu)
         activity.newest = seq
         if early is None or not late:
-            self._handlers.request(call)
+            told.append(("asked", call, pdu))
             return
-        self._answer(activity, call, early)
-        self._completeness.asked_after_all(early)
         if early.ptype == 2:
-            self._handlers.late_request(call)
+            told.append(("late", call, early))
         else:
-            self._handlers.request(call)
-            self._handlers.fault(call, early)
+            told += (("asked", call, pdu), ("failed", call, early))
+        self._answer(activity, call, early)
+        call.request = pdu  # it is not read before
+        self._completeness.asked_after_all(early)
 
-    def _activity(self, pdu: Pdu) -> Activity:
+    def _repeated(self, activity: Activity, call: Call, pdu: Pdu) -> None:
+        self.counts["retransmissions"] += 1
+        call.pause_ns, call.sent_ns = pdu.time_ns - call.sent_ns, pdu.time_ns
+        call.again = pdu.frame
+        if not call.answer:
+            call.heard_ns = pdu.time_ns
+            activity.oldest_ns = min(activity.oldest_ns, pdu.time_ns)
+        else:
+            call.heard_ns = max(pdu.time_ns, call.answer_ns)
+            self._answered.move_to_end((pdu.client, pdu.activity, pdu.seq))
+
+    def _activity(self, pdu: Pdu, told: list[Became]) -> Activity:
         key = (pdu.client, pdu.activity)
         activity = self._activities.get(key)
         if activity is None:
             activity = self._activities[key] = Activity(pdu)
-            self._make_room()
+            self._make_room(told)
         self._activities.move_to_end(key)
         if activity.server is not pdu.server:  # the same text may stand there twice: no harm
             activity.server = pdu.server
             self._completeness.began(pdu, activity.numbers)
         return activity
 
-    def passes(self, pdu: Pdu) -> None:
+    def passes(self, pdu: Pdu) -> list[Became]:
         """Takes a call that is none of PROFINET: only its number counts."""
-        self._activity(pdu).numbers.add(pdu)
+        told: list[Became] = []
+        self._activity(pdu, told).numbers.add(pdu)
+        return told
 
     def _connected(self, pdu: Pdu) -> None:
         pair = pdu.client, pdu.server
@@ -279,47 +305,44 @@ class CallTracker:
         if len(self._connects) > self._limits.activities:
             self._connects.popitem(last=False)
 
-    def _is_retransmission(self, activity: Activity, call: Call, pdu: Pdu) -> bool:
-        """Whether a number that was there before is the same call."""
-        asked = call.request
-        same = asked.opnum == pdu.opnum and asked.body == pdu.body and asked.port == pdu.port
-        return same and not self._is_over(activity, call, pdu)
-
     def _is_over(self, activity: Activity | None, call: Call, pdu: Pdu) -> bool:
         """Whether the number of a call may stand for another one: its client repeats it no more."""
         anew = 0 if activity is None else activity.anew
         begun = max(anew, self._connects.get((pdu.client, pdu.server), 0))
         old = pdu.time_ns - call.heard_ns > self._expiry_ns
-        return old or begun > call.request.frame
+        return old or begun > call.frame
 
-    def _response(self, pdu: Pdu) -> None:
+    def _response(self, pdu: Pdu, told: list[Became]) -> None:
         activity = self._activities.get((pdu.client, pdu.activity))
         call = None
         if activity is not None and (calls := activity.calls):
             if pdu.time_ns - activity.oldest_ns > self._expiry_ns or len(calls) > self._most:
-                self._expire(activity, pdu)
+                self._expire(activity, pdu, told)
             call = calls.get(pdu.seq)
         if call is not None and activity is not None:
             self._answer(activity, call, pdu)
-            self._handlers.response(call)
-        elif not self._answers_again(activity, pdu):
-            self._handlers.orphan_response(pdu, self._unasked(pdu))
+            told.append(("answered", call, pdu))
+        elif not self._answers_again(activity, pdu, told):
+            told.append(("unasked" if self._unasked(pdu) else "unasked_in_part", None, pdu))
 
-    def _answers_again(self, activity: Activity | None, pdu: Pdu) -> bool:
+    def _answers_again(self, activity: Activity | None, pdu: Pdu, told: list[Became]) -> bool:
         """Whether a response or fault is a second one of a call; tells of it where it is another one."""
         call = self._answered.get((pdu.client, pdu.activity, pdu.seq))
-        if call is None or call.response is None or self._is_over(activity, call, pdu):
+        if call is None or self._is_over(activity, call, pdu):
             return False
-        if call.response.body == pdu.body:
+        if call.said == hash(pdu.body):
             if activity is not None and not call.again:
                 activity.doubled = pdu.frame
-        elif activity is None or activity.doubled < call.request.frame:
-            self._handlers.second_response(call, pdu)
+        elif activity is None or activity.doubled < call.frame:
+            told.append(("twice", call, pdu))
         return True
 
     def _answer(self, activity: Activity, call: Call, pdu: Pdu) -> None:
         """A call is answered: it is remembered as long as its client may repeat it."""
-        call.response, activity.numbers.heard = pdu, True
+        if call.opnum != RPC_CONNECT:
+            call.request = None
+        call.answer, call.answer_ns, call.said = pdu.frame, pdu.time_ns, hash(pdu.body)
+        activity.numbers.heard = True
         call.heard_ns = max(call.sent_ns, pdu.time_ns)
         del activity.calls[pdu.seq]
         answered = self._answered
@@ -335,48 +358,56 @@ class CallTracker:
         key = pdu.client, pdu.activity, pdu.seq
         begun = key in self._begun
         if key not in self._given_up:
-            self._early[key] = pdu
-            if len(self._early) > self._limits.calls:
-                self._early.popitem(last=False)
+            self._put(self._early, key, pdu)
             activity = self._activities.get(key[:2])
             if activity is not None and pdu.seq > activity.numbers.highest:
                 activity.numbers.add(pdu)
             self._completeness.unasked(pdu)
         return not begun
 
-    def _fault(self, pdu: Pdu) -> None:
+    def _fault(self, pdu: Pdu, told: list[Became]) -> None:
         activity = self._activities.get((pdu.client, pdu.activity))
         call = activity.calls.get(pdu.seq) if activity else None
         if activity is not None and call is not None:
             self._answer(activity, call, pdu)
-            self._handlers.fault(call, pdu)
-        elif not self._answers_again(activity, pdu):
+            told.append(("failed", call, pdu))
+        elif not self._answers_again(activity, pdu, told):
             self._unasked(pdu)
 
-    def _expire(self, activity: Activity, pdu: Pdu) -> None:
+    def _expire(self, activity: Activity, pdu: Pdu, told: list[Became]) -> None:
         """Gives up calls without response that are too old, or too many."""
         calls, highest = activity.calls, max(activity.numbers.highest, pdu.seq)
         since = pdu.time_ns - self._expiry_ns
         for seq in [seq for seq, call in calls.items() if call.sent_ns < since]:
             call = calls.pop(seq)
-            self._give_up(call)
-            self._lose(call, went_on=seq < highest)
+            self._put(self._given_up, (pdu.client, pdu.activity, seq), None)
+            self._lose(call, told, went_on=seq < highest)
         activity.oldest_ns = min((call.sent_ns for call in calls.values()), default=pdu.time_ns)
         while len(calls) > self._limits.calls:
-            self._handlers.pushed_out(calls.pop(next(iter(calls))), "calls")
+            _push_out(calls.pop(next(iter(calls))), "calls", told)
 
-    def _give_up(self, call: Call) -> None:
-        asked = call.request
-        self._given_up[asked.client, asked.activity, asked.seq] = None
-        if len(self._given_up) > self._limits.calls:
-            self._given_up.popitem(last=False)
+    def _put(self, memory: OrderedDict[_Key, _T], key: _Key, value: _T) -> None:
+        """Remembers something of the newest calls."""
+        memory[key] = value
+        if len(memory) > self._limits.calls:
+            memory.popitem(last=False)
 
-    def _make_room(self) -> None:
+    def _make_room(self, told: list[Became]) -> None:
         while len(self._activities) > self._limits.activities:
             for call in self._activities.popitem(last=False)[1].calls.values():
-                self._handlers.pushed_out(call, "activities")
+                _push_out(call, "activities", told)
 
-    def _lose(self, call: Call, *, went_on: bool) -> None:
-        self._completeness.lost(call.request, went_on=went_on)
+    def _lose(self, call: Call, told: list[Became], *, went_on: bool) -> None:
+        if call.request is not None:
+            self._completeness.lost(call.request, went_on=went_on)
         self.counts["unanswered"] += 1
-        self._handlers.lost(call)
+        told.append(("lost", call, None))
+
+
+def _push_out(call: Call, limit: str, told: list[Became]) -> None:
+    call.limit = limit
+    told.append(("pushed_out", call, None))
+
+
+def _asked(pdu: Pdu) -> int:
+    return hash((pdu.opnum, pdu.port, pdu.body))

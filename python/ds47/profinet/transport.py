@@ -6,12 +6,12 @@ carries, and whose it is, is the business of the listeners.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from ds47.capture import Frame
 from ds47.profinet import rpc
-from ds47.profinet.calls import Call, CallTracker
+from ds47.profinet.calls import Became, Call, CallTracker
 from ds47.profinet.ip import Cut, Reassembler
 from ds47.profinet.link import Packet, Packets
 from ds47.profinet.records import Record
@@ -95,19 +95,17 @@ class Transport:
         )  # fmt: skip
         self._packets = Packets(self._datagrams, self._begun)
 
-    def take_frame(self, frame: Frame) -> None:
-        """Takes the next frame of a capture."""
+    def take_frame(self, frame: Frame) -> Sequence[Became]:
+        """What becomes of calls by the next frame of a capture."""
         pdu = rpc.from_frame(frame)
         if pdu is not None:
-            self._pdu(pdu)
-            return
+            return self._pdu(pdu)
         if self._tcp.frame(frame):
-            return
+            return ()
         packet = self._packets.packet(frame)
         if self._datagrams.given_up:
             self._tell_given_up()
-        if packet is not None:
-            self.packet(packet)
+        return () if packet is None else self._packet(packet)
 
     def finish(self) -> None:
         """The capture is over: nobody waits any more."""
@@ -118,38 +116,33 @@ class Transport:
             if part is not None:
                 self._incomplete(part, have, "IP")
 
-    def packet(self, packet: Packet) -> None:
+    def _packet(self, packet: Packet) -> Sequence[Became]:
         """Takes what one frame or several brought: a whole datagram, or what names a station."""
         if packet.kind == "rt":
             self._cyclic(packet)
-            return
-        if packet.kind == "tcp":
+        elif packet.kind == "tcp":
             self._tcp.packet(packet)
-            return
-        if packet.kind != "udp":
+        elif packet.kind != "udp":
             self._stations.station(packet)
-            return
-        pdu = rpc.parse(packet)
-        if pdu is not None:
-            self._pdu(pdu)
+        elif (pdu := rpc.parse(packet)) is not None:
+            return self._pdu(pdu)
         elif packet.missing and packet.cut is not None:
             self._cut(packet.cut)
+        return ()
 
-    def _pdu(self, pdu: rpc.Pdu) -> None:
+    def _pdu(self, pdu: rpc.Pdu) -> Sequence[Became]:
         if pdu.opnum == rpc.NO_OPERATION:
-            if pdu.ptype == 0:
-                self._calls.passes(pdu)
-            return
+            return self._calls.passes(pdu) if pdu.ptype == 0 else ()
         if pdu.missing and pdu.cut is not None and pdu.opnum in _RECORD_CALLS:
             self._cut(pdu.cut)  # a copy, too: it counts frames
         if self._calls.is_copy(pdu):
-            return
+            return ()
         whole = self._joined(pdu) if pdu.fragmented else pdu
         if whole is None:
-            return
+            return ()
         if (whole.ptype == 2 and whole.source not in self._known) or whole.opnum == RPC_CONNECT:
             self._stations.message(whole)
-        self._calls.feed(whole)
+        return self._calls.take(whole)
 
     def _joined(self, pdu: rpc.Pdu) -> rpc.Pdu | None:
         """The message that an RPC fragment completes."""
