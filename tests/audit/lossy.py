@@ -54,10 +54,15 @@ class Plan:
     """Share of the Reads that leave too little room."""
     clients: int
     jobs: int
+    waits: int = REPEATED_MS
+    """How many ms a client that asks once waits for its answer."""
 
     def text(self) -> str:
-        """As JSON: what `python -m tests.audit --plan` takes."""
-        return json.dumps(asdict(self))
+        """As JSON: what `python -m tests.audit --plan` takes. Without what was not there in older plans."""
+        known = asdict(self)
+        if self.waits == REPEATED_MS:
+            del known["waits"]
+        return json.dumps(known)
 
 
 def plan(known: dict[str, Any]) -> Plan:
@@ -68,12 +73,13 @@ def plan(known: dict[str, Any]) -> Plan:
 def planned(random: Random) -> Plan:
     """A plan of any kind. A client that asks once gets no answer behind its next call: who has it then nobody knows."""
     repeats = random.random() < 0.7
+    waits = REPEATED_MS if repeats else random.choice((REPEATED_MS, 1_000, 5_000))
     return Plan(
         seed=random.getrandbits(24),
         lost=random.choice((0.0, 0.02, 0.05, 0.15)),
         double=random.choice((0.0, 0.03, 0.1)),
         late=random.choice((0.0, 0.05, 0.1, 0.3)),
-        delay=random.choice((30, 60, 300)) if repeats else random.choice((10, 25)),
+        delay=random.choice((30, 60, 300) if repeats or waits > REPEATED_MS else (10, 25)),
         mtu=seldom(random, 128, None),
         repeats=repeats,
         cache=random.random() < 0.6,
@@ -81,6 +87,7 @@ def planned(random: Random) -> Plan:
         short=seldom(random, 0.3, 0.0),
         clients=random.randint(1, 2),
         jobs=random.randint(3, 20),
+        waits=waits,
     )
 
 
@@ -314,7 +321,8 @@ class Client(Requests):
         payload = self._pdu(wire.REQUEST, asked, wire.request_body(self.order, self._asks(asked)))
         label = self.host.ip, asked.sequence, True
         self.world.send(self.host, self.peer, payload, label, partial(self.device.got, self, asked))
-        self.world.later(REPEATED_MS, partial(self._ask, asked, tries - 1))
+        pause = REPEATED_MS if self.world.plan.repeats else self.world.plan.waits
+        self.world.later(pause, partial(self._ask, asked, tries - 1))
 
     def answer(self, asked: Asked, answer: Answer) -> None:
         """The drive's datagram to this client."""

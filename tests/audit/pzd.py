@@ -354,6 +354,8 @@ def _not_taken(finding: Finding, drive: Drive) -> Iterator[str]:
 
 def _stands_at_the_end(finding: Finding, drive: Drive) -> Iterator[str]:
     words = [each for each in drive.looks if not each.by_controller]
+    while words and words[-1].zsw1 is None:  # its data is not valid any more
+        words.pop()
     since = [each for each in words if each.frame >= finding.frame]
     if any(each.zsw1 is None or not each.zsw1 & 8 for each in since):
         yield "the fault goes"

@@ -53,7 +53,7 @@ function M.new(operation, trusted, speed, fault, most)
     reacted = false, -- whether ON led to the next state
     odd = false, -- whether a control word has bits that few controllers use, and is none that a drive heeds
     legal = false, -- whether a status word was seen that shows a state of a drive
-    fault_since = nil, -- the first frame with the fault that stands now; nil where none does, or nobody knows
+    fault_since = nil, -- the first frame with the fault that stands in its newest valid data; nil where none does
     stw1 = nil, zsw1 = nil, heeded = nil, -- the words, and the last control word that the drive heeds
     on_time = nil, -- when ON was given to a drive that was ready for it
     lost_out = false, lost_in = false, -- whose data is not valid
@@ -149,7 +149,8 @@ end
 local function status(self, zsw1, frame, time)
   local before, running = self.zsw1, zsw1 % 8
   self.zsw1 = zsw1
-  self.fault_since = bit(zsw1, FAULT) == 1 and (self.fault_since or frame) or nil
+  local since = not self.lost_in and self.fault_since or frame -- what was in between nobody knows
+  self.fault_since = bit(zsw1, FAULT) == 1 and since or nil
   if bit(zsw1, FAULT) == 0 and (ILLEGAL[running] or bit(zsw1, INHIBITED) == 1 and running ~= 0) then
     self.refuted = true
   end
@@ -193,7 +194,6 @@ end
 function Recorder:lost(by_controller, frame, time)
   local lost = by_controller and "lost_out" or "lost_in"
   self[lost] = true
-  if not by_controller then self.fault_since = nil end
   self.operation:lost(frame, by_controller)
   happened(self, by_controller and "output-lost" or "input-lost", frame, time)
 end

@@ -105,7 +105,7 @@ class Recorder:
     legal: bool = False
     """Whether a status word was seen that shows a state of a drive."""
     fault_since: int | None = None
-    """The first frame with the fault that stands now; None where none does, or nobody knows."""
+    """The first frame with the fault that stands in its newest valid data; None where none does."""
     end_ns: int = 0
     """Time of the last frame that was looked at."""
     _stw1: int | None = None
@@ -161,8 +161,6 @@ class Recorder:
         if by_controller in self._lost or (self._stw1 if by_controller else self._zsw1) is None:
             return
         self._lost.add(by_controller)
-        if not by_controller:
-            self.fault_since = None
         self.end_ns = time_ns
         self.operation.lost(frame, by_controller)
         self._happened("output-lost" if by_controller else "input-lost", frame, time_ns)
@@ -195,7 +193,8 @@ class Recorder:
 
     def _status(self, zsw1: int, frame: int, time_ns: int) -> None:
         before, self._zsw1 = self._zsw1, zsw1
-        self.fault_since = (self.fault_since or frame) if zsw1 & _FAULT else None
+        since = None if False in self._lost else self.fault_since  # what was in between nobody knows
+        self.fault_since = (since or frame) if zsw1 & _FAULT else None
         if not zsw1 & _FAULT and (zsw1 & 7 in _ILLEGAL or (zsw1 & _INHIBITED and zsw1 & 7)):
             self.refuted = True
         if self._on_ns is not None and (before or 0) & 7 == 1 and zsw1 & 7 in (3, 7):

@@ -187,6 +187,16 @@ def fault_that_stands(client: Client) -> None:
     it.run(0.5)
 
 
+@BOOK.scene("DS533: a fault, and then the data of the drive is invalid", rules="DS512 DS533")
+def fault_behind_invalid_data(client: Client) -> None:
+    """The drive finds a fault while it stands; its data is not valid any more when the capture ends."""
+    it = machine(client).control(OFF).run(0.3)
+    it.drive.fault = 7860
+    it.run(0.5)
+    it.line.iops[INPUT] = BAD
+    it.run(0.5)
+
+
 @BOOK.scene("DS525: the setpoint changes, and bit 6 blocks it", rules="DS512 DS525")
 def setpoint_blocked(client: Client) -> None:
     """The setpoint changes while STW1 bit 6 blocks it."""
