@@ -53,7 +53,7 @@ function M.new(operation, trusted, speed, fault, most)
     reacted = false, -- whether ON led to the next state
     odd = false, -- whether a control word has bits that few controllers use, and is none that a drive heeds
     legal = false, -- whether a status word was seen that shows a state of a drive
-    fault_since = nil, -- the first frame with the fault that stands in its newest valid data; nil where none does
+    fault_since = nil, -- since when a fault stands in its newest valid data, a frame; nil for none
     stw1 = nil, zsw1 = nil, heeded = nil, -- the words, and the last control word that the drive heeds
     on_time = nil, -- when ON was given to a drive that was ready for it
     lost_out = false, lost_in = false, -- whose data is not valid

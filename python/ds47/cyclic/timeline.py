@@ -193,7 +193,8 @@ class Recorder:
 
     def _status(self, zsw1: int, frame: int, time_ns: int) -> None:
         before, self._zsw1 = self._zsw1, zsw1
-        since = None if False in self._lost else self.fault_since  # what was in between nobody knows
+        # What was between two times of valid data nobody knows.
+        since = None if False in self._lost else self.fault_since
         self.fault_since = (since or frame) if zsw1 & _FAULT else None
         if not zsw1 & _FAULT and (zsw1 & 7 in _ILLEGAL or (zsw1 & _INHIBITED and zsw1 & 7)):
             self.refuted = True
