@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 from ds47.acyclic import learning
 from ds47.acyclic.index47 import Index47
 from ds47.acyclic.judge import Judge
-from ds47.acyclic.pairing import Access, Job, Missing, Pairing
+from ds47.acyclic.pairing import Access, Job, Missing, Pairing, Told
 from ds47.acyclic.record_calls import RecordCalls
 from ds47.acyclic.record_events import RecordEvents
 from ds47.acyclic.transactions import build, summarise
@@ -167,7 +167,7 @@ class _Over:
 
     order: int
     device: str
-    phase: str = "closed"
+    over: bool = True
 
 
 _RULES = {PKW: ("DS50", "DS51"), PZD: ("DS52", "DS53"), S7: ("DS9",)}
@@ -224,20 +224,17 @@ class Analysis:
             bounds.activities, lambda station: self._lines.line.lost(station) if self._lines else 0
         )
         self._diagnoses = Diagnoses(options.codec, self._completeness)
-        self._pairing = Pairing(
-            bounds, self._answered, self._closed, self._nothing_to_read, self._refused,
-            self._asked, self._judge.connected, self._completeness,
-        )  # fmt: skip
+        self._told: list[Told] = []
+        self._pairing = Pairing(bounds, self._told, self._completeness)
         self._stations = Names(bounds.stations, options.vendor_id)
         vendor = self._stations.vendor if options.vendor_id is not None else None
         self._cyclic = CyclicChannels(
             self._exchanged, self._watch, bounds, options.channels, vendor, self._stations.vendor_of
         )
-        self._events = RecordEvents(index47, self._pairing, options.codec, self._remark)
+        self._events = RecordEvents(index47, self._pairing, options.codec, self._told)
         self._records = RecordCalls(
-            self._events, index47, self._pairing, self._remark, self._diagnoses.foreign,
-            self._cyclic.connected, self._completeness, bounds, vendor,
-        )  # fmt: skip
+            self._events, self._pairing, self._told, self._completeness, bounds, vendor
+        )
         self._calls = CallTracker(bounds, self._completeness)
         ports = options.s7.every_port if S7 in options.channels else ()
         self._s7 = LateCommunication(ports, self._made_s7, bounds.s7_memories)
@@ -274,13 +271,16 @@ class Analysis:
         self._frames(capture)
         self._findings.frames_dropped = capture.gaps
         self._transport.finish()
+        self._hear()
         self._s7.finish()
         self.take(self._calls.finish())
         if self._lines is not None:
             self._lines.finish()
         self._pairing.finish(self._events.newest_ns)
+        self._hear()
         self._records.finish()
         self._events.finish()
+        self._hear()
         self._cyclic.finish()
         self._operation()
         self._diagnose(capture)
@@ -331,11 +331,38 @@ class Analysis:
             if self._lines is None:
                 self._lines = self._made_lines()
             self._lines.take(frame)
+            self._hear()
 
-    def take(self, told: Sequence[Became]) -> None:
+    def take(self, became: Sequence[Became]) -> None:
         """What became of calls."""
-        for became in told:
-            self._records.take(became)
+        for each in became:
+            self._records.take(each)
+        self._hear()
+
+    def _hear(self) -> None:
+        """What became of jobs, in the order in which it did."""
+        for what, about, more in self._told:
+            if what == "answered":
+                self._answered(about)
+            elif what == "closed":
+                self._closed(about)
+                about.forget()
+            elif what == "asked":
+                self._judge.asked(about)
+                self._diagnoses.asked(about)
+            elif what == "remark":
+                self._remark(about)
+            elif what == "refused":
+                self._refused(about)
+            elif what == "nothing":
+                self._nothing_to_read(about, more)
+            elif what == "connected":
+                self._judge.connected(about, more)
+            elif what == "set_up":
+                self._cyclic.connected(about, more)
+            else:
+                self._diagnoses.foreign(about)
+        self._told.clear()
 
     def _made_s7(self) -> Communication:
         from ds47.s7.communication import Communication  # few captures have any
@@ -347,8 +374,8 @@ class Analysis:
         from ds47.acyclic.lines import Lines  # few captures have one
 
         return Lines(
-            limits(), self._events, self._pairing, self._diagnoses.foreign, self._cyclic,
-            dict(self._options.ppos), self._remark,
+            limits(), self._events, self._pairing, self._told, self._cyclic,
+            dict(self._options.ppos),
         )  # fmt: skip
 
     def _diagnose(self, capture: Capture | Series) -> None:
@@ -364,7 +391,7 @@ class Analysis:
             self._diagnoses.steps_back(remark.frame, remark.args["milliseconds"])
         job = remark.job
         if self._on_transaction is not None and job is not None:
-            if job.phase != "closed":
+            if not job.over:
                 self._remarks.setdefault(job, []).append(remark)
                 if self._early is not None and self._findings.wanted(remark.rule):
                     self._early.found(self._findings.finding(remark, job.order))
@@ -376,11 +403,6 @@ class Analysis:
         half = job.read_response
         if half is not None and half.data:
             job.response = decode_response(half.data, job.message, self._options.codec)
-
-    def _asked(self, job: Job) -> None:
-        """A change is asked for."""
-        self._judge.asked(job)
-        self._diagnoses.asked(job)
 
     def _answered(self, job: Job) -> None:
         self._decode(job)
@@ -412,7 +434,7 @@ class Analysis:
         if remarks is None:
             remarks = self._judge.unanswered(job, dropped=self._findings.frames_dropped)
             if job.limit and job.write_request is not None:
-                self._records.pushed_out(job.limit, job.write_request.frame)
+                self._events.push_out(job.limit, job.write_request.frame)
         remarks += self._judge.closed(job)
         remarks += self._diagnoses.closed(job)
         remarks += self._remarks.pop(job, ())

@@ -394,7 +394,7 @@ def kept(run):
     """How many things of each kind a run keeps."""
     calls = run._calls._activities.values()
     places = run._pairing.channels.values()
-    held = run._records._index47._held.values()
+    held = run._events._index47._held.values()
     partial = run._transport._fragments._partial.values()
     return {
         "activities": len(calls),
@@ -406,7 +406,7 @@ def kept(run):
         "asked": max((len(each.asked) for each in places), default=0),
         "answers": len(run._answers),
         "transactions": len(run._transactions),
-        "open": len(run._records._index47.open),
+        "open": len(run._events._index47.open),
         "held ARs": len(held),
         "held": sum(len(each.events) for each in held),
         "messages": len(partial),
@@ -533,9 +533,10 @@ def test_a_transport_finding_holds_no_finished_transaction():
             run.take(run._transport._packet(packet))
     assert run._remarks
     assert not any(remark.job for remark in run._findings._remarks)
-    assert all(job.phase != "closed" for job in run._remarks)
-    run._calls.finish()
+    assert not any(job.over for job in run._remarks)
+    run.take(run._calls.finish())
     run._pairing.finish()
+    run.take(())
     assert not run._remarks
 
 
@@ -654,11 +655,8 @@ def test_a_release_looks_at_its_own_channels():
     request = decode_request(ask())
     peer = Peer(CONTROLLER, DEVICE)
 
-    def ignore(*_):
-        pass
-
     def work(size):
-        pairing = Pairing(limits(), ignore, ignore, ignore)
+        pairing = Pairing(limits(), [])
         for number in range(size):
             key = number.to_bytes(16, "big")
             record = Record(True, False, key, 0, 1, 1, 47, 0, Half(1, START))

@@ -22,7 +22,7 @@ import test_profibus_calls as by_hand
 from lua_program import LUAS, lua_program
 from test_profibus_calls import MS, NOT_READY, SHORT, Talk
 
-from ds47.acyclic.pairing import Access, Job, Pairing, Peer
+from ds47.acyclic.pairing import Access, Job, Pairing, Peer, Told
 from ds47.acyclic.services import Became, Call, CallTracker
 from ds47.profibus import telegram
 from ds47.profibus.line import Exchange, Line, Seen
@@ -63,7 +63,8 @@ class Ear:
         self.told: list[dict[str, Any]] = []
         self._calls: list[Call] = []
         self._jobs: dict[int, Job] = {}
-        self.pairing = Pairing(limits(), lambda job: None, self._closed, lambda *about: None)
+        self._jobs_told: list[Told] = []
+        self.pairing = Pairing(limits(), self._jobs_told)
 
     def run(self, frames: Iterable[bytes]) -> list[dict[str, Any]]:
         line, calls = Line(), CallTracker()
@@ -76,12 +77,20 @@ class Ear:
             self._heard(calls.take(exchange))
         self._heard(calls.finish())
         self.pairing.finish()
+        self._close()
         self._tell("end", unsure=line.unsure)
         return self.told
 
     def _heard(self, told: list[Became]) -> None:
         for what, call in told:
             getattr(self, f"_{what}")(call)
+            self._close()
+
+    def _close(self) -> None:
+        for what, job, _ in self._jobs_told:
+            if what == "closed":
+                self._closed(job)
+        self._jobs_told.clear()
 
     def _tell(self, event: str, **content: Any) -> None:
         self.told.append({"event": event, **content})

@@ -228,8 +228,19 @@ class Ear:
         )  # fmt: skip
 
 
-def _ignore(*_: object) -> None:
-    """Writes to foreign indices: the analyzer's alone."""
+class Told(list[Any]):
+    """Gives what is told to an ear at once; writes to foreign indices are the analyzer's alone."""
+
+    def __init__(self, ear: Ear) -> None:
+        super().__init__()
+        self.ear = ear
+
+    def append(self, told: tuple[str, Any, Any]) -> None:
+        what, about, more = told
+        if what == "remark":
+            self.ear.remark(about)
+        elif what == "set_up":
+            self.ear.set_up(about, more)
 
 
 class Without47(Index47):
@@ -247,18 +258,10 @@ class Run:
         self.ear = Ear()
         self.naming = Stations()
         self.fragments = rpc.Fragments(limits().fragment_expiry_ns)
-        self.events = RecordEvents(gate, self.ear, Options(), self.ear.remark)  # type: ignore[arg-type]
+        told = Told(self.ear)
+        self.events = RecordEvents(gate, self.ear, Options(), told)  # type: ignore[arg-type]
         missing = Completeness(limits().activities)
-        self.records = RecordCalls(
-            self.events,
-            gate,
-            self.ear,
-            self.ear.remark,
-            _ignore,
-            self.ear.set_up,
-            missing,
-            limits(),
-        )  # type: ignore[arg-type]
+        self.records = RecordCalls(self.events, self.ear, told, missing, limits())  # type: ignore[arg-type]
         self.calls = CallTracker(limits(), missing)
 
     def run(self, frames: Iterable[Frame]) -> list[dict[str, Any]]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 from uuid import UUID
 
 import pytest
 from talk import request
 
-from ds47.acyclic.pairing import STATUS_SHORT, Access, Job, Moment, Pairing, Peer
+from ds47.acyclic.pairing import STATUS_SHORT, Access, Job, Moment, Pairing, Peer, Told
 from ds47.lab import message
 from ds47.lab.client import BUSY, CONTROLLER_AR
 from ds47.profinet.records import Half, Record
@@ -26,17 +27,26 @@ class Channel:
 
     bounds: Limits = LIMITS
     now: int = 0
-    answered: list[Job] = field(default_factory=list)
-    closed: list[Job] = field(default_factory=list)
-    nothing: list[Access] = field(default_factory=list)
+    told: list[Told] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.pairing = Pairing(
-            self.bounds,
-            self.answered.append,
-            self.closed.append,
-            lambda access, missing: self.nothing.append(access),
-        )
+        self.pairing = Pairing(self.bounds, self.told)
+
+    def heard(self, what: str) -> list[Any]:
+        """Of what that was told, up to now."""
+        return [about for each, about, _ in self.told if each == what]
+
+    @property
+    def answered(self) -> list[Job]:
+        return self.heard("answered")
+
+    @property
+    def closed(self) -> list[Job]:
+        return self.heard("closed")
+
+    @property
+    def nothing(self) -> list[Access]:
+        return self.heard("nothing")
 
     def half(self, data: bytes = b"", status: int | None = None) -> Half:
         self.now += 1

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ds47.acyclic.pairing import Access, Job, Pairing, Peer
+from ds47.acyclic.pairing import Access, Job, Pairing, Peer, Told
 from ds47.acyclic.services import MOST_OPEN, MOST_POLLS, Became, Call, CallTracker
 from ds47.profibus import telegram
 from ds47.profibus.line import MOST_RETRIES, Exchange, Line, Seen
@@ -332,8 +332,8 @@ def test_every_call_ends_once(frames: list[bytes]) -> None:
 def paired(frames: Iterable[bytes]) -> list[Job]:
     """The jobs that the pairing makes of the calls."""
     jobs: dict[int, Job] = {}
-    closed: list[Job] = []
-    pairing = Pairing(limits(), lambda job: None, closed.append, lambda *about: None)
+    told: list[Told] = []
+    pairing = Pairing(limits(), told)
 
     def access(call: Call) -> Access:
         return Access(Peer(str(call.master), str(call.station), station=call.station), call.record)
@@ -359,7 +359,7 @@ def paired(frames: Iterable[bytes]) -> list[Job]:
         elif what == "answered":
             answered(call)
     pairing.finish()
-    return closed
+    return [about for what, about, _ in told if what == "closed"]
 
 
 def test_one_transaction_with_its_polls() -> None:

@@ -160,11 +160,8 @@ def test_sound_blocks_are_what_the_careful_decoder_gives(
 
 
 def _events() -> RecordEvents:
-    def ignore(*_: Any) -> None:
-        pass
-
-    pairing = Pairing(limits(), ignore, ignore, ignore)
-    return RecordEvents(Index47(frozenset(), 16), pairing, Options(), ignore)
+    pairing = Pairing(limits(), [])
+    return RecordEvents(Index47(frozenset(), 16), pairing, Options(), [])
 
 
 @given(st.lists(st.tuples(st.integers(0, 3), st.binary(max_size=30)), max_size=12))

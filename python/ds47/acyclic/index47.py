@@ -8,7 +8,8 @@ channel; then all of it, in its order, goes on.
 from __future__ import annotations
 
 from collections import OrderedDict, deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 from ds47.profidrive import Options, Request, decode_response
 from ds47.profidrive.family import kind_fits
@@ -21,6 +22,8 @@ ArKey = tuple[str, str, bytes]
 """Controller, device, AR UUID (nil for ReadImplicit)."""
 Place = tuple[int, int, int]
 """API, slot, subslot."""
+Event = Any
+"""What waits: plain data, of which nothing is known here."""
 
 NEGATIVE = 0x80
 """The response ids from here on are those of requests that were not done."""
@@ -39,7 +42,7 @@ class _Waiting:
     __slots__ = ("asked", "asks", "events", "first", "records")
 
     def __init__(self, most: int) -> None:
-        self.events: deque[Callable[[], None]] = deque(maxlen=most)
+        self.events: deque[Event] = deque(maxlen=most)
         self.asked: OrderedDict[Place, tuple[Request, bytes]] = OrderedDict()
         """The newest Write of each place, if it can be a request."""
         self.first = 0
@@ -91,21 +94,19 @@ class Index47:
         return index in self._always
 
     def pass_on(
-        self, ar: ArKey, index: int, event: Callable[[], None], *, proves: bool = False
-    ) -> None:
-        """Runs the event, now or when something proves the same AR; never if nothing does."""
+        self, ar: ArKey, index: int, event: Event, *, proves: bool = False
+    ) -> Sequence[Event]:
+        """What may go on now: the event, if its AR has proved itself, behind those that waited for that."""
         if self.passes(ar, index):
-            event()
-            return
+            return (event,)
         if proves:
-            self._prove(ar)
-            event()
-            return
+            return [*self._prove(ar), event]
         if ar not in self._held:
             self._held[ar] = _Waiting(self._waiting)
         self.follow(ar, event)
+        return ()
 
-    def follow(self, ar: ArKey, event: Callable[[], None]) -> None:
+    def follow(self, ar: ArKey, event: Event) -> None:
         """Lets an event wait behind those that wait for an AR; where none does, it is not needed."""
         held = self._held.get(ar)
         if held is None:
@@ -186,13 +187,12 @@ class Index47:
         if len(self._unproven) > self._most_open:
             self._unproven.popitem(last=False)
 
-    def _prove(self, ar: ArKey) -> None:
+    def _prove(self, ar: ArKey) -> Sequence[Event]:
         self.open[ar] = None
         while len(self.open) > self._most_open:
             self.open.popitem(last=False)
         held = self._held.pop(ar, None)
         if held is None:
-            return
+            return ()
         self._events -= len(held.events)
-        for event in held.events:
-            event()
+        return held.events

@@ -6,7 +6,7 @@ only joined, as those of PROFINET are in `analysis`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from ds47.acyclic.ms1_calls import Ms1Calls, StartUps
@@ -18,7 +18,7 @@ from ds47.profibus.judge import Judge
 from ds47.profibus.stations import Stations
 
 if TYPE_CHECKING:
-    from ds47.acyclic.pairing import Access, Pairing
+    from ds47.acyclic.pairing import Pairing, Told
     from ds47.acyclic.record_events import RecordEvents
     from ds47.capture import Frame
     from ds47.cyclic.channels import CyclicChannels
@@ -34,11 +34,10 @@ class Lines:
     Args:
         limits: numbers of spec/limits.toml.
         events: hears of records,
-        pairing: and of stations that start up,
-        foreign: and of answered Writes to an index that is not ours.
+        pairing: and of stations that start up.
+        told: gets findings about services, and answered Writes to an index that is not ours.
         cyclic: takes PPOs.
         ppos: numbers of PPO by the address of the station, for captures without Chk_Cfg.
-        remark: takes findings about services.
     """
 
     def __init__(
@@ -46,15 +45,14 @@ class Lines:
         limits: Limits,
         events: RecordEvents,
         pairing: Pairing,
-        foreign: Callable[[Access], None],
+        told: list[Told],
         cyclic: CyclicChannels,
         ppos: dict[int, int],
-        remark: Callable[[Remark], None],
     ) -> None:
         self._judge = Judge(limits)
         self._stations = Stations(self._judge.heard)
         idents = Idents()
-        self._ms1 = Ms1Calls(events, foreign, self._judge, remark, idents)
+        self._ms1 = Ms1Calls(events, told, self._judge, idents)
         self._services = CallTracker()
         self._start_ups = StartUps(pairing.started)
         ppo = Ppo(cyclic, ppos, idents)

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import ClassVar
 
-from ds47.acyclic.pairing import Access, Moment, Peer
+from ds47.acyclic.pairing import Access, Moment, Peer, Told
 from ds47.acyclic.record_events import RecordEvents
 from ds47.acyclic.services import Became, Call
 from ds47.findings.remark import Remark
@@ -27,25 +27,22 @@ class Ms1Calls:
 
     Args:
         events: hears of every record that may be ours.
-        foreign: hears of every answered write to an index that cannot be ours, or without its request.
+        told: gets what is wrong with a request, and answered Writes that cannot be ours, or have no request.
         judge: hears of refusals of what is not ours, and of polls.
-        remark: is told what is wrong with a request.
         idents: knows of which make stations are.
     """
 
     def __init__(
         self,
         events: RecordEvents,
-        foreign: Callable[[Access], None],
+        told: list[Told],
         judge: Judge,
-        remark: Callable[[Remark], None],
         idents: Idents,
     ) -> None:
         self._events = events
         self._idents = idents
-        self._foreign = foreign
+        self._told = told
         self._judge = judge
-        self._remark = remark
         self._written: dict[tuple[str, int], int] = {}
         """Stations and indices that were written there, with the frame of the first time."""
         self._open: dict[Call, Access] = {}
@@ -90,9 +87,9 @@ class Ms1Calls:
         self._written.setdefault((device, record.index), half.frame)
         if half.stated > MOST_DATA:
             args = {"device": device, "length": half.stated, "most": MOST_DATA}
-            self._remark(Remark("DS809", half.frame, args))
+            self._told.append(("remark", Remark("DS809", half.frame, args), None))
 
-    def _told(self, call: Call, ours: bool) -> None:
+    def _judged(self, call: Call, ours: bool) -> None:
         """To the judge: how long the answer took, and whether it is a refusal of what is not ours."""
         record, half = call.record, call.record.response
         if half is None:
@@ -105,11 +102,11 @@ class Ms1Calls:
 
     def _answered(self, call: Call) -> None:
         access = self._open.pop(call, None)
-        self._told(call, access is not None)
+        self._judged(call, access is not None)
         if access is not None:
             self._events.answered(access, None)
         elif call.record.write:
-            self._foreign(self._access(call))
+            self._told.append(("foreign", self._access(call), None))
 
     def _failed(self, call: Call) -> None:
         access, half = self._open.pop(call, None), call.record.response
@@ -125,7 +122,7 @@ class Ms1Calls:
     def _unasked(self, call: Call) -> None:
         access = self._access(call)
         if call.record.write:
-            self._foreign(access)
+            self._told.append(("foreign", access, None))
         if access.ours:
             self._events.unasked(access, None)
 

@@ -2,16 +2,16 @@
 
 A job is a transaction in the making. Its life is the table `spec/pairing.toml`; the only thing decided
 here is to which job a record call belongs. Nothing is decoded beyond what a caller hands in, and nothing
-is judged: `ds47.acyclic.judge` does that when `answered` and `closed` are called.
+is judged: what becomes of jobs is put on a list (`Told`), and whoever runs the steps takes it from there.
 """
 
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import islice
-from typing import Final, NamedTuple, TypeVar
+from typing import Any, Final, Literal, NamedTuple, TypeVar
 
 from ds47.profidrive import Request, Response
 from ds47.profidrive.dictionary import Meaning, family_of
@@ -184,6 +184,8 @@ class Job:
     """Whether ds47 has said, while this Write waited for its response, that no request is open (P28)."""
     contested: bool
     """Whether a record that went to an older request may be the response to this one (P72)."""
+    over: bool
+    """Whether its transaction was told."""
     certain: bool
     """False for an orphan whose request a limit may have pushed out."""
     meanings: Sequence[Meaning | None]
@@ -244,8 +246,13 @@ class Job:
         self.limit = ""
         self.passed = False
         self.contested = False
-        self.certain = True
+        self.over, self.certain = False, True
         self.meanings = ()
+
+    def forget(self) -> None:
+        """It is told. Else each would keep the next one alive, and the memory of calls its response."""
+        self.over = True
+        self.superseding = self.rival = self.refused_behind = self.between = self.response = None
 
     @property
     def device(self) -> str:
@@ -337,39 +344,39 @@ class Channel:
         return [job for job in (self.last, self.refused, self.open) if job] + self.asked
 
 
+What = Literal[
+    "asked", "refused", "answered", "closed", "nothing", "connected", "remark", "foreign", "set_up"
+]  # fmt: skip
+Told = tuple[What, Any, Any]
+"""What became known, of what, and what goes with it; in the order of the capture:
+
+    asked       a job whose Write asks for a change
+    refused     a job whose Write was refused: what comes after that is seldom of interest
+    answered    a job that has its response, once
+    closed      a job of which nothing more can come, once; `Job.forget` is for whoever takes it
+    nothing     the Access of a Read without record where no request is open; what may be missing, or None
+    connected   the device of a Connect, or a station that got its parameters; the frame
+    remark      a finding of the steps before (`ds47.findings.remark`)
+    foreign     the Access of a Write that was answered, to an index that cannot be ours, or without its request
+    set_up      the request of a Connect; its response
+"""
+
+
 class Pairing:
     """Takes record calls in the order of the capture and keeps the jobs of every channel.
 
     Args:
         limits: the numbers of spec/limits.toml.
-        answered: called once when a job has its response, in the order of the capture.
-        closed: called once when nothing more can come.
-        nothing_to_read: called for a Read without record on a channel that has no request.
-        refused: called when a Write is refused: what comes after that is seldom of interest.
-        asked: called for each Write that asks for a change.
-        connected: called for each Connect, with the device and its frame.
+        told: gets what becomes of jobs.
         completeness: what is missing of what stations say to each other; None: nothing.
     """
 
     def __init__(
-        self,
-        limits: Limits,
-        answered: Callable[[Job], None],
-        closed: Callable[[Job], None],
-        nothing_to_read: Callable[[Access, Missing | None], None],
-        refused: Callable[[Job], None] | None = None,
-        asked: Callable[[Job], None] | None = None,
-        connected: Callable[[str, int], None] | None = None,
-        completeness: Completeness | None = None,
+        self, limits: Limits, told: list[Told], completeness: Completeness | None = None
     ) -> None:
         self._limits = limits
         self._completeness = completeness
-        self._tell_refused = refused
-        self._asked = asked
-        self._tell_connected = connected
-        self._answered = answered
-        self._closed = closed
-        self._nothing_to_read = nothing_to_read
+        self._told = told
         self._table = phases()
         self.channels: OrderedDict[ChannelKey, Channel] = OrderedDict()
         self._of_ar: dict[tuple[str, str, bytes], dict[ChannelKey, None]] = {}
@@ -406,8 +413,8 @@ class Pairing:
             job.uncounted = message.request_reference in last
         channel.reference, channel.written = message.request_reference, asked.frame
         channel.asked.append(job)
-        if self._asked is not None and message.operation == "change":
-            self._asked(job)
+        if message.operation == "change":
+            self._told.append(("asked", job, None))
         if len(channel.asked) > self._limits.pending_writes:
             self._push_out(channel.asked.pop(0), "pending_writes")
         return job
@@ -429,8 +436,8 @@ class Pairing:
                 self._accept(channel, job)
         else:
             self._refuse(channel, job)
-            if self._tell_refused is not None and job.phase == "refused":
-                self._tell_refused(job)
+            if job.phase == "refused":
+                self._told.append(("refused", job, None))
 
     def write_unasked(self, access: Access) -> None:
         """The answer to a Write whose request is not in the capture.
@@ -681,7 +688,7 @@ class Pairing:
                 missing is None and self._newest_unseen(access.channel) > channel.ended
             ):  # a Connect ends none
                 missing = Missing("requests")
-        self._nothing_to_read(access, missing)
+        self._told.append(("nothing", access, missing))
         if half.status is not None and known:
             channel.pass_over()
             if missing is None:
@@ -794,14 +801,12 @@ class Pairing:
             if only:
                 self._replace(controller, device, ar, at)
                 self._put(self._connected, (controller, device), ar)
-        if self._tell_connected is not None:
-            self._tell_connected(device, at.frame)
+        self._told.append(("connected", device, at.frame))
 
     def started(self, station: str, at: Moment) -> None:
         """A station of PROFIBUS got its parameters: it may have been switched off before that."""
         self._put(self._started, station, at)
-        if self._tell_connected is not None:
-            self._tell_connected(station, at.frame)
+        self._told.append(("connected", station, at.frame))
 
     def _replace(self, controller: str, device: str, ar: bytes, at: Moment) -> None:
         before = self._connected.get((controller, device))
@@ -1005,7 +1010,7 @@ class Pairing:
             channel.open = None
         if channel.refused is job:
             channel.refused = None
-        self._answered(job)
+        self._told.append(("answered", job, None))
         if not half.data:
             self._lose(job, "")
             if not job.write_refused:
@@ -1072,9 +1077,7 @@ class Pairing:
         if job.missing is not None and job.fetching and job.read_request is None:
             job.read_request = job.fetching[0]
         self._step(job, event)
-        self._closed(job)
-        # Or each would keep the next one alive, and the memory of calls what their responses say.
-        job.superseding = job.rival = job.refused_behind = job.between = job.response = None
+        self._told.append(("closed", job, None))
 
     def _push_out(self, job: Job, limit: str) -> None:
         """Nothing more is known of a job from now on, and not because nothing came."""

@@ -8,12 +8,10 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Final
 
-from ds47.acyclic.index47 import SHARED_INDEX, Index47
-from ds47.acyclic.pairing import Access, Moment, Pairing, Peer
+from ds47.acyclic.pairing import Access, Moment, Pairing, Peer, Told
 from ds47.acyclic.record_events import RecordEvents
 from ds47.findings.remark import Remark
 from ds47.profinet import rpc
@@ -41,24 +39,13 @@ from ds47.spec.semantics import Limits
 _OPERATIONS: Final = {RPC_READ: "Read", RPC_WRITE: "Write", RPC_READ_IMPLICIT: "ReadImplicit"}
 
 
-@dataclass(slots=True)
-class _PushedOut:
-    """What one limit pushed out: where the first of it began, and how much."""
-
-    frame: int
-    count: int = 0
-
-
 class RecordCalls:
     """Takes what becomes of calls (`profinet.calls`).
 
     Args:
         events: hears of every record that may be ours.
-        index47: which records are ours.
-        pairing: hears of connections that begin and end.
-        remark: takes the transport findings.
-        foreign: hears of every answered Write to an index that cannot be ours, or without its request.
-        connected: hears of every answered Connect.
+        pairing: hears of connections that begin.
+        told: gets the transport findings, what is foreign, and what a Connect sets up.
         completeness: hears of Writes of which the capture cut off where they go.
         limits: the numbers of spec/limits.toml.
         vendor: gives the vendor id of the device at an IP address whose calls do not say it; None: nobody does.
@@ -67,11 +54,8 @@ class RecordCalls:
     def __init__(
         self,
         events: RecordEvents,
-        index47: Index47,
         pairing: Pairing,
-        remark: Callable[[Remark], None],
-        foreign: Callable[[Access], None],
-        connected: Callable[[rpc.Pdu, rpc.Pdu], None],
+        told: list[Told],
         completeness: Completeness,
         limits: Limits,
         vendor: Callable[[str], int | None] | None = None,
@@ -80,16 +64,11 @@ class RecordCalls:
         self._limits = limits
         self._events = events
         self._concerned = events.concerned
-        self._index47 = index47
         self._pairing = pairing
-        self._remark = remark
-        self._foreign = foreign
-        self._connected = connected
+        self._told = told
         self._completeness = completeness
         self._forgot_requests = False
         """Whether a limit pushed out a request whose response may still come."""
-        self._pushed_out: dict[str, _PushedOut] = {}
-        """By the name of the limit."""
         self._alone: OrderedDict[int, list[Remark]] = OrderedDict()
         """The newest responses without a request (DS102), by their frames."""
         self._connections: dict[tuple[str, str], rpc.Pdu] = {}
@@ -118,17 +97,9 @@ class RecordCalls:
 
     def finish(self) -> None:
         """The capture is over: tells of each limit that pushed something out, once."""
-        for name, pushed in self._pushed_out.items():
-            most = getattr(self._limits, name)
-            args = {"limit": name, "most": most, "count": pushed.count}
-            self._remark(Remark("DS109", pushed.frame, args))
-
-    def pushed_out(self, limit: str, frame: int) -> None:
-        """A limit pushed out something of ours that began in this frame."""
-        pushed = self._pushed_out.get(limit)
-        if pushed is None:
-            pushed = self._pushed_out[limit] = _PushedOut(frame)
-        pushed.count += 1
+        for name, (frame, count) in self._events.pushed_out.items():
+            args = {"limit": name, "most": getattr(self._limits, name), "count": count}
+            self._told.append(("remark", Remark("DS109", frame, args), None))
 
     def incomplete(
         self, pdu: rpc.Pdu, have: int, kind: str, limit: str = "", call: Call | None = None
@@ -149,7 +120,7 @@ class RecordCalls:
         if asked is None or record.write:
             asked = self._access(pdu, record)
         if limit:
-            self._pushed_out_with(pdu, asked, limit)
+            self._events.pass_on(asked, "pushed_out", (limit, pdu.frame))
             self._forgot_requests |= pdu.ptype == 0
         else:
             remark = Remark("DS105", pdu.frame, {"have": have, "kind": kind})
@@ -184,7 +155,7 @@ class RecordCalls:
             if self._pairing.replaced:
                 self._pairing.goes_on(*access.ar)
         if body.nested:
-            self._remark(Remark("DS208", pdu.frame))
+            self._told.append(("remark", Remark("DS208", pdu.frame), None))
         for access in call.context:
             if access.ours:
                 self._events.asked(access, pdu.cut)
@@ -225,7 +196,7 @@ class RecordCalls:
         if pdu is not None and first is not None:
             if call.limit:
                 self._forgot_requests = True
-                self._pushed_out_with(pdu, first, call.limit)
+                self._events.pass_on(first, "pushed_out", (call.limit, pdu.frame))
             elif not call.in_part:  # DS105 says what there is
                 args = {"operation": _OPERATIONS[call.opnum]}
                 self._events.about(first, Remark("DS101", pdu.frame, args))
@@ -259,9 +230,7 @@ class RecordCalls:
         """An AR begins or ends, as its request says; or a response whose request is missing."""
         at = Moment(pdu.frame, pdu.time_ns)
         if pdu.opnum == RPC_RELEASE and (ar := released_ar(pdu)):
-            over = partial(self._pairing.release, pdu.client, pdu.server, ar, at)
-            over()
-            self._index47.follow((pdu.client, pdu.server, ar), partial(over, SHARED_INDEX))
+            self._events.released((pdu.client, pdu.server, ar), at)
         elif pdu.opnum == RPC_CONNECT:
             ar, only = connected_ar(pdu), is_only_ar(pdu)
             self._pairing.connected(pdu.client, pdu.server, at, ar, only=only)
@@ -272,7 +241,7 @@ class RecordCalls:
         if pdu.opnum not in _OPERATIONS:
             self._goes_on(pdu)
             if call.opnum == RPC_CONNECT and call.request is not None:
-                self._connected(call.request, pdu)
+                self._told.append(("set_up", call.request, pdu))
         if not call.context:
             return
         status, answers = parse_response(pdu)
@@ -285,7 +254,7 @@ class RecordCalls:
                 half = Half(pdu.frame, pdu.time_ns, status=status)
             record.response = half
             if not access.ours:
-                self._foreign(access)
+                self._told.append(("foreign", access, None))
                 continue
             if half.status is None:
                 self._events.about(access, Remark("DS108", pdu.frame))
@@ -311,7 +280,7 @@ class RecordCalls:
                     self._alone.popitem(last=False)
                 self._events.about(access, remark)
             if record.write:
-                self._foreign(access)
+                self._told.append(("foreign", access, None))
             self._events.unasked(access, pdu.cut)
 
     def _twice(self, call: Call, pdu: rpc.Pdu) -> None:
@@ -351,9 +320,6 @@ class RecordCalls:
             if access.ours:
                 self._events.about(access, remark)
                 return
-
-    def _pushed_out_with(self, pdu: rpc.Pdu, access: Access, limit: str) -> None:
-        self._events.pass_on(access, partial(self.pushed_out, limit, pdu.frame))
 
 
 @lru_cache(maxsize=4096)

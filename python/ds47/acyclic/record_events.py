@@ -8,11 +8,10 @@ the length of a record or the order of the capture is wrong (DS106, DS107, DS202
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any, Final
 
-from ds47.acyclic.index47 import ALWAYS, SHARED_INDEX, Index47, is_question
-from ds47.acyclic.pairing import Access, Pairing
+from ds47.acyclic.index47 import ALWAYS, SHARED_INDEX, ArKey, Index47, is_question
+from ds47.acyclic.pairing import Access, Moment, Pairing, Told
 from ds47.findings.remark import Remark
 from ds47.profidrive import Options, Request, decode_request
 from ds47.profinet.ip import Cut
@@ -31,16 +30,27 @@ class RecordEvents:
         index47: which records are ours.
         pairing: hears of every Write and Read that is ours.
         codec: dialects of the messages.
-        remark: takes the findings.
+        told: gets the findings.
     """
 
     def __init__(
-        self, index47: Index47, pairing: Pairing, codec: Options, remark: Callable[[Remark], None]
+        self, index47: Index47, pairing: Pairing, codec: Options, told: list[Told]
     ) -> None:
         self._index47 = index47
         self._pairing = pairing
         self._codec = codec
-        self._remark = remark
+        self._told = told
+        self._happens: dict[str, Callable[[Any, Any], object]] = {
+            "write_asked": self._write_asked, "write_answered": self._write_answered,
+            "write_failed": self._write_failed, "write_unasked": self._write_unasked,
+            "read_asked": self._read_asked, "read_answered": self._read, "read_over": _read_over,
+            "read_lost": self._read_lost, "read_asked_late": self._read_asked_late,
+            "sent_again": _sent_again, "answered_twice": _answered_twice,
+            "remark": self._remark, "about": self._about, "pushed_out": self._pushed_out, "release": self._release,
+        }  # fmt: skip
+        """What may happen to a record, or to its AR, once it is ours."""
+        self.pushed_out: dict[str, list[int]] = {}
+        """By the name of a limit (spec/limits.toml): where the first of what it pushed out began, and how much."""
         self.concerned = index47.concerned
         """The indices of which a record can be ours at all."""
         self.newest_ns: int | None = None
@@ -58,16 +68,24 @@ class RecordEvents:
             counts = self.counts[index] = {"read": 0, "write": 0}
         counts["write" if write else "read"] += 1
 
-    def pass_on(self, access: Access, event: Callable[[], Any], *, proves: bool = False) -> None:
-        """Runs an event about a record now, or once its AR has proved itself; `proves`: it does that."""
+    def pass_on(
+        self, access: Access, what: str, about: Any = None, *, proves: bool = False
+    ) -> None:
+        """Lets something happen now, or once the AR has proved itself; `proves`: it does that."""
         ar, index = access.ar, access.record.index
         if not (proves or self._index47.passes(ar, index)):
             proves = self._index47.is_of_drive(access.peer.device, access.place)
-        self._index47.pass_on(ar, index, event, proves=proves)
+        for event in self._index47.pass_on(ar, index, (what, access, about), proves=proves):
+            self._happens[event[0]](*event[1:])
 
     def about(self, access: Access, remark: Remark) -> None:
         """A finding about a record that is ours, or will turn out to be; and about its job, if it has one then."""
-        self.pass_on(access, partial(self._about, access, remark))
+        self.pass_on(access, "about", remark)
+
+    def released(self, ar: ArKey, at: Moment) -> None:
+        """An AR is over; what waits of it, too, once it goes on."""
+        self._pairing.release(*ar, at)
+        self._index47.follow(ar, ("release", ar, at))
 
     def asked(self, access: Access, cut: Cut | None) -> None:
         """A request; its index concerns us. `cut`: where the capture cut the message; None where it did not."""
@@ -80,15 +98,14 @@ class RecordEvents:
             if passes:
                 self._read_asked(access, half)
             else:
-                self.pass_on(access, partial(self._read_asked, access, half))
+                self.pass_on(access, "read_asked", half)
                 self._index47.heard(access.ar, half.frame, asks=True)
             return
         message = self.decoded(half.data)
         if passes:
-            self._write(access, half, message)
+            self._write_asked(access, message)
         else:
-            event = partial(self._write, access, half, message)
-            self.pass_on(access, event, proves=is_question(message))
+            self.pass_on(access, "write_asked", message, proves=is_question(message))
             self._index47.heard(access.ar, half.frame, asks=True)
             self._index47.asked(access.ar, access.place, message, half.data)
 
@@ -101,14 +118,14 @@ class RecordEvents:
         elif access.proven or self._index47.passes(access.ar, record.index):
             self._write_answered(access, half)
         else:
-            self.pass_on(access, partial(self._write_answered, access, half))
+            self.pass_on(access, "write_answered", half)
 
     def unasked(self, access: Access, cut: Cut | None) -> None:
         """A response without its request."""
         record, half = access.record, access.record.response
         assert half is not None
         if record.write:
-            self.pass_on(access, partial(self._pairing.write_unasked, access))
+            self.pass_on(access, "write_unasked")
         else:
             self._read_answered(access, half, cut)
         if record.index == SHARED_INDEX:
@@ -116,7 +133,7 @@ class RecordEvents:
 
     def asked_late(self, access: Access, answer: int) -> None:
         """The request of a Read whose response was in an earlier frame, with that frame."""
-        self.pass_on(access, partial(self._pairing.read_asked_late, access, answer))
+        self.pass_on(access, "read_asked_late", answer)
         if access.record.index == SHARED_INDEX:
             self._index47.heard(access.ar, answer, asks=True)
 
@@ -127,23 +144,20 @@ class RecordEvents:
 
     def failed(self, access: Access, half: Half) -> None:
         """A request that was turned away before anybody looked at its record."""
-        if access.record.write:
-            self.pass_on(access, partial(self._write_failed, access, half))
-        else:
-            self.pass_on(access, partial(_fetched, access))
+        self.pass_on(access, "write_failed" if access.record.write else "read_over", half)
 
     def sent_again(self, access: Access, waits_ns: int) -> None:
         """A request whose client had no response, and until when it waits for one at least."""
-        self.pass_on(access, partial(_insisted, access, waits_ns))
+        self.pass_on(access, "sent_again", waits_ns)
 
     def answered_twice(self, access: Access) -> None:
         """A request with two responses: which of them its client has is not known."""
-        self.pass_on(access, partial(_answered_twice, access))
+        self.pass_on(access, "answered_twice")
 
     def lost(self, access: Access) -> None:
         """A request whose response does not come any more."""
         if not access.record.write:
-            self.pass_on(access, partial(self._pairing.read_lost, access))
+            self.pass_on(access, "read_lost")
 
     def decoded(self, data: bytes) -> Request:
         """The request; the same question is asked again and again, often with a reference that counts.
@@ -167,7 +181,7 @@ class RecordEvents:
         for device, (first, records, asks) in self._index47.unproven():
             what = "unproven_calls" if asks else "unproven_responses"
             args = {"device": device, "count": records, "what": what}
-            self._remark(Remark("DS209", first, args))
+            self._remark(None, Remark("DS209", first, args))
 
     # What happens once it is ours
 
@@ -177,7 +191,9 @@ class RecordEvents:
         if job is not None:
             job.fetching.append(half)
 
-    def _write(self, access: Access, half: Half, message: Request) -> None:
+    def _write_asked(self, access: Access, message: Request) -> None:
+        half = access.record.request
+        assert half is not None
         self._clock(half)
         access.job = self._pairing.write_request(access, message)
 
@@ -200,18 +216,40 @@ class RecordEvents:
             self._index47.answers(access.ar, access.place, half.data, self._codec)
             or self._pairing.is_again(access)
         )
-        self.pass_on(access, partial(self._read, access, half), proves=proves)
+        self.pass_on(access, "read_answered", half, proves=proves)
 
     def _read(self, access: Access, half: Half) -> None:
         self._clock(half)
-        _fetched(access)
+        _read_over(access)
         if access.record.index in ALWAYS and half.data:
             self._index47.responded(access.peer.device, access.place, half.data, self._codec)
         self._pairing.read_response(access)
 
+    def _write_unasked(self, access: Access, _: object) -> None:
+        self._pairing.write_unasked(access)
+
+    def _read_lost(self, access: Access, _: object) -> None:
+        self._pairing.read_lost(access)
+
+    def _read_asked_late(self, access: Access, answer: int) -> None:
+        self._pairing.read_asked_late(access, answer)
+
     def _about(self, access: Access, remark: Remark) -> None:
         remark.job = access.job
-        self._remark(remark)
+        self._remark(access, remark)
+
+    def _remark(self, _: object, remark: Remark) -> None:
+        self._told.append(("remark", remark, None))
+
+    def _pushed_out(self, _: object, limit_and_frame: tuple[str, int]) -> None:
+        self.push_out(*limit_and_frame)
+
+    def push_out(self, limit: str, frame: int) -> None:
+        """A limit (spec/limits.toml) pushed out something of ours that began in this frame."""
+        self.pushed_out.setdefault(limit, [frame, 0])[1] += 1
+
+    def _release(self, ar: ArKey, at: Moment) -> None:
+        self._pairing.release(*ar, at, SHARED_INDEX)
 
     # Small things
 
@@ -227,7 +265,7 @@ class RecordEvents:
         else:
             args = {"stated": half.stated, "present": len(half.data)}
             remark = Remark("DS202", half.frame, args)
-        self.pass_on(access, partial(self._remark, remark))
+        self.pass_on(access, "remark", remark)
 
     def _clock(self, half: Half) -> None:
         newest, before = self.newest_ns, self.newest_frame
@@ -235,23 +273,23 @@ class RecordEvents:
             return
         if newest is not None and half.time_ns < newest:
             args = {"milliseconds": (newest - half.time_ns) / 1e6, "first": before}
-            self._remark(Remark("DS107", half.frame, args))
+            self._remark(None, Remark("DS107", half.frame, args))
         self.newest_ns, self.newest_frame = half.time_ns, half.frame
 
 
-def _fetched(access: Access) -> None:
+def _read_over(access: Access, _: object = None) -> None:
     """A Read is over, to whomever its response goes."""
     job = access.job
     if job is not None and access.record.request in job.fetching:
         job.fetching.remove(access.record.request)
 
 
-def _insisted(access: Access, waits_ns: int) -> None:
+def _sent_again(access: Access, waits_ns: int) -> None:
     if access.job is not None:
         access.job.insisted = waits_ns
 
 
-def _answered_twice(access: Access) -> None:
+def _answered_twice(access: Access, _: object) -> None:
     asked = access.record.request
     if access.job is not None and asked is not None:
         access.job.twice = asked.frame

@@ -15,7 +15,11 @@ class Exchange(Protocol):
 
     order: int
     """Its number among all, by their beginnings."""
-    phase: str
+
+    @property
+    def over(self) -> bool:
+        """Whether its transaction was told."""
+        ...
 
     @property
     def device(self) -> str:

@@ -327,6 +327,11 @@ class Job:
         return self.partner.ip
 
     @property
+    def over(self) -> bool:
+        """Whether nothing more comes of it."""
+        return self.phase == "closed"
+
+    @property
     def duration_ns(self) -> int | None:
         """From the request to its answer."""
         both = self.asked is not None and self.answered is not None
