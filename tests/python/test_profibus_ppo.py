@@ -24,7 +24,8 @@ STATION = 3
 START_UP = 8
 """Frames before the first data exchange."""
 ONLY_PROFINET = {
-    "controller-invalid", "fault-behind-invalid-data", "request-ignored", "request-ignored-shortly", "fault-of-another-maker",
+    "controller-invalid", "request-ignored", "request-ignored-shortly", "fault-of-another-maker",
+    "fault-behind-invalid-data",
 }  # fmt: skip
 """IOPS, which PROFIBUS has not; lengths that prove nothing, where PROFIBUS has Chk_Cfg; vendor ids."""
 
