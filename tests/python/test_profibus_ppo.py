@@ -14,7 +14,8 @@ from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import open_capture
 from ds47.capture.writer import PcapngWriter
 from ds47.cli import main
-from ds47.cyclic import channels, ppo
+from ds47.cyclic import channels
+from ds47.cyclic.named import parse_ppo
 from ds47.lab import captured
 from ds47.lab.master import SET_PRM, Master
 from ds47.model import NAMED, PKW, PZD, CaptureResult, Side
@@ -254,7 +255,7 @@ def test_a_wrong_name_is_one_line(
     text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(ValueError, match="is not STATION=PPO, as in 3=ppo1"):
-        ppo.parse(text)
+        parse_ppo(text)
     path = tmp_path / "running.pcapng"
     path.write_bytes(running())
     assert main(["report", "--ppo", text, str(path)]) == 2

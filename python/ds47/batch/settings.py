@@ -18,7 +18,7 @@ from typing import Any, Final
 
 from ds47.analysis import AnalysisOptions
 from ds47.capture import CaptureError
-from ds47.cyclic import CYCLIC, USS, named, ppo
+from ds47.cyclic import CYCLIC, USS, named
 from ds47.cyclic.named import Name
 from ds47.model import SIEMENS
 from ds47.report import heading
@@ -62,7 +62,7 @@ def parse(table: Any) -> Settings:
     except ValueError as problem:
         raise ValueError(f"[cyclic] channels: {problem}") from None
     try:
-        ppos = tuple(map(ppo.parse, _texts(table, "ppo")))
+        ppos = tuple(map(named.parse_ppo, _texts(table, "ppo")))
     except ValueError as problem:
         raise ValueError(f"[cyclic] ppo: {problem}") from None
     return Settings(names, tuple(map(layout, _texts(table, "pkw_layout"))), ppos)

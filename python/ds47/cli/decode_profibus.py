@@ -14,8 +14,8 @@ from ds47.cli.dump import dump
 
 if TYPE_CHECKING:
     from ds47.library.message import Message
-    from ds47.profibus import Telegram
     from ds47.profibus.stream import Piece
+    from ds47.profibus.telegram import Telegram
     from ds47.profidrive import Options
 
 PROFIBUS = "profibus"

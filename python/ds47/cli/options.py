@@ -276,10 +276,10 @@ def _named(texts: Sequence[str]) -> tuple[Name, ...]:
 
 def _ppos(texts: Sequence[str]) -> tuple[tuple[int, int], ...]:
     """The PPO of stations that are named by hand."""
-    from ds47.cyclic import ppo
+    from ds47.cyclic import named
 
     try:
-        return tuple(map(ppo.parse, texts))
+        return tuple(map(named.parse_ppo, texts))
     except ValueError as problem:
         raise click.UsageError(f"--ppo: {problem}") from None
 

@@ -14,6 +14,7 @@ from typing import Final
 from ds47.cyclic.pkw import LENGTH
 from ds47.cyclic.relations import Relation, Side
 from ds47.model import NAMED, PKW, PZD
+from ds47.spec import profibus
 
 KINDS: Final = ("pkw", "pzd", "ppo1")
 """PKW; PZD that begins with a control or status word; PKW with PZD behind it."""
@@ -21,11 +22,30 @@ _NAME = re.compile(
     r"((?:[0-9a-f]{2}[:-]){5}[0-9a-f]{2})@(?:0x)?([0-9a-f]{1,4}):(\d{1,4}):(\w+)", re.IGNORECASE
 )
 _FORM = "MAC@FRAMEID:OFFSET:KIND, as in 00:1b:1b:11:22:33@8000:0:pkw"
+_PPO = re.compile(r"([0-9]{1,3})=ppo([0-9])", re.IGNORECASE)
+_LAST_STATION = 126
+"""The highest address of a station of PROFIBUS."""
 _FIRST, _LAST = 0x0100, 0xFBFF
 """Frame ids of cyclic frames."""
 _LONGEST = 1440
 _PZD_LENGTH = 4
 """STW1 and setpoint, ZSW1 and actual value: what all telegrams have."""
+
+
+def parse_ppo(text: str) -> tuple[int, int]:
+    """A station of PROFIBUS and its PPO as they are typed: `3=ppo1`.
+
+    Raises:
+        ValueError: what is wrong, and what is allowed.
+    """
+    found = _PPO.fullmatch(text.strip())
+    known = {row.number for row in profibus.ppos()}
+    if found is None or int(found[1]) > _LAST_STATION or int(found[2]) not in known:
+        names = ", ".join(f"ppo{number}" for number in sorted(known))
+        raise ValueError(
+            f"{text!r} is not STATION=PPO, as in 3=ppo1: 0 to {_LAST_STATION}; {names}"
+        )
+    return int(found[1]), int(found[2])
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,6 @@ the business of `channels` and of those behind it, for PROFINET and PROFIBUS ali
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from typing import ClassVar
 
@@ -20,28 +19,11 @@ from ds47.profibus.line import Exchange
 from ds47.spec import profibus
 
 _WORD = 2
-_LAST = 126
-"""The highest address of a station."""
-_NAMED = re.compile(r"([0-9]{1,3})=ppo([0-9])", re.IGNORECASE)
 
 
 def source(sender: int, receiver: int) -> bytes:
     """What stands for a sender where frames have stations, and neither MAC address nor frame id."""
     return bytes((sender, receiver))
-
-
-def parse(text: str) -> tuple[int, int]:
-    """A station and its PPO as they are typed: `3=ppo1`.
-
-    Raises:
-        ValueError: what is wrong, and what is allowed.
-    """
-    found = _NAMED.fullmatch(text.strip())
-    known = {row.number for row in profibus.ppos()}
-    if found is None or int(found[1]) > _LAST or int(found[2]) not in known:
-        names = ", ".join(f"ppo{number}" for number in sorted(known))
-        raise ValueError(f"{text!r} is not STATION=PPO, as in 3=ppo1: 0 to {_LAST}; {names}")
-    return int(found[1]), int(found[2])
 
 
 class Ppo:

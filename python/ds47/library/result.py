@@ -11,7 +11,7 @@ from ds47.analysis import AnalysisOptions
 from ds47.analysis import analyze as analyze_natively
 from ds47.cyclic.named import pairs as name_pairs
 from ds47.cyclic.named import parse as parse_name
-from ds47.cyclic.ppo import parse as parse_ppo
+from ds47.cyclic.named import parse_ppo
 from ds47.model import (
     CHANNELS,
     CaptureFile,

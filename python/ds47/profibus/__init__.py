@@ -7,11 +7,7 @@ bytes without borders, `listing` those of a log that is text. `line` knows which
 
 from typing import Final
 
-from ds47.profibus.telegram import Flaw, Telegram, decode
-
 PROFIBUS_DL: Final = 257
 USER0: Final = 147
 LINK_TYPES: Final = frozenset({PROFIBUS_DL, USER0})
 """LINKTYPE_PROFIBUS_DL, and the link type that is everybody's own: PROFIBUS where a frame of it proves that."""
-
-__all__ = ["LINK_TYPES", "PROFIBUS_DL", "USER0", "Flaw", "Telegram", "decode"]
