@@ -320,10 +320,14 @@ class Analysis:
         return [each.told() for each in self._cyclic.relations()] if cyclic else []
 
     def _frames(self, frames: Capture | Series) -> None:
+        note, take, record = self._times.note, self._transport.take_frame, self._records.take
         for frame in frames:
             if frame.link_type not in LINK_TYPES:
-                self._times.note(frame.number, frame.time_ns)
-                self.take(self._transport.take_frame(frame))
+                note(frame.number, frame.time_ns)
+                for became in take(frame):
+                    record(became)
+                if self._told:
+                    self._hear()
                 continue
             self._untimed = not frames.timed
             if not self._untimed:

@@ -228,7 +228,7 @@ def _maybe_error(item: dict[str, Any] | None, vendor_id: int | None) -> model.Pa
     return None if item is None else error(item, vendor_id)
 
 
-def _meaning(item: model.Parameter, lang: str) -> str | None:
+def meaning(item: model.Parameter, lang: str) -> str | None:
     told = meanings.meaning(item)
     return None if told is None else told.text(lang)
 
@@ -256,7 +256,7 @@ def _parameter(**arguments: Any) -> model.Parameter:
         described = model.Described(given, tuple(frames or ()))
     meant = arguments.pop("meaning", None)
     item = model.Parameter(**arguments, listed=own or row, described=described, family=family)
-    if meant is not None and meant not in (_meaning(item, "en"), _meaning(item, "zh")):
+    if meant is not None and meant not in (meaning(item, "en"), meaning(item, "zh")):
         item.told = {None: meant}  # by a list of the user
     return item
 
@@ -349,7 +349,7 @@ PARAMETER = Shape("parameter", (
     Key("described_in", many(NUMBER, 1),
         "Frames of the descriptions of the drive (attribute 0x20) that say its name or unit.", rare=True),
     Key("meaning", TEXT, "What the values mean, where the tables or a list of the user say it.",
-        tell=_meaning, rare=True),
+        tell=meaning, rare=True),
 ), _parameter)  # fmt: skip
 
 _BYTES = Shape("", (

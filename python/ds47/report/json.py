@@ -142,7 +142,7 @@ _NULL: Final = "null"
 
 
 def _parameter_text(item: Parameter, lang: str) -> str:
-    if item.attribute not in _PLAIN or item.described is not None or meanings.may_mean(item):
+    if item.attribute not in _PLAIN or item.described is not None:
         return text(contract.PARAMETER.plain(item, lang))
     error = item.error
     failed = _NULL
@@ -150,7 +150,9 @@ def _parameter_text(item: Parameter, lang: str) -> str:
         failed = text(contract.ERROR.plain(error, lang))
     scaled = _NULL if item.scaled is None else list_text(item.scaled)
     head, values = parameter_head(item, lang), list_text(item.values)
-    return f'{head}, "values": {values}, "scaled": {scaled}, "error": {failed}}}'
+    meant = contract.meaning(item, lang) if meanings.may_mean(item) else None
+    tail = "" if meant is None else f', "meaning": {_quoted(meant)}'
+    return f'{head}, "values": {values}, "scaled": {scaled}, "error": {failed}{tail}}}'
 
 
 _PLAIN: Final = ("value", None)
