@@ -229,6 +229,7 @@ def _maybe_error(item: dict[str, Any] | None, vendor_id: int | None) -> model.Pa
 
 
 def meaning(item: model.Parameter, lang: str) -> str | None:
+    """What the values of a parameter mean, in "en" or "zh"; None where nothing says it."""
     told = meanings.meaning(item)
     return None if told is None else told.text(lang)
 
