@@ -451,8 +451,10 @@ def outcomes(runner: Any) -> list[str]:
 
 
 @pytest.mark.slow
-def test_a_process_that_dies_costs_its_task_a_second_try(tmp_path: Path) -> None:
-    names = ["a", "dies-once", "b", "broken", "deadly", *(f"c{number}" for number in range(12))]
+@pytest.mark.parametrize("others", [12, 60])
+def test_a_process_that_dies_costs_its_task_a_second_try(tmp_path: Path, others: int) -> None:
+    """Of 60 and more, eight go to a process together."""
+    names = ["a", "dies-once", "b", "broken", "deadly", *(f"c{number}" for number in range(others))]
     make, out = Names(tmp_path), tmp_path / "out"
     found = outcomes(Local(tasks(*names), make, lambda task: out / task.path, 2))
     assert found[:4] == ["a", "dies-once", "b", "broken! broken: is broken"]

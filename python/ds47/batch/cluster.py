@@ -89,7 +89,8 @@ class Cluster(Window[Any]):
             threads: int = sum(self._client.nthreads().values())
         return max(2, 2 * threads)
 
-    def _submit(self, task: Task) -> Any:
+    def _submit(self, tasks: list[Task]) -> Any:
+        (task,) = tasks
         key = f"ds47-{os.urandom(8).hex()}"
         with self._connected():
             return self._client.submit(_work, self._make, task, __version__, key=key, pure=False)
@@ -103,8 +104,12 @@ class Cluster(Window[Any]):
                     raise
                 return [each for each in handles if each.done()]
 
-    def _outcome(self, begun: Begun[Any]) -> Outcome | None:
-        future: Any = begun.handle
+    def _take(self, handle: Any, share: list[Begun]) -> None:
+        (begun,) = share
+        begun.outcome = self._outcome(handle, begun)
+
+    def _outcome(self, future: Any, begun: Begun) -> Outcome | None:
+        """What came of a finished one; None where it had to be begun again."""
         try:
             product = future.result()
         except CaptureError as problem:
@@ -115,7 +120,7 @@ class Cluster(Window[Any]):
             with self._connected():
                 if self._client.status != "running":
                     raise problem
-            self._again(begun)
+            self._begin([begun])
             return None
         except self._distributed.comm.CommClosedError as problem:  # it went while this result came
             raise Lost(f"the Dask scheduler at {self._address} is gone") from problem

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -24,16 +24,25 @@ from ds47.batch.runner import Begun, Outcome, Place, Window
 from ds47.batch.tasks import STDIN, Task
 from ds47.capture import CaptureError
 
+_SHARE, _SHARE_BYTES = 16, 1 << 20
+"""So many tasks, or bytes of captures, go to a process together: to hand one over takes as long as to read one."""
 _DEATHS = 3
 """So many tasks in a row that kill their process are no longer about the tasks."""
 
 
-class Local(Window[Future[str | None]]):
+Problems = list[str | None]
+"""What kept each task of a share from a product."""
+
+
+class Local(Window[Future[Problems]]):
     """Makes products in `jobs` processes; a context manager."""
 
-    def __init__(self, tasks: Iterable[Task], make: Product, place: Place, jobs: int) -> None:
+    def __init__(self, tasks: Sequence[Task], make: Product, place: Place, jobs: int) -> None:
         super().__init__(tasks, make, place)
         self._jobs = jobs
+        self._most = max(1, min(_SHARE, len(tasks) // (4 * jobs)))
+        self._next: Task | None = None
+        """One that did not fit into the share before."""
         self._deaths = 0
         self._before = set(active_children())
         self._pool = self._new_pool()
@@ -56,57 +65,77 @@ class Local(Window[Future[str | None]]):
     def _wanted(self) -> int:
         return 2 * self._jobs
 
-    def _submit(self, task: Task) -> Future[str | None]:
-        path, draft = self._place(task), self._draft(task)
-        if task.path == STDIN:  # is here and nowhere else
-            here = Future[str | None]()
-            here.set_result(_work(self._make, task, path, draft))
+    def _share(self) -> list[Task]:
+        share, size = list[Task](), 0
+        while len(share) < self._most and size < _SHARE_BYTES:
+            task, self._next = self._next or next(self._tasks, None), None
+            if task is None:
+                break
+            if share and task.path == STDIN:
+                self._next = task
+                break
+            share.append(task)
+            size += _SHARE_BYTES if task.path == STDIN else task.size
+        return share
+
+    def _submit(self, tasks: list[Task]) -> Future[Problems]:
+        work = [(task, self._place(task), self._draft(task)) for task in tasks]
+        if tasks[0].path == STDIN:  # is here and nowhere else
+            here = Future[Problems]()
+            here.set_result(_work(self._make, work))
             return here
         try:
             with _uninterrupted():
-                return self._pool.submit(_work, self._make, task, path, draft)
+                return self._pool.submit(_work, self._make, work)
         except BrokenProcessPool as problem:
-            future = Future[str | None]()
+            future = Future[Problems]()
             future.set_exception(problem)
             return future
 
-    def _any_done(self, handles: list[Future[str | None]]) -> Iterable[Future[str | None]]:
+    def _any_done(self, handles: list[Future[Problems]]) -> Iterable[Future[Problems]]:
         return wait(handles, return_when=FIRST_COMPLETED).done
 
-    def _outcome(self, begun: Begun[Future[str | None]]) -> Outcome | None:
-        assert begun.handle is not None
+    def _take(self, handle: Future[Problems], share: list[Begun]) -> None:
         try:
-            problem = begun.handle.result()
+            problems = handle.result()
         except BrokenProcessPool:
-            return self._one_died(begun)
+            self._one_died(share)
+            return
         self._deaths = 0
-        path = self._place(begun.task)
-        return path if problem is None else CaptureError(problem)
+        for begun, problem in zip(share, problems, strict=True):
+            begun.outcome = self._came_of(begun.task, problem)
 
-    def _one_died(self, begun: Begun[Future[str | None]]) -> Outcome | None:
-        """Begins all anew that was at work; nobody knows whose process it was, so this one alone."""
+    def _came_of(self, task: Task, problem: str | None) -> Outcome:
+        return self._place(task) if problem is None else CaptureError(problem)
+
+    def _one_died(self, share: list[Begun]) -> None:
+        """Begins all anew that was at work; nobody knows whose process it was, so each of these alone."""
         waiting = list(self._working.values())
         self._working.clear()
         self._pool.shutdown()
         self._pool = self._new_pool(1)
-        outcome: Outcome
-        try:
-            problem = self._submit(begun.task).result()
-            outcome = self._place(begun.task) if problem is None else CaptureError(problem)
-            self._deaths = 0
-        except BrokenProcessPool:
-            discard(self._draft(begun.task))
-            self._deaths += 1
-            if self._deaths == _DEATHS:
-                raise Failed("no process of this run stays alive; -j 1 needs none") from None
-            outcome = CaptureError(
-                "the process that analysed it was killed, twice; is there enough memory? (-j 1 needs less)"
-            )
+        for begun in share:
+            begun.outcome = self._alone(begun.task)
         self._pool.shutdown()
         self._pool = self._new_pool()
         for each in waiting:
-            self._again(each)
-        return outcome
+            self._begin(each)
+
+    def _alone(self, task: Task) -> Outcome:
+        try:
+            (problem,) = self._submit([task]).result()
+        except BrokenProcessPool:
+            discard(self._draft(task))
+            self._deaths += 1
+            if self._deaths == _DEATHS:
+                raise Failed("no process of this run stays alive; -j 1 needs none") from None
+            self._pool.shutdown()
+            self._pool = self._new_pool(1)
+            return CaptureError(
+                "the process that analysed it was killed, twice; is there enough memory? (-j 1 needs less)"
+            )
+        self._deaths = 0
+        return self._came_of(task, problem)
 
 
 def _prepare() -> None:
@@ -136,8 +165,13 @@ def _uninterrupted() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _work(make: Product, task: Task, path: Path, draft: Path) -> str | None:
-    """What a process does with a task; the text of what kept it from a product."""
+def _work(make: Product, work: list[tuple[Task, Path, Path]]) -> Problems:
+    """What a process does with a share."""
+    return [_one(make, *each) for each in work]
+
+
+def _one(make: Product, task: Task, path: Path, draft: Path) -> str | None:
+    """The text of what kept a task from a product."""
     try:
         with whole(path, draft) as stream:
             make(task, stream)

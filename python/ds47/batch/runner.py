@@ -61,17 +61,16 @@ class Here:
             yield task, make_here(self._make, task, self._place(task))
 
 
-@dataclass(slots=True)
-class Begun(Generic[Handle]):
+@dataclass(slots=True, eq=False)
+class Begun:
     """A task on its way."""
 
     task: Task
-    handle: Handle | None
     outcome: Outcome | None = None
 
 
 class Window(ABC, Generic[Handle]):
-    """Begins tasks ahead of their turn; iterating gives each with its outcome, in order.
+    """Begins tasks ahead of their turn, a share at a time; iterating gives each with its outcome, in order.
 
     There are always some more begun than can be worked at, so that nobody has to wait; one that
     takes long does not hold up the others behind it.
@@ -81,8 +80,8 @@ class Window(ABC, Generic[Handle]):
         self._tasks = iter(tasks)
         self._make = make
         self._place = place
-        self._begun: deque[Begun[Handle]] = deque()
-        self._working: dict[Handle, Begun[Handle]] = {}
+        self._begun: deque[Begun] = deque()
+        self._working: dict[Handle, list[Begun]] = {}
 
     def __enter__(self) -> Self:
         return self
@@ -90,8 +89,10 @@ class Window(ABC, Generic[Handle]):
     def __iter__(self) -> Iterator[tuple[Task, Outcome]]:
         while True:
             room = min(self._wanted() - len(self._working), _WAITING - len(self._begun))
-            for task in islice(self._tasks, max(0, room)):
-                self._start(Begun(task, None))
+            while room > 0 and (share := [Begun(task) for task in self._share()]):
+                self._begun += share
+                self._begin(share)
+                room -= 1
             if not self._begun:
                 return
             first = self._begun[0]
@@ -101,36 +102,34 @@ class Window(ABC, Generic[Handle]):
             self._begun.popleft()
             yield first.task, first.outcome
 
-    def _start(self, begun: Begun[Handle]) -> None:
-        self._begun.append(begun)
-        self._again(begun)
+    def _share(self) -> list[Task]:
+        """The next tasks that are given away together; none where there are no more."""
+        return list(islice(self._tasks, 1))
 
-    def _again(self, begun: Begun[Handle]) -> None:
-        handle = self._submit(begun.task)
-        begun.handle = handle
-        self._working[handle] = begun
+    def _begin(self, share: list[Begun]) -> None:
+        self._working[self._submit([begun.task for begun in share])] = share
 
     def _wait(self) -> None:
         for handle in self._any_done(list(self._working)):
-            begun = self._working.pop(handle, None)
-            if begun is not None:
-                begun.outcome = self._outcome(begun)
+            share = self._working.pop(handle, None)
+            if share is not None:
+                self._take(handle, share)
 
     @abstractmethod
     def _wanted(self) -> int:
-        """How many tasks to have at work."""
+        """How many shares to have at work."""
 
     @abstractmethod
-    def _submit(self, task: Task) -> Handle:
-        """Begins a task."""
+    def _submit(self, tasks: list[Task]) -> Handle:
+        """Gives a share away."""
 
     @abstractmethod
     def _any_done(self, handles: list[Handle]) -> Iterable[Handle]:
         """Waits until at least one of them is finished; those that are."""
 
     @abstractmethod
-    def _outcome(self, begun: Begun[Handle]) -> Outcome | None:
-        """What came of a finished one; None where it had to be begun again."""
+    def _take(self, handle: Handle, share: list[Begun]) -> None:
+        """Sets what came of a finished share, or begins it again."""
 
     @abstractmethod
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
