@@ -38,9 +38,6 @@ from ds47.findings.remark import Exchange, Remark
 from ds47.findings.times import FrameTimes
 from ds47.model import CHANNELS, DS47, PKW, PZD, S7, CaptureResult, Finding, Transaction
 from ds47.model import Relation as ToldRelation
-from ds47.parameters import naming
-from ds47.parameters.catalogue import Catalogue
-from ds47.parameters.lists import ParameterList
 from ds47.profibus import LINK_TYPES
 from ds47.profidrive import Options, decode_response
 from ds47.profidrive.dictionary import Dictionary, explain_transaction
@@ -58,6 +55,8 @@ from ds47.spec.statuses import status_hex
 
 if TYPE_CHECKING:
     from ds47.acyclic.lines import Lines
+    from ds47.parameters.catalogue import Catalogue
+    from ds47.parameters.lists import ParameterList
     from ds47.s7.communication import Communication
     from ds47.s7.model import Job as S7Job
 
@@ -182,6 +181,15 @@ def rules_of_others(channels: Sequence[str]) -> tuple[str, ...]:
     return tuple(left)
 
 
+def _catalogue(lists: Sequence[ParameterList]) -> Catalogue | None:
+    """The lists together; None where there are none: most captures are read without."""
+    if not lists:
+        return None
+    from ds47.parameters.catalogue import Catalogue
+
+    return Catalogue(lists)
+
+
 def _layout(layouts: dict[str, str], device: str) -> str:
     """The layout of IND of a device: its own, that of all, or that of cyclic transfer."""
     return layouts.get(device, layouts.get("", CYCLIC))
@@ -217,8 +225,7 @@ class Analysis:
             options.indices, bounds.waiting_calls, bounds.waiting_ars, bounds.proven_ars
         )
         self._judge = Judge(bounds, slow_ns, index47.waits)
-        self._catalogue = Catalogue(options.lists)
-        self._listed = not self._catalogue.is_empty
+        self._catalogue = _catalogue(options.lists)
         self._dictionary = Dictionary(self._judge.objects, bounds.described_parameters)
         self._completeness = Completeness(
             bounds.activities, lambda station: self._lines.line.lost(station) if self._lines else 0
@@ -462,10 +469,16 @@ class Analysis:
 
     def _built(self, job: Job) -> Transaction:
         """The transaction of a job, with the names that lists have."""
-        transaction = build(job)
-        if not self._listed:
+        return self._named(build(job), job.peer.vendor_id, job.peer.device_id)
+
+    def _named(
+        self, transaction: Transaction, vendor_id: int | None, device_id: int | None
+    ) -> Transaction:
+        if self._catalogue is None:
             return transaction
-        return naming.explain(transaction, self._catalogue, job.peer.vendor_id, job.peer.device_id)
+        from ds47.parameters import naming
+
+        return naming.explain(transaction, self._catalogue, vendor_id, device_id)
 
     def _watch(self, watches: Sequence[Watch]) -> None:
         """Cyclic frames that matter from the next frame on."""
@@ -477,8 +490,7 @@ class Analysis:
         self._cyclic.identify()
         transaction = build_pkw(relation, job, self._layout(relation.device))
         explain_transaction(self._dictionary, transaction, relation.maker, relation.family)
-        if self._listed:
-            naming.explain(transaction, self._catalogue, relation.vendor_id, None)
+        self._named(transaction, relation.vendor_id, None)
         self._objects.transaction(transaction)
         if relation.is_bus:
             unsure = 0 if self._lines is None else self._lines.line.unsure

@@ -9,7 +9,6 @@ Everything else in the file is about comparing results (`ds47.regression.config`
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -198,6 +197,8 @@ def _nearest(folder: Path) -> Settings:
 
 
 def _read(path: Path) -> Settings:
+    import tomllib  # most folders have no settings
+
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8-sig"))
         report = table.get("report", {})

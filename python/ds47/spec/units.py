@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from datetime import date
-from fractions import Fraction
 from functools import lru_cache
 from typing import Final
 
@@ -59,7 +58,11 @@ def milliseconds(duration_ns: int | None) -> float | None:
 
 def duration(shown_ms: float | None) -> int | None:
     """Whole nanoseconds of a duration in ms: those it was rounded from."""
-    return None if shown_ms is None else round(Fraction(shown_ms) * 1_000_000)
+    if shown_ms is None:
+        return None
+    from fractions import Fraction  # only results that are loaded need it
+
+    return round(Fraction(shown_ms) * 1_000_000)
 
 
 @lru_cache(maxsize=4096)
