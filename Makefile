@@ -112,7 +112,7 @@ windows: $(STAMP)
 	$(BIN)/python tools/windows.py $(ARGS)
 
 bench: $(STAMP)
-	$(BIN)/python bench/way.py
+	$(BIN)/python bench/way.py $(filter --trial,$(BENCH))
 	$(BIN)/python bench/run.py $(BENCH)
 	$(BIN)/python bench/formats.py $(BENCH)
 	$(BIN)/python bench/plugin.py $(BENCH)

@@ -1,9 +1,9 @@
 """Counts what a frame of a usual conversation passes: calls of Python a transaction, and files a frame enters.
 
-    .venv/bin/python bench/way.py [CAPTURE]
+    .venv/bin/python bench/way.py [CAPTURE | --trial]
 
 Counts nothing but Python's own calls, from the first frame to the last line of ndjson, so that two runs say the
-same. Without a capture it takes the one of bench/run.py with 20,000 record frames. docs/developers/way.md says
+same. Without a capture it takes the one of bench/run.py with 20,000 record frames, or 2,000. docs/developers/way.md says
 what the numbers are to become.
 """
 
@@ -80,11 +80,9 @@ def files(entered: Counter[str]) -> int:
 def main() -> int:
     """Prints it."""
     DATA.mkdir(exist_ok=True)
-    capture = (
-        Path(sys.argv[1])
-        if len(sys.argv) > 1
-        else made("dense-20000.pcapng", "make_dense.py", 20_000)
-    )
+    frames = 2_000 if sys.argv[1:2] == ["--trial"] else 20_000
+    there = [Path(each) for each in sys.argv[1:] if not each.startswith("-")]
+    capture = there[0] if there else made(f"dense-{frames}.pcapng", "make_dense.py", frames)
     way, transactions = walk(capture)
     print(
         f"{way.calls.total() / max(1, transactions):.0f} calls a transaction, {transactions} transactions"
