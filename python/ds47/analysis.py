@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 from ds47.acyclic import learning
 from ds47.acyclic.index47 import Index47
 from ds47.acyclic.judge import Judge
-from ds47.acyclic.pairing import Access, Job, Missing, Pairing, Told
+from ds47.acyclic.pairing import Job, Missing, Pairing, RecordAccess, Told
 from ds47.acyclic.record_calls import RecordCalls
 from ds47.acyclic.record_events import RecordEvents
 from ds47.acyclic.transactions import build, summarise
@@ -26,7 +26,7 @@ from ds47.capture.scan import Watch
 from ds47.cyclic import CYCLIC
 from ds47.cyclic.channels import CyclicChannels
 from ds47.cyclic.conclusions import Conclusions
-from ds47.cyclic.handshake import Job as PkwJob
+from ds47.cyclic.handshake import PkwJob
 from ds47.cyclic.named import Name
 from ds47.cyclic.relations import Relation
 from ds47.cyclic.senders import senders
@@ -34,7 +34,7 @@ from ds47.cyclic.transactions import build as build_pkw
 from ds47.diagnosis import Diagnoses
 from ds47.findings.collection import Findings
 from ds47.findings.grouping import OF_THE_RECORDING
-from ds47.findings.remark import Exchange, Remark
+from ds47.findings.remark import AnyJob, Remark
 from ds47.findings.times import FrameTimes
 from ds47.model import CHANNELS, DS47, PKW, PZD, S7, CaptureResult, Finding, Transaction
 from ds47.model import Relation as ToldRelation
@@ -58,7 +58,7 @@ if TYPE_CHECKING:
     from ds47.parameters.catalogue import Catalogue
     from ds47.parameters.lists import ParameterList
     from ds47.s7.communication import Communication
-    from ds47.s7.model import Job as S7Job
+    from ds47.s7.model import S7Job
 
 OnTransaction = Callable[[Transaction, list[Finding]], None]
 
@@ -257,7 +257,7 @@ class Analysis:
         self._lines: Lines | None = None
         """What PROFIBUS adds, once a frame of it came."""
         self._answers: dict[Job, list[Remark]] = {}
-        self._remarks: dict[Exchange, list[Remark]] = {}
+        self._remarks: dict[AnyJob, list[Remark]] = {}
         """What is wrong with the transport of open jobs."""
         self._transactions: dict[int, Transaction] = {}
         """By the order of their jobs; the jobs themselves need not be kept."""
@@ -544,7 +544,7 @@ class Analysis:
         transaction.findings = sorted({remark.rule for remark in remarks})
         to(transaction, [self._findings.told(remark, order) for remark in remarks])
 
-    def _nothing_to_read(self, access: Access, missing: Missing | None) -> None:
+    def _nothing_to_read(self, access: RecordAccess, missing: Missing | None) -> None:
         half = access.record.response
         if half is None or half.status is None:
             return  # it is DS108, the cause
@@ -556,7 +556,7 @@ class Analysis:
         self._diagnoses.nothing_to_read(access, missing)
         self._findings.add(remark)
 
-    def _not_asked(self, access: Access, half: Half) -> Remark:
+    def _not_asked(self, access: RecordAccess, half: Half) -> Remark:
         """Of a Read that found nothing; what the capture shows since the start-up cannot lie before it."""
         status, device, index = (
             status_hex(half.status or 0),

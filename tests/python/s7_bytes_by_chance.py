@@ -15,7 +15,7 @@ from typing import Any
 
 from ds47.s7 import pdu as pdus
 from ds47.s7 import tcp, tpkt
-from ds47.s7.consistency import Access, Question
+from ds47.s7.consistency import ItemAccess, Question
 from ds47.s7.model import Address, At, End, Flaw, Item
 from ds47.s7.tpkt import Reader, Tpdu
 from ds47.spec import s7
@@ -495,7 +495,7 @@ def questions_by_chance() -> list[dict[str, Any]]:
 
 def answer_to(line: dict[str, Any]) -> dict[str, Any]:
     read, others = (
-        [Access(**each | {"data": bytes.fromhex(each["data"])}) for each in line[name]]
+        [ItemAccess(**each | {"data": bytes.fromhex(each["data"])}) for each in line[name]]
         for name in ("read", "others")
     )
     question = Question(read, others, dict(line["before"]), sum(1 << at for at in line["foreign"]))

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from itertools import count
 
 from ds47.acyclic.judge import is_mismatch
-from ds47.acyclic.pairing import Access, Job, Peer
+from ds47.acyclic.pairing import Job, Peer, RecordAccess
 from ds47.lab.client import Client
 from ds47.lab.ether import Host
 from ds47.lab.stage import Stage
@@ -68,7 +68,7 @@ def job(
     record = Record(True, False, bytes(range(16)), 0, *at, 0)
     message = None if asked is None else decode_request(asked)
     record.request = None if asked is None else half(0, asked)
-    made = Job(Access(Peer("c", device, vendor, 0x0501), record), message, phase="closed")
+    made = Job(RecordAccess(Peer("c", device, vendor, 0x0501), record), message, phase="closed")
     if asked is not None:
         made.write_response = half(1, status=0)
     if answer is not None:

@@ -17,7 +17,7 @@ from ds47.batch.local import Local
 from ds47.batch.products import Spool
 from ds47.cli import main
 from ds47.cyclic.named import parse
-from ds47.parameters.lists import ParameterList, Row
+from ds47.parameters.lists import ListedParameter, ParameterList
 from ds47.profidrive import Options
 from ds47.s7.choices import Choices
 
@@ -83,7 +83,7 @@ def test_every_option_goes_to_another_process() -> None:
         frozenset({48}), 2.5, ("DS3",), ("DS301",), Options(True, True, 42), True, (("", "uss"),),
         ("pzd",), (parse("00:1b:1b:11:22:33@8000:0:pkw"),), ((3, 1),),
         Choices((1102,), (("", 32),), (("10.0.0.2", "s7-400"),), True), 0x002A,
-        (ParameterList("own", 0x002A, (7,), "4.7", "own.csv", [Row(1, "one", values={0: "no"})]),),
+        (ParameterList("own", 0x002A, (7,), "4.7", "own.csv", [ListedParameter(1, "one", values={0: "no"})]),),
     )  # fmt: skip
     assert pickle.loads(pickle.dumps(given)) == given
     for options, default in (

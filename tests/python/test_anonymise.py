@@ -20,7 +20,7 @@ from ds47.capture import Interface, PcapngWriter, WholeFrame, open_capture
 from ds47.export import Key, KeyFileError, Outcome, Selection, export
 from ds47.export.anonymise import Anonymiser, Knowledge, internet_checksum
 from ds47.export.drafts import Drafts
-from ds47.export.tracking import Copy, Message
+from ds47.export.tracking import Copy, TrackedMessage
 from ds47.lab import ether, message, wire
 from ds47.lab.client import OK, Client
 from ds47.lab.naming import DCP, LLDP, dcp_identify, lldp
@@ -665,5 +665,5 @@ def test_a_copy_of_what_was_not_rewritten_is_refused() -> None:
     foreign, copy, drafts = Trace(data=SECRET), Trace(), Drafts()
     drafts.add(WholeFrame(2, 0, Interface(1, 0), bytes(14 + 20) + SECRET, 50))
     copy.add(Piece(2, 0, 34, 0, len(SECRET)))
-    story_of = Message("foreign", 1, 0, parts=[[foreign]])
+    story_of = TrackedMessage("foreign", 1, 0, parts=[[foreign]])
     assert not Anonymiser(Key(), Knowledge()).copy(Copy(story_of, copy, foreign), drafts)

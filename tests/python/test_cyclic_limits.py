@@ -15,7 +15,7 @@ from test_lua_analysis import VERSIONS, Source, compare
 
 from ds47.analysis import analyze
 from ds47.cyclic.habits import Habits
-from ds47.cyclic.handshake import Job, Moment, Sight
+from ds47.cyclic.handshake import Moment, PkwJob, Sight
 from ds47.lab import captured
 from ds47.lab.client import Client
 from ds47.lab.cyclic import PKW, PZD, Cyclic, Module
@@ -146,6 +146,6 @@ def test_parameters_that_are_remembered_are_bounded(words: str, rule: str) -> No
     for number in range(4 * 4):
         data = bytes.fromhex(f"{words}00{number % 4}000000000000")
         sight = Sight(data, Moment(number, number, number))
-        assert list(habits.take(Job(sight, None, True))) == []
+        assert list(habits.take(PkwJob(sight, None, True))) == []
     told = [each.args["pnu"] for each in habits.finish()]
     assert told == {"DS508": [0, 1], "DS509": [0]}[rule]

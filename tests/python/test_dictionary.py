@@ -9,11 +9,11 @@ import pytest
 
 from ds47.model import SIEMENS, Parameter, Value
 from ds47.profidrive.dictionary import Dictionary, Meaning, explain, is_known, listed, unit_of
-from ds47.profidrive.drive_objects import LOCAL, Access, DriveObjects
+from ds47.profidrive.drive_objects import LOCAL, DriveAccess, DriveObjects
 from ds47.spec.semantics import known, limits
 
 DRIVE, OTHER = "192.168.0.2", "192.168.0.3"
-TWO = Access(DRIVE, 47, 1, 1, 2)
+TWO = DriveAccess(DRIVE, 47, 1, 1, 2)
 WORD, INTEGER, FLOAT = 0x06, 0x03, 0x08
 HERTZ, SECONDS, POWER = 28, 4, 9
 OCTETS = "OctetString"
@@ -47,7 +47,7 @@ class Drive:
     def says(
         self,
         values: list[Value],
-        access: Access = TWO,
+        access: DriveAccess = TWO,
         pnu: int = 1082,
         subindex: int = 0,
         format_name: str = OCTETS,
@@ -56,7 +56,7 @@ class Drive:
         self.dictionary.learn(access, pnu, subindex, format_name, values, self.frame)
         return self.frame
 
-    def of(self, access: Access = TWO, pnu: int = 1082, vendor: int | None = None) -> Meaning:
+    def of(self, access: DriveAccess = TWO, pnu: int = 1082, vendor: int | None = None) -> Meaning:
         return self.dictionary.meaning(access, pnu, vendor)
 
     def told(
@@ -269,7 +269,7 @@ def test_what_is_said_of_a_drive_object_says_nothing_of_others(drive: Drive) -> 
 def test_what_proves_a_drive_object_names_by_other_ways(drive: Drive) -> None:
     drive.says(whole())
     elsewhere = TWO._replace(slot=2)
-    local = Access(DRIVE, LOCAL, 2, 1, None)
+    local = DriveAccess(DRIVE, LOCAL, 2, 1, None)
     assert not drive.of(elsewhere).is_said
     drive.objects.refused(TWO._replace(axis=9), known().axis_error)  # it looks at the axis byte
     assert drive.of(elsewhere).is_said

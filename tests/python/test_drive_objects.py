@@ -11,7 +11,7 @@ from talk import job
 from ds47.acyclic.transactions import build
 from ds47.lab import message
 from ds47.model import Transaction
-from ds47.profidrive.drive_objects import LOCAL, Access, DriveObjects, access
+from ds47.profidrive.drive_objects import LOCAL, DriveAccess, DriveObjects, access
 from ds47.spec.semantics import known
 
 AXIS_ERROR = 0x19
@@ -31,12 +31,14 @@ def looking(objects: DriveObjects, device: str = "d") -> None:
     objects.refused(access(device, 47, 1, 1, 77), AXIS_ERROR)
 
 
-def names(objects: DriveObjects, one: Access, number: int) -> None:
+def names(objects: DriveObjects, one: DriveAccess, number: int) -> None:
     """A submodule says its DO-ID."""
     objects.identified(one, 7, [number])
 
 
-def pair(objects: DriveObjects, one: Access, other: Access, pnu: int = RAMP) -> tuple[bool, bool]:
+def pair(
+    objects: DriveObjects, one: DriveAccess, other: DriveAccess, pnu: int = RAMP
+) -> tuple[bool, bool]:
     """Whether they are surely the same, and surely another; the order does not matter."""
     found = objects.same(one, other, pnu), objects.other(one, other, pnu)
     assert found == (objects.same(other, one, pnu), objects.other(other, one, pnu))

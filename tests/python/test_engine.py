@@ -28,7 +28,7 @@ from ds47.capture.writer import PcapngWriter
 from ds47.cyclic.named import parse
 from ds47.findings.times import FrameTimes
 from ds47.model import CHANNELS, CaptureResult, Event, Finding, Transaction
-from ds47.parameters.lists import ParameterList, Row
+from ds47.parameters.lists import ListedParameter, ParameterList
 from ds47.profibus import PROFIBUS_DL, USER0
 from ds47.profidrive import Options
 from ds47.report import contract, load
@@ -625,8 +625,8 @@ def test_preferences_are_complete() -> None:
 @pytest.mark.slow
 def test_lists_of_the_user_count(ready: Callable[..., Engine]) -> None:
     rows = [
-        Row(21, "Speed now", None, "1/min", None, {}),
-        Row(945, "Faults", None, None, None, {7900: "stalled"}),
+        ListedParameter(21, "Speed now", None, "1/min", None, {}),
+        ListedParameter(945, "Faults", None, None, None, {7900: "stalled"}),
     ]
     options = AnalysisOptions(lists=(ParameterList("mine", rows=rows),))
     for name in ("conversation-partial-read", "tour-machine"):

@@ -26,7 +26,7 @@ from ds47.cli import main
 from ds47.export import Key, Selection, SelectionError, display_filter, export, first_time
 from ds47.export.drafts import Drafts
 from ds47.export.earlier import OF_THE_ORIGINAL, is_earlier_export
-from ds47.export.tracking import Copy, Message, Tracker
+from ds47.export.tracking import Copy, TrackedMessage, Tracker
 from ds47.lab import wire
 from ds47.lab.wire import Call
 from ds47.model import PKW, Transaction
@@ -651,7 +651,7 @@ def fragment(offset: int, size: int = 800, *, ident: int = 7, more: bool = True)
     return make.ethernet(0x800, make.ipv4(b"x" * size, ident=ident, offset=offset, more=more))
 
 
-def fed(tracker: Tracker, frames: list[Frame]) -> list[Message | Copy]:
+def fed(tracker: Tracker, frames: list[Frame]) -> list[TrackedMessage | Copy]:
     return [found for frame in frames if (found := tracker.feed(frame)) is not None]
 
 
@@ -663,7 +663,7 @@ def test_copies_of_a_fragment_wait_up_to_a_number() -> None:
     tracker = Tracker()
     frames = captured(*[fragment(800)] * 1_000, fragment(1600, more=False), fragment(0))
     (whole,) = fed(tracker, frames)
-    assert isinstance(whole, Message)
+    assert isinstance(whole, TrackedMessage)
     assert whole.frames == [*range(1, MOST_COPIES + 1), 1_001, 1_002]
     assert lost(tracker) == [[number] for number in range(MOST_COPIES + 1, 1_001)]
 
@@ -728,7 +728,7 @@ def test_unfinished_messages_are_as_many_as_in_the_analysis(what: str) -> None:
 def test_a_copy_of_the_first_rpc_fragment_after_the_last() -> None:
     first, last = rpc_fragments(100, 2, 1)
     whole, copy = fed(Tracker(), captured(first, last, first))
-    assert isinstance(whole, Message)
+    assert isinstance(whole, TrackedMessage)
     assert isinstance(copy, Copy)
     assert copy.message is whole
     assert copy.trace.frames == [3]
@@ -740,7 +740,7 @@ def test_rpc_fragments_behind_the_last_are_given_up() -> None:
     third = third[:44] + bytes((third[44] & ~2,)) + third[45:]  # which this one does not
     tracker = Tracker()
     (whole,) = fed(tracker, captured(third, second, first))
-    assert isinstance(whole, Message)
+    assert isinstance(whole, TrackedMessage)
     assert whole.frames == [2, 3]
     assert lost(tracker) == [[1]]
 
@@ -749,7 +749,7 @@ def test_the_body_of_cut_rpc_fragments_ends_at_the_first_hole() -> None:
     first, second, third = captured(*rpc_fragments(100, 3, 1))
     second.data = second.data[:-40]
     (whole,) = fed(Tracker(), [first, second, third])
-    assert isinstance(whole, Message)
+    assert isinstance(whole, TrackedMessage)
     assert whole.pdu is not None
     assert (len(whole.pdu.body), whole.pdu.missing) == (160, 140)
 
@@ -771,7 +771,7 @@ def test_a_late_copy_of_an_ip_fragment_waits_with_its_rpc_message() -> None:
     parts = [make.ethernet(0x800, make.ipv4(first[34:][:80], offset=0, more=True)),
              make.ethernet(0x800, make.ipv4(first[34:][80:], offset=80))]  # fmt: skip
     whole, copy = fed(Tracker(), captured(*parts, parts[1], last, parts[0]))
-    assert isinstance(whole, Message)
+    assert isinstance(whole, TrackedMessage)
     assert (whole.frame, whole.frames) == (4, [1, 2, 3, 4])
     assert isinstance(copy, Copy)
     assert (copy.message, copy.trace.frames, copy.sibling) == (whole, [5], whole.parts[0][0])

@@ -38,7 +38,7 @@ from ds47.cli import main
 from ds47.model import CaptureResult, Report
 from ds47.report import json as contract
 from ds47.report import load
-from ds47.report.overview import Row, table
+from ds47.report.overview import CaptureRow, table
 from ds47.report.wrap import columns
 from ds47.spec import units
 
@@ -651,13 +651,19 @@ def test_an_overview_of_results_given_as_a_whole() -> None:
     assert lines[0] == "Captures, the worst first"
     assert lines[2].endswith("b  only partly read: cut")
     assert lines[-3] == "All 2 captures: 1 in which all is well, 1 only partly read"
-    assert Row.loaded(Row.unreadable("x", "why").plain()) == Row.unreadable("x", "why")
+    assert CaptureRow.loaded(CaptureRow.unreadable("x", "why").plain()) == CaptureRow.unreadable(
+        "x", "why"
+    )
 
 
 def test_columns_of_the_overview_line_up_in_chinese() -> None:
     findings = [finding("DS410", "error", "x", 1)] * 12345
     bad = CaptureResult("b", problem="cut", complete=False, dropped=2, findings=findings)
-    rows = [Row.of(CaptureResult("a", complete=False)), Row.of(bad), Row.unreadable("c", "why")]
+    rows = [
+        CaptureRow.of(CaptureResult("a", complete=False)),
+        CaptureRow.of(bad),
+        CaptureRow.unreadable("c", "why"),
+    ]
     title, *lines, more = table(rows, "zh", 2)
     assert title == "抓包，问题最严重的在前"
     head, worst, second = (line.split() for line in lines)

@@ -16,7 +16,7 @@ import pytest
 from lua_program import LUAS, lua_program
 
 from ds47.cyclic import pkw
-from ds47.cyclic.handshake import Channel, Job, Moment
+from ds47.cyclic.handshake import Channel, Moment, PkwJob
 from ds47.spec import cyclic as spec
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -33,8 +33,8 @@ def at(cycle: int) -> Moment:
     return Moment(cycle, cycle * CYCLE_NS, cycle)
 
 
-def played(conversation: dict[str, Any]) -> list[Job]:
-    found: list[Job] = []
+def played(conversation: dict[str, Any]) -> list[PkwJob]:
+    found: list[PkwJob] = []
     channel = Channel(found.append)
     for step in conversation["steps"]:
         moment = at(step["cycle"])
@@ -48,7 +48,7 @@ def played(conversation: dict[str, Any]) -> list[Job]:
     return found
 
 
-def shown(job: Job) -> dict[str, Any]:
+def shown(job: PkwJob) -> dict[str, Any]:
     """A transaction with the keys of the vectors."""
     request = pkw.decode(job.request.data, False)
     answer = None if job.answer is None else pkw.decode(job.answer.data, True)
@@ -87,7 +87,7 @@ def test_lua_pairs_the_same(lua: str) -> None:
         assert found == [bare(job) for job in played(conversation)], conversation
 
 
-def bare(job: Job) -> dict[str, Any]:
+def bare(job: PkwJob) -> dict[str, Any]:
     """A transaction as tests/lua/cyclic.lua prints it."""
     return {
         "request": job.request.data.hex(), "start": job.request.at.cycle, "state": job.state,

@@ -19,7 +19,7 @@ import jsonschema
 import pytest
 
 from ds47 import analysis, report
-from ds47.acyclic.pairing import Access, Pairing, Peer
+from ds47.acyclic.pairing import Pairing, Peer, RecordAccess
 from ds47.analysis import Analysis, AnalysisOptions, analyze
 from ds47.capture import CaptureError, PcapngWriter, open_capture
 from ds47.cli import main
@@ -660,7 +660,7 @@ def test_a_release_looks_at_its_own_channels():
         for number in range(size):
             key = number.to_bytes(16, "big")
             record = Record(True, False, key, 0, 1, 1, 47, 0, Half(1, START))
-            pairing.write_request(Access(peer, record), request)
+            pairing.write_request(RecordAccess(peer, record), request)
         for number in range(size):
             pairing.release(CONTROLLER, DEVICE, number.to_bytes(16, "big"))
         assert not pairing.channels

@@ -17,7 +17,7 @@ from ds47.cli import main
 from ds47.model import Parameter
 from ds47.parameters import naming, table
 from ds47.parameters.catalogue import Catalogue
-from ds47.parameters.lists import Message, ParameterList, Row
+from ds47.parameters.lists import ListedMessage, ListedParameter, ParameterList
 from ds47.wireshark import bundle, install
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -44,12 +44,14 @@ def some_list(chance: random.Random, number: int) -> ParameterList:
             chance.choice([0, 1, -2, 7]): chance.choice(ODD) for _ in range(chance.choice([0, 2]))
         }
         found.rows.append(
-            Row(chance.choice([300, 945, 2122, 7]), chance.choice(ODD), None, chance.choice([None, "s", "°C"]),
-                None, values)
+            ListedParameter(
+                chance.choice([300, 945, 2122, 7]), chance.choice(ODD), None,
+                chance.choice([None, "s", "°C"]), None, values,
+            )
         )  # fmt: skip
     for _ in range(chance.randrange(6)):
         found.messages.append(
-            Message(chance.choice("FAN"), chance.choice([1, 7900, 30001]), chance.choice(ODD))
+            ListedMessage(chance.choice("FAN"), chance.choice([1, 7900, 30001]), chance.choice(ODD))
         )
     return found
 

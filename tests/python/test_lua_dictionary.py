@@ -16,7 +16,7 @@ from lua_program import LUAS, lua_program
 from ds47.model import SIEMENS, Parameter
 from ds47.profidrive import Block, decode_response
 from ds47.profidrive.dictionary import Dictionary, Said, explain, unit_of
-from ds47.profidrive.drive_objects import LOCAL, Access, DriveObjects, access
+from ds47.profidrive.drive_objects import LOCAL, DriveAccess, DriveObjects, access
 from ds47.report import formatting
 from ds47.spec.semantics import known
 
@@ -33,7 +33,7 @@ NAMES = (
 )  # fmt: skip
 
 
-def an_access(chance: random.Random) -> Access:
+def an_access(chance: random.Random) -> DriveAccess:
     index = chance.choice((47, 47, 0xB02F, LOCAL))
     slot, axis = chance.choice((1, 2, None)), chance.choice((0, 1, 2, 3))
     return access(f"192.168.0.{chance.randint(1, 2)}", index, slot, 1, axis)

@@ -22,8 +22,8 @@ import test_profibus_calls as by_hand
 from lua_program import LUAS, lua_program
 from test_profibus_calls import MS, NOT_READY, SHORT, Talk
 
-from ds47.acyclic.pairing import Access, Job, Pairing, Peer, Told
-from ds47.acyclic.services import Became, Call, CallTracker
+from ds47.acyclic.pairing import Job, Pairing, Peer, RecordAccess, Told
+from ds47.acyclic.services import Became, CallTracker, ServiceCall
 from ds47.profibus import telegram
 from ds47.profibus.line import Exchange, Line, Seen
 from ds47.profidrive import decode_request
@@ -61,7 +61,7 @@ class Ear:
 
     def __init__(self) -> None:
         self.told: list[dict[str, Any]] = []
-        self._calls: list[Call] = []
+        self._calls: list[ServiceCall] = []
         self._jobs: dict[int, Job] = {}
         self._jobs_told: list[Told] = []
         self.pairing = Pairing(limits(), self._jobs_told)
@@ -101,7 +101,7 @@ class Ear:
             again=item.again, silent=item.silent,
         )  # fmt: skip
 
-    def _call(self, event: str, call: Call) -> None:
+    def _call(self, event: str, call: ServiceCall) -> None:
         record, fault = record_of(call.record), call.fault
         if event == "asked":  # the answer may be there already: it is told next
             self._calls.append(call)
@@ -112,7 +112,7 @@ class Ear:
             record=record,
         )  # fmt: skip
 
-    def _asked(self, call: Call) -> None:
+    def _asked(self, call: ServiceCall) -> None:
         self._call("asked", call)
         access, half = self._access(call), call.record.request
         assert half is not None
@@ -122,24 +122,24 @@ class Ear:
         else:
             self.pairing.expected(access)
 
-    def _answered(self, call: Call) -> None:
+    def _answered(self, call: ServiceCall) -> None:
         self._call("answered", call)
         if call.record.write:
             self.pairing.write_response(self._jobs[id(call)], call.record.response)
         else:
             self.pairing.read_response(self._access(call))
 
-    def _failed(self, call: Call) -> None:
+    def _failed(self, call: ServiceCall) -> None:
         self._call("failed", call)
         if call.record.write:
             self.pairing.write_response(self._jobs[id(call)], None, fault=True)
 
-    def _lost(self, call: Call) -> None:
+    def _lost(self, call: ServiceCall) -> None:
         self._call("lost", call)
         if not call.record.write:
             self.pairing.read_lost(self._access(call))
 
-    def _unasked(self, call: Call) -> None:
+    def _unasked(self, call: ServiceCall) -> None:
         self._tell(
             "unasked", master=call.master, station=call.station, sap=call.sap,
             record=record_of(call.record),
@@ -156,8 +156,8 @@ class Ear:
         )  # fmt: skip
 
     @staticmethod
-    def _access(call: Call) -> Access:
-        return Access(Peer(str(call.master), str(call.station)), call.record)
+    def _access(call: ServiceCall) -> RecordAccess:
+        return RecordAccess(Peer(str(call.master), str(call.station)), call.record)
 
 
 # Lines by chance

@@ -23,7 +23,7 @@ from typing import Any
 import pytest
 
 from ds47.acyclic.index47 import Index47
-from ds47.acyclic.pairing import Access, Moment, Peer
+from ds47.acyclic.pairing import Moment, Peer, RecordAccess
 from ds47.acyclic.record_calls import RecordCalls
 from ds47.acyclic.record_events import RecordEvents
 from ds47.capture import Frame, open_capture
@@ -133,7 +133,7 @@ class Ear:
     def tell(self, kind: str, **content: Any) -> None:
         self.told.append(_known(event=kind, **content))
 
-    def write_request(self, access: Access, message: Any) -> int:
+    def write_request(self, access: RecordAccess, message: Any) -> int:
         self.jobs += 1
         self.tell("write_request", job=self.jobs, peer=_peer(access.peer), record=_record(access.record),
                   shaped=message.shaped)  # fmt: skip
@@ -142,16 +142,16 @@ class Ear:
     def write_response(self, job: int, half: Half | None, *, fault: bool = False) -> None:
         self.tell("write_response", job=job, half=_half(half), fault=fault)
 
-    def read_response(self, access: Access) -> None:
+    def read_response(self, access: RecordAccess) -> None:
         self.tell("read_response", peer=_peer(access.peer), record=_record(access.record))
 
-    def expected(self, access: Access) -> None:
+    def expected(self, access: RecordAccess) -> None:
         return None
 
-    def read_lost(self, access: Access) -> None:
+    def read_lost(self, access: RecordAccess) -> None:
         self.tell("read_lost", peer=_peer(access.peer), record=_record(access.record))
 
-    def read_asked_late(self, access: Access, answer: int) -> None:
+    def read_asked_late(self, access: RecordAccess, answer: int) -> None:
         self.tell(
             "read_asked_late", peer=_peer(access.peer), record=_record(access.record), answer=answer
         )
@@ -193,10 +193,10 @@ class Ear:
     ) -> None:
         self.tell("connected", controller=controller, device=device, frame=at.frame, only=only)
 
-    def write_unasked(self, access: Access) -> None:
+    def write_unasked(self, access: RecordAccess) -> None:
         self.tell("write_unasked", peer=_peer(access.peer), record=_record(access.record))
 
-    def is_again(self, access: Access) -> bool:
+    def is_again(self, access: RecordAccess) -> bool:
         return False
 
     def goes_on(self, controller: str, device: str, ar: bytes) -> None:

@@ -9,7 +9,7 @@ from uuid import UUID
 import pytest
 from talk import request
 
-from ds47.acyclic.pairing import STATUS_SHORT, Access, Job, Moment, Pairing, Peer, Told
+from ds47.acyclic.pairing import STATUS_SHORT, Job, Moment, Pairing, Peer, RecordAccess, Told
 from ds47.lab import message
 from ds47.lab.client import BUSY, CONTROLLER_AR
 from ds47.profinet.records import Half, Record
@@ -45,7 +45,7 @@ class Channel:
         return self.heard("closed")
 
     @property
-    def nothing(self) -> list[Access]:
+    def nothing(self) -> list[RecordAccess]:
         return self.heard("nothing")
 
     def half(self, data: bytes = b"", status: int | None = None) -> Half:
@@ -59,7 +59,7 @@ class Channel:
         data = message.read(reference, 1, message.address(21))
         record = self.record(True, slot=slot)
         record.request = self.half(data)
-        return self.pairing.write_request(Access(PEER, record), request(data))
+        return self.pairing.write_request(RecordAccess(PEER, record), request(data))
 
     def written(self, job: Job, status: int | None = 0, fault: bool = False) -> None:
         self.pairing.write_response(job, self.half(status=status), fault=fault)
@@ -72,7 +72,7 @@ class Channel:
     def read(self, data: bytes = b"", status: int | None = 0, slot: int = 1) -> Job | None:
         record = self.record(False, slot=slot)
         record.request, record.response = self.half(), self.half(data, status)
-        return self.pairing.read_response(Access(PEER, record))
+        return self.pairing.read_response(RecordAccess(PEER, record))
 
     def bring(self, reference: int = 1, value: float = 1.0) -> Job | None:
         return self.read(message.answer(reference, 1, 1, message.real(value)))
@@ -271,9 +271,9 @@ def test_a_lost_read_leaves_its_request_to_the_open_job() -> None:
     job = channel.open()
     record = channel.record(False)
     record.request = channel.half()
-    assert channel.pairing.read_lost(Access(PEER, record)) is job
+    assert channel.pairing.read_lost(RecordAccess(PEER, record)) is job
     assert job.read_request is record.request
-    assert channel.pairing.read_lost(Access(PEER, channel.record(False, slot=9))) is None
+    assert channel.pairing.read_lost(RecordAccess(PEER, channel.record(False, slot=9))) is None
 
 
 def test_a_lost_read_belongs_to_no_request_that_came_after_it() -> None:
@@ -281,7 +281,7 @@ def test_a_lost_read_belongs_to_no_request_that_came_after_it() -> None:
     record = channel.record(False)
     record.request = channel.half()
     job = channel.open()
-    assert channel.pairing.read_lost(Access(PEER, record)) is None
+    assert channel.pairing.read_lost(RecordAccess(PEER, record)) is None
     assert job.read_request is None
 
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from ds47.cli import main
 from ds47.parameters import lists, store
 from ds47.parameters.catalogue import Catalogue
-from ds47.parameters.lists import Message, ParameterList, Row
+from ds47.parameters.lists import ListedMessage, ListedParameter, ParameterList
 from ds47.profidrive.naming import Spelled, spelled
 from ds47.report.load import capture
 
@@ -73,13 +73,13 @@ def test_params_are_read_from_a_table_of_separated_values(tmp_path, encoding, ma
     assert found.name == "g120"
     assert found.source == "g120.csv"
     assert found.rows == [
-        Row(304, "Motor-Bemessungsspannung", "p", "Veff", "Float32", {}),
-        Row(945, "Störcode", "r", None, "Unsigned16", {}),
-        Row(
+        ListedParameter(304, "Motor-Bemessungsspannung", "p", "Veff", "Float32", {}),
+        ListedParameter(945, "Störcode", "r", None, "Unsigned16", {}),
+        ListedParameter(
             1300, "Steuerungsart", "p", None, "Integer16", {0: "U/f linear", 20: "Drehzahlregelung"}
         ),
     ]
-    assert found.messages == [Message("F", 7900, "Antrieb: Motor blockiert")]
+    assert found.messages == [ListedMessage("F", 7900, "Antrieb: Motor blockiert")]
     assert found.passed_over == ["row 6: 'quark' is the number of no parameter"]
 
 
@@ -129,8 +129,8 @@ def test_a_workbook(tmp_path, capsys):
     book.save(tmp_path / "export.xlsx")
     found = lists.read(tmp_path / "export.xlsx", sheet="Parameter")
     assert found.rows == [
-        Row(1120, "Ramp-up time", "p", "s"),
-        Row(2900, "Fixed value 1", None, "%"),
+        ListedParameter(1120, "Ramp-up time", "p", "s"),
+        ListedParameter(2900, "Fixed value 1", None, "%"),
     ]
     assert main(["params", "import", str(tmp_path / "export.xlsx"), "--sheet", "Params"]) == 3
     assert "no sheet 'Params'; there are: Sheet, Parameter" in capsys.readouterr().err
@@ -253,7 +253,7 @@ def test_a_kept_list_that_somebody_broke_is_named(folder, capsys):
 
 
 def of(name: str, text: str, **about: object) -> ParameterList:
-    return ParameterList(name, rows=[Row(1120, text)], **about)  # type: ignore[arg-type]
+    return ParameterList(name, rows=[ListedParameter(1120, text)], **about)  # type: ignore[arg-type]
 
 
 def test_the_list_that_is_made_for_the_device_comes_first():
@@ -298,7 +298,7 @@ def test_no_table_is_an_exception(table):
 @given(st.text(max_size=40))
 def test_a_text_survives_its_file(text):
     name = " ".join(text.split()) or "x"
-    kept = ParameterList(name, rows=[Row(1, name, values={1: name})])
+    kept = ParameterList(name, rows=[ListedParameter(1, name, values={1: name})])
     import tomllib
 
     document = tomllib.loads(lists.write(kept))

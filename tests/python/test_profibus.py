@@ -313,11 +313,11 @@ def test_global_control() -> None:
 
 
 def test_data_exchange_and_its_wish_for_a_diagnosis() -> None:
-    assert dp.decode(frame(OUTPUTS)) == dp.Exchange(
+    assert dp.decode(frame(OUTPUTS)) == dp.DataExchange(
         True, bytes.fromhex("12bc000000000000047e3333"), False
     )
     found = dp.decode(telegram.decode(telegram.encode(2, 3, 0x0A, b"1234")))
-    assert found == dp.Exchange(False, b"1234", True)
+    assert found == dp.DataExchange(False, b"1234", True)
 
 
 # MS1
@@ -461,7 +461,7 @@ def assert_ppo1(vector: dict[str, Any]) -> None:
             if step[side] is not None:
                 data = bytes.fromhex(step[side])
                 found = dp.decode(telegram.decode(telegram.encode(3, 2, fc, data)))
-                assert found == dp.Exchange(side == "out", data, False)
+                assert found == dp.DataExchange(side == "out", data, False)
     first = vector["steps"][0]
     words = {
         "stw1": (first["out"] or "")[16:20],

@@ -19,7 +19,7 @@ from ds47.lab.master import Master
 from ds47.model import Transaction
 from ds47.profibus import PROFIBUS_DL, USER0, telegram
 from ds47.profinet import rpc
-from ds47.profinet.calls import Call, CallTracker
+from ds47.profinet.calls import CallTracker, RpcCall
 from ds47.profinet.link import Packets
 from ds47.profinet.records import Record, parse_request, parse_response
 from ds47.spec.semantics import limits
@@ -66,7 +66,7 @@ class Records:
 
 def calls(path: Path) -> list[tuple[rpc.Pdu, rpc.Pdu | None]]:
     """Requests and responses of the RPC calls of a capture, in the order of the requests."""
-    found: dict[Call, tuple[rpc.Pdu, rpc.Pdu | None]] = {}
+    found: dict[RpcCall, tuple[rpc.Pdu, rpc.Pdu | None]] = {}
     tracker = CallTracker(limits())
     with open_capture(path) as capture:
         for packet in Packets().of(capture):

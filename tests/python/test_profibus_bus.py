@@ -17,7 +17,7 @@ from ds47.lab.fdl import FIRST, NO_RESOURCE, NOT_ENABLED, frame
 from ds47.lab.master import NO_DPV1, PPO3, SET_PRM, Master
 from ds47.lab.master import READY as DIAGNOSIS
 from ds47.model import BusStation, CaptureResult, Finding
-from ds47.profibus.judge import Judge
+from ds47.profibus.judge import LineJudge
 from ds47.profibus.line import Line, Seen
 from ds47.profibus.stations import MOST_FRAMES, Stations
 from ds47.profibus.telegram import decode
@@ -769,7 +769,7 @@ def test_a_write_that_was_damaged_may_be_there(spoilt: int) -> None:
 
 
 def test_different_things_are_bounded() -> None:
-    judge = Judge(Limits(**{**limits().columns(), "bus_remarks": 2}))
+    judge = LineJudge(Limits(**{**limits().columns(), "bus_remarks": 2}))
     for number, index in enumerate((1, 2, 3, 1)):
         judge.refused(STATION, True, 0, index, 0xDF80B000, number + 1)
     told = [

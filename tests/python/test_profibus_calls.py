@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ds47.acyclic.pairing import Access, Job, Pairing, Peer, Told
-from ds47.acyclic.services import MOST_OPEN, MOST_POLLS, Became, Call, CallTracker
+from ds47.acyclic.pairing import Job, Pairing, Peer, RecordAccess, Told
+from ds47.acyclic.services import MOST_OPEN, MOST_POLLS, Became, CallTracker, ServiceCall
 from ds47.profibus import telegram
 from ds47.profibus.line import MOST_RETRIES, Exchange, Line, Seen
 from ds47.profidrive import decode_request, decode_response
@@ -79,8 +79,8 @@ class Heard:
 
     def __init__(self, frames: Iterable[bytes]) -> None:
         self.events: list[tuple[str, int]] = []
-        self.calls: list[Call] = []
-        self.unasked: list[Call] = []
+        self.calls: list[ServiceCall] = []
+        self.unasked: list[ServiceCall] = []
         for what, call in services(frames):
             if what == "unasked":
                 self.unasked.append(call)
@@ -335,10 +335,12 @@ def paired(frames: Iterable[bytes]) -> list[Job]:
     told: list[Told] = []
     pairing = Pairing(limits(), told)
 
-    def access(call: Call) -> Access:
-        return Access(Peer(str(call.master), str(call.station), station=call.station), call.record)
+    def access(call: ServiceCall) -> RecordAccess:
+        return RecordAccess(
+            Peer(str(call.master), str(call.station), station=call.station), call.record
+        )
 
-    def asked(call: Call) -> None:
+    def asked(call: ServiceCall) -> None:
         half = call.record.request
         assert half is not None
         if call.record.write:
@@ -347,7 +349,7 @@ def paired(frames: Iterable[bytes]) -> list[Job]:
         else:
             pairing.expected(access(call))
 
-    def answered(call: Call) -> None:
+    def answered(call: ServiceCall) -> None:
         if call.record.write:
             pairing.write_response(jobs[id(call)], call.record.response)
         else:

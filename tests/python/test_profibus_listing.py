@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ds47.profibus import telegram
-from ds47.profibus.listing import TO_MASTER, TO_SLAVE, Entry, Unread, read
+from ds47.profibus.listing import TO_MASTER, TO_SLAVE, LogEntry, Unread, read
 
 SECOND = 1_000_000_000
 WRITE = "6813136883827d33335f002f0a030102011001c47f0000db16"
@@ -65,10 +65,10 @@ def table(talk: Talk) -> str:
 SHAPES: tuple[Callable[[Talk], str], ...] = (bare, timed, directed, joined, table)
 
 
-def entries(text: str) -> list[Entry]:
+def entries(text: str) -> list[LogEntry]:
     found = list(read(text.splitlines(keepends=True)))
-    assert all(isinstance(each, Entry) for each in found), found
-    return [each for each in found if isinstance(each, Entry)]
+    assert all(isinstance(each, LogEntry) for each in found), found
+    return [each for each in found if isinstance(each, LogEntry)]
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -159,7 +159,7 @@ def test_a_head_names_the_columns(head: str, row: str, time_ns: int | None) -> N
 def test_what_cannot_be_read_is_told_with_its_line(text: str, told: list[tuple[int, str]]) -> None:
     found = list(read(text.splitlines()))
     assert [(each.line, each.reason) for each in found if isinstance(each, Unread)] == told
-    assert any(isinstance(each, Entry) for each in found)
+    assert any(isinstance(each, LogEntry) for each in found)
 
 
 def test_a_damaged_frame_is_an_entry_with_its_flaw() -> None:

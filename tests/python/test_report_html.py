@@ -48,7 +48,7 @@ from ds47.report.html.views.elements import elements
 from ds47.report.html.views.findings import groups
 from ds47.report.html.views.problems import first_screen, problems
 from ds47.report.html.views.rows import ROW, packed_rows
-from ds47.report.overview import Row, total
+from ds47.report.overview import CaptureRow, total
 from ds47.report.verdict import Counts, blind, verdict
 from ds47.spec import cyclic, s7
 from ds47.spec.reporting import command_words, report_words
@@ -791,12 +791,12 @@ def test_of_many_captures_the_worst_are_shown_whole(monkeypatch):
 
 def test_the_overview_is_in_the_order_of_the_text_and_says_what_to_do(captures):
     results = [analyze(path) for path in sorted(captures.glob("diagnosis-*.pcapng"))[:30]]
-    rows = list(map(Row.of, results))
+    rows = list(map(CaptureRow.of, results))
     seen = Elements(page(*results))
     content = "".join(seen.text)
     place = content.rindex("30 个抓包")  # the head of the table
     table = content[place:]
-    places = [table.index(row.path) for row in sorted(rows, key=Row.badness)]
+    places = [table.index(row.path) for row in sorted(rows, key=CaptureRow.badness)]
     assert places == sorted(places)
     heads = [
         content.index(causes.headline(each, messages.rule_name(each["rule"])).en)

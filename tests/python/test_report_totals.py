@@ -28,7 +28,7 @@ from ds47.report.html.views import Overview, capture_view
 from ds47.report.html.views.drives import drives
 from ds47.report.html.views.elements import elements
 from ds47.report.latency import Latency, percentile
-from ds47.report.overview import Row, document, lines, table, total, write
+from ds47.report.overview import CaptureRow, document, lines, table, total, write
 from ds47.report.todo import answering, uncovered
 from ds47.report.verdict import Counts, blind, verdict
 from ds47.report.zones import zone
@@ -224,14 +224,14 @@ def test_the_time_that_a_capture_spans() -> None:
 
 
 def test_the_overview_says_when_each_capture_began_and_how_long_it_is() -> None:
-    def row(path: str, errors: int, start: str, end: str) -> Row:
-        return Row(path, findings={"error": errors}, start=f"{start}Z", end=f"{end}Z")
+    def row(path: str, errors: int, start: str, end: str) -> CaptureRow:
+        return CaptureRow(path, findings={"error": errors}, start=f"{start}Z", end=f"{end}Z")
 
     rows = [
         row("a", 3, "2026-11-21T11:14:03.999999999", "2026-11-21T11:14:05.500000000"),
         row("b", 2, "2026-11-21T23:00:00.000000000", "2026-11-21T22:00:00.000000000"),
         row("c", 1, "1970-01-01T00:00:01.000000000", "1970-01-01T00:00:02.000000000"),
-        Row.unreadable("d", "why"),
+        CaptureRow.unreadable("d", "why"),
     ]
     head, names, *lines = table(rows, "en", zone=zone("Europe/Berlin"))
     assert head == "Captures, the worst first (times: Europe/Berlin)"
@@ -240,10 +240,10 @@ def test_the_overview_says_when_each_capture_began_and_how_long_it_is() -> None:
         ["-", "-", "d", "not", "readable:", "why"], ["2026-11-21", "12:14:03", "1500.0", "ms", "a"],
         ["2026-11-22", "00:00:00", "-", "b"], ["-", "1000.0", "ms", "c"],
     ]  # fmt: skip
-    assert Row.loaded(rows[0].plain()) == rows[0]
+    assert CaptureRow.loaded(rows[0].plain()) == rows[0]
     older = rows[0].plain()
     del older["start"], older["end"]
-    assert Row.loaded(older).length_ns is None
+    assert CaptureRow.loaded(older).length_ns is None
 
 
 def test_the_tiles_of_a_capture_have_the_times_that_can_be_true() -> None:
@@ -398,7 +398,7 @@ def test_who_answers_instead_are_the_drive_objects_of_that_device_that_do() -> N
 def test_a_row_counts_what_a_capture_holds() -> None:
     missing = (2, 1, 0)
     files = [CaptureFile("x", n, missing_before=each) for n, each in enumerate(missing, 1)]
-    row = Row.of(
+    row = CaptureRow.of(
         capture(
             job(1, duration_ns=0), job(2, "error", operation="change", duration_ns=-1), job(3, duration_ns=None),
             findings=[finding("DS410"), finding("DS402", severity="warning"), finding("DS410")], files=files,
@@ -407,36 +407,36 @@ def test_a_row_counts_what_a_capture_holds() -> None:
     assert (row.files, row.missing_files, row.transactions, row.slowest_ns) == (3, 3, 3, 0)
     assert (row.states, row.operations) == ({"ok": 2, "error": 1}, {"read": 2, "change": 1})
     assert (row.findings, row.rules) == ({"error": 2, "warning": 1}, {"DS402": 1, "DS410": 2})
-    assert Row.of(capture()).files == 1
-    assert Row.of(capture(job(1, duration_ns=-1))).slowest_ns is None
+    assert CaptureRow.of(capture()).files == 1
+    assert CaptureRow.of(capture(job(1, duration_ns=-1))).slowest_ns is None
 
 
 def test_the_worst_of_a_capture_is_its_most_serious_finding() -> None:
     found = ({}, {"note": 1}, {"note": 1, "warning": 1}, {"error": 1})
-    assert [Row("x", findings=each).worst for each in found] == [-1, 0, 1, 2]
+    assert [CaptureRow("x", findings=each).worst for each in found] == [-1, 0, 1, 2]
 
 
 ROWS = [
-    Row("remark", states={"ok": 1}, findings={"note": 1}, frames=1, slowest_ns=5),
-    Row("quiet", states={"ok": 2}, frames=10, slowest_ns=7_000_000, operations={"read": 2}),
-    Row("state", states={"ok": 5, "error": 1}, frames=100, slowest_ns=7_000_000),
-    Row("states", states={"error": 2}, frames=1000),
-    Row("cut", complete=False, frames=10000, missing_files=2, files=4, dropped=3),
-    Row("warnings", findings={"warning": 2, "note": 3}, rules={"DS402": 2, "DS415": 3}),
-    Row("warning", findings={"warning": 1}, rules={"DS402": 1}),
-    Row("error", findings={"error": 1}, rules={"DS410": 1}),
-    Row("errors", findings={"error": 1, "warning": 1}, rules={"DS410": 1, "DS402": 1}),
-    Row.unreadable("gone", "gone: why"),
+    CaptureRow("remark", states={"ok": 1}, findings={"note": 1}, frames=1, slowest_ns=5),
+    CaptureRow("quiet", states={"ok": 2}, frames=10, slowest_ns=7_000_000, operations={"read": 2}),
+    CaptureRow("state", states={"ok": 5, "error": 1}, frames=100, slowest_ns=7_000_000),
+    CaptureRow("states", states={"error": 2}, frames=1000),
+    CaptureRow("cut", complete=False, frames=10000, missing_files=2, files=4, dropped=3),
+    CaptureRow("warnings", findings={"warning": 2, "note": 3}, rules={"DS402": 2, "DS415": 3}),
+    CaptureRow("warning", findings={"warning": 1}, rules={"DS402": 1}),
+    CaptureRow("error", findings={"error": 1}, rules={"DS410": 1}),
+    CaptureRow("errors", findings={"error": 1, "warning": 1}, rules={"DS410": 1, "DS402": 1}),
+    CaptureRow.unreadable("gone", "gone: why"),
 ]
 
 
 def test_the_worst_captures_stand_first() -> None:
     """Not readable, errors, warnings, cut off, not ok, notes; those in which all is well are left out."""
-    assert [row.path for row in sorted(ROWS, key=Row.badness)] == [
+    assert [row.path for row in sorted(ROWS, key=CaptureRow.badness)] == [
         "gone", "errors", "error", "warnings", "warning", "cut", "states", "state", "remark", "quiet",
     ]  # fmt: skip
     assert [row.path for row in ROWS if row.quiet] == ["remark", "quiet"]
-    assert not Row("x", states={"unanswered": 1}).quiet
+    assert not CaptureRow("x", states={"unanswered": 1}).quiet
 
 
 def test_the_sums_over_captures() -> None:
@@ -454,8 +454,8 @@ def test_the_sums_over_captures() -> None:
         "DS415": {"findings": 3, "captures": 1},
     }
     assert summed["slowest"] == {"path": "quiet", "ns": 7_000_000}
-    assert total([Row("x", slowest_ns=0)])["slowest"] == {"path": "x", "ns": 0}
-    assert total([Row("x")])["slowest"] is None
+    assert total([CaptureRow("x", slowest_ns=0)])["slowest"] == {"path": "x", "ns": 0}
+    assert total([CaptureRow("x")])["slowest"] is None
 
 
 def test_the_overview_as_it_is_printed() -> None:
@@ -465,22 +465,25 @@ def test_the_overview_as_it_is_printed() -> None:
 def test_rules_in_as_many_captures_stand_by_their_ids() -> None:
     """And where there is no finding nothing is said of rules."""
     told = [
-        line.split(":")[0] for line in lines([Row("x", rules={"DS417": 9, "DS410": 1})], Options())
+        line.split(":")[0]
+        for line in lines([CaptureRow("x", rules={"DS417": 9, "DS410": 1})], Options())
     ]
     assert told[:3] == ["Findings", "  DS410", "  DS417"]
-    assert lines([Row("x")], Options())[0].startswith("All 1 capture")
+    assert lines([CaptureRow("x")], Options())[0].startswith("All 1 capture")
 
 
 def test_a_series_of_two_files_says_so() -> None:
-    assert table([Row("x", complete=False, files=2)], "en")[-1].split("  ")[-2] == "x (2 files)"
+    assert (
+        table([CaptureRow("x", complete=False, files=2)], "en")[-1].split("  ")[-2] == "x (2 files)"
+    )
 
 
 def test_the_overview_as_a_document_has_a_row_for_each_capture_the_worst_first() -> None:
     text = "".join(document(ROWS))
     found = json.loads(text)
     assert (found["schema"], found["total"]) == ("ds47.overview/1", total(ROWS))
-    paths = [row.path for row in sorted(ROWS, key=Row.badness)]
-    assert [Row.loaded(each).path for each in found["captures"]] == paths
+    paths = [row.path for row in sorted(ROWS, key=CaptureRow.badness)]
+    assert [CaptureRow.loaded(each).path for each in found["captures"]] == paths
     assert len(text.splitlines()) == len(ROWS) + 1
     assert json.loads("".join(document([])))["captures"] == []
 

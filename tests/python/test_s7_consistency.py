@@ -11,18 +11,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.audit.s7_moment import Happened, was_there
 
-from ds47.s7.consistency import Access, Question
+from ds47.s7.consistency import ItemAccess, Question
 
 DB1 = (0x84, 1)
 
 
 def access(
     write: bool, start: int, data: bytes | list[int], asked: int, answered: int | None, **more: Any
-) -> Access:
+) -> ItemAccess:
     access.count += 1  # type: ignore[attr-defined]
     number: int = access.count  # type: ignore[attr-defined]
     more = {"sure": answered is not None} | more
-    return Access(
+    return ItemAccess(
         number, number, write, *DB1, start, bytes(data), asked, answered, number, number, **more
     )
 
@@ -32,15 +32,15 @@ access.count = 0  # type: ignore[attr-defined]
 
 def put(
     start: int, data: bytes | list[int], asked: int, answered: int | None, **more: Any
-) -> Access:
+) -> ItemAccess:
     return access(True, start, data, asked, answered, **more)
 
 
-def get(start: int, data: bytes | list[int], asked: int, answered: int) -> Access:
+def get(start: int, data: bytes | list[int], asked: int, answered: int) -> ItemAccess:
     return access(False, start, data, asked, answered)
 
 
-def naive(read: list[Access], others: list[Access], before: dict[int, int]) -> bool:
+def naive(read: list[ItemAccess], others: list[ItemAccess], before: dict[int, int]) -> bool:
     """The same question in the words of the auditor."""
     happened = [
         Happened(
@@ -56,7 +56,7 @@ def naive(read: list[Access], others: list[Access], before: dict[int, int]) -> b
     return was_there(values, begin, end, happened, before)
 
 
-def held(read: list[Access], others: list[Access], before: dict[int, int]) -> bool:
+def held(read: list[ItemAccess], others: list[ItemAccess], before: dict[int, int]) -> bool:
     question = Question(read, others, before)
     return question.held(question.all)
 
@@ -69,7 +69,7 @@ BYTES = st.integers(0, 2)
 
 
 @st.composite
-def accesses(draw: st.DrawFn, write: bool, length: int = 3) -> Access:
+def accesses(draw: st.DrawFn, write: bool, length: int = 3) -> ItemAccess:
     start = draw(st.integers(0, length - 1))
     data = draw(st.lists(BYTES, min_size=1, max_size=length - start))
     asked = draw(TIMES)
@@ -84,7 +84,7 @@ def accesses(draw: st.DrawFn, write: bool, length: int = 3) -> Access:
 
 
 @st.composite
-def parts(draw: st.DrawFn) -> list[Access]:
+def parts(draw: st.DrawFn) -> list[ItemAccess]:
     """A read of three bytes in one, two or three jobs, one after the other or not."""
     data = draw(st.lists(BYTES, min_size=3, max_size=3))
     cuts = draw(st.sampled_from([[0, 3], [0, 1, 3], [0, 2, 3], [0, 1, 2, 3]]))
@@ -104,7 +104,10 @@ def parts(draw: st.DrawFn) -> list[Access]:
     st.dictionaries(st.integers(0, 2), BYTES),
 )
 def test_all_orders_say_the_same(
-    read: list[Access], writes: list[Access], reads: list[Access], before: dict[int, int]
+    read: list[ItemAccess],
+    writes: list[ItemAccess],
+    reads: list[ItemAccess],
+    before: dict[int, int],
 ) -> None:
     others = [*writes, *reads]
     pieces = sum(len(each.data) for each in others)
@@ -117,7 +120,7 @@ def test_all_orders_say_the_same(
 @settings(max_examples=300, deadline=None)
 @given(parts(), st.lists(accesses(True), max_size=3), st.dictionaries(st.integers(0, 2), BYTES))
 def test_two_bytes_are_enough_to_tell(
-    read: list[Access], writes: list[Access], before: dict[int, int]
+    read: list[ItemAccess], writes: list[ItemAccess], before: dict[int, int]
 ) -> None:
     """What is named is true by itself, and nothing is named where all may have been there."""
     alone = Question(read, writes, before)

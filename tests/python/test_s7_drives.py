@@ -24,7 +24,7 @@ from ds47.lab.s7_wire import db, flags
 from ds47.lab.stage import Stage
 from ds47.model import CaptureResult
 from ds47.s7.choices import Choices
-from ds47.s7.drives import Element, element
+from ds47.s7.drives import DriveElement, element
 from ds47.s7.model import DB, Address
 
 RAMP, NEXT = db(1120, 2048, 4), db(1120, 2049, 4)
@@ -74,15 +74,15 @@ def rewritten(there: DriveCpu) -> Link:
 @pytest.mark.parametrize(
     ("address", "stands"),
     [
-        (Address(DB, 2114, 8 * 1024, 8, 4), Element(1, 2114, 0)),
-        (Address(DB, 2000, 0, 8, 4), Element(0, 2000, 0)),
-        (Address(DB, 1120, 8 * 3075, 32, 1, 8), Element(3, 1120, 3)),
+        (Address(DB, 2114, 8 * 1024, 8, 4), DriveElement(1, 2114, 0)),
+        (Address(DB, 2000, 0, 8, 4), DriveElement(0, 2000, 0)),
+        (Address(DB, 1120, 8 * 3075, 32, 1, 8), DriveElement(3, 1120, 3)),
         (Address(DB, 1120, 8 * 1024 + 1, 1, 1, 1), None),
         (Address(0x83, 0, 8 * 1024, 8, 4), None),
         (None, None),
     ],
 )
-def test_an_address_is_an_element(address: Address | None, stands: Element | None) -> None:
+def test_an_address_is_an_element(address: Address | None, stands: DriveElement | None) -> None:
     assert element(address) == stands
 
 

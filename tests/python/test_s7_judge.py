@@ -12,7 +12,7 @@ from ds47.analysis import AnalysisOptions, analyze
 from ds47.findings.remark import Remark
 from ds47.report.sentences import words
 from ds47.s7.blocks import Blocks
-from ds47.s7.judge import Judge
+from ds47.s7.judge import S7Judge
 from ds47.s7.model import (
     BSEND,
     DONE,
@@ -33,7 +33,7 @@ from ds47.s7.model import (
     Evidence,
     Flaw,
     Item,
-    Job,
+    S7Job,
     Segment,
 )
 from ds47.spec import rules, s7
@@ -61,7 +61,7 @@ class Line:
         readback: bool = False,
     ) -> None:
         self.said: list[Remark] = []
-        self.judge = Judge(
+        self.judge = S7Judge(
             limits(), self.said.append, Blocks(blocks or {}, kinds or {}, 8), readback
         )
         self.frame = 0
@@ -78,13 +78,13 @@ class Line:
 
     def ask(
         self, operation: str, *items: Address | tuple[Address, bytes], from_client: bool = True
-    ) -> Job:
+    ) -> S7Job:
         there = [Item(each) if isinstance(each, Address) else Item(*each) for each in items]
-        job = Job(operation, self.connection, from_client, self.frame, self.at(), there)
+        job = S7Job(operation, self.connection, from_client, self.frame, self.at(), there)
         self.judge.asked(job)
         return job
 
-    def answer(self, job: Job, *codes: int, error: int = 0) -> Job:
+    def answer(self, job: S7Job, *codes: int, error: int = 0) -> S7Job:
         job.answered, job.error = self.at(), error
         for item, code in zip(job.items, codes or [DONE] * len(job.items), strict=False):
             item.code = None if error else code
@@ -96,12 +96,12 @@ class Line:
         )
         return self.over(job)
 
-    def over(self, job: Job) -> Job:
+    def over(self, job: S7Job) -> S7Job:
         self.judge.over(job)
         job.phase = "closed"
         return job
 
-    def do(self, operation: str, *items: Address | tuple[Address, bytes]) -> Job:
+    def do(self, operation: str, *items: Address | tuple[Address, bytes]) -> S7Job:
         return self.answer(self.ask(operation, *items))
 
     def bsend(
@@ -114,10 +114,10 @@ class Line:
         sequences: Sequence[int] = (),
         state: str = OK,
         lost: bool = False,
-    ) -> Job:
+    ) -> S7Job:
         """A whole BSEND; `silent` are the segments that are not acknowledged."""
         announced = sum(sizes) if total is None else total
-        job = Job(BSEND, self.connection, True, 7, self.at(), [], r_id=R_ID, total=announced)
+        job = S7Job(BSEND, self.connection, True, 7, self.at(), [], r_id=R_ID, total=announced)
         job.lost = lost
         self.judge.asked(job)
         for number, size in enumerate(sizes):
@@ -131,9 +131,9 @@ class Line:
         job.state = state
         return self.over(job)
 
-    def usend(self, *sizes: int, r_id: int = R_ID, from_client: bool = True) -> Job:
+    def usend(self, *sizes: int, r_id: int = R_ID, from_client: bool = True) -> S7Job:
         items = [Item(None, bytes(size)) for size in sizes]
-        job = Job(USEND, self.connection, from_client, 7, self.at(), items, r_id=r_id, state=OK)
+        job = S7Job(USEND, self.connection, from_client, 7, self.at(), items, r_id=r_id, state=OK)
         self.judge.asked(job)
         return self.over(job)
 
@@ -210,7 +210,7 @@ def test_items_without_a_result_say_so() -> None:
 def test_what_an_answer_refuses_is_told_without_its_job() -> None:
     line = Line()
     items = [Item(None, None, code) for code in (DONE, 3, 3)]
-    line.over(Job(PUT, line.connection, True, 9, None, items, answered=At(7, 7), state=ORPHAN))
+    line.over(S7Job(PUT, line.connection, True, 9, None, items, answered=At(7, 7), state=ORPHAN))
     remark = line.one("DS908")
     assert (remark.frame, remark.args["code"]) == (7, 3)
     assert words("DS908", remark.args).startswith("PUT 2 x unknown address refused by ")
@@ -450,10 +450,10 @@ def test_a_bsend_is_whole() -> None:
 
 def test_an_r_id_is_in_use() -> None:
     line = Line()
-    first = Job(BSEND, line.connection, True, 7, line.at(), [], r_id=R_ID, total=9)
-    second = Job(BSEND, line.connection, True, 8, line.at(), [], r_id=R_ID, total=9)
-    other = Job(BSEND, line.connection, True, 8, line.at(), [], r_id=R_ID + 1, total=9)
-    back = Job(BSEND, line.connection, False, 8, line.at(), [], r_id=R_ID, total=9)
+    first = S7Job(BSEND, line.connection, True, 7, line.at(), [], r_id=R_ID, total=9)
+    second = S7Job(BSEND, line.connection, True, 8, line.at(), [], r_id=R_ID, total=9)
+    other = S7Job(BSEND, line.connection, True, 8, line.at(), [], r_id=R_ID + 1, total=9)
+    back = S7Job(BSEND, line.connection, False, 8, line.at(), [], r_id=R_ID, total=9)
     for job in (first, second, other, back):
         line.judge.asked(job)
     for job in (first, second):
@@ -469,7 +469,7 @@ def test_an_r_id_is_in_use() -> None:
 
 def test_a_bsend_is_refused() -> None:
     line = Line()
-    job = Job(BSEND, line.connection, True, 7, line.at(), [], r_id=R_ID, total=9)
+    job = S7Job(BSEND, line.connection, True, 7, line.at(), [], r_id=R_ID, total=9)
     line.judge.asked(job)
     assert job.asked is not None
     job.segments.append(Segment(job.asked, 9, 0, 0, True, acknowledged=line.at(), error=0xD202))
@@ -480,7 +480,7 @@ def test_a_bsend_is_refused() -> None:
 
 def test_a_bsend_of_which_no_part_is_there_says_nothing() -> None:
     line = Line()
-    line.over(Job(BSEND, line.connection, True, 7, line.at(), [], r_id=R_ID, state=REFUSED))
+    line.over(S7Job(BSEND, line.connection, True, 7, line.at(), [], r_id=R_ID, state=REFUSED))
     assert line.rules() == []
 
 
@@ -504,7 +504,7 @@ def test_the_areas_of_a_usend_change() -> None:
 def test_a_usend_that_cannot_be_read_has_no_areas() -> None:
     line = Line()
     line.usend(10)
-    job = Job(USEND, line.connection, True, 7, line.at(), [], r_id=R_ID, state=OK)
+    job = S7Job(USEND, line.connection, True, 7, line.at(), [], r_id=R_ID, state=OK)
     job.flaws = [Flaw("cut", 4, {"have": 4, "want": 12})]
     line.judge.asked(job)
     line.over(job)

@@ -12,9 +12,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from ds47.findings.remark import Remark
-from ds47.s7.consistency import Access
+from ds47.s7.consistency import ItemAccess
 from ds47.s7.memory import MOST_BYTES, Memory
-from ds47.s7.model import DONE, GET, OK, PUT, UNANSWERED, Address, At, Connection, End, Item, Job
+from ds47.s7.model import DONE, GET, OK, PUT, UNANSWERED, Address, At, Connection, End, Item, S7Job
 from ds47.s7.moments import Moments
 from ds47.s7.notes import Notes
 from ds47.spec.semantics import limits
@@ -35,7 +35,7 @@ class Plant:
     frame: int = 0
     past: list[tuple[int, bytes]] = field(default_factory=list)
     """What stands in the memory from a time on."""
-    jobs: dict[int, Job] = field(default_factory=dict)
+    jobs: dict[int, S7Job] = field(default_factory=dict)
     """By the frame of their answers."""
     connections: dict[int, Connection] = field(default_factory=dict)
 
@@ -56,17 +56,17 @@ class Plant:
             self.connections[number] = made
         return self.connections[number]
 
-    def ask(self, station: int, start: int, data: bytes | int) -> Job:
+    def ask(self, station: int, start: int, data: bytes | int) -> S7Job:
         """The request of a read of so many bytes, or of a write."""
         size = data if isinstance(data, int) else len(data)
         item = Item(Address(DB, 1, 8 * start, 8, size), None if isinstance(data, int) else data)
         operation = GET if isinstance(data, int) else PUT
-        job = Job(operation, self.station(station), True, self.frame, self.at(), [item])
+        job = S7Job(operation, self.station(station), True, self.frame, self.at(), [item])
         self.moments.asked(job)
         self.now += 1
         return job
 
-    def act(self, job: Job) -> None:
+    def act(self, job: S7Job) -> None:
         """The CPU does what was asked."""
         (item,) = job.items
         assert item.address is not None
@@ -82,7 +82,7 @@ class Plant:
         self.memory[start : start + len(data)] = data
         self.past.append((self.now, bytes(self.memory)))
 
-    def answer(self, job: Job, code: int = DONE) -> None:
+    def answer(self, job: S7Job, code: int = DONE) -> None:
         job.items[0].code = code
         job.state, job.answered = (OK if code == DONE else "error"), self.at()
         self.jobs[job.answered.frame] = job
@@ -90,12 +90,12 @@ class Plant:
         job.phase = "closed"
         self.now += 1
 
-    def lose(self, job: Job) -> None:
+    def lose(self, job: S7Job) -> None:
         job.state = UNANSWERED
         self.moments.over(job)
         job.phase = "closed"
 
-    def do(self, station: int, start: int, data: bytes | int) -> Job:
+    def do(self, station: int, start: int, data: bytes | int) -> S7Job:
         """A whole job, at once."""
         job = self.ask(station, start, data)
         self.act(job)
@@ -449,10 +449,10 @@ def test_what_is_kept_is_bounded() -> None:
     memory = Memory(64)
     data, order = bytes(60_000), count(1)
 
-    def write(asked: int, answered: int | None) -> Access:
+    def write(asked: int, answered: int | None) -> ItemAccess:
         number = next(order)
         sure = answered is not None
-        return Access(number, 1, True, DB, 1, 0, data, asked, answered, number, None, sure)
+        return ItemAccess(number, 1, True, DB, 1, 0, data, asked, answered, number, None, sure)
 
     for n in range(400):
         one, lost = write(10 * n, 10 * n + 15), write(10 * n, None)
@@ -461,7 +461,9 @@ def test_what_is_kept_is_bounded() -> None:
         memory.written(one)
         memory.gave_up(lost)
         memory.read(
-            Access(next(order), 2, False, DB, 1, 0, bytes([n & 1]) * 60_000, 10 * n, 10 * n, n, n)
+            ItemAccess(
+                next(order), 2, False, DB, 1, 0, bytes([n & 1]) * 60_000, 10 * n, 10 * n, n, n
+            )
         )
     assert sum(len(each.data) for each in memory._history) <= 5 * MOST_BYTES
     assert sum(len(each.data) for each in memory._reads) <= MOST_BYTES
@@ -483,7 +485,7 @@ def test_memories_and_partners_are_bounded() -> None:
             line = Connection(
                 1000 + n, End("10.0.0.9", n), End(server, 102), plant.at(), plant.at()
             )
-            job = Job(GET, line, True, 1, plant.at(), [item])
+            job = S7Job(GET, line, True, 1, plant.at(), [item])
             plant.moments.asked(job)
             job.answered, job.state = plant.at(), OK
             plant.moments.over(job)
@@ -497,7 +499,7 @@ def test_memories_and_partners_are_bounded() -> None:
 def test_addresses_behind_64_kilobytes_are_left_alone(start: int) -> None:
     plant = Plant()
     item = Item(Address(DB, 1, 8 * start, 8, 40), bytes(40))
-    job = Job(PUT, plant.station(1), True, 1, plant.at(), [item])
+    job = S7Job(PUT, plant.station(1), True, 1, plant.at(), [item])
     plant.moments.asked(job)
     job.answered, job.state, item.code = plant.at(), OK, DONE
     plant.moments.over(job)
@@ -561,7 +563,7 @@ def test_what_is_told_never_stood_there(
     events += [(plant.now + time, 0, at, "change") for time, at in others]
     order = {"ask": 0, "change": 1, "act": 1, "answer": 2}
     events.sort(key=lambda each: (each[0], each[1], each[2], order[each[3]]))
-    open_jobs: dict[int, Job] = {}
+    open_jobs: dict[int, S7Job] = {}
     for tick, (_, station, number, what) in enumerate(events):
         plant.now = max(plant.now + 1, 2_000 + tick)
         if what == "change":

@@ -14,7 +14,7 @@ from lua_program import LUAS, lua_program
 from ds47 import spec
 from ds47.model import Described, Parameter, Value
 from ds47.parameters.catalogue import Catalogue
-from ds47.parameters.lists import Message, ParameterList, Row
+from ds47.parameters.lists import ListedMessage, ListedParameter, ParameterList
 from ds47.parameters.naming import explain
 from ds47.report import contract, values
 from ds47.report import json as report_json
@@ -91,13 +91,13 @@ def test_no_number_is_a_text_where_it_is_none() -> None:
 
 def listed() -> Catalogue:
     rows = [
-        Row(300, "Motor", None, None, None, {1: "Asynchron", 5: "eigener\x1b"}),
-        Row(777, "Mode", None, None, None, {3: "auto"}),
+        ListedParameter(300, "Motor", None, None, None, {1: "Asynchron", 5: "eigener\x1b"}),
+        ListedParameter(777, "Mode", None, None, None, {3: "auto"}),
     ]
     messages = [
-        Message("A", 7900, "wrong letter"),
-        Message("F", 7900, "Motor blocked"),
-        Message("C", 1711, "defect"),
+        ListedMessage("A", 7900, "wrong letter"),
+        ListedMessage("F", 7900, "Motor blocked"),
+        ListedMessage("C", 1711, "defect"),
     ]
     return Catalogue([ParameterList("own", vendor_id=0x002A, rows=rows, messages=messages)])
 

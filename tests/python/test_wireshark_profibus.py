@@ -150,12 +150,12 @@ def of_content(item: telegram.Telegram) -> Iterator[tuple[str, Any]]:
     elif isinstance(found, dp.Control):
         yield from flags("control", du)
         yield "groups", found.groups
-    elif isinstance(found, dp.Exchange):
+    elif isinstance(found, dp.DataExchange):
         yield "outputs" if found.outputs else "inputs", du.hex() or None
         yield "wants_diagnosis", None if found.outputs else str(int(found.wants_diagnosis))
 
 
-def of_message(found: ms1.Message) -> Iterator[tuple[str, Any]]:
+def of_message(found: ms1.Ms1Message) -> Iterator[tuple[str, Any]]:
     yield "ms1", codes.codes("profibus_messages")[found.kind]
     yield "ms1.function", found.code
     yield "ms1.slot", found.slot

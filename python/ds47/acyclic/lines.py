@@ -14,7 +14,7 @@ from ds47.acyclic.services import CallTracker
 from ds47.cyclic.ppo import Ppo
 from ds47.profibus.bus import Bus, Listener
 from ds47.profibus.idents import Idents
-from ds47.profibus.judge import Judge
+from ds47.profibus.judge import LineJudge
 from ds47.profibus.stations import Stations
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class Lines:
         cyclic: CyclicChannels,
         ppos: dict[int, int],
     ) -> None:
-        self._judge = Judge(limits)
+        self._judge = LineJudge(limits)
         self._stations = Stations(self._judge.heard)
         idents = Idents()
         self._ms1 = Ms1Calls(events, told, self._judge, idents)

@@ -10,13 +10,13 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import ClassVar
 
-from ds47.acyclic.pairing import Access, Moment, Peer, Told
+from ds47.acyclic.pairing import Moment, Peer, RecordAccess, Told
 from ds47.acyclic.record_events import RecordEvents
-from ds47.acyclic.services import Became, Call
+from ds47.acyclic.services import Became, ServiceCall
 from ds47.findings.remark import Remark
 from ds47.profibus import dp
 from ds47.profibus.idents import Idents
-from ds47.profibus.judge import Judge
+from ds47.profibus.judge import LineJudge
 from ds47.profibus.line import Exchange
 from ds47.profibus.ms1 import MOST_DATA
 from ds47.profinet.completeness import STATION
@@ -36,7 +36,7 @@ class Ms1Calls:
         self,
         events: RecordEvents,
         told: list[Told],
-        judge: Judge,
+        judge: LineJudge,
         idents: Idents,
     ) -> None:
         self._events = events
@@ -45,7 +45,7 @@ class Ms1Calls:
         self._judge = judge
         self._written: dict[tuple[str, int], int] = {}
         """Stations and indices that were written there, with the frame of the first time."""
-        self._open: dict[Call, Access] = {}
+        self._open: dict[ServiceCall, RecordAccess] = {}
         """The services that are open."""
 
     def take(self, became: Became) -> None:
@@ -66,11 +66,11 @@ class Ms1Calls:
         """Whether a record was written to an index of a station before a frame."""
         return self._written.get((device, index), before) < before
 
-    def _access(self, call: Call) -> Access:
+    def _access(self, call: ServiceCall) -> RecordAccess:
         who = peer(call.master, call.station, self._idents.family(call.station))
-        return Access(who, call.record, ours=call.record.index in self._events.concerned)
+        return RecordAccess(who, call.record, ours=call.record.index in self._events.concerned)
 
-    def _asked(self, call: Call) -> None:
+    def _asked(self, call: ServiceCall) -> None:
         record, access = call.record, self._access(call)
         if record.write:
             self._writing(access)
@@ -79,7 +79,7 @@ class Ms1Calls:
             self._open[call] = access
             self._events.asked(access, None)
 
-    def _writing(self, access: Access) -> None:
+    def _writing(self, access: RecordAccess) -> None:
         record, device = access.record, access.peer.device
         half = record.request
         if half is None:
@@ -89,7 +89,7 @@ class Ms1Calls:
             args = {"device": device, "length": half.stated, "most": MOST_DATA}
             self._told.append(("remark", Remark("DS809", half.frame, args), None))
 
-    def _judged(self, call: Call, ours: bool) -> None:
+    def _judged(self, call: ServiceCall, ours: bool) -> None:
         """To the judge: how long the answer took, and whether it is a refusal of what is not ours."""
         record, half = call.record, call.record.response
         if half is None:
@@ -100,7 +100,7 @@ class Ms1Calls:
                 call.station, record.write, record.slot, record.index, half.status, half.frame
             )
 
-    def _answered(self, call: Call) -> None:
+    def _answered(self, call: ServiceCall) -> None:
         access = self._open.pop(call, None)
         self._judged(call, access is not None)
         if access is not None:
@@ -108,18 +108,18 @@ class Ms1Calls:
         elif call.record.write:
             self._told.append(("foreign", self._access(call), None))
 
-    def _failed(self, call: Call) -> None:
+    def _failed(self, call: ServiceCall) -> None:
         access, half = self._open.pop(call, None), call.record.response
         if access is not None and half is not None:
             self._events.failed(access, half)
             self._events.lost(access)
 
-    def _lost(self, call: Call) -> None:
+    def _lost(self, call: ServiceCall) -> None:
         access = self._open.pop(call, None)
         if access is not None:
             self._events.lost(access)
 
-    def _unasked(self, call: Call) -> None:
+    def _unasked(self, call: ServiceCall) -> None:
         access = self._access(call)
         if call.record.write:
             self._told.append(("foreign", access, None))

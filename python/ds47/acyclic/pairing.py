@@ -82,7 +82,7 @@ ChannelKey = tuple[str, str, bytes, int, int, int, int]
 """A DS47 channel (docs/pairing.md, record level): controller, device, AR, API, slot, subslot, index."""
 
 
-class Access:
+class RecordAccess:
     """A record call that may be ours: who asks whom for which record, and what comes of it.
 
     Attributes:
@@ -193,7 +193,7 @@ class Job:
 
     def __init__(
         self,
-        access: Access,
+        access: RecordAccess,
         message: Request | None,
         phase: str = "asked",
         write_response: Half | None = None,
@@ -354,10 +354,10 @@ Told = tuple[What, Any, Any]
     refused     a job whose Write was refused: what comes after that is seldom of interest
     answered    a job that has its response, once
     closed      a job of which nothing more can come, once; `Job.forget` is for whoever takes it
-    nothing     the Access of a Read without record where no request is open; what may be missing, or None
+    nothing     the access of a Read without record where no request is open; what may be missing, or None
     connected   the device of a Connect, or a station that got its parameters; the frame
     remark      a finding of the steps before (`ds47.findings.remark`)
-    foreign     the Access of a Write that was answered, to an index that cannot be ours, or without its request
+    foreign     the access of a Write that was answered, to an index that cannot be ours, or without its request
     set_up      the request of a Connect; its response
 """
 
@@ -397,7 +397,7 @@ class Pairing:
         self._count = 0
         self._newest_ns: int | None = None
 
-    def write_request(self, access: Access, message: Request) -> Job:
+    def write_request(self, access: RecordAccess, message: Request) -> Job:
         """A Write that asks for something. Returns the job, for `write_response`."""
         asked = access.record.request
         assert asked is not None
@@ -439,7 +439,7 @@ class Pairing:
             if job.phase == "refused":
                 self._told.append(("refused", job, None))
 
-    def write_unasked(self, access: Access) -> None:
+    def write_unasked(self, access: RecordAccess) -> None:
         """The answer to a Write whose request is not in the capture.
 
         It came after the refused one of its channel: no Read is for that one any more. One that was accepted asks
@@ -470,7 +470,7 @@ class Pairing:
             self._lose(channel.last, "")
             channel.last = None
 
-    def read_response(self, access: Access) -> Job | None:
+    def read_response(self, access: RecordAccess) -> Job | None:
         """The answer to a Read. Returns the job it went to, None where there is none."""
         peer, record = access.peer, access.record
         half = record.response
@@ -520,7 +520,7 @@ class Pairing:
         self._lose(refused, "")
         channel.refused = None
 
-    def _orphan(self, access: Access, channel: Channel, repeats: int | None) -> Job:
+    def _orphan(self, access: RecordAccess, channel: Channel, repeats: int | None) -> Job:
         """A record whose request is not known; `repeats`: the frame in which its bytes were read first."""
         job = Job(access, None, order=self.number())
         job.phase, job.certain, job.previous = "open", not self._pushed_out, channel.written
@@ -676,7 +676,7 @@ class Pairing:
             return Missing("requests")
         return self._behind(peer, since) if since else Missing("begins")
 
-    def _nothing(self, access: Access, channel: Channel, missing: Missing | None) -> None:
+    def _nothing(self, access: RecordAccess, channel: Channel, missing: Missing | None) -> None:
         """A Read that brought nothing, where no request is open as far as is known."""
         half = access.record.response
         assert half is not None
@@ -701,11 +701,11 @@ class Pairing:
             (self.channels[each].unseen for each in islice(keys, self._limits.users)), default=0
         )
 
-    def is_again(self, access: Access) -> bool:
+    def is_again(self, access: RecordAccess) -> bool:
         """Whether a ReadImplicit brings the bytes of the last response of its place (P55). Changes nothing."""
         return access.record.implicit and self._repeated(access) is not None
 
-    def _repeated(self, access: Access) -> Job | None:
+    def _repeated(self, access: RecordAccess) -> Job | None:
         """The last response of a place, where a record has its bytes and came behind it (P22)."""
         delivered, half = self._delivered.get(_spot(access.channel)), access.record.response
         before = None if delivered is None else delivered.read_response
@@ -713,7 +713,7 @@ class Pairing:
             return None
         return delivered if before.data == half.data else None
 
-    def _last_response(self, access: Access, channel: Channel) -> Job | None:
+    def _last_response(self, access: RecordAccess, channel: Channel) -> Job | None:
         """Whose response a Read without a request may bring once more.
 
         That of its channel; without an AR that of the place, whoever asked there.
@@ -737,12 +737,12 @@ class Pairing:
                 job.again = "again_without_ar"
         self._keep(job.rereads, (record.request, record.response))
 
-    def expected(self, access: Access) -> Job | None:
+    def expected(self, access: RecordAccess) -> Job | None:
         """The job whose response a Read will fetch, as far as is known. Changes nothing."""
         channel = self.channels.get(access.channel)
         return None if channel is None else channel.expected()
 
-    def read_lost(self, access: Access) -> Job | None:
+    def read_lost(self, access: RecordAccess) -> Job | None:
         """A Read that never got its RPC response."""
         channel, read = self.channels.get(access.channel), access.record.request
         if channel is None or read is None:
@@ -757,7 +757,7 @@ class Pairing:
             job.read_request = read
         return job
 
-    def read_asked_late(self, access: Access, answer: int) -> None:
+    def read_asked_late(self, access: RecordAccess, answer: int) -> None:
         """The request of a Read whose response was in an earlier frame."""
         channel = self.channels.get(access.channel)
         last = channel.last if channel is not None else None
@@ -837,7 +837,7 @@ class Pairing:
         self._count += 1
         return self._count
 
-    def _channel(self, access: Access, now: int) -> Channel:
+    def _channel(self, access: RecordAccess, now: int) -> Channel:
         key = access.channel
         if self.replaced:
             self.goes_on(*key[:3])

@@ -16,7 +16,7 @@ from typing import Any, Final
 from ds47.acyclic.pairing import Job
 from ds47.profidrive import Address, Block, Request, Response
 from ds47.profidrive.dictionary import changes_itself
-from ds47.profidrive.drive_objects import DO_IDENTIFICATION, Access, DriveObjects, access
+from ds47.profidrive.drive_objects import DO_IDENTIFICATION, DriveAccess, DriveObjects, access
 from ds47.profidrive.model import VALUE, Value
 from ds47.spec.semantics import known
 
@@ -37,7 +37,7 @@ Element = tuple[str, int, int]
 class Written:
     """One value that was written. In force from some moment between two frames on, if it was accepted."""
 
-    access: Access
+    access: DriveAccess
     number: int
     """Its place in the request, from 0: one may name a parameter twice."""
     raw: bytes
@@ -183,7 +183,7 @@ class ReadBack:
                 )
 
     def _compared(
-        self, reached: Access, family: str, asked: int, address: Address, block: Block
+        self, reached: DriveAccess, family: str, asked: int, address: Address, block: Block
     ) -> Iterator[dict[str, Any]]:
         device = self._device(reached.device)
         if device.recomputing:
@@ -203,7 +203,7 @@ class ReadBack:
                     "written": last.value, "by": last.asked, "family": family, "offset": block.offset,
                 }  # fmt: skip
 
-    def _last(self, key: Element, reached: Access, asked: int) -> Written | None:
+    def _last(self, key: Element, reached: DriveAccess, asked: int) -> Written | None:
         """What was written last before frame `asked`, as far as that is sure; None where it is not."""
         objects, pnu = self.objects, key[1]
         near = [
@@ -237,7 +237,7 @@ class ReadBack:
         return found
 
 
-def access_of(job: Job) -> Access:
+def access_of(job: Job) -> DriveAccess:
     """How the request of a job reaches its parameters."""
     record = job.record
     axis = job.message.axis if job.message else None

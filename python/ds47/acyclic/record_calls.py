@@ -11,11 +11,11 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Final
 
-from ds47.acyclic.pairing import Access, Moment, Pairing, Peer, Told
+from ds47.acyclic.pairing import Moment, Pairing, Peer, RecordAccess, Told
 from ds47.acyclic.record_events import RecordEvents
 from ds47.findings.remark import Remark
 from ds47.profinet import rpc
-from ds47.profinet.calls import Became, Call
+from ds47.profinet.calls import Became, RpcCall
 from ds47.profinet.completeness import Completeness
 from ds47.profinet.records import (
     Half,
@@ -102,7 +102,7 @@ class RecordCalls:
             self._told.append(("remark", Remark("DS109", frame, args), None))
 
     def incomplete(
-        self, pdu: rpc.Pdu, have: int, kind: str, limit: str = "", call: Call | None = None
+        self, pdu: rpc.Pdu, have: int, kind: str, limit: str = "", call: RpcCall | None = None
     ) -> None:
         """A message whose fragments did not become whole.
 
@@ -133,12 +133,12 @@ class RecordCalls:
         records = parse_request(pdu).records if pdu.ptype == 0 else parse_response(pdu)[1]
         return records[0] if records and records[0].index in self._concerned else None
 
-    def _access(self, pdu: rpc.Pdu, record: Record) -> Access:
-        return Access(self._peer(pdu), record, ours=record.index in self._concerned)
+    def _access(self, pdu: rpc.Pdu, record: Record) -> RecordAccess:
+        return RecordAccess(self._peer(pdu), record, ours=record.index in self._concerned)
 
     # Requests
 
-    def _asked(self, call: Call, pdu: rpc.Pdu) -> None:
+    def _asked(self, call: RpcCall, pdu: rpc.Pdu) -> None:
         if self._connections:
             self._goes_on(pdu)
         if pdu.opnum not in _OPERATIONS:
@@ -149,7 +149,9 @@ class RecordCalls:
             self._completeness.cut(pdu)
         if body.multiple:
             self._events.count(RECORD_WRITE_MULTIPLE, write=True)
-        call.context = [Access(peer, each, ours=each.index in concerned) for each in body.records]
+        call.context = [
+            RecordAccess(peer, each, ours=each.index in concerned) for each in body.records
+        ]
         for access in call.context:
             self._events.count(access.record.index, write=access.record.write)
             if self._pairing.replaced:
@@ -160,7 +162,7 @@ class RecordCalls:
             if access.ours:
                 self._events.asked(access, pdu.cut)
 
-    def _late(self, call: Call, answer: rpc.Pdu) -> None:
+    def _late(self, call: RpcCall, answer: rpc.Pdu) -> None:
         """The request of a response that was heard of already, as one without its request."""
         pdu = call.request
         assert pdu is not None
@@ -179,7 +181,7 @@ class RecordCalls:
             if record.index in self._concerned:
                 self._events.asked_late(self._access(pdu, record), answer.frame)
 
-    def _again(self, call: Call, pdu: rpc.Pdu) -> None:
+    def _again(self, call: RpcCall, pdu: rpc.Pdu) -> None:
         self._goes_on(pdu)
         args = {"operation": _OPERATIONS.get(pdu.opnum, "?"), "first": call.frame}
         self._about_call(call, Remark("DS103", pdu.frame, args))
@@ -191,7 +193,7 @@ class RecordCalls:
             if access.ours:
                 self._events.sent_again(access, waits_ns)
 
-    def _lost(self, call: Call) -> None:
+    def _lost(self, call: RpcCall) -> None:
         pdu, first = call.request, next((each for each in call.context if each.ours), None)
         if pdu is not None and first is not None:
             if call.limit:
@@ -237,7 +239,7 @@ class RecordCalls:
 
     # Responses
 
-    def _answered(self, call: Call, pdu: rpc.Pdu) -> None:
+    def _answered(self, call: RpcCall, pdu: rpc.Pdu) -> None:
         if pdu.opnum not in _OPERATIONS:
             self._goes_on(pdu)
             if call.opnum == RPC_CONNECT and call.request is not None:
@@ -283,7 +285,7 @@ class RecordCalls:
                 self._told.append(("foreign", access, None))
             self._events.unasked(access, pdu.cut)
 
-    def _twice(self, call: Call, pdu: rpc.Pdu) -> None:
+    def _twice(self, call: RpcCall, pdu: rpc.Pdu) -> None:
         args = {
             "operation": _OPERATIONS.get(pdu.opnum, "?"),
             "first": call.answer,
@@ -294,7 +296,7 @@ class RecordCalls:
             if access.ours:
                 self._events.answered_twice(access)
 
-    def _failed(self, call: Call, pdu: rpc.Pdu) -> None:
+    def _failed(self, call: RpcCall, pdu: rpc.Pdu) -> None:
         code = int.from_bytes(pdu.body[:4], "little" if pdu.little else "big")
         args = {"kind": rpc.PTYPES[pdu.ptype], "fault": code}
         self._about_call(call, Remark("DS104", pdu.frame, args))
@@ -314,7 +316,7 @@ class RecordCalls:
 
     # Findings
 
-    def _about_call(self, call: Call, remark: Remark) -> None:
+    def _about_call(self, call: RpcCall, remark: Remark) -> None:
         """A finding about an RPC call: once, and with the first job that it carries."""
         for access in call.context:
             if access.ours:

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from ds47.acyclic.index47 import ALWAYS, SHARED_INDEX, ArKey, Index47, is_question
-from ds47.acyclic.pairing import Access, Moment, Pairing, Told
+from ds47.acyclic.pairing import Moment, Pairing, RecordAccess, Told
 from ds47.findings.remark import Remark
 from ds47.profidrive import Options, Request, decode_request
 from ds47.profinet.ip import Cut
@@ -69,7 +69,7 @@ class RecordEvents:
         counts["write" if write else "read"] += 1
 
     def pass_on(
-        self, access: Access, what: str, about: Any = None, *, proves: bool = False
+        self, access: RecordAccess, what: str, about: Any = None, *, proves: bool = False
     ) -> None:
         """Lets something happen now, or once the AR has proved itself; `proves`: it does that."""
         ar, index = access.ar, access.record.index
@@ -78,7 +78,7 @@ class RecordEvents:
         for event in self._index47.pass_on(ar, index, (what, access, about), proves=proves):
             self._happens[event[0]](*event[1:])
 
-    def about(self, access: Access, remark: Remark) -> None:
+    def about(self, access: RecordAccess, remark: Remark) -> None:
         """A finding about a record that is ours, or will turn out to be; and about its job, if it has one then."""
         self.pass_on(access, "about", remark)
 
@@ -87,7 +87,7 @@ class RecordEvents:
         self._pairing.release(*ar, at)
         self._index47.follow(ar, ("release", ar, at))
 
-    def asked(self, access: Access, cut: Cut | None) -> None:
+    def asked(self, access: RecordAccess, cut: Cut | None) -> None:
         """A request; its index concerns us. `cut`: where the capture cut the message; None where it did not."""
         record, half = access.record, access.record.request
         assert half is not None
@@ -109,7 +109,7 @@ class RecordEvents:
             self._index47.heard(access.ar, half.frame, asks=True)
             self._index47.asked(access.ar, access.place, message, half.data)
 
-    def answered(self, access: Access, cut: Cut | None) -> None:
+    def answered(self, access: RecordAccess, cut: Cut | None) -> None:
         """The response to a request; arguments as for `asked`."""
         record, half = access.record, access.record.response
         assert half is not None
@@ -120,7 +120,7 @@ class RecordEvents:
         else:
             self.pass_on(access, "write_answered", half)
 
-    def unasked(self, access: Access, cut: Cut | None) -> None:
+    def unasked(self, access: RecordAccess, cut: Cut | None) -> None:
         """A response without its request."""
         record, half = access.record, access.record.response
         assert half is not None
@@ -131,30 +131,30 @@ class RecordEvents:
         if record.index == SHARED_INDEX:
             self._index47.heard(access.ar, half.frame, asks=False)
 
-    def asked_late(self, access: Access, answer: int) -> None:
+    def asked_late(self, access: RecordAccess, answer: int) -> None:
         """The request of a Read whose response was in an earlier frame, with that frame."""
         self.pass_on(access, "read_asked_late", answer)
         if access.record.index == SHARED_INDEX:
             self._index47.heard(access.ar, answer, asks=True)
 
-    def not_unasked(self, access: Access) -> None:
+    def not_unasked(self, access: RecordAccess) -> None:
         """A response was no one without its request: that came late, and is told next."""
         if access.record.index == SHARED_INDEX:
             self._index47.unheard(access.ar)
 
-    def failed(self, access: Access, half: Half) -> None:
+    def failed(self, access: RecordAccess, half: Half) -> None:
         """A request that was turned away before anybody looked at its record."""
         self.pass_on(access, "write_failed" if access.record.write else "read_over", half)
 
-    def sent_again(self, access: Access, waits_ns: int) -> None:
+    def sent_again(self, access: RecordAccess, waits_ns: int) -> None:
         """A request whose client had no response, and until when it waits for one at least."""
         self.pass_on(access, "sent_again", waits_ns)
 
-    def answered_twice(self, access: Access) -> None:
+    def answered_twice(self, access: RecordAccess) -> None:
         """A request with two responses: which of them its client has is not known."""
         self.pass_on(access, "answered_twice")
 
-    def lost(self, access: Access) -> None:
+    def lost(self, access: RecordAccess) -> None:
         """A request whose response does not come any more."""
         if not access.record.write:
             self.pass_on(access, "read_lost")
@@ -185,28 +185,28 @@ class RecordEvents:
 
     # What happens once it is ours
 
-    def _read_asked(self, access: Access, half: Half) -> None:
+    def _read_asked(self, access: RecordAccess, half: Half) -> None:
         self._clock(half)
         job = access.job = self._pairing.expected(access)
         if job is not None:
             job.fetching.append(half)
 
-    def _write_asked(self, access: Access, message: Request) -> None:
+    def _write_asked(self, access: RecordAccess, message: Request) -> None:
         half = access.record.request
         assert half is not None
         self._clock(half)
         access.job = self._pairing.write_request(access, message)
 
-    def _write_answered(self, access: Access, half: Half) -> None:
+    def _write_answered(self, access: RecordAccess, half: Half) -> None:
         self._clock(half)
         if access.job is not None:
             self._pairing.write_response(access.job, half)
 
-    def _write_failed(self, access: Access, half: Half) -> None:
+    def _write_failed(self, access: RecordAccess, half: Half) -> None:
         if access.job is not None:
             self._pairing.write_response(access.job, half, fault=True)
 
-    def _read_answered(self, access: Access, half: Half, cut: Cut | None) -> None:
+    def _read_answered(self, access: RecordAccess, half: Half, cut: Cut | None) -> None:
         if half.missing:
             self._length(access, half, cut)
         if access.proven or self._index47.passes(access.ar, access.record.index):
@@ -218,23 +218,23 @@ class RecordEvents:
         )
         self.pass_on(access, "read_answered", half, proves=proves)
 
-    def _read(self, access: Access, half: Half) -> None:
+    def _read(self, access: RecordAccess, half: Half) -> None:
         self._clock(half)
         _read_over(access)
         if access.record.index in ALWAYS and half.data:
             self._index47.responded(access.peer.device, access.place, half.data, self._codec)
         self._pairing.read_response(access)
 
-    def _write_unasked(self, access: Access, _: object) -> None:
+    def _write_unasked(self, access: RecordAccess, _: object) -> None:
         self._pairing.write_unasked(access)
 
-    def _read_lost(self, access: Access, _: object) -> None:
+    def _read_lost(self, access: RecordAccess, _: object) -> None:
         self._pairing.read_lost(access)
 
-    def _read_asked_late(self, access: Access, answer: int) -> None:
+    def _read_asked_late(self, access: RecordAccess, answer: int) -> None:
         self._pairing.read_asked_late(access, answer)
 
-    def _about(self, access: Access, remark: Remark) -> None:
+    def _about(self, access: RecordAccess, remark: Remark) -> None:
         remark.job = access.job
         self._remark(access, remark)
 
@@ -253,7 +253,7 @@ class RecordEvents:
 
     # Small things
 
-    def _length(self, access: Access, half: Half, cut: Cut | None) -> None:
+    def _length(self, access: RecordAccess, half: Half, cut: Cut | None) -> None:
         if cut is not None:
             half.cut = True
             frame, captured, original = cut
@@ -277,19 +277,19 @@ class RecordEvents:
         self.newest_ns, self.newest_frame = half.time_ns, half.frame
 
 
-def _read_over(access: Access, _: object = None) -> None:
+def _read_over(access: RecordAccess, _: object = None) -> None:
     """A Read is over, to whomever its response goes."""
     job = access.job
     if job is not None and access.record.request in job.fetching:
         job.fetching.remove(access.record.request)
 
 
-def _sent_again(access: Access, waits_ns: int) -> None:
+def _sent_again(access: RecordAccess, waits_ns: int) -> None:
     if access.job is not None:
         access.job.insisted = waits_ns
 
 
-def _answered_twice(access: Access, _: object) -> None:
+def _answered_twice(access: RecordAccess, _: object) -> None:
     asked = access.record.request
     if access.job is not None and asked is not None:
         access.job.twice = asked.frame

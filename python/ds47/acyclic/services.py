@@ -22,7 +22,7 @@ MOST_OPEN = 1_024
 
 
 @dataclass(slots=True, eq=False)
-class Call:
+class ServiceCall:
     """A DS_Read or DS_Write with its answer; `record` is what the pairing takes.
 
     `record.response.status` is 0 or that of the refusal (docs/profibus.md 4), `record.ar` is empty.
@@ -42,7 +42,7 @@ class Call:
     """The function code that refused it below MS1: 3 where the SAP is not enabled."""
 
 
-Became = tuple[Literal["asked", "answered", "failed", "lost", "unasked"], Call]
+Became = tuple[Literal["asked", "answered", "failed", "lost", "unasked"], ServiceCall]
 """What became of a call:
 
     asked      its request
@@ -59,7 +59,7 @@ class CallTracker:
     SERVICES: ClassVar = frozenset({dp.RECORD, dp.MS2})
 
     def __init__(self) -> None:
-        self._open: dict[tuple[int, int, int], Call] = {}
+        self._open: dict[tuple[int, int, int], ServiceCall] = {}
 
     def take(self, exchange: Exchange) -> list[Became]:
         """What becomes of calls by an exchange; those of other services than MS1 and MS2 say nothing here."""
@@ -84,7 +84,11 @@ class CallTracker:
         return told
 
     def _asked(
-        self, key: tuple[int, int, int], asked: ms1.Message, exchange: Exchange, told: list[Became]
+        self,
+        key: tuple[int, int, int],
+        asked: ms1.Ms1Message,
+        exchange: Exchange,
+        told: list[Became],
     ) -> None:
         self._lose(key, told)
         if asked.code not in (ms1.READ, ms1.WRITE) or asked.slot is None or asked.index is None:
@@ -93,7 +97,7 @@ class CallTracker:
         half = _half(exchange.request, asked)
         record = Record(write, False, NIL_UUID, NO_API, asked.slot, 0, asked.index, 0, half)
         master, station, sap = key
-        call = self._open[key] = Call(master, station, sap, record)
+        call = self._open[key] = ServiceCall(master, station, sap, record)
         told.append(("asked", call))
         if len(self._open) > MOST_OPEN:
             self._lose(next(iter(self._open)), told)
@@ -125,14 +129,14 @@ class CallTracker:
             self._unasked(key, answer, seen, told)
 
     def _unasked(
-        self, key: tuple[int, int, int], answer: ms1.Message, seen: Seen, told: list[Became]
+        self, key: tuple[int, int, int], answer: ms1.Ms1Message, seen: Seen, told: list[Became]
     ) -> None:
         if answer.slot is not None and answer.index is not None:
             self._lose(key, told)
             write = answer.function == "write"
             record = Record(write, False, NIL_UUID, NO_API, answer.slot, 0, answer.index, 0)
             record.response = _half(seen, answer)
-            told.append(("unasked", Call(*key, record)))
+            told.append(("unasked", ServiceCall(*key, record)))
 
     def _lose(self, key: tuple[int, int, int], told: list[Became]) -> None:
         call = self._open.pop(key, None)
@@ -140,14 +144,16 @@ class CallTracker:
             told.append(("lost", call))
 
 
-def _is_of(record: Record, answer: ms1.Message) -> bool:
+def _is_of(record: Record, answer: ms1.Ms1Message) -> bool:
     """Whether an answer is one to a request; a refusal names no place. Else the request it is to was not seen."""
     place = answer.slot, answer.index
     same = place in ((None, None), (record.slot, record.index))
     return same and record.write == (answer.function == "write")
 
 
-def _may_be_of_another(call: Call, exchange: Exchange, answer: ms1.Message | None) -> bool:
+def _may_be_of_another(
+    call: ServiceCall, exchange: Exchange, answer: ms1.Ms1Message | None
+) -> bool:
     """Whether a refusal, which names no place, may be for a request that was not seen."""
     seen, asked = exchange.answer, call.record.request
     if seen is None or asked is None or exchange.hole <= asked.frame:
@@ -155,7 +161,7 @@ def _may_be_of_another(call: Call, exchange: Exchange, answer: ms1.Message | Non
     return dp.refuses(seen.item) or (answer is not None and answer.kind == ms1.REFUSAL)
 
 
-def _half(seen: Seen, message: ms1.Message) -> Half:
+def _half(seen: Seen, message: ms1.Ms1Message) -> Half:
     """A message as one half of a record call.
 
     A DS_Read carries nothing, and says how much it wants; the answer to a DS_Write repeats its length, and
@@ -171,7 +177,7 @@ def _half(seen: Seen, message: ms1.Message) -> Half:
     return Half(seen.frame, seen.time_ns, stated=stated if asked else 0, status=status)
 
 
-def _status(refusal: ms1.Message) -> int:
+def _status(refusal: ms1.Ms1Message) -> int:
     """That of a refusal; error bytes that a short one does not have are 0, as it refuses without them, too."""
     errors = (refusal.error_decode, refusal.error_code_1, refusal.error_code_2)
     return int.from_bytes(bytes((refusal.code or 0, *(error or 0 for error in errors))))

@@ -19,7 +19,7 @@ from ds47.batch.products import discard
 from ds47.batch.results import OVERVIEW, Results
 from ds47.batch.tasks import Task
 from ds47.capture.remote import file_system, is_url, reason
-from ds47.report.overview import Row
+from ds47.report.overview import CaptureRow
 
 _AT_ONCE = 128
 """Results that are fetched together."""
@@ -118,7 +118,7 @@ class RemoteResults(Results):
                     self.keep(task)
         return len(self._done)
 
-    def end(self, rows: Sequence[Row], owner: int) -> None:
+    def end(self, rows: Sequence[CaptureRow], owner: int) -> None:
         """Writes the overview."""
         super().end(rows, owner)
         with self._reached():

@@ -26,7 +26,7 @@ from ds47.parameters.file_names import REFUSED, is_device
 from ds47.report import SCHEMA, load
 from ds47.report import Options as ReportOptions
 from ds47.report import json as contract
-from ds47.report.overview import Row, document
+from ds47.report.overview import CaptureRow, document
 from ds47.version import __version__
 
 OVERVIEW = "overview.json"
@@ -58,7 +58,7 @@ class Result:
         )
         writer = contract.Writer(text, ReportOptions(lang=self.lang))
         made = _made_of(task, self.options, self.lang)
-        run = {"seal": _UNSEALED, **made, "row": Row.of(result).plain()}
+        run = {"seal": _UNSEALED, **made, "row": CaptureRow.of(result).plain()}
         writer.about = {"run": run}
         writer.capture(result)
         writer.close()
@@ -166,9 +166,9 @@ class Results:
         except (OSError, *_MISSHAPEN):
             return False
 
-    def row(self, task: Task) -> Row:
+    def row(self, task: Task) -> CaptureRow:
         """What the overview tells of a task that is done."""
-        return Row.loaded(self._head(task)["run"]["row"])
+        return CaptureRow.loaded(self._head(task)["run"]["row"])
 
     def load(self, task: Task) -> CaptureResult:
         """The result of a task that is done."""
@@ -211,7 +211,7 @@ class Results:
         probe.touch()  # else every capture would be analysed first
         probe.unlink()
 
-    def end(self, rows: Sequence[Row], owner: int) -> None:
+    def end(self, rows: Sequence[CaptureRow], owner: int) -> None:
         """Writes the overview."""
         path = self.folder / OVERVIEW
         with whole(path, draft_of(path, owner)) as stream:

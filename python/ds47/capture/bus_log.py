@@ -172,13 +172,13 @@ def recognised(window: Window) -> BusLogReader | None:
     encoding = _text(head)
     if encoding is not None:
         lines = islice(_lines([head], encoding), _LINES)
-        found = (each for each in listing.read(lines) if isinstance(each, listing.Entry))
+        found = (each for each in listing.read(lines) if isinstance(each, listing.LogEntry))
         return BusLogReader(window, encoding) if any(map(_proves, _telegrams(found))) else None
     proofs = sum(_proves(piece.telegram) for piece in split(head, border=False))
     return BusLogReader(window, None) if proofs >= _PROOFS else None
 
 
-def _telegrams(found: Iterable[listing.Entry]) -> Iterator[Telegram]:
+def _telegrams(found: Iterable[listing.LogEntry]) -> Iterator[Telegram]:
     return (each.telegram for each in found)
 
 

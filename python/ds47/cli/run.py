@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ds47.batch.runner import Outcome
     from ds47.batch.tasks import Task
     from ds47.cli.progress import Progress
-    from ds47.report.overview import Row
+    from ds47.report.overview import CaptureRow
 
     Analyzer = Callable[[Task, OnTransaction | None], CaptureResult]
     Narrowing = Callable[[CaptureResult], CaptureResult]
@@ -127,8 +127,8 @@ class Run:
         tasks: Sequence[Task],
         todo: Sequence[Task],
         runner: Runner,
-        rows: list[Row] | None,
-    ) -> list[Row]:
+        rows: list[CaptureRow] | None,
+    ) -> list[CaptureRow]:
         """Stores a result of each task in `todo`, and reports over all.
 
         Args:
@@ -139,7 +139,7 @@ class Run:
             rows: of a writer that wants nothing but rows; else None, and it gets all results.
         """
         waiting = {task.path for task in todo}
-        kept: list[Row] = [] if rows is None else rows
+        kept: list[CaptureRow] = [] if rows is None else rows
         try:
             with runner as outcomes:
                 coming = iter(outcomes)
@@ -162,13 +162,13 @@ class Run:
             raise
         return kept
 
-    def _store(self, results: Results, task: Task, outcome: Outcome, *, whole: bool) -> Row:
-        from ds47.report.overview import Row
+    def _store(self, results: Results, task: Task, outcome: Outcome, *, whole: bool) -> CaptureRow:
+        from ds47.report.overview import CaptureRow
 
         if isinstance(outcome, CaptureError):
             results.forget(task)
             problem = self._unreadable(task, outcome, told=whole)
-            return Row.unreadable(task.path, problem)
+            return CaptureRow.unreadable(task.path, problem)
         row = results.row(task)
         self.worst = max(self.worst, row.worst)
         self._whole(task.path, row.complete, row.problem)

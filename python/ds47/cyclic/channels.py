@@ -14,7 +14,7 @@ from typing import NamedTuple, Protocol
 
 from ds47.capture.scan import Watch
 from ds47.cyclic import named
-from ds47.cyclic.handshake import ERROR, OK, Channel, Job, Moment
+from ds47.cyclic.handshake import ERROR, OK, Channel, Moment, PkwJob
 from ds47.cyclic.named import Name
 from ds47.cyclic.operation import Operation
 from ds47.cyclic.relations import Relation, Side, channels, place_of, side
@@ -80,10 +80,10 @@ class _Requests:
     """A relation of PKW; what is over waits until one transaction proves the relation."""
 
     relation: Relation
-    closed: Callable[[Relation, Job], None]
+    closed: Callable[[Relation, PkwJob], None]
     proven: Callable[[Relation], None]
     channel: Channel = field(init=False)
-    waiting: list[Job] = field(default_factory=list)
+    waiting: list[PkwJob] = field(default_factory=list)
     start_ns: int | None = None
     looks: list[int] = field(default_factory=lambda: [0, 0])
     valid: set[bool] = field(default_factory=set)
@@ -115,14 +115,14 @@ class _Requests:
         """Whether no request was seen where one might have been; only when nothing more comes."""
         return self.relation.certainty in (LENGTHS, CONFIGURED) and not self.asked
 
-    def unanswered(self, cycles: int) -> Job | None:
+    def unanswered(self, cycles: int) -> PkwJob | None:
         """What stood for so long, where all reads as requests, nothing has a response, and nothing proves PKW."""
         waiting = self.waiting if self.relation.certainty == LENGTHS else []
         if not all(each.is_ignored for each in waiting):
             return None
         return next((each for each in waiting if each.stood >= cycles), None)
 
-    def _over(self, job: Job) -> None:
+    def _over(self, job: PkwJob) -> None:
         relation, self.asked = self.relation, True
         if relation.certainty in (LENGTHS, CONFIGURED) and _proves(job):
             relation.certainty = SEEN
@@ -139,7 +139,7 @@ class _Requests:
 
 
 @dataclass(slots=True)
-class Drive:
+class DriveWords:
     """A relation of PZD with what its words say; `behind` PKW in one submodule only PKW can prove it."""
 
     relation: Relation
@@ -259,7 +259,7 @@ class CyclicChannels:
 
     def __init__(
         self,
-        closed: Callable[[Relation, Job], None],
+        closed: Callable[[Relation, PkwJob], None],
         watch: Callable[[Sequence[Watch]], None],
         bounds: Limits,
         wanted: Sequence[str] = (PKW, PZD),
@@ -285,15 +285,15 @@ class CyclicChannels:
         """Those of stations of PROFIBUS, by their source."""
         self._relations: list[Relation] = []
         self._named: list[Relation] = []
-        self._drives: list[Drive] = []
+        self._drives: list[DriveWords] = []
         self._without_request: list[Relation] = []
-        self._ignored: list[tuple[Relation, Job]] = []
+        self._ignored: list[tuple[Relation, PkwJob]] = []
         self._asked: set[tuple[object, ...]] = set()
         """Places to which a request was seen, in a relation that another one may have replaced."""
         self.is_set_up = False
         """Whether a Connect was seen with its response, whatever it sets up."""
 
-    def drives(self) -> list[Drive]:
+    def drives(self) -> list[DriveWords]:
         """The proven relations of PZD."""
         return [each for each in self._drives if each.proven]
 
@@ -304,7 +304,7 @@ class CyclicChannels:
             if each.place not in self._asked and self._is_beside(each)
         ]  # fmt: skip
 
-    def unanswered(self) -> list[tuple[Relation, Job]]:
+    def unanswered(self) -> list[tuple[Relation, PkwJob]]:
         """What reads as a request beside the words of a drive, and has no response; when nothing more comes."""
         return [each for each in self._ignored if self._is_beside(each[0])]
 
@@ -413,7 +413,7 @@ class CyclicChannels:
         for line, each, sent in row.ends:
             if len(data) >= each.offset + each.length:
                 self._take(line, each, sent, data, frame, time_ns)
-            if isinstance(line, Drive) and line.hopeless:
+            if isinstance(line, DriveWords) and line.hopeless:
                 self._lines.remove(line)
                 given_up = True
         if given_up:
@@ -429,7 +429,7 @@ class CyclicChannels:
             if (relation.output.source, relation.input.source) == (output, input_):
                 self._end(line)
                 self._lines.remove(line)
-                if isinstance(line, Drive):  # what becomes of its fault the next one shows
+                if isinstance(line, DriveWords):  # what becomes of its fault the next one shows
                     line.recorder.fault_since = None
 
     def _add(self, relation: Relation, behind: bool = False) -> None:
@@ -445,7 +445,7 @@ class CyclicChannels:
         operation = Operation(where, self._bounds)
         speed = _is_speed(relation.telegrams)
         recorder = Recorder(operation, not relation.is_foreign, speed, codes, self._bounds.events)
-        drive = Drive(relation, recorder, behind)
+        drive = DriveWords(relation, recorder, behind)
         self._drives.append(drive)
         self._lines.append(drive)
 
@@ -488,7 +488,7 @@ class CyclicChannels:
         for line, each, sent in found:
             if len(data) >= _FRAME_ID + max(each.offset + each.length, (each.status or 0) + 1):
                 self._take(line, each, sent, data[_FRAME_ID:], packet.frame, packet.time_ns)
-            if isinstance(line, Drive) and line.hopeless:
+            if isinstance(line, DriveWords) and line.hopeless:
                 self._lines.remove(line)
                 given_up = True
         if given_up:
@@ -521,7 +521,7 @@ class CyclicChannels:
         gone = [line for line, _, _ in found]
         for line in gone:
             self._asked.add(line.relation.place)
-            if isinstance(line, Drive):
+            if isinstance(line, DriveWords):
                 line.cut(sequences.since)
         self._lines = [line for line in self._lines if not any(line is each for each in gone)]
         self._tell()
@@ -593,7 +593,7 @@ def _is_speed(numbers: tuple[int, ...]) -> bool | None:
     return known.pop() if len(known) == 1 else None
 
 
-def _proves(job: Job) -> bool:
+def _proves(job: PkwJob) -> bool:
     """Whether the drive responded to a request that was seen to begin, and with an edge of its own."""
     return job.state in (OK, ERROR) and job.began and not job.settled
 

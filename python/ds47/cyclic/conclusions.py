@@ -12,7 +12,7 @@ from ds47.cyclic import judge
 from ds47.cyclic.channels import CyclicChannels
 from ds47.cyclic.explanation import explain, turned_down
 from ds47.cyclic.habits import Habits
-from ds47.cyclic.handshake import Job
+from ds47.cyclic.handshake import PkwJob
 from ds47.cyclic.relations import Relation
 from ds47.findings.remark import Remark
 from ds47.model import Transaction
@@ -40,7 +40,7 @@ class Conclusions:
         self._channels = channels
         self._habits: dict[Place, tuple[Relation, Habits]] = {}
 
-    def exchanged(self, relation: Relation, job: Job) -> list[Remark]:
+    def exchanged(self, relation: Relation, job: PkwJob) -> list[Remark]:
         """A transaction of PKW that is over, and what is wrong with it."""
         found = list(judge.remarks(relation, job, self._layout(relation.device)))
         return list(_about(relation, [*found, *self._habits_of(relation).take(job)]))

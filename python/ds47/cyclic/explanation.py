@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ds47.cyclic.channels import Drive
+from ds47.cyclic.channels import DriveWords
 from ds47.cyclic.operation import state_key
 from ds47.findings.remark import Remark
 from ds47.model import Transaction
@@ -48,7 +48,7 @@ def turned_down(item: Transaction) -> TurnedDown | None:
     return None
 
 
-def explain(it: TurnedDown, drives: Sequence[Drive]) -> Remark | None:
+def explain(it: TurnedDown, drives: Sequence[DriveWords]) -> Remark | None:
     """What the status word of the same drive object says; None where that is not known."""
     drive = _same(it, drives)
     if drive is None or not drive.recorder.has_sense:
@@ -65,7 +65,7 @@ def explain(it: TurnedDown, drives: Sequence[Drive]) -> Remark | None:
     return Remark("DS531", it.response, which | {"what": state_key(state or "not ready")})
 
 
-def _same(it: TurnedDown, drives: Sequence[Drive]) -> Drive | None:
+def _same(it: TurnedDown, drives: Sequence[DriveWords]) -> DriveWords | None:
     """The drive in the slot that was asked, where no other one can be meant."""
     there = [each for each in drives if each.relation.device == it.device]
     slot = [each for each in there if each.relation.slot == it.slot]

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ds47.cyclic import pkw
-from ds47.cyclic.handshake import Job
+from ds47.cyclic.handshake import PkwJob
 from ds47.findings.remark import Remark
 from ds47.spec import cyclic
 from ds47.spec.semantics import Limits
@@ -52,7 +52,7 @@ class Habits:
     _unreadable: bool = False
     """Whether the other layout would not do either."""
 
-    def take(self, job: Job) -> Iterator[Remark]:
+    def take(self, job: PkwJob) -> Iterator[Remark]:
         """A transaction that is over, and what is wrong with it."""
         asked = pkw.decode(job.request.data, answer=False, layout=self.layout)
         row = cyclic.requests()[asked.ak]

@@ -38,7 +38,7 @@ class Sight(NamedTuple):
 
 
 @dataclass(slots=True)
-class Job:
+class PkwJob:
     """A request as long as it stands, with its answer; None for what did not come.
 
     `answer` is the one that counted. It is `settled` where no edge told it: it was there already, so nobody
@@ -102,13 +102,13 @@ class Channel:
         fresh: whether nothing was asked before the first words: they are those after a start-up.
     """
 
-    def __init__(self, closed: Callable[[Job], None], fresh: bool = False) -> None:
+    def __init__(self, closed: Callable[[PkwJob], None], fresh: bool = False) -> None:
         self._closed = closed
         self._fresh = fresh
         self._out: Sight | None = None
         self._in: Sight | None = None
-        self._job: Job | None = None
-        self._before: Job | None = None
+        self._job: PkwJob | None = None
+        self._before: PkwJob | None = None
         self._previous = b""
         """What was sent before the request that is open."""
         self._echoes = True
@@ -129,7 +129,7 @@ class Channel:
         if _ak(data):
             moving = self._before is not None and self._before.updates > 0
             began = last is not None or self._fresh
-            self._job = Job(self._out, self._in, began, moving=moving)
+            self._job = PkwJob(self._out, self._in, began, moving=moving)
         self._fresh = False
 
     def answered(self, data: bytes, at: Moment) -> None:
@@ -177,7 +177,7 @@ class Channel:
             self._settle(self._job, at, WITHDRAWN if withdrawn else None)
             self._before, self._job = self._job, None
 
-    def _settle(self, job: Job, at: Moment | None, reason: str | None) -> None:
+    def _settle(self, job: PkwJob, at: Moment | None, reason: str | None) -> None:
         """The state of a transaction whose request ends.
 
         `reason` says why there is no answer, None: another request came.
@@ -193,7 +193,7 @@ class Channel:
         else:
             self._close(job, UNANSWERED, reason, at)
 
-    def _close(self, job: Job, state: str, reason: str | None, at: Moment | None) -> None:
+    def _close(self, job: PkwJob, state: str, reason: str | None, at: Moment | None) -> None:
         job.state, job.reason, job.ended = state, reason, at
         job.heard = self._in is not None
         self._closed(job)
@@ -214,7 +214,7 @@ class Channel:
         job.halves, job.request = job.request.at.frame, Sight(data, job.request.at)
         return True
 
-    def _counts(self, job: Job, data: bytes) -> bool:
+    def _counts(self, job: PkwJob, data: bytes) -> bool:
         """Whether a changed answer is that of the open request, and not one before it that moved."""
         asked, standing = job.request.data, job.standing
         if not _fits(asked, data):
@@ -227,7 +227,7 @@ class Channel:
             data
         )  # the read before it was not answered: this is what it asked for
 
-    def _stands(self, job: Job, data: bytes) -> bool:
+    def _stands(self, job: PkwJob, data: bytes) -> bool:
         """Whether the answer that stands when a request ends may be its own, though no edge told it."""
         if not _fits(job.request.data, data) or _is_refusal(data):
             return False
@@ -239,7 +239,7 @@ class Channel:
         before = self._before
         return before is not None and before.answer is None and _fits(before.request.data, data)
 
-    def _update(self, job: Job, seen: Sight) -> None:
+    def _update(self, job: PkwJob, seen: Sight) -> None:
         """The drive repeats an answer with the value of the moment."""
         assert job.answer is not None
         if seen.data[:4] == job.answer.data[:4]:

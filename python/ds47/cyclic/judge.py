@@ -10,13 +10,13 @@ from collections.abc import Iterator
 from typing import Any
 
 from ds47.cyclic import handshake, pkw
-from ds47.cyclic.handshake import Job
+from ds47.cyclic.handshake import PkwJob
 from ds47.cyclic.relations import Relation
 from ds47.findings.remark import Remark
 from ds47.spec import cyclic
 
 
-def remarks(relation: Relation, job: Job, layout: str = pkw.CYCLIC) -> Iterator[Remark]:
+def remarks(relation: Relation, job: PkwJob, layout: str = pkw.CYCLIC) -> Iterator[Remark]:
     """What is wrong with a transaction that is over."""
     asked, which = _which(relation, job, layout)
     yield from _request(job, asked, which)
@@ -36,7 +36,7 @@ def remarks(relation: Relation, job: Job, layout: str = pkw.CYCLIC) -> Iterator[
             yield Remark("DS503", job.ended.frame, which | {"milliseconds": stood_ns / 1e6})
 
 
-def unanswered(relation: Relation, job: Job, layout: str = pkw.CYCLIC) -> Iterator[Remark]:
+def unanswered(relation: Relation, job: PkwJob, layout: str = pkw.CYCLIC) -> Iterator[Remark]:
     """What reads as a request has no response, and nothing proves that it is one."""
     last = job.ended or job.last or job.request.at
     stood_ns = last.time_ns - job.request.at.time_ns
@@ -45,13 +45,13 @@ def unanswered(relation: Relation, job: Job, layout: str = pkw.CYCLIC) -> Iterat
         yield Remark("DS514", job.request.at.frame, which | {"milliseconds": stood_ns / 1e6})
 
 
-def _which(relation: Relation, job: Job, layout: str) -> tuple[pkw.Message, dict[str, Any]]:
+def _which(relation: Relation, job: PkwJob, layout: str) -> tuple[pkw.PkwMessage, dict[str, Any]]:
     """The request, and the arguments that name its parameter."""
     asked = pkw.decode(job.request.data, answer=False, layout=layout)
     return asked, {"pnu": asked.pnu, "subindex": asked.subindex, "family": relation.drives}
 
 
-def _request(job: Job, asked: pkw.Message, which: dict[str, Any]) -> Iterator[Remark]:
+def _request(job: PkwJob, asked: pkw.PkwMessage, which: dict[str, Any]) -> Iterator[Remark]:
     row = cyclic.requests()[asked.ak]
     if job.halves is not None:
         yield Remark("DS506", job.halves, which)

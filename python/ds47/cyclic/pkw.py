@@ -36,7 +36,7 @@ class Error:
 
 
 @dataclass(frozen=True, slots=True)
-class Message:
+class PkwMessage:
     """A request (`answer` False) or an answer; the attributes have the names of the JSON.
 
     `pnu` is None where page and number together are none that exists. `value` is a whole number or a
@@ -68,7 +68,9 @@ class Message:
         return struct.pack(">HH", self.pwe1, self.pwe2)
 
 
-def decode(data: bytes, answer: bool, layout: str = CYCLIC, family: str | None = None) -> Message:
+def decode(
+    data: bytes, answer: bool, layout: str = CYCLIC, family: str | None = None
+) -> PkwMessage:
     """A request or an answer from its eight bytes; further ones are left alone.
 
     Args:
@@ -88,7 +90,7 @@ def decode(data: bytes, answer: bool, layout: str = CYCLIC, family: str | None =
     ak = pke >> _AK_SHIFT
     width = (cyclic.answers() if answer else cyclic.requests())[ak].width
     failed = answer and ak in (ERROR, NO_RIGHTS)
-    return Message(
+    return PkwMessage(
         answer=answer,
         ak=ak,
         spm=int(bool(pke & _SPM)),

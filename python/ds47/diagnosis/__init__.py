@@ -15,7 +15,7 @@ from functools import cache, partial
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from ds47.acyclic.judge import PNU_ACCESS_IDENTIFICATION
-from ds47.acyclic.pairing import Access, Job, Missing, Peer
+from ds47.acyclic.pairing import Job, Missing, Peer, RecordAccess
 from ds47.diagnosis import length, order, refusal
 from ds47.diagnosis.capture import WholeCapture
 from ds47.diagnosis.targets import Reach, reach_of
@@ -98,11 +98,11 @@ class Diagnoses:
                 remark.corrected = self._offer(job, remark.corrected)
         return remarks
 
-    def nothing_to_read(self, access: Access, missing: Missing | None) -> None:
+    def nothing_to_read(self, access: RecordAccess, missing: Missing | None) -> None:
         """A Read without record on a channel that has no request, as far as none is missing."""
         self._whole.nothing_to_read(access, missing)
 
-    def foreign(self, access: Access) -> None:
+    def foreign(self, access: RecordAccess) -> None:
         """A Write to an index that is not ours has been answered."""
         self._whole.foreign(access)
 

@@ -28,7 +28,7 @@ from ds47.explain.forms import (
 )
 from ds47.profidrive.naming import spelling
 from ds47.spec import cyclic, explanations, s7
-from ds47.spec.explanations import Entry
+from ds47.spec.explanations import Explanation
 from ds47.spec.statuses import status_hex, status_text
 
 
@@ -223,7 +223,7 @@ def _without_first_byte(status: int, lang: str) -> Iterator[Meaning]:
         yield from (each for each in _word(status >> 16, "status", lang) if each.known)
 
 
-def _entry_of_status(status: int) -> Entry | None:
+def _entry_of_status(status: int) -> Explanation | None:
     rest = _four(status)
     return explanations.of_status(*rest) or explanations.of_local(*rest)
 
@@ -241,7 +241,7 @@ def _sided(name: str, status: int) -> str:
     return {"refused": f"{side}_refused", "status": f"status_{side}"}.get(name, name)
 
 
-def _status_headline(entry: Entry, status: int, lang: str) -> str:
+def _status_headline(entry: Explanation, status: int, lang: str) -> str:
     code, decode, first, second = _four(status)
     names = spec.status(lang)
     service = names.code.get(code, "")
@@ -665,7 +665,7 @@ def _meaning(
     name: str,
     title: str,
     known: bool,
-    entry: Entry,
+    entry: Explanation,
     lang: str,
     *,
     rank: str,

@@ -48,7 +48,7 @@ from .mapping import Key, KeyFileError
 from .original import Original, first_time, opened, whole_frames
 from .s7 import S7Frames
 from .selection import Chosen, Selection, SelectionError, choose
-from .tracking import Copy, Message, Tracker
+from .tracking import Copy, TrackedMessage, Tracker
 
 __all__ = [
     "LINK",
@@ -240,7 +240,7 @@ class _Survey:
                     self._wanted.add(frame.number)
                 s7.feed(frame)
                 found = tracker.feed(frame)
-                if isinstance(found, Message):
+                if isinstance(found, TrackedMessage):
                     self._message(found)
                 elif found is not None:
                     self._copy(found)
@@ -250,7 +250,7 @@ class _Survey:
         s7.finish()
         return self._wanted | s7.wanted
 
-    def _message(self, message: Message) -> None:
+    def _message(self, message: TrackedMessage) -> None:
         if not self._is_wanted(message):
             return
         frames, notes = message.frames, self._chosen.notes
@@ -283,14 +283,14 @@ class _Survey:
                     self._chosen.notes.setdefault(number, []).append(text)
         tracker.lost.clear()
 
-    def _is_wanted(self, message: Message) -> bool:
+    def _is_wanted(self, message: TrackedMessage) -> bool:
         if not self._selection.by_frame:
             return message.frame in self._chosen.frames
         if message.kind == "foreign" or not self._selection.in_time(message.time_ns):
             return False
         return not self._chosen.ips or self._of_device(message)
 
-    def _of_device(self, message: Message) -> bool:
+    def _of_device(self, message: TrackedMessage) -> bool:
         chosen, packet = self._chosen, message.packet
         assert packet is not None
         if message.kind == "rpc":
@@ -302,7 +302,7 @@ class _Survey:
         return not (chosen.ips | chosen.macs).isdisjoint((packet.src_mac, packet.dst_mac, *told))
 
 
-def _description(message: Message) -> str:
+def _description(message: TrackedMessage) -> str:
     """What a frame is that belongs to no transaction."""
     pdu = message.pdu
     if message.kind != "rpc":
@@ -391,7 +391,7 @@ class _Rewriting:
         for frame in whole_frames(original, wanted.__contains__):
             drafts.add(frame)
             found = tracker.feed(frame)
-            if isinstance(found, Message):
+            if isinstance(found, TrackedMessage):
                 drafts.finish(found.frames, anonymiser.message(found, drafts))
             elif found is not None:
                 drafts.finish(found.trace.frames, anonymiser.copy(found, drafts))

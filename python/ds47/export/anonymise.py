@@ -30,7 +30,7 @@ from ds47.spec.layouts import (
 from . import blocks, stations, values
 from .drafts import Draft, Drafts
 from .mapping import Key
-from .tracking import Copy, Message
+from .tracking import Copy, TrackedMessage
 
 _UDP = 8
 """Bytes of the UDP header in front of that of RPC."""
@@ -73,7 +73,7 @@ class Anonymiser:
         self._asked: dict[tuple[str, bytes, int], bytes] = {}
         """The same as `asked` by RPC call: a response may be sent again."""
 
-    def message(self, message: Message, drafts: Drafts) -> bool:
+    def message(self, message: TrackedMessage, drafts: Drafts) -> bool:
         """Rewrites all frames of a message; False where that cannot be done."""
         if message.kind == "foreign":
             return False
@@ -146,7 +146,7 @@ class Anonymiser:
 
     # RPC
 
-    def _rpc(self, message: Message, drafts: Drafts) -> None:
+    def _rpc(self, message: TrackedMessage, drafts: Drafts) -> None:
         pdu = message.pdu
         if pdu is None:
             for trace in message.traces:

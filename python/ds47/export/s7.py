@@ -14,7 +14,7 @@ from ds47.model import S7
 from ds47.profinet.link import Packet, dissect
 from ds47.s7 import tcp
 from ds47.s7.connections import Connections
-from ds47.s7.model import At, Job
+from ds47.s7.model import At, S7Job
 from ds47.spec.semantics import limits
 
 
@@ -58,7 +58,7 @@ class S7Frames:
         """The capture is over."""
         self._connections.finish()
 
-    def _over(self, job: Job) -> None:
+    def _over(self, job: S7Job) -> None:
         """A job with all its frames."""
         first = min(each.frame for each in (job.asked, job.answered) if each is not None)
         if (first, job.reference) not in self._complete:

@@ -25,7 +25,7 @@ _REMEMBERED: Final = 64
 
 
 @dataclass(slots=True, eq=False)
-class Message:
+class TrackedMessage:
     """What frames say together. `parts` of an RPC message: by fragment, each with its copies.
 
     `packet` is what the last of the frames brought, None for a foreign one. `pdu` is that of the first
@@ -71,7 +71,7 @@ class _Done:
 class Copy:
     """A datagram, or one piece of it, that came again after its message was whole."""
 
-    message: Message
+    message: TrackedMessage
     trace: Trace
     sibling: Trace
 
@@ -99,20 +99,20 @@ class Tracker:
         )  # fmt: skip
         self._done: OrderedDict[_Call, _Done] = OrderedDict()
 
-    def feed(self, frame: Frame) -> Message | Copy | None:
+    def feed(self, frame: Frame) -> TrackedMessage | Copy | None:
         """The message that this frame completes; None where more has to come."""
         packet = dissect(frame, self._datagrams)
         trace = self._traces.take()
         if packet is not None and packet.kind in ("dcp", "lldp"):
-            return Message(packet.kind, frame.number, frame.time_ns, packet)
+            return TrackedMessage(packet.kind, frame.number, frame.time_ns, packet)
         if trace is None:  # cyclic frames, too
-            return Message("foreign", frame.number, frame.time_ns)
+            return TrackedMessage("foreign", frame.number, frame.time_ns)
         if packet is not None:
             return self._rpc(packet, trace)
         if trace.copy_of is not None:
             return self._late(trace, trace.copy_of)
         if trace.whole:
-            return Message("foreign", frame.number, frame.time_ns, parts=[[trace]])
+            return TrackedMessage("foreign", frame.number, frame.time_ns, parts=[[trace]])
         return None
 
     def finish(self) -> None:
@@ -130,13 +130,13 @@ class Tracker:
             self._traces.add(before, *copy.pieces)
         return None
 
-    def _rpc(self, packet: Packet, trace: Trace) -> Message | Copy | None:
+    def _rpc(self, packet: Packet, trace: Trace) -> TrackedMessage | Copy | None:
         pdu = rpc.parse(packet)
         if pdu is not None and pdu.fragmented:
             return self._fragment(packet, pdu, trace)
-        return Message("rpc", packet.frame, packet.time_ns, packet, pdu, [[trace]])
+        return TrackedMessage("rpc", packet.frame, packet.time_ns, packet, pdu, [[trace]])
 
-    def _fragment(self, packet: Packet, pdu: rpc.Pdu, trace: Trace) -> Message | Copy | None:
+    def _fragment(self, packet: Packet, pdu: rpc.Pdu, trace: Trace) -> TrackedMessage | Copy | None:
         key = (pdu.source, pdu.activity, pdu.seq, pdu.ptype)
         done = self._done.get(key)
         soon = done is not None and abs(pdu.time_ns - done.time_ns) <= self._limits.copy_ns
@@ -150,7 +150,7 @@ class Tracker:
             return None
         self._remember(key, pdu.time_ns, whole)
         parts = [whole.traces[number] for number in sorted(whole.traces)]
-        return Message("rpc", packet.frame, packet.time_ns, packet, whole.joined(pdu), parts)
+        return TrackedMessage("rpc", packet.frame, packet.time_ns, packet, whole.joined(pdu), parts)
 
     def _remember(self, key: _Call, time_ns: int, whole: rpc.Partial) -> None:
         fragments = {(part.fragment, part.body, part.ip_id): whole.traces[part.fragment][0]

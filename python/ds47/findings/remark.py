@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 
-class Exchange(Protocol):
+class AnyJob(Protocol):
     """The transaction in the making that a remark is about, of whatever channel."""
 
     order: int
@@ -47,7 +47,7 @@ class Remark:
     frame: int
     args: dict[str, Any] = field(default_factory=dict)
     offset: int | None = None
-    job: Exchange | None = None
+    job: AnyJob | None = None
     corrected: Corrected = None
     """Of a diagnosis: the request as it should have been, or who knows it when the capture is over."""
     time_ns: int | None = None

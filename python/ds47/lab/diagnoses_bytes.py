@@ -25,8 +25,8 @@ from ds47.lab.diagnoses_refused import (
     READ_PARTIAL,
     TOO_LONG,
     UNKNOWN,
-    Exchange,
-    Row,
+    RefusedScenario,
+    RequestAndReply,
     bounced,
     change,
     dword,
@@ -70,13 +70,13 @@ def little(pnu: int, subindex: int = 0, elements: int = 1) -> bytes:
     return plain[:2] + swapped(plain[2:])
 
 
-FIRST = Exchange(read(3), speed(3))
+FIRST = RequestAndReply(read(3), speed(3))
 """A good job first, so that index 47 is known to be a parameter channel."""
 ARRAY = read(4, message.address(2902, 2, 4))
-ARRAY_READ = Exchange(ARRAY, message.answer(4, 1, 1, message.real(10.0, 20.0, 50.0, 100.0)))
+ARRAY_READ = RequestAndReply(ARRAY, message.answer(4, 1, 1, message.real(10.0, 20.0, 50.0, 100.0)))
 
 REPAIR_ROWS = (
-    Row(
+    RefusedScenario(
         "value-in-wrong-type",
         "A REAL under an integer format",
         "P2900 gets the bits of 10.0 as Unsigned32 1092616192: error 0x05",
@@ -84,14 +84,14 @@ REPAIR_ROWS = (
         [CHANGE_ERROR],
         "DS410 DS714",
     ),
-    Row(
+    RefusedScenario(
         "value-in-wrong-type-not",
         "A REAL under its own format",
         "the same bits as Float32: the drive takes them",
         [taken(change(1, FIXED, message.real(10.0)))],
         [OK_CHANGE],
     ),
-    Row(
+    RefusedScenario(
         "value-in-wrong-type-integer",
         "A whole number under a floating-point format",
         "p0922 gets DINT 1 with format 08, which is 1.4e-45: error 0x05",
@@ -99,7 +99,7 @@ REPAIR_ROWS = (
         [CHANGE_ERROR],
         "DS410 DS714",
     ),
-    Row(
+    RefusedScenario(
         "value-in-wrong-type-taken",
         "A whole number under a floating-point format, and the drive takes it",
         "P2900 := 10 as DINT with format 08: the drive sets 1.4e-44 %, which is nothing",
@@ -107,7 +107,7 @@ REPAIR_ROWS = (
         [OK_CHANGE],
         "DS714",
     ),
-    Row(
+    RefusedScenario(
         "bytes-swapped",
         "A request with the low byte of each word first",
         "reference 4 arrives as request ID 4: the Write is refused",
@@ -115,14 +115,14 @@ REPAIR_ROWS = (
         [OK_READ, ("unknown", "refused")],
         "DS203 DS302 DS305 DS715",
     ),
-    Row(
+    RefusedScenario(
         "bytes-swapped-not",
         "The same request with the high byte first",
         "the same request, high byte first: the drive answers",
         [FIRST, ARRAY_READ],
         [OK_READ, OK_READ],
     ),
-    Row(
+    RefusedScenario(
         "bytes-swapped-fields",
         "An address with the low byte first",
         "P2900 arrives as 21515, which the drive does not have: error 0x00",
@@ -130,14 +130,14 @@ REPAIR_ROWS = (
         [READ_ERROR],
         "DS410 DS715",
     ),
-    Row(
+    RefusedScenario(
         "bytes-swapped-fields-not",
         "A parameter whose number looks swapped",
         "parameter 21515, and the drive has it",
-        [Exchange(read(1, little(2900)), speed(1, 10.0))],
+        [RequestAndReply(read(1, little(2900)), speed(1, 10.0))],
         [OK_READ],
     ),
-    Row(
+    RefusedScenario(
         "bytes-swapped-values",
         "A value with the low byte first",
         "10.0 arrives as 1.1e-41: error 0x02",
@@ -145,7 +145,7 @@ REPAIR_ROWS = (
         [CHANGE_ERROR],
         "DS410 DS715",
     ),
-    Row(
+    RefusedScenario(
         "data-block-layout",
         "Every byte in a word of its own",
         "an array of WORD instead of BYTE: zeros between the bytes, the Write is refused",
@@ -153,14 +153,14 @@ REPAIR_ROWS = (
         [OK_READ, ("unknown", "refused")],
         "DS203 DS301 DS302 DS305 DS313 DS716",
     ),
-    Row(
+    RefusedScenario(
         "data-block-layout-not",
         "The same request without the zeros",
         "the same request from an array of BYTE: the drive answers",
         [FIRST, ARRAY_READ],
         [OK_READ, OK_READ],
     ),
-    Row(
+    RefusedScenario(
         "data-block-layout-even",
         "Fields of one byte at even offsets",
         "an optimised data block: a fill byte behind each single byte, the Write is refused",
@@ -178,17 +178,19 @@ VALUES = message.real(0.0, 5.0, 10.0, 20.0, 50.0, 100.0, 150.0, 200.0)
 WHOLE_CHANGE = change(4, FIXED, message.real(10.0))
 
 
-def arrays(answered: int, limit: int = 0, reference: int = 1) -> list[Exchange]:
+def arrays(answered: int, limit: int = 0, reference: int = 1) -> list[RequestAndReply]:
     """Eight arrays asked for, some answered; before that r0974 where there is a limit."""
     first = read(1, message.address(974, 0, 3))
-    known = Exchange(first, message.answer(1, 1, 1, message.word(limit, 39, 0)))
+    known = RequestAndReply(first, message.answer(1, 1, 1, message.word(limit, 39, 0)))
     reference = 2 if limit else 1
-    many = Exchange(read(reference, *ARRAYS), message.answer(reference, 1, 1, *[VALUES] * answered))
+    many = RequestAndReply(
+        read(reference, *ARRAYS), message.answer(reference, 1, 1, *[VALUES] * answered)
+    )
     return [known, many] if limit else [many]
 
 
 LENGTH_ROWS = (
-    Row(
+    RefusedScenario(
         "request-length",
         "LEN smaller than the request",
         "LEN 12 for a change of 16 bytes: the value is missing, the Write is refused",
@@ -196,7 +198,7 @@ LENGTH_ROWS = (
         [OK_READ, CHANGE_REFUSED],
         "DS203 DS315 DS711",
     ),
-    Row(
+    RefusedScenario(
         "request-length-not",
         "LEN greater than the request",
         "LEN 20 for a change of 16 bytes: four zeros behind it, the drive does not mind",
@@ -204,7 +206,7 @@ LENGTH_ROWS = (
         [OK_READ, OK_CHANGE],
         "DS314",
     ),
-    Row(
+    RefusedScenario(
         "response-too-long",
         "More values than one response can carry",
         "8 arrays of 34 bytes each asked for: the drive answers the 6 that fit into 240 bytes",
@@ -212,7 +214,7 @@ LENGTH_ROWS = (
         [READ_PARTIAL],
         "DS407 DS713",
     ),
-    Row(
+    RefusedScenario(
         "response-too-long-not",
         "Fewer parameters answered, though there was room",
         "the same request, 5 answered: the sixth would have fitted, so this has another reason",
@@ -220,12 +222,12 @@ LENGTH_ROWS = (
         [READ_PARTIAL],
         "DS407",
     ),
-    Row(
+    RefusedScenario(
         "response-too-long-refused",
         "More values than one response can carry: refused with a number",
         "the same request, the last two refused with 0x15",
         [
-            Exchange(
+            RequestAndReply(
                 read(1, *ARRAYS),
                 message.answer(1, NEGATIVE_READ, 1, *[VALUES] * 6, *[message.error(TOO_LONG)] * 2),
             )
@@ -233,7 +235,7 @@ LENGTH_ROWS = (
         [READ_PARTIAL],
         "DS410 DS713",
     ),
-    Row(
+    RefusedScenario(
         "response-too-long-limit",
         "A drive whose messages are shorter than usual",
         "r0974 says 139 bytes: three of eight arrays are answered, a fourth would make 140",
@@ -241,7 +243,7 @@ LENGTH_ROWS = (
         [OK_READ, READ_PARTIAL],
         "DS407 DS713",
     ),
-    Row(
+    RefusedScenario(
         "response-too-long-limit-not",
         "A drive whose messages may be longer than usual",
         "r0974 says 242 bytes: six of eight arrays are answered, a seventh would make 242",

@@ -36,7 +36,7 @@ SETPOINT = message.address(1070)
 
 
 @dataclass(frozen=True, slots=True)
-class Exchange:
+class RequestAndReply:
     """A request and what the drive says to it: a response, or a status of the Write."""
 
     request: bytes
@@ -54,35 +54,35 @@ class Exchange:
         client.wait(CYCLE)
 
 
-def taken(request: bytes) -> Exchange:
+def taken(request: bytes) -> RequestAndReply:
     """A change that the drive takes: its response mirrors the header."""
-    return Exchange(request, request[:4])
+    return RequestAndReply(request, request[:4])
 
 
-def failed(request: bytes, code: int, info: int = 0) -> Exchange:
+def failed(request: bytes, code: int, info: int = 0) -> RequestAndReply:
     """A request for one parameter that fails with an error number."""
     answer = message.answer(request[0], request[1] | 0x80, request[2], message.error(code, info))
-    return Exchange(request, answer)
+    return RequestAndReply(request, answer)
 
 
-def bounced(request: bytes) -> Exchange:
+def bounced(request: bytes) -> RequestAndReply:
     """A request whose header makes no sense to the drive: the Write is refused."""
-    return Exchange(request, status=DF_HEADER)
+    return RequestAndReply(request, status=DF_HEADER)
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class RefusedScenario:
     """One scenario of a table."""
 
     name: str
     title: str
     shows: str
-    exchanges: Sequence[Exchange]
+    exchanges: Sequence[RequestAndReply]
     transactions: Sequence[tuple[str, str]]
     rules: str = ""
 
 
-def enter(book: Book, row: Row) -> None:
+def enter(book: Book, row: RefusedScenario) -> None:
     """Enter the scenario of a row."""
 
     def build(client: Client) -> None:
@@ -107,7 +107,7 @@ def dword(value: int, format_code: int = UNSIGNED32) -> bytes:
 
 
 REFUSED_ROWS = (
-    Row(
+    RefusedScenario(
         "refusal-not-seen",
         "A refusal inside a record that was carried well",
         "r2902 cannot be changed; WRREC and RDREC both end with DONE and STATUS 0",
@@ -115,7 +115,7 @@ REFUSED_ROWS = (
         [CHANGE_ERROR],
         "DS410 DS701",
     ),
-    Row(
+    RefusedScenario(
         "refusal-not-seen-state",
         "A read that the operating state forbids",
         "r0722 is read: error 0x11; nothing was to be changed",
@@ -123,7 +123,7 @@ REFUSED_ROWS = (
         [READ_ERROR],
         "DS410 DS701",
     ),
-    Row(
+    RefusedScenario(
         "refusal-not-seen-not",
         "A refusal of the whole record",
         "the same change, refused at the Write: WRREC ends with ERROR, the program cannot miss it",
@@ -131,22 +131,22 @@ REFUSED_ROWS = (
         [CHANGE_REFUSED],
         "DS203",
     ),
-    Row(
+    RefusedScenario(
         "wrong-drive-object",
         "A drive object that the drive does not have",
         "a G120 asked for DO 1, then for DO 2",
-        [Exchange(read(1), speed(1)), failed(read(2, axis=2), NO_AXIS)],
+        [RequestAndReply(read(1), speed(1)), failed(read(2, axis=2), NO_AXIS)],
         [OK_READ, READ_ERROR],
         "DS410 DS709",
     ),
-    Row(
+    RefusedScenario(
         "wrong-drive-object-not",
         "Two drive objects, both there",
         "an S120 asked for DO 1, then for DO 2: both answer",
-        [Exchange(read(1), speed(1)), Exchange(read(2, axis=2), speed(2, axis=2))],
+        [RequestAndReply(read(1), speed(1)), RequestAndReply(read(2, axis=2), speed(2, axis=2))],
         [OK_READ, OK_READ],
     ),
-    Row(
+    RefusedScenario(
         "index-and-count",
         "A subindex on a parameter that is no array",
         "P2900 with subindex 1: error 0x04",
@@ -154,14 +154,14 @@ REFUSED_ROWS = (
         [READ_ERROR],
         "DS410 DS717",
     ),
-    Row(
+    RefusedScenario(
         "index-and-count-not",
         "A subindex on a parameter that is an array",
         "r2902 with subindex 1: the drive answers",
-        [Exchange(read(1, message.address(2902, 1, 1)), speed(1, 0.0))],
+        [RequestAndReply(read(1, message.address(2902, 1, 1)), speed(1, 0.0))],
         [OK_READ],
     ),
-    Row(
+    RefusedScenario(
         "index-and-count-subindex",
         "An array asked for past its end",
         "r2902 has 16 elements; 4 from subindex 14 on are asked for: error 0x03",
@@ -169,7 +169,7 @@ REFUSED_ROWS = (
         [READ_ERROR],
         "DS410 DS717",
     ),
-    Row(
+    RefusedScenario(
         "index-and-count-address",
         "Subindex and number of elements the wrong way round",
         "P2900 with 2 elements: error 0x16",
@@ -177,7 +177,7 @@ REFUSED_ROWS = (
         [READ_ERROR],
         "DS410 DS717",
     ),
-    Row(
+    RefusedScenario(
         "index-and-count-values",
         "One value for two elements",
         "a change of two elements of p1021 that brings one value: error 0x18",
@@ -185,7 +185,7 @@ REFUSED_ROWS = (
         [CHANGE_ERROR],
         "DS310 DS410 DS717",
     ),
-    Row(
+    RefusedScenario(
         "commissioning-state",
         "A motor parameter outside of quick commissioning",
         "p0304 := 400 with p0010 = 0: error 0x70",
@@ -193,7 +193,7 @@ REFUSED_ROWS = (
         [CHANGE_ERROR],
         "DS410 DS718",
     ),
-    Row(
+    RefusedScenario(
         "commissioning-state-not",
         "A motor parameter in quick commissioning",
         "the same change between p0010 := 1 and p0010 := 0",
@@ -204,7 +204,7 @@ REFUSED_ROWS = (
         ],
         [OK_CHANGE] * 3,
     ),
-    Row(
+    RefusedScenario(
         "drive-running",
         "A parameter that is locked while the drive runs",
         "P1082 := 40 with the enable on: error 0x6B (Siemens)",
@@ -212,14 +212,14 @@ REFUSED_ROWS = (
         [CHANGE_ERROR],
         "DS410 DS719",
     ),
-    Row(
+    RefusedScenario(
         "drive-running-not",
         "The same parameter at standstill",
         "P1082 := 40 with the enable off: the drive takes it",
         [taken(change(1, MAXIMUM_SPEED, message.real(40.0)))],
         [OK_CHANGE],
     ),
-    Row(
+    RefusedScenario(
         "drive-running-state",
         "A request that the operating state forbids",
         "p0972 := 1 (reset) while the drive runs: error 0x11 of the profile",
@@ -227,7 +227,7 @@ REFUSED_ROWS = (
         [CHANGE_ERROR],
         "DS410 DS719",
     ),
-    Row(
+    RefusedScenario(
         "connector-as-number",
         "A setpoint written into the connector of the setpoint",
         "p1070 := 50.0 as Float32: error 0x05",
@@ -235,14 +235,14 @@ REFUSED_ROWS = (
         [CHANGE_ERROR],
         "DS410 DS720",
     ),
-    Row(
+    RefusedScenario(
         "connector-as-number-not",
         "A connector written as such",
         "p1070 := 16#08020000, which is r2050[0] of DO 0: the drive takes it",
         [taken(change(1, SETPOINT, dword(2050 << 16)))],
         [OK_CHANGE],
     ),
-    Row(
+    RefusedScenario(
         "connector-as-number-word",
         "A connector written with 16 bits",
         "p0840 := 1 as Unsigned16: error 0x17",
@@ -250,7 +250,7 @@ REFUSED_ROWS = (
         [CHANGE_ERROR],
         "DS410 DS720",
     ),
-    Row(
+    RefusedScenario(
         "connector-as-number-link",
         "A connector that cannot be wired to this source",
         "p1070 := r0052, a word where a floating-point number is needed: error 0x83",

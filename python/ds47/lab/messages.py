@@ -20,7 +20,7 @@ TEN = "01010101 0801 41200000"
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class PrintedExample:
     """One request with its response in hex; without a response the Write is refused."""
 
     name: str
@@ -34,51 +34,51 @@ class Row:
 _FORTY_ADDRESSES = "".join(f"1001{1000 + n:04x}0000" for n in range(40))
 
 ROWS = (
-    Row("reference-zero", "Request reference 0", "DS301", ("read", "ok"),
+    PrintedExample("reference-zero", "Request reference 0", "DS301", ("read", "ok"),
         "00010101 1001 0015 0000", "00010101 0801 41200000"),
-    Row("request-id", "Unknown request ID, answered with 0x80", "DS302 DS410 DS418",
+    PrintedExample("request-id", "Unknown request ID, answered with 0x80", "DS302 DS410 DS418",
         ("unknown", "error"),
         "01070101 1001 0015 0000", "01800101 4402 0021 0000"),
-    Row("count-zero", "No parameters", "DS203 DS303", ("read", "refused"), "01010100"),
-    Row("count-high", "Forty parameters in one request", "DS203 DS304", ("read", "refused"),
+    PrintedExample("count-zero", "No parameters", "DS203 DS303", ("read", "refused"), "01010100"),
+    PrintedExample("count-high", "Forty parameters in one request", "DS203 DS304", ("read", "refused"),
         "01010128" + _FORTY_ADDRESSES),
-    Row("attribute", "Attribute 0x50", "DS305", ("read", "ok"), "01010101 5001 0015 0000", TEN),
-    Row("pnu-zero", "Parameter number 0", "DS306 DS410 DS701", ("read", "error"),
+    PrintedExample("attribute", "Attribute 0x50", "DS305", ("read", "ok"), "01010101 5001 0015 0000", TEN),
+    PrintedExample("pnu-zero", "Parameter number 0", "DS306 DS410 DS701", ("read", "error"),
         "01010101 1001 0000 0000", "01810101 4402 0000 0000"),
-    Row("elements-high", "255 elements", "DS307 DS410 DS713", ("read", "error"),
+    PrintedExample("elements-high", "255 elements", "DS307 DS410 DS713", ("read", "error"),
         "01010101 10ff 0b56 0000", "01810101 4402 0015 0000"),
-    Row("subindex-overflow", "Two elements from subindex 65535", "DS308 DS410 DS717", ("read", "error"),
+    PrintedExample("subindex-overflow", "Two elements from subindex 65535", "DS308 DS410 DS717", ("read", "error"),
         "01010101 1002 0b56 ffff", "01810101 4402 0003 ffff"),
-    Row("format-request", "A change in format 0x60", "DS309 DS410 DS701", ("change", "error"),
+    PrintedExample("format-request", "A change in format 0x60", "DS309 DS410 DS701", ("change", "error"),
         "01020101 1001 0b54 0000 6001 41300000", "01820101 4402 0017 0000"),
-    Row("format-response", "A response in format 0x7f", "DS309", ("read", "ok"),
+    PrintedExample("format-response", "A response in format 0x7f", "DS309", ("read", "ok"),
         READ, "01010101 7f01 41200000"),
-    Row("value-count", "Two values for one element", "DS310 DS410 DS717", ("change", "error"),
+    PrintedExample("value-count", "Two values for one element", "DS310 DS410 DS717", ("change", "error"),
         "01020101 1001 0b54 0000 0802 41300000 41300000", "01820101 4402 0018 0000"),
-    Row("pad-missing", "An odd block at the end without its pad byte", "DS311 DS721", ("change", "ok"),
+    PrintedExample("pad-missing", "An odd block at the end without its pad byte", "DS311 DS721", ("change", "ok"),
         "01020101 1001 03e8 0000 0501 07", "01020101"),
-    Row("pad-not-zero", "A pad byte of 0xff", "DS312", ("read", "ok"), READ, "01010101 0501 07ff"),
-    Row("left-over", "Old bytes behind the request", "DS313", ("read", "ok"),
+    PrintedExample("pad-not-zero", "A pad byte of 0xff", "DS312", ("read", "ok"), READ, "01010101 0501 07ff"),
+    PrintedExample("left-over", "Old bytes behind the request", "DS313", ("read", "ok"),
         READ + "1001 001b 0000", TEN),
-    Row("left-over-zeros", "Zeros behind the response", "DS314", ("read", "ok"),
+    PrintedExample("left-over-zeros", "Zeros behind the response", "DS314", ("read", "ok"),
         READ, TEN + "00" * 30),
-    Row("missing-request", "WRREC with LEN 8 for a request of 10 bytes", "DS203 DS315 DS711",
+    PrintedExample("missing-request", "WRREC with LEN 8 for a request of 10 bytes", "DS203 DS315 DS711",
         ("read", "refused"), READ[:-5]),
-    Row("missing-response", "A response that ends inside its value", "DS315", ("read", "error"),
+    PrintedExample("missing-response", "A response that ends inside its value", "DS315", ("read", "error"),
         READ, TEN[:-4]),
-    Row("size-ambiguous", "Format 0x21 with two bytes: N2 of the older profile", "DS317",
+    PrintedExample("size-ambiguous", "Format 0x21 with two bytes: N2 of the older profile", "DS317",
         ("read", "ok"),
         READ, "01010101 2101 4000"),
-    Row("error-words", "An error block of three words", "DS318 DS410 DS701", ("read", "error"),
+    PrintedExample("error-words", "An error block of three words", "DS318 DS410 DS701", ("read", "error"),
         READ, "01810101 4403 0000 0000 1234"),
-    Row("error-no-words", "An error block without words", "DS318 DS410 DS701", ("read", "error"),
+    PrintedExample("error-no-words", "An error block without words", "DS318 DS410 DS701", ("read", "error"),
         READ, "01810101 4400"),
-    Row("response-id", "Response ID 0x05", "DS319 DS405", ("read", "mismatch"),
+    PrintedExample("response-id", "Response ID 0x05", "DS319 DS405", ("read", "mismatch"),
         READ, "01050101 0801 41200000"),
 )  # fmt: skip
 
 
-def _play(row: Row, client: Client) -> None:
+def _play(row: PrintedExample, client: Client) -> None:
     place = client.at(index=0xB02F)
     if row.response is None:
         client.write(bytes.fromhex(row.request), status=BAD_HEADER, at=place)

@@ -11,13 +11,13 @@ import re
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
-from ds47.parameters.lists import Message, ParameterList, Row
+from ds47.parameters.lists import ListedMessage, ListedParameter, ParameterList
 
 
-class Entry(NamedTuple):
+class CatalogueEntry(NamedTuple):
     """A row and the list that has it."""
 
-    row: Row
+    row: ListedParameter
     list: ParameterList
 
 
@@ -52,13 +52,15 @@ class Catalogue:
         """The numbers of all parameters that a list has."""
         return {number for rows in self._rows for number in rows}
 
-    def entries(self, number: int) -> Iterator[Entry]:
+    def entries(self, number: int) -> Iterator[CatalogueEntry]:
         """What all lists say of a number, the closest first."""
         for found, rows in zip(self._lists, self._rows, strict=True):
             if number in rows:
-                yield Entry(rows[number], found)
+                yield CatalogueEntry(rows[number], found)
 
-    def row(self, number: int, vendor_id: int | None, device_id: int | None) -> Entry | None:
+    def row(
+        self, number: int, vendor_id: int | None, device_id: int | None
+    ) -> CatalogueEntry | None:
         """What a parameter is on a device.
 
         Args:
@@ -71,7 +73,7 @@ class Catalogue:
 
     def messages(
         self, number: int, letter: str | None = None
-    ) -> Iterator[tuple[Message, ParameterList]]:
+    ) -> Iterator[tuple[ListedMessage, ParameterList]]:
         """The texts of a fault or an alarm, those of the closest list first."""
         for found, texts in zip(self._lists, self._messages, strict=True):
             for key, each in texts.items():
@@ -80,7 +82,7 @@ class Catalogue:
 
     def message(
         self, number: int, letter: str, vendor_id: int | None, device_id: int | None
-    ) -> Message | None:
+    ) -> ListedMessage | None:
         """The text of a message on a device: one with this letter before any other one of its number.
 
         Args:

@@ -49,7 +49,7 @@ class ListError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class ListedParameter:
     """A parameter. `access` is "p" or "r", None where the list does not say; `values` are texts of its values."""
 
     number: int
@@ -61,7 +61,7 @@ class Row:
 
 
 @dataclass(frozen=True, slots=True)
-class Message:
+class ListedMessage:
     """The text of a fault ("F") or an alarm ("A"), or another letter of the maker."""
 
     letter: str
@@ -82,8 +82,8 @@ class ParameterList:
     device_ids: tuple[int, ...] = ()
     firmware: str | None = None
     source: str | None = None
-    rows: list[Row] = field(default_factory=list)
-    messages: list[Message] = field(default_factory=list)
+    rows: list[ListedParameter] = field(default_factory=list)
+    messages: list[ListedMessage] = field(default_factory=list)
     passed_over: list[str] = field(default_factory=list)
     """What of the file is in no row, each in a line; for who imports it."""
 
@@ -198,7 +198,9 @@ def _add(found: ParameterList, cells: Mapping[str, str], where: str) -> None:
         return
     message = _MESSAGE.fullmatch(text)
     if message is not None and name:
-        found.messages.append(Message(message["letter"].upper(), int(message["number"]), name))
+        found.messages.append(
+            ListedMessage(message["letter"].upper(), int(message["number"]), name)
+        )
         return
     parameter = spelled(text)
     if parameter is None or not name:
@@ -209,7 +211,7 @@ def _add(found: ParameterList, cells: Mapping[str, str], where: str) -> None:
     if parameter.subindex:
         return  # a further element of an array: its first one has the name
     found.rows.append(
-        Row(
+        ListedParameter(
             parameter.number, name, parameter.letter or access_of(cells.get("access", "")),
             cells.get("unit") or None, type_of(cells.get("type", "")), values_of(cells.get("values", "")),
         )
@@ -274,7 +276,9 @@ def _add_parameter(found: ParameterList, row: Mapping[str, Any], where: str) -> 
         raise ListError(f"{where}: values is a table of numbers and texts")
     texts = {int(key): str(text) for key, text in values.items()}
     found.rows.append(
-        Row(parameter.number, name, access, _word(row, "unit"), type_of(kind or ""), texts)
+        ListedParameter(
+            parameter.number, name, access, _word(row, "unit"), type_of(kind or ""), texts
+        )
     )
 
 
@@ -282,7 +286,7 @@ def _add_message(found: ParameterList, row: Mapping[str, Any], where: str) -> No
     match, text = _MESSAGE.fullmatch(str(row.get("number", ""))), _word(row, "text")
     if match is None or text is None:
         raise ListError(f"{where}: wants number, such as F07900, and text")
-    found.messages.append(Message(match["letter"].upper(), int(match["number"]), text))
+    found.messages.append(ListedMessage(match["letter"].upper(), int(match["number"]), text))
 
 
 def _word(row: Mapping[str, Any], key: str) -> str | None:

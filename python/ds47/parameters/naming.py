@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from ds47.model import Described, Parameter, Transaction
 from ds47.parameters.catalogue import Catalogue
-from ds47.parameters.lists import Row
+from ds47.parameters.lists import ListedParameter
 
 
 def explain(
@@ -25,7 +25,7 @@ def explain(
     return item
 
 
-def _name(item: Parameter, row: Row) -> None:
+def _name(item: Parameter, row: ListedParameter) -> None:
     said = item.described
     if said is None:
         item.unit = row.unit or item.unit
@@ -36,7 +36,7 @@ def _name(item: Parameter, row: Row) -> None:
 
 def _texts(
     item: Parameter,
-    row: Row | None,
+    row: ListedParameter | None,
     catalogue: Catalogue,
     vendor_id: int | None,
     device_id: int | None,

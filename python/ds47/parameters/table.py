@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator
 from typing import Final
 
 from ds47.parameters.catalogue import Catalogue
-from ds47.parameters.lists import Message, ParameterList, Row
+from ds47.parameters.lists import ListedMessage, ListedParameter, ParameterList
 
 HEAD: Final = "ds47-parameters\t1"
 _ESCAPES: Final = str.maketrans({"\\": "\\\\", "\t": "\\t", "\n": "\\n", "\r": "\\r"})
@@ -39,14 +39,14 @@ def _lines(catalogue: Catalogue) -> Iterator[str]:
         yield from map(_message, messages.values())
 
 
-def _parameter(row: Row) -> str:
+def _parameter(row: ListedParameter) -> str:
     cells = ["parameter", str(row.number), _cell(row.name), _cell(row.unit or "")]
     for value, said in sorted(row.values.items()):
         cells += [str(value), _cell(said)]
     return "\t".join(cells)
 
 
-def _message(each: Message) -> str:
+def _message(each: ListedMessage) -> str:
     return "\t".join(("message", each.letter, f"{each.number:05}", _cell(each.text)))
 
 

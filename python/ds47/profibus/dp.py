@@ -135,7 +135,7 @@ class Control:
 
 
 @dataclass(frozen=True, slots=True)
-class Exchange:
+class DataExchange:
     """Outputs to a slave, or inputs from it."""
 
     outputs: bool
@@ -145,7 +145,7 @@ class Exchange:
     flaws: tuple[Flaw, ...] = ()
 
 
-Content = Diagnosis | Parameters | Configuration | Control | Exchange
+Content = Diagnosis | Parameters | Configuration | Control | DataExchange
 
 
 def service(item: Telegram) -> str | None:
@@ -169,7 +169,7 @@ def decode(item: Telegram) -> Content | None:
     """
     name = service(item)
     if name == EXCHANGE:
-        return Exchange(bool(item.request), item.du, not item.request and item.front.wants)
+        return DataExchange(bool(item.request), item.du, not item.request and item.front.wants)
     if name == DIAGNOSIS and not item.request:
         return _diagnosis(item.du)
     if name == PARAMETERS and item.request:

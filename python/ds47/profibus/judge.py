@@ -50,7 +50,7 @@ def _remark(rule: str, counted: Counted, **args: Any) -> Remark:
     return Remark(rule, counted.frames[0], args | more)
 
 
-class Judge:
+class LineJudge:
     """Hears what stations say, and what becomes of records.
 
     Args:

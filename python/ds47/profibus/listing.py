@@ -40,7 +40,7 @@ _DAY_BEGINS = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class LogEntry:
     """A frame of a log, or bytes that are none: then `telegram` has flaws."""
 
     line: int
@@ -74,7 +74,7 @@ class _Columns:
     direction: int | None
 
 
-def read(lines: Iterable[str]) -> Iterator[Entry | Unread]:
+def read(lines: Iterable[str]) -> Iterator[LogEntry | Unread]:
     """The frames of a log, in its order (docs/profibus.md 5).
 
     Empty lines and those that begin with # say nothing. The first other line may be the head of a CSV.
@@ -95,7 +95,7 @@ def read(lines: Iterable[str]) -> Iterator[Entry | Unread]:
         yield from _plain(number, text) if columns is None else _row(number, text, columns)
 
 
-def _plain(number: int, text: str) -> Iterator[Entry | Unread]:
+def _plain(number: int, text: str) -> Iterator[LogEntry | Unread]:
     time_ns, rest = _front(text)
     direction, rest = _direction(rest)
     yield from _frames(number, text, time_ns, direction, rest)
@@ -103,7 +103,7 @@ def _plain(number: int, text: str) -> Iterator[Entry | Unread]:
 
 def _frames(
     number: int, text: str, time_ns: int | None, direction: str | None, digits: str
-) -> Iterator[Entry | Unread]:
+) -> Iterator[LogEntry | Unread]:
     try:
         data = parse_hex(digits)
     except ValueError:
@@ -112,7 +112,7 @@ def _frames(
         yield Unread(number, "hex", text[:_MOST_TEXT])
         return
     for piece in split(data):
-        yield Entry(number, time_ns, direction, piece.telegram)
+        yield LogEntry(number, time_ns, direction, piece.telegram)
 
 
 def _front(text: str) -> tuple[int | None, str]:
@@ -205,7 +205,7 @@ def _place(places: dict[str, int], names: tuple[str, ...]) -> int | None:
     return next((places[name] for name in names if name in places), None)
 
 
-def _row(number: int, text: str, columns: _Columns) -> Iterator[Entry | Unread]:
+def _row(number: int, text: str, columns: _Columns) -> Iterator[LogEntry | Unread]:
     cells = _cells(text, columns.delimiter)
     if len(cells) <= columns.data:
         yield Unread(number, "column", text[:_MOST_TEXT])

@@ -21,7 +21,7 @@ _HEAD = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Message:
+class Ms1Message:
     """A message; what it does not have is None or empty.
 
     `length` is what the message says, `data` what is there of the record, at most so much. `error_*` are the three
@@ -71,7 +71,7 @@ class Message:
         ) == profibus.not_ready() and self.function == "read"
 
 
-def decode(data: bytes, request: bool) -> Message:
+def decode(data: bytes, request: bool) -> Ms1Message:
     """A message from the data of its frame, whatever that is (docs/profibus.md 4).
 
     Args:
@@ -79,17 +79,17 @@ def decode(data: bytes, request: bool) -> Message:
         request: whether the master sent it.
     """
     if not data:
-        return Message(POLL if request else TAKEN)
+        return Ms1Message(POLL if request else TAKEN)
     code = data[0]
     if not request and code in profibus.refusals():
         return _refusal(data)
     kind = REQUEST if request else ANSWER
     if code not in (READ, WRITE):
-        return Message(kind, code, data=data[1:])
+        return Ms1Message(kind, code, data=data[1:])
     slot, index, length = (data[at] if at < len(data) else None for at in (1, 2, 3))
     rest = data[_HEAD:]
     flaws = _flaws(data, length, len(rest), carries=(code == WRITE) == request)
-    return Message(kind, code, slot, index, length, rest[:length], flaws=flaws)
+    return Ms1Message(kind, code, slot, index, length, rest[:length], flaws=flaws)
 
 
 def _flaws(data: bytes, length: int | None, there: int, carries: bool) -> tuple[Flaw, ...]:
@@ -103,14 +103,14 @@ def _flaws(data: bytes, length: int | None, there: int, carries: bool) -> tuple[
     return ()
 
 
-def _refusal(data: bytes) -> Message:
+def _refusal(data: bytes) -> Ms1Message:
     decode_byte, first, second = (data[at] if at < len(data) else None for at in (1, 2, 3))
     flaws: tuple[Flaw, ...] = ()
     if len(data) < _HEAD:
         flaws = (Flaw("data", len(data), {"have": len(data), "want": _HEAD}),)
     elif len(data) > _HEAD:
         flaws = (Flaw("more", _HEAD, {"n": len(data) - _HEAD}),)
-    return Message(
+    return Ms1Message(
         REFUSAL, data[0], data=data[_HEAD:], error_decode=decode_byte, error_code_1=first,
         error_code_2=second, flaws=flaws,
     )  # fmt: skip

@@ -16,7 +16,7 @@ from typing import Any, Final, NamedTuple
 from ds47 import spec
 from ds47.model import SIEMENS, Described, Parameter, Transaction, Value
 from ds47.profidrive.description import Description, describe
-from ds47.profidrive.drive_objects import Access, DriveObjects, access_of
+from ds47.profidrive.drive_objects import DriveAccess, DriveObjects, access_of
 from ds47.spec import descriptions
 
 _UNKNOWN: Final = "unknown"
@@ -132,8 +132,8 @@ class Dictionary:
     def __init__(self, objects: DriveObjects, most: int) -> None:
         self._objects = objects
         self._most = most
-        self._said: OrderedDict[tuple[Access, int], dict[str, Said]] = OrderedDict()
-        self._ways: dict[tuple[str, int], list[Access]] = {}
+        self._said: OrderedDict[tuple[DriveAccess, int], dict[str, Said]] = OrderedDict()
+        self._ways: dict[tuple[str, int], list[DriveAccess]] = {}
         """Device and PNU -> ways in which it was described, the newest last."""
 
     @property
@@ -143,7 +143,7 @@ class Dictionary:
 
     def learn(
         self,
-        access: Access,
+        access: DriveAccess,
         pnu: int,
         subindex: int,
         format_name: str | None,
@@ -176,7 +176,7 @@ class Dictionary:
         if len(self._said) > self._most:
             self._forget(*next(iter(self._said)))
 
-    def _note_way(self, access: Access, pnu: int) -> None:
+    def _note_way(self, access: DriveAccess, pnu: int) -> None:
         ways = self._ways.setdefault((access.device, pnu), [])
         if access in ways:
             ways.remove(access)
@@ -184,7 +184,7 @@ class Dictionary:
             self._forget(ways[0], pnu)
         self._ways.setdefault((access.device, pnu), ways).append(access)
 
-    def _forget(self, access: Access, pnu: int) -> None:
+    def _forget(self, access: DriveAccess, pnu: int) -> None:
         del self._said[access, pnu]
         ways = self._ways[access.device, pnu]
         ways.remove(access)
@@ -193,7 +193,7 @@ class Dictionary:
 
     def meaning(
         self,
-        access: Access,
+        access: DriveAccess,
         pnu: int,
         vendor_id: int | None,
         until: int | None = None,

@@ -24,7 +24,7 @@ _MOST: Final = 0xFFFF
 """No DO-ID is greater."""
 
 
-class Access(NamedTuple):
+class DriveAccess(NamedTuple):
     """How a request reaches a parameter. `axis` is that of the request; None where it has none that counts."""
 
     device: str
@@ -95,7 +95,7 @@ class DriveObjects:
                 if first is not None:
                     self.identified(access_of(item), first, each.values)
 
-    def refused(self, access: Access, code: int | None) -> None:
+    def refused(self, access: DriveAccess, code: int | None) -> None:
         """A parameter has a negative response with this error number."""
         if code != known().axis_error or access.local:
             return
@@ -103,7 +103,7 @@ class DriveObjects:
         if access.axis is not None:
             put(self._missing, (access.device, access.axis), None)
 
-    def identified(self, access: Access, first: int, values: Iterable[object]) -> None:
+    def identified(self, access: DriveAccess, first: int, values: Iterable[object]) -> None:
         """PNU 975 was read, from element `first` on."""
         if not access.local:
             return
@@ -115,7 +115,7 @@ class DriveObjects:
 
     # What that proves
 
-    def number(self, access: Access) -> int | None:
+    def number(self, access: DriveAccess) -> int | None:
         """The DO-ID of the drive object that a request reaches; None where it is not proved.
 
         0 stands for the device itself or the one drive object that there is: it names none.
@@ -145,7 +145,7 @@ class DriveObjects:
         """Whether the device has refused an axis number, and so looks at it."""
         return device in self._distinguishing
 
-    def same(self, one: Access, other: Access, pnu: int) -> bool:
+    def same(self, one: DriveAccess, other: DriveAccess, pnu: int) -> bool:
         """Whether two requests for a parameter reach the same drive object, whatever is not known."""
         if one.device != other.device:
             return False
@@ -157,7 +157,7 @@ class DriveObjects:
         # A device that never looked at the axis byte may go by the submodule alone.
         return (one.local and other.local) or one.device in self._distinguishing
 
-    def identity(self, access: Access, pnu: int | None = None) -> Identity:
+    def identity(self, access: DriveAccess, pnu: int | None = None) -> Identity:
         """Two requests have the same one if `same` says so of them, and only then."""
         if pnu is not None and pnu in known().global_pnus:
             return Identity(access.device)
@@ -168,7 +168,7 @@ class DriveObjects:
             return Identity(access.device, number, local=True)
         return Identity(access.device, None, access.slot, access.subslot, access.local, access.axis)
 
-    def other(self, one: Access, other: Access, pnu: int) -> bool:
+    def other(self, one: DriveAccess, other: DriveAccess, pnu: int) -> bool:
         """Whether they reach two drive objects, whatever is not known."""
         if one.device != other.device:
             return True
@@ -178,7 +178,7 @@ class DriveObjects:
         return (one.local and other.local) or one.device in self._distinguishing
 
 
-def access_of(item: Transaction) -> Access:
+def access_of(item: Transaction) -> DriveAccess:
     """How the request of a transaction reaches its parameters; one of PKW by its submodule."""
     index = LOCAL if item.index is None else item.index
     return access(item.device, index, item.slot, item.subslot, item.axis)
@@ -186,12 +186,12 @@ def access_of(item: Transaction) -> Access:
 
 def access(
     device: str, record_index: int, slot: int | None, subslot: int | None, axis: int | None
-) -> Access:
+) -> DriveAccess:
     """An access; of a local one the axis byte says nothing."""
-    return Access(device, record_index, slot, subslot, None if record_index == LOCAL else axis)
+    return DriveAccess(device, record_index, slot, subslot, None if record_index == LOCAL else axis)
 
 
-def _is_same_way(one: Access, other: Access) -> bool:
+def _is_same_way(one: DriveAccess, other: DriveAccess) -> bool:
     """The same submodule, and where it counts the same axis byte: the same request twice."""
     if (one.slot, one.subslot, one.local) != (other.slot, other.subslot, other.local):
         return False

@@ -18,7 +18,7 @@ from ds47.spec.semantics import Limits
 
 
 @dataclass(slots=True, eq=False, init=False)
-class Call:
+class RpcCall:
     """One RPC call; `context` is what it carries, for the layer above."""
 
     request: Pdu | None
@@ -66,7 +66,7 @@ class Activity:
 
     newest: int
     """Number of the newest call."""
-    calls: dict[int, Call]
+    calls: dict[int, RpcCall]
     """Those without a response."""
     oldest_ns: int
     """None of them was sent before that."""
@@ -90,7 +90,7 @@ class Activity:
 What = Literal[
     "asked", "answered", "failed", "again", "late", "twice", "unasked", "unasked_in_part", "lost", "pushed_out"
 ]  # fmt: skip
-Became = tuple[What, Call | None, Pdu | None]
+Became = tuple[What, RpcCall | None, Pdu | None]
 """What became of a call, and the message by which it did:
 
     asked             a request that was not there before
@@ -126,7 +126,7 @@ class CallTracker:
         self._completeness = completeness or Completeness(limits.activities)
         self._early: OrderedDict[_Key, Pdu] = OrderedDict()
         """The newest responses without a request."""
-        self._answered: OrderedDict[_Key, Call] = OrderedDict()
+        self._answered: OrderedDict[_Key, RpcCall] = OrderedDict()
         """Calls with a response that may still be repeated; the one that was heard of last comes last."""
         self._connects: OrderedDict[tuple[str, str], int] = OrderedDict()
         """Of client and server the frame of the newest Connect."""
@@ -216,7 +216,7 @@ class CallTracker:
             if call is not None:
                 call.in_part = True
 
-    def open_call(self, pdu: Pdu) -> Call | None:
+    def open_call(self, pdu: Pdu) -> RpcCall | None:
         """The call without a response to which a part of one belongs; None for none."""
         activity = self._activities.get((pdu.client, pdu.activity)) if pdu.ptype == 2 else None
         return activity.calls.get(pdu.seq) if activity is not None else None
@@ -256,7 +256,7 @@ class CallTracker:
         activity.numbers.add(pdu, renewed=not late)
         if not calls or pdu.time_ns < activity.oldest_ns:
             activity.oldest_ns = pdu.time_ns
-        call = calls[seq] = Call(pdu)
+        call = calls[seq] = RpcCall(pdu)
         activity.newest = seq
         if early is None or not late:
             told.append(("asked", call, pdu))
@@ -269,7 +269,7 @@ class CallTracker:
         call.request = pdu  # it is not read before
         self._completeness.asked_after_all(early)
 
-    def _repeated(self, activity: Activity, call: Call, pdu: Pdu) -> None:
+    def _repeated(self, activity: Activity, call: RpcCall, pdu: Pdu) -> None:
         self.counts["retransmissions"] += 1
         call.pause_ns, call.sent_ns = pdu.time_ns - call.sent_ns, pdu.time_ns
         call.again = pdu.frame
@@ -305,7 +305,7 @@ class CallTracker:
         if len(self._connects) > self._limits.activities:
             self._connects.popitem(last=False)
 
-    def _is_over(self, activity: Activity | None, call: Call, pdu: Pdu) -> bool:
+    def _is_over(self, activity: Activity | None, call: RpcCall, pdu: Pdu) -> bool:
         """Whether the number of a call may stand for another one: its client repeats it no more."""
         anew = 0 if activity is None else activity.anew
         begun = max(anew, self._connects.get((pdu.client, pdu.server), 0))
@@ -337,7 +337,7 @@ class CallTracker:
             told.append(("twice", call, pdu))
         return True
 
-    def _answer(self, activity: Activity, call: Call, pdu: Pdu) -> None:
+    def _answer(self, activity: Activity, call: RpcCall, pdu: Pdu) -> None:
         """A call is answered: it is remembered as long as its client may repeat it."""
         if call.opnum != RPC_CONNECT:
             call.request = None
@@ -397,14 +397,14 @@ class CallTracker:
             for call in self._activities.popitem(last=False)[1].calls.values():
                 _push_out(call, "activities", told)
 
-    def _lose(self, call: Call, told: list[Became], *, went_on: bool) -> None:
+    def _lose(self, call: RpcCall, told: list[Became], *, went_on: bool) -> None:
         if call.request is not None:
             self._completeness.lost(call.request, went_on=went_on)
         self.counts["unanswered"] += 1
         told.append(("lost", call, None))
 
 
-def _push_out(call: Call, limit: str, told: list[Became]) -> None:
+def _push_out(call: RpcCall, limit: str, told: list[Became]) -> None:
     call.limit = limit
     told.append(("pushed_out", call, None))
 

@@ -11,7 +11,7 @@ from typing import Protocol
 
 from ds47.capture import Frame
 from ds47.profinet import rpc
-from ds47.profinet.calls import Became, Call, CallTracker
+from ds47.profinet.calls import Became, CallTracker, RpcCall
 from ds47.profinet.ip import Cut, Reassembler
 from ds47.profinet.link import Packet, Packets
 from ds47.profinet.records import Record
@@ -30,7 +30,7 @@ class Listener(Protocol):
         ...
 
     def incomplete(
-        self, pdu: rpc.Pdu, have: int, kind: str, limit: str = "", call: Call | None = None
+        self, pdu: rpc.Pdu, have: int, kind: str, limit: str = "", call: RpcCall | None = None
     ) -> None:
         """A message that nobody waits for any more.
 

@@ -14,10 +14,10 @@ from ds47.regression.difference import (
     DIFFERENT,
     LAST,
     Difference,
+    ElementDifference,
     Faults,
     Latency,
     Pair,
-    Row,
     equal_last,
     fails_otherwise,
     shared_requests,
@@ -69,7 +69,7 @@ class Conclusion(NamedTuple):
 
     kind: str
     place: Place
-    rows: tuple[Row, ...] = ()
+    rows: tuple[ElementDifference, ...] = ()
     faults: Faults | None = None
     latency: Latency | None = None
 
@@ -90,7 +90,7 @@ def conclusions(found: Difference) -> list[Conclusion]:
 
 
 def _of_rows(found: Difference) -> Iterator[Conclusion]:
-    together: dict[tuple[str, Place, str], list[Row]] = {}
+    together: dict[tuple[str, Place, str], list[ElementDifference]] = {}
     for row in found.of(DIFFERENT):
         together.setdefault((kind_of(row), row.element.place, row.operation), []).append(row)
     for (kind, place, _), rows in together.items():
@@ -112,7 +112,7 @@ def _of_latencies(found: Difference) -> Iterator[Conclusion]:
             )
 
 
-def kind_of(row: Row) -> str:
+def kind_of(row: ElementDifference) -> str:
     """The kind of a row that is different: that of the worst that any of its requests shows."""
     assert row.a is not None
     assert row.b is not None
@@ -138,7 +138,7 @@ def _of_pair(pair: Pair, operation: str) -> str:
     return ERRORS
 
 
-def _of_values(row: Row) -> str:
+def _of_values(row: ElementDifference) -> str:
     if row.operation == "change":
         return WRITTEN
     if spec.is_changing(row.element.pnu, row.name):
@@ -146,7 +146,7 @@ def _of_values(row: Row) -> str:
     return LAST_VALUES if row.operation == LAST else VALUES
 
 
-def failures(row: Row, kind: str) -> list[object]:
+def failures(row: ElementDifference, kind: str) -> list[object]:
     """The errors of the requests that a conclusion of this kind is about: in A where they work in B, else in B.
 
     Error numbers first, then the STATUS words of record calls, then None for a negative response without a number.
@@ -156,7 +156,7 @@ def failures(row: Row, kind: str) -> list[object]:
     return sorted(found, key=lambda each: (each is None, isinstance(each, str), each))
 
 
-def shares(row: Row) -> tuple[tuple[int, int], ...]:
+def shares(row: ElementDifference) -> tuple[tuple[int, int], ...]:
     """Of the requests that fail more often in one capture: failures and requests, in A and in B."""
     pairs = [*_turned(row, MORE_FAIL), *_turned(row, FEWER_FAIL)]
     sides = zip(*pairs, strict=True)
@@ -166,7 +166,7 @@ def shares(row: Row) -> tuple[tuple[int, int], ...]:
     )
 
 
-def _turned(row: Row, kind: str) -> list[Pair]:
+def _turned(row: ElementDifference, kind: str) -> list[Pair]:
     """The requests of a row that are of this kind."""
     assert row.a is not None
     assert row.b is not None

@@ -57,7 +57,7 @@ FAULT: Final = "fault"
 """The event of spec/pzd.toml."""
 
 
-class Row(NamedTuple):
+class ElementDifference(NamedTuple):
     """The reads, the changes, or the last value of one element in both captures; None where there are none."""
 
     element: Element
@@ -117,7 +117,7 @@ class Difference:
     """All that `ds47 diff` says."""
 
     names: tuple[str, str]
-    rows: list[Row] = field(default_factory=list)
+    rows: list[ElementDifference] = field(default_factory=list)
     findings: list[tuple[str, int, int]] = field(default_factory=list)
     """Rule, count in the first, count in the second."""
     states: list[tuple[str, int, int]] = field(default_factory=list)
@@ -131,7 +131,7 @@ class Difference:
     texts: dict[tuple[str, int | None], str] = field(default_factory=dict)
     """The words of error numbers, by device and number."""
 
-    def of(self, *results: str) -> list[Row]:
+    def of(self, *results: str) -> list[ElementDifference]:
         """The rows with one of these results."""
         return [row for row in self.rows if row.result in results]
 
@@ -151,7 +151,7 @@ class Difference:
         return len({row.element for row in self.of(DIFFERENT)})
 
     @property
-    def changed(self) -> list[Row]:
+    def changed(self) -> list[ElementDifference]:
         """The rows that are not the same, or not in both captures."""
         return [row for row in self.rows if row.result not in (SAME, SOMETIMES, OPEN)]
 
@@ -240,7 +240,7 @@ def _family(*sides: History | None) -> str | None:
     return next(iter(known - {"profile"}), "profile")
 
 
-def _rows(a: Shown, b: Shown, places: Places) -> Iterator[Row]:
+def _rows(a: Shown, b: Shown, places: Places) -> Iterator[ElementDifference]:
     near = _near(a), _near(b)
     for element in sorted(a.elements.keys() | b.elements.keys(), key=_sort_key):
         mine, theirs = a.elements.get(element), b.elements.get(element)
@@ -258,7 +258,7 @@ def _rows(a: Shown, b: Shown, places: Places) -> Iterator[Row]:
             else:
                 lacking = near[1] if one else near[0]
                 result = _one_sided(element, lacking[element[1:]], places)
-            yield Row(element, operation, result, one, other, name, unit, family)
+            yield ElementDifference(element, operation, result, one, other, name, unit, family)
 
 
 def compare(a: Outcomes, b: Outcomes) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ds47.regression.conclusions import Conclusion, conclusions
-from ds47.regression.difference import Difference, Row
+from ds47.regression.difference import Difference, ElementDifference
 from ds47.regression.elements import Outcomes
 from ds47.version import __version__
 
@@ -63,7 +63,7 @@ def _operation(each: Conclusion) -> str | None:
     return each.rows[0].operation if each.rows else None
 
 
-def _parameter(row: Row, found: Difference) -> dict[str, Any]:
+def _parameter(row: ElementDifference, found: Difference) -> dict[str, Any]:
     place, pnu, subindex = row.element
     return {
         "device": place.device,

@@ -15,7 +15,7 @@ from ds47.profidrive.naming import spelling
 from ds47.regression import conclusions as concluded
 from ds47.regression import difference as kinds
 from ds47.regression.conclusions import Conclusion, failures, shares
-from ds47.regression.difference import Difference, Faults, Latency, Row
+from ds47.regression.difference import Difference, ElementDifference, Faults, Latency
 from ds47.regression.elements import Outcomes
 from ds47.regression.places import Place
 from ds47.report.bilingual import Both, joined, operation, say
@@ -62,10 +62,10 @@ _VALUES = {
 class Run(NamedTuple):
     """Rows of elements that follow one another, of which the captures show the same but for the values."""
 
-    rows: tuple[Row, ...]
+    rows: tuple[ElementDifference, ...]
 
     @property
-    def first(self) -> Row:
+    def first(self) -> ElementDifference:
         """The row of the first element."""
         return self.rows[0]
 
@@ -181,17 +181,19 @@ def notes(found: Difference) -> list[Both]:
     return [say("diff_unknown", capture=name, n=count) for name, count in sides if count]
 
 
-def _in_a(row: Row) -> bool:
+def _in_a(row: ElementDifference) -> bool:
     return row.a is not None
 
 
-def _in_b(row: Row) -> bool:
+def _in_b(row: ElementDifference) -> bool:
     return row.b is not None
 
 
-def runs(rows: Iterable[Row], about: Callable[[Row], object] = lambda _: None) -> list[Run]:
+def runs(
+    rows: Iterable[ElementDifference], about: Callable[[ElementDifference], object] = lambda _: None
+) -> list[Run]:
     """Rows put together to runs, in the order of their parameters; in one run `about` gives the same for all."""
-    found: list[list[Row]] = []
+    found: list[list[ElementDifference]] = []
     ordered = sorted(
         rows, key=lambda row: (row.element.place.sort_key, row.element.pnu, row.operation)
     )
@@ -203,7 +205,7 @@ def runs(rows: Iterable[Row], about: Callable[[Row], object] = lambda _: None) -
     return [Run(tuple(each)) for each in found]
 
 
-def _follows(one: Row, other: Row) -> bool:
+def _follows(one: ElementDifference, other: ElementDifference) -> bool:
     mine, theirs = one.element, other.element
     return (
         mine._replace(subindex=mine.subindex + 1) == theirs
@@ -214,7 +216,7 @@ def _follows(one: Row, other: Row) -> bool:
     )
 
 
-def _known(row: Row) -> list[object]:
+def _known(row: ElementDifference) -> list[object]:
     """Of last values how both are known; nothing of other rows."""
     sides = [row.a, row.b] if row.operation == kinds.LAST else []
     return [side and list(side.of_requests) for side in sides]

@@ -14,7 +14,15 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from ds47.model import CaptureResult, Report, Value
-from ds47.regression.difference import LAST, ONLY, OTHER_WAY, Difference, Row, compare, named_alike
+from ds47.regression.difference import (
+    LAST,
+    ONLY,
+    OTHER_WAY,
+    Difference,
+    ElementDifference,
+    compare,
+    named_alike,
+)
 from ds47.regression.elements import VALUE, Element, Outcomes
 from ds47.regression.places import Place
 from ds47.report import is_text, parameters
@@ -154,7 +162,7 @@ def _bare(place: Place) -> Place:
     return place if place.drive_object is None else Place(place.device, place.drive_object)
 
 
-def _rows(a: Mapping[Element, Line], b: Mapping[Element, Line]) -> Iterator[Row]:
+def _rows(a: Mapping[Element, Line], b: Mapping[Element, Line]) -> Iterator[ElementDifference]:
     near = _near(a), _near(b)
     for element in sorted(a.keys() | b.keys(), key=lambda each: (each.place.sort_key, *each[1:])):
         mine, theirs = a.get(element), b.get(element)
@@ -168,7 +176,7 @@ def _rows(a: Mapping[Element, Line], b: Mapping[Element, Line]) -> Iterator[Row]
         known = [each for each in (mine, theirs) if each is not None]
         name = next((each.name for each in known if each.name), None)
         unit = next((each.unit for each in known if each.unit), None)
-        yield Row(element, LAST, result, one, other, name, unit)
+        yield ElementDifference(element, LAST, result, one, other, name, unit)
 
 
 def _near(lines: Mapping[Element, Line]) -> Mapping[tuple[str, int, int], list[Place]]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from ds47.profidrive.drive_objects import DO_IDENTIFICATION, LOCAL, Access, DriveObjects
+from ds47.profidrive.drive_objects import DO_IDENTIFICATION, LOCAL, DriveAccess, DriveObjects
 from ds47.spec.semantics import known
 
 Json = dict[str, Any]
@@ -35,10 +35,10 @@ class Place(NamedTuple):
         return (self.device, *numbers, self.local)
 
 
-def access_of(item: Json, names: Mapping[str, str]) -> Access:
+def access_of(item: Json, names: Mapping[str, str]) -> DriveAccess:
     """How the request of a transaction of the JSON report reaches its parameters."""
     axis = None if item["index"] == LOCAL else item["axis"]
-    return Access(names[item["device"]], item["index"], item["slot"], item["subslot"], axis)
+    return DriveAccess(names[item["device"]], item["index"], item["slot"], item["subslot"], axis)
 
 
 def attributed(capture: Json) -> Iterator[Json]:
@@ -63,7 +63,7 @@ class Places:
         self._devices = [{each.device for each in side} for side in used]
         self._local = [{_submodule(each) for each in side if each.local} for side in used]
 
-    def of(self, access: Access, pnu: int) -> Place:
+    def of(self, access: DriveAccess, pnu: int) -> Place:
         """The place that a request for this PNU reaches: equal where it is proved to be the same."""
         device, _, slot, subslot, axis = access
         if pnu in known().global_pnus:
@@ -89,7 +89,7 @@ class Places:
             return False
         return looks or (one.local and other.local)
 
-    def _number(self, access: Access) -> int | None:
+    def _number(self, access: DriveAccess) -> int | None:
         """The DO-ID of a submodule, where each capture that uses it shows the same one."""
         numbers = {
             shown.number(access)
@@ -109,7 +109,7 @@ class Places:
         return all(shown.exists(device, axis) for shown in self._shown)
 
 
-def _submodule(access: Access) -> tuple[str, int | None, int | None]:
+def _submodule(access: DriveAccess) -> tuple[str, int | None, int | None]:
     return access.device, access.slot, access.subslot
 
 

@@ -12,7 +12,7 @@ from math import isfinite
 from typing import Any, Final
 
 from ds47.regression.conclusions import Conclusion
-from ds47.regression.difference import Difference, Row
+from ds47.regression.difference import Difference, ElementDifference
 from ds47.regression.elements import Outcomes
 
 MOST_POINTS: Final = 3000
@@ -43,7 +43,7 @@ def elements(concluded: Iterable[Conclusion], found: Difference) -> list[dict[st
     return [each for each in all_ if each["a"] or each["b"]][:MOST_ELEMENTS]
 
 
-def _element(row: Row, found: Difference) -> dict[str, Any]:
+def _element(row: ElementDifference, found: Difference) -> dict[str, Any]:
     sides = zip((row.a, row.b), found.starts, strict=True)
     a, b = (_values(*side) for side in sides)
     return {"row": row, "unit": row.unit or "", "a": a, "b": b}

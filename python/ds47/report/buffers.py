@@ -31,7 +31,7 @@ class Cell(NamedTuple):
     text: str | None
 
 
-class Entry(NamedTuple):
+class BufferEntry(NamedTuple):
     """One entry: its subindex, and the situation that it belongs to, 0 the present one; None where not known."""
 
     subindex: int
@@ -46,7 +46,7 @@ class Buffer(NamedTuple):
     sample: Transaction
     target: str
     frames: list[int]
-    entries: list[Entry]
+    entries: list[BufferEntry]
 
 
 @dataclass(slots=True)
@@ -118,7 +118,7 @@ def _buffer(kind: str, seen: _Seen, targets: Targets) -> Buffer | None:
     leading = [seen.columns[name] for name in LEADING if name in seen.columns]
     places = sorted({at for cells in leading for at, cell in cells.items() if cell.value})
     entries = [
-        Entry(
+        BufferEntry(
             at,
             at // PLACES if seen.situations else None,
             {name: seen.columns[name][at] for name in COLUMNS if at in seen.columns.get(name, {})},
@@ -167,7 +167,7 @@ def _rows(item: Buffer) -> Iterator[list[Both]]:
 _NOTHING: Final = Both.same("")
 
 
-def _situation(kind: str, item: Entry) -> Both:
+def _situation(kind: str, item: BufferEntry) -> Both:
     if item.situation is None:
         return _NOTHING
     if item.situation == 0:
@@ -177,7 +177,7 @@ def _situation(kind: str, item: Entry) -> Both:
     return say("value_gone")
 
 
-def _name(item: Entry) -> Both:
+def _name(item: BufferEntry) -> Both:
     """The number with its text, and the code where it is another one."""
     number, code = item.cells.get("number"), item.cells.get("code")
     if number is None or code is None or number.value == code.value:

@@ -26,7 +26,7 @@ def _both(words: Callable[..., str | None], *about: object) -> Both:
     return Both(*(words(*about, lang) or "" for lang in LANGUAGES))
 
 
-def pkw_document(item: pkw.Message, vendor_id: int | None = None) -> dict[str, Any]:
+def pkw_document(item: pkw.PkwMessage, vendor_id: int | None = None) -> dict[str, Any]:
     """A PKW request or answer for JSON."""
     error, connector = item.error, item.connector
     return {
@@ -49,7 +49,7 @@ def _error_document(error: pkw.Error, vendor_id: int | None) -> dict[str, Any]:
     return {"code": error.code, "text": text}
 
 
-def pkw_lines(item: pkw.Message, vendor_id: int | None = None) -> Iterator[Line]:
+def pkw_lines(item: pkw.PkwMessage, vendor_id: int | None = None) -> Iterator[Line]:
     """The four words in words."""
     meaning = _both(cyclic.meaning, item.ak, item.answer)
     yield 0, say("pkw_pke", ak=str(item.ak), meaning=meaning, spm=str(item.spm))
@@ -60,7 +60,7 @@ def pkw_lines(item: pkw.Message, vendor_id: int | None = None) -> Iterator[Line]
     yield 4, _pwe(item, vendor_id)
 
 
-def _pwe(item: pkw.Message, vendor_id: int | None) -> Both:
+def _pwe(item: pkw.PkwMessage, vendor_id: int | None) -> Both:
     hexadecimal = f"{item.pwe1:04X}_{item.pwe2:04X}"
     if item.error is not None:
         if item.ak == pkw.NO_RIGHTS:

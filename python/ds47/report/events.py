@@ -41,7 +41,7 @@ class Writer(Table):
                 for event in row.events:
                     self._csv.writerow(left + self._cells(event, row))
 
-    def _cells(self, event: Event, row: timelines.Row) -> list[Cell]:
+    def _cells(self, event: Event, row: timelines.EventRow) -> list[Cell]:
         plain = contract.EVENT.plain(event, self.options.lang)
         own: list[Cell] = [plain[each.name] for each in EVENT_COLUMNS]
         caused = row.after_ns is not None and timelines.is_caused(event)

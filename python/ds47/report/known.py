@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from ds47 import spec
 from ds47.parameters.catalogue import Catalogue
-from ds47.parameters.lists import Message, ParameterList, Row
+from ds47.parameters.lists import ListedMessage, ListedParameter, ParameterList
 from ds47.profidrive.naming import WRITABLE, spelled
 from ds47.report.bilingual import say
 from ds47.report.formatting import escape
@@ -84,13 +84,13 @@ def _of_lists(catalogue: Catalogue, number: int, lang: str) -> Iterator[Known]:
         yield _parameter(row, found, lang)
 
 
-def _parameter(row: Row, found: ParameterList, lang: str) -> Known:
+def _parameter(row: ListedParameter, found: ParameterList, lang: str) -> Known:
     values = {str(number): text for number, text in sorted(row.values.items())}
     source = say("params_of_list", name=escape(found.name), about=about(found, lang)).text(lang)
     return Known("parameter", row.access, row.number, row.name, row.unit, row.type, values, source)
 
 
-def _message(each: Message, found: ParameterList, lang: str) -> Known:
+def _message(each: ListedMessage, found: ParameterList, lang: str) -> Known:
     source = say("params_of_list", name=escape(found.name), about=about(found, lang)).text(lang)
     return Known("message", each.letter, each.number, each.text, None, None, {}, source)
 

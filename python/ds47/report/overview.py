@@ -1,6 +1,6 @@
 """Many captures in one view: a line for each, the worst first, then the sums over all of them.
 
-Lives here: `Row`, what is kept of a capture (some hundred bytes, whatever its length), the text,
+Lives here: `CaptureRow`, what is kept of a capture (some hundred bytes, whatever its length), the text,
 and the document `ds47.overview/1`. What to do is `ds47.report.causes`; what is in one capture is told by the
 other formats.
 """
@@ -31,7 +31,7 @@ _CYCLIC = "DS5"
 
 
 @dataclass(slots=True)
-class Row:
+class CaptureRow:
     """One capture; the names are those of the report.
 
     `readable` is False where nothing of it could be read, and `problem` says why. `findings` counts
@@ -57,7 +57,7 @@ class Row:
     end: str | None = None
 
     @classmethod
-    def of(cls, result: CaptureResult) -> Row:
+    def of(cls, result: CaptureResult) -> CaptureRow:
         """What a whole result (its transactions and findings included) comes to."""
         transactions, findings = result.transactions, result.findings
         times = [each.duration_ns for each in transactions if each.duration_ns is not None]
@@ -80,12 +80,12 @@ class Row:
         )
 
     @classmethod
-    def unreadable(cls, path: str, problem: str) -> Row:
+    def unreadable(cls, path: str, problem: str) -> CaptureRow:
         """A capture of which nothing could be read."""
         return cls(path, readable=False, complete=False, problem=problem)
 
     @classmethod
-    def loaded(cls, plain: dict[str, Any]) -> Row:
+    def loaded(cls, plain: dict[str, Any]) -> CaptureRow:
         """A row that `plain` has written; ten thousand of them share their words."""
         for key in ("operations", "states", "findings", "rules"):
             plain[key] = {sys.intern(word): number for word, number in plain[key].items()}
@@ -147,7 +147,7 @@ class Row:
         )
 
 
-def total(rows: Sequence[Row]) -> dict[str, Any]:
+def total(rows: Sequence[CaptureRow]) -> dict[str, Any]:
     """The sums over captures, in the order of the run, as an object of `ds47.overview/1`."""
     sums: dict[str, Counter[str]] = {
         key: Counter() for key in ("operations", "states", "findings", "rules", "rule_captures")
@@ -185,7 +185,7 @@ def total(rows: Sequence[Row]) -> dict[str, Any]:
     }
 
 
-def document(rows: Sequence[Row]) -> Iterator[str]:
+def document(rows: Sequence[CaptureRow]) -> Iterator[str]:
     """The overview as pieces of JSON text, the worst capture first, one a line."""
     head = {
         "schema": SCHEMA,
@@ -193,7 +193,7 @@ def document(rows: Sequence[Row]) -> Iterator[str]:
         "total": total(rows),
     }
     yield json.text(head)[:-1] + ', "captures": ['
-    for number, row in enumerate(sorted(rows, key=Row.badness)):
+    for number, row in enumerate(sorted(rows, key=CaptureRow.badness)):
         yield (",\n" if number else "\n") + json.text(row.plain())
     yield "]}\n"
 
@@ -208,20 +208,20 @@ class Writer(_Writer):
 
     def __init__(self, stream: TextIO, options: Options | None = None) -> None:
         super().__init__(stream, options)
-        self.rows: list[Row] = []
+        self.rows: list[CaptureRow] = []
 
     def capture(self, result: CaptureResult) -> None:
-        self.rows.append(Row.of(result))
+        self.rows.append(CaptureRow.of(result))
 
     def unreadable(self, path: str, problem: str) -> None:
-        self.rows.append(Row.unreadable(path, problem))
+        self.rows.append(CaptureRow.unreadable(path, problem))
 
     def close(self) -> None:
         for line in lines(self.rows, self.options):
             self.stream.write(line + "\n")
 
 
-def lines(rows: Sequence[Row], options: Options) -> list[str]:
+def lines(rows: Sequence[CaptureRow], options: Options) -> list[str]:
     """The overview as text: which captures need a look, what to do, what was found, sums."""
     summed = total(rows)
     return [
@@ -241,13 +241,13 @@ _TIMES = ("start", "length")
 
 
 def table(
-    rows: Iterable[Row], lang: str, most: int | None = None, zone: Zone = UNIVERSAL
+    rows: Iterable[CaptureRow], lang: str, most: int | None = None, zone: Zone = UNIVERSAL
 ) -> list[str]:
     """A line for each capture that needs a look, the worst first; of more than `most` those.
 
     Where any of them has a time, each has its start in `zone` and its length.
     """
-    ordered = sorted((row for row in rows if not row.quiet), key=Row.badness)
+    ordered = sorted((row for row in rows if not row.quiet), key=CaptureRow.badness)
     if not ordered:
         return []
     listed = ordered[:most]
@@ -269,13 +269,13 @@ def table(
     return shown
 
 
-def told_times(row: Row, zone: Zone) -> tuple[str, str]:
+def told_times(row: CaptureRow, zone: Zone) -> tuple[str, str]:
     """When a capture begins and how long it is; `-` for what is not known."""
     length = row.length_ns
     return beginning(zone, row.start_ns) or "-", "-" if length is None else duration(length)
 
 
-def _cells(row: Row, lang: str) -> tuple[str, ...]:
+def _cells(row: CaptureRow, lang: str) -> tuple[str, ...]:
     name = escape(row.path)
     if not row.readable:
         problem = say("worst_unreadable", problem=_about(row)).text(lang)
@@ -296,7 +296,7 @@ def _cells(row: Row, lang: str) -> tuple[str, ...]:
     return (*shown, "  ".join([name, *(each.text(lang) for each in notes)]))
 
 
-def _about(row: Row) -> Both:
+def _about(row: CaptureRow) -> Both:
     """The problem without the name that stands before it."""
     if not row.problem:
         return say("file_ends_early")

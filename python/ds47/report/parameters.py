@@ -27,7 +27,7 @@ COLUMNS = (
 it since; `frame` and `time` are of the response and of the transaction's start."""
 
 
-class Row(NamedTuple):
+class ElementRow(NamedTuple):
     """One element, and where it is: `target` in words, `drive_object` where its number is proved."""
 
     device: str
@@ -43,12 +43,12 @@ def write(report: Report, stream: TextIO, options: Options | None = None) -> Non
     write_all(Writer(stream, options), report)
 
 
-def rows(result: CaptureResult) -> list[Row]:
+def rows(result: CaptureResult) -> list[ElementRow]:
     """All elements of a capture, by device, drive object, PNU and subindex."""
     return sorted(_rows(result), key=_order)
 
 
-def _rows(result: CaptureResult) -> Iterator[Row]:
+def _rows(result: CaptureResult) -> Iterator[ElementRow]:
     targets, shown = Targets(result.evidence), None
     if result.whole is not None:
         shown = {
@@ -61,13 +61,13 @@ def _rows(result: CaptureResult) -> Iterator[Row]:
             if shown is not None and (identity, pnu) not in shown:
                 continue
             if identity == Identity(device):  # of the device, whichever drive object is asked
-                yield Row(device, "", None, pnu, subindex, cell)
+                yield ElementRow(device, "", None, pnu, subindex, cell)
                 continue
             words = targets.place(cell.sample, with_slot=identity.by_submodule)
-            yield Row(device, words, targets.drive_object(cell.sample), pnu, subindex, cell)
+            yield ElementRow(device, words, targets.drive_object(cell.sample), pnu, subindex, cell)
 
 
-def _order(row: Row) -> tuple[str, int, str, int, int]:
+def _order(row: ElementRow) -> tuple[str, int, str, int, int]:
     number = -1 if row.drive_object is None else row.drive_object
     return row.device, number, row.target, row.pnu, row.subindex
 
@@ -90,7 +90,7 @@ class Writer(Table):
             )
 
 
-def _cells(row: Row) -> list[Cell]:
+def _cells(row: ElementRow) -> list[Cell]:
     element, last = row.element, row.element.last
     known: list[Cell] = [None] * 7
     if last is not None:

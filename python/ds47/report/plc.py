@@ -40,7 +40,7 @@ _HEADER: Final = (("mirror_reference", 0), ("mirror_axis", 2), ("mirror_count", 
 _Channel = tuple[str, str, str | None, int | None, int | None, int | None, int | None]
 
 
-class Call(NamedTuple):
+class BlockCall(NamedTuple):
     """One call of a block, or several that looked alike.
 
     `block` is "WRREC" or "RDREC"; `outcome` what it ended with:
@@ -89,11 +89,11 @@ class Witness:
         for number in _beside(records, self._calls, loose):
             self._waits[number] = "beside"
 
-    def saw(self, item: Transaction) -> list[Call]:
+    def saw(self, item: Transaction) -> list[BlockCall]:
         """The calls of a transaction in their order."""
         if item.ar is None and item.station is None and item.frames.write_request is None:
             length = len(item.response or b"")
-            return [Call("RDREC", "implicit", item.read_status, length=length)]
+            return [BlockCall("RDREC", "implicit", item.read_status, length=length)]
         found = self._calls.get(item.id, [])
         left_out, in_part = _left_out(item, found)
         wait = "unseen" if in_part else self._waits.get(item.id, "unseen")
@@ -111,27 +111,27 @@ class Witness:
         return say("plc_line", calls=self.text(item))
 
     def _reads(
-        self, item: Transaction, left_out: Sequence[tuple[int, Call]], wait: str
-    ) -> list[Call]:
+        self, item: Transaction, left_out: Sequence[tuple[int, BlockCall]], wait: str
+    ) -> list[BlockCall]:
         frames = item.frames
         calls = _before(item, left_out, wait)
         captured = len(item.response) if item.response is not None else 0
         length = self._lengths.get(frames.read_response or 0, captured)
         if frames.read_response is not None and item.read_status:
-            calls.append(Call("RDREC", "error", item.read_status))
+            calls.append(BlockCall("RDREC", "error", item.read_status))
         elif frames.read_response is not None:
             outcome = "cut" if captured < length else "done"
-            calls.append(Call("RDREC", outcome, 0, length=length, captured=captured))
+            calls.append(BlockCall("RDREC", outcome, 0, length=length, captured=captured))
         elif item.state == "superseded" and frames.read_request is None:
-            calls.append(Call("RDREC", "superseded"))
+            calls.append(BlockCall("RDREC", "superseded"))
         elif item.state == "incomplete" and item.station is None:
             if not left_out and frames.read_request is None:
-                calls.append(Call("RDREC", "missing"))
+                calls.append(BlockCall("RDREC", "missing"))
         elif not left_out and frames.read_request is None and wait != "beside":
             unread = "given_up" if frames.polls else "never"
-            calls.append(Call("RDREC", unread if item.station is None else "without"))
+            calls.append(BlockCall("RDREC", unread if item.station is None else "without"))
         if frames.rereads:
-            calls.append(Call("RDREC", "again", 0, len(frames.rereads), length))
+            calls.append(BlockCall("RDREC", "again", 0, len(frames.rereads), length))
         return calls
 
 
@@ -253,7 +253,9 @@ def _channel(item: Transaction) -> _Channel:
     )  # fmt: skip
 
 
-def _left_out(item: Transaction, found: Sequence[Finding]) -> tuple[list[tuple[int, Call]], bool]:
+def _left_out(
+    item: Transaction, found: Sequence[Finding]
+) -> tuple[list[tuple[int, BlockCall]], bool]:
     """The Reads that brought no record and are none of the frames of a transaction, by their frame.
 
     And whether a part of a response is there: then it is not that none came.
@@ -268,7 +270,7 @@ def _left_out(item: Transaction, found: Sequence[Finding]) -> tuple[list[tuple[i
     if frames.read_request is not None and frames.read_response is None and not nothing:
         part = next((each for each in out if each.rule == _IN_PART), None)
     calls = [
-        (each.frame, Call("RDREC", _LEFT_OUT[each.rule], _status(each)))
+        (each.frame, BlockCall("RDREC", _LEFT_OUT[each.rule], _status(each)))
         for each in out if each is not part
     ]  # fmt: skip
     return calls, any(each.rule == _IN_PART for each in out)
@@ -280,7 +282,9 @@ def _status(finding: Finding) -> int | None:
     return None if told is None else int(told, 16)
 
 
-def _before(item: Transaction, left_out: Sequence[tuple[int, Call]], wait: str) -> list[Call]:
+def _before(
+    item: Transaction, left_out: Sequence[tuple[int, BlockCall]], wait: str
+) -> list[BlockCall]:
     """The Reads before the one that was answered: polls, and those that brought nothing.
 
     Of a Read without a response it is known only that nothing came in the frames behind it: that the capture
@@ -289,17 +293,19 @@ def _before(item: Transaction, left_out: Sequence[tuple[int, Call]], wait: str) 
     polls, asked = item.frames.polls, item.frames.read_request
     waits = asked is not None and item.frames.read_response is None
     if not left_out and not waits:
-        return [Call("RDREC", "polled", NOT_READY, len(polls))] if polls else []
+        return [BlockCall("RDREC", "polled", NOT_READY, len(polls))] if polls else []
     end = "unseen" if item.station is None else "nothing"
-    alone = [(asked or 0, Call("RDREC", end))] if waits else []
+    alone = [(asked or 0, BlockCall("RDREC", end))] if waits else []
     told = {frame for frame, _ in left_out}
     polled = [
-        (frame or 0, Call("RDREC", "polled", NOT_READY)) for _, frame in polls if frame not in told
+        (frame or 0, BlockCall("RDREC", "polled", NOT_READY))
+        for _, frame in polls
+        if frame not in told
     ]
     found = [call for _, call in sorted([*polled, *left_out, *alone], key=lambda each: each[0])]
     if waits and wait == "ends" and found[-1].outcome == "unseen":
-        found[-1] = Call("RDREC", "ends")
-    calls: list[Call] = []
+        found[-1] = BlockCall("RDREC", "ends")
+    calls: list[BlockCall] = []
     for call in found:
         if calls and calls[-1]._replace(times=1) == call:
             calls[-1] = call._replace(times=calls[-1].times + 1)
@@ -309,20 +315,23 @@ def _before(item: Transaction, left_out: Sequence[tuple[int, Call]], wait: str) 
 
 
 def _write(
-    item: Transaction, found: Sequence[Finding], left_out: Sequence[tuple[int, Call]], wait: str
-) -> Call:
+    item: Transaction,
+    found: Sequence[Finding],
+    left_out: Sequence[tuple[int, BlockCall]],
+    wait: str,
+) -> BlockCall:
     frames = item.frames
     if frames.write_request is None:
-        return Call("WRREC", "missing")
+        return BlockCall("WRREC", "missing")
     if item.write_status is not None:
-        return Call("WRREC", "error" if item.write_status else "done", item.write_status)
+        return BlockCall("WRREC", "error" if item.write_status else "done", item.write_status)
     if frames.write_response is not None:
         bare = any(each.rule == "DS108" and each.frame == frames.write_response for each in found)
         below = "fault" if item.station is None else "sap"
-        return Call("WRREC", "bare" if bare else below)
+        return BlockCall("WRREC", "bare" if bare else below)
     if left_out or frames.read_request is not None or frames.read_response is not None:
-        return Call("WRREC", "unseen")
-    return Call("WRREC", "unseen" if frames.polls or wait == "beside" else wait)
+        return BlockCall("WRREC", "unseen")
+    return BlockCall("WRREC", "unseen" if frames.polls or wait == "beside" else wait)
 
 
 def not_mirrored(item: Transaction) -> list[Both]:
@@ -352,12 +361,12 @@ def remark(item: Transaction) -> Both | None:
 
 
 @lru_cache(maxsize=4096)
-def _told(calls: tuple[Call, ...], more: Both | None) -> Both:
+def _told(calls: tuple[BlockCall, ...], more: Both | None) -> Both:
     told = joined([_words(call) for call in calls], "; ", "；")
     return told if more is None else told.joined(more, " - ", "，")
 
 
-def _words(call: Call) -> Both:
+def _words(call: BlockCall) -> Both:
     kind = "write" if call.block == "WRREC" else "read"
     return say(
         f"plc_{kind}_{call.outcome}",

@@ -26,7 +26,7 @@ def _both(words: Callable[..., str], *about: object) -> Both:
     return Both(*(words(*about, lang) for lang in LANGUAGES))
 
 
-def record(item: Telegram) -> ms1.Message | None:
+def record(item: Telegram) -> ms1.Ms1Message | None:
     """The message of MS1 or MS2 that a frame carries; None for none."""
     if item.request is None or dp.service(item) not in RECORDS:
         return None
@@ -108,7 +108,7 @@ def _area_document(area: dp.Area | None) -> dict[str, Any] | None:
     return {"length": area.length, "words": area.words, "consistent": area.consistent}
 
 
-def _ms1_document(found: ms1.Message | None, item: Telegram) -> dict[str, Any] | None:
+def _ms1_document(found: ms1.Ms1Message | None, item: Telegram) -> dict[str, Any] | None:
     if found is None:
         return None
     code = found.code
@@ -174,7 +174,7 @@ def beside(item: Telegram) -> Iterator[Both]:
         yield say(f"ms1_{message.kind}")
     if message is not None and message.not_ready:
         yield say("ms1_not_ready")
-    if isinstance(content, dp.Exchange) and content.wants_diagnosis:
+    if isinstance(content, dp.DataExchange) and content.wants_diagnosis:
         yield say("dp_wants_diagnosis")
     if isinstance(content, dp.Configuration):
         yield from _ppo(content)
@@ -215,7 +215,7 @@ def _ppo(found: dp.Configuration) -> Iterator[Both]:
         yield say("dp_pkw_torn")
 
 
-def _ms1_lines(found: ms1.Message, item: Telegram) -> Iterator[Line]:
+def _ms1_lines(found: ms1.Ms1Message, item: Telegram) -> Iterator[Line]:
     """The head of a message; its data is the record, or not known here."""
     code = found.code or 0
     name = _both(profibus.function_text, code, bool(item.request))
@@ -251,7 +251,7 @@ def _dp_lines(found: dp.Content | None, data: bytes) -> Iterator[Line]:
                 if found.groups
                 else say("dp_all_groups"),
             )
-    elif isinstance(found, dp.Exchange):
+    elif isinstance(found, dp.DataExchange):
         yield 0, say("dp_outputs" if found.outputs else "dp_inputs", n=len(data))
     else:
         yield 0, say("dp_data", n=len(data))

@@ -39,7 +39,7 @@ from ds47.report.filters import display_filter
 from ds47.report.formatting import duration, escape, parameter
 from ds47.report.latency import Latency
 from ds47.report.narrowing import narrowed_words
-from ds47.report.overview import Row, table, total
+from ds47.report.overview import CaptureRow, table, total
 from ds47.report.places import Places, name
 from ds47.report.sentences import at_offset, sentence
 from ds47.report.summary import Opening
@@ -80,12 +80,12 @@ class Writer(_Writer):
         super().__init__(stream, options)
         self._opening = Opening(self.options, self._paint)
         self._counts = Counts()
-        self._rows: list[Row] = []
+        self._rows: list[CaptureRow] = []
         self._latency = Latency()
         self._clock = Clock(self.options.zone, None)
 
     def capture(self, result: CaptureResult) -> None:
-        counts, row = Counts.of(result), Row.of(result)
+        counts, row = Counts.of(result), CaptureRow.of(result)
         durations = (each.duration_ns for each in result.transactions)
         latency = Latency(each for each in durations if each is not None)
         if not self._many:
@@ -99,7 +99,9 @@ class Writer(_Writer):
         """Whether the report tells of all captures together only."""
         return self.options.detail != "all" and self.options.captures > MANY
 
-    def _one(self, result: CaptureResult, counts: Counts, row: Row, latency: Latency) -> None:
+    def _one(
+        self, result: CaptureResult, counts: Counts, row: CaptureRow, latency: Latency
+    ) -> None:
         """A capture by itself."""
         if self._rows:
             self._line()
@@ -141,7 +143,7 @@ class Writer(_Writer):
         self._findings(result.findings, Places(result.files))
 
     def unreadable(self, path: str, problem: str) -> None:
-        self._rows.append(Row.unreadable(path, problem))
+        self._rows.append(CaptureRow.unreadable(path, problem))
         self._counts.add(Counts(captures=1, unreadable=1))
 
     def close(self) -> None:
@@ -299,7 +301,7 @@ class Writer(_Writer):
             if timeline.events_left_out:
                 self._line("  " + self._say("timeline_left_out", n=timeline.events_left_out))
 
-    def _event(self, row: timelines.Row) -> list[str]:
+    def _event(self, row: timelines.EventRow) -> list[str]:
         lang = self.options.lang
         standing = timelines.standing(row).text(lang)
         return [

@@ -64,7 +64,7 @@ def reference_words(found: Reference) -> Both:
 
 
 @dataclass(slots=True)
-class Row:
+class EventRow:
     """Events of one word in one frame.
 
     `cause` is the command before it that brought about one of them, `after_ns` how long before that was.
@@ -84,15 +84,15 @@ class Row:
         return None if self.cause is None else self.last.time_ns - self.cause.time_ns
 
 
-def rows(timeline: Timeline) -> list[Row]:
+def rows(timeline: Timeline) -> list[EventRow]:
     """The events of a drive, those of one word in one frame together."""
-    found: list[Row] = []
+    found: list[EventRow] = []
     for event in timeline.events:
         here = found[-1].last if found else None
         if here is not None and (here.frame, here.word) == (event.frame, event.word):
             found[-1].events.append(event)
         else:
-            found.append(Row([event]))
+            found.append(EventRow([event]))
     newest: dict[str, Event] = {}
     heeded = 0
     for row in found:
@@ -134,7 +134,7 @@ def is_caused(event: Event) -> bool:
     return event.name in _CAUSES
 
 
-def words(row: Row) -> Both:
+def words(row: EventRow) -> Both:
     """What happened, in both languages: `running, 1.2 s after ON`."""
     told = joined([_event(each) for each in row.events])
     after = row.after_ns
@@ -154,7 +154,7 @@ def _event(event: Event) -> Both:
     return Both(event_text(event.name), event_text(event.name, "zh"))
 
 
-def change(row: Row) -> str:
+def change(row: EventRow) -> str:
     """The word before and after, as PLC tables print it: `STW1 047E -> 047F`; empty where there is none."""
     last = row.last
     if last.word is None or last.after is None:
@@ -163,7 +163,7 @@ def change(row: Row) -> str:
     return f"{last.word} {before}{last.after:04X}"
 
 
-def standing(row: Row) -> Both:
+def standing(row: EventRow) -> Both:
     """The state of the drive from then on, with what is shown beside it; empty where it is not known."""
     last = row.last
     if last.state is None:

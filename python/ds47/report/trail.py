@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 from ds47.model import S7, CaptureResult, Frames, Parameter, Transaction, Value
 from ds47.profidrive import decode_request
 from ds47.profidrive.dictionary import changes_itself
-from ds47.profidrive.drive_objects import Access, DriveObjects, Identity, access_of
+from ds47.profidrive.drive_objects import DriveAccess, DriveObjects, Identity, access_of
 from ds47.profidrive.elements import is_whole, split
 from ds47.report import s7
 from ds47.spec.semantics import known
@@ -72,7 +72,7 @@ class Cell:
     """
 
     sample: Transaction
-    access: Access
+    access: DriveAccess
     last: Known | None = None
     certain: bool = False
     name: str | None = None

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from ds47.s7.addresses import text
-from ds47.s7.consistency import Access
+from ds47.s7.consistency import ItemAccess
 from ds47.s7.model import (
     DB,
     DONE,
@@ -22,7 +22,7 @@ from ds47.s7.model import (
     UNANSWERED,
     Address,
     Item,
-    Job,
+    S7Job,
 )
 from ds47.spec import s7
 
@@ -63,7 +63,7 @@ def numbered(area: int) -> int:
     return DB if area == INSTANCE else area
 
 
-def is_clear(job: Job) -> bool:
+def is_clear(job: S7Job) -> bool:
     """Whether it is known which bytes a PUT writes."""
     return all(
         each.address is not None and each.address.size > 0
@@ -72,14 +72,14 @@ def is_clear(job: Job) -> bool:
     )  # fmt: skip
 
 
-def accesses(job: Job, first: int) -> list[Access]:
+def accesses(job: S7Job, first: int) -> list[ItemAccess]:
     """What a GET or PUT with a request does to memories that keep what is written.
 
     Args:
         job: with its answer, or still without one.
         first: the number of the first access.
     """
-    found: list[Access] = []
+    found: list[ItemAccess] = []
     for number, item in enumerate(job.items, first):
         address = item.address
         if address is not None and address.area in MEMORIES and address.size:
@@ -89,7 +89,7 @@ def accesses(job: Job, first: int) -> list[Access]:
     return found
 
 
-def _access(job: Job, item: Item, address: Address, number: int) -> Access | None:
+def _access(job: S7Job, item: Item, address: Address, number: int) -> ItemAccess | None:
     write, done = job.operation == PUT, item.code == DONE and job.answered is not None
     whole = address.size >= 8 and address.start % 8 == 0
     if job.asked is None or item.value is None or not (write or (done and whole)):
@@ -103,7 +103,7 @@ def _access(job: Job, item: Item, address: Address, number: int) -> Access | Non
             return None
         data, whole = bytes(end - start), False
     answer = job.answered
-    return Access(
+    return ItemAccess(
         number, job.connection.number, write, numbered(address.area), address.db, start, data,
         job.asked.time_ns, answer.time_ns if answer else None, job.asked.frame,
         answer.frame if answer else None, done, whole,
@@ -116,7 +116,7 @@ def _access(job: Job, item: Item, address: Address, number: int) -> Access | Non
 class Part(NamedTuple):
     """A job that is a part of a larger area."""
 
-    job: Job
+    job: S7Job
     first: int
     """The number of its first access."""
 
@@ -132,7 +132,7 @@ class Whole:
         """All of it."""
         return joined([each for part in self.parts if (each := self._item(part).address)])
 
-    def accesses(self) -> list[Access]:
+    def accesses(self) -> list[ItemAccess]:
         """What its parts do to a memory; not of each there is one."""
         found = []
         for part in self.parts:
@@ -173,7 +173,7 @@ class Splits:
         self._parts = [part]
         return found
 
-    def over(self, job: Job) -> Whole | None:
+    def over(self, job: S7Job) -> Whole | None:
         """A job is over; gives the area of which it is the last part, as it does not fill its PDU."""
         parts = self._parts
         if not any(each.job is job for each in parts):
@@ -193,7 +193,7 @@ class Splits:
         full = all(fills(each.job) for each in parts[:-1])
         return Whole(parts) if halves or full or len(parts) >= EVEN else None
 
-    def _continues(self, job: Job) -> bool:
+    def _continues(self, job: S7Job) -> bool:
         """Whether a job begins where the one before ends, and that one filled its PDU, or all have one length."""
         last = self._parts[-1].job
         if self._halves or job.operation != last.operation or not job.items or not last.items:
@@ -234,7 +234,7 @@ def _start(part: Part) -> int:
     return 0 if address is None else address.start
 
 
-def _are_halves(one: Job, two: Job) -> bool:
+def _are_halves(one: S7Job, two: S7Job) -> bool:
     """Whether two jobs, the first of them still open, are for two halves of an area: equal but for one byte."""
     if one.phase != "open" or one.operation != two.operation:
         return False
@@ -248,7 +248,7 @@ def _are_halves(one: Job, two: Job) -> bool:
     return abs(a.length - b.length) <= 1 and (a.end == b.start or b.end == a.start)
 
 
-def fills(job: Job) -> bool:
+def fills(job: S7Job) -> bool:
     """Whether a job has so much data that its PDU has no room for more; never without the setup."""
     length, items, size = job.connection.pdu_length, job.items, 0
     if length is None or job.operation not in (GET, PUT) or not items:

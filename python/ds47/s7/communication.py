@@ -16,8 +16,8 @@ from ds47.s7.blocks import Blocks
 from ds47.s7.choices import Choices
 from ds47.s7.connections import Connections
 from ds47.s7.drives import Drives
-from ds47.s7.judge import Judge
-from ds47.s7.model import At, Job
+from ds47.s7.judge import S7Judge
+from ds47.s7.model import At, S7Job
 from ds47.s7.transactions import told
 from ds47.spec.semantics import Limits
 
@@ -37,7 +37,7 @@ class Communication:
         self,
         choices: Choices | None,
         bounds: Limits,
-        over: Callable[[Job, list[Remark]], None],
+        over: Callable[[S7Job, list[Remark]], None],
         remark: Callable[[Remark], None],
         shown: Callable[[str], str | None] = lambda _: None,
     ) -> None:
@@ -45,11 +45,11 @@ class Communication:
         choices = choices or Choices()
         self._over = over
         self._remark = remark
-        self._said: dict[Job, list[Remark]] = {}
+        self._said: dict[S7Job, list[Remark]] = {}
         """What is wrong with jobs that are not over."""
         self._blocks = Blocks(dict(choices.blocks), dict(choices.cpus), bounds.s7_memories)
         self._drives = Drives(dict(choices.cpus), shown, bounds.s7_memories)
-        self._judge = Judge(bounds, self._heard, self._blocks, choices.readback, self._drives)
+        self._judge = S7Judge(bounds, self._heard, self._blocks, choices.readback, self._drives)
         self._connections = Connections(frozenset(self.ports), bounds, self._settled, self._judge)
 
     def frame(self, frame: Frame) -> bool:
@@ -89,14 +89,14 @@ class Communication:
         """Connections for which there was no room."""
         return self._connections.left_out
 
-    def _settled(self, job: Job) -> None:
+    def _settled(self, job: S7Job) -> None:
         """A job is over; the judge has heard of it before."""
         job.of_drive = self._drives.proof(job.partner.ip) is not None
         self._over(job, self._said.pop(job, []))
 
     def _heard(self, remark: Remark) -> None:
         job = remark.job
-        if isinstance(job, Job) and job.phase != "closed":
+        if isinstance(job, S7Job) and job.phase != "closed":
             self._said.setdefault(job, []).append(remark)
         else:
             remark.job = (

@@ -24,8 +24,8 @@ from ds47.s7.model import (
     At,
     Connection,
     Counts,
-    Job,
     Listener,
+    S7Job,
 )
 from ds47.s7.pdu import ACKNOWLEDGE, ANSWER, JOB, SETUP, USER_DATA, Pdu, UserData
 from ds47.s7.tcp import Piece, Segment, Streams, Talk
@@ -279,11 +279,11 @@ class Connections:
 
     # What becomes of jobs
 
-    def _asked(self, job: Job) -> None:
+    def _asked(self, job: S7Job) -> None:
         job.place = self._place
         self._listener.asked(job)
 
-    def _settled(self, job: Job) -> None:
+    def _settled(self, job: S7Job) -> None:
         if job.state == ORPHAN and not job.segments:
             job.place = self._place
         count(job.connection.counts, job)
@@ -300,7 +300,7 @@ def _missing(talk: Talk) -> str | None:
     return "s7_bytes_missing" if lost else None
 
 
-def count(counts: Counts, job: Job) -> None:
+def count(counts: Counts, job: S7Job) -> None:
     """One more job is over."""
     state, operation = job.state, job.operation
     if state == ORPHAN:

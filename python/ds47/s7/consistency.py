@@ -19,7 +19,7 @@ _MASK = 4_096
 
 
 @dataclass(slots=True, init=False, eq=False)
-class Access:
+class ItemAccess:
     """An item of a GET or PUT; it takes effect at some moment from `asked_ns` to `answered_ns`, both included.
 
     Nobody changes one.
@@ -83,7 +83,7 @@ class Access:
         self.end = start + len(data)
         self.until = NEVER if answered_ns is None else answered_ns
 
-    def meets(self, other: Access) -> bool:
+    def meets(self, other: ItemAccess) -> bool:
         """Whether both have bytes in common, and it is open which of them was first."""
         if self.start >= other.end or other.start >= self.end:
             return False
@@ -120,8 +120,8 @@ class Question:
 
     def __init__(
         self,
-        read: Sequence[Access],
-        others: Sequence[Access],
+        read: Sequence[ItemAccess],
+        others: Sequence[ItemAccess],
         before: Mapping[int, int],
         ignore: int = 0,
     ) -> None:
@@ -177,7 +177,7 @@ class Question:
                 mask |= 1 << at - self._start
         return mask
 
-    def _event(self, access: Access, apart: Collection[int]) -> _Event:
+    def _event(self, access: ItemAccess, apart: Collection[int]) -> _Event:
         whole = access.write and access.order not in apart
         first = max(access.start, self._start)
         end = min(access.end, self._start + len(self._values))
@@ -239,7 +239,7 @@ class Question:
         return best
 
 
-def _apart(writes: Sequence[Access]) -> set[int]:
+def _apart(writes: Sequence[ItemAccess]) -> set[int]:
     """The numbers of writes that meet another one: their bytes may take effect one by one."""
     ordered = sorted(writes, key=lambda each: each.asked_ns)
     found: set[int] = set()

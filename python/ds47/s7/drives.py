@@ -17,7 +17,7 @@ from ds47.profidrive.dictionary import family_of, listed, unit_of
 from ds47.profidrive.formats import codec
 from ds47.s7.addresses import text
 from ds47.s7.blocks import ANYBODY
-from ds47.s7.model import DB, DONE, GET, PUT, Address, Evidence, Item, Job
+from ds47.s7.model import DB, DONE, GET, PUT, Address, Evidence, Item, S7Job
 from ds47.spec import format_named, s7
 
 CHOSEN, ORDER, RECORDS, VALUES, ADDRESSES = "chosen", "order", "records", "values", "addresses"
@@ -37,7 +37,7 @@ _KEPT: Final = 64
 """Values of a server that are remembered."""
 
 
-class Element(NamedTuple):
+class DriveElement(NamedTuple):
     """One element of a parameter."""
 
     drive_object: int
@@ -45,15 +45,15 @@ class Element(NamedTuple):
     subindex: int
 
 
-def element(address: Address | None) -> Element | None:
+def element(address: Address | None) -> DriveElement | None:
     """What an address stands for on a drive; None where it can be no element."""
     if address is None or address.area != DB or address.size < 8 or address.start % 8:
         return None
     drive_object, subindex = divmod(address.start // 8, PER_OBJECT)
-    return Element(drive_object, address.db, subindex)
+    return DriveElement(drive_object, address.db, subindex)
 
 
-def parameter(found: Element, item: Item) -> Parameter:
+def parameter(found: DriveElement, item: Item) -> Parameter:
     """The element with its value, by the type that the tables have of it, where that has as many bytes."""
     known, data = listed(found.pnu, SIEMENS), item.value or b""
     own = None if known is None else format_named(known.type.partition("[")[0])
@@ -93,7 +93,7 @@ class _Written:
 @dataclass(slots=True)
 class _Server:
     proof: str | None = None
-    fits: tuple[str, Element] | None = None
+    fits: tuple[str, DriveElement] | None = None
     """The first address that may be that of an element."""
     other: bool = False
     """Whether something was read or written that is none."""
@@ -126,7 +126,7 @@ class Drives:
         server.proof = server.proof or self._shown(ip)
         return server.proof
 
-    def told(self, ip: str) -> tuple[str, tuple[str, Element] | None] | None:
+    def told(self, ip: str) -> tuple[str, tuple[str, DriveElement] | None] | None:
         """The same, or that addresses suggest it, with the first address of an element; None for no drive."""
         server, proof = self._servers.get(ip), self.proof(ip)
         fits = server.fits if server is not None else None
@@ -145,7 +145,7 @@ class Drives:
         server = self._server(ip)
         server.proof = server.proof or RECORDS
 
-    def over(self, job: Job) -> None:
+    def over(self, job: S7Job) -> None:
         """A job is over: its addresses, and its values, may show what the server is."""
         if job.operation not in (GET, PUT) or not job.from_client or job.answered is None:
             return
@@ -162,7 +162,7 @@ class Drives:
             self._servers.popitem(last=False)
         return server
 
-    def _address(self, server: _Server, job: Job, address: Address) -> None:
+    def _address(self, server: _Server, job: S7Job, address: Address) -> None:
         found, place = element(address), s7.place(job.connection.server_tsap)
         small = found is not None and found.subindex < _INDEX and address.length in SIZES
         if found is None or not small or listed(found.pnu, SIEMENS) is None or place is None:
@@ -172,7 +172,7 @@ class Drives:
         elif server.fits is None:
             server.fits = text(address), found
 
-    def _value(self, server: _Server, job: Job, item: Item) -> None:
+    def _value(self, server: _Server, job: S7Job, item: Item) -> None:
         """A value that is still there though a later one would have changed its bytes, if these were shared."""
         address, data = item.address, item.value
         if address is None or data is None or element(address) is None or not job.answered:

@@ -24,7 +24,7 @@ from ds47.s7.model import (
     At,
     Connection,
     Item,
-    Job,
+    S7Job,
 )
 from ds47.s7.pdu import READ, WRITE, Pdu
 from ds47.spec.semantics import Limits
@@ -32,7 +32,7 @@ from ds47.spec.semantics import Limits
 OPERATIONS = {READ: GET, WRITE: PUT}
 _Key = tuple[int, bool, int]
 """Number of the connection, whether its client asks, reference."""
-Hear = Callable[[Job], None]
+Hear = Callable[[S7Job], None]
 
 
 class Jobs:
@@ -48,7 +48,7 @@ class Jobs:
         self._bounds = bounds
         self._asked = asked
         self._over = over
-        self._open: OrderedDict[_Key, Job] = OrderedDict()
+        self._open: OrderedDict[_Key, S7Job] = OrderedDict()
         """In the order in which they were asked."""
         self._count: dict[tuple[int, bool], int] = {}
         self._bytes = 0
@@ -56,7 +56,7 @@ class Jobs:
     def asked(self, connection: Connection, from_client: bool, pdu: Pdu, at: At) -> None:
         """A read or a write."""
         found = pdus.variables(pdu)
-        job = Job(
+        job = S7Job(
             OPERATIONS[pdu.parameter[0]], connection, from_client, pdu.reference, at, found.items,
             request=pdu.data, groups=found.groups, flaws=pdu.flaws,
             frames=pdu.frames,
@@ -117,7 +117,7 @@ class Jobs:
     def _orphan(self, connection: Connection, from_client: bool, pdu: Pdu, at: At) -> None:
         """An answer to which there is no job."""
         items = [Item(None, each.data, each.code) for each in pdus.results(pdu)]
-        job = Job(
+        job = S7Job(
             OPERATIONS[pdu.parameter[0]], connection, not from_client, pdu.reference, None, items,
             answered=at, response=pdu.data, error=pdu.error, state=ORPHAN, answer_flaws=pdu.flaws,
             frames=pdu.frames,
@@ -134,7 +134,7 @@ class Jobs:
                 return
             self._give_up(key)
 
-    def _take(self, key: _Key) -> Job | None:
+    def _take(self, key: _Key) -> S7Job | None:
         job = self._open.pop(key, None)
         if job is not None:
             self._bytes -= len(job.request)
@@ -148,12 +148,12 @@ class Jobs:
             job.state = INCOMPLETE if job.lost else UNANSWERED
             self._close(job)
 
-    def _close(self, job: Job) -> None:
+    def _close(self, job: S7Job) -> None:
         self._over(job)
         job.phase = "closed"
 
 
-def is_recent(job: Job, since: int | None) -> bool:
+def is_recent(job: S7Job, since: int | None) -> bool:
     """Whether a job was asked, or a segment of it sent, at this time or later."""
     last = job.segments[-1].at if job.segments else job.asked
     return since is not None and last is not None and last.time_ns >= since

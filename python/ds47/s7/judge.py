@@ -30,8 +30,8 @@ from ds47.s7.model import (
     Connection,
     Evidence,
     Item,
-    Job,
     Listener,
+    S7Job,
     Segment,
 )
 from ds47.s7.moments import Moments
@@ -57,12 +57,12 @@ def areas(items: list[Item]) -> str:
 class _Crowd:
     """Jobs that were open at once, more than agreed: it counts when all are answered."""
 
-    jobs: set[Job]
+    jobs: set[S7Job]
     open_now: int
     frame: int
 
 
-class Judge(Listener):
+class S7Judge(Listener):
     """Hears of connections.
 
     Args:
@@ -89,12 +89,12 @@ class Judge(Listener):
         """What the capture lacks of connections of two stations: the first frame, and of how many."""
         self._without_setup: dict[int, int] = {}
         """The first job of connections whose setup was not seen."""
-        self._open: dict[int, list[Job]] = {}
+        self._open: dict[int, list[S7Job]] = {}
         """Jobs of the client of a connection."""
         self._crowds: dict[int, _Crowd] = {}
-        self._sending: dict[tuple[int, bool, int | None], Job] = {}
+        self._sending: dict[tuple[int, bool, int | None], S7Job] = {}
         """Open BSEND by connection, direction and R_ID."""
-        self._tangled: set[Job] = set()
+        self._tangled: set[S7Job] = set()
         """Those among them of which nobody can tell whose segments are whose."""
         self._shapes: dict[tuple[int, bool, int | None], tuple[int, list[int]]] = {}
         """Frame and lengths of the last USEND likewise."""
@@ -168,7 +168,7 @@ class Judge(Listener):
 
     # Jobs
 
-    def asked(self, job: Job) -> None:
+    def asked(self, job: S7Job) -> None:
         """A request, or the first segment, was seen."""
         self._moments.asked(job)
         at = job.asked
@@ -181,7 +181,7 @@ class Judge(Listener):
         elif job.operation in (GET, PUT) and job.from_client:
             self._crowded(job, at)
 
-    def over(self, job: Job) -> None:
+    def over(self, job: S7Job) -> None:
         """Nothing more comes of a job."""
         self._moments.over(job)
         self._drives.over(job)
@@ -200,13 +200,13 @@ class Judge(Listener):
             self._settled(job)
             self._variables(job)
 
-    def _say(self, rule: str, job: Job, at: At, **args: Any) -> None:
+    def _say(self, rule: str, job: S7Job, at: At, **args: Any) -> None:
         ends = {"device": job.partner.ip, "controller": job.asker.ip}
         self._remark(Remark(rule, at.frame, ends | args, job=job))
 
     # GET and PUT
 
-    def _crowded(self, job: Job, at: At) -> None:
+    def _crowded(self, job: S7Job, at: At) -> None:
         number, parallel = job.connection.number, job.connection.parallel
         there = self._open.setdefault(number, [])
         there.append(job)
@@ -219,7 +219,7 @@ class Judge(Listener):
         if crowd is None or crowd.open_now < len(there):
             self._crowds[number] = _Crowd(set(there), len(there), at.frame)
 
-    def _settled(self, job: Job) -> None:
+    def _settled(self, job: S7Job) -> None:
         number = job.connection.number
         there, crowd = self._open.get(number), self._crowds.get(number)
         if there is not None and job in there:
@@ -239,7 +239,7 @@ class Judge(Listener):
         if note is not None:
             note.more("most", crowd.open_now, crowd.frame)
 
-    def _variables(self, job: Job) -> None:
+    def _variables(self, job: S7Job) -> None:
         at, operation = job.answered or job.asked, job.operation.upper()
         if at is None or job.asked is None:
             return
@@ -258,7 +258,7 @@ class Judge(Listener):
             key = (job.connection.number, job.from_client)
             self._notes.add("DS906", key, job.asked.frame, args)
 
-    def _refused(self, job: Job) -> None:
+    def _refused(self, job: S7Job) -> None:
         """What an answer refuses, whether its request is in the capture or not."""
         at, operation = job.answered, job.operation.upper()
         if at is None:
@@ -274,7 +274,7 @@ class Judge(Listener):
             elif code != DONE and not self._elements(failed, job, at, code):
                 self._say("DS908", job, at, operation=operation, area=areas(failed), code=code)
 
-    def _elements(self, failed: list[Item], job: Job, at: At, code: int) -> bool:
+    def _elements(self, failed: list[Item], job: S7Job, at: At, code: int) -> bool:
         """What a drive refuses of its parameters; False where it is none, or these are none."""
         told = self._drives.told(job.partner.ip) if job.from_client else None
         named = [(element(each.address), each.address) for each in failed]
@@ -289,7 +289,7 @@ class Judge(Listener):
                 )  # fmt: skip
         return True
 
-    def _blocked(self, job: Job, at: At, operation: str, block: Block) -> None:
+    def _blocked(self, job: S7Job, at: At, operation: str, block: Block) -> None:
         """Items that are larger than what the partner copies at once."""
         for item in job.items:
             address = item.address
@@ -308,7 +308,7 @@ class Judge(Listener):
 
     # BSEND and USEND
 
-    def _begun(self, job: Job, at: At) -> None:
+    def _begun(self, job: S7Job, at: At) -> None:
         key = job.connection.number, job.from_client, job.r_id
         before = self._sending.get(key)
         lost = before is None or before.lost or job.connection.lacks(not job.from_client)
@@ -318,7 +318,7 @@ class Judge(Listener):
         if before is not None or len(self._sending) < self._bounds.s7_notes:
             self._sending[key] = job
 
-    def _sent(self, job: Job) -> None:
+    def _sent(self, job: S7Job) -> None:
         at, parts = job.asked, job.segments
         if at is None or not parts:
             return
@@ -342,7 +342,7 @@ class Judge(Listener):
                 frames=[each.at.frame for each in silent],
             )  # fmt: skip
 
-    def _shape(self, job: Job) -> None:
+    def _shape(self, job: S7Job) -> None:
         at, shape = job.asked, [len(each.value or b"") for each in job.items]
         if at is None or job.flaws:
             return
@@ -355,7 +355,7 @@ class Judge(Listener):
             self._say("DS913", job, at, r_id=job.r_id, before=before[1], now=shape, first=before[0])
 
 
-def _incomplete(job: Job, parts: list[Segment], size: int) -> str | None:
+def _incomplete(job: S7Job, parts: list[Segment], size: int) -> str | None:
     """What a BSEND lacks that was sent, None for nothing."""
     if not parts[-1].last:
         return "bsend_open"

@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from ds47.s7.consistency import NEVER, Access, Question, span
+from ds47.s7.consistency import NEVER, ItemAccess, Question, span
 
 MOST_LOST = 16
 """Writes without an answer that are remembered by themselves."""
@@ -22,7 +22,7 @@ class Mixed(NamedTuple):
 
     first: int
     second: int
-    write: Access
+    write: ItemAccess
 
 
 class Image:
@@ -39,7 +39,7 @@ class Image:
         other.known, other._values = self.known, self._values[:]
         return other
 
-    def put(self, access: Access) -> None:
+    def put(self, access: ItemAccess) -> None:
         """From now on the bytes have these values."""
         if len(self._values) < access.end:
             self._values.extend(bytes(access.end - len(self._values)))
@@ -50,14 +50,14 @@ class Image:
         """The values of these bytes are not known."""
         self.known &= ~mask
 
-    def same(self, access: Access) -> bool:
+    def same(self, access: ItemAccess) -> bool:
         """Whether what was read is what was known."""
         if self._values[access.start : access.end] != access.data:
             return False
         mask = span(access.start, access.end)
         return self.known & mask == mask
 
-    def others(self, access: Access, but: int) -> list[int]:
+    def others(self, access: ItemAccess, but: int) -> list[int]:
         """Bytes that are known, and were read with another value; those of a mask do not count."""
         counts = self.known & span(access.start, access.end) & ~but
         if not counts:
@@ -83,10 +83,10 @@ class Memory:
     def __init__(self, most: int) -> None:
         self._most = most
         self._before, self._latest = Image(), Image()
-        self._history: list[Access] = []
-        self._open: dict[int, Access] = {}
-        self._lost: list[Access] = []
-        self._reads: deque[Access] = deque()
+        self._history: list[ItemAccess] = []
+        self._open: dict[int, ItemAccess] = {}
+        self._lost: list[ItemAccess] = []
+        self._reads: deque[ItemAccess] = deque()
         self._read_bytes = 0
         self._bytes = 0
         """Of the history."""
@@ -97,11 +97,11 @@ class Memory:
         self.foreign = 0
         """Bit n: byte n had a value that no captured write explains, so somebody else writes it."""
 
-    def sent(self, write: Access) -> None:
+    def sent(self, write: ItemAccess) -> None:
         """A write was asked for: it may come into force at any time."""
         self._open[write.order] = write
 
-    def gave_up(self, write: Access) -> None:
+    def gave_up(self, write: ItemAccess) -> None:
         """A write has no answer: it may still come into force."""
         if self._open.pop(write.order, None) is None:
             return
@@ -110,7 +110,7 @@ class Memory:
             oldest = self._lost.pop(0)
             self.foreign |= span(oldest.start, oldest.end)
 
-    def written(self, write: Access) -> None:
+    def written(self, write: ItemAccess) -> None:
         """A write was answered."""
         self._open.pop(write.order, None)
         if write.asked_ns <= self._since:
@@ -122,7 +122,7 @@ class Memory:
         else:
             self._latest.forget(span(write.start, write.end))
 
-    def read(self, read: Access) -> None:
+    def read(self, read: ItemAccess) -> None:
         """Bytes were read; what says nothing new does not count as evidence."""
         self._reads.append(read)
         self._read_bytes += len(read.data)
@@ -143,15 +143,15 @@ class Memory:
         self._reads.clear()
         self._bytes = self._read_bytes = 0
 
-    def writes(self) -> Iterator[Access]:
+    def writes(self) -> Iterator[ItemAccess]:
         """The latest writes that were answered."""
         return (each for each in self._history if each.write)
 
-    def reads(self, whole: Access) -> list[Access]:
+    def reads(self, whole: ItemAccess) -> list[ItemAccess]:
         """The latest reads that met a write."""
         return [each for each in self._reads if each.meets(whole)]
 
-    def unread(self, read: Access) -> Iterator[Access]:
+    def unread(self, read: ItemAccess) -> Iterator[ItemAccess]:
         """Writes whose values a read should have, as nobody wrote after them, and which no read has met before."""
         there = [each for each in (*self._all(), *self._reads) if _share(each, read)]
         for write in self.writes():
@@ -162,7 +162,7 @@ class Memory:
             ):  # fmt: skip
                 yield write
 
-    def is_quiet(self, parts: Sequence[Access]) -> bool:
+    def is_quiet(self, parts: Sequence[ItemAccess]) -> bool:
         """Whether no write can have come into force while these were read, as the writes are."""
         if self._open or self._lost:
             return False
@@ -170,7 +170,10 @@ class Memory:
         return self._written < begin
 
     def mixed(
-        self, parts: Sequence[Access], instead: Sequence[Access] = (), whole: Access | None = None
+        self,
+        parts: Sequence[ItemAccess],
+        instead: Sequence[ItemAccess] = (),
+        whole: ItemAccess | None = None,
     ) -> Mixed | None:
         """What was read, if it never was in the memory at one moment; None where it may have been.
 
@@ -201,7 +204,7 @@ class Memory:
             return None
         return Mixed(*two, min(meant, key=lambda each: (not each.sure, each.asked_ns)))
 
-    def _unexplained(self, read: Access) -> None:
+    def _unexplained(self, read: ItemAccess) -> None:
         """Marks the bytes of a read whose values come from nobody who was captured."""
         differ = self._latest.others(read, self.foreign)
         if not differ:
@@ -215,7 +218,7 @@ class Memory:
             if not (_explains(at, value, others, known) and question.byte(at)):
                 self.foreign |= 1 << at
 
-    def _settled(self, time_ns: int) -> tuple[Image, list[Access]]:
+    def _settled(self, time_ns: int) -> tuple[Image, list[ItemAccess]]:
         """What is known from before a time, and everything that may have been in force later."""
         self._history.sort(key=lambda each: each.asked_ns)
         cut = self._cut(len(self._history), time_ns)
@@ -223,13 +226,13 @@ class Memory:
         _come_over(before, self._history[:cut])
         return before, [*self._history[cut:], *self._open.values(), *self._lost]
 
-    def _all(self) -> Iterator[Access]:
+    def _all(self) -> Iterator[ItemAccess]:
         """Everything that is kept by itself."""
         yield from self._history
         yield from self._open.values()
         yield from self._lost
 
-    def _keep(self, access: Access) -> None:
+    def _keep(self, access: ItemAccess) -> None:
         if access.write and access.until > self._written:
             self._written = access.until
         self._history.append(access)
@@ -268,7 +271,7 @@ class Memory:
         return found
 
 
-def _come_over(image: Image, accesses: Sequence[Access]) -> None:
+def _come_over(image: Image, accesses: Sequence[ItemAccess]) -> None:
     """Accesses, in the order of their requests, that are over: what they leave, as far as that is certain."""
     unknown = 0
     for n, each in enumerate(accesses):
@@ -285,7 +288,7 @@ def _come_over(image: Image, accesses: Sequence[Access]) -> None:
     image.forget(unknown)
 
 
-def _explains(at: int, value: int, others: Sequence[Access], before: Mapping[int, int]) -> bool:
+def _explains(at: int, value: int, others: Sequence[ItemAccess], before: Mapping[int, int]) -> bool:
     """Whether a byte was written, and somebody but the read itself knows of the value."""
     there = [each for each in others if each.start <= at < each.end]
     if not any(each.write for each in there):
@@ -295,12 +298,12 @@ def _explains(at: int, value: int, others: Sequence[Access], before: Mapping[int
     )
 
 
-def _share(one: Access, other: Access) -> bool:
+def _share(one: ItemAccess, other: ItemAccess) -> bool:
     """Whether both have bytes in common."""
     return one.start < other.end and other.start < one.end
 
 
-def _between(write: Access, parts: Sequence[Access]) -> bool:
+def _between(write: ItemAccess, parts: Sequence[ItemAccess]) -> bool:
     """Whether a write of any of the bytes was under way while they were read."""
     begin = min(each.asked_ns for each in parts)
     end = max(each.until for each in parts)

@@ -223,7 +223,7 @@ class Connection:
 
 
 @dataclass(slots=True, init=False, eq=False)
-class Job:
+class S7Job:
     """A GET or PUT with its answer, a BSEND with its segments, or a USEND."""
 
     operation: str
@@ -364,10 +364,10 @@ class Listener:
     def larger(self, connection: Connection, from_client: bool, at: At, size: int) -> None:
         """A PDU says to have so many bytes, which are more than were agreed."""
 
-    def asked(self, job: Job) -> None:
+    def asked(self, job: S7Job) -> None:
         """A request, or the first segment, was seen."""
 
-    def over(self, job: Job) -> None:
+    def over(self, job: S7Job) -> None:
         """Nothing more comes of a job: it is answered, acknowledged, sent, or given up."""
 
     def evidence(self, connection: Connection, found: Evidence) -> None:

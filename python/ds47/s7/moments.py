@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 from ds47.findings.remark import Remark
 from ds47.s7.addresses import text
 from ds47.s7.areas import Part, Splits, Whole, accesses, byte_text, is_clear
-from ds47.s7.consistency import Access
+from ds47.s7.consistency import ItemAccess
 from ds47.s7.memory import Memory, Mixed
-from ds47.s7.model import GET, ORPHAN, PUT, Connection, End, Job
+from ds47.s7.model import GET, ORPHAN, PUT, Connection, End, S7Job
 from ds47.s7.notes import Notes
 from ds47.spec import s7
 from ds47.spec.semantics import Limits
@@ -31,8 +31,8 @@ _KNOWN = 256
 class _Put(NamedTuple):
     """An area that was written in parts, and wants to be one."""
 
-    parts: Sequence[Access]
-    whole: Access
+    parts: Sequence[ItemAccess]
+    whole: ItemAccess
 
 
 @dataclass(slots=True, eq=False)
@@ -40,7 +40,7 @@ class _Place:
     """A memory of a partner, what met there lately, and what is to be told of it."""
 
     memory: Memory
-    gets: deque[Sequence[Access]] = field(default_factory=lambda: deque(maxlen=_RECENT))
+    gets: deque[Sequence[ItemAccess]] = field(default_factory=lambda: deque(maxlen=_RECENT))
     puts: deque[_Put] = field(default_factory=lambda: deque(maxlen=_RECENT))
     mixed: list[tuple[Mixed, Remark]] = field(default_factory=list)
     known: deque[int] = field(default_factory=lambda: deque(maxlen=_KNOWN))
@@ -94,13 +94,13 @@ class Moments:
         self._places: OrderedDict[tuple[End, int, int], _Place] = OrderedDict()
         self._partners: OrderedDict[End, _Partner] = OrderedDict()
         self._splits: dict[tuple[int, bool], Splits] = {}
-        self._numbers: dict[Job, int] = {}
+        self._numbers: dict[S7Job, int] = {}
         self._number = 0
         self._told: list[Remark] = []
 
     # What is heard
 
-    def asked(self, job: Job) -> None:
+    def asked(self, job: S7Job) -> None:
         """A request was seen."""
         if job.operation not in (GET, PUT) or job.asked is None:
             return
@@ -112,7 +112,7 @@ class Moments:
             for access in _of(partner, job, number):
                 self._place(job, access).memory.sent(access)
 
-    def over(self, job: Job) -> None:
+    def over(self, job: S7Job) -> None:
         """Nothing more comes of a job."""
         number = self._numbers.pop(job, None)
         at = job.answered or job.asked
@@ -148,7 +148,7 @@ class Moments:
 
     # Partners and their memories
 
-    def _heard(self, job: Job, time_ns: int) -> _Partner:
+    def _heard(self, job: S7Job, time_ns: int) -> _Partner:
         """Whose memories a job is about; forgets them where something was not heard, or time steps back."""
         connection = job.connection
         partner = self._partner(connection)
@@ -187,7 +187,7 @@ class Moments:
                 place.memory.forget(time_ns)
                 place.puts.clear()
 
-    def _place(self, job: Job, access: Access) -> _Place:
+    def _place(self, job: S7Job, access: ItemAccess) -> _Place:
         key = job.connection.server, access.area, access.db
         place = self._places.get(key)
         if place is not None:
@@ -198,7 +198,7 @@ class Moments:
             self._told += self._places.popitem(last=False)[1].told()
         return place
 
-    def _side(self, job: Job) -> Splits:
+    def _side(self, job: S7Job) -> Splits:
         key = job.connection.number, job.from_client
         splits = self._splits.get(key)
         if splits is None:
@@ -208,7 +208,7 @@ class Moments:
 
     # Jobs
 
-    def _written(self, job: Job, writes: Sequence[Access]) -> None:
+    def _written(self, job: S7Job, writes: Sequence[ItemAccess]) -> None:
         for access in writes:
             memory = self._place(job, access).memory
             if access.answered_ns is None:
@@ -218,9 +218,9 @@ class Moments:
                 self._two_writers(job, access, memory)
             memory.written(access)
 
-    def _read(self, job: Job, reads: list[Access]) -> None:
+    def _read(self, job: S7Job, reads: list[ItemAccess]) -> None:
         """What was read by one job, of each memory."""
-        parts: dict[tuple[int, int], list[Access]] = {}
+        parts: dict[tuple[int, int], list[ItemAccess]] = {}
         for access in reads:
             parts.setdefault((access.area, access.db), []).append(access)
         for each in parts.values():
@@ -231,15 +231,15 @@ class Moments:
                 place.memory.read(access)
             self._mixed(place, job, each)
 
-    def _mixed(self, place: _Place, job: Job, parts: Sequence[Access]) -> None:
+    def _mixed(self, place: _Place, job: S7Job, parts: Sequence[ItemAccess]) -> None:
         """Whether what was read mixes two moments, by the writes as they are, or by one in parts taken as one."""
         for put in (None, *place.puts):
             if self._mixes(place, parts, put, job.connection, job):
                 return
 
     def _mixes(
-        self, place: _Place, parts: Sequence[Access], put: _Put | None, reader: Connection,
-        job: Job | None = None,
+        self, place: _Place, parts: Sequence[ItemAccess], put: _Put | None, reader: Connection,
+        job: S7Job | None = None,
     ) -> bool:  # fmt: skip
         """The same by one of them; of each access it is told once."""
         if put is None and place.memory.is_quiet(parts):
@@ -257,7 +257,7 @@ class Moments:
         place.mixed.append((found, Remark("DS905", frame, args, job=job)))
         return True
 
-    def _two_writers(self, job: Job, access: Access, memory: Memory) -> None:
+    def _two_writers(self, job: S7Job, access: ItemAccess, memory: Memory) -> None:
         """Another station wrote other values to the same bytes, not long before."""
         partner = self._partner(job.connection)
         for other in memory.writes():
@@ -283,7 +283,7 @@ class Moments:
             self._notes.add("DS907", key, access.request, args, (other.request,))
             return
 
-    def _compared(self, job: Job, access: Access, memory: Memory) -> None:
+    def _compared(self, job: S7Job, access: ItemAccess, memory: Memory) -> None:
         """The first read after a write has other values."""
         for write in memory.unread(access):
             first, end = max(access.start, write.start), min(access.end, write.end)
@@ -317,7 +317,7 @@ class Moments:
         else:
             self._put(self._partner(job.connection), place, parts)
 
-    def _split(self, whole: Whole, job: Job, area: str) -> None:
+    def _split(self, whole: Whole, job: S7Job, area: str) -> None:
         jobs = [each.job for each in whole.parts]
         args = {
             "device": job.partner.ip, "controller": job.asker.ip, "operation": job.operation.upper(),
@@ -327,13 +327,13 @@ class Moments:
         key = (job.connection.number, job.from_client, job.operation, area)
         self._notes.add("DS904", key, frames[0], args, tuple(frames[1:]))
 
-    def _put(self, partner: _Partner, place: _Place, parts: Sequence[Access]) -> None:
+    def _put(self, partner: _Partner, place: _Place, parts: Sequence[ItemAccess]) -> None:
         """An area was written in parts: was it read meanwhile?"""
         first, last = parts[0], parts[-1]
         if any(not (each.sure and each.known) for each in parts):
             return
         self._number += 1
-        whole = Access(
+        whole = ItemAccess(
             self._number, first.connection, True, first.area, first.db, first.start,
             b"".join(each.data for each in parts), min(each.asked_ns for each in parts),
             max(each.answered_ns or 0 for each in parts), first.request, last.response,
@@ -346,7 +346,9 @@ class Moments:
                 self._mixes(place, read, put, reader)
 
 
-def _arguments(found: Mixed, parts: Sequence[Access], put: Sequence[Access]) -> dict[str, Any]:
+def _arguments(
+    found: Mixed, parts: Sequence[ItemAccess], put: Sequence[ItemAccess]
+) -> dict[str, Any]:
     """What DS905 says: the two bytes, the write, and all frames."""
     values = {at: byte for each in parts for at, byte in enumerate(each.data, each.start)}
     area, db, write = parts[0].area, parts[0].db, found.write
@@ -360,11 +362,11 @@ def _arguments(found: Mixed, parts: Sequence[Access], put: Sequence[Access]) -> 
     }  # fmt: skip
 
 
-def _is_known(job: Job) -> bool:
+def _is_known(job: S7Job) -> bool:
     """Whether it is known what a PUT wrote, and where."""
     return job.from_client and job.state != ORPHAN and is_clear(job)
 
 
-def _of(partner: _Partner, job: Job, number: int) -> list[Access]:
+def _of(partner: _Partner, job: S7Job, number: int) -> list[ItemAccess]:
     """What a job of a client does to memories of a partner; nothing where it is open whose they are."""
     return [] if not job.from_client or len(partner.slots) > 1 else accesses(job, number)

@@ -11,14 +11,14 @@ from ds47 import model
 from ds47.model import S7, Frames, Read, Transaction
 from ds47.s7 import addresses, drives
 from ds47.s7.blocks import Block
-from ds47.s7.drives import Element
-from ds47.s7.model import Address, Connection, Item, Job
+from ds47.s7.drives import DriveElement
+from ds47.s7.model import Address, Connection, Item, S7Job
 from ds47.spec import s7
 
 _BYTE = 8
 
 
-def build(job: Job) -> Transaction:
+def build(job: S7Job) -> Transaction:
     """The transaction of a job that is over."""
     asked, answered = job.asked, job.answered
     first = asked or answered
@@ -56,7 +56,7 @@ def build(job: Job) -> Transaction:
     )
 
 
-def _item(item: Item, job: Job) -> model.Item:
+def _item(item: Item, job: S7Job) -> model.Item:
     """An item of the report; of what is sent the bytes are all that is known, of a drive the element is, too."""
     address = item.address
     if address is None:
@@ -86,7 +86,7 @@ def _named(address: Address) -> tuple[str, str | None, int | None, int, int | No
 
 
 def told(
-    item: Connection, block: Block | None, drive: tuple[str, tuple[str, Element] | None] | None
+    item: Connection, block: Block | None, drive: tuple[str, tuple[str, DriveElement] | None] | None
 ) -> model.Connection:
     """A connection as the report has it, what its server copies at once, and what shows that it is a drive."""
     place, counts = s7.place(item.server_tsap), item.counts
@@ -128,6 +128,6 @@ def told(
     )
 
 
-def _drive(proof: str, example: tuple[str, Element] | None) -> model.Drive:
+def _drive(proof: str, example: tuple[str, DriveElement] | None) -> model.Drive:
     address, found = example or (None, None)
     return model.Drive(proof, address, *(found or (None, None, None)))

@@ -23,7 +23,7 @@ from ds47.s7.model import (
     At,
     Connection,
     Item,
-    Job,
+    S7Job,
     Segment,
 )
 from ds47.s7.pdu import Pdu, SegmentData, Usend, UserData
@@ -34,14 +34,14 @@ _Key = tuple[int, bool, int]
 MOST_SEGMENTS = 4096
 """Segments of a BSEND; one of 65534 bytes has 290 where a PDU has 260 bytes."""
 _MOST_BYTES = 1 << 16
-Hear = Callable[[Job], None]
+Hear = Callable[[S7Job], None]
 
 
 @dataclass(slots=True, eq=False)
 class _Open:
     """A BSEND that is not over."""
 
-    job: Job
+    job: S7Job
     key: _Key
     whole: bool
     """Whether its first segment was seen."""
@@ -112,7 +112,7 @@ class Transfers:
         self, connection: Connection, from_client: bool, pdu: Pdu, told: Usend, at: At
     ) -> None:
         """A USEND: nothing answers it."""
-        job = Job(
+        job = S7Job(
             USEND, connection, from_client, pdu.reference, at, [Item(None, area) for area in told.areas],
             request=pdu.data, r_id=told.r_id, state=OK, flaws=pdu.flaws, frames=pdu.frames,
         )  # fmt: skip
@@ -136,7 +136,7 @@ class Transfers:
         self, key: _Key, connection: Connection, pdu: Pdu, told: SegmentData, at: At
     ) -> _Open:
         """A new one; the open one of its R_ID, which comes to nothing, is told of behind it."""
-        job = Job(
+        job = S7Job(
             BSEND, connection, key[1], pdu.reference, at, [], r_id=told.r_id, total=told.total
         )
         before, found = self._open.get(key), _Open(job, key, told.total is not None)

@@ -10,7 +10,7 @@ from ds47.spec import _load
 from ds47.spec.rows import Row
 
 
-class Element(Row):
+class DescriptionElement(Row):
     """A part of a description, and the subindex under which it is read alone (docs/protocol.md C)."""
 
     number: int
@@ -42,9 +42,9 @@ def text_length() -> int:
 
 
 @cache
-def elements() -> tuple[Element, ...]:
+def elements() -> tuple[DescriptionElement, ...]:
     """The elements of a description in their order."""
-    return tuple(Element(**row) for row in _load("descriptions.toml")["element"])
+    return tuple(DescriptionElement(**row) for row in _load("descriptions.toml")["element"])
 
 
 @cache

@@ -31,7 +31,7 @@ class Cause:
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class Explanation:
     """What is said about a code or a group of them; explain.toml says what the fields mean."""
 
     causes: tuple[Cause, ...]
@@ -78,11 +78,11 @@ def _table() -> dict[str, Any]:
 
 
 @cache
-def _entry(table: str, place: int) -> Entry:
+def _entry(table: str, place: int) -> Explanation:
     row = _table()[table][place]
     causes = tuple(Cause(**cause) for cause in row.get("cause", ()))
     known = ("look_en", "look_zh", "en", "zh", "plc", "filter", "reserved")
-    return Entry(causes, **{name: row[name] for name in known if name in row})
+    return Explanation(causes, **{name: row[name] for name in known if name in row})
 
 
 def _within(row: Mapping[str, Any], name: str, value: int, last: str) -> bool:
@@ -101,7 +101,7 @@ def _bytes_match(row: Mapping[str, Any], rest: tuple[int, int, int]) -> bool:
 
 
 @cache
-def of_status(code: int, decode: int, code1: int, code2: int) -> Entry | None:
+def of_status(code: int, decode: int, code1: int, code2: int) -> Explanation | None:
     """What is said about a PNIOStatus by its four bytes (docs/protocol.md E.5)."""
     for place, row in enumerate(_table()["status"]):
         if code in row["services"] and _bytes_match(row, (decode, code1, code2)):
@@ -110,7 +110,7 @@ def of_status(code: int, decode: int, code1: int, code2: int) -> Entry | None:
 
 
 @cache
-def of_local(function: int, decode: int, code1: int, code2: int) -> Entry | None:
+def of_local(function: int, decode: int, code1: int, code2: int) -> Explanation | None:
     """What is said about a STATUS that the PLC itself makes up."""
     for place, row in enumerate(_table()["local"]):
         if row["function"] == function and _bytes_match(row, (decode, code1, code2)):
@@ -128,7 +128,7 @@ _CPU = 0xC0
 
 
 @cache
-def of_error(code: int, vendor: str | None = None) -> Entry:
+def of_error(code: int, vendor: str | None = None) -> Explanation:
     """What is said about an error number, of the profile or of the named vendor."""
     for place, row in enumerate(_table()["error"]):
         general = "vendor" not in row and "codes" not in row and "ranges" not in row
@@ -142,7 +142,7 @@ def of_error(code: int, vendor: str | None = None) -> Entry:
 
 
 @cache
-def of_number(kind: str, code: int) -> Entry | None:
+def of_number(kind: str, code: int) -> Explanation | None:
     """What is said about an id, attribute, format, index, first byte of a status, or a rule."""
     for place, row in enumerate(_table()["number"]):
         if row["kind"] == kind and code in row.get("codes", (code,)):
@@ -151,11 +151,11 @@ def of_number(kind: str, code: int) -> Entry | None:
 
 
 @cache
-def of_unknown() -> Entry:
+def of_unknown() -> Explanation:
     """What is said about a code of which nothing is known but its parts."""
     row = _table()["unknown"]
     cause = Cause(row["cause_en"], row["cause_zh"], "usual")
-    return Entry((cause,), row["look_en"], row["look_zh"], plc=row["plc"])
+    return Explanation((cause,), row["look_en"], row["look_zh"], plc=row["plc"])
 
 
 def words(lang: str) -> Mapping[str, str]:

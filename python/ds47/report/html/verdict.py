@@ -16,14 +16,14 @@ from ds47.report.html.texts import Both, say
 
 
 @dataclass(frozen=True, slots=True)
-class Remark:
+class VerdictLine:
     """A line about the capture: `level` is one of `ds47.report.verdict.LEVELS`."""
 
     level: str
     text: Both
 
 
-def quality(result: CaptureResult) -> list[Remark]:
+def quality(result: CaptureResult) -> list[VerdictLine]:
     """How far the capture can be trusted."""
     rules = Counter(each.rule for each in result.findings)
     return [
@@ -35,79 +35,79 @@ def quality(result: CaptureResult) -> list[Remark]:
     ]
 
 
-def _complete(result: CaptureResult) -> Remark:
+def _complete(result: CaptureResult) -> VerdictLine:
     if result.complete:
-        return Remark("good", say("complete", frames=result.frames))
+        return VerdictLine("good", say("complete", frames=result.frames))
     problem = Both.same(escape(result.problem)) if result.problem else say("ends_early")
-    return Remark("bad", say("incomplete", problem=problem, frames=result.frames))
+    return VerdictLine("bad", say("incomplete", problem=problem, frames=result.frames))
 
 
-def _series(result: CaptureResult) -> Iterator[Remark]:
+def _series(result: CaptureResult) -> Iterator[VerdictLine]:
     if result.files:
-        yield Remark("good", say("series", n=len(result.files)))
+        yield VerdictLine("good", say("series", n=len(result.files)))
     missing = sum(each.missing_before for each in result.files[1:])
     if missing:
-        yield Remark("bad", say("series_missing", n=missing))
+        yield VerdictLine("bad", say("series_missing", n=missing))
 
 
-def _dropped(result: CaptureResult) -> Remark:
+def _dropped(result: CaptureResult) -> VerdictLine:
     if result.dropped is None:
-        return Remark("none", say("dropped_unknown"))
+        return VerdictLine("none", say("dropped_unknown"))
     if result.dropped:
-        return Remark("bad", say("dropped", n=result.dropped))
-    return Remark("good", say("dropped_none"))
+        return VerdictLine("bad", say("dropped", n=result.dropped))
+    return VerdictLine("good", say("dropped_none"))
 
 
 _ONE_WAY = ("only_requests", "only_responses")
 
 
-def _directions(result: CaptureResult) -> Remark:
+def _directions(result: CaptureResult) -> VerdictLine:
     """What the calls of all stations say, but for stations of which only one direction is there (DS725)."""
     one_way = [each.args for each in result.diagnoses if each.args.get("what") in _ONE_WAY]
     if one_way:
         what = one_way[0]["what"]
         number = sum(each["count"] or 0 for each in one_way if each["what"] == what)
-        return Remark("bad", say(what, n=number))
+        return VerdictLine("bad", say(what, n=number))
     asked = result.rpc.get("requests", 0)
     answered = sum(result.rpc.get(key, 0) for key in ("responses", "faults", "rejects"))
     if not asked and not answered:
-        return Remark("none", say("no_calls"))
+        return VerdictLine("none", say("no_calls"))
     if not answered:
-        return Remark("bad", say("only_requests", n=asked))
+        return VerdictLine("bad", say("only_requests", n=asked))
     if not asked:
-        return Remark("bad", say("only_responses", n=answered))
+        return VerdictLine("bad", say("only_responses", n=answered))
     missing = result.rpc.get("unanswered", 0)
     if missing:
-        return Remark("warn", say("some_unanswered", n=missing, asked=asked))
-    return Remark("good", say("both_directions", n=asked, answered=answered))
+        return VerdictLine("warn", say("some_unanswered", n=missing, asked=asked))
+    return VerdictLine("good", say("both_directions", n=asked, answered=answered))
 
 
 def _answers(station: BusStation) -> bool:
     return bool(station.exchanges or station.answer or station.parameters or station.diagnosis)
 
 
-def _line(bus: Bus, result: CaptureResult) -> Iterator[Remark]:
+def _line(bus: Bus, result: CaptureResult) -> Iterator[VerdictLine]:
     """Of a line of PROFIBUS: whether answers, start-up and whole frames are there."""
     asked = [each for each in bus.stations if each.requests]
     requests = sum(each.requests for each in asked)
     lost = (each.args for each in result.diagnoses if each.args.get("what") == "bus_answers")
     silent = sum(each.unanswered for each in asked) + sum(each["count"] for each in lost)
     if requests and not any(_answers(each) for each in asked):
-        yield Remark("bad", say("bus_only_requests", n=requests))
+        yield VerdictLine("bad", say("bus_only_requests", n=requests))
     elif silent:
-        yield Remark("warn", say("bus_some_unanswered", n=requests, missing=silent))
+        yield VerdictLine("warn", say("bus_some_unanswered", n=requests, missing=silent))
     elif requests:
-        yield Remark("good", say("bus_answered", n=requests))
+        yield VerdictLine("good", say("bus_answered", n=requests))
     missing = sum(None in (each.parameters, each.configuration) for each in asked)
     if missing:
-        yield Remark("none", say("bus_no_start_up", n=len(asked), missing=missing))
+        yield VerdictLine("none", say("bus_no_start_up", n=len(asked), missing=missing))
     elif asked:
-        yield Remark("good", say("bus_start_up", n=len(asked)))
+        yield VerdictLine("good", say("bus_start_up", n=len(asked)))
     if bus.damaged:
-        yield Remark("warn", say("bus_damaged", n=bus.damaged))
+        yield VerdictLine("warn", say("bus_damaged", n=bus.damaged))
 
 
-def _flaws(rules: Counter[str]) -> Iterator[Remark]:
+def _flaws(rules: Counter[str]) -> Iterator[VerdictLine]:
     for rule, key in (
         ("DS106", "frames_cut"),
         ("DS105", "fragments_missing"),
@@ -116,4 +116,4 @@ def _flaws(rules: Counter[str]) -> Iterator[Remark]:
         ("DS403", "starts_late"),
     ):
         if rules[rule]:
-            yield Remark("warn", say(key, n=rules[rule]))
+            yield VerdictLine("warn", say(key, n=rules[rule]))

@@ -19,9 +19,9 @@ from ds47.report.formatting import escape
 from ds47.report.html import messages
 from ds47.report.html.embed import data_element
 from ds47.report.html.texts import Both, say
-from ds47.report.html.verdict import Remark, quality
+from ds47.report.html.verdict import VerdictLine, quality
 from ds47.report.html.views import timelines
-from ds47.report.html.views.drives import Drive, drives
+from ds47.report.html.views.drives import DriveView, drives
 from ds47.report.html.views.elements import elements
 from ds47.report.html.views.events import events
 from ds47.report.html.views.findings import Group, groups
@@ -33,7 +33,7 @@ from ds47.report.html.views.times import Moments, for_script
 from ds47.report.html.views.trail import TrailView
 from ds47.report.latency import percentile
 from ds47.report.narrowing import narrowed_words
-from ds47.report.overview import Row
+from ds47.report.overview import CaptureRow
 from ds47.report.reference import Reference
 from ds47.report.targets import Targets
 from ds47.report.verdict import KINDS, LEVELS, Counts, blind, verdict
@@ -47,7 +47,7 @@ class Overview:
     path: str
     number: int
     counts: Counts
-    row: Row
+    row: CaptureRow
     """What the overview of every other format says of it."""
     quality: str = "good"
     """The worst level of its quality."""
@@ -69,13 +69,13 @@ class Overview:
     @classmethod
     def unreadable(cls, path: str, number: int, problem: str) -> Overview:
         """A capture of which nothing could be read."""
-        row = Row.unreadable(path, problem)
+        row = CaptureRow.unreadable(path, problem)
         return cls(path, number, Counts(captures=1, unreadable=1), row, "bad", problem)
 
     @classmethod
     def of_all(cls, parts: Iterable[Overview]) -> Overview:
         """The sum over all captures."""
-        total = cls("", 0, Counts(), Row(""))
+        total = cls("", 0, Counts(), CaptureRow(""))
         for part in parts:
             total.counts.add(part.counts)
         return total
@@ -139,9 +139,9 @@ class CaptureView:
     """Whether times of day are known."""
     clock: str
     """What the script says times by."""
-    quality: list[Remark]
+    quality: list[VerdictLine]
     blind: list[Both]
-    drives: list[Drive]
+    drives: list[DriveView]
     problems: list[Problem]
     problems_left_out: int
     groups: list[Group]
@@ -192,7 +192,7 @@ def capture_view(
         if each.duration_ns is not None and each.duration_ns >= 0
     )
     return CaptureView(
-        overview=Overview(result.path, number, counts, Row.of(result), LEVELS[worst]),
+        overview=Overview(result.path, number, counts, CaptureRow.of(result), LEVELS[worst]),
         sha256=result.sha256,
         span=clock.span(result),
         narrowed=None if result.narrowed is None else narrowed_words(result),

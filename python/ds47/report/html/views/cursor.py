@@ -96,16 +96,16 @@ def _end(job: Transaction, reach: Reach) -> int | None:
     return None if job.duration_ns is None else reach.after(job.start_ns + job.duration_ns)
 
 
-def _is_command(row: told.Row) -> bool:
+def _is_command(row: told.EventRow) -> bool:
     return row.last.word == "STW1" and row.last.before is not None
 
 
-def _command(row: told.Row) -> Both:
+def _command(row: told.EventRow) -> Both:
     """`ON (STW1 047E -> 047F)`."""
     return told.words(row).joined(Both.same(f"({told.change(row)})"), " ")
 
 
-def _changes(rows: Sequence[told.Row]) -> Iterator[told.Row]:
+def _changes(rows: Sequence[told.EventRow]) -> Iterator[told.EventRow]:
     """The rows behind which the state is another one than before."""
     before: Both | None = None
     for row in rows:
@@ -115,7 +115,9 @@ def _changes(rows: Sequence[told.Row]) -> Iterator[told.Row]:
         before = now
 
 
-def _moments(rows: Sequence[told.Row], reach: Reach, texts: _Texts, words: Any) -> list[Moment]:
+def _moments(
+    rows: Sequence[told.EventRow], reach: Reach, texts: _Texts, words: Any
+) -> list[Moment]:
     there = reach.counts(each.last.time_ns for each in rows)
     return [
         (reach.after(each.last.time_ns), each.last.frame, texts.place(words(each)))

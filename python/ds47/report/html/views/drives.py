@@ -13,7 +13,7 @@ from ds47.report.verdict import by_state
 
 
 @dataclass(slots=True)
-class Drive:
+class DriveView:
     """A device that was asked for parameters."""
 
     device: Device
@@ -40,24 +40,24 @@ class Drive:
         return self.durations[-1] if self.durations else None
 
 
-def drives(result: CaptureResult, targets: Targets | None = None) -> list[Drive]:
+def drives(result: CaptureResult, targets: Targets | None = None) -> list[DriveView]:
     """The drives in the order of their first transaction."""
     known: dict[str, Device] = {}
     targets = targets or Targets(result.evidence)
-    found: dict[str, Drive] = {}
+    found: dict[str, DriveView] = {}
     for item in result.transactions:
         if item.channel == S7:
             continue  # its partners are no drives
         if item.device not in known:
             known[item.device] = result.device(item.device)
         device = known[item.device]
-        _count(found.setdefault(device.ip, Drive(device)), item, targets)
+        _count(found.setdefault(device.ip, DriveView(device)), item, targets)
     for drive in found.values():
         drive.durations.sort()
     return list(found.values())
 
 
-def _count(drive: Drive, item: Transaction, targets: Targets) -> None:
+def _count(drive: DriveView, item: Transaction, targets: Targets) -> None:
     drive.operations[item.operation] += 1
     drive.states[item.state] += 1
     drive.controllers.add(item.controller)

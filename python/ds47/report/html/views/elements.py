@@ -22,7 +22,7 @@ WIDEST = 256
 
 
 @dataclass(slots=True)
-class Element:
+class ElementLife:
     """The life of one element in a capture."""
 
     named: Parameter
@@ -50,7 +50,7 @@ Key = tuple[Identity, int, int]
 def elements(result: CaptureResult, targets: Targets | None = None) -> tuple[dict[str, Any], int]:
     """The table for the script, and how many elements it leaves out."""
     targets = targets or Targets(result.evidence)
-    found: dict[Key, Element] = {}
+    found: dict[Key, ElementLife] = {}
     left_out: set[Key] = set()
     for item in result.transactions:
         if item.state in ("mismatch", "orphan"):
@@ -69,7 +69,7 @@ def elements(result: CaptureResult, targets: Targets | None = None) -> tuple[dic
 
 
 def _note(
-    found: dict[Key, Element],
+    found: dict[Key, ElementLife],
     left_out: set[Key],
     item: Transaction,
     each: Parameter,
@@ -83,13 +83,13 @@ def _note(
             if len(found) >= MOST:
                 left_out.add(key)
                 continue
-            element = found[key] = Element(each)
+            element = found[key] = ElementLife(each)
         elif each.described is not None:
             element.named = each
         _count(element, item, each, number)
 
 
-def _count(element: Element, item: Transaction, each: Parameter, number: int) -> None:
+def _count(element: ElementLife, item: Transaction, each: Parameter, number: int) -> None:
     change = item.operation == "change"
     if item.state == "refused":
         element.refused[change] += 1
@@ -114,7 +114,7 @@ def _width(each: Parameter) -> int:
     return min(max(asked, len(each.values)), WIDEST)
 
 
-def _row(key: Key, name: str, element: Element) -> list[Any]:
+def _row(key: Key, name: str, element: ElementLife) -> list[Any]:
     about, pnu, subindex = key
     last, failed = element.last, element.failed
     return [
