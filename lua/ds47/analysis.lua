@@ -21,7 +21,7 @@ local dictionary = require("ds47.profidrive.dictionary")
 local ending = later("ds47.acyclic.ending")
 local diagnosis = require("ds47.diagnosis.transaction")
 local findings = require("ds47.findings.collection")
-local gate = require("ds47.acyclic.index47")
+local Index47 = require("ds47.acyclic.index47").Index47
 local ip = require("ds47.profinet.ip")
 local learning = require("ds47.acyclic.learning")
 local named = require("ds47.cyclic.named")
@@ -89,11 +89,11 @@ function M.new(options)
   local function lost_on_line(station) return self.bus.line:lost(station) end
   self.completeness = completeness.new(limits.activities, lost_on_line)
   self.pairing = pairing.new(limits, self, self.completeness)
-  self.gate = gate.Gate.new(options.indices, limits.waiting_calls, options.forbid_47)
-  self.judge = rules.new(limits, slow_ns, function(device) return self.gate:waits(device) end)
+  self.index47 = Index47.new(options.indices, limits.waiting_calls, options.forbid_47)
+  self.judge = rules.new(limits, slow_ns, function(device) return self.index47:waits(device) end)
   self.dictionary = dictionary.new(self.judge.written.objects, limits.described_parameters)
-  self.events = recordevents.RecordEvents.new(self.gate, self.pairing, self.codec, self)
-  self.records = recordcalls.RecordCalls.new(self.events, self.gate, self.pairing, self, self.naming,
+  self.events = recordevents.RecordEvents.new(self.index47, self.pairing, self.codec, self)
+  self.records = recordcalls.RecordCalls.new(self.events, self.index47, self.pairing, self, self.naming,
     self.completeness)
   self.calls = calls.CallTracker.new(limits, self.records, self.completeness)
   local stations = idents.new()
@@ -252,7 +252,7 @@ end
 
 -- What the last packet did
 
--- The jobs that the last packet asks for are behind the others then. The gate let the request of a record
+-- The jobs that the last packet asks for are behind the others then. Index47 let the request of a record
 -- pass that knows one; only a request that came again may find another one, or one at last.
 local function add_asked(self, jobs, roles, count)
   local service, call, record, peer = self.ms1.newest, self.calls.newest, nil, nil
@@ -317,7 +317,8 @@ function Analysis:cyclic_events()
 end
 
 function Analysis:_is_ours(peer, record)
-  return self.gate:concerns(record.index) and self.gate:is_open(records.ar_key(peer, record), record.index)
+  local index47 = self.index47
+  return index47:concerns(record.index) and index47:is_open(records.ar_key(peer, record), record.index)
 end
 
 --- What is certain of a job that has no answer yet: array of findings, none of them kept.

@@ -1,4 +1,4 @@
--- Unit checks of the transport modules of lua/ds47: order, IP fragments, RPC, calls, records, gate, names.
+-- Unit checks of the transport modules of lua/ds47: order, IP fragments, RPC, calls, records, index47, names.
 -- What they make of whole captures is compared with Python (transport_trace.lua).
 -- Usage: lua transport.lua LUA_FOLDER
 
@@ -7,7 +7,7 @@ package.path = arg[1] .. "/?.lua;" .. package.path
 local calls = require("ds47.profinet.calls")
 local completeness = require("ds47.profinet.completeness")
 local dcp = require("ds47.profinet.dcp")
-local gate = require("ds47.acyclic.index47")
+local Index47 = require("ds47.acyclic.index47").Index47
 local ip = require("ds47.profinet.ip")
 local lldp = require("ds47.profinet.lldp")
 local naming = require("ds47.profinet.stations")
@@ -599,13 +599,13 @@ local function test_responses()
   check("nothing", records.released_ar(pdu_of({body = NDR})), nil)
 end
 
--- Gate
+-- Index47
 
 local Door = {}
 Door.__index = Door
 
 local function door_of(extra, waiting, forbid_47)
-  return setmetatable({gate = gate.Gate.new(extra, waiting or 4, forbid_47), through = {}}, Door)
+  return setmetatable({index47 = Index47.new(extra, waiting or 4, forbid_47), through = {}}, Door)
 end
 
 function Door:run(event)
@@ -614,10 +614,10 @@ end
 
 function Door:send(name, ar, index, proves)
   ar = ar or "AR"
-  if self.gate:admit(ar, index or 47, proves, self) then
+  if self.index47:admit(ar, index or 47, proves, self) then
     self:run(name)
   else
-    self.gate:hold(ar, name)
+    self.index47:hold(ar, name)
   end
 end
 
@@ -628,7 +628,7 @@ end
 local function test_gate_waits()
   local door = door_of()
   local function waits(device)
-    return door.gate:waits(device)
+    return door.index47:waits(device)
   end
   local ar, other = records.ar_text(CONTROLLER, DRIVE, AR), records.ar_text(CONTROLLER, DRIVE, AR:lower())
   check("nothing waits", waits(DRIVE), false)
@@ -644,7 +644,7 @@ local function test_gate_waits()
 end
 
 local function test_gate_indices()
-  local shut = gate.Gate.new({[1000] = true}, 4)
+  local shut = Index47.new({[1000] = true}, 4)
   for index, want in pairs({
     [47] = {true, true}, [0xB02E] = {true, false}, [0xB02F] = {true, false}, [48] = {false, true},
     [1000] = {true, false},
@@ -652,14 +652,14 @@ local function test_gate_indices()
     check("concerns " .. index, shut:concerns(index), want[1])
     check("needs proof " .. index, shut:needs_proof("AR", index), want[2])
   end
-  check("forbidden", gate.Gate.new({}, 4, true):concerns(47), false)
-  check("forbidden though named", gate.Gate.new({[47] = true}, 4, true):concerns(47), false)
-  check("B02E is not", gate.Gate.new(nil, 4, true):concerns(0xB02E), true)
+  check("forbidden", Index47.new({}, 4, true):concerns(47), false)
+  check("forbidden though named", Index47.new({[47] = true}, 4, true):concerns(47), false)
+  check("B02E is not", Index47.new(nil, 4, true):concerns(0xB02E), true)
   local door = door_of({[47] = true})
   door:send("now")
   check("named by the user", door:told(), "now")
-  check("open", door.gate:is_open("AR", 47), true)
-  check("not ours", door.gate:is_open("AR", 48), false)
+  check("open", door.index47:is_open("AR", 47), true)
+  check("not ours", door.index47:is_open("AR", 48), false)
 end
 
 local function test_gate_waiting()
@@ -672,7 +672,7 @@ local function test_gate_waiting()
   door:send("proof", nil, 47, true)
   door:send("after")
   check("what waited goes first", door:told(), "B02F a b proof after")
-  check("each AR proves itself", door.gate:needs_proof("OTHER", 47), true)
+  check("each AR proves itself", door.index47:needs_proof("OTHER", 47), true)
   door = door_of(nil, 4)
   for number = 0, 5 do
     door:send(number)
@@ -693,8 +693,8 @@ local function test_gate_waiting()
       door:send(ar, ar)
     end
   end
-  check("sixteen times as many together", door.gate.events, 320)
-  check("the oldest goes", door.gate.held:get(1), nil)
+  check("sixteen times as many together", door.index47.events, 320)
+  check("the oldest goes", door.index47.held:get(1), nil)
 end
 
 -- Record calls, with a pairing that writes down what it hears
@@ -729,7 +729,7 @@ end
 local GOOD_REQUEST = "\1\1\1\1\16\1\3\232\0\0"
 
 local function calls_of(ear, extra)
-  local door = gate.Gate.new(extra, 4096)
+  local door = Index47.new(extra, 4096)
   local events = recordevents.RecordEvents.new(door, ear, nil, ear)
   local missing = completeness.new(LIMITS.activities)
   local made = recordcalls.RecordCalls.new(events, door, ear, ear, nil, missing)

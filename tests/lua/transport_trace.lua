@@ -15,7 +15,7 @@ local calls = require("ds47.profinet.calls")
 local completeness = require("ds47.profinet.completeness")
 local connect = require("ds47.profinet.connect")
 local dcp = require("ds47.profinet.dcp")
-local gate = require("ds47.acyclic.index47")
+local Index47 = require("ds47.acyclic.index47").Index47
 local ip = require("ds47.profinet.ip")
 local json = require("ds47.support.json")
 local lldp = require("ds47.profinet.lldp")
@@ -175,7 +175,7 @@ end
 
 local function new_run()
   local ear = setmetatable({jobs = 0}, Ear)
-  local gates = gate.Gate.new({}, tables.limits.waiting_calls, arg[2] == "forbid_47")
+  local gates = Index47.new({}, tables.limits.waiting_calls, arg[2] == "forbid_47")
   local events = recordevents.RecordEvents.new(gates, ear, nil, ear)
   local missing = completeness.new(tables.limits.activities)
   local run = {

@@ -17,13 +17,13 @@ local Events = {}
 Events.__index = Events
 
 function Events:concerns(index)
-  return self.gate:concerns(index)
+  return self.index47:concerns(index)
 end
 
 local function is_ours(self, origin, record)
-  local gate, peer = self.gate, origin.peer
-  return gate:is_open(records.ar_key(peer, record), record.index)
-    or gate:is_of_drive(peer.device, record.place)
+  local index47, peer = self.index47, origin.peer
+  return index47:is_open(records.ar_key(peer, record), record.index)
+    or index47:is_of_drive(peer.device, record.place)
 end
 
 function Events:about(origin, record, remark)
@@ -56,7 +56,7 @@ end
 -- Tells the jobs that are open which of their calls stay as they are; gives the counts of RPC then.
 local function lose_calls(live, events)
   local calls, counts = live.calls:unanswered(), flat(live.calls.counts)
-  local told = recordcalls.RecordCalls.new(events, live.gate, nil, nil, live.naming)
+  local told = recordcalls.RecordCalls.new(events, live.index47, nil, nil, live.naming)
   for _, part in ipairs(live.fragments:unfinished()) do
     told:given_up(part, "RPC", live.calls)
   end
@@ -103,7 +103,7 @@ function M.result(live)
     return halves[peer.controller .. "\0" .. peer.device]
   end)
   local findings = over.findings
-  local events = {gate = live.gate, pairing = live.pairing, findings = findings, twins = twins}
+  local events = {index47 = live.index47, pairing = live.pairing, findings = findings, twins = twins}
   local counts = lose_calls(live, setmetatable(events, Events))
   for _, job in ipairs(jobs) do
     over:conclude(job, job.remarks or live.judge:left_open(job, findings.frames_dropped))

@@ -32,9 +32,9 @@ function M.is_question(request)
   return request.shaped and not parameter.has_one_of(request.flaws, ADDRESSLESS)
 end
 
-local Gate = {}
-Gate.__index = Gate
-M.Gate = Gate
+local Index47 = {}
+Index47.__index = Index47
+M.Index47 = Index47
 
 --- Holds events of index 47 back until their AR has proved itself.
 -- @param extra set of record indices that are ours whatever they hold, {[index] = true}; nil for none
@@ -43,7 +43,7 @@ M.Gate = Gate
 -- @param waiting_ars how many times as many events may wait of all ARs together; nil (here and below) for the
 --   shipped limit
 -- @param proven how many ARs that have proved themselves are remembered; the one that spoke last goes last
-function Gate.new(extra, waiting, forbid_47, waiting_ars, proven)
+function Index47.new(extra, waiting, forbid_47, waiting_ars, proven)
   local always = {}
   for index, wanted in pairs(extra or {}) do
     always[index] = wanted or nil
@@ -67,21 +67,21 @@ function Gate.new(extra, waiting, forbid_47, waiting_ars, proven)
     open = ordered.new(), held = ordered.new(), events = 0,
     drives = ordered.new(), -- submodules that have responded at 0xB02E or 0xB02F
     unproven = ordered.new(), -- of ARs that do not wait any more, by device, as `unproven_devices` gives it
-  }, Gate)
+  }, Index47)
 end
 
 --- Whether a record of this index can be ours at all.
-function Gate:concerns(index)
+function Index47:concerns(index)
   return self.ours[index] or false
 end
 
---- Whether a proof would open the gate.
-function Gate:needs_proof(ar, index)
+--- Whether a proof would open an AR.
+function Index47:needs_proof(ar, index)
   return not self.always[index] and not self.open.values[ar]
 end
 
 --- Whether anything waits that was asked of a device, perhaps a change of a parameter.
-function Gate:waits(device)
+function Index47:waits(device)
   for ar in self.held:iterate() do
     if records.device_of(ar) == device then
       return true
@@ -91,13 +91,13 @@ function Gate:waits(device)
 end
 
 --- Whether what comes on a record of this AR and index runs now, and does not have to wait.
-function Gate:is_open(ar, index)
+function Index47:is_open(ar, index)
   return self:concerns(index) and not self:needs_proof(ar, index)
 end
 
 --- Whether an event of this AR may run now; false where it has to be held (`hold`).
 -- With a proof (`proves`) what waited for it runs first, through `runner`.
-function Gate:admit(ar, index, proves, runner)
+function Index47:admit(ar, index, proves, runner)
   local open = self.open
   if open.newest == ar then -- it spoke last
     return true
@@ -116,7 +116,7 @@ function Gate:admit(ar, index, proves, runner)
 end
 
 --- Keeps an event until something proves the same AR; for good if nothing does.
-function Gate:hold(ar, event)
+function Index47:hold(ar, event)
   if not self.held:get(ar) then
     -- A ring: slot count % waiting takes the next one. `asked`: the newest Write of each place that can be a
     -- request; `records`: requests (`asks`: there are some), and responses without a request; `first`: the
@@ -131,7 +131,7 @@ local function submodule(device, api, place)
 end
 
 --- A record was read at 0xB02E or 0xB02F: with the shape of a response its submodule is that of a drive.
-function Gate:responded(device, place, data, codec)
+function Index47:responded(device, place, data, codec)
   local name = submodule(device, place.api, place)
   if not self.drives.values[name] and parameter.decode_response(data, nil, codec).shaped then
     self.drives:keep(name, true, self.most_open)
@@ -139,7 +139,7 @@ function Gate:responded(device, place, data, codec)
 end
 
 --- Whether a place is that of a drive, whoever asks there: under the API of PROFIdrive, or it responded.
-function Gate:is_of_drive(device, place)
+function Index47:is_of_drive(device, place)
   local drives = self.drives.values
   return place.api == PROFIDRIVE_API or drives[submodule(device, place.api, place)]
     or drives[submodule(device, PROFIDRIVE_API, place)] or false
@@ -147,7 +147,7 @@ end
 
 --- A record waits now: a request, or a response without one.
 -- @param asks  whether it is a request
-function Gate:heard(ar, frame, asks)
+function Index47:heard(ar, frame, asks)
   local held = self.held:get(ar)
   if held then
     held.first = held.first or frame
@@ -156,7 +156,7 @@ function Gate:heard(ar, frame, asks)
 end
 
 --- A response that was heard has a request after all, which is heard next.
-function Gate:unheard(ar)
+function Index47:unheard(ar)
   local held = self.held:get(ar)
   if held then
     held.records = held.records - 1
@@ -164,7 +164,7 @@ function Gate:unheard(ar)
 end
 
 --- A Write waits that may be a request: a response that mirrors it is to prove it.
-function Gate:asked(ar, place, request, data)
+function Index47:asked(ar, place, request, data)
   local held = self.held:get(ar)
   if held then
     held.asked:pop(place)
@@ -175,7 +175,7 @@ function Gate:asked(ar, place, request, data)
 end
 
 --- Whether a record is the response to the Write that waits, and not the same bytes once more (P20).
-function Gate:answers(ar, place, data, codec)
+function Index47:answers(ar, place, data, codec)
   local held = self.held:get(ar)
   local sent = held and held.asked:get(place)
   if not sent or data == sent.data or not kind_fits(sent.request, data) then
@@ -200,7 +200,7 @@ end
 
 --- Each device of which no AR has proved itself, if nothing more comes: array of {device, first, count,
 -- asks}.
-function Gate:unproven_devices()
+function Index47:unproven_devices()
   local found, drives, result = ordered.new(), {}, {}
   for device, told in self.unproven:iterate() do
     found:set(device, told)
@@ -220,7 +220,7 @@ function Gate:unproven_devices()
 end
 
 --- Lets an event wait behind those that wait for an AR; where none does, it is not needed.
-function Gate:follow(ar, event)
+function Index47:follow(ar, event)
   local waiting, held = self.waiting, self.held:get(ar)
   if not held then
     return
@@ -237,7 +237,7 @@ function Gate:follow(ar, event)
   end
 end
 
-function Gate:_prove(ar, runner)
+function Index47:_prove(ar, runner)
   self.open:set(ar, true)
   if self.open.length > self.most_open then
     self.open:pop_first()

@@ -80,15 +80,15 @@ M.RecordCalls = RecordCalls
 
 --- The handlers of a `CallTracker`.
 -- @param events    hears of every record that may be ours (record_events.lua)
--- @param gate      hears of connections that end: what waits for one of them waits behind that
+-- @param index47      hears of connections that end: what waits for one of them waits behind that
 -- @param pairing   hears of connections that begin and end
 -- @param listener  takes the transport findings: listener:remark({rule, frame, args, offset}, job or nil);
 --   and hears of every answered Connect: listener:set_up(request, response)
 -- @param naming    knows the vendors of devices whose calls do not say it (stations.lua)
 -- @param completeness  hears of Writes of which the capture cut off where they go
-function RecordCalls.new(events, gate, pairing, listener, naming, completeness)
+function RecordCalls.new(events, index47, pairing, listener, naming, completeness)
   return setmetatable({
-    events = events, gate = gate, pairing = pairing, listener = listener, naming = naming,
+    events = events, index47 = index47, pairing = pairing, listener = listener, naming = naming,
     completeness = completeness,
     alone = ordered.new(), -- the newest responses without a request (DS102), by their frames
     connections = ordered.new(), -- client and server -> the request that begins or ends an AR: `_goes_on`
@@ -112,7 +112,7 @@ end
 
 -- This one or the next of its call that can be ours; nil for none. `record` may be nil.
 local function ours_from(self, record)
-  local ours = self.gate.ours
+  local ours = self.index47.ours
   while record and not ours[record.index] do
     record = record.following
   end
@@ -200,7 +200,7 @@ function RecordCalls:_connection(pdu, opnum)
     if ar then
       self.pairing:release(pdu.client, pdu.server, ar, at)
       local of_ar = records.ar_text(pdu.client, pdu.server, ar)
-      self.gate:follow(of_ar, self.events.event_of(placed(self, pdu), self, "_released", ar))
+      self.index47:follow(of_ar, self.events.event_of(placed(self, pdu), self, "_released", ar))
     end
   elseif opnum == CONNECT then
     local ar, only = records.connected_ar(pdu), records.is_only_ar(pdu)
@@ -343,7 +343,7 @@ function RecordCalls:response(call)
     return
   end
   local status, answered = parse_halves(pdu)
-  local events, ours = self.events, self.gate.ours
+  local events, ours = self.events, self.index47.ours
   if pdu.peer == nil then
     peer_of(pdu, self.naming)
   end

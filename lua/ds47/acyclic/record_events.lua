@@ -6,19 +6,19 @@
 --
 -- What happens to a record is an event: one of the functions under "Events", with up to four arguments
 -- (origin, record, detail, peer). The origin says where it happens: {frame, time_ns, peer, missing, cut}, of
--- RPC the PDU; `peer` is the one there. While the gate is open the function is called at once; a table is
+-- RPC the PDU; `peer` is the one there. While its AR is open the function is called at once; a table is
 -- made only for an event that has to wait. The record of a Write knows the job that was made of it
 -- (`record.job`).
 
 local json = require("ds47.support.json")
-local index47 = require("ds47.acyclic.index47")
+local index47s = require("ds47.acyclic.index47")
 local parameter = require("ds47.profidrive.parameter")
 local records = require("ds47.profinet.records")
 
 local half_of, know_peer = records.half, records.know_peer
-local is_question = index47.is_question
+local is_question = index47s.is_question
 local ALWAYS = {[0xB02E] = true, [0xB02F] = true}
-local admit = index47.Gate.admit -- for every record
+local admit = index47s.Index47.admit -- for every record
 
 local M = {}
 
@@ -29,13 +29,13 @@ M.RecordEvents = RecordEvents
 --- Tells the pairing what happens to records, once they are known to be ours.
 --
 -- `counts` says the record requests by index: {[index] = {read = n, write = n}}.
--- @param gate which records are ours
+-- @param index47 which records are ours
 -- @param pairing hears of every Write and Read that is ours
 -- @param codec dialects of the messages (options of parameter.lua, or nil)
 -- @param listener takes the findings: listener:remark({rule, frame, args, offset}, job or nil)
-function RecordEvents.new(gate, pairing, codec, listener)
+function RecordEvents.new(index47, pairing, codec, listener)
   return setmetatable({
-    gate = gate, pairing = pairing, codec = codec, listener = listener, counts = {},
+    index47 = index47, pairing = pairing, codec = codec, listener = listener, counts = {},
     newest_ns = nil, newest_frame = 0, -- time and number of the newest frame of a call that is ours
     decode_request = parameter.remembering(codec),
   }, RecordEvents)
@@ -125,7 +125,7 @@ local function event_read_answered(self, origin, record, _, peer)
   event_read_failed(self, origin, record)
   local place, data = record.place, record.response.data
   if ALWAYS[place.index] and data ~= "" then
-    self.gate:responded(peer.device, place, data, self.codec)
+    self.index47:responded(peer.device, place, data, self.codec)
   end
   self.pairing:read_response(peer, record)
 end
@@ -141,7 +141,7 @@ end
 
 --- Whether a record of this index can be ours at all.
 function RecordEvents:concerns(index)
-  return self.gate:concerns(index)
+  return self.index47:concerns(index)
 end
 
 -- One more record request of this index.
@@ -157,23 +157,23 @@ end
 
 -- Runs an event, now or when something proves the same AR; never if nothing does. Whether it waits.
 -- `event`: a function under "Events". `proves`: a function of the same arguments that says whether the
--- message proves its AR, asked only where that would open the gate; nil for an event that does not.
+-- message proves its AR, asked only where that would open the AR; nil for an event that does not.
 local function pass(self, event, proves, origin, record, detail)
-  local peer, place, gate = origin.peer, record.place, self.gate
+  local peer, place, index47 = origin.peer, record.place, self.index47
   if place.peer ~= peer then
     know_peer(place, peer)
   end
   local ar, index = place.ar_key, place.index
-  if admit(gate, ar, index, false, self) or (gate:is_of_drive(peer.device, place)
-    or proves and proves(self, origin, record, detail)) and admit(gate, ar, index, true, self) then
+  if admit(index47, ar, index, false, self) or (index47:is_of_drive(peer.device, place)
+    or proves and proves(self, origin, record, detail)) and admit(index47, ar, index, true, self) then
     event(self, origin, record, detail, peer)
     return false
   end
-  gate:hold(ar, {event = event, origin = origin, record = record, detail = detail})
+  index47:hold(ar, {event = event, origin = origin, record = record, detail = detail})
   return true
 end
 
---- Runs an event that the gate held back.
+--- Runs an event that was held back.
 function RecordEvents:run(held)
   local origin = held.origin
   held.event(self, origin, held.record, held.detail, origin.peer)
@@ -209,7 +209,7 @@ end
 local function proves_by_answer(self, origin, record)
   local half, place = record.response, record.place
   return half.data ~= "" and not half.missing
-    and (self.gate:answers(place.ar_key, place.channel_key, half.data, self.codec)
+    and (self.index47:answers(place.ar_key, place.channel_key, half.data, self.codec)
       or self.pairing:is_again(origin.peer, record))
 end
 
@@ -221,8 +221,8 @@ local function asked_to_write(self, origin, record)
   end
   local message, place = self.decode_request(half.data), record.place
   if pass(self, event_write_request, proves_by_request, origin, record, message) then
-    self.gate:heard(place.ar_key, half.frame, true)
-    self.gate:asked(place.ar_key, place.channel_key, message, half.data)
+    self.index47:heard(place.ar_key, half.frame, true)
+    self.index47:asked(place.ar_key, place.channel_key, message, half.data)
   end
 end
 
@@ -230,12 +230,12 @@ end
 function RecordEvents:asked(origin, record)
   local place = record.place
   count(self, place.index, place.write and "write" or "read")
-  if not self.gate.ours[place.index] then
+  if not self.index47.ours[place.index] then
     return
   elseif place.write then
     asked_to_write(self, origin, record)
   elseif pass(self, event_read_request, nil, origin, record) then
-    self.gate:heard(place.ar_key, record.request.frame, true)
+    self.index47:heard(place.ar_key, record.request.frame, true)
   end
 end
 
@@ -243,15 +243,15 @@ end
 function RecordEvents:asked_late(origin, record, answer)
   local index = record.place.index
   count(self, index, "read")
-  if self.gate.ours[index] and pass(self, event_read_asked_late, nil, origin, record, answer) then
-    self.gate:heard(record.place.ar_key, answer, true)
+  if self.index47.ours[index] and pass(self, event_read_asked_late, nil, origin, record, answer) then
+    self.index47:heard(record.place.ar_key, answer, true)
   end
 end
 
 --- A response was no one without its request: that came late, and is told next.
 function RecordEvents:not_unasked(origin, record)
-  if not self.gate:is_open(records.ar_key(origin.peer, record), record.index) then
-    self.gate:unheard(record.place.ar_key)
+  if not self.index47:is_open(records.ar_key(origin.peer, record), record.index) then
+    self.index47:unheard(record.place.ar_key)
   end
 end
 
@@ -283,14 +283,14 @@ function RecordEvents:unasked(origin, record)
     waits = self:_read_answered(origin, record, record.response)
   end
   if waits then
-    self.gate:heard(record.place.ar_key, record.response.frame)
+    self.index47:heard(record.place.ar_key, record.response.frame)
   end
 end
 
 --- What is told of records that nothing shows to be ours (DS209), if nothing more comes: an array of remarks.
 function RecordEvents:unproven()
   local remarks = {}
-  for number, each in ipairs(self.gate:unproven_devices()) do
+  for number, each in ipairs(self.index47:unproven_devices()) do
     local what = each.asks and "unproven_calls" or "unproven_responses"
     local args = {device = each.device, count = each.count, what = what}
     remarks[number] = {rule = "DS209", frame = each.first, args = args}
