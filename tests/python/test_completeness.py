@@ -297,6 +297,13 @@ def polled(client: Client) -> None:
     client.exchange(ask(2), tell(2))
 
 
+def too_short(client: Client) -> None:
+    client.write(ask(1))
+    client.poll(0xDE80B100)
+    client.read(tell(1))
+    client.exchange(ask(2), tell(2))
+
+
 def refused(client: Client) -> None:
     client.write(ask(1))
     client.write(ask(2))
@@ -391,6 +398,9 @@ ABSENT = ("DS206", "DS401", "DS402", "DS404", "DS413", "DS415", "DS704", "DS705"
         (polled, (4, 5), "incomplete ok", [(1, "read_answer", 3)]),
         (polled, (7, 8), "ok orphan", [("DS206", 6)]),
         (polled, (1, 2), "orphan ok", [(4, "begins")]),
+        (too_short, (), "ok ok", []),
+        (too_short, (5, 6), "incomplete ok", [(1, "calls", 3, 5, "2")]),
+        (too_short, (5,), "ok ok", []),
         (refused, (), "superseded refused", [("DS413", 3)]),
         (refused, (3,), "incomplete", [(1, "requests"), (5, "requests")]),
         (refused, (4,), "incomplete incomplete", [(1, "later"), (3, "write_answer", 3), (5, "later")]),

@@ -365,10 +365,12 @@ local function lacks(self, job, reason, newest_ns, lost)
 end
 
 -- Where a Read was too short for a response, and none brought it, the request ends with that refusal (P34).
-local function refused_at_last(job)
+-- @param lost  as for `lacks`
+local function refused_at_last(self, job, lost)
   local short = job.read_response == nil and job.polls[1] and job:too_short() or NONE
-  local last = short[#short]
-  if last then
+  local last, asked = short[#short], job:write_request()
+  local missing = last and asked and lacks_calls(self, job, asked, lost)
+  if last and asked and (missing == nil or missing.what == "write_answer") then -- else it may have been read
     take_from(job.polls, last)
     job.read_request, job.read_response = last.request, last.response
   end
@@ -376,7 +378,7 @@ end
 
 -- `at` is what ended its connection, {frame, time_ns}; nil where nothing is known of that.
 local function lose(self, job, reason, at)
-  if not job.missing then refused_at_last(job) end
+  if not job.missing then refused_at_last(self, job) end
   if reason ~= "" then
     job.reason = reason
   end
@@ -555,7 +557,7 @@ end
 -- A Read that was sent behind that Write is for it. Behind a Connect it displaces nothing: the AR is new.
 local function displace(self, channel, by)
   local job, asked = channel.open, by.record.request
-  refused_at_last(job)
+  refused_at_last(self, job)
   if job.read_response or connected_since(self, job, asked) then
     lose(self, job, may_be_displaced(channel) and "later" or "release")
     return
@@ -1278,7 +1280,7 @@ local function left_open(self, job, why, newest_ns, lost)
     twin[name] = job[name][1] and flat(job[name]) or nil
   end
   twin.reason = why[job] or "end"
-  refused_at_last(twin)
+  refused_at_last(self, twin, lost and lost(job.peer))
   if twin.read_response == nil then
     twin.ended, twin.ended_ns = connected_since(self, job)
     twin.missing = job.missing or lacks(self, twin, twin.reason, newest_ns, lost and lost(job.peer))

@@ -882,7 +882,7 @@ class Pairing:
         A Read that was sent behind that Write is for it. Behind a Connect it displaces nothing: the AR is new.
         """
         asked = by.record.request
-        _refused_at_last(job)
+        self._refused_at_last(job)
         if job.read_response is not None or self._connected_since(job, asked) is not None:
             self._lose(job, _may_be_displaced(channel).get(job.order, "release"))
             return
@@ -1053,7 +1053,7 @@ class Pairing:
 
     def _lose(self, job: Job, reason: str) -> None:
         if job.polls and job.missing is None:
-            _refused_at_last(job)
+            self._refused_at_last(job)
         job.reason = reason
         if job.read_response is None:
             connect = self._connected_since(job) if job.ended is None else None
@@ -1061,6 +1061,16 @@ class Pairing:
                 job.ended, job.ended_ns = connect
             job.missing = job.missing or self._lacks(job, reason)
         self._end(job, "lost")
+
+    def _refused_at_last(self, job: Job) -> None:
+        """Where a Read was too short for a response, and none brought it, that refusal is the end (P34)."""
+        short, asked = job.too_short if job.read_response is None else None, job.write_request
+        if not short or asked is None:
+            return
+        lacks = self._lacks_calls(job, asked)
+        if lacks is None or lacks.what == "write_answer":  # else it may have been read
+            job.polls.remove(short[-1])
+            job.read_request, job.read_response = short[-1]
 
     def _connected_since(self, job: Job, before: Half | None = None) -> Moment | None:
         """When the AR of a request was set up anew; None where it was not, or not `before` another one.
@@ -1100,14 +1110,6 @@ class Pairing:
             self._lose(job, why.get(job.order, reason))
         if key[:3] not in self._of_ar:
             self.replaced.pop(key[:3], None)
-
-
-def _refused_at_last(job: Job) -> None:
-    """Where a Read was too short for a response, and none brought it, the request ends with that refusal (P34)."""
-    short = job.too_short if job.read_response is None else None
-    if short:
-        job.polls.remove(short[-1])
-        job.read_request, job.read_response = short[-1]
 
 
 def _written_again(channel: Channel, job: Job) -> None:
