@@ -261,6 +261,8 @@ class Analysis:
         """What is wrong with the transport of open jobs."""
         self._transactions: dict[int, Transaction] = {}
         """By the order of their jobs; the jobs themselves need not be kept."""
+        self._unproven: list[S7Job] = []
+        """Jobs of S7 at servers that may be drives, where transactions are kept."""
         self._summary: dict[str, int] = {"transactions": 0}
         self._objects = DriveObjects()
         self._capture: Capture | Series | None = None
@@ -290,6 +292,7 @@ class Analysis:
         self._hear()
         self._cyclic.finish()
         self._operation()
+        self._proven_late()
         self._diagnose(capture)
         counts = self._events.counts
         return CaptureResult(
@@ -517,6 +520,18 @@ class Analysis:
 
         job.order = self._pairing.number()
         self._finished(job.order, build_s7(job), remarks)
+        perhaps = not job.of_drive and self._s7.is_drive(job.partner.ip, perhaps=True)
+        if perhaps and self._on_transaction is None:
+            self._unproven.append(job)
+
+    def _proven_late(self) -> None:
+        """Of a drive that showed only later what it is the first jobs are told as elements, too."""
+        for job in self._unproven:
+            if self._s7.is_drive(job.partner.ip):
+                from ds47.s7.transactions import build as build_s7
+
+                job.of_drive = True
+                self._transactions[job.order] = build_s7(job)
 
     def _finished(self, order: int, transaction: Transaction, remarks: list[Remark]) -> None:
         """A transaction that is none of records is over."""

@@ -116,10 +116,11 @@ def test_a_cpu_in_slot_2_is_none() -> None:
 
 
 def test_values_that_share_no_bytes_prove_a_drive() -> None:
+    """The writes before the proof are told as elements, too."""
     found = told(rewritten)
     assert proof(found) == "values"
-    assert elements(found) == [(2, "1120[0] [12.5]")]
-    assert found.transactions[-1].drive_object == 2
+    assert elements(found) == [(2, "1120[0] [12.5]"), (2, "1120[1] [25.0]"), (2, "1120[0] [12.5]")]
+    assert {each.drive_object for each in found.transactions} == {2}
 
 
 def test_a_value_that_another_one_does_not_touch_proves_nothing() -> None:
@@ -287,13 +288,14 @@ def test_tables_have_a_row_for_each_element(
 
 def test_the_trail_goes_through_s7(capture: str, capsys: pytest.CaptureFixture[str]) -> None:
     text = command(capsys, "trail", "-f", "json", capture)
-    (change, other) = json.loads(text)["captures"][0]["changes"]
+    *_, change, other = json.loads(text)["captures"][0]["changes"]
     assert (change["pnu"], change["old"], change["new"], change["way"]) == (1120, 12.5, 3.0, "S7")
     assert (change["drive_object"], change["outcome"]) == (2, "accepted")
     assert (other["pnu"], other["old"], other["new"]) == (2114, None, 0)
     last = command(capsys, "report", "-f", "parameters", capture).splitlines()
-    assert ",DO 2 S7,2,1120,0," in last[-1]
-    assert ",3.0,Float32," in last[-1]
+    assert ",DO 2 S7,2,1120,0," in last[-2]
+    assert ",3.0,Float32," in last[-2]
+    assert ",DO 2 S7,2,1120,1," in last[-1]
 
 
 def test_a_refused_write_is_a_change_that_did_not_come(
@@ -308,6 +310,8 @@ def test_a_refused_write_is_a_change_that_did_not_come(
         "changes"
     ]
     assert [(each["pnu"], each["outcome"]) for each in changes] == [
+        (1120, "accepted"),
+        (1120, "accepted"),
         (1120, "accepted"),
         (9999, "refused"),
     ]
