@@ -1268,7 +1268,8 @@ def _read_for_nothing(case: Case, what: str) -> Iterator[str]:
         yield from _lacks_turns(case, pair[1], 0)
     elif what == "begins":
         unknown = {each.frame for each in case.reading.findings if each.rule == "DS110"}
-        unknown |= {each.read for each in case.reading.deals if each.asked is None and each.read}
+        for each in case.reading.deals:
+            unknown |= {*each.all_frames} if each.asked is None else set()
         before = [
             each for each in case.reading.capture.records
             if each.channel == reads[0].channel and not each.write and each.answered not in unknown

@@ -727,13 +727,16 @@ local function addressee(channel, event, record)
   local data = record.response.data
   local reference = data:byte(1)
   if event == "read_record" and not (open and open:reference() == reference) then
-    for place = #asked, 1, -1 do
+    local mirrored
+    for place = #asked, 1, -1 do -- of several the newest that it may be for by its kind
       local job = asked[place]
       if job:reference() == reference and not (job.passed or is_later(job, record))
         and may_be(channel, job, data) then
-        return job
+        if mirrors(job, data) then return job end
+        mirrored = mirrored or job
       end
     end
+    if mirrored then return mirrored end
   end
   if open then
     return event == "read_record" and asked[1] and by_kind(channel, open, record) or open

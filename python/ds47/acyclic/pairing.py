@@ -950,13 +950,17 @@ class Pairing:
         data = record.response.data if record.response else b""
         opened, reference = channel.open, data[0] if data else None
         if event == "read_record" and (opened is None or opened.reference != reference):
-            for job in reversed(channel.asked):
-                if (
-                    job.reference == reference
-                    and not (job.passed or _is_later(job, record))
-                    and _may_be(channel, job, record.response)
-                ):
-                    return job
+            mirrored = [
+                job for job in reversed(channel.asked)
+                if job.reference == reference
+                and not (job.passed or _is_later(job, record))
+                and _may_be(channel, job, record.response)
+            ]  # fmt: skip
+            half = record.response
+            if (
+                mirrored and half is not None
+            ):  # of several the newest that it may be for by its kind
+                return next((job for job in mirrored if _mirrors(job, half)), mirrored[0])
         if opened is not None:
             by_kind = event == "read_record" and channel.asked
             return _by_kind(channel, opened, record) if by_kind else opened
