@@ -93,12 +93,8 @@ class Index47:
             return True
         return index in self._always
 
-    def pass_on(
-        self, ar: ArKey, index: int, event: Event, *, proves: bool = False
-    ) -> Sequence[Event]:
-        """What may go on now: the event, if its AR has proved itself, behind those that waited for that."""
-        if self.passes(ar, index):
-            return (event,)
+    def pass_on(self, ar: ArKey, event: Event, *, proves: bool = False) -> Sequence[Event]:
+        """Of an event that does not pass: it waits; or it proves its AR, and goes on behind those that waited."""
         if proves:
             return [*self._prove(ar), event]
         if ar not in self._held:

@@ -73,9 +73,11 @@ class RecordEvents:
     ) -> None:
         """Lets something happen now, or once the AR has proved itself; `proves`: it does that."""
         ar, index = access.ar, access.record.index
-        if not (proves or self._index47.passes(ar, index)):
-            proves = self._index47.is_of_drive(access.peer.device, access.place)
-        for event in self._index47.pass_on(ar, index, (what, access, about), proves=proves):
+        if access.proven or self._index47.passes(ar, index):
+            self._happens[what](access, about)
+            return
+        proves = proves or self._index47.is_of_drive(access.peer.device, access.place)
+        for event in self._index47.pass_on(ar, (what, access, about), proves=proves):
             self._happens[event[0]](*event[1:])
 
     def about(self, access: RecordAccess, remark: Remark) -> None:
@@ -95,30 +97,23 @@ class RecordEvents:
             self._length(access, half, cut)
         passes = access.proven = self._index47.passes(access.ar, record.index)
         if not record.write:
-            if passes:
-                self._read_asked(access, half)
-            else:
-                self.pass_on(access, "read_asked", half)
-                self._index47.heard(access.ar, half.frame, asks=True)
-            return
-        message = self.decoded(half.data)
-        if passes:
-            self._write_asked(access, message)
+            self.pass_on(access, "read_asked", half)
         else:
-            self.pass_on(access, "write_asked", message, proves=is_question(message))
+            message = self.decoded(half.data)
+            self.pass_on(access, "write_asked", message, proves=not passes and is_question(message))
+            if not passes:
+                self._index47.asked(access.ar, access.place, message, half.data)
+        if not passes:
             self._index47.heard(access.ar, half.frame, asks=True)
-            self._index47.asked(access.ar, access.place, message, half.data)
 
     def answered(self, access: RecordAccess, cut: Cut | None) -> None:
         """The response to a request; arguments as for `asked`."""
         record, half = access.record, access.record.response
         assert half is not None
-        if not record.write:
-            self._read_answered(access, half, cut)
-        elif access.proven or self._index47.passes(access.ar, record.index):
-            self._write_answered(access, half)
-        else:
+        if record.write:
             self.pass_on(access, "write_answered", half)
+        else:
+            self._read_answered(access, half, cut)
 
     def unasked(self, access: RecordAccess, cut: Cut | None) -> None:
         """A response without its request."""
@@ -209,12 +204,14 @@ class RecordEvents:
     def _read_answered(self, access: RecordAccess, half: Half, cut: Cut | None) -> None:
         if half.missing:
             self._length(access, half, cut)
-        if access.proven or self._index47.passes(access.ar, access.record.index):
-            self._read(access, half)
-            return
-        proves = bool(half.data and not half.missing) and (
-            self._index47.answers(access.ar, access.place, half.data, self._codec)
-            or self._pairing.is_again(access)
+        ours = access.proven or self._index47.passes(access.ar, access.record.index)
+        proves = (
+            not ours
+            and bool(half.data and not half.missing)
+            and (
+                self._index47.answers(access.ar, access.place, half.data, self._codec)
+                or self._pairing.is_again(access)
+            )
         )
         self.pass_on(access, "read_answered", half, proves=proves)
 
