@@ -12,6 +12,7 @@ from talk import request
 from ds47.acyclic.pairing import STATUS_SHORT, Job, Moment, Pairing, Peer, RecordAccess, Told
 from ds47.lab import message
 from ds47.lab.client import BUSY, CONTROLLER_AR
+from ds47.profinet.completeness import Completeness
 from ds47.profinet.records import Half, Record
 from ds47.spec.semantics import Limits, limits, phases
 
@@ -135,6 +136,20 @@ def test_a_write_without_its_response_may_have_displaced_what_a_connect_ended() 
     channel.pairing.connected(PEER.controller, PEER.device, at, CONTROLLER_AR.bytes)
     channel.open(3)
     assert (job.missing and job.missing.what, job.superseded_by) == ("later", None)
+
+
+@pytest.mark.parametrize(("lost", "what"), [(0, "ends"), (99, "line")])
+def test_of_a_station_is_missing_what_its_line_shows(lost: int, what: str) -> None:
+    """PROFIBUS has no calls: a Write without its answer was polled, and its answer may come yet."""
+    told: list[Told] = []
+    pairing = Pairing(LIMITS, told, Completeness(16, lambda _: lost))
+    data = message.read(1, 1, message.address(21))
+    record = Record(True, False, bytes(16), -1, 1, 0, 47, 0, Half(1, 1, data, len(data)))
+    peer = Peer("dp1", "dp3", station=3)
+    job = pairing.write_request(RecordAccess(peer, record), request(data))
+    pairing.finish()
+    assert job.missing is not None
+    assert job.missing.what == what
 
 
 def test_a_refusal_as_too_short_is_not_the_end_where_the_record_may_have_come() -> None:
