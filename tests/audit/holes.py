@@ -251,11 +251,14 @@ def _given_away(whole: Whole, deal: Deal, origin: list[int]) -> bool:
     Or to one with its reference, where it was the first one of its channel (docs/pairing.md, P77), or to nobody,
     where it does not know what became of the request, or a Read of it was refused.
     """
+    there = whole.by_frame.get(origin[deal.read or 0], [])
+    same, states = _same(whole, deal, origin), {each.state for each in there}
+    unknown = same is not None and same.state == "incomplete"
+    if unknown and not there and deal.state == "refused" and deal.read is not None:
+        return True
     if not _fits_wholly(deal):
         return False
-    there = whole.by_frame.get(origin[deal.read or 0], [])
-    same, orphan = _same(whole, deal, origin), {each.state for each in there} == {"orphan"}
-    if same is not None and same.state in ("incomplete", "refused") and orphan:
+    if states == {"orphan"} and (unknown or (same is not None and same.state == "refused")):
         return True
     others = [each for each in there if each.state in ("refused", "mismatch")]
     if not all(_fits_wholly(each) for each in others):
@@ -356,10 +359,13 @@ def _saved(whole: Whole, args: dict[str, Any], origin: list[int]) -> Iterator[st
 def _is_outside(rule: str, complaint: str, origin: list[int]) -> bool:
     """Whether what contradicts came before the cut one began, or after its end.
 
-    DS417 says what the capture shows: there it is what the capture has not.
+    DS415 and DS417 say what the capture shows: there it is what the capture has not.
     """
-    unknown = re.fullmatch(r"the value is not known since frame (\d+)", complaint)
-    if rule == "DS417" and unknown is not None:
+    pattern = {
+        "DS417": r"the value is not known since frame (\d+)", "DS415": r"first \d+ is (\d+)",
+    }.get(rule, "-")  # fmt: skip
+    unknown = re.fullmatch(pattern, complaint)
+    if unknown is not None:
         return int(unknown[1]) not in origin
     wanted = {
         "DS708": "a call there is accepted", "DS401": "the channel goes on", "DS402": "the channel goes on",
