@@ -304,6 +304,16 @@ def too_short(client: Client) -> None:
     client.exchange(ask(2), tell(2))
 
 
+def overtaken(client: Client) -> None:
+    """The Read behind a new Write comes before the response to that."""
+    client.write(ask(1))
+    client.poll(0xDE80B100)
+    written = client.ask_write(ask(2))
+    read = client.ask_read()
+    client.accept_write(written, ask(2))
+    client.accept_read(read, tell(2))
+
+
 def refused(client: Client) -> None:
     client.write(ask(1))
     client.write(ask(2))
@@ -401,6 +411,7 @@ ABSENT = ("DS206", "DS401", "DS402", "DS404", "DS413", "DS415", "DS704", "DS705"
         (too_short, (), "ok ok", []),
         (too_short, (5, 6), "incomplete ok", [(1, "calls", 3, 5, "2")]),
         (too_short, (5,), "ok ok", []),
+        (overtaken, (), "refused ok", []),
         (refused, (), "superseded refused", [("DS413", 3)]),
         (refused, (3,), "incomplete", [(1, "requests"), (5, "requests")]),
         (refused, (4,), "incomplete incomplete", [(1, "later"), (3, "write_answer", 3), (5, "later")]),

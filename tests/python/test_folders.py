@@ -469,6 +469,15 @@ def test_a_process_that_dies_costs_its_task_a_second_try(tmp_path: Path, others:
 
 
 @pytest.mark.slow
+def test_neighbours_that_kill_their_process_cost_nobody_else(tmp_path: Path) -> None:
+    """Three of a share: no process has to stay alive for them, the others show that."""
+    names = [f"deadly-{number}" if number in (5, 6, 7) else f"c{number}" for number in range(64)]
+    found = outcomes(Local(tasks(*names), Names(tmp_path), lambda task: tmp_path / task.path, 2))
+    assert [each.split("!")[0] for each in found] == names
+    assert sum("killed, twice" in each for each in found) == 3
+
+
+@pytest.mark.slow
 def test_processes_that_never_live_end_the_run(tmp_path: Path) -> None:
     names = [f"deadly-{number}" for number in range(8)]
     with pytest.raises(Failed, match="-j 1"):

@@ -378,14 +378,15 @@ end
 
 -- `at` is what ended its connection, {frame, time_ns}; nil where nothing is known of that.
 local function lose(self, job, reason, at)
+  if at then
+    job.ended, job.ended_ns = at.frame, at.time_ns
+  end
   if not job.missing then refused_at_last(self, job) end
   if reason ~= "" then
     job.reason = reason
   end
   if job.read_response == nil then
-    if at then
-      job.ended, job.ended_ns = at.frame, at.time_ns
-    else
+    if not at then
       job.ended, job.ended_ns = connected_since(self, job)
     end
     job.missing = job.missing or lacks(self, job, reason)
@@ -499,7 +500,7 @@ local function new_channel(self, key, peer, record)
     heard = 0, -- frame of the newest record that was read
     unasked = 0, -- frame of the newest Write response whose request is not in the capture
     unseen = 0, -- the same, of one that was accepted: it displaced what was open
-    ended = 0, -- frame of the newest Read response that ended a transaction, or found none
+    ended = 0, -- frame of the newest Read response that ended a known request, or found none
   }
   self.channels:set(key, channel)
   put_in(self.of_ar, of_ar, key)
@@ -557,15 +558,15 @@ end
 -- A Read that was sent behind that Write is for it. Behind a Connect it displaces nothing: the AR is new.
 local function displace(self, channel, by)
   local job, asked = channel.open, by.record.request
-  refused_at_last(self, job)
-  if job.read_response or connected_since(self, job, asked) then
-    lose(self, job, may_be_displaced(channel) and "later" or "release")
-    return
-  end
   for place = #(job.fetching or NONE), asked and 1 or math.huge, -1 do
     if job.fetching[place].frame >= asked.frame then
       job:fetched(job.fetching[place])
     end
+  end
+  refused_at_last(self, job)
+  if job.read_response or connected_since(self, job, asked) then
+    lose(self, job, may_be_displaced(channel) and "later" or "release")
+    return
   end
   job.missing = lacks(self, job, "")
   if job.missing == nil then

@@ -2,7 +2,7 @@
 
 Everything that compares a request with its response, or a transaction with its history, stands here.
 What is wrong inside one message is found by the codec (`Flaw`) and only passed on; what is wrong with
-the transport is reported by `ds47.analysis`.
+the transport is reported by `record_calls` and `record_events`.
 """
 
 from __future__ import annotations
@@ -283,7 +283,9 @@ class Judge:
                 limit = self._limits.polling_ns // 1_000_000
                 args = {"milliseconds": since / 1e6, "limit": limit}
                 remarks.append(Remark("DS205", half.frame, args))
-        share = drive_time_ns(job)
+        accepted = job.write_response
+        late = accepted is not None and accepted.frame > half.frame  # it came behind the response
+        share = None if late else drive_time_ns(job)
         if share is not None and share > self._slow_ns and half.data and not job.read_before:
             args = {"milliseconds": share / 1e6, "limit": self._slow_ns // 1_000_000}
             remarks.append(Remark("DS416", half.frame, args))

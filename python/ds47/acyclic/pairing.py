@@ -882,12 +882,12 @@ class Pairing:
         A Read that was sent behind that Write is for it. Behind a Connect it displaces nothing: the AR is new.
         """
         asked = by.record.request
+        if asked is not None:
+            job.fetching = [read for read in job.fetching if read.frame < asked.frame]
         self._refused_at_last(job)
         if job.read_response is not None or self._connected_since(job, asked) is not None:
             self._lose(job, _may_be_displaced(channel).get(job.order, "release"))
             return
-        if asked is not None:
-            job.fetching = [read for read in job.fetching if read.frame < asked.frame]
         job.missing = self._lacks(job, "")
         if job.missing is None:
             job.superseded_by = asked.frame if asked is not None else None

@@ -1,7 +1,7 @@
 """Many captures at once on this machine: processes that analyse ahead of the report.
 
 Processes are spawned, not forked, so that it is the same on every system. One that dies (out of
-memory, killed) costs its task a second try, alone; the others go on. When this process is
+memory, killed) costs its tasks a second try, each alone; the others go on. When this process is
 interrupted or dies, they end.
 """
 
@@ -16,6 +16,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing import active_children, get_context, parent_process
 from pathlib import Path
+from typing import Final
 
 from ds47.batch.endings import Failed
 from ds47.batch.memory import collect, collect_rarely
@@ -27,7 +28,10 @@ from ds47.capture import CaptureError
 _SHARE, _SHARE_BYTES = 16, 1 << 20
 """So many tasks, or bytes of captures, go to a process together: to hand one over takes as long as to read one."""
 _DEATHS = 3
-"""So many tasks in a row that kill their process are no longer about the tasks."""
+"""So many shares in a row of which no task lives are no longer about the tasks."""
+_KILLED: Final = CaptureError(
+    "the process that analysed it was killed, twice; is there enough memory? (-j 1 needs less)"
+)
 
 
 Problems = list[str | None]
@@ -110,31 +114,33 @@ class Local(Window[Future[Problems]]):
 
     def _one_died(self, share: list[Begun]) -> None:
         """Begins all anew that was at work; nobody knows whose process it was, so each of these alone."""
-        waiting = list(self._working.values())
+        waiting = dict(self._working)
         self._working.clear()
         self._pool.shutdown()
         self._pool = self._new_pool(1)
+        lived = False
         for begun in share:
             begun.outcome = self._alone(begun.task)
+            lived = lived or begun.outcome is not _KILLED
+        self._deaths = 0 if lived else self._deaths + 1
+        if self._deaths == _DEATHS:
+            raise Failed("no process of this run stays alive; -j 1 needs none")
         self._pool.shutdown()
         self._pool = self._new_pool()
-        for each in waiting:
-            self._begin(each)
+        for handle, each in waiting.items():
+            if handle.done() and handle.exception() is None:  # stdin is read once
+                self._take(handle, each)
+            else:
+                self._begin(each)
 
     def _alone(self, task: Task) -> Outcome:
         try:
             (problem,) = self._submit([task]).result()
         except BrokenProcessPool:
             discard(self._draft(task))
-            self._deaths += 1
-            if self._deaths == _DEATHS:
-                raise Failed("no process of this run stays alive; -j 1 needs none") from None
             self._pool.shutdown()
             self._pool = self._new_pool(1)
-            return CaptureError(
-                "the process that analysed it was killed, twice; is there enough memory? (-j 1 needs less)"
-            )
-        self._deaths = 0
+            return _KILLED
         return self._came_of(task, problem)
 
 
