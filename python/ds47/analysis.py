@@ -190,6 +190,12 @@ def _catalogue(lists: Sequence[ParameterList]) -> Catalogue | None:
     return Catalogue(lists)
 
 
+def _built_s7(job: S7Job) -> Transaction:
+    from ds47.s7.transactions import build  # few captures have S7
+
+    return build(job)
+
+
 def _layout(layouts: dict[str, str], device: str) -> str:
     """The layout of IND of a device: its own, that of all, or that of cyclic transfer."""
     return layouts.get(device, layouts.get("", CYCLIC))
@@ -516,22 +522,18 @@ class Analysis:
 
     def _communicated(self, job: S7Job, remarks: list[Remark]) -> None:
         """A job of S7 is over."""
-        from ds47.s7.transactions import build as build_s7  # few captures have S7
-
         job.order = self._pairing.number()
-        self._finished(job.order, build_s7(job), remarks)
-        perhaps = not job.of_drive and self._s7.is_drive(job.partner.ip, perhaps=True)
-        if perhaps and self._on_transaction is None:
+        self._finished(job.order, _built_s7(job), remarks)
+        kept = self._on_transaction is None and not job.of_drive
+        if kept and self._s7.is_drive(job.partner.ip, perhaps=True):
             self._unproven.append(job)
 
     def _proven_late(self) -> None:
         """Of a drive that showed only later what it is the first jobs are told as elements, too."""
         for job in self._unproven:
             if self._s7.is_drive(job.partner.ip):
-                from ds47.s7.transactions import build as build_s7
-
                 job.of_drive = True
-                self._transactions[job.order] = build_s7(job)
+                self._transactions[job.order] = _built_s7(job)
 
     def _finished(self, order: int, transaction: Transaction, remarks: list[Remark]) -> None:
         """A transaction that is none of records is over."""
