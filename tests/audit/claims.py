@@ -858,6 +858,9 @@ def _orphan(case: Case) -> Iterator[str]:
         and not any((last.read or 0) < each < case.frame for each in others)
         and last.operation != "unknown"  # which proves no AR: what was read may be no response yet
         and not any(each.call.response and each.call.response.cut for each in reads)
+        and not any(
+            each.asked > (each.answered or 0) for each in reads
+        )  # it looked like a hole then
         and not case.reading.gaps.leaves_open(
             last.controller, last.device, last.read or 0, case.frame
         )
@@ -1142,10 +1145,11 @@ def _read_back(case: Case) -> Iterator[str]:
     elif len(values) > 1:
         yield f"written last may be {sorted(each.hex() for each in values if each)}"
     else:
-        told = [
-            each for each in sure if each.start == case.args.get("by")
-        ]  # the value is that of all
-        yield from _written(case, sure[-1].bits or b"", bits, (told or sure)[-1].start)
+        # The newest one with this value is told, accepted for sure or not.
+        by = case.args.get("by")
+        told = [each for each in last if each.start == by and each.end < (deal.write or 0)]
+        value = next(each for each in values if each is not None)
+        yield from _written(case, value, bits, (told or sure)[-1].start)
 
 
 def _written(case: Case, written: bytes, bits: bytes, frame: int) -> Iterator[str]:

@@ -130,6 +130,8 @@ def check(
         if complaint.rule != "line" or whole_one:  # else nobody knows whose all Reads are
             yield complaint
     origin = [0, *(whole.first.get(at, at) for at in numbers)]
+    if _takes_a_stray(whole, cut, [0, *numbers]):
+        return
     for deal in cut.deals:
         same = _same(whole, deal, origin)
         settled = ended or (same is not None and same.answer is not None and _is_over(whole, same))
@@ -151,6 +153,14 @@ def check(
             for text in _finding(whole, finding, cut, origin):
                 where = f"frame {finding.frame}, {origin[finding.frame]} of all"
                 yield Complaint(finding.rule, where, f"{text} [{finding.message}]")
+
+
+def _takes_a_stray(whole: Whole, cut: Reading, origin: list[int]) -> bool:
+    """Whether an answer to nothing stands in the cut where the true answer is lost: nobody can tell them apart."""
+    if cut.line is None or whole.item.line is None:
+        return False
+    stray = {each.number for each in whole.item.line.stray}
+    return any(turn.answer and origin[turn.answer.number] in stray for turn in cut.line.turns)
 
 
 def merged(one: Path, two: Path) -> Iterator[Complaint]:
@@ -204,7 +214,8 @@ def _deal(whole: Whole, same: Deal, deal: Deal, cut: Reading, origin: list[int])
     if short and same.answer is not None:
         allowed |= {"ok", "partial", "error"}  # which is decided by what is there
     if (again := _asked_again(whole, same, origin[deal.read or 0])) is not None:
-        allowed.add(again.state)
+        alike = (each for each in whole.item.deals if _is_once_more(each, again))
+        allowed |= {each.state for each in alike if each is again or _same_bytes(each, deal)}
     if deal.state not in allowed:
         yield f"{deal.state} is {same.state} (#{same.id} of the whole)"
     read = origin[deal.read or 0]
@@ -233,9 +244,14 @@ def _is_unproven(whole: Whole, deal: Deal) -> bool:
 
 def _asked_again(whole: Whole, same: Deal, read: int) -> Deal | None:
     """The transaction that asks for the same, byte for byte, and whose response is in a frame."""
-    asked = same.plain["bytes"]["request"]
-    there = (each for each in whole.by_frame.get(read, []) if each.place == same.place and read)
-    return next((each for each in there if asked and each.plain["bytes"]["request"] == asked), None)
+    there = whole.by_frame.get(read, []) if read else []
+    return next((each for each in there if _is_once_more(each, same)), None)
+
+
+def _is_once_more(one: Deal, other: Deal) -> bool:
+    """Whether two transactions of a place ask for the same, byte for byte."""
+    asked = one.plain["bytes"]["request"]
+    return bool(asked) and one.place == other.place and asked == other.plain["bytes"]["request"]
 
 
 def _next_write(whole: Whole, same: Deal) -> float:

@@ -284,10 +284,11 @@ function ReadBack:_last(key, pnu, access, asked)
   local near = kept(self.written:get(key) or NONE, function(each)
     return not objects:other(access, each.access, pnu)
   end)
-  for _, each in ipairs(near) do
-    if each.certain and each.upto < asked and objects:same(access, each.access, pnu)
-      and (last == nil or each.asked > last.asked)
-    then
+  local same = kept(near, function(each)
+    return each.upto < asked and objects:same(access, each.access, pnu)
+  end)
+  for _, each in ipairs(same) do
+    if each.certain and (last == nil or each.asked > last.asked) then
       last = each
     end
   end
@@ -296,6 +297,11 @@ function ReadBack:_last(key, pnu, access, asked)
       return nil -- may have come later
     elseif each.replaces and each.upto >= asked then
       return nil -- the value that it replaced may have come later, too
+    end
+  end
+  for _, each in ipairs(last and same or NONE) do
+    if each.raw == last.raw and each.asked > last.asked then
+      last = each -- nobody knows whether it was accepted, but it wrote the same
     end
   end
   return last

@@ -211,20 +211,18 @@ class ReadBack:
             for each in self._written.get(key, ())
             if not objects.other(reached, each.access, pnu)
         ]
-        sure = [
-            each
-            for each in near
-            if each.certain and each.until < asked and objects.same(reached, each.access, pnu)
+        same = [
+            each for each in near if each.until < asked and objects.same(reached, each.access, pnu)
         ]
-        if not sure:
+        if not any(each.certain for each in same):
             return None
-        last = max(sure, key=lambda each: each.asked)
+        last = max((each for each in same if each.certain), key=lambda each: each.asked)
         for each in near:
             if each.raw != last.raw and each.until >= last.asked:
                 return None  # may have come later
             if each.replaces and each.until >= asked:
                 return None  # the value that it replaced may have come later, too
-        return last
+        return max((each for each in same if each.raw == last.raw), key=lambda each: each.asked)
 
     def _device(self, device: str) -> _Device:
         found = self._devices.get(device)
