@@ -190,10 +190,16 @@ def _catalogue(lists: Sequence[ParameterList]) -> Catalogue | None:
     return Catalogue(lists)
 
 
-def _built_s7(job: S7Job) -> Transaction:
+def _built_s7(job: S7Job, of_drive: bool) -> Transaction:
     from ds47.s7.transactions import build  # few captures have S7
 
-    return build(job)
+    return build(job, of_drive=of_drive)
+
+
+def _name_elements(transaction: Transaction) -> None:
+    from ds47.s7.transactions import name_elements
+
+    name_elements(transaction)
 
 
 def _layout(layouts: dict[str, str], device: str) -> str:
@@ -267,8 +273,8 @@ class Analysis:
         """What is wrong with the transport of open jobs."""
         self._transactions: dict[int, Transaction] = {}
         """By the order of their jobs; the jobs themselves need not be kept."""
-        self._unproven: list[S7Job] = []
-        """Jobs of S7 at servers that may be drives, where transactions are kept."""
+        self._unproven: set[str] = set()
+        """Servers of S7 of which nothing showed a drive yet when a job was over."""
         self._summary: dict[str, int] = {"transactions": 0}
         self._objects = DriveObjects()
         self._capture: Capture | Series | None = None
@@ -523,17 +529,17 @@ class Analysis:
     def _communicated(self, job: S7Job, remarks: list[Remark]) -> None:
         """A job of S7 is over."""
         job.order = self._pairing.number()
-        self._finished(job.order, _built_s7(job), remarks)
-        kept = self._on_transaction is None and not job.of_drive
-        if kept and self._s7.is_drive(job.partner.ip, perhaps=True):
-            self._unproven.append(job)
+        of_drive = self._s7.is_drive(job.partner.ip)
+        if not of_drive:
+            self._unproven.add(job.partner.ip)
+        self._finished(job.order, _built_s7(job, of_drive), remarks)
 
     def _proven_late(self) -> None:
         """Of a drive that showed only later what it is the first jobs are told as elements, too."""
-        for job in self._unproven:
-            if self._s7.is_drive(job.partner.ip):
-                job.of_drive = True
-                self._transactions[job.order] = _built_s7(job)
+        late = set(filter(self._s7.is_drive, self._unproven))
+        for transaction in self._transactions.values() if late else ():
+            if transaction.channel == S7 and transaction.device in late:
+                _name_elements(transaction)
 
     def _finished(self, order: int, transaction: Transaction, remarks: list[Remark]) -> None:
         """A transaction that is none of records is over."""

@@ -38,9 +38,12 @@ OF_COUNTS = {
     "DS816": {"last"},
     "DS417": {"by"},  # the last one that the capture shows
     "DS111": {"has"},  # the repeated request tells
+    "DS907": {"byte"},  # of the first write
 }
 """Arguments of a rule that follow from such a count."""
-NOTHING = (None, "sap_unknown", "1 x unknown address", "exchange_since", "exchange_none")
+NOTHING = (
+    None, "sap_unknown", "exchange_since", "exchange_none", *(f"{n} x unknown address" for n in range(1, 5)),
+)  # fmt: skip
 """Arguments that say nothing."""
 ALIKE = {
     **dict.fromkeys(("DS401", "DS402"), "its AR was released"),  # the cut has not the Release
@@ -51,7 +54,10 @@ ALIKE = {
     "DS417": "written last may be",  # it says what the capture shows
     "DS714": "the drive reads it as",  # what was read the cut does not have
     "DS917": "no connection is refused in this frame",  # the frame of RST, which stands before that of CR
-    "DS908": "area '1 x unknown address' is",  # of an answer, and the cut has not the job
+    # Of an answer, and the cut has not the job.
+    "DS908": tuple(f"area '{n} x unknown address' is" for n in range(1, 5)),
+    "DS907": "it is byte",
+    "DS919": "something else than an element",  # what else is asked for the cut does not show
     "DS701": "a STATUS tells of it",  # of the Write, which the cut does not have
     # Of it the cut has no response, or not in its order.
     "DS704": ("a new request was written", "no new request was written"),

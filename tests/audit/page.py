@@ -502,6 +502,8 @@ def _device(item: Headline, group: list[Finding], reading: Reading) -> Iterator[
     stations |= {
         f"dp{each['address']}" for each in (reading.plain.get("bus") or {}).get("stations", ())
     }
+    for each in reading.plain.get("connections") or ():
+        stations |= {each["client"], each["server"]}
     if len(stations) < 2:
         yield f"names {named[1]}, and there is no other"
     of = {each.frame: about(each, reading) for each in group}

@@ -149,33 +149,43 @@ def _element(case: Case) -> Iterator[str]:
             yield "no such item is refused"
             return
         yield from case.wrong(bytes=named[0].size)
-        seems = not any(map(_shares_nothing, case.servers(job.line)))
+        lines = case.servers(job.line)
+        seems = not _shares_nothing(lines) and not any(map(_says_drive, lines))
         if case.args.get("case") == "drive_seems":
-            yield from _seems_a_drive(job)
+            yield from _seems_a_drive(job, lines)
         elif case.args.get("case") != "drive_known" or seems:
             yield f"case {case.args.get('case')!r}: nothing shows a drive"
 
     yield from _best(case, [each(job) for job in case.answered()])
 
 
-def _seems_a_drive(job: Job) -> Iterator[str]:
+def _seems_a_drive(job: Job, lines: list[Line]) -> Iterator[str]:
     """Slot 0, and nothing was read or written up to then but single elements."""
-    line = job.line
-    if line.tsap is None or line.tsap[-1] & 31:
+    if job.line.tsap is None or job.line.tsap[-1] & 31:
         yield "its slot is not 0"
+    end = job.answered.number if job.answered else 0
     done = [
-        i for each in line.jobs if each.answered and each.asked.number <= job.asked.number
+        i for each in _in_order(lines) if each.answered and each.answered.number <= end
         for i in each.items if i.code == 0xFF
     ]  # fmt: skip
     if not done or any(i.area != 0x84 or i.size not in (1, 2, 4) for i in done):
         yield "something else than an element is read or written"
 
 
-def _shares_nothing(line: Line) -> bool:
-    """Whether a value is read back although one that lies on it was written since."""
+def _in_order(lines: list[Line]) -> list[Job]:
+    every = [job for line in lines for job in line.jobs if job.answered]
+    return sorted(every, key=lambda job: job.answered.number if job.answered else 0)
+
+
+def _says_drive(line: Line) -> bool:
+    return any(isinstance(each, str) and each.startswith("6SL3") for _, each in line.said)
+
+
+def _shares_nothing(lines: list[Line]) -> bool:
+    """Whether a value is read back although one that lies on it was written since, of one server."""
     written: dict[tuple[int, int], tuple[bytes, bool]] = {}
-    for job in line.jobs:
-        for item in job.items if job.answered else ():
+    for job in _in_order(lines):
+        for item in job.items:
             key, data = (item.db, item.start // 8), item.data or b""
             if item.code != 0xFF or item.area != 0x84:
                 continue
@@ -388,7 +398,8 @@ def _values(job: Job, place: str) -> dict[int, int]:
     found: dict[int, int] = {}
     for item in job.items:
         front = Item(item.area, item.db, 0, 2, 2).text().partition("B0..")[0]
-        if front == place and item.data is not None and (job.write or item.code == 0xFF):
+        done = item.code == 0xFF or (job.write and item.code is None)
+        if front == place and item.data is not None and done:
             start = item.start // 8
             if item.kind == 1:
                 return {}
@@ -483,24 +494,31 @@ def _writers(case: Case) -> Iterator[str]:
     place, _, at = str(case.args.get("byte")).rpartition("B")
     writes = [
         job for job in sorted(case.jobs(), key=lambda each: each.answered.number if each.answered else 0)
-        if job.write and job.good and job.line.server[0] == case.args.get("device")
+        if job.write and job.answered and job.line.server[0] == case.args.get("device")
         and job.line.client[0] in names
     ]  # fmt: skip
     found = []
+    named = set(case.args.get("frames") or ())
     for n, job in enumerate(writes):
+        differing = []
         for other in writes[:n]:
             mine, theirs = _values(job, place), _values(other, place)
             differ = [b for b in mine.keys() & theirs.keys() if mine[b] != theirs[b]]
             near = other.answered and job.asked.time_ns - other.answered.time_ns <= SECOND
             if differ and near and job.line.client[0] != other.line.client[0]:
-                found.append((job, other, min(differ)))
-                break
+                differing.append((job, other, min(differ)))
+        if differing:  # the oldest may be forgotten: what else was said made the memory doubtful
+            told = (each for each in differing if each[1].asked.number in named)
+            found.append(next(told, differing[0]))
     if not found:
         yield "no two stations write other values to the same bytes"
         return
-    job, _, byte = found[0]
     yield from case.wrong(controller=min(map(str, names)), other=max(map(str, names)))
+    if any(each.said for each in case.lines if each.server[0] == case.args.get("device")):
+        # What is no job makes the memory doubtful: older writes do not count then.
+        found = [each for each in found if {each[0].asked.number, each[1].asked.number} <= named]
     yield from _many(case, [[one.asked.number, two.asked.number] for one, two, _ in found])
+    job, _, byte = found[0] if found else (writes[0], None, None)
     if not at.isdigit() or int(at) != byte or job.asked.number != case.frame:
         yield f"it is byte {byte} in frame {job.asked.number}"
 

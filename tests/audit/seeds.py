@@ -14,11 +14,11 @@ from itertools import repeat
 from pathlib import Path
 from random import Random
 
-from tests.audit import conversations, cuts, ends, holes, lines, lossy, run
+from tests.audit import conversations, cuts, ends, holes, lines, lossy, partners, run
 from tests.audit.reading import Complaint
 
-Plan = conversations.Plan | lines.Plan | lossy.Plan
-"""Of a conversation on PROFINET, of a line of PROFIBUS, or of a conversation over a wire that loses and delays."""
+Plan = conversations.Plan | lines.Plan | lossy.Plan | partners.Plan
+"""Of a conversation on PROFINET, of a line of PROFIBUS, over a wire that loses and delays, or of partners of S7."""
 SHARE = 100
 """So many conversations are audited by one process, in 10 s or so."""
 
@@ -47,14 +47,23 @@ def plan(text: str) -> Plan:
     known = json.loads(text)
     if "mtu" in known:
         return lossy.plan(known)
+    if "servers" in known:
+        return partners.plan(known)
     return lines.plan(known) if "stations" in known else conversations.plan(known)
 
 
-def play(planned: Plan) -> conversations.Conversation | lines.Conversation | lossy.Conversation:
+def play(
+    planned: Plan,
+) -> conversations.Conversation | lines.Conversation | lossy.Conversation | partners.Conversation:
     """The conversation of a plan."""
-    if isinstance(planned, lossy.Plan):
-        return lossy.play(planned)
-    return lines.play(planned) if isinstance(planned, lines.Plan) else conversations.play(planned)
+    match planned:
+        case lossy.Plan():
+            return lossy.play(planned)
+        case lines.Plan():
+            return lines.play(planned)
+        case partners.Plan():
+            return partners.play(planned)
+    return conversations.play(planned)
 
 
 def kept(path: Path = PLANS) -> list[Plan]:
@@ -69,15 +78,19 @@ def of_wires() -> dict[str, list[lossy.Plan]]:
 
 
 def planned(count: int, number: int, *, wires: bool = True) -> list[Plan]:
-    """So many plans of a seed. Every third is a line of PROFIBUS.
+    """So many plans of a seed. Every third is a line of PROFIBUS, every twelfth a conversation of S7.
 
     `wires`: every sixth is a conversation over a wire. Of what such a one loses nothing is the whole.
     """
     random, lossy_ones = Random(number), Random(f"wires {number}")
-    found: list[Plan] = []
+    of_s7, found = Random(f"partners {number}"), list[Plan]()
     for at in range(count):
         each: Plan = lines.planned(random) if at % 3 == 0 else conversations.planned(random)
-        found.append(lossy.planned(lossy_ones) if wires and at % 6 == 5 else each)
+        if wires and at % 6 == 5:
+            each = lossy.planned(lossy_ones)
+        elif at % 12 == 1:
+            each = partners.planned(of_s7)
+        found.append(each)
     return found
 
 
@@ -89,6 +102,8 @@ def of_plan(plan: Plan, folder: Path) -> list[Complaint]:
     try:
         if isinstance(made, lossy.Conversation):
             return list(ends.of(made, folder))
+        if isinstance(made, partners.Conversation):
+            return list(partners.of(made, folder))
         return run.audit(path, made.drives)
     except Exception as error:
         error.add_note(plan.text())
@@ -99,6 +114,8 @@ def whole(plan: Plan) -> Plan:
     """The same without what its capture loses, for that others cut it."""
     if isinstance(plan, lossy.Plan):
         return plan
+    if isinstance(plan, partners.Plan):
+        return replace(plan, twice=0.0, late=0.0, tpdu=None)
     if isinstance(plan, lines.Plan):
         nothing = dict.fromkeys(("loss", "noise", "trouble"), 0.0)
         return replace(plan, snap=None, doubled=False, back=False, **nothing)

@@ -77,10 +77,9 @@ class Communication:
         if self.ports:
             self._drives.records(ip)
 
-    def is_drive(self, ip: str, *, perhaps: bool = False) -> bool:
-        """Whether the capture has shown that a server is a drive; `perhaps`: or its addresses suggest it."""
-        shown = self._drives.told(ip) if perhaps else self._drives.proof(ip)
-        return shown is not None
+    def is_drive(self, ip: str) -> bool:
+        """Whether the capture has shown that a server is a drive."""
+        return self._drives.proof(ip) is not None
 
     def told(self) -> list[model.Connection]:
         """The connections, as the report has them."""
@@ -96,7 +95,6 @@ class Communication:
 
     def _settled(self, job: S7Job) -> None:
         """A job is over; the judge has heard of it before."""
-        job.of_drive = self.is_drive(job.partner.ip)
         self._over(job, self._said.pop(job, []))
 
     def _heard(self, remark: Remark) -> None:

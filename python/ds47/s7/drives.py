@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
+from ds47 import model
 from ds47.model import SIEMENS, Parameter
 from ds47.profidrive.dictionary import family_of, listed, unit_of
 from ds47.profidrive.formats import codec
@@ -33,6 +34,8 @@ _WIDEST: Final = max(SIZES)
 _LEAST, _MOST = 1e-4, 1e9
 _INDEX: Final = 100
 """Indices from here on are too rare to suggest anything."""
+_BLOCK: Final = "DB"
+"""Letters of data blocks."""
 _KEPT: Final = 64
 """Values of a server that are remembered."""
 
@@ -49,13 +52,31 @@ def element(address: Address | None) -> DriveElement | None:
     """What an address stands for on a drive; None where it can be no element."""
     if address is None or address.area != DB or address.size < 8 or address.start % 8:
         return None
-    drive_object, subindex = divmod(address.start // 8, PER_OBJECT)
-    return DriveElement(drive_object, address.db, subindex)
+    return _element(address.db, address.start // 8)
 
 
-def parameter(found: DriveElement, item: Item) -> Parameter:
+def element_of(item: model.Item) -> DriveElement | None:
+    """The same of an item of the report."""
+    db, start = item.db, item.start
+    if (
+        item.area != _BLOCK
+        or db is None
+        or start is None
+        or item.length is None
+        or item.bit is not None
+    ):
+        return None
+    return _element(db, start)
+
+
+def _element(db: int, byte: int) -> DriveElement:
+    drive_object, subindex = divmod(byte, PER_OBJECT)
+    return DriveElement(drive_object, db, subindex)
+
+
+def parameter(found: DriveElement, value: bytes | None) -> Parameter:
     """The element with its value, by the type that the tables have of it, where that has as many bytes."""
-    known, data = listed(found.pnu, SIEMENS), item.value or b""
+    known, data = listed(found.pnu, SIEMENS), value or b""
     own = None if known is None else format_named(known.type.partition("[")[0])
     row = own if own is not None and own.size == len(data) else None
     if row is None and len(data) in SIZES:

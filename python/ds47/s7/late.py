@@ -50,9 +50,9 @@ class LateCommunication:
             if len(self._drives) > self._most:
                 del self._drives[next(iter(self._drives))]
 
-    def is_drive(self, ip: str, *, perhaps: bool = False) -> bool:
-        """Whether a server of S7 is a drive, as far as the capture shows it up to now, or `perhaps` is one."""
-        return self._made is not None and self._made.is_drive(ip, perhaps=perhaps)
+    def is_drive(self, ip: str) -> bool:
+        """Whether a server of S7 is a drive, as far as the capture shows it up to now."""
+        return self._made is not None and self._made.is_drive(ip)
 
     def finish(self) -> None:
         """The capture is over."""

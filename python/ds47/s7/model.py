@@ -264,8 +264,6 @@ class S7Job:
     """Its number among all transactions of the capture; the analysis gives it."""
     phase: str
     """"closed" when everybody knows that it is over."""
-    of_drive: bool
-    """Whether the partner is known as a drive when it is over: its addresses are those of parameters."""
 
     def __init__(
         self,
@@ -309,7 +307,6 @@ class S7Job:
         self.place = 0
         self.order = 0
         self.phase = "open"
-        self.of_drive = False
 
     @property
     def asker(self) -> End:

@@ -258,11 +258,11 @@ class Moments:
         return True
 
     def _two_writers(self, job: S7Job, access: ItemAccess, memory: Memory) -> None:
-        """Another station wrote other values to the same bytes, not long before."""
-        partner = self._partner(job.connection)
+        """Other stations wrote other values to the same bytes, not long before: each is told of once."""
+        partner, named = self._partner(job.connection), {job.connection.client.ip}
         for other in memory.writes():
             connection = partner.connections.get(other.connection)
-            if connection is None or connection.client.ip == job.connection.client.ip:
+            if connection is None or connection.client.ip in named:
                 continue
             if (
                 not (other.sure and other.known)
@@ -281,7 +281,7 @@ class Moments:
             }  # fmt: skip
             key = (job.connection.server, access.area, access.db, *stations)
             self._notes.add("DS907", key, access.request, args, (other.request,))
-            return
+            named.add(connection.client.ip)
 
     def _compared(self, job: S7Job, access: ItemAccess, memory: Memory) -> None:
         """The first read after a write has other values."""

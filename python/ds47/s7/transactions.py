@@ -18,15 +18,15 @@ from ds47.spec import s7
 _BYTE = 8
 
 
-def build(job: S7Job) -> Transaction:
-    """The transaction of a job that is over."""
+def build(job: S7Job, *, of_drive: bool) -> Transaction:
+    """The transaction of a job that is over; `of_drive`: its partner is known as a drive."""
     asked, answered = job.asked, job.answered
     first = asked or answered
     assert first is not None
     segments = [
         Read(each.at.frame, each.acknowledged and each.acknowledged.frame) for each in job.segments
     ]
-    return Transaction(
+    transaction = Transaction(
         operation=job.operation,
         state=job.state,
         controller=job.asker.ip,
@@ -54,19 +54,27 @@ def build(job: S7Job) -> Transaction:
         error=job.error,
         segments=segments,
     )
+    if of_drive:
+        name_elements(transaction)
+    return transaction
+
+
+def name_elements(transaction: Transaction) -> None:
+    """Says of each item whose element it is: the partner is a drive."""
+    for item in transaction.items:
+        found = drives.element_of(item)
+        if found is not None:
+            item.drive_object = found.drive_object
+            item.parameter = drives.parameter(found, item.value)
 
 
 def _item(item: Item, job: S7Job) -> model.Item:
-    """An item of the report; of what is sent the bytes are all that is known, of a drive the element is, too."""
+    """An item of the report; of what is sent the bytes are all that is known."""
     address = item.address
     if address is None:
         length = len(item.value) if job.r_id is not None and item.value is not None else None
         return model.Item(None, None, None, None, None, length, item.value, item.code)
-    found = drives.element(address) if job.of_drive else None
-    if found is None:
-        return model.Item(*_named(address), item.value, item.code)
-    told = drives.parameter(found, item)
-    return model.Item(*_named(address), item.value, item.code, found.drive_object, told)
+    return model.Item(*_named(address), item.value, item.code)
 
 
 @lru_cache(maxsize=4096)
