@@ -168,9 +168,11 @@ for text in io.lines() do
     end
     tell("end", {unsure = run.line.unsure})
     run = new_run()
+  elseif text == "cut" then
+    run.cut = true -- the recording did not keep its frames whole
   else
     run.frame = run.frame + 1
     local item = telegram.decode(reader.unhex(text))
-    over(run, run.line:take({frame = run.frame, time_ns = run.frame * 1000000, item = item}))
+    over(run, run.line:take({frame = run.frame, time_ns = run.frame * 1000000, item = item}, run.cut))
   end
 end

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from ds47.cyclic.operation import Operation
+from ds47.cyclic.operation import Now, Operation
 from ds47.cyclic.timeline import Recorder
 from ds47.model import Timeline
 from ds47.report import timelines
-from ds47.spec.semantics import limits
+from ds47.spec.semantics import Limits, limits
 
 OFF, ON, NO_ENABLE = 0x047E, 0x047F, 0x0477
 READY, SWITCHED_ON, RUNS, FAULT, RUNS_WITH_FAULT = 0x0231, 0x0233, 0x0237, 0x0248, 0x023F
@@ -35,6 +35,16 @@ def say(recorder: Recorder, what: int | str, frame: int, time_ns: int) -> None:
 
 
 RUNNING = (ON, RUNS)
+
+
+@pytest.mark.parametrize(("gap", "rules"), [(4096, []), (4097, ["DS526"])])
+def test_a_deviation_begins_beyond_its_limit(gap: int, rules: list[str]) -> None:
+    """A quarter of the full scale of 16,384 is allowed."""
+    operation = Operation({}, Limits(**limits().columns() | {"deviation_percent": 25}))
+    for frame, actual in enumerate((8192, 8192 - gap, 8192 - gap), 1):
+        operation.look(Now(frame, frame * 10**10, ON, ON, RUNS & ~0x100, 8192, actual))
+    operation.finish()
+    assert [each.rule for each in operation.remarks] == rules
 
 
 @pytest.mark.parametrize(

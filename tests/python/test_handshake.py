@@ -15,8 +15,9 @@ from typing import Any
 import pytest
 from lua_program import LUAS, lua_program
 
-from ds47.cyclic import pkw
-from ds47.cyclic.handshake import Channel, Moment, PkwJob
+from ds47.cyclic import judge, pkw
+from ds47.cyclic.handshake import Channel, Moment, PkwJob, Sight
+from ds47.cyclic.relations import Relation, Side
 from ds47.spec import cyclic as spec
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -126,3 +127,15 @@ def steps(chance: random.Random) -> list[dict[str, Any]]:
 def test_an_answer_takes_as_long_as_its_frames_say() -> None:
     (job,) = played(next(each for each in CONVERSATIONS if each["id"] == "k1-plain"))
     assert job.duration_ns == 6 * CYCLE_NS
+
+
+@pytest.mark.parametrize(("end", "told"), [(None, [0.0]), (3, [2.0]), (1, [])])
+def test_how_long_a_request_without_a_response_stood(end: int | None, told: list[float]) -> None:
+    """Nothing where the clock was set back meanwhile."""
+    job = PkwJob(Sight(bytes.fromhex("1" + "0" * 15), at(2)), None, True)
+    side = Side(b"\2\3", 0, 0, 8, 8, None, None, 0)
+    relation = Relation("pkw", "dp2", "dp3", None, None, None, None, None, (), side, side, None)
+    job.last = None if end is None else at(end)
+    found = list(judge.unanswered(relation, job))
+    assert [each.args["milliseconds"] for each in found] == told
+    assert {each.rule for each in found} <= {"DS514"}

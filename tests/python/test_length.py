@@ -184,10 +184,12 @@ def test_a_read_that_is_refused_says_nothing_of_mlen() -> None:
 
 
 def short(
-    *stated: int | None, status: int = STATUS_SHORT, answer: bytes = REALS
+    *stated: int | None, status: int = STATUS_SHORT, answer: bytes = REALS, missing: int = 0
 ) -> list[dict[str, int]]:
     """What is said of Reads for so many bytes that were refused before a record came."""
     case = job(READ_ARRAY, answer)
+    if case.read_response is not None:
+        case.read_response.missing = missing
     for number, asked in enumerate(stated):
         request = None if asked is None else Half(10 + number, 0, b"", asked)
         case.polls.append((request, Half(20 + number, 0, b"", status=status)))
@@ -198,6 +200,7 @@ def short(
 
 def test_a_read_that_was_refused_for_its_length_was_too_short_for_the_record_that_came() -> None:
     assert short(10, 21) == [{"asked": 10, "need": 22}, {"asked": 21, "need": 22}]
+    assert short(21, answer=REALS[:10], missing=12) == [{"asked": 21, "need": 22}]
     assert short(22, 240) == short(None, 0) == short() == []
     assert short(10, status=STATUS_NOT_READY) == short(10, answer=b"") == []
 

@@ -66,10 +66,10 @@ class Ear:
         self._jobs_told: list[Told] = []
         self.pairing = Pairing(limits(), self._jobs_told)
 
-    def run(self, frames: Iterable[bytes]) -> list[dict[str, Any]]:
+    def run(self, frames: Iterable[bytes], cut: bool = False) -> list[dict[str, Any]]:
         line, calls = Line(), CallTracker()
         for number, data in enumerate(frames, start=1):
-            for exchange in line.take(Seen(number, number * MS, telegram.decode(data))):
+            for exchange in line.take(Seen(number, number * MS, telegram.decode(data)), cut):
                 self._exchange(exchange)
                 self._heard(calls.take(exchange))
         for exchange in line.finish():
@@ -258,8 +258,11 @@ def by_chance() -> list[list[bytes]]:
 # Comparing
 
 
-def lua_says(lua: str, lines: list[list[bytes]]) -> list[list[dict[str, Any]]]:
-    text = "".join("".join(f"{frame.hex()}\n" for frame in frames) + "end\n" for frames in lines)
+def lua_says(lua: str, lines: list[list[bytes]], cut: bool) -> list[list[dict[str, Any]]]:
+    front = "cut\n" if cut else ""
+    text = "".join(
+        front + "".join(f"{frame.hex()}\n" for frame in frames) + "end\n" for frames in lines
+    )
     result = subprocess.run(
         [lua_program(lua), str(DRIVER)], input=text.encode(), capture_output=True, check=False
     )
@@ -273,9 +276,10 @@ def lua_says(lua: str, lines: list[list[bytes]]) -> list[list[dict[str, Any]]]:
     return told
 
 
-def compare(lua: str, lines: list[list[bytes]]) -> None:
-    for number, (frames, told) in enumerate(zip(lines, lua_says(lua, lines), strict=True)):
-        expected = Ear().run(frames)
+def compare(lua: str, lines: list[list[bytes]], *, cut: bool = False) -> None:
+    """`cut`: the recording did not keep the frames whole that end too early."""
+    for number, (frames, told) in enumerate(zip(lines, lua_says(lua, lines, cut), strict=True)):
+        expected = Ear().run(frames, cut)
         for one, other in zip(told, expected, strict=False):
             assert one == other, f"line {number}"
         assert len(told) == len(expected), f"line {number}"
@@ -312,9 +316,10 @@ def test_lines_of_printed_frames(lua: str) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("cut", [False, True])
 @pytest.mark.parametrize("lua", LUAS)
-def test_lines_by_chance(lua: str) -> None:
-    compare(lua, by_chance())
+def test_lines_by_chance(lua: str, cut: bool) -> None:
+    compare(lua, by_chance(), cut=cut)
 
 
 def test_chance_leaves_nothing_out() -> None:

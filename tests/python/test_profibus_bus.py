@@ -432,6 +432,20 @@ def test_data_of_another_length_than_configured() -> None:
     })  # fmt: skip
 
 
+def test_outputs_and_inputs_are_configured_apart() -> None:
+    wire = Master()
+    wire.start(STATION, configured="2010")  # a byte out, a byte in
+    wire.exchange(STATION, "0000", "00")
+    told = one(wire, "DS811").args
+    assert (told["outputs"], told["inputs"]) == (2, 1)
+    assert (told["configured_outputs"], told["configured_inputs"]) == (1, 1)
+    wire = Master()
+    wire.start(STATION, configured="2011")  # a byte out, two in
+    wire.exchange(STATION, "00", "00")
+    told = one(wire, "DS811").args
+    assert (told["configured_outputs"], told["configured_inputs"]) == (1, 2)
+
+
 def test_a_diagnosis_that_nobody_reads() -> None:
     most = limits().bus_diagnosis
     wire = running()

@@ -506,6 +506,17 @@ def test_addresses_behind_64_kilobytes_are_left_alone(start: int) -> None:
     assert plant.rules() == []
 
 
+@pytest.mark.parametrize(("bits", "rules"), [(1, []), (8, ["DS907"])])
+def test_a_single_bit_is_not_compared_with_bytes(bits: int, rules: list[str]) -> None:
+    plant = Plant()
+    item = Item(Address(DB, 1, 8 * 3, bits, 1), b"\1")
+    job = S7Job(PUT, plant.station(1), True, 1, plant.at(), [item])
+    plant.moments.asked(job)
+    plant.answer(job)
+    plant.do(2, 2, b"\xff\xff")
+    assert plant.rules() == rules
+
+
 # By chance
 
 

@@ -58,6 +58,9 @@ def test_a_transaction_of_its_job() -> None:
     assert (found.operation, found.controller, found.device) == ("read", "c", "d")
     assert found.ar == "00010203-0405-0607-0809-0a0b0c0d0e0f"
     assert (found.request, found.response) == (READ, ANSWER)
+    assert [(each.pnu, each.unit, each.values) for each in found.parameters] == [
+        (1120, "s", [10.0])
+    ]
     assert (found.start_ns, found.duration_ns) == (1_000_000, 3_000_000)
     assert (found.write_status, found.read_status) == (0, 0)
     assert found.frames.all() == [1, 2, 3, 4, 8, 9, 10]

@@ -132,7 +132,7 @@ end
 function M.access_of(item)
   local index = item.index or LOCAL
   return {
-    device = item.device, record_index = index, slot = item.slot, subslot = item.subslot or 0,
+    device = item.device, record_index = index, slot = item.slot, subslot = item.subslot,
     axis = index ~= LOCAL and item.axis or nil,
   }
 end

@@ -73,7 +73,11 @@ class Clock:
 
     def since(self, time_ns: int) -> str:
         """Seconds since the first frame, as in Wireshark: `0.412`. Cut to milliseconds, as times of day are."""
-        return f"{floor((time_ns - (self.first_ns or 0)) / 1e6) / 1000:.3f}"
+        return f"{floor(self.elapsed_ns(time_ns) / 1e6) / 1000:.3f}"
+
+    def elapsed_ns(self, time_ns: int) -> int:
+        """Nanoseconds since the first frame."""
+        return time_ns - (self.first_ns or 0)
 
     def start(self) -> str:
         """`2026-11-21 12:14:03.412 +01:00 (Europe/Berlin)`: the first frame with the zone."""

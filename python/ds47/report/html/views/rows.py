@@ -48,13 +48,13 @@ VALUES = 64
 def packed_rows(result: CaptureResult, most: int, targets: Targets | None = None) -> dict[str, Any]:
     """The rows of a capture with their tables; `object` is what `objects` has the name of."""
     items = _chosen(result.transactions, most)
-    base = Clock.of(result, UNIVERSAL).first_ns or 0
+    clock = Clock.of(result, UNIVERSAL)
     stations = {each.ip: each.station for each in result.devices}
     targets = targets or Targets(result.evidence)
     connections = {each.id: s7.ends(each) for each in result.connections}
     tables = _Tables(stations, targets, targets.labels(result.evidence), connections)
     witness = plc.Witness(result)
-    rows = [_row(each, base, tables, witness) for each in items]
+    rows = [_row(each, clock, tables, witness) for each in items]
     return {
         "row": ROW,
         "rows": rows,
@@ -182,7 +182,7 @@ def _address(
     return [*row, list(described.frames)] if described is not None and described.frames else row
 
 
-def _row(item: Transaction, base: int, tables: _Tables, witness: plc.Witness) -> list[Any]:
+def _row(item: Transaction, clock: Clock, tables: _Tables, witness: plc.Witness) -> list[Any]:
     place = tables.place
     frames = item.frames
     return [
@@ -194,7 +194,7 @@ def _row(item: Transaction, base: int, tables: _Tables, witness: plc.Witness) ->
         place("channels", _channel(item, tables.connections)),
         item.axis,
         item.request_reference,
-        _microseconds(item.start_ns - base),
+        _microseconds(clock.elapsed_ns(item.start_ns)),
         None if item.duration_ns is None else item.duration_ns / 1000,
         frames.write_request,
         frames.write_response,
