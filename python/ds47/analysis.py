@@ -306,7 +306,7 @@ class Analysis:
         self._operation()
         self._proven_late()
         self._diagnose(capture)
-        counts = self._events.counts
+        asked = self._events.requests
         return CaptureResult(
             path=capture.path,
             frames=capture.frames,
@@ -317,7 +317,10 @@ class Analysis:
             dropped=capture.dropped,
             files=capture.files if isinstance(capture, Series) else [],
             rpc=self._calls.counts,
-            records={str(index): counts[index] for index in sorted(counts)},
+            records={
+                str(index): {"read": asked[index, False], "write": asked[index, True]}
+                for index in sorted({index for index, _ in asked})
+            },
             devices=self._stations.devices(),
             transactions=self._numbered(),
             findings=self._findings.result(self._transactions),

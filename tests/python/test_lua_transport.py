@@ -282,7 +282,11 @@ class Run:
                 self.records.incomplete(pdu, have, "IP", limit)
         self.tell(self.calls.finish())
         self.records.finish()
-        counts = {str(index): count for index, count in self.events.counts.items()}
+        asked = self.events.requests
+        counts = {
+            str(index): {"read": asked[index, False], "write": asked[index, True]}
+            for index, _ in list(asked)
+        }
         devices = [
             _known(ip=device.ip, mac=device.mac, station=device.station,
                    vendor_id=device.vendor_id, device_id=device.device_id)

@@ -74,7 +74,7 @@ class Ms1Calls:
         record, access = call.record, self._access(call)
         if record.write:
             self._writing(access)
-        self._events.count(record.index, write=record.write)
+        self._events.requests[record.index, record.write] += 1
         if access.ours:
             self._open[call] = access
             self._events.asked(access, None)
@@ -110,14 +110,18 @@ class Ms1Calls:
 
     def _failed(self, call: ServiceCall) -> None:
         access, half = self._open.pop(call, None), call.record.response
-        if access is not None and half is not None:
-            self._events.failed(access, half)
-            self._events.lost(access)
+        if access is None or half is None:
+            return
+        if access.record.write:
+            self._events.pass_on(access, "write_failed", half)
+        else:
+            self._events.pass_on(access, "read_over")
+            self._events.pass_on(access, "read_lost")
 
     def _lost(self, call: ServiceCall) -> None:
         access = self._open.pop(call, None)
-        if access is not None:
-            self._events.lost(access)
+        if access is not None and not access.record.write:
+            self._events.pass_on(access, "read_lost")
 
     def _unasked(self, call: ServiceCall) -> None:
         access = self._access(call)

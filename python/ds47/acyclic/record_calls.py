@@ -124,7 +124,7 @@ class RecordCalls:
             self._forgot_requests |= pdu.ptype == 0
         else:
             remark = Remark("DS105", pdu.frame, {"have": have, "kind": kind})
-            self._events.about(asked, remark)
+            self._events.pass_on(asked, "about", remark)
 
     def first_record(self, pdu: rpc.Pdu) -> Record | None:
         """The first record in the beginning of a message; None where that tells of none that can be ours."""
@@ -148,12 +148,12 @@ class RecordCalls:
         if pdu.missing and pdu.opnum == RPC_WRITE and (body.multiple or not body.records):
             self._completeness.cut(pdu)
         if body.multiple:
-            self._events.count(RECORD_WRITE_MULTIPLE, write=True)
+            self._events.requests[RECORD_WRITE_MULTIPLE, True] += 1
         call.context = [
             RecordAccess(peer, each, ours=each.index in concerned) for each in body.records
         ]
         for access in call.context:
-            self._events.count(access.record.index, write=access.record.write)
+            self._events.requests[access.record.index, access.record.write] += 1
             if self._pairing.replaced:
                 self._pairing.goes_on(*access.ar)
         if body.nested:
@@ -177,7 +177,7 @@ class RecordCalls:
             self._answered(call, answer)
             return
         for record in parse_request(pdu).records:
-            self._events.count(record.index, write=False)
+            self._events.requests[record.index, False] += 1
             if record.index in self._concerned:
                 self._events.asked_late(self._access(pdu, record), answer.frame)
 
@@ -191,7 +191,7 @@ class RecordCalls:
         waits_ns = pdu.time_ns + max(half_ns, self._limits.resend_ns)
         for access in call.context:
             if access.ours:
-                self._events.sent_again(access, waits_ns)
+                self._events.pass_on(access, "sent_again", waits_ns)
 
     def _lost(self, call: RpcCall) -> None:
         pdu, first = call.request, next((each for each in call.context if each.ours), None)
@@ -201,10 +201,10 @@ class RecordCalls:
                 self._events.pass_on(first, "pushed_out", (call.limit, pdu.frame))
             elif not call.in_part:  # DS105 says what there is
                 args = {"operation": _OPERATIONS[call.opnum]}
-                self._events.about(first, Remark("DS101", pdu.frame, args))
+                self._events.pass_on(first, "about", Remark("DS101", pdu.frame, args))
         for access in call.context:
-            if access.ours:
-                self._events.lost(access)
+            if access.ours and not access.record.write:
+                self._events.pass_on(access, "read_lost")
 
     def _wait(self, pdu: rpc.Pdu) -> None:
         """A request that begins or ends an AR waits; of more than a limit the oldest does no more."""
@@ -259,7 +259,7 @@ class RecordCalls:
                 self._told.append(("foreign", access, None))
                 continue
             if half.status is None:
-                self._events.about(access, Remark("DS108", pdu.frame))
+                self._events.pass_on(access, "about", Remark("DS108", pdu.frame))
             self._events.answered(access, pdu.cut)
 
     def _unasked(self, pdu: rpc.Pdu, *, certain: bool) -> None:
@@ -280,7 +280,7 @@ class RecordCalls:
                 self._alone.setdefault(pdu.frame, []).append(remark)
                 if len(self._alone) > self._limits.calls:
                     self._alone.popitem(last=False)
-                self._events.about(access, remark)
+                self._events.pass_on(access, "about", remark)
             if record.write:
                 self._told.append(("foreign", access, None))
             self._events.unasked(access, pdu.cut)
@@ -294,7 +294,7 @@ class RecordCalls:
         self._about_call(call, Remark("DS111", pdu.frame, args))
         for access in call.context if call.again else ():
             if access.ours:
-                self._events.answered_twice(access)
+                self._events.pass_on(access, "answered_twice")
 
     def _failed(self, call: RpcCall, pdu: rpc.Pdu) -> None:
         code = int.from_bytes(pdu.body[:4], "little" if pdu.little else "big")
@@ -305,7 +305,8 @@ class RecordCalls:
             return
         for access in call.context:
             if access.ours:
-                self._events.failed(access, Half(pdu.frame, pdu.time_ns))
+                what = "write_failed" if access.record.write else "read_over"
+                self._events.pass_on(access, what, Half(pdu.frame, pdu.time_ns))
 
     def _peer(self, pdu: rpc.Pdu) -> Peer:
         """Who talks to whom, by the addresses and the object UUID, and whose the device is."""
@@ -320,7 +321,7 @@ class RecordCalls:
         """A finding about an RPC call: once, and with the first job that it carries."""
         for access in call.context:
             if access.ours:
-                self._events.about(access, remark)
+                self._events.pass_on(access, "about", remark)
                 return
 
 

@@ -7,6 +7,7 @@ the length of a record or the order of the capture is wrong (DS106, DS107, DS202
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -42,13 +43,14 @@ class RecordEvents:
         self._told = told
         self._happens: dict[str, Callable[[Any, Any], object]] = {
             "write_asked": self._write_asked, "write_answered": self._write_answered,
-            "write_failed": self._write_failed, "write_unasked": self._write_unasked,
+            "write_failed": self._write_failed, "write_unasked": lambda access, _: pairing.write_unasked(access),
             "read_asked": self._read_asked, "read_answered": self._read, "read_over": _read_over,
-            "read_lost": self._read_lost, "read_asked_late": self._read_asked_late,
+            "read_lost": lambda access, _: pairing.read_lost(access), "read_asked_late": pairing.read_asked_late,
             "sent_again": _sent_again, "answered_twice": _answered_twice,
-            "remark": self._remark, "about": self._about, "pushed_out": self._pushed_out, "release": self._release,
+            "pushed_out": lambda _, what: self.push_out(*what), "remark": self._remark, "about": self._about,
+            "release": lambda ar, at: pairing.release(ar[0], ar[1], ar[2], at, SHARED_INDEX),
         }  # fmt: skip
-        """What may happen to a record, or to its AR, once it is ours."""
+        """What may happen to a record, or to its AR, once it is ours, with what it is about."""
         self.pushed_out: dict[str, list[int]] = {}
         """By the name of a limit (spec/limits.toml): where the first of what it pushed out began, and how much."""
         self.concerned = index47.concerned
@@ -58,15 +60,8 @@ class RecordEvents:
         self.newest_frame = 0
         """and its number."""
         self._requests: dict[bytes, Request] = {}
-        self.counts: dict[int, dict[str, int]] = {}
-        """Record requests by index: {"read": n, "write": n}."""
-
-    def count(self, index: int, *, write: bool) -> None:
-        """A record request, ours or not."""
-        counts = self.counts.get(index)
-        if counts is None:
-            counts = self.counts[index] = {"read": 0, "write": 0}
-        counts["write" if write else "read"] += 1
+        self.requests: Counter[tuple[int, bool]] = Counter()
+        """Record requests, ours or not, by index and whether they write."""
 
     def pass_on(
         self, access: RecordAccess, what: str, about: Any = None, *, proves: bool = False
@@ -79,10 +74,6 @@ class RecordEvents:
         proves = proves or self._index47.is_of_drive(access.peer.device, access.place)
         for event in self._index47.pass_on(ar, (what, access, about), proves=proves):
             self._happens[event[0]](*event[1:])
-
-    def about(self, access: RecordAccess, remark: Remark) -> None:
-        """A finding about a record that is ours, or will turn out to be; and about its job, if it has one then."""
-        self.pass_on(access, "about", remark)
 
     def released(self, ar: ArKey, at: Moment) -> None:
         """An AR is over; what waits of it, too, once it goes on."""
@@ -136,23 +127,6 @@ class RecordEvents:
         """A response was no one without its request: that came late, and is told next."""
         if access.record.index == SHARED_INDEX:
             self._index47.unheard(access.ar)
-
-    def failed(self, access: RecordAccess, half: Half) -> None:
-        """A request that was turned away before anybody looked at its record."""
-        self.pass_on(access, "write_failed" if access.record.write else "read_over", half)
-
-    def sent_again(self, access: RecordAccess, waits_ns: int) -> None:
-        """A request whose client had no response, and until when it waits for one at least."""
-        self.pass_on(access, "sent_again", waits_ns)
-
-    def answered_twice(self, access: RecordAccess) -> None:
-        """A request with two responses: which of them its client has is not known."""
-        self.pass_on(access, "answered_twice")
-
-    def lost(self, access: RecordAccess) -> None:
-        """A request whose response does not come any more."""
-        if not access.record.write:
-            self.pass_on(access, "read_lost")
 
     def decoded(self, data: bytes) -> Request:
         """The request; the same question is asked again and again, often with a reference that counts.
@@ -222,15 +196,6 @@ class RecordEvents:
             self._index47.responded(access.peer.device, access.place, half.data, self._codec)
         self._pairing.read_response(access)
 
-    def _write_unasked(self, access: RecordAccess, _: object) -> None:
-        self._pairing.write_unasked(access)
-
-    def _read_lost(self, access: RecordAccess, _: object) -> None:
-        self._pairing.read_lost(access)
-
-    def _read_asked_late(self, access: RecordAccess, answer: int) -> None:
-        self._pairing.read_asked_late(access, answer)
-
     def _about(self, access: RecordAccess, remark: Remark) -> None:
         remark.job = access.job
         self._remark(access, remark)
@@ -238,15 +203,9 @@ class RecordEvents:
     def _remark(self, _: object, remark: Remark) -> None:
         self._told.append(("remark", remark, None))
 
-    def _pushed_out(self, _: object, limit_and_frame: tuple[str, int]) -> None:
-        self.push_out(*limit_and_frame)
-
     def push_out(self, limit: str, frame: int) -> None:
         """A limit (spec/limits.toml) pushed out something of ours that began in this frame."""
         self.pushed_out.setdefault(limit, [frame, 0])[1] += 1
-
-    def _release(self, ar: ArKey, at: Moment) -> None:
-        self._pairing.release(*ar, at, SHARED_INDEX)
 
     # Small things
 
