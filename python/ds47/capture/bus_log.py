@@ -35,8 +35,8 @@ _MARKS = (
     (codecs.BOM_UTF16_LE, "utf-16"),
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
-_BLANKS = frozenset(b"\t\n\r\f\x1b")
-"""Control characters that a text may have."""
+_CONTROL = bytes(set(range(0x20)) - set(b"\t\n\r\f\x1b"))
+"""Characters that no text has."""
 
 Entry = tuple[int | None, Telegram]
 """A frame, and its time by the log's own clock, in nanoseconds."""
@@ -192,7 +192,7 @@ def _text(head: bytes) -> str | None:
     for mark, encoding in _MARKS:
         if head.startswith(mark):
             return encoding
-    if any(byte < 0x20 and byte not in _BLANKS for byte in head):
+    if head.translate(None, _CONTROL) != head:
         return None
     try:
         codecs.getincrementaldecoder("utf-8")().decode(head)
