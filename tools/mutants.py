@@ -59,6 +59,8 @@ BUS = (
 PZD = "test_lua_pzd:5.4 and not zh"
 CYCLIC = (
     "test_cyclic",
+    "test_drive_story",
+    "test_handshake",
     "test_cyclic_limits:not lua",
     "test_parameter_channels",
     "test_cyclic_scenes:not much_random",
