@@ -182,6 +182,8 @@ def _job(random: Random, link: Link, made: Conversation) -> None:
         link.answer(asked)
         results = [(_code(server, each), new) for each, new in zip(variables, data, strict=True)]
     made.done.append(Done(link, asked, results))
+    if one is _bytes and random.random() < 0.1:  # the program of the CPU takes something back
+        server.write(variables[0], bytes(variables[0].size))
 
 
 def _code(server: Cpu, variable: Var) -> int:

@@ -20,7 +20,7 @@ from ds47.lab import captured, ether
 from ds47.lab.client import Client
 from ds47.lab.naming import DCP, dcp_identify
 from ds47.lab.s7 import Cpu, DriveCpu, Link, station
-from ds47.lab.s7_wire import db, flags
+from ds47.lab.s7_wire import Var, db, flags
 from ds47.lab.stage import Stage
 from ds47.model import CaptureResult
 from ds47.s7.choices import Choices
@@ -121,6 +121,31 @@ def test_values_that_share_no_bytes_prove_a_drive() -> None:
     assert proof(found) == "values"
     assert elements(found) == [(2, "1120[0] [12.5]"), (2, "1120[1] [25.0]"), (2, "1120[0] [12.5]")]
     assert {each.drive_object for each in found.transactions} == {2}
+
+
+@pytest.mark.parametrize(
+    ("slot", "whole", "part"),
+    [
+        (2, db(10, 0, 20), db(10, 4, 1)),
+        (1, db(10, 0, 2), db(10, 1, 1)),
+        (0, db(10, 0, 2), db(10, 1, 1)),
+        (0, db(10, 0, 20), db(10, 4, 1)),
+        (2, db(10, 0, 4), db(10, 1, 4)),
+    ],
+)
+def test_what_the_program_of_a_cpu_takes_back_proves_nothing(
+    slot: int, whole: Var, part: Var
+) -> None:
+    """A handshake: a client sets what the program of the CPU sets to 0 again."""
+    stage = Stage()
+    plc = Cpu(stage, tsap=bytes((3, slot)))
+    link = plc.link().open()
+    link.put((whole, bytes(whole.size))).put((part, b"\1".ljust(part.size, b"\2")))
+    plc.write(whole, bytes(whole.size))
+    link.get(whole)
+    found = analyze(io.BytesIO(captured(stage)))
+    assert proof(found) in (None, "addresses")
+    assert elements(found) == []
 
 
 def test_a_value_that_another_one_does_not_touch_proves_nothing() -> None:

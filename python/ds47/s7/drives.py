@@ -184,26 +184,26 @@ class Drives:
         return server
 
     def _address(self, server: _Server, job: S7Job, address: Address) -> None:
-        found, place = element(address), s7.place(job.connection.server_tsap)
-        small = found is not None and found.subindex < _INDEX and address.length in SIZES
-        if found is None or not small or listed(found.pnu, SIEMENS) is None or place is None:
+        found = _fits(job, address)
+        if found is None or listed(found.pnu, SIEMENS) is None:
             server.other = True
-        elif place[1]:
-            server.other = True  # a drive has slot 0
         elif server.fits is None:
             server.fits = text(address), found
 
     def _value(self, server: _Server, job: S7Job, item: Item) -> None:
-        """A value that is still there though a later one would have changed its bytes, if these were shared."""
+        """A value that is still there though a later one would have changed its bytes, if these were shared.
+
+        Zero proves nothing: with it the program of a CPU takes back what others wrote.
+        """
         address, data = item.address, item.value
-        if address is None or data is None or element(address) is None or not job.answered:
+        if address is None or data is None or _fits(job, address) is None or not job.answered:
             return
         key, written = (address.db, address.start // 8), server.written
         if job.operation == GET:
             known = written.get(key)
             if known is None or not known.changed_in or not job.asked:
                 return
-            if job.asked.frame > known.changed_in and known.data == data:
+            if job.asked.frame > known.changed_in and known.data == data and any(data):
                 server.proof = server.proof or VALUES
             return
         for (db, start), other in written.items():
@@ -213,6 +213,14 @@ class Drives:
         written.move_to_end(key)
         if len(written) > _KEPT:
             written.popitem(last=False)
+
+
+def _fits(job: S7Job, address: Address) -> DriveElement | None:
+    """The element that an address may stand for: a drive has slot 0, and one value at each address."""
+    found, place = element(address), s7.place(job.connection.server_tsap)
+    if found is None or place is None or place[1] or address.length not in SIZES:
+        return None
+    return found if found.subindex < _INDEX else None
 
 
 def _differ(one: bytes, start: int, other: bytes, at: int) -> bool:
