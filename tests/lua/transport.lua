@@ -466,6 +466,12 @@ local function test_expiry()
   feed_calls(tracker, {{seq = 1}, {seq = 2}, {seq = 3}, {seq = 4}})
   check("calls are bounded", heard(), "request:1 request:2 request:3 pushed_out:1 request:4")
   check("and that is none without a response", tracker.counts.unanswered, 0)
+  local other_one, told = tracker_of({
+    copy_ns = 0, call_expiry_ns = 60 * SECOND, activities = 2, calls = 2, datagrams = 256, answered_calls = 8,
+  })
+  feed_calls(other_one, {{seq = 1}, {seq = 2}, {seq = 2, ptype = 2}, {seq = 3}, {seq = 4}, {seq = 5}})
+  check("what a client went on from is lost for no limit", told(),
+    "request:1 request:2 response:2 request:3 request:4 lost:1 request:5")
   feed_calls(tracker, {{activity = ("x"):rep(16)}, {seq = 4}, {activity = ("y"):rep(16), seq = 9}})
   check("activities are bounded", heard(), "request:7 pushed_out:2 retransmission:4 pushed_out:7 request:9")
   heard()
@@ -479,8 +485,11 @@ local function test_expiry()
     feed_calls(tracker, {{seq = seq}, {seq = seq, ptype = 2}})
   end
   heard()
-  feed_calls(tracker, {{seq = 21, ptype = 2}, {seq = 20, ptype = 2}})
-  check("answered calls are remembered for a while", heard(), "orphan_response:20")
+  local other = {seq = 20, ptype = 2, body = "other"}
+  feed_calls(tracker, {{seq = 21, ptype = 2, body = "other"}, {seq = 20, ptype = 2}, other})
+  feed_calls(tracker, {{seq = 41, ptype = 2}})
+  check("answered calls are remembered for a while, and then the number", heard(),
+    "second_response:21 orphan_response:41")
 end
 
 local function test_faults()

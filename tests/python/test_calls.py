@@ -211,8 +211,13 @@ def test_a_late_second_response_is_none_to_another_call() -> None:
 
 def test_answered_calls_are_remembered_as_long_as_they_may_be_repeated() -> None:
     talk = calls(3)
-    few = Heard(LIMITS.but(answered_calls=2)).feed(*talk, later(talk[1], SECOND))
-    assert few.names[6:] == ["unasked"]
+    other = [later(each, SECOND, body=b"other") for each in talk[1::2]]
+    few = Heard(LIMITS.but(answered_calls=2)).feed(*talk, *other)
+    assert few.events[6:] == [("twice", 1, 104), ("twice", 2, 106)], (
+        "of a forgotten one the number is known"
+    )
+    gone = replace(other[0], seq=9)
+    assert few.feed(gone).names[8:] == ["unasked"]
     first, answer, second, last = calls(2)
     late = [later(each, LIMITS.call_expiry_ns + 2_000_000) for each in (second, last, answer)]
     assert Heard().feed(first, answer, *late).names[4:] == ["unasked"]
@@ -313,6 +318,20 @@ def test_open_calls_of_an_activity_are_bounded() -> None:
     assert [seq for event, seq, _ in heard.events if event == "lost"] == [2, 3, 4]
     assert len(heard.events) == 10
     assert heard.tracker.counts["unanswered"] == 3
+
+
+def test_what_a_client_went_on_from_is_lost_for_no_limit() -> None:
+    """It got the response to a later call; that an earlier one comes too late is no response without a request."""
+    talk = calls(6)
+    requests, answers = talk[::2], talk[1::2]
+    heard = Heard(LIMITS.but(calls=2)).feed(*requests[:2], answers[1], *requests[2:5], answers[0])
+    assert heard.events == [
+        ("asked", 0, 1), ("asked", 1, 3), ("answered", 1, 3), ("asked", 2, 5), ("asked", 3, 7),
+        ("lost", 0, 1), ("asked", 4, 9), ("pushed_out", 2, 5), ("unasked", 0, 2),
+    ]  # fmt: skip
+    assert heard.tracker._completeness.newest("192.168.133.33") == 1, (
+        "nothing is missing but its response"
+    )
 
 
 def test_activities_are_bounded_and_the_one_that_spoke_last_stays() -> None:

@@ -278,14 +278,14 @@ end
 
 -- Reads
 
--- What was written last before frame `asked`, as far as that is sure; nil where it is not.
-function ReadBack:_last(key, pnu, access, asked)
+-- What was written last between frames `since` and `asked`, as far as that is sure; nil where it is not.
+function ReadBack:_last(key, pnu, access, since, asked)
   local objects, last = self.objects, nil
   local near = kept(self.written:get(key) or NONE, function(each)
     return not objects:other(access, each.access, pnu)
   end)
   local same = kept(near, function(each)
-    return each.upto < asked and objects:same(access, each.access, pnu)
+    return since < each.asked and each.upto < asked and objects:same(access, each.access, pnu)
   end)
   for _, each in ipairs(same) do
     if each.certain and (last == nil or each.asked > last.asked) then
@@ -320,10 +320,9 @@ function ReadBack:_compare(found, job, access, address, block)
   for number = 0, count - 1 do
     local subindex, value = address.subindex + number, block.values[number + 1]
     local key = key_of(access.device, address.pnu, subindex)
-    local last = self:_last(key, address.pnu, access, job:write_request().frame)
+    local last = self:_last(key, address.pnu, access, device.forgotten, job:write_request().frame)
     local raw = sub(block.raw, number * size + 1, (number + 1) * size)
-    if last and last.asked > device.forgotten and differs(last, block, raw, value)
-      and not self.waits(access.device) then
+    if last and differs(last, block, raw, value) and not self.waits(access.device) then
       self.written:set(key, kept(self.written:get(key), function(each) return each.upto == NEVER end))
       found[#found + 1] = {
         offset = block.offset,

@@ -45,6 +45,7 @@ function CallTracker.new(limits, handlers, missing)
     early = ordered.new(), -- the newest responses without a request
     given_up = ordered.new(), -- the newest requests whose responses did not come in time
     answered = ordered.new(), -- calls with a response that may still be repeated: the newest comes last
+    forgot = false, -- whether there were too many of them
     connects = ordered.new(), -- client .. "\0" .. server -> the frame of the newest Connect
     begun_requests = ordered.new(), -- requests of which fragments were seen, as far as is known
     -- The newest datagrams by a key (`is_copy`), and those before them: when there are so many new ones that
@@ -181,6 +182,12 @@ local function lose(self, call)
   self.handlers:lost(call)
 end
 
+-- Loses a call whose response, if it still comes, is too late.
+local function give_up(self, call)
+  self.given_up:keep(key_of(call.request), true, self.limits.calls)
+  lose(self, call)
+end
+
 -- Whether the last datagram of a call is so old that its client repeats it no more.
 local function is_old(self, call, now)
   local newest, response = call.sent_ns or call.request.time_ns, call.response
@@ -203,8 +210,7 @@ local function lose_old(self, activity, pdu)
     end
   end
   for _, each in ipairs(lost or NONE) do
-    self.given_up:keep(key_of(each.request), true, self.limits.calls)
-    lose(self, each)
+    give_up(self, each)
   end
 end
 
@@ -217,7 +223,11 @@ local function expire(self, activity, pdu)
   while activity.count > self.limits.calls do
     local call = activity.oldest
     take_out(activity, nil, call)
-    self.handlers:pushed_out(call, "calls")
+    if call.request.seq < activity.answered then
+      give_up(self, call)
+    else
+      self.handlers:pushed_out(call, "calls")
+    end
   end
 end
 
@@ -261,6 +271,7 @@ local function activity_of(self, pdu)
     activity = {
       newest = pdu.seq, by_seq = {}, oldest = nil, last = nil, count = 0, server = nil,
       numbers = completeness.numbers(pdu), anew = 0, doubled = 0,
+      answered = -1, -- the highest number that has a response: its client has gone on from those before it
     }
     activities:set(key, activity)
     make_room(self)
@@ -275,12 +286,17 @@ end
 -- A call is answered: it is remembered as long as its client may repeat it.
 local function answer(self, activity, call, pdu)
   call.response, activity.numbers.heard = pdu, true
+  activity.answered = math.max(activity.answered, pdu.seq)
   self.newest = call
   forget(activity, call)
   local answered = self.answered
-  answered:keep(key_of(pdu), call, self.limits.answered_calls)
+  answered:keep(key_of(pdu), call, math.huge)
   while is_old(self, answered.values[answered.oldest], pdu.time_ns) do
     answered:pop_first()
+  end
+  if answered.length > self.limits.answered_calls then
+    answered:pop_first()
+    self.forgot = true
   end
 end
 
@@ -363,8 +379,11 @@ end
 
 -- Whether a response or fault is a second one of a call; tells of it where it is another one.
 local function answers_again(self, activity, pdu)
-  local call = self.answered:get(key_of(pdu))
-  if call == nil or is_over(self, activity, call, pdu) then
+  local key = key_of(pdu)
+  local call = self.answered:get(key)
+  if call == nil then -- of what is forgotten the number alone is known
+    return self.forgot and activity ~= nil and not self.given_up:get(key) and activity.numbers:has(pdu.seq)
+  elseif is_over(self, activity, call, pdu) then
     return false
   end
   if call.response.body == pdu.body then

@@ -90,6 +90,16 @@ function Numbers:add(pdu, renewed)
   end
 end
 
+--- Whether a number was there.
+function Numbers:has(number)
+  local there = number >= self.lowest and number <= self.highest
+  for _, hole in ipairs(self.holes) do
+    local inside = number >= hole.first and number <= hole.last
+    there = there and not (inside and (not hole.open or hole.open[number]))
+  end
+  return there
+end
+
 --- The numbers that are missing in a hole, for a sentence.
 local function told(hole)
   if hole.first == hole.last then

@@ -190,8 +190,8 @@ class ReadBack:
             return
         for element, raw, value in elements(address, block):
             key = reached.device, address.pnu, element
-            last = self._last(key, reached, asked)
-            if last is None or last.asked <= device.forgotten or len(last.raw) != len(raw):
+            last = self._last(key, reached, device.forgotten, asked)
+            if last is None or len(last.raw) != len(raw):
                 continue
             if last.raw == raw or (last.format != block.format and last.value == value):
                 continue
@@ -203,8 +203,8 @@ class ReadBack:
                     "written": last.value, "by": last.asked, "family": family, "offset": block.offset,
                 }  # fmt: skip
 
-    def _last(self, key: Element, reached: DriveAccess, asked: int) -> Written | None:
-        """What was written last before frame `asked`, as far as that is sure; None where it is not."""
+    def _last(self, key: Element, reached: DriveAccess, since: int, asked: int) -> Written | None:
+        """What was written last between two frames, as far as that is sure; None where it is not."""
         objects, pnu = self.objects, key[1]
         near = [
             each
@@ -212,7 +212,9 @@ class ReadBack:
             if not objects.other(reached, each.access, pnu)
         ]
         same = [
-            each for each in near if each.until < asked and objects.same(reached, each.access, pnu)
+            each
+            for each in near
+            if since < each.asked and each.until < asked and objects.same(reached, each.access, pnu)
         ]
         if not any(each.certain for each in same):
             return None

@@ -65,7 +65,9 @@ class Activity:
     """The open calls of one RPC activity by their sequence number; the oldest request first."""
 
     newest: int
-    """Number of the newest call."""
+    """Number of the newest call,"""
+    answered: int
+    """and the highest one that has a response: its client has gone on from those before it."""
     calls: dict[int, RpcCall]
     """Those without a response."""
     oldest_ns: int
@@ -79,7 +81,7 @@ class Activity:
     """The frame of a response that came again, though no request did: one is missing. 0 for none."""
 
     def __init__(self, pdu: Pdu) -> None:
-        self.newest = pdu.seq
+        self.newest, self.answered = pdu.seq, -1
         self.anew = self.doubled = 0
         self.calls = {}
         self.oldest_ns = pdu.time_ns
@@ -128,6 +130,8 @@ class CallTracker:
         """The newest responses without a request."""
         self._answered: OrderedDict[_Key, RpcCall] = OrderedDict()
         """Calls with a response that may still be repeated; the one that was heard of last comes last."""
+        self._forgot = False
+        """Whether there were too many of them."""
         self._connects: OrderedDict[tuple[str, str], int] = OrderedDict()
         """Of client and server the frame of the newest Connect."""
         self._activities: OrderedDict[tuple[str, bytes], Activity] = OrderedDict()
@@ -327,8 +331,12 @@ class CallTracker:
 
     def _answers_again(self, activity: Activity | None, pdu: Pdu, told: list[Became]) -> bool:
         """Whether a response or fault is a second one of a call; tells of it where it is another one."""
-        call = self._answered.get((pdu.client, pdu.activity, pdu.seq))
-        if call is None or self._is_over(activity, call, pdu):
+        key = pdu.client, pdu.activity, pdu.seq
+        call = self._answered.get(key)
+        if call is None:  # of what is forgotten the number alone is known
+            known = self._forgot and key not in self._given_up
+            return known and activity is not None and activity.numbers.has(pdu.seq)
+        if self._is_over(activity, call, pdu):
             return False
         if call.said == hash(pdu.body):
             if activity is not None and not call.again:
@@ -343,15 +351,19 @@ class CallTracker:
             call.request = None
         call.answer, call.answer_ns, call.said = pdu.frame, pdu.time_ns, hash(pdu.body)
         activity.numbers.heard = True
+        activity.answered = max(activity.answered, pdu.seq)
         call.heard_ns = max(call.sent_ns, pdu.time_ns)
         del activity.calls[pdu.seq]
         answered = self._answered
         key = pdu.client, pdu.activity, pdu.seq
         answered[key] = call
         answered.move_to_end(key)
-        most, since = self._limits.answered_calls, pdu.time_ns - self._expiry_ns
-        while len(answered) > most or next(iter(answered.values())).heard_ns < since:
+        since = pdu.time_ns - self._expiry_ns
+        while next(iter(answered.values())).heard_ns < since:
             answered.popitem(last=False)
+        if len(answered) > self._limits.answered_calls:
+            answered.popitem(last=False)
+            self._forgot = True
 
     def _unasked(self, pdu: Pdu) -> bool:
         """Hears of a response or fault without its request; whether that certainly is not in the capture."""
@@ -384,7 +396,13 @@ class CallTracker:
             self._lose(call, told, went_on=seq < highest)
         activity.oldest_ns = min((call.sent_ns for call in calls.values()), default=pdu.time_ns)
         while len(calls) > self._limits.calls:
-            _push_out(calls.pop(next(iter(calls))), "calls", told)
+            seq = next(iter(calls))
+            call = calls.pop(seq)
+            if seq < activity.answered:
+                self._put(self._given_up, (pdu.client, pdu.activity, seq), None)
+                self._lose(call, told, went_on=True)
+            else:
+                _push_out(call, "calls", told)
 
     def _put(self, memory: OrderedDict[_Key, _T], key: _Key, value: _T) -> None:
         """Remembers something of the newest calls."""

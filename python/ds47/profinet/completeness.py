@@ -90,6 +90,13 @@ class Numbers:
             if renewed:
                 self.anew = pdu.frame
 
+    def has(self, number: int) -> bool:
+        """Whether a number was there."""
+        return self.lowest <= number <= self.highest and not any(
+            each.first <= number <= each.last and (each.missing is None or number in each.missing)
+            for each in self.holes
+        )
+
     def _skip(self, pdu: Pdu) -> None:
         self.holes.append(Hole(self.newest.frame, pdu.frame, self.highest + 1, pdu.seq - 1))
         if len(self.holes) > _KEPT:
