@@ -25,6 +25,7 @@ from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import CaptureError, open_capture
 from ds47.capture.scan import ETHERNET, SLL, SLL2
 from ds47.capture.writer import PcapngWriter
+from ds47.cyclic import channels as cyclic_channels
 from ds47.cyclic.named import parse
 from ds47.findings.times import FrameTimes
 from ds47.model import CHANNELS, CaptureResult, Event, Finding, Transaction
@@ -301,6 +302,16 @@ def test_profibus(link_type: int, ready: Callable[..., Engine], tmp_path: Path) 
     assert sum(each.rule.startswith("DS8") for each in native.findings) > 10
     assert as_json(ready("tshark").analyze(path)) == as_json(native)
     assert as_json(ready("both").analyze(path)) == as_json(native)  # not one DS601
+
+
+def test_a_channel_that_the_native_engine_does_not_see(
+    ready: Callable[..., Engine], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What it passes over goes through tshark, too, and so it is not missed by both."""
+    monkeypatch.setattr(cyclic_channels, "channels", lambda _: iter(()))
+    result = ready("both").analyze(CAPTURES / "cyclic-does-not-start.pcapng")
+    told = [each.args["difference"] for each in result.findings if each.rule == "DS601"]
+    assert any("DS523" in each for each in told)
 
 
 def test_damaged_frames_alone(ready: Callable[..., Engine], tmp_path: Path) -> None:
@@ -600,7 +611,7 @@ def test_a_limit_that_the_plugin_cannot_have(slow_ms: float) -> None:
 
 
 def test_preferences_are_complete() -> None:
-    """Each preference of the plugin can be given; `ignore` comes afterwards, lists with a capture."""
+    """Each preference of the plugin can be given; `ignore` comes afterwards, others with a capture."""
     text = (ROOT / "dissector/ds47_ws/preferences.lua").read_text(encoding="utf-8")
     there = set(re.findall(r"^  prefs\.(\w+) = Pref", text, re.MULTILINE))
     layouts = (("192.168.0.5", "uss"),)
@@ -615,6 +626,7 @@ def test_preferences_are_complete() -> None:
     assert {each.split(":")[0].removeprefix("ds47.") for each in given} == there - {
         "ignore",
         "lists",
+        "every_cyclic",
     }
     assert "ds47.cyclic:00:1b:1b:11:22:33@8000:0:pkw 00:1f:f8:11:22:33@8001:4:pkw" in given
     assert "ds47.ppos:3=ppo1 4=ppo3" in given

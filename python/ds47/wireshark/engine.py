@@ -1,7 +1,8 @@
 """The engine tshark: the same model as from `ds47.analysis`, but decoded by the Wireshark plugin.
 
 The native engine reads the capture and keeps the frames that may matter; only those go through
-tshark, and their numbers are put back into what it says. What the plugin does not show (counts,
+tshark, and their numbers are put back into what it says. To compare, all frames of a file do: what the
+native engine passed over may be what it does wrong. What the plugin does not show (counts,
 devices, S7, drives without an event, findings of rules that only the analyzer has) is that of the
 native engine. `both` compares the two: a difference is a finding (DS601).
 Running tshark is in `shark`, reading its answer in `fields`.
@@ -106,10 +107,13 @@ class Engine:
         with tempfile.TemporaryDirectory(prefix="ds47-") as folder:
             extract = Path(folder, "frames.pcapng")
             capture = _Extract(source, extract)
+            whole = self._both and isinstance(source, (str, Path)) and str(source) != "-"
             with capture:
-                native = analyze_natively(capture, self._options)
+                native = analyze_natively(source if whole else capture, self._options)
+                for frame in capture.everything() if whole else ():
+                    capture.keep(frame)
             try:
-                found, errors = self._ask(capture, extract, native)
+                found, errors = self._ask(capture, extract, native, whole)
             except tshark.StoppedError as problem:
                 if not self._both:
                     raise CaptureError(f"{native.path}: {problem}") from problem
@@ -128,12 +132,12 @@ class Engine:
         return result if on_transaction is None else _handed_out(result, on_transaction)
 
     def _ask(
-        self, capture: _Extract, extract: Path, native: CaptureResult
+        self, capture: _Extract, extract: Path, native: CaptureResult, whole: bool
     ) -> tuple[CaptureResult, list[str]]:
         """The result of the plugin, with the frame numbers of the capture itself."""
         shown, errors = Fields(), list[str]()
         if capture.numbers:
-            answer = self._told(extract)
+            answer = self._told(extract, whole)
             shown, errors = _of_channels(answer.fields, self._options.channels), answer.errors
         original = _Original(capture, native)
         transactions = [original.transaction(item) for item in shown.transactions]
@@ -142,9 +146,9 @@ class Engine:
         told = replace(native, **original.drives(shown.events, self._options.channels))
         return _joined(told, transactions, wanted), errors
 
-    def _told(self, extract: Path) -> tshark.Answer:
-        """What tshark says of the frames that were kept."""
-        chosen = list(self._preferences)
+    def _told(self, extract: Path, whole: bool) -> tshark.Answer:
+        """What tshark says of the frames that were kept; of those that the analyzer chose every one counts."""
+        chosen = [*self._preferences, f"ds47.every_cyclic:{str(not whole).upper()}"]
         if self._options.lists:
             lists = extract.with_name("parameters.tsv")
             lists.write_text(table.text(self._options.lists), "utf-8", newline="\n")
@@ -265,7 +269,6 @@ def preferences(options: AnalysisOptions) -> list[str]:
         *([f"ds47.pkw_layouts:{others}"] if others else []),
         *([f"ds47.cyclic:{cyclic}"] if cyclic else []),
         *([f"ds47.ppos:{ppos}"] if ppos else []),
-        "ds47.every_cyclic:TRUE",  # those that the analyzer looked at are given, and no others
         "ds47.profibus_user0:TRUE",  # the analyzer looks at USER0, too
         "ds47.index_47:auto",
         "ds47.language:en",
@@ -308,10 +311,11 @@ class _Extract(Capture):
 
     def __iter__(self) -> Iterator[Frame]:
         for frame in super().__iter__():
-            self._keep(frame)
+            self.keep(frame)
             yield frame
 
-    def _keep(self, frame: Frame) -> None:
+    def keep(self, frame: Frame) -> None:
+        """Writes a frame into the file."""
         if _is_tcp(frame):
             return
         interface = self._interfaces.get(frame.link_type)
