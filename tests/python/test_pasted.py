@@ -20,42 +20,125 @@ WIRESHARK = (
 OTHERS = (
     "00000000: 0102 0201 1001 0b54 0000 0801 4120 0000  .......T....A ..\n",
     "00000000  01 02 02 01 10 01 0b 54  00 00 08 01 41 20 00 00  |.......T....A ..|\n00000010\n",
+    "00000000: 01 02 02 01 10 01 0b 54  00 00 08 01 41 20 00 00  .......T....A ..\n",
+    "\t0x0000:  0102 0201 1001 0b54 0000 0801 4120 0000  .......T....A...",
+    "0000000 01 02 02 01 10 01 0b 54\n0000010 00 00 08 01 41 20 00 00\n0000020\n",
+    "0100  01 02 02 01 10 01 0b 54-00 00 08 01\n010C  41 20 00 00  A ..",
+    "0000: 0x01, 0x02, 0x02, 0x01, 0x10, 0x01, 0x0b, 0x54,\n0008: 0x00, 0x00, 0x08, 0x01, 0x41, 0x20, 0x00, 0x00",
     "01h 02h 02h 01h 10h 01h 0Bh 54h 00h 00h 08h 01h 41h 20h 00h 00h",
     "0102 0201 1001 0b54 0000 0801 4120 0000",
     "0102 0201\n1001 0b54\n0000 0801\n4120 0000",
     "0102  0201  1001  0b54  0000  0801  4120  0000",
     "0102  0201  1001  0b54\n0000  0801  4120  0000",
+    "01:02:02:01:10:01:0b:54:00:00:08:01:41:20:00:00",
+    "01 02 02 01  10 01 0B 54 00 00  08 01 41 20 00 00",
+    "01 02 02 01\n10 01 0B 54 00 00\n08 01 41 20 00 00",
+)
+PAIRS, WORDS = CHANGE.hex(" "), CHANGE.hex(" ", 2)
+ONE_BLANK = (
+    f"0000 {PAIRS}",
+    f"0000\t{PAIRS}",
+    f"00000000 {PAIRS}",
+    f"000 {PAIRS}",
+    f"{0:016} {PAIRS}",
+    f"0000  {WORDS}",
+    f"00000000 {WORDS}",
+    f"0000 {PAIRS} .......T....A ..",
+    f"0000h: {PAIRS.replace(' ', 'h ')}h",
+    f"0000h {PAIRS.replace(' ', 'h ')}h",
+    f"00: {PAIRS}",
+    f"[0000] {PAIRS}",
+    f"0000 | {PAIRS} | .......T....A ..",
+    f"0000 {PAIRS[:23]}\n0008 {PAIRS[24:]}",
+    f"0000\t{PAIRS[:23]}\n0008\t{PAIRS[24:]}",
+    f"0040 {PAIRS[:23]}\n0048 {PAIRS[24:]}",
+    f"00: {PAIRS[:23]}\n08: {PAIRS[24:]}",
+    f"00 {PAIRS[:23]}\n08 {PAIRS[24:]}",
+    f"0000 {PAIRS[:29]}\n0010 {PAIRS[30:]}",
+    f"0000 {WORDS[:19]}\n0008 {WORDS[20:]}",
 )
 
 
-@pytest.mark.parametrize("text", [*WIRESHARK, *OTHERS])
+@pytest.mark.parametrize("text", [*WIRESHARK, *OTHERS, *ONE_BLANK])
 def test_an_offset_is_no_data(text: str) -> None:
     assert read(text).data == CHANGE
 
 
+def test_bytes_that_look_like_text_stay_bytes() -> None:
+    """`30` may be the text of 33 30, or a byte: behind one blank it is a byte."""
+    assert read("0000 33 30 30").data == b"300"
+    assert read("0000   41 42 43 44   ABCD").data == read("0000: 4142 4344  ABCD").data == b"ABCD"
+    assert read("0000 41 42 43 44\n0004 33 30 30").data == b"ABCD300"
+
+
+def test_a_line_may_be_longer_than_those_of_dumps() -> None:
+    long = bytes(range(1, 241))
+    assert read(f"0000 {long.hex(' ')}").data == read(long.hex(" ")).data == long
+
+
+def test_a_frame_in_front_of_another_is_no_offset() -> None:
+    assert read("10827D5F5E16 E5").data == bytes.fromhex("10827D5F5E16E5")
+
+
 def test_lists_of_decimal_numbers() -> None:
+    numbers = list(map(str, CHANGE))
     for text in (
         str(list(CHANGE)),
-        ", ".join(map(str, CHANGE)),
-        f"{{{','.join(map(str, CHANGE))}}}",
+        ", ".join(numbers),
+        f"{{{','.join(numbers)}}}",
+        ";".join(numbers),
+        f"[{' '.join(numbers)}]",
+        "\n".join(numbers),
+        "\n".join(f"[{at}] {each}" for at, each in enumerate(numbers)),
+        "\n".join(f"{at}: {each}" for at, each in enumerate(numbers)),
     ):
         pasted = read(text)
-        assert (pasted.data, pasted.decimal) == (CHANGE, True)
-    plain = read("01, 02, 10")
-    assert (plain.data, plain.decimal) == (b"\x01\x02\x10", False)
+        assert (pasted.data, pasted.decimal) == (CHANGE, True), text
+    for text, data in (("1 2 200", b"\x01\x02\xc8"), ("[1, 2, -60]", b"\x01\x02\xc4")):
+        assert (read(text).data, read(text).decimal) == (data, True)
+
+
+@pytest.mark.parametrize(
+    "text", ["01, 02, 10", "01;02;10", "[01 02 10]", "01\n02\n10", "1, 2, A0", "7"]
+)
+def test_what_is_hexadecimal_is_no_list(text: str) -> None:
+    assert not read(text).decimal
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("[1, 300]", "'300' in a list of decimal numbers is more than a byte"),
-        ("0040   01 02 02 01", "'0040' in front may be an offset or data"),
+        ("[1, 300]", "'300' in a list of decimal numbers is no byte: .* 16#012C"),
+        ("[1, -200]", "'-200' in a list of decimal numbers is no byte: .* 16#FF38"),
+        ("1 1 1 1 16 1 11 84 0 0", "'1' is a number of one digit, .*: write commas"),
+        ("0000 1 1 1 1\n0004 16 1 11 84", "'1' is a number of one digit"),
+        ("0040   01 02 02 01", "'0040' in front may be an offset or data: leave an offset out"),
+        ("0040 01 02 02 01", "'0040' in front may be an offset or data"),
+        ("0040: 0102 0201", "'0040' in front may be an offset or data"),
+        ("0040  0102 0201 1001", "'0040' in front may be an offset or data"),
+        (
+            "03010201 1001 C47F 0000",
+            "'03010201' in front .*; write data as two digits for each byte",
+        ),
+        ("0000 01 02 zz 03", "'0000' in front"),
+        (
+            "0000 01 02 02 01\n0020 10 01",
+            "'0000' in front of line 1 may be an offset, .* paste all lines",
+        ),
+        ("00000000  00 00\n*\n00000020", "lines left out"),
+        ("      00 01 02 03\n0000  01 02 02 01", "'0000' in front of line 2"),
+        ("0000 01 02 02 01\n10 01 0b 54", "'0000' in front of line 1"),
+        (
+            "05 01 01 01\n08 01 41 20 00 00",
+            "'05', '08' in front of the lines .*: leave offsets out, or",
+        ),
         ("0102 hex", "'hex' is no hexadecimal number"),
     ],
 )
 def test_what_is_in_doubt_is_refused(text: str, words: str) -> None:
-    with pytest.raises(ValueError, match=words):
+    with pytest.raises(ValueError, match=words) as told:
         read(text)
+    assert "\n" not in str(told.value)
 
 
 def test_dumps_of_anything() -> None:
@@ -65,11 +148,17 @@ def test_dumps_of_anything() -> None:
         rows = [data[at : at + 16] for at in range(0, len(data), 16)]
         if start and len(rows) == 1:
             continue
-        plain = "\n".join(
-            f"{start + 16 * number:04x}   {row.hex(' '):47}   {row.decode('latin-1').translate(DOTS)}"
-            for number, row in enumerate(rows)
-        )
-        assert read(plain).data == data, plain
+        for width, between, signs in (
+            (4, "   ", DOTS),
+            (8, " ", DOTS),
+            (6, ": ", DOTS | {0x20: " "}),
+        ):
+            texts = [row.decode("latin-1").translate(signs) for row in rows]
+            plain = "\n".join(
+                f"{start + 16 * number:0{width}x}{between}{row.hex(' '):47}   {text}"
+                for number, (row, text) in enumerate(zip(rows, texts, strict=True))
+            )
+            assert read(plain).data == data, plain
 
 
 DOTS = {code: "." for code in range(256) if not 0x20 < code < 0x7F}

@@ -1,28 +1,34 @@
 """Bytes as people paste them: hex dumps with their offsets, lists of decimal numbers, and plain hexadecimal.
 
-What a single number may look like is in `ds47.profidrive.notation`.
+Offsets and the column of text go first; what is left is a list or hexadecimal. What may be read in two ways is
+refused, never guessed. What a single number may look like is in `ds47.profidrive.notation`.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
+from itertools import pairwise
+from typing import Final, NamedTuple
 
 from ds47.profidrive.notation import parse_hex
 
-_LINE: Final = re.compile(r"\s*(?:0x)?([0-9A-Fa-f]{4,8})(:\s*|\s{2,})(\S.*)")
-"""Offset, what separates it, and the rest of a line of a dump."""
-_LAST: Final = re.compile(r"\s*[0-9A-Fa-f]{4,8}:?\s*")
-"""What `hexdump -C` writes last: how many bytes there were."""
-_ENDS: Final = re.compile(r"\s+\||\s{3,}")
-"""Where the column of text begins, if there is one;"""
-_ENDS_BY_XXD: Final = re.compile(r"\s{2,}")
-"""behind offsets with a colon two spaces are enough."""
-_GROUP: Final = re.compile(r"(?:[0-9A-Fa-f]{2})+")
-_LIST: Final = re.compile(r"[\[({]?\s*(?:\d{1,3}\s*,\s*)+\d{1,3}\s*,?\s*[\])}]?")
-_WIDEST: Final = 16
-"""Bytes of a line of a dump."""
+_LINE: Final = re.compile(
+    r"\s*(\[)?(?:0x)?(0{,8}[0-9a-f]{1,8})h?(?(1)\])(\s*[:|>](?!\S+:)\s*|\s+|$)(.*)", re.IGNORECASE
+)
+"""The number in front of a line, what separates it, and the rest; `03:01:02` has none in front."""
+_TOKEN: Final = re.compile(r"[^\s,;\[\](){}-]+")
+_DIGITS: Final = re.compile(r"(?:0x)?([0-9a-f]+)h?", re.IGNORECASE)
+_DECIMAL: Final = re.compile(r"-?\d{1,3}")
+_BASES: Final = (16, 10, 8)
+"""Of offsets: most are hexadecimal, those of `od` are octal."""
+_APART: Final = re.compile(r"\s+\||\s{3,}")
+"""What no bytes stand behind, unless they look like some."""
+_LONGEST: Final = 320
+"""Signs from the last byte of a line to the end of its column of text, of 64 bytes a line at most."""
+_WORD: Final = 4
+"""Digits from which on a number may be an offset for the blanks behind it alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,59 +43,154 @@ def read(text: str) -> Pasted:
     """The bytes of a text.
 
     Raises:
-        ValueError: it has none of the forms; the message says which part.
+        ValueError: it has none of the forms, or may have two; the message says where, and what to do.
     """
-    lines = [line for line in text.splitlines() if line.strip()]
-    if len(lines) > 1 and _LAST.fullmatch(lines[-1]) and _LINE.fullmatch(lines[-2]):
-        lines.pop()
-    dump = [_LINE.fullmatch(line) for line in lines]
-    rows = [row for row in dump if row is not None]
-    if rows and len(rows) == len(lines) and (data := _dumped(rows)) is not None:
-        return Pasted(data)
-    if _LIST.fullmatch(text.strip()):
-        numbers = re.findall(r"\d+", text)
-        if any(len(each) != 2 for each in numbers):  # hexadecimal ones have two digits each
-            return Pasted(_decimal(numbers), decimal=True)
-    return Pasted(parse_hex(text))
+    lines = _without_offsets([line for line in text.splitlines() if line.strip()])
+    numbers = _decimal(lines)
+    if numbers is None:
+        return Pasted(parse_hex("\n".join(lines)))
+    return Pasted(numbers, decimal=True)
 
 
-def _dumped(rows: list[re.Match[str]]) -> bytes | None:
-    """The bytes of a dump without its offsets; None where the numbers in front do not count the bytes.
+# Offsets, and the column of text
+
+
+class _Row(NamedTuple):
+    """A line with a number in front, which may be an offset."""
+
+    front: str
+    between: str
+    rest: str
+
+    def content(self, size: int | None = None) -> str | None:
+        """The rest without its column of text; None where it is not so many bytes, or not bytes and text alone."""
+        data, end = bytearray(), len(self.rest.rstrip(" \t,;"))
+        for token in _TOKEN.finditer(self.rest):
+            digits = _DIGITS.fullmatch(token[0])
+            if digits is None:
+                return None
+            odd = len(digits[1]) % 2  # one digit, or a decimal number of three
+            data += b"\0" if odd else bytes.fromhex(digits[1])
+            at = token.end()
+            if size in (None, len(data)) and (at >= end or _is_text(self.rest, at, data)):
+                return self.rest[:at]
+        return None if self.rest.strip() or size else ""
+
+    def stands_out(self) -> bool:
+        """Whether the number in front differs from what is behind it, as offsets do."""
+        tokens = list(_TOKEN.finditer(self.content() or self.rest))
+        widths = [len(digits[1]) for each in tokens if (digits := _DIGITS.fullmatch(each[0]))]
+        gaps = [later.start() - each.end() for each, later in pairwise(tokens)]
+        marked = self.between.strip() and (gaps or self.between[-1].isspace())
+        apart = len(self.front) >= _WORD and gaps and len(self.between) > max(gaps)
+        return bool(widths and (len(self.front) > max(widths) or marked or apart))
+
+
+def _is_text(line: str, at: int, data: bytearray) -> bool:
+    """Whether from there on it is what dumps print beside such bytes: these as text, with a sign for some."""
+    if len(line) - at > _LONGEST:
+        return False
+    behind = line[at:]
+    digits = [_DIGITS.fullmatch(each[0]) is not None for each in _TOKEN.finditer(behind)]
+    if all(digits) and not behind.startswith("  "):  # as more bytes do
+        return False
+    if _APART.match(behind) and digits[:1] != [True]:
+        return True
+    signs = "".join(behind.split())
+    if not len(data) - data.count(b" ") <= len(signs) <= len(data) + 2:
+        return False
+    forms = ("".join(_sign(each, blank) for each in data) for blank in ("", r"\."))
+    return any(re.fullmatch(rf"\|?{form}\|?", signs) for form in forms)
+
+
+def _sign(byte: int, blank: str) -> str:
+    """What stands for a byte, as a pattern."""
+    return blank if byte == 0x20 else re.escape(chr(byte)) if 0x20 < byte < 0x7F else "[^0-9A-Za-z]"
+
+
+def _without_offsets(lines: list[str]) -> list[str]:
+    """Lines without their offsets and columns of text; as they are where no number in front may be an offset.
 
     Raises:
-        ValueError: it is one line, whose number in front may be an offset or data.
+        ValueError: what stands in front of a line may be an offset or data.
     """
-    offsets = [int(row[1], 16) for row in rows]
-    data = b""
-    for number, row in enumerate(rows):
-        if offsets[number] != offsets[0] + len(data):
-            return None
-        last = number + 1 == len(rows)
-        line = _row(row, _WIDEST if last else offsets[number + 1] - offsets[number])
-        if not line:
-            return None
-        data += line
-    if len(rows) == 1 and offsets[0]:
+    found = [_LINE.fullmatch(line) for line in lines]
+    rows = [_Row(*each.group(2, 3, 4)) if each else None for each in found]
+    whole = [row for row in rows if row is not None]
+    if len(whole) == len(rows) > 1:
+        for base in _BASES:
+            contents = list(_counted(whole, base))
+            if len(contents) == len(rows):
+                _refuse_chance(whole)
+                return contents
+    for number, row in enumerate(rows, 1):
+        if row is None or not row.stands_out():
+            continue
+        content = row.content()
+        if len(rows) > 1:
+            raise ValueError(
+                f"{row.front!r} in front of line {number} may be an offset, but what stands in front does not"
+                " count the bytes: paste all lines, whole ('*' stands for lines left out), or leave offsets out;"
+                " write data as two digits for each byte"
+            )
+        if row.front.strip("0") or content is None:
+            raise ValueError(
+                f"{row.front!r} in front may be an offset or data: leave an offset out, and all that is not data;"
+                " write data as two digits for each byte"
+            )
+        return [content]
+    return lines
+
+
+def _counted(rows: list[_Row], base: int) -> Iterator[str]:
+    """What stands behind the offsets, as long as they count the bytes; behind the last one there may be none."""
+    for row, later in zip(rows, [*rows[1:], None], strict=True):
+        try:
+            size = None if later is None else int(later.front, base) - int(row.front, base)
+        except ValueError:
+            return
+        content = row.content(size) if size is None or size > 0 else None
+        if content is None:
+            return
+        yield content
+
+
+def _refuse_chance(rows: list[_Row]) -> None:
+    """Raises ValueError where bytes in front of the lines may count the others by chance alone."""
+    first = rows[0]
+    narrow = len(first.front) <= 2 and first.front.strip("0")
+    if narrow and not any(row.stands_out() for row in rows):
         raise ValueError(
-            f"{rows[0][1]!r} in front may be an offset or data: leave it out, or put one space behind it"
+            f"{first.front!r}, {rows[1].front!r} in front of the lines count bytes and may be offsets or data:"
+            " leave offsets out, or write data in one line"
         )
-    return data
 
 
-def _row(row: re.Match[str], most: int) -> bytes:
-    """The bytes of a line of a dump, at most so many; empty where there are no pairs of digits."""
-    by_xxd = row[2].startswith(":")
-    ends = _ENDS_BY_XXD if by_xxd else _ENDS
-    found = b""
-    for token in ends.split(row[3], maxsplit=1)[0].split():
-        if not _GROUP.fullmatch(token) or len(found) >= most or not (by_xxd or len(token) == 2):
-            break
-        found += bytes.fromhex(token)
-    return found[:most] if most > 0 else b""
+# Lists of decimal numbers
 
 
-def _decimal(numbers: list[str]) -> bytes:
-    large = next((each for each in numbers if int(each) > 0xFF), None)
-    if large is not None:
-        raise ValueError(f"{large!r} in a list of decimal numbers is more than a byte")
-    return bytes(map(int, numbers))
+def _decimal(lines: list[str]) -> bytes | None:
+    """The bytes of a list of decimal numbers; None where it is none: hexadecimal numbers have two digits each.
+
+    Raises:
+        ValueError: a number is no byte, or nothing tells whether it is a list.
+    """
+    numbers = [number for line in lines for number in re.split(r"[\s,;\[\](){}]+", line) if number]
+    if len(numbers) < 2 or not all(map(_DECIMAL.fullmatch, numbers)):
+        return None
+    odd = next((each for each in numbers if len(each) != 2 or each[0] == "-"), None)
+    if odd is None:
+        return None
+    listed = any(re.search(r"[,;\[({]", line) for line in lines) or len(lines) == len(numbers)
+    if not listed and not any(len(each) > 2 or each[0] == "-" for each in numbers):
+        raise ValueError(
+            f"{odd!r} is a number of one digit, so these may be decimal or hexadecimal: write commas between"
+            " decimal ones, and two digits for each hexadecimal one"
+        )
+    wrong = next((each for each in numbers if not -0x80 <= int(each) <= 0xFF), None)
+    if wrong is not None:
+        raise ValueError(
+            f"{wrong!r} in a list of decimal numbers is no byte: write words in hexadecimal, as"
+            f" 16#{int(wrong) & 0xFFFF:04X}"
+        )
+    return bytes(int(each) & 0xFF for each in numbers)
