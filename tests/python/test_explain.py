@@ -25,7 +25,7 @@ from ds47.model import Parameter
 from ds47.report import values
 from ds47.report.explanation import lines as _lines
 from ds47.report.wrap import columns
-from ds47.spec import explanations
+from ds47.spec import explanations, s7
 
 ROOT = Path(__file__).resolve().parents[2]
 LANGUAGES = ("en", "zh")
@@ -839,7 +839,14 @@ def test_a_connection_says_how_its_value_is_read(code, source, value):
         ("8104", "function is not supported, or not now", "status"),
         ("8500", "PDU has a wrong length", "status"),
         ("8304", "no resources for one more job of this kind at the same time", "status"),
+        ("33028", "function is not supported, or not now", "status"),
+        ("-32508", "function is not supported, or not now", "status"),
         ("D241", "not permitted at this protection level", None),
+        ("53825", "not permitted at this protection level", None),
+        ("D201", "class D2, block or file", None),
+        ("s7 8100", "class 81, application relation", None),
+        ("s7 33028", "function is not supported, or not now", None),
+        ("s7 272", "invalid block number", None),
         ("s7 8702", "service is not supported by the module", None),
     ],
 )
@@ -852,7 +859,57 @@ def test_error_words_of_s7(code: str, text: str, also: str | None) -> None:
     assert first.filter.startswith("s7comm.param.errcod == 0x")
 
 
+def test_a_class_of_s7_stands_behind_the_status_that_a_word_may_be() -> None:
+    status, of_class = explain("8100")
+    assert (status.kind, status.known) == ("status", True)
+    assert of_class.title.endswith("communication: class 81, application relation")
+    assert explain(of_class.name) == [of_class]
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+@pytest.mark.parametrize(
+    ("code", "other"), [("8104", True), ("81FF", True), ("D241", False), ("D801", False)]
+)
+def test_an_error_word_of_s7_speaks_of_itself(code: str, other: bool, lang: str) -> None:
+    (meaning,) = explain(f"s7 {code}", lang)
+    pair = f"{code[:2]}, {code[2:]}" if lang == "en" else f"{code[:2]}、{code[2:]}"
+    assert pair in meaning.plc[0].note
+    assert (("other meaning" if lang == "en" else "另一种含义") in meaning.look) is other
+    assert len(explain(code, lang)) == 1 + other
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_return_codes_of_items_of_s7(lang: str) -> None:
+    for code, row in s7.codes("return_code").items():
+        for text in (f"s7 {code:02X}", f"s7 0x{code:02x}", f"s7 {code}"):
+            found = [each for each in explain(text, lang) if each.code == f"0x{code:02X}"]
+            assert [(each.kind, each.known) for each in found] == [("s7_item", True)], text
+            assert found[0].title.endswith(row.text(lang))
+            assert found[0].filter == f"s7comm.data.returncode == 0x{code:02x}"
+    assert "s7_item" not in {each.kind for each in explain("0x0A", lang)}
+
+
+@pytest.mark.parametrize("code", ["272", "449", "0x00D2", "s7 9901", "s7 0B", "7123"])
+def test_what_s7_does_not_say(code: str) -> None:
+    assert not [each for each in explain(code) if each.known and each.kind.startswith("s7")]
+
+
 def test_what_decode_prints_of_s7_can_be_looked_up(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["decode", "--as", "s7", "320200000000000000008104"]) == 0
-    word = re.findall(r"error: .*\((\w{4})\)", capsys.readouterr().out)
-    assert explain(word[0])[0].kind == "s7_error"
+    """Of each class a word that no table has, and each word that one has; return codes of items."""
+    classes = [code << 8 | 0xEE for code in s7.codes("error_class") if code]
+    for code in (*classes, *s7.codes("error")):
+        assert main(["decode", "--as", "s7", f"32020000000000000000{code:04x}"]) == 0
+        (told,) = re.findall(r"error: (.*) \((\w{4})\)", capsys.readouterr().out)
+        assert any(each.title.endswith(told[0]) for each in explain(told[1])), told
+        assert explain(f"s7 {told[1]}")[0].title.endswith(told[0])
+    for code in set(s7.codes("return_code")) - {0xFF}:
+        assert main(["decode", "--as", "s7", f"3203000000000002000500000401{code:02x}000000"]) == 0
+        (told,) = re.findall(r"(0x\w\w) (.*)", capsys.readouterr().out)
+        assert explain(f"s7 {told[0]}")[0].title.endswith(told[1])
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_the_line_about_forms_names_every_word_in_front(lang: str) -> None:
+    table = tomllib.loads((resources.files("ds47.spec") / "explain.toml").read_text("utf-8"))
+    said = re.split(r"[ ,，、：]+", explanations.forms(lang))
+    assert {row["say"] for row in table["kind"]} - {"rule"} <= set(said)

@@ -2289,12 +2289,14 @@ M.explain.plc = {
   format_error = {{block = "RDREC", valid = true, busy = false, error = false, status = "00000000", en = "RECORD: 16#44, number of words, error number (word), info (word); the first one at byte 4", zh = "RECORD：16#44、字数、错误号（字）、附加信息（字）；第一个从字节 4 开始"}},
   part = {{en = "STATUS has it as its first byte", zh = "STATUS 的第一个字节"}},
   ret_val = {{en = "RET_VAL has it as INT, negative: show it in hexadecimal; 0 is good, and with SFC58 and SFC59 7000 to 7002 are steps of a job", zh = "RET_VAL 为 INT，显示为负数：应以十六进制显示；0 为成功，SFC58 和 SFC59 的 7000 至 7002 是任务的步骤"}},
-  s7 = {{en = "not in STATUS of WRREC or RDREC: a library that speaks S7 says it, as one word or as class and code (81, 04)", zh = "不出现在 WRREC 或 RDREC 的 STATUS 中：由 S7 通信库给出，为一个字，或错误类和错误码（81、04）"}},
+  s7 = {{en = "not in STATUS of WRREC or RDREC: a library that speaks S7 says it, as one word or as class and code ({high}, {low})", zh = "不出现在 WRREC 或 RDREC 的 STATUS 中：由 S7 通信库给出，为一个字，或错误类和错误码（{high}、{low}）"}},
+  s7_item = {{en = "not in STATUS of WRREC or RDREC: the partner says it of each item, and a library that speaks S7 hands it on", zh = "不出现在 WRREC 或 RDREC 的 STATUS 中：由对方对每个数据项给出，S7 通信库将其传出"}},
   unknown = {{en = "not known", zh = "未知"}},
   rule = {{en = "no output of a block: the program that analyses the capture reports it", zh = "不是块的输出：由分析抓包的程序报告"}},
 }
 M.explain.filters = {
-  s7_error = {wireshark = "s7comm.param.errcod == {code} || (s7comm.header.errcls == {high} && s7comm.header.errcod == {low})"},
+  s7_error = {wireshark = "s7comm.param.errcod == {code} || (s7comm.header.errcls == 0x{high} && s7comm.header.errcod == 0x{low})"},
+  s7_item = {wireshark = "s7comm.data.returncode == {code}"},
   status = {wireshark = "pn_io.error_code == {code} && pn_io.error_decode == {decode} && pn_io.error_code1 == {code1}"},
   status_read = {wireshark = "pn_io.error_code == {code} && pn_io.error_decode == {decode} && pn_io.error_code1 == {code1}", plugin = "ds47.status.read == {value}"},
   status_write = {wireshark = "pn_io.error_code == {code} && pn_io.error_decode == {decode} && pn_io.error_code1 == {code1}", plugin = "ds47.status.write == {value}"},
@@ -2316,7 +2318,7 @@ M.explain.inputs = {
   unknown_en = "see the declaration of the block",
   unknown_zh = "见块的声明",
 }
-M.explain.ranks = {error = 8, vendor_error = 9, vendor_range = 18}
+M.explain.ranks = {error = 9, vendor_error = 10, vendor_range = 20}
 M.explain.error_word = "error"
 M.explain.ranges = {
   SINAMICS = {},

@@ -141,9 +141,8 @@ def _meanings(
     if kind in CYCLIC:
         yield _cyclic_word(str(kind), value, lang)
     elif kind in RETURNED or kind == S7_ERROR:
-        wide = reading.size == WORD and not reading.decimal
-        if wide or (kind in RETURNED and reading.size in (BYTE, WORD)):
-            yield _number(str(kind), value, lang)
+        if reading.size in (BYTE, WORD):
+            yield _s7(value, lang) if kind == S7_ERROR else _number(str(kind), value, lang)
     elif reading.size in _OF_ONE_MEANING:
         yield _OF_ONE_MEANING[reading.size](value, lang)
     elif reading.size == FORMAT:
@@ -371,8 +370,8 @@ def _decimal_byte(value: int, lang: str, vendor: Maker | None) -> Iterator[Meani
 
 RETURNED = ("consistent_data", "record_data")
 """Kinds of words that system functions of a CPU return: of cyclic data, and of records."""
-S7_ERROR = "s7_error"
-"""The kind of words with which S7 communication refuses a job."""
+S7_ERROR, S7_ITEM = "s7_error", "s7_item"
+"""The kinds of words with which S7 communication refuses a job, and of bytes that it says of an item."""
 _FILTERS = {"error_code": "service"} | dict.fromkeys(RETURNED, "")
 """Kinds of which the filters have another name, or which have none."""
 
@@ -393,15 +392,12 @@ _TABLES: Mapping[str, Callable[[], Mapping[int, Any]]] = {
 def _number(kind: str, value: int, lang: str) -> Meaning:
     """An id, attribute, format, index or first byte of a status."""
     words = explanations.words(lang)
-    wide = kind in (*RETURNED, S7_ERROR) or (kind == "index" and value > 0xFF)
+    wide = kind in RETURNED or (kind == "index" and value > 0xFF)
     code = f"0x{value:0{4 if wide else 2}X}"
     shown = value - 0x10000 if kind in RETURNED and value > 0x7FFF else value  # an INT of the PLC
     known, name = True, ""
     if kind == "error_code":
         name = spec.status(lang).code[value]
-    elif kind == S7_ERROR:
-        row = s7.codes("error").get(value)
-        known, name = row is not None, row.text(lang) if row is not None else ""
     elif kind != "index" and kind not in RETURNED:
         known, name = value in _names(kind), _names(kind).get(value, "")
     entry = explanations.of_number(kind, value)
@@ -419,10 +415,7 @@ def _number(kind: str, value: int, lang: str) -> Meaning:
         kind, code, alone, title, known, entry, lang, rank=_rank_of(kind, value),
         parts=_other_names(value, words) if known and kind == FORMAT else (),
         filter_name=entry.filter or _FILTERS.get(kind, kind),
-        values={
-            "value": code.lower(), "code": code.lower(), "name": name or code,
-            "high": f"0x{value >> 8:02x}", "low": f"0x{value & 0xFF:02x}",
-        },
+        values={"value": code.lower(), "code": code.lower(), "name": name or code},
     )  # fmt: skip
 
 
@@ -482,8 +475,45 @@ def _wide_errors(
 
 def _s7_error(reading: Reading, kind: str | None, lang: str) -> Iterator[Meaning]:
     """A word with which S7 communication refuses a job, without a word in front of it."""
-    if kind is None and not reading.decimal and reading.value in s7.codes("error"):
-        yield _number(S7_ERROR, reading.value, lang)
+    if kind is None and not (reading.decimal and reading.value < _NEGATIVE):
+        meaning = _s7(reading.value, lang)
+        yield from [meaning] if meaning.known else ()
+
+
+_NEGATIVE = 0x8000
+"""From this word on an INT is negative: below it a decimal number is one of a drive."""
+
+
+def _s7(value: int, lang: str) -> Meaning:
+    """What S7 communication says of a whole job, a word, or of an item, a byte."""
+    words, wide = explanations.words(lang), value > 0xFF
+    kind, code = (S7_ERROR, f"0x{value:04X}") if wide else (S7_ITEM, f"0x{value:02X}")
+    text, entry = _s7_text(value, lang), explanations.of_number(kind, value)
+    title = (
+        words[kind]
+        if text
+        else f"{words[f'plain_{kind}']}{words['separator']}{words['unknown_error_text']}"
+    )
+    meaning = _meaning(
+        kind, code, f"{explanations.kind_word(S7_ERROR)} {code}",
+        title.format(code=code, decimal=value, text=text), bool(text),
+        entry if entry and text else explanations.of_unknown(), lang,
+        rank="s7_class" if wide and value not in s7.codes("error") else kind, filter_name=kind,
+        values={"code": code.lower(), "high": f"{value >> 8:02X}", "low": f"{value & 0xFF:02X}"},
+    )  # fmt: skip
+    if wide and any(each.known for each in _word(value, "status", lang)):
+        return replace(meaning, look=words["s7_or_status"])
+    return meaning
+
+
+def _s7_text(value: int, lang: str) -> str:
+    """The words for it; of an error word that no table has those of its class, as reports say it; else empty."""
+    row = s7.codes("return_code" if value <= 0xFF else "error").get(value)
+    of_class = s7.codes("error_class").get(value >> 8) if value > 0xFF and row is None else None
+    if of_class is not None:
+        word = explanations.words(lang)["s7_class"]
+        return word.format(code=f"{value >> 8:02X}", text=of_class.text(lang))
+    return row.text(lang) if row else ""
 
 
 _NOBODY = -1
@@ -556,12 +586,11 @@ def _parameter(number: int, lang: str) -> Meaning:
     else:
         text = words["part_separator"].join(_listed(row, lang) for row in known)
         title = words["parameter"].format_map(values | {"text": text})
-    meaning = _meaning(
+    return _meaning(
         PARAMETER, code, f"{explanations.kind_word(PARAMETER)} {number}", title, bool(known), entry, lang,
         rank=PARAMETER, filter_name=entry.filter, values=values, parts=_values(known, lang),
         advice=None if known else words["parameter_advice"].format_map(values),
     )  # fmt: skip
-    return replace(meaning, plc=_filled(meaning.plc, values))
 
 
 _SOURCES = {"bit": ("r0722.2", 0x02D2FC02), "index": ("r2050[1]", 0x0802FC01)}
@@ -591,10 +620,6 @@ def _listed(row: spec.Pnu, lang: str) -> str:
     kind = None if row.type == "unknown" else row.type
     family = words["bracket"].format(text=words[f"family_{row.family}"])
     return words["list_separator"].join(filter(None, (name, kind, row.unit))) + family
-
-
-def _filled(blocks: tuple[Block, ...], values: Mapping[str, str]) -> tuple[Block, ...]:
-    return tuple(replace(each, note=each.note.format_map(values)) for each in blocks)
 
 
 _FIVE_DIGITS = 1000
@@ -696,7 +721,7 @@ def _meaning(
                 row.busy,
                 row.error,
                 shown if row.status == "" else row.status,
-                row.text(lang),
+                row.text(lang).format_map(values or {}),
             )
             for row in rows
         ),
