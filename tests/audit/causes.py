@@ -93,6 +93,7 @@ def _not_seen(case: Case) -> Iterator[str]:
     polls = case.reading.not_ready(deal)
     yield from case.wrong("polls", len(polls))
     yield from case.wrong("case", "status_zero_at_last" if polls else "status_zero")
+    yield from case.wrong("asked", deal.asked.count if deal.asked else None)
 
 
 @auditor("DS702")

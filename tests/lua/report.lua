@@ -1,7 +1,8 @@
 -- Driver: results of an analysis as JSON in, reports as JSON out, under plain Lua.
 --   lua tests/lua/report.lua IN.json OUT.json
--- IN is an array of {"kind": "statistics" | "report" | "csv" | "parameters" | "plc", "result": {...},
--- "options": {...}}; OUT is an array of the texts. Nothing is judged here: the test that calls it compares.
+-- IN is an array of {"kind": "statistics" | "report" | "csv" | "parameters" | "plc" | "advice",
+-- "result": {...}, "options": {...}}; OUT is an array of the texts. Nothing is judged here: the test that
+-- calls it compares.
 
 local folder = arg[0]:match("^(.*)[/\\]tests[/\\]lua[/\\]") or "."
 package.path = folder .. "/lua/?.lua;" .. folder .. "/tests/lua/?.lua;" .. package.path
@@ -9,6 +10,8 @@ package.path = folder .. "/lua/?.lua;" .. folder .. "/tests/lua/?.lua;" .. packa
 local json = require("ds47.support.json")
 local read_json = require("json_reader")
 local plc = require("ds47.report.plc")
+local sentences = require("ds47.report.sentences")
+local tables = require("ds47.spec.tables")
 local unhex = require("ds47.support.bytes").unhex
 local words = require("ds47.report.formatting")
 
@@ -32,7 +35,17 @@ local function saw(result, options)
   return table.concat(lines, "\n")
 end
 
+-- What each finding advises.
+local function advices(result, options)
+  local lines = {}
+  for number, item in ipairs(result.findings) do
+    lines[number] = sentences.advice(tables.rules[item.rule], item.args, options.lang)
+  end
+  return table.concat(lines, "\n")
+end
+
 local KINDS = {
+  advice = advices,
   statistics = require("ds47.report.statistics").text,
   report = require("ds47.report.text").report,
   csv = require("ds47.report.csv").report,

@@ -818,6 +818,15 @@ def test_drives_without_descriptions_and_texts_are_named(code: str, lang: str) -
     assert [each.basis for each in told] == ["documented"]
 
 
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_0x18_may_be_the_length_of_the_record(lang: str) -> None:
+    (meaning,) = explain("error 0x18", lang)
+    assert len(meaning.causes) == 3
+    assert "LEN" in meaning.causes[1].text
+    assert ("pad byte" if lang == "en" else "填充字节") in meaning.causes[2].text
+    assert "4 + 6 x" in meaning.look
+
+
 @pytest.mark.parametrize(
     ("code", "source", "value"),
     [("p0840", "r0722.2", 0x02D2FC02), ("p1070", "r2050[1]", 0x0802FC01)],

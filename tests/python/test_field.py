@@ -71,8 +71,9 @@ def test_a_drive_that_takes_one_parameter_a_request(field: Path) -> None:
     result = result_of(field / "single-access.pcap")
     assert {each.rule for each in result.findings} == {"DS410", "DS701"}
     (told,) = [each for each in result.findings if each.rule == "DS701"]
+    assert told.args["asked"] == 2
     assert advice(rules()["DS701"], told.args).startswith(
-        "0x23: the drive takes one parameter a request"
+        "0x23, several parameters: the drive takes one a request"
     )
 
 

@@ -238,6 +238,14 @@ def test_an_advice_is_about_the_error_number_that_was_seen():
     assert "Look the parameter up" in advice(usual, {"code": 0x11})
     assert advice(rule, {"code": 0x6B}, "zh").startswith("0x6B：取消使能")
     assert advice(rule, {"code": None}) == advice(rule, {"code": 0x15}) == rule.advice
+    single = spec.rules()["DS701"]
+    for asked in (2, None):
+        assert advice(single, {"code": 0x23, "asked": asked}).startswith(
+            "0x23, several parameters: the drive"
+        )
+        assert advice(single, {"code": 0x23, "asked": asked}, "zh").startswith("0x23，多个参数：")
+    assert advice(single, {"code": 0x23, "asked": 1}) == advice(single, {"code": 0x6B, "asked": 2})
+    assert "0x23" not in advice(single, {"code": 0x23, "asked": 1}, "zh")
     item = spec.rules()["DS908"]
     assert advice(item, {"code": 0x0A}) == "0x0A: load the data block, and check its number."
 

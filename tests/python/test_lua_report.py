@@ -49,6 +49,7 @@ from ds47.report import json as json_report
 from ds47.report import plc
 from ds47.report.bilingual import say
 from ds47.report.escaping import escape
+from ds47.report.sentences import advice
 from ds47.report.wrap import columns
 from ds47.spec.statuses import status_text
 
@@ -280,6 +281,18 @@ def told_by_json(result: CaptureResult, lang: str) -> str:
 def words(key: str, lang: str, n: int = 0, /, **values: Any) -> str:
     """A text of the reports, filled in."""
     return say(key, n=n, **values).text(lang)
+
+
+@pytest.mark.parametrize("lang", ["en", "zh"])
+def test_the_advice_is_about_what_was_seen(lua: Run, lang: str) -> None:
+    """Of each rule: error numbers that an advice names, and others; requests of one and of several parameters."""
+    found = [
+        finding(row.id, 1, None, None, code=code, asked=asked)
+        for row in spec.rules().values() if not row.analyzer_only
+        for code in (None, 0x05, 0x11, 0x18, 0x23, 0x6B, 0x84, 0x0811) for asked in (None, 1, 2)
+    ]  # fmt: skip
+    (told,) = lua([job("advice", CaptureResult("-", findings=found), lang=lang)])
+    assert told.split("\n") == [advice(spec.rules()[each.rule], each.args, lang) for each in found]
 
 
 @pytest.mark.slow

@@ -162,9 +162,10 @@ def test_a_refusal_under_status_zero_is_told_once() -> None:
         "vendor_id": 0x2A,
         "case": "status_zero",
         "polls": 0,
+        "asked": 1,
     }
     assert told_of_status_zero(job(READ, no)) == [usual]
-    assert told_of_status_zero(job(None, no)) == [usual]
+    assert told_of_status_zero(job(None, no)) == [usual | {"asked": None}]
     assert told_of_status_zero(job(None, no, repeats=2)) == []
     assert told_of_status_zero(job(READ, no, repeats=2)) == [usual]
 

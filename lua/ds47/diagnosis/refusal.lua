@@ -271,6 +271,7 @@ function M.not_seen(remarks, job)
     rules.put(remarks, "DS701", half.frame, {
       id = id, code = code, among = among, vendor_id = job.peer.vendor_id,
       case = polls > 0 and "status_zero_at_last" or "status_zero", polls = polls,
+      asked = job.message and job.message.parameter_count,
     })
   end
 end

@@ -195,15 +195,18 @@ function M.advice(row, args, lang)
   if not args.code then
     return text
   end
-  local seen, parts, wanted = spec.error_hex(args.code) .. colon, {}, 0
+  local several = zh and "，多个参数" or ", several parameters" -- of requests of one there is nothing to say
+  local seen, parts, wanted = spec.error_hex(args.code), {}, 0
   -- What is about a number begins a line.
-  for piece in text:gsub("0x%x%x" .. colon, "\n%0"):gmatch("[^\n]+") do
+  local lines = text:gsub("0x%x%x" .. colon, "\n%0"):gsub("0x%x%x" .. several .. colon, "\n%0")
+  for piece in lines:gmatch("[^\n]+") do
     piece = piece:match("^%s*(.-)%s*$")
-    if piece:sub(1, #seen) == seen then
+    local number, about = piece:match("^(0x%x%x)(.-)" .. colon)
+    if not number or (about ~= "" and about ~= several) then
+      parts[#parts + 1] = piece
+    elseif number == seen and not (about == several and args.asked == 1) then
       wanted = wanted + 1
       table.insert(parts, wanted, piece)
-    elseif not piece:find("^0x%x%x" .. colon) then
-      parts[#parts + 1] = piece
     end
   end
   return parts[1] and concat(parts, zh and "" or " ") or text

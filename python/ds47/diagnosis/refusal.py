@@ -138,6 +138,7 @@ def not_seen(job: Job) -> Iterator[Remark]:
         "id": response.response_id, "code": codes[0] if codes else None,
         "among": len(set(codes)) > 1 or bool(codes and half.missing > 0), "vendor_id": job.peer.vendor_id,
         "case": "status_zero_at_last" if polls else "status_zero", "polls": polls,
+        "asked": job.message.parameter_count if job.message else None,
     }  # fmt: skip
     yield Remark("DS701", half.frame, args)
 

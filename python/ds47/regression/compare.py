@@ -549,7 +549,7 @@ def _fact(key: str, parameter: Json) -> Any:
 
 def _compared(args: Mapping[str, Any]) -> dict[str, Any]:
     """The arguments without those that older results lack and that only words need: no result differs by them."""
-    return {name: value for name, value in args.items() if name not in ("family", "among")}
+    return {name: value for name, value in args.items() if name not in ("family", "among", "asked")}
 
 
 def _frozen(item: Any) -> Any:

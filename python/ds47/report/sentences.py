@@ -26,8 +26,10 @@ VALUES_SHOWN: Final = 4
 """Values of a list that a sentence names."""
 _LINE: Final = 100
 _NUMBER: Final = re.compile(r"\d+")
-_OF_ERROR: Final = re.compile(r"(?=0x[0-9A-F]{2}[:：])")
-"""Where a part of an advice begins that is about one error number."""
+_OF_ERROR: Final = re.compile(r"(?=0x[0-9A-F]{2}(?:, several parameters|，多个参数)?[:：])")
+"""Where a part of an advice begins that is about one error number;"""
+_SEVERAL: Final = (", several parameters", "，多个参数")
+"""what stands behind the number where that part is about requests of several parameters alone."""
 _FRAMES: Final = ("frame", "frames")
 
 
@@ -113,7 +115,8 @@ def advice_parts(row: RuleText, args: Mapping[str, Any], lang: str = "en") -> li
     text, code = row.advice_zh if lang == "zh" else row.advice, args.get("code")
     if code is None:
         return [text]
-    seen = tuple(error_hex(code) + colon for colon in ":：")
+    ends = (":", "：") if args.get("asked") == 1 else (":", "：", *_SEVERAL)
+    seen = tuple(error_hex(code) + each for each in ends)
     parts = [part.strip() for part in _OF_ERROR.split(text) if part]
     wanted = [part for part in parts if part.startswith(seen)]
     wanted += [part for part in parts if not _OF_ERROR.match(part)]
