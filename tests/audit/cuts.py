@@ -99,6 +99,18 @@ def swapped(step: int) -> Callable[[Cut], Cut]:
     return swap
 
 
+def moved(step: int, places: int) -> Callable[[Cut], Cut]:
+    """Some frames stand several places behind their own, each with its own time."""
+
+    def move(frames: Cut) -> Cut:
+        found = list(frames)
+        for at in range(len(found) - places - 1 - len(found) % step, 0, -step):
+            found.insert(at + places, found.pop(at))
+        return found
+
+    return move
+
+
 def clock_back(frames: Cut) -> Cut:
     """The clock of the capture is set back in the middle."""
     half = len(frames) // 2
@@ -154,6 +166,11 @@ ALL: dict[str, Callable[[Cut], Cut]] = {
     "twice": twice,
 }
 """What is made of a conversation, by its name."""
+MOVED = {
+    "5th moved by 2": moved(5, 2), "7th moved by 2": moved(7, 2), "7th moved by 3": moved(7, 3),
+    "11th moved by 4": moved(11, 4),
+}  # fmt: skip
+"""Disorder by more than one place. Of what is so much out of order nothing is said that the times contradict."""
 LONGER = ("twice",)
 """Of these the conversation goes on behind its end: of what is said there it is not the truth."""
 

@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 from tests.audit import cuts, holes, seeds, wire
 
+from ds47.analysis import analyze
+
 ROOT = Path(__file__).parents[2]
 STACKS = sorted((ROOT / "captures/real-stacks").glob("*.pcapng"))
 SMALL = ROOT / "captures/conversation-superseded-read.pcapng"
@@ -20,6 +22,26 @@ SHARES = 8
 @pytest.mark.parametrize("path", STACKS, ids=lambda path: path.stem)
 def test_a_real_stack_with_holes(path: Path, name: str) -> None:
     assert list(map(str, holes.of(path, [name]))) == []
+
+
+CHARGES = {
+    "DS206", "DS401", "DS402", "DS404", "DS405", "DS406", "DS407", "DS413", "DS414", "DS702", "DS703", "DS705",
+    "DS706", "DS722",
+}  # fmt: skip
+"""What charges program, drive or cable with what did not come, or with another order."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", cuts.MOVED)
+@pytest.mark.parametrize("path", STACKS, ids=lambda path: path.stem)
+def test_a_real_stack_out_of_order_charges_nobody(path: Path, name: str, tmp_path: Path) -> None:
+    """Each frame has its own time, which says what came first."""
+    frames = cuts.MOVED[name](wire.frames(path))
+    cuts.write(tmp_path / "moved.pcap", frames)
+    told = {(each.rule, each.frame) for each in analyze(path).findings}
+    for each in analyze(tmp_path / "moved.pcap").findings:
+        if each.rule in CHARGES:
+            assert (each.rule, frames[each.frame - 1].number) in told
 
 
 @pytest.mark.slow

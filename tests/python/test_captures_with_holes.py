@@ -1,6 +1,6 @@
 """Captures that lack something: what has to be said of them, and what must not, as their README has it.
 
-They stand beside the project and are none of its own; tests of cuts that are made here are in test_holes.py.
+They stand beside the project and are none of its own; tests of cuts that are made here are in test_audit_holes.py.
 """
 
 from __future__ import annotations

@@ -281,21 +281,21 @@ end
 -- What is not in the capture (P73)
 
 -- What may be missing behind a frame of what the controller sent.
-local function behind(self, peer, frame, lost)
+local function behind(self, peer, frame, lost, in_order)
   if not self.completeness then
     return nil
   elseif peer.station then
     return self.completeness.lost_on_line(peer.station) > frame and {what = "line"} or nil
   end
-  return self.completeness:behind(peer.controller, peer.device, frame, lost)
+  return self.completeness:behind(peer.controller, peer.device, frame, lost, in_order)
 end
 
 -- What may be missing behind a frame of what was asked for on a channel; behind 0 the begin of the capture.
-local function asked_behind(self, peer, channel, since)
+local function asked_behind(self, peer, channel, since, in_order)
   if channel.unseen > since then
     return {what = "requests"}
   end
-  return since == 0 and {what = "begins"} or behind(self, peer, since)
+  return since == 0 and {what = "begins"} or behind(self, peer, since, nil, in_order)
 end
 
 -- The frame in which nothing was open on a channel before a Read; 0 where none is known. A Connect may be
@@ -708,10 +708,10 @@ local function may_be(channel, job, data)
   return job.order > channel.accepted or kind_fits(job.message, data) and not is_last(channel, data)
 end
 
--- Whether the Write of a job was sent behind the request of a Read.
+-- Whether the Write of a job was sent behind the request of a Read: in the file, and by the clock.
 local function is_later(job, record)
   local asked, read = job:write_request(), record.request
-  return asked ~= nil and read ~= nil and asked.frame > read.frame
+  return asked ~= nil and read ~= nil and asked.frame > read.frame and asked.time_ns >= read.time_ns
 end
 
 -- Whether a record has the reference and the kind of a request.
@@ -1047,12 +1047,13 @@ local function of_another(self, channel, job, record)
   local unknown = job.write_response == nil and not has_data -- whether its Write was accepted
   local over = (unknown or job == channel.refused) and half.status ~= STATUS_SHORT
   local since = over and free_since(self, channel, sought) or asked.frame
-  local found = asked_behind(self, job.peer, channel, since)
+  local found = asked_behind(self, job.peer, channel, since, fits)
   if found == nil and job == channel.refused and has_data and not fits then
     found = behind(self, job.peer, 0) -- what it mirrors may have outlived a Connect
   end
   if unknown and found then
-    return asked_behind(self, job.peer, channel, asked.frame) or {what = "write_answer", first = asked.frame}
+    found = asked_behind(self, job.peer, channel, asked.frame, fits)
+    return found or {what = "write_answer", first = asked.frame}
   elseif found == nil or not has_data or channel.unseen > since then
     return found
   end

@@ -286,6 +286,9 @@ end
 -- A call is answered: it is remembered as long as its client may repeat it.
 local function answer(self, activity, call, pdu)
   call.response, activity.numbers.heard = pdu, true
+  if pdu.seq < activity.answered and pdu.time_ns < activity.numbers.newest.time_ns then
+    self.completeness:disordered(pdu)
+  end
   activity.answered = math.max(activity.answered, pdu.seq)
   self.newest = call
   forget(activity, call)
@@ -335,6 +338,9 @@ local function request(self, pdu)
       lose(self, call)
       forget(activity, call)
     end
+  end
+  if seq < activity.numbers.highest and pdu.time_ns < activity.numbers.newest.time_ns then
+    self.completeness:disordered(pdu)
   end
   if pdu.opnum == rpc.CONNECT then
     self.connects:keep(pdu.client .. "\0" .. pdu.server, pdu.frame, self.limits.activities)

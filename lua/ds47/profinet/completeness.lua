@@ -8,7 +8,10 @@
 
 local ordered = require("ds47.support.ordered")
 local take_out = require("ds47.support.arrays").take_out
-local WRITE = require("ds47.profinet.rpc").WRITE
+local rpc = require("ds47.profinet.rpc")
+
+local WRITE = rpc.WRITE
+local OF_RECORDS = {[rpc.READ] = true, [rpc.WRITE] = true, [rpc.READ_IMPLICIT] = true}
 
 local M = {}
 
@@ -128,14 +131,15 @@ end
 -- {activities = array of Numbers; since = frame since which all calls are of activities that were there
 -- before; heard = whether the station that is called has said anything; unasked = frames of Writes that are
 -- not there; lost = frames of calls of which only one half is there; went_on = frame of a call without its
--- response -> when its client sent the next one}
+-- response -> when its client sent the next one; disorder = the newest frame that was sent before one that
+-- comes before it}
 local function pair_of(self, client, server)
   local key = key_of(client, server)
   local pair = self.pairs:get(key)
   if pair == nil then
     local back = self.pairs:get(key_of(server, client))
     local heard = back ~= nil and back.activities[1] ~= nil
-    pair = {activities = {}, since = 0, heard = heard, unasked = {}, lost = {}}
+    pair = {activities = {}, since = 0, heard = heard, unasked = {}, lost = {}, disorder = 0}
     pair.went_on = ordered.new()
     self.pairs:set(key, pair)
     if self.pairs.length > self.most then
@@ -196,6 +200,14 @@ function Completeness:asked_after_all(response)
   local pair = pair_of(self, response.client, response.server)
   take_out(pair.unasked, response.frame)
   take_out(pair.lost, response.frame)
+end
+
+--- A call of records stands behind one that was made later, by its number and by the clock.
+function Completeness:disordered(pdu)
+  if OF_RECORDS[pdu.opnum] then
+    local pair = pair_of(self, pdu.client, pdu.server)
+    pair.disorder = math.max(pair.disorder, pdu.frame)
+  end
 end
 
 --- A call has no response.
@@ -263,7 +275,8 @@ end
 -- Of two activities nothing follows from their numbers. There it counts whether the capture lacks anything
 -- of this pair.
 -- @param lost  true: a call is open of which only the request is there; nil asks what was told
-function Completeness:behind(client, server, since, lost)
+-- @param in_order  true: that calls are out of order does not count
+function Completeness:behind(client, server, since, lost, in_order)
   local pair = self.pairs:get(key_of(client, server))
   if pair == nil or pair.activities[1] == nil then
     return {what = "requests"}
@@ -274,6 +287,8 @@ function Completeness:behind(client, server, since, lost)
     return hole
   elseif unasked[1] and (across or unasked[#unasked] > since) then
     return {what = "requests"}
+  elseif pair.disorder > 0 and pair.disorder >= since and not in_order then
+    return {what = "halves"}
   elseif is_anew(pair.activities, since) then
     return {what = "renewed"}
   elseif not hears(pair) then

@@ -530,14 +530,17 @@ class Pairing:
 
     # What is not in the capture (P73)
 
-    def _behind(self, peer: Peer, frame: int) -> Missing | None:
-        """What may be missing behind a frame of what the controller sent."""
+    def _behind(self, peer: Peer, frame: int, *, ordered: bool = False) -> Missing | None:
+        """What may be missing behind a frame of what the controller sent, or stand elsewhere in the file.
+
+        `ordered`: what stands elsewhere does not matter.
+        """
         if self._completeness is None:
             return None
         if peer.station is not None:
             lost = self._completeness.lost_on_line(peer.station)
             return Missing("line") if lost > frame else None
-        found = self._completeness.behind(peer.controller, peer.device, frame)
+        found = self._completeness.behind(peer.controller, peer.device, frame, ordered=ordered)
         if not isinstance(found, Hole):
             return None if found is None else Missing(found)
         return Missing("calls", found.after or None, found.before, found.told())
@@ -618,11 +621,11 @@ class Pairing:
         since = asked.frame
         if (unknown or job is channel.refused) and half.status != STATUS_SHORT:
             since = self._free_since(job.key, channel, record.request or half)
-        found = self._asked_behind(job.peer, channel, since)
+        found = self._asked_behind(job.peer, channel, since, ordered=fits)
         if found is None and job is channel.refused and half.data and not fits:
             found = self._behind(job.peer, 0)  # what it mirrors may have outlived a Connect
         if unknown and found is not None:  # of its own calls it is at least this one
-            behind = self._asked_behind(job.peer, channel, asked.frame)
+            behind = self._asked_behind(job.peer, channel, asked.frame, ordered=fits)
             return behind or Missing("write_answer", asked.frame)
         if found is None or not half.data or channel.unseen > since:
             return found
@@ -670,11 +673,13 @@ class Pairing:
         connect = self._connects.get(key[:3], _NEVER)
         return max(channel.ended, connect.frame if connect.frame < read.frame else 0)
 
-    def _asked_behind(self, peer: Peer, channel: Channel, since: int) -> Missing | None:
+    def _asked_behind(
+        self, peer: Peer, channel: Channel, since: int, *, ordered: bool = False
+    ) -> Missing | None:
         """What may be missing behind a frame of what was asked for on a channel; 0: the begin of the capture."""
         if channel.unseen > since:
             return Missing("requests")
-        return self._behind(peer, since) if since else Missing("begins")
+        return self._behind(peer, since, ordered=ordered) if since else Missing("begins")
 
     def _nothing(self, access: RecordAccess, channel: Channel, missing: Missing | None) -> None:
         """A Read that brought nothing, where no request is open as far as is known."""
@@ -1198,9 +1203,11 @@ def _by_kind(channel: Channel, opened: Job, record: Record) -> Job:
 
 
 def _is_later(job: Job, record: Record) -> bool:
-    """Whether the Write of a job was sent behind the request of a Read."""
+    """Whether the Write of a job was sent behind the request of a Read: in the file, and by the clock."""
     asked, read = job.write_request, record.request
-    return asked is not None and read is not None and asked.frame > read.frame
+    if asked is None or read is None:
+        return False
+    return asked.frame > read.frame and asked.time_ns >= read.time_ns
 
 
 def _mirrors(job: Job, half: Half) -> bool:

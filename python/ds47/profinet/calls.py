@@ -250,6 +250,8 @@ class CallTracker:
             if not call.answer:
                 self._lose(call, told, went_on=True)
                 del calls[seq]  # the new one goes to the end
+        if seq < activity.numbers.highest and pdu.time_ns < activity.numbers.newest.time_ns:
+            self._completeness.disordered(pdu)
         if pdu.opnum == RPC_CONNECT:
             self._connected(pdu)
         before = calls.get(activity.newest)
@@ -351,6 +353,8 @@ class CallTracker:
             call.request = None
         call.answer, call.answer_ns, call.said = pdu.frame, pdu.time_ns, hash(pdu.body)
         activity.numbers.heard = True
+        if pdu.seq < activity.answered and pdu.time_ns < activity.numbers.newest.time_ns:
+            self._completeness.disordered(pdu)
         activity.answered = max(activity.answered, pdu.seq)
         call.heard_ns = max(call.sent_ns, pdu.time_ns)
         del activity.calls[pdu.seq]

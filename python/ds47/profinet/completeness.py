@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Final, Literal
 
 from ds47.profinet.rpc import Pdu
-from ds47.spec.layouts import RPC_WRITE
+from ds47.spec.layouts import RPC_READ, RPC_READ_IMPLICIT, RPC_WRITE
 
 What = Literal["one_direction", "requests", "renewed", "halves"]
 """All that one side sent; requests of Writes; calls whose numbers came twice; the other halves of calls."""
@@ -116,7 +116,9 @@ class Numbers:
 class Pair:
     """What one station says to another one."""
 
-    __slots__ = ("activities", "half", "halves", "heard", "lost", "since", "unasked", "went_on")
+    __slots__ = (
+        "activities", "disorder", "half", "halves", "heard", "lost", "since", "unasked", "went_on",
+    )  # fmt: skip
 
     def __init__(self) -> None:
         self.activities: list[Numbers] = []
@@ -128,6 +130,8 @@ class Pair:
         """and in which frames to a Write that is not there: the oldest one, and the newest ones."""
         self.lost: list[int] = []
         """The frames of Reads without their requests, and of calls without their responses: oldest and newest."""
+        self.disorder = 0
+        """The newest frame that was sent before one that comes before it; 0 for none."""
         self.half = self.halves = 0
         """The first frame of any call with one half, and how many there are."""
         self.went_on: dict[int, int] = {}
@@ -226,6 +230,12 @@ class Completeness:
         self.late += 1
         self.first_late = min(self.first_late or response.frame, response.frame)
 
+    def disordered(self, pdu: Pdu) -> None:
+        """A call of records stands behind one that was made later, by its number and by the clock."""
+        if pdu.opnum in (RPC_READ, RPC_WRITE, RPC_READ_IMPLICIT):
+            pair = self._pair(pdu.client, pdu.server)
+            pair.disorder = max(pair.disorder, pdu.frame)
+
     def lost(self, request: Pdu, *, went_on: bool) -> None:
         """A call has no response; where its client went on, the capture lacks one half."""
         pair = self._pair(request.client, request.server)
@@ -256,8 +266,12 @@ class Completeness:
         """What is missing between two stations."""
         return self._pairs.get((client, server)) or Pair()
 
-    def behind(self, client: str, server: str, since: int) -> What | Hole | None:
+    def behind(
+        self, client: str, server: str, since: int, *, ordered: bool = False
+    ) -> What | Hole | None:
         """What may be missing of the calls of a client behind a frame; None where nothing can be.
+
+        That calls are out of order does not count where they are known to be `ordered`.
 
         Of two activities nothing follows from their numbers. There it counts whether the capture lacks anything of
         this pair.
@@ -272,6 +286,8 @@ class Completeness:
             anew = max(anew, numbers.anew)
         if pair.unasked and (across or pair.unasked[-1] > since):
             return "requests"
+        if pair.disorder and pair.disorder >= since and not ordered:
+            return "halves"
         if anew > since:
             return "renewed"
         if not (pair.heard or pair.hears):
