@@ -211,3 +211,38 @@ def test_a_module_of_lua_has_its_twin_in_python() -> None:
         if module not in modules() and room(module) not in SUPPORT
     }
     assert alone == own
+
+
+PATH = re.compile(
+    r"(?<![\w/.-])(?:(?:python|lua)/ds47|dissector|tests|tools|bench)/[\w/]+\.(?:py|lua|toml)\b"
+    r"|(?<![\w/])test_[a-z0-9_]+\.py\b"
+)
+INVENTIVE = ("test_house.py", "test_matrix_tools.py", "test_pytest_plugin.py")
+"""Files that name some that never were."""
+
+
+def paths_to_nothing(path: Path) -> set[str]:
+    """The files that a text names and the checkout lacks; of a test its name is enough."""
+    folders = (REPOSITORY, REPOSITORY / "tests/python", REPOSITORY / "tests/browser")
+    named = set(PATH.findall(path.read_text("utf-8")))
+    return {name for name in named if not any((folder / name).is_file() for folder in folders)}
+
+
+def test_files_that_comments_and_pages_name_are_there() -> None:
+    rooms = ("python", "lua", "dissector", "tests", "tools", "bench", "docs")
+    texts = [REPOSITORY / "pyproject.toml", REPOSITORY / "Makefile"]
+    texts += [
+        path
+        for room in rooms
+        for kind in ("py", "lua", "toml", "md")
+        for path in (REPOSITORY / room).rglob(f"*.{kind}")
+        if path.name not in INVENTIVE
+    ]
+    gone = {path.name: missing for path in texts if (missing := paths_to_nothing(path))}
+    assert gone == {}
+
+
+def test_a_file_that_is_gone_is_noticed(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("As python/ds47/gone.py, test_gone.py, tools/matrix.py and test_house.py say.")
+    assert paths_to_nothing(page) == {"python/ds47/gone.py", "test_gone.py"}

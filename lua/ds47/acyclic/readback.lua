@@ -1,8 +1,8 @@
 -- What was written last to a parameter, and whether a later read brings something else (DS417).
 --
--- The same as python/ds47/readback.py, where it is explained: a finding speaks only where the value that was
--- written last is the same in every order that the capture allows, and for every drive object that a request
--- may have reached.
+-- The same as python/ds47/acyclic/readback.py, where it is explained: a finding speaks only where the value
+-- that was written last is the same in every order that the capture allows, and for every drive object that a
+-- request may have reached.
 
 local dictionary = require("ds47.profidrive.dictionary")
 local drive_objects = require("ds47.profidrive.drive_objects")

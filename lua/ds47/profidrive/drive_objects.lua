@@ -1,7 +1,8 @@
 -- Which drive object a request reaches, and whether two requests reach the same one (docs/pairing.md, P60).
 --
--- The same as python/ds47/drive_objects.py, where it is explained. An access is {device, record_index, slot,
--- subslot, axis}; nothing is guessed: what is not proved is neither the same nor another one.
+-- The same as python/ds47/profidrive/drive_objects.py, where it is explained. An access is {device,
+-- record_index, slot, subslot, axis}; nothing is guessed: what is not proved is neither the same nor another
+-- one.
 
 local ordered = require("ds47.support.ordered")
 local tables = require("ds47.spec.tables")

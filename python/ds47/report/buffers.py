@@ -2,7 +2,7 @@
 
 They are parameters of their own (945, 947 to 949; of SINAMICS 2109, 2122 to 2125), which programs read one by one.
 An entry has the same subindex in all of them, and eight make a situation (docs/protocol.md D.2). What was read of
-time and value counts as long as no later read shows other numbers. lua/ds47/report/buffers.lua says the same.
+time and value counts as long as no later read shows other numbers.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ tshark, and their numbers are put back into what it says. To compare, all frames
 native engine passed over may be what it does wrong. What the plugin does not show (counts,
 devices, S7, drives without an event, findings of rules that only the analyzer has) is that of the
 native engine. `both` compares the two: a difference is a finding (DS601).
-Running tshark is in `shark`, reading its answer in `fields`.
+Running tshark is in `tshark`, reading its answer in `fields`.
 """
 
 from __future__ import annotations
