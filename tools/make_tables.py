@@ -16,6 +16,7 @@ import argparse
 import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from ds47 import __version__, spec
 from ds47.report import contract, csv
 from ds47.spec import codes, cyclic, descriptions, explanations, profibus, semantics
 from ds47.spec.reporting import report_words
+from ds47.spec.rows import Row
 
 ROOT = Path(__file__).resolve().parent.parent
 TARGET = ROOT / "lua" / "ds47" / "spec" / "tables.lua"
@@ -111,6 +113,8 @@ EXPLAIN_WORDS = (
 """Words of explain.toml that an explanation of a status or of an error number needs."""
 EXPLAINED = {"status": "statuses", "local": "of_plc", "error": "errors"}
 """Tables of explain.toml that Lua has -> what they are called there."""
+OF_CODES = {"state_": "states", "operation_": "operations", "severity_": "severities"}
+"""How words of the reports begin that go on with a word that has a number -> the table of those."""
 ERROR_RANKS = ("error", "vendor_error", "vendor_range")
 PZD_STATE = ("id", "mask", "bits", "en", "zh", "missing", "missing_zh")
 
@@ -208,7 +212,7 @@ def _ids() -> Iterator[str]:
 
 
 def _codes() -> Iterator[str]:
-    yield from block("M.codes", {name: codes.codes(name) for name in codes.tables()})
+    yield from block("M.codes", {name: codes.of_plugin(name) for name in codes.tables()})
 
 
 def _fallback() -> Iterator[str]:
@@ -282,20 +286,34 @@ def _experts() -> Iterator[str]:
     return block("M.experts", shown)
 
 
+@cache
+def _lua() -> str:
+    """All modules of Lua but the tables."""
+    sources = [*(ROOT / "lua").rglob("*.lua"), *(ROOT / "dissector").rglob("*.lua")]
+    return "".join(path.read_text("utf-8") for path in sources if path != TARGET)
+
+
 def _words_of_lua() -> dict[str, Mapping[str, str]]:
     """The words of the reports that a module of Lua names: whole, or by how they begin ("state_" .. word)."""
-    sources = [*(ROOT / "lua").rglob("*.lua"), *(ROOT / "dissector").rglob("*.lua")]
-    text = "".join(path.read_text("utf-8") for path in sources if path != TARGET)
-    named = set(re.findall(r'["\']([a-z][a-z0-9_]*)["\']|report_words\.(\w+)', text))
+    named = set(re.findall(r'["\']([a-z][a-z0-9_]*)["\']|report_words\.(\w+)', _lua()))
     words = {word for pair in named for word in pair if word}
-    starts = tuple(word for word in words if word.endswith("_"))
+    starts = tuple(re.findall(r'\bsay\(\w+, "([a-z0-9_]+_)" \.\.', _lua()))
+    for start, table in OF_CODES.items():
+        words |= {start + word for word in codes.of_plugin(table)}
+    others = tuple(start for start in starts if start not in OF_CODES)
     return {
-        key: row for key, row in report_words().items() if key in words or key.startswith(starts)
+        key: row for key, row in report_words().items() if key in words or key.startswith(others)
     }
 
 
+def read_by_lua(table: str, row: Row) -> dict[str, Any]:
+    """What modules of Lua read of M.limits or M.known, whatever they call the table (`self.limits.calls`)."""
+    named = set(re.findall(rf"\b{table}\.(\w+)", _lua()))
+    return {name: value for name, value in row.columns().items() if name in named}
+
+
 def _known() -> Iterator[str]:
-    yield from block("M.known", semantics.known().columns())
+    yield from block("M.known", read_by_lua("known", semantics.known()))
     pnus, values = semantics.never_written()
     ranges = [(each.start, each.stop - 1) for each in pnus]
     never = {"ranges": ranges, "values": sorted(values)}
@@ -303,7 +321,7 @@ def _known() -> Iterator[str]:
 
 
 def _semantics() -> Iterator[str]:
-    yield from block("M.limits", semantics.limits().columns())
+    yield from block("M.limits", read_by_lua("limits", semantics.limits()))
     yield ""
     yield from block("M.phases", semantics.phases())
     yield ""

@@ -566,7 +566,7 @@ end
 -- Whether earlier frames prove the state: one pass does not know how an open transaction ends.
 local function state_is_certain(view)
   local item = view.item
-  if view.complete or item.operation == "usend" or frame_of(view, "read_response") then
+  if view.complete or frame_of(view, "read_response") then
     return true
   end
   return (item.write_status or 0) ~= 0

@@ -65,10 +65,10 @@ local function differs(key, got, want)
   local says = {tostring(got), tostring(want)}
   problems[#problems + 1] = ("%s: table says %s, vector says %s"):format(key, says[1], says[2])
 end
--- Rules that only the analyzer has are in no table of Lua, nor are their words.
+-- What only the analyzer has is in no table of Lua: rules, words, numbers.
 local function is_analyzers(key)
   local rule = key:match("^rules%.(%w+)%.")
-  return key:find("^analyzer_words%.") or rule and stored["rules." .. rule .. ".analyzer_only"]
+  return key:find("^analyzer_") or rule and stored["rules." .. rule .. ".analyzer_only"]
 end
 for key, want in pairs(stored) do
   local explaining = (EXPLAINING[key:match("[^.]+$")] or key:find("%.sources%.") or key:find("%.changed%.")

@@ -70,3 +70,17 @@ def test_a_number_leads_back_to_its_word() -> None:
 def test_read_and_change_have_the_number_of_their_request_id() -> None:
     for name in ("read", "change"):
         assert request_ids()[codes.codes("operations")[name]].operation == name
+
+
+def test_what_only_the_analyzer_says_keeps_its_number_and_is_none_of_the_plugin() -> None:
+    left_out = {name: codes.analyzer_only(name) for name in codes.tables()}
+    assert {name: words for name, words in left_out.items() if words} == {
+        "operations": ("get", "put", "bsend", "usend"),
+        "channels": ("s7",),
+    }
+    for name, words in left_out.items():
+        of_plugin = codes.of_plugin(name)
+        assert {**of_plugin, **{word: codes.codes(name)[word] for word in words}} == codes.codes(
+            name
+        )
+        assert not of_plugin.keys() & set(words)

@@ -476,6 +476,8 @@ WRONG = (
     'ds47.state == "refusedd"',
     'ds47.operation == "chnge"',
     'ds47.channel == "dp"',
+    'ds47.channel == "s7"',
+    'ds47.operation == "usend"',
     'ds47.finding.severity == "warn"',
     'ds47.format == "Flaot32"',
     'ds47.attribute == "values"',

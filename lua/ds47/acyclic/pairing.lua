@@ -17,11 +17,9 @@ local M = {}
 M.STATUS_NOT_READY = 0xDE80B500
 --- State conflict on a Write: the device still works on another request.
 M.STATUS_IN_USE = 0xDF80B500
---- Polls, re-reads and empty reads of one transaction that are kept, of each.
-M.MOST_READS = 4096
 
 local ar_key, channel_key, know_peer = records.ar_key, records.channel_key, records.know_peer
-local STATUS_NOT_READY, STATUS_IN_USE, MOST_READS = M.STATUS_NOT_READY, M.STATUS_IN_USE, M.MOST_READS
+local STATUS_NOT_READY, STATUS_IN_USE, MOST_READS = M.STATUS_NOT_READY, M.STATUS_IN_USE, tables.limits.reads
 -- Length error on a Read: the response is longer than what it asks for (docs/protocol.md E.1).
 local STATUS_SHORT = 0xDE80B100
 local PHASES = tables.phases

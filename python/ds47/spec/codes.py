@@ -14,7 +14,7 @@ from ds47.spec import _load
 
 def tables() -> tuple[str, ...]:
     """The names of the tables: "states", "operations", ..."""
-    return tuple(_load("codes.toml"))
+    return tuple(name for name in _load("codes.toml") if name != "analyzer_only")
 
 
 @cache
@@ -25,6 +25,19 @@ def codes(table: str) -> Mapping[str, int]:
         KeyError: there is no table of that name.
     """
     return MappingProxyType(_load("codes.toml")[table])
+
+
+def analyzer_only(table: str) -> tuple[str, ...]:
+    """The words of a table that the plugin does not say."""
+    return tuple(_load("codes.toml")["analyzer_only"].get(table, ()))
+
+
+@cache
+def of_plugin(table: str) -> Mapping[str, int]:
+    """Word -> number, of what the plugin can say."""
+    left_out = analyzer_only(table)
+    found = {word: code for word, code in codes(table).items() if word not in left_out}
+    return MappingProxyType(found)
 
 
 @cache

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import runpy
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,9 @@ from typing import Any
 from ds47 import spec
 from ds47.spec import codes, semantics
 
-TARGET = Path(__file__).resolve().parents[1] / "tables.json"
+HERE = Path(__file__).resolve()
+TARGET = HERE.parents[1] / "tables.json"
+MAKE_TABLES = runpy.run_path(str(HERE.parents[3] / "tools/make_tables.py"))
 ABOUT = (
     "Every entry of the protocol tables. After a change of python/ds47/spec/*.toml that is meant: "
     "tools/make_tables.py, then tests/vectors/sources/tables.py, and look at the difference."
@@ -72,13 +75,20 @@ def texts(where: str, english: Mapping[Any, str], chinese: Mapping[Any, str]) ->
         yield f"{where}.{name}.zh", chinese[key]
 
 
+def numbers(where: str, row: Any) -> Flat:
+    """The columns of limits or of what is known; those that no Lua reads are the analyzer's."""
+    read = MAKE_TABLES["read_by_lua"](where, row)
+    for name, value in row.columns().items():
+        yield from leaves(f"{where if name in read else f'analyzer_{where}'}.{name}", value)
+
+
 def semantic() -> Flat:
-    yield from fields("limits", semantics.limits())
+    yield from numbers("limits", semantics.limits())
     for phase, events in semantics.phases().items():
         for event, then in events.items():
             yield f"phases.{phase}.{event}", then
     yield from texts("reasons", semantics.reasons("en"), semantics.reasons("zh"))
-    yield from fields("known", semantics.known())
+    yield from numbers("known", semantics.known())
     pnus, values = semantics.never_written()
     for number, each in enumerate(pnus, 1):
         yield from leaves(f"known.never_written.ranges.0x{number:02X}", (each[0], each[-1]))
@@ -102,7 +112,9 @@ def wire() -> Flat:
     yield from rows("request_ids", spec.request_ids())
     yield from rows("response_ids", spec.response_ids())
     for name in codes.tables():
-        yield from leaves(f"codes.{name}", codes.codes(name))
+        yield from leaves(f"codes.{name}", codes.of_plugin(name))
+        left_out = {word: codes.codes(name)[word] for word in codes.analyzer_only(name)}
+        yield from leaves(f"analyzer_codes.{name}", left_out)
 
 
 def errors() -> Flat:
@@ -141,7 +153,7 @@ def explaining(key: str) -> bool:
     kind, _, rest = key.partition(".")
     if kind == "codes":
         return False
-    if kind == "analyzer_words":
+    if kind.startswith("analyzer_"):
         return True
     if kind == "rules" and spec.rules()[rest.partition(".")[0]].analyzer_only:
         return True
