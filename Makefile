@@ -19,7 +19,7 @@
 #   make release    write all of these, wheels, bill of materials and checksums into dist/, and check each
 #   make try-release  try what that wrote in bare systems without network: page, pyz, wheelhouse, container (root, Debian)
 #   make captures   let the lab write captures/ again, and store results where there are none
-#   make rule       write the skeletons of a new rule: ID=DS4 for the next of DS4xx, or ID=DS419
+#   make rule       write the skeletons of a new rule: ID=DS4 for the next of DS4xx, or its number
 #   make generated  write again all that follows from other files: tables, vectors, surface, manual, shown output
 #   make tables     write lua/ds47/spec/tables.lua from python/ds47/spec/*.toml again, the JSON Schemas, and the columns in docs/data.md
 #   make surface    write what a version promises to keep, tests/vectors/surface.txt
