@@ -314,6 +314,9 @@ def test_diff(captures, capsys, tmp_path):
     page = tmp_path / "d.html"
     assert run(capsys, "diff", a, b, "-f", "html", "-o", page)[0] == 0
     assert "there is nothing to compare" in page.read_text(encoding="utf-8")
+    status, out, _ = run(capsys, "diff", a, b, "-f", "json")
+    assert status == 0
+    assert json.loads(out)["schema"] == "ds47.diff/2"
 
 
 def test_a_capture_that_is_cut_is_named_and_compared(stored, capsys):

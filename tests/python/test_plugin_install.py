@@ -166,6 +166,16 @@ def test_install_writes_plugin_and_profile_and_says_where(shark, capsys) -> None
     assert set(content["files"]) == PLUGIN - {install.MARKER}
 
 
+def test_the_folders_are_named(shark, capsys) -> None:
+    assert main(["plugin", "path"]) == 0
+    said = dict(line.split(":", 1) for line in capsys.readouterr().out.splitlines())
+    told = {name: text.strip() for name, text in said.items()}
+    assert told["tshark"] == str(shark.program)
+    assert told["plugin"] == str(shark.plugins / "ds47")
+    assert told["profile"] == str(shark.settings / "profiles" / "DS47")
+    assert (Path(told["comes from"]) / "ds47.lua").is_file()
+
+
 def test_no_profile(shark, capsys) -> None:
     status, out, _ = run(capsys, "install", "--no-profile")
     assert status == 0

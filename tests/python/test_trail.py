@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import re
 from copy import copy
@@ -86,6 +88,19 @@ def test_what_the_first_transaction_of_a_connection_reads_is_known(captures, cap
     assert [(each["frame"], each["old"], each["old_frame"]) for each in told["changes"]] == [
         (22, 10.0, 5), (34, 10.0, 33),
     ]  # fmt: skip
+
+
+def test_csv_has_a_row_of_what_json_says_of_a_change(capsys):
+    assert main(["trail", str(STORED), "-f", "csv"]) == 0
+    rows = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+    assert main(["trail", str(STORED), "-f", "json"]) == 0
+    (told,) = json.loads(capsys.readouterr().out)["captures"]
+    assert len(rows) == len(told["changes"]) == 4
+    for row, change in zip(rows, told["changes"], strict=True):
+        del row["path"]
+        for name, text in row.items():
+            value = change[name]
+            assert text == ("" if value is None else str(value)), name
 
 
 @pytest.mark.parametrize(
