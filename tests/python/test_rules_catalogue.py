@@ -34,7 +34,7 @@ def load() -> list[dict[str, Any]]:
     """The rules as the file has them, without the loader of ds47.spec in between."""
     text = (resources.files("ds47") / "spec" / "rules.toml").read_text(encoding="utf-8")
     document = tomllib.loads(text)
-    assert set(document) == {"states", "rule"}
+    assert set(document) == {"states", "otherwise", "rule"}
     rules: list[dict[str, Any]] = document["rule"]
     return rules
 

@@ -1,7 +1,7 @@
 """Stored results of other versions: what comes of ds47 alone is told, does not fail, and is taken over by itself.
 
-`tests/vectors/stored/` has a result as 1.0.0 wrote it. What an older analysis did not find is made by taking
-findings out of it, what it found and should not have by putting some in.
+`tests/vectors/stored/` has results as 1.0.0 wrote them. What an older analysis did not find is made by taking
+findings out of one, what it found and should not have by putting some in.
 """
 
 from __future__ import annotations
@@ -23,6 +23,11 @@ from ds47.regression.versions import Origin
 from ds47.version import __version__
 
 NAME = "conversation-superseded-read"
+GIVEN = Path(__file__).resolve().parents[3] / "shared/captures/sentences"
+"""Captures that stand beside the project."""
+REMADE = ["diagnosis-half-captured", *("lost-read-response", "lost-write-pair"),
+          *("ppo1-asked-from-first-exchange", "ppo1-half-change")]  # fmt: skip
+"""Results of 1.0.0 of captures that lack something, or in which a drive is asked by PKW."""
 Edit = Callable[[dict[str, Any]], None]
 
 
@@ -51,6 +56,26 @@ class Place:
 @pytest.fixture
 def of_1_0(tmp_path: Path, captures: Path, vectors: Path) -> Place:
     return Place(tmp_path, captures / f"{NAME}.pcapng", vectors / "stored" / f"{NAME}.1.0.0.json")
+
+
+@pytest.fixture(params=REMADE)
+def remade(request: pytest.FixtureRequest, tmp_path: Path, captures: Path, vectors: Path) -> Place:
+    return stored_by_1_0(request.param, tmp_path, captures, vectors)
+
+
+@pytest.fixture
+def lost_writes(tmp_path: Path, captures: Path, vectors: Path) -> Place:
+    return stored_by_1_0("lost-write-pair", tmp_path, captures, vectors)
+
+
+def stored_by_1_0(name: str, folder: Path, captures: Path, vectors: Path) -> Place:
+    """A capture with the result that 1.0.0 stored of it."""
+    capture = captures / f"{name}.pcapng"
+    if not capture.is_file():
+        capture = GIVEN / f"{name}.pcap"
+    if not capture.is_file():
+        pytest.skip("shared/captures is missing")
+    return Place(folder, capture, vectors / "stored" / f"{name}.1.0.0.json")
 
 
 @pytest.fixture
@@ -89,6 +114,13 @@ def value(number: int) -> Edit:
         item["parameters"][0]["values"][0] += 1
 
     return edit
+
+
+def unnamed(capture: dict[str, Any]) -> None:
+    """Did not know what the first parameter is called."""
+    first = capture["transactions"][0]["parameters"][0]
+    assert first["name"]
+    first["name"] = None
 
 
 def another_recording(capture: dict[str, Any]) -> None:
@@ -200,6 +232,69 @@ def test_everything_else_stays_a_difference(
     assert of_1_0.stored.read_bytes() == before
 
 
+def test_what_is_put_together_of_other_frames_comes_of_the_version(
+    remade: Place, capsys: Any
+) -> None:
+    status, out, _ = run(capsys, "check", remade.folder)
+    assert (status, out.startswith(f"noted    {remade.capture}\n")) == (0, True)
+    told = (
+        "which requests are seen"
+        if "asked" in remade.capture.name
+        else "which frames make a transaction"
+    )
+    assert told in out
+    assert run(capsys, "accept", "--by-version", "--yes", remade.folder)[0] == 0
+    status, out, _ = run(capsys, "check", remade.folder, "--fail-on", "note")
+    assert (status, out) == (0, "1 capture: 1 as stored, 0 not\n")
+
+
+@pytest.mark.parametrize(
+    "edit", [lambda place: place.edit(version=__version__), lambda place: place.edit(another_recording)],
+    ids=["of this version", "of another recording"],
+)  # fmt: skip
+def test_but_not_where_nothing_or_something_else_may_explain_it(
+    remade: Place, capsys: Any, edit: Callable[[Place], None]
+) -> None:
+    edit(remade)
+    status, out, _ = run(capsys, "check", remade.folder)
+    assert (status, "of the newer ds47 alone" in out) == (1, False)
+    out = run(capsys, "accept", "--by-version", "--yes", remade.folder)[1]
+    assert out == "nothing to take over\n"
+
+
+def test_out_of_the_same_frames_the_same_is_read(lost_writes: Place, capsys: Any) -> None:
+    lost_writes.edit(value(4))  # of which only a Read that was thought to be one more is gone
+    status, out, _ = run(capsys, "check", lost_writes.folder)
+    assert status == 1
+    assert "transaction 4: p" in out
+    out = run(capsys, "accept", "--by-version", "--yes", lost_writes.folder)[1]
+    assert "transaction 4: p" not in out
+    assert "transaction 5 is new" in out
+    left = run(capsys, "check", lost_writes.folder)[1]
+    assert "transaction 4: p" in left
+    assert "transaction 5 is new" not in left
+
+
+def test_a_name_that_a_version_knows(tour: Place, capsys: Any) -> None:
+    tour.edit(unnamed)
+    status, out, _ = run(capsys, "check", tour.folder)
+    assert status == 0
+    assert (
+        "1 change comes of the newer ds47 alone, by what changed in it: known names of parameters (2.0.0)"
+        in out
+    )
+    tour.edit(another_recording)
+    status, out, _ = run(capsys, "check", tour.folder)
+    assert (status, "since: known names of parameters (2.0.0). This is another" in out) == (1, True)
+
+
+def test_a_name_that_is_not_known_any_more_is_of_the_options() -> None:
+    result = {"transactions": [READ]}
+    change = Change("field", "", stored=0, now=0, path=("parameters", 0, "name"), was="speed")
+    (found,) = Origin("1.0.0", same_file=True, now="2.0.0").explained([change], result, result)
+    assert found.version is None
+
+
 def test_another_recording_is_said_to_leave_it_open(of_1_0: Place, capsys: Any) -> None:
     of_1_0.edit(without("DS705"), another_recording)
     status, out, _ = run(capsys, "check", of_1_0.folder)
@@ -274,6 +369,73 @@ def test_a_state_that_a_version_brought() -> None:
         "state incomplete, DS401 (2.0.0)"
     )
     assert not list(Origin("1.0.0", same_file=False, now="1.9.0").lines([new]))
+
+
+def transaction(state: str, channel: str = "ds47", **frames: int | None) -> dict[str, Any]:
+    every = dict.fromkeys(("write_request", "write_response", "read_request", "read_response"))
+    return {"state": state, "channel": channel, "frames": every | frames}
+
+
+READ = transaction("ok", write_request=1, read_response=4)
+
+
+@pytest.mark.parametrize(
+    ("was", "changes", "known"),
+    [
+        pytest.param(READ, [("field", "frames"), ("value", "parameters"), ("field", "bytes")], True,
+                     id="what other frames carry"),
+        pytest.param(transaction("ok", write_request=1, read_request=3, read_response=6),
+                     [("field", "frames"), ("value", "parameters")], False, id="what the same frames carry"),
+        pytest.param(transaction("ok", write_request=1, read_request=3, read_response=6),
+                     [("field", "frames"), ("state", "state"), ("timing", "duration_ms")], True,
+                     id="state and duration follow from any frame"),
+        pytest.param(transaction("ok", write_request=1, write_response=2, read_response=6),
+                     [("field", "frames"), ("field", "status")], True, id="a status of another response"),
+        pytest.param(transaction("ok", "s7", write_request=1), [("field", "frames")], True,
+                     id="by the channel of today"),
+    ],
+)  # fmt: skip
+def test_what_follows_from_other_frames(
+    was: dict[str, Any], changes: list[tuple[str, str]], known: bool
+) -> None:
+    now = transaction("incomplete", write_request=1, read_response=6)
+    told = [Change(kind, "", stored=0, now=0, path=(path,)) for kind, path in changes]
+    origin = Origin("1.0.0", same_file=True, now="2.0.0")
+    found = origin.explained(told, {"transactions": [was]}, {"transactions": [now]})
+    assert {each.version for each in found[1:]} <= {"2.0.0" if known else None}
+    assert found[0].because in ("frames", None)
+
+
+@pytest.mark.parametrize(
+    ("item", "what"),
+    [
+        (transaction("orphan", read_response=9), "frames"),
+        (transaction("ok", write_request=3, read_response=4), "frames"),
+        (transaction("ok", write_request=8, read_response=9), None),
+        (transaction("ok", "pkw", write_request=8, read_response=9), "requests"),
+        (transaction("orphan", "s7", read_response=9), None),
+        (transaction("ok", "s7", write_request=1), None),
+    ],
+)
+@pytest.mark.parametrize("new", [True, False])
+def test_a_transaction_that_only_one_version_sees(
+    item: dict[str, Any], what: str | None, new: bool
+) -> None:
+    one, both = {"transactions": [READ]}, {"transactions": [READ, item]}
+    finding = {"rule": "DS410", "frame": 9, "transaction": 2}
+    if new:
+        changes = [
+            Change("transaction_new", "", now=1, is_now=item),
+            Change("finding_new", "", is_now=finding),
+        ]
+    else:
+        changes = [
+            Change("transaction_gone", "", stored=1, was=item),
+            Change("finding_gone", "", was=finding),
+        ]
+    origin = Origin("1.0.0", same_file=True, now="2.0.0")
+    found = origin.explained(changes, *((one, both) if new else (both, one)))
+    assert [each.because for each in found] == [what, what]
 
 
 def test_a_change_of_the_version_never_fails() -> None:

@@ -77,6 +77,7 @@ class Change:
         was, is_now: the two values; None where there is none.
         pnu, subindex, device, rule: what it is about, for `ds47 accept --where`.
         version: the version of ds47 of which alone it comes (`ds47.regression.versions`), else None.
+        because: what changed in that version: a rule, a state, or a key of `otherwise` in spec/rules.toml.
     """
 
     kind: str
@@ -91,6 +92,7 @@ class Change:
     device: str | None = None
     rule: str | None = None
     version: str | None = None
+    because: str | None = None
 
 
 def compare(
@@ -161,7 +163,7 @@ class Comparison:
     # Which transaction is which
 
     def _align(self) -> list[tuple[int | None, int | None]]:
-        """Equal ones from both ends, and in between the n-th of a kind with the n-th of that kind.
+        """Equal ones from both ends, in between those of the same frames of one file, else the n-th of a kind.
 
         Linear in the number of transactions, however often one of them repeats.
         """
@@ -174,17 +176,37 @@ class Comparison:
             olds[-1 - back], news[-1 - back]
         ):
             back += 1
+        there, here = range(front, len(olds) - back), range(front, len(news) - back)
+        framed = self._of_same_frames(there, here) if self.same_file else {}
+        taken = set(framed.values())
         waiting: defaultdict[Any, deque[int]] = defaultdict(deque)
-        for place in range(front, len(olds) - back):
-            waiting[_kind(olds[place])].append(place)
+        for place in there:
+            if place not in taken:
+                waiting[_kind(olds[place])].append(place)
         middle: list[tuple[int | None, int | None]] = []
-        for place in range(front, len(news) - back):
-            same = waiting[_kind(news[place])]
-            middle.append((same.popleft() if same else None, place))
+        for place in here:
+            same = waiting[_kind(news[place])] if place not in framed else None
+            middle.append((same.popleft() if same else framed.get(place), place))
         middle += [(place, None) for places in waiting.values() for place in places]
         middle.sort(key=_order)
         ends = [(len(olds) - n, len(news) - n) for n in range(back, 0, -1)]
         return [(place, place) for place in range(front)] + middle + ends
+
+    def _of_same_frames(self, there: range, here: range) -> dict[int, int]:
+        """Which stored transaction of the same kind has the request of a present one, or else its response."""
+        pairs: dict[int, int] = {}
+        for name in ("write_request", "read_response"):
+            taken = set(pairs.values())
+            olds = {
+                (frame, _kind(self._olds[place])): place for place in there
+                if place not in taken and (frame := _frame(self._olds[place], name))
+            }  # fmt: skip
+            for place in here:
+                frame = _frame(self._news[place], name) if place not in pairs else None
+                old = olds.pop((frame, _kind(self._news[place])), None) if frame else None
+                if old is not None:
+                    pairs[place] = old
+        return pairs
 
     def _equal(self, old: Json, new: Json) -> bool:
         return _kind(old) == _kind(new) and next(self._fields(0, 0, old, new), None) is None
@@ -518,6 +540,11 @@ def _kind(item: Json) -> tuple[Any, ...]:
     place = tuple(item.get(key) for key in ("device", "slot", "subslot", "index", "axis"))
     items = tuple(each.get("address") for each in item.get("items", ()))
     return item["operation"], place, asked, items
+
+
+def _frame(item: Json, name: str) -> int | None:
+    frame: int | None = item["frames"][name]
+    return frame
 
 
 def _order(pair: tuple[int | None, int | None]) -> tuple[int, int]:

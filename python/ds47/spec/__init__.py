@@ -568,6 +568,13 @@ def new_states() -> Mapping[str, str]:
 
 
 @cache
+def otherwise(what: str, channel: str = "any") -> str | None:
+    """The last version that changed "frames", "requests" or "names" of a channel, as rules.toml has them."""
+    version: str | None = _load("rules.toml")["otherwise"][what].get(channel)
+    return version
+
+
+@cache
 def _rules_by_name() -> Mapping[str, str]:
     return MappingProxyType({rule.name: rule.id for rule in rules().values()})
 
