@@ -708,6 +708,17 @@ def _no_exchange(case: Case, station: Station) -> Iterator[str]:
         yield from case.wrong(key, value)
 
 
+def _no_service(case: Case, station: Station) -> Iterator[str]:
+    """Services that were refused, but those of data exchange, and SAPs that are not enabled."""
+    kind = case.args.get("sap"), case.args.get("answer")
+    yield from _are(case, [
+        turn.answer.number for turn in station.turns
+        if turn.answer is not None and _is_refused(turn) and turn.answer.fc & 15 != 3
+        and turn.asked.service != "exchange"
+        and (turn.asked.saps[0], REFUSED[turn.answer.fc & 15]) == kind
+    ])  # fmt: skip
+
+
 def _before_refusal(station: Station, asked: Heard) -> dict[str, Any]:
     """Which data exchange was the last one since Set_Prm, and what its watchdog says of the time since then."""
     begin = max(
@@ -813,5 +824,5 @@ AUDITORS: dict[str, Auditor] = {
     "DS801": _check_bytes, "DS802": _damage, "DS803": _repeats, "DS804": _no_answer, "DS805": _not_enabled,
     "DS806": _refused, "DS807": _polled, "DS808": _not_written, "DS809": _too_long, "DS810": _set_again,
     "DS811": _lengths, "DS812": _not_read, "DS813": _inconsistent, "DS814": _slave_diag, "DS815": _no_watchdog,
-    "DS816": _no_exchange,
+    "DS816": _no_exchange, "DS817": _no_service,
 }  # fmt: skip

@@ -407,6 +407,25 @@ def test_data_exchange_that_is_refused(wait: float, told: dict[str, Any]) -> Non
     assert (rr.args["answer"], rr.args["count"], rr.frame) == ("RR", 1, rs.frame + 4)
 
 
+@pytest.mark.parametrize(("code", "told"), [(NO_RESOURCE, "RR"), (1, "UE"), (NOT_ENABLED, None)])
+def test_a_service_that_is_refused(code: int, told: str | None) -> None:
+    wire = running()
+    frames = []
+    for _ in range(2):
+        wire.ask(STATION, "5e001f00", 51, 51)
+        frames.append(wire.tell(STATION, code=code))
+    wire.exchange(STATION)
+    refused = [each for each in found(wire) if each.rule in ("DS805", "DS817")]
+    if told is None:
+        assert [each.rule for each in refused] == ["DS805"]
+        return
+    (finding,) = refused
+    assert (finding.rule, finding.frame) == ("DS817", frames[0])
+    assert finding.args == {
+        "device": "dp3", "count": 2, "frames": frames, "sap": 51, "answer": told,
+    }  # fmt: skip
+
+
 def test_data_exchange_that_is_refused_from_the_begin() -> None:
     wire = Master()
     wire.start(STATION)
@@ -519,7 +538,7 @@ def test_no_watchdog() -> None:
 
 def test_every_rule_of_the_bus_has_a_test() -> None:
     told = [each for each in rules() if each.startswith("DS8")]
-    assert told == [f"DS{number}" for number in range(801, 817)]
+    assert told == [f"DS{number}" for number in range(801, 818)]
     text = Path(__file__).read_text(encoding="utf-8")
     assert [each for each in told if f'"{each}"' not in text] == []
 
@@ -638,7 +657,7 @@ def test_a_start_up_that_the_station_refuses_is_none() -> None:
     wire.exchange(STATION)
     told = station(wire)
     assert (told.parameters, told.configuration, told.watchdog_ms, told.ppo) == (3, 5, 300, 1)
-    assert found(wire) == []
+    assert [each.rule for each in found(wire)] == ["DS817", "DS817"]
 
 
 def test_outputs_that_are_acknowledged_alone_are_data_exchange() -> None:

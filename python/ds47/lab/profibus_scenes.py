@@ -124,7 +124,10 @@ def records_without_dpv1(master: Master) -> None:
 
 
 @BOOK.scene(
-    "Near DS805: no resource (RR), and the write is accepted later", REFUSED, OK_READ, rules="DS415"
+    "DS817: no resource (RR), and the write is accepted later",
+    REFUSED,
+    OK_READ,
+    rules="DS415 DS817",
 )
 def no_resource(master: Master) -> None:
     """The station has no room for a record, and takes it later."""

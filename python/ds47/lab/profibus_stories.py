@@ -103,12 +103,12 @@ def ms2(master: Master) -> None:
 
 
 @BOOK.scene(
-    "a drive refuses a parameter, a write and its identification; of another one DPV1 is not enabled",
-    ("change", "error"), REFUSED_CHANGE, REFUSED_READ,
-    rules="DS203 DS410 DS701 DS805 DS806",
+    "a drive refuses a parameter, a write, its identification and a service; of another one DPV1 is not enabled",
+    ("change", "error"), REFUSED_CHANGE, REFUSED_READ, REFUSED_READ,
+    rules="DS203 DS410 DS701 DS805 DS806 DS817",
 )  # fmt: skip
 def refused_records(master: Master) -> None:
-    """Records that are refused, for four reasons."""
+    """Records that are refused, for five reasons."""
     _started(master, FIRST, SECOND)
     master.start(SECOND, NO_DPV1, PPO3)
     way = Way(FIRST)
@@ -121,9 +121,10 @@ def refused_records(master: Master) -> None:
     )
     master.between()
     asked = message.read(3, 1, message.address(1082))
-    master.ask(SECOND, (b"\x5f\x00\x2f" + bytes((len(asked),)) + asked).hex(), 51, 51)
-    master.tell(SECOND, code=fdl.NOT_ENABLED)
-    master.between()
+    for station, code in ((SECOND, fdl.NOT_ENABLED), (FIRST, fdl.NO_RESOURCE)):
+        master.ask(station, (b"\x5f\x00\x2f" + bytes((len(asked),)) + asked).hex(), 51, 51)
+        master.tell(station, code=code)
+        master.between()
 
 
 @BOOK.scene(

@@ -70,6 +70,8 @@ class LineJudge:
         if dp.refuses(answer.item):
             if service == dp.EXCHANGE:
                 self._exchange_refused(station, exchange.request, answer)
+            elif answer.item.front.code != _NOT_ENABLED:
+                self._service_refused(station, item.dsap, answer)
             return
         if service == dp.EXCHANGE:
             self._lengths(station, item.du, answer)
@@ -153,6 +155,10 @@ class LineJudge:
             set_up_in = station.parameters_frame
         args = {"sap": sap, "case": case, "frame": set_up_in}
         self._note("DS805", station.address, frame, args, (sap, case, set_up_in))
+
+    def _service_refused(self, station: Station, sap: int | None, answer: Seen) -> None:
+        args = {"sap": sap, "answer": _REFUSALS[answer.item.front.code or 0]}
+        self._note("DS817", station.address, answer.frame, args, tuple(args.values()))
 
     def _exchange_refused(self, station: Station, request: Seen, answer: Seen) -> None:
         """Data exchange is over for the station; whether its watchdog may have ended it, the first time shows."""
