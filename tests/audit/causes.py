@@ -1011,7 +1011,8 @@ def _pace(case: Case, run: list[Deal]) -> Iterator[str]:
 
 _SAYS_OF = {
     "dropped": ("count",), "cut": ("count", "bytes"), "disorder": ("count",),
-    "gaps": ("numbers", "controller", "device"), "bus_answers": ("count", "device"), "bus_requests": ("count",),
+    "gaps": ("numbers", "controller", "device"), "bus_answers": ("count", "device"),
+    "bus_exchanges": ("count", "device"), "bus_requests": ("count",),
 }  # fmt: skip
 """What DS725 carries, where that is not the number, and the two stations."""
 
@@ -1026,8 +1027,9 @@ def _half(case: Case) -> Iterator[str]:
     if what.startswith("s7_"):
         yield from s7.missing(case.args, case.reading)
         return
-    if what in ("bus_answers", "bus_requests"):
-        yield from stations.missing(case) if what == "bus_answers" else stations.unasked(case)
+    if what.startswith("bus_"):
+        of_line = {"bus_answers": stations.missing, "bus_exchanges": stations.gaps}
+        yield from of_line.get(what, stations.unasked)(case)
         return
     pair = str(case.args.get("controller")), str(case.args.get("device"))
     if what == "disorder":

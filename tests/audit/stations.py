@@ -140,8 +140,8 @@ class Station:
         hidden = any(over[-1].asked.number < each < frame for each in self.holes())
         return None if newer or hidden else over[-1]
 
-    def holes(self) -> list[int]:
-        """The requests before which something was not seen, an exchange or an answer that the master had."""
+    def gaps(self) -> list[int]:
+        """The requests before which an exchange was not seen: they have the FCB of the one before."""
         found = []
         for master in {each.asked.sa for each in self.line.of(self.address)}:
             own = [each for each in self.line.of(self.address) if each.asked.sa == master]
@@ -150,6 +150,13 @@ class Station:
                 if one.asked.counts and two.asked.counts and not two.again
                 and not (one.asked.fc ^ two.asked.fc) & FCB
             ]  # fmt: skip
+        return sorted(found)
+
+    def holes(self) -> list[int]:
+        """The requests before which something was not seen, an exchange or an answer that the master had."""
+        found = self.gaps()
+        for master in {each.asked.sa for each in self.line.of(self.address)}:
+            own = [each for each in self.line.of(self.address) if each.asked.sa == master]
             asked = [each for each in own if each.asked.fc & 15 != dp.STATUS_REQUEST]
             found += [
                 two.asked.number for one, two in pairwise(asked)
@@ -548,6 +555,8 @@ def _damage(case: Case, station: Station) -> Iterator[str]:
 
 
 def _repeats(case: Case, station: Station) -> Iterator[str]:
+    if holes := station.holes():
+        yield f"before frame {holes[0]} something was not seen"
     frames = station.repeats()
     yield from _are(case, frames)
     yield from case.wrong("of", len(station.turns))
@@ -565,6 +574,15 @@ def missing(case: Case) -> Iterator[str]:
     if not lost or case.finding.frame != lost[0].asked.number:
         yield f"such requests are {[each.asked.number for each in lost]}"
     yield from case.wrong("count", len(lost))
+
+
+def gaps(case: Case) -> Iterator[str]:
+    """Requests before which an exchange is not in the capture, as their FCB shows."""
+    line, station = case.reading.line, str(case.args.get("device")).removeprefix("dp")
+    found = Station(line, int(station)).gaps() if line and station.isdigit() else []
+    if not found or case.finding.frame != found[0]:
+        yield f"such requests are in frames {found}"
+    yield from case.wrong("count", len(found))
 
 
 def unasked(case: Case) -> Iterator[str]:

@@ -159,11 +159,50 @@ def test_an_answer_that_the_master_had_is_missing_in_the_capture() -> None:
     wire.ask(STATION, "00" * 12)
     wire.repeat()
     wire.exchange(STATION)
-    assert (station(wire).unanswered, found(wire)) == (0, found(wire, "DS803"))
+    assert (station(wire).unanswered, found(wire)) == (0, [])
     (finding,) = (each for each in result(wire).findings if each.rule == "DS725")
     assert finding.frame == first
     told = {name: value for name, value in finding.args.items() if value is not None}
     assert told == {"what": "bus_answers", "count": 2, "device": "dp3"}
+
+
+def test_what_repeats_a_request_where_exchanges_are_missing_is_no_repetition() -> None:
+    """Data exchange asks the same again and again: the third stands behind the answer to the first."""
+    wire = running()
+    for _ in range(12):
+        wire.exchange(STATION)
+    shots = wire.stage.shots
+    begin = len(shots) - 20
+    wire.stage.shots = [
+        each for at, each in enumerate(shots, -begin)
+        if at not in (2, 3, 9)  # an exchange, and an answer
+    ]  # fmt: skip
+    assert station(wire).retries == 1
+    assert found(wire) == []
+    (told,) = (each for each in result(wire).findings if each.rule == "DS725")
+    assert (told.args["what"], told.args["count"], told.frame) == ("bus_answers", 1, begin + 7)
+    wire.stage.shots = shots
+
+
+def test_two_requests_with_the_same_fcb_show_that_an_exchange_is_missing() -> None:
+    wire = running()
+    for number in range(4):
+        wire.exchange(STATION, f"{number:024x}")
+    del wire.stage.shots[-6:-4]
+    (told,) = (each for each in result(wire).findings if each.rule == "DS725")
+    args = {name: value for name, value in told.args.items() if value is not None}
+    assert args == {"what": "bus_exchanges", "count": 1, "device": "dp3"}
+    assert told.frame == len(wire.stage.shots) - 3
+    assert found(wire) == []
+
+
+def test_requests_alone_that_stand_there_twice_are_no_repetitions() -> None:
+    wire = running()
+    for number in range(4):
+        wire.exchange(STATION, f"{number:024x}")
+    asked = [each for each in wire.stage.shots if decode(each.data).request]
+    wire.stage.shots = [each for each in asked for _ in range(2)]
+    assert [each.rule for each in result(wire).findings] == ["DS725"]
 
 
 def test_of_a_line_with_answers_alone_the_requests_are_missing() -> None:

@@ -120,14 +120,20 @@ class LineJudge:
             yield noted.remark
 
     def _counted(self, station: Station, copied: bool) -> Iterator[Remark]:
-        """What only counts show; repetitions that a recording of two places has are none."""
+        """What only counts show.
+
+        The same request again is surely a repetition neither in a recording of two places nor where exchanges or
+        answers are missing: there it may be a later one.
+        """
         device, of = name(station.address), station.asked
+        sure = not (copied or station.hole)
         for rule, counted in (("DS803", station.retries), ("DS804", station.silent)):
-            if counted.count and not (copied and rule == "DS803"):
+            if counted.count and (sure or rule != "DS803"):
                 yield _remark(rule, counted, device=device, of=of)
-        if missing := station.missing.count:
-            args = {"what": "bus_answers", "count": missing, "device": device}
-            yield Remark("DS725", station.missing.frames[0], args)
+        for what, counted in (("bus_answers", station.missing), ("bus_exchanges", station.gaps)):
+            if counted.count:
+                args = {"what": what, "count": counted.count, "device": device}
+                yield Remark("DS725", counted.frames[0], args)
         if station.wanting.longest.count >= self._bounds.bus_diagnosis:
             yield _remark("DS812", station.wanting.longest, device=device)
 

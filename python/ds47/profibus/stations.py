@@ -106,6 +106,8 @@ class Station:
     """the one of each master of which that is not known yet,"""
     missing: Counted = field(default_factory=Counted)
     """and those whose answer is not in the capture, though their master had it,"""
+    gaps: Counted = field(default_factory=Counted)
+    """and those before which an exchange is not, as their FCB shows;"""
     damaged: Counted = field(default_factory=Counted)
     """damaged frames in the place of answers, of which those are none,"""
     retries: Counted = field(default_factory=Counted)
@@ -310,6 +312,8 @@ def _settle(station: Station, exchange: Exchange) -> None:
         station.silent.add(before.frame)
     elif before is not None and front.fcb != before.item.front.fcb:
         station.missing.add(before.frame)
+    if exchange.hole == seen.frame:
+        station.gaps.add(seen.frame)
     if exchange.hole == seen.frame or (before is not None and front.fcv == 1):
         station.hole = seen.frame
 
