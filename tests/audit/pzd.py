@@ -293,17 +293,36 @@ def _long_enough(finding: Finding, wrong: list[Look]) -> Iterator[str]:
 
 
 def _fault(finding: Finding, drive: Drive) -> Iterator[str]:
-    before, now = drive.before(finding.frame, by_controller=False)
-    if before.zsw1 is None or now.zsw1 is None or before.zsw1 & 8 or not now.zsw1 & 8:
+    said = [each for each in drive.looks if each.zsw1 is not None and not each.by_controller]
+    place = next((at for at, each in enumerate(said) if each.frame == finding.frame), 0)
+    before, now = said[max(0, place - 1)], said[place]
+    if (before.zsw1 or 0) & 8 or not (now.zsw1 or 0) & 8:
         yield "no fault comes in this frame"
-    elif not before.zsw1 & 4:
-        yield "the drive did not run"
+    elif not (before.zsw1 or 0) & 4 or drive.before(now.frame, by_controller=False)[0] != before:
+        yield from _stopped_of_itself(drive, said[:place], now)
     code = finding.args["code"]
     if (code is None) != (finding.args["what"] == "pzd_fault"):
         yield "the number of the fault is not said"
     codes = [each.code for each in drive.looks if each.frame >= finding.frame and each.code]
     if code is not None and codes[:1] != [code]:
         yield f"the number is {codes[:1]}"
+
+
+def _stopped_of_itself(drive: Drive, said: list[Look], fault: Look) -> Iterator[str]:
+    """Whether a drive ran up to a second before, and nobody switched it off; `said`: its valid words before."""
+    ran = next((each for each in reversed(said) if (each.zsw1 or 0) & 4), None)
+    if ran is None:
+        yield "the drive did not run"
+        return
+    since = [each for each in drive.looks if ran.frame <= each.frame < fault.frame]
+    if any(each.heeded & 0xE != 0xE or not each.heeded & 0x301 for each in since):
+        yield "the controller switched it off"
+    words = [each.zsw1 for each in since if each.zsw1 is not None and not each.by_controller]
+    if any(each & 0x230 != 0x230 for each in words):
+        yield "it was switched off at the drive"
+    stood = [each for each in since if not each.by_controller and each != ran]
+    if len(words) > 1 and fault.time_ns - stood[0].time_ns > 10**9:
+        yield "it does not run for more than a second"
 
 
 def _idle(finding: Finding, drive: Drive) -> Iterator[str]:

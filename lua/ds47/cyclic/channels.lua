@@ -203,6 +203,7 @@ function Drive:apart(relation, owner)
   local made = flat(self)
   made.relation, made.owner, made.recorder = relation, owner, flat(self.recorder)
   made.recorder.operation = self.recorder.operation:apart()
+  made.recorder.trips = self.recorder.trips:apart()
   return made
 end
 
@@ -232,7 +233,7 @@ function Drive:remarks()
   local found, recorder = {}, self.recorder
   if not recorder:has_sense() then return found end
   local since = recorder.fault_since
-  for _, frame in ipairs(recorder.operation.faults) do
+  for _, frame in ipairs(recorder.trips.frames) do
     found[#found + 1] = of_fault(self, "DS520", frame)
     if frame == since then since = nil end
   end

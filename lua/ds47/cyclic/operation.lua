@@ -43,7 +43,6 @@ end
 function M.new(where, limits)
   return setmetatable({
     where = where, limits = limits, remarks = {},
-    faults = {}, -- frames in which a running drive had a fault; its number may come later
     last = nil, -- the look before this one
     idle = standing("DS521", limits.not_running_ns), inhibited = standing("DS523", limits.inhibited_ns),
     acknowledged = standing("DS524", limits.acknowledge_ns), locked = standing("DS525", limits.locked_ns),
@@ -167,7 +166,6 @@ local function edges(self, last, now)
   local function rises(word, number) return bit(now[word], number) == 1 and bit(last[word], number) == 0 end
   local function falls(word, number) return bit(now[word], number) == 0 and bit(last[word], number) == 1 end
   local control, had_control = bit(now.stw1, CONTROL) == 1, bit(last.stw1, CONTROL) == 1
-  if rises("zsw1", FAULT) and bit(last.zsw1, RUNNING) == 1 then self.faults[#self.faults + 1] = now.frame end
   if rises("stw1", ON) and not control then say(self, "DS522", now.frame, {word = now.stw1}) end
   if had_control and now.stw1 == 0 and bit(now.zsw1, RUNNING) == 1 then
     say(self, "DS528", now.frame, {what = "pzd_zero"})
@@ -208,14 +206,14 @@ function Operation:look(now)
   deviation(self, now)
 end
 
---- The data of one side is not valid any more.
+--- The data of one side is not valid any more; true where that is said to stop a drive that runs.
 function Operation:lost(frame, by_controller)
   local last = self.last
-  if by_controller and last and bit(last.zsw1, RUNNING) == 1 and bit(last.stw1, CONTROL) == 1 then
-    say(self, "DS528", frame, {what = "pzd_invalid"})
-  end
+  local stops = by_controller and last and bit(last.zsw1, RUNNING) == 1 and bit(last.stw1, CONTROL) == 1
+  if stops then say(self, "DS528", frame, {what = "pzd_invalid"}) end
   self:finish()
   self.last, self.unheeded = nil, {}
+  return stops
 end
 
 --- The same operation as one that goes on alone.

@@ -10,6 +10,7 @@ local filtered = require("ds47.support.arrays").filtered
 local pzd = require("ds47.cyclic.pzd")
 local reader = require("ds47.support.bytes")
 local tables = require("ds47.spec.tables")
+local trips = require("ds47.cyclic.trips")
 
 local bit, u16 = bits.bit, reader.u16
 
@@ -57,6 +58,7 @@ function M.new(operation, trusted, speed, fault, most)
     stw1 = nil, zsw1 = nil, heeded = nil, -- the words, and the last control word that the drive heeds
     on_time = nil, -- when ON was given to a drive that was ready for it
     lost_out = false, lost_in = false, -- whose data is not valid
+    trips = trips.new(operation.limits.trip_ns),
     setpoint = nil, actual = nil, -- raw, the setpoint as it is effective
   }, Recorder)
 end
@@ -127,6 +129,7 @@ local function back(self, by_controller, frame, time)
   local lost = by_controller and "lost_out" or "lost_in"
   if self[lost] then
     self[lost] = false
+    self.trips.told = self.trips.told and not by_controller
     happened(self, by_controller and "output-back" or "input-back", frame, time)
   end
 end
@@ -140,6 +143,7 @@ local function control(self, stw1, frame, time)
     local on = bit(stw1, 0) == 1 and bit(heeded or 0, 0) == 0
     if on and (self.zsw1 or 0) % 8 == 1 then self.on_time = time end
   end
+  self.trips:asked(self.heeded or stw1)
   look(self)
   back(self, true, frame, time)
   -- nothing happens where it is not heeded
@@ -160,6 +164,7 @@ local function status(self, zsw1, frame, time)
   end
   local standing = running == 0 or bit(zsw1, FAULT) == 1
   self.legal = self.legal or is_legal(zsw1) or standing and is_healthy(zsw1)
+  if before then self.trips:said(before, zsw1, frame, time, not self.lost_in) end
   look(self)
   back(self, false, frame, time)
   tell_edges(self, "ZSW1", STATES, before, before, zsw1, frame, time)
@@ -194,7 +199,8 @@ end
 function Recorder:lost(by_controller, frame, time)
   local lost = by_controller and "lost_out" or "lost_in"
   self[lost] = true
-  self.operation:lost(frame, by_controller)
+  if not by_controller and self.zsw1 then self.trips:lost(self.zsw1, time) end
+  self.trips.told = self.operation:lost(frame, by_controller) or self.trips.told
   happened(self, by_controller and "output-lost" or "input-lost", frame, time)
 end
 
@@ -262,7 +268,7 @@ function Recorder:cut(frame)
   local operation = self.operation
   local function is_before(item) return item.frame < frame end
   self.events, self.faults = filtered(self.events, is_before), filtered(self.faults, is_before)
-  operation.faults = filtered(operation.faults, function(number) return number < frame end)
+  self.trips.frames = filtered(self.trips.frames, function(number) return number < frame end)
   operation.remarks = filtered(operation.remarks, is_before)
   self.fault_since = nil
 end

@@ -118,6 +118,7 @@ M.limits = {
   acknowledge_ns = 2000000000,
   locked_ns = 2000000000,
   off_asked_ns = 50000000,
+  trip_ns = 1000000000,
   deviation_ns = 5000000000,
   pkw_saved = 10,
   pkw_reads = 100,

@@ -200,10 +200,10 @@ class DriveWords:
         recorder = self.recorder
         if not recorder.has_sense:
             return
-        for frame in recorder.operation.faults:
+        for frame in recorder.trips.frames:
             yield self._of_fault("DS520", frame)
         since = recorder.fault_since
-        if since is not None and since not in recorder.operation.faults:
+        if since is not None and since not in recorder.trips.frames:
             yield self._of_fault("DS533", since)
         yield from recorder.operation.remarks
 

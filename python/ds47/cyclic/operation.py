@@ -85,8 +85,6 @@ class Operation:
     where: dict[str, Any]
     bounds: Limits
     remarks: list[Remark] = field(default_factory=list)
-    faults: list[int] = field(default_factory=list)
-    """Frames in which a running drive had a fault; its number may come later."""
     _last: Now | None = None
     _idle: _Standing = field(init=False)
     _inhibited: _Standing = field(init=False)
@@ -121,14 +119,17 @@ class Operation:
         self._setpoint(now)
         self._deviation(now)
 
-    def lost(self, frame: int, by_controller: bool) -> None:
-        """The data of one side is not valid any more."""
+    def lost(self, frame: int, by_controller: bool) -> bool:
+        """The data of one side is not valid any more; whether that is said to stop a drive that runs."""
         last = self._last
-        if by_controller and last is not None and last.zsw1 & _RUNNING and last.stw1 & _CONTROL:
+        stops = by_controller and last is not None and bool(last.zsw1 & _RUNNING)
+        stops = stops and last is not None and bool(last.stw1 & _CONTROL)
+        if stops:
             self._say("DS528", frame, what="pzd_invalid")
         self.finish()
         self._last = None
         self._unheeded.clear()
+        return stops
 
     def finish(self) -> None:
         """Nothing more comes: what stands, stood until here."""
@@ -139,8 +140,6 @@ class Operation:
 
     def _edges(self, last: Now, now: Now) -> None:
         rising, falling = now.stw1 & ~last.stw1, last.zsw1 & ~now.zsw1
-        if now.zsw1 & ~last.zsw1 & _FAULT and last.zsw1 & _RUNNING:
-            self.faults.append(now.frame)
         if rising & _ON and not now.stw1 & _CONTROL:
             self._say("DS522", now.frame, word=now.stw1)
         if last.stw1 & _CONTROL and now.stw1 == 0 and now.zsw1 & _RUNNING:

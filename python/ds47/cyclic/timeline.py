@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 from ds47.cyclic import pzd
 from ds47.cyclic.operation import Now, Operation
+from ds47.cyclic.trips import Trips
 from ds47.model import Event, Point
 from ds47.spec import cyclic
 from ds47.spec.cyclic import Edge
@@ -108,6 +109,7 @@ class Recorder:
     """The first frame with the fault that stands in its newest valid data; None where none does."""
     end_ns: int = 0
     """Time of the last frame that was looked at."""
+    trips: Trips = field(init=False)
     _stw1: int | None = None
     _zsw1: int | None = None
     _heeded: int | None = None
@@ -117,6 +119,9 @@ class Recorder:
     _lost: set[bool] = field(default_factory=set)
     _setpoint: int | None = None
     _actual: int | None = None
+
+    def __post_init__(self) -> None:
+        self.trips = Trips(self.operation.bounds.trip_ns)
 
     @property
     def has_sense(self) -> bool:
@@ -160,14 +165,17 @@ class Recorder:
         """Data of one side is not valid from a frame on."""
         if by_controller in self._lost or (self._stw1 if by_controller else self._zsw1) is None:
             return
+        if not by_controller and self._zsw1 is not None:
+            self.trips.lost(self._zsw1, time_ns)
         self._lost.add(by_controller)
         self.end_ns = time_ns
-        self.operation.lost(frame, by_controller)
+        self.trips.told = self.operation.lost(frame, by_controller) or self.trips.told
         self._happened("output-lost" if by_controller else "input-lost", frame, time_ns)
 
     def _back(self, by_controller: bool, frame: int, time_ns: int) -> None:
         if by_controller in self._lost:
             self._lost.remove(by_controller)
+            self.trips.told = self.trips.told and not by_controller
             self._happened("output-back" if by_controller else "input-back", frame, time_ns)
 
     def _control(self, stw1: int, frame: int, time_ns: int) -> None:
@@ -176,6 +184,7 @@ class Recorder:
         self.odd = self.odd or bool(stw1 & FREE and not now)
         if now:
             self._heeded = stw1
+        self.trips.asked(stw1 if self._heeded is None else self._heeded)
         if now and stw1 & ~(heeded or 0) & 1 and (self._zsw1 or 0) & 7 == 1:
             self._on_ns = time_ns
         self._look()
@@ -203,6 +212,8 @@ class Recorder:
             self.trusted = self.trusted or self.reacted
         standing = _is_healthy(zsw1) and (zsw1 & 7 == 0 or zsw1 & _FAULT)
         self.legal = self.legal or _is_legal(zsw1) or bool(standing)
+        if before is not None:
+            self.trips.said(before, zsw1, frame, time_ns, seen=False not in self._lost)
         self._look()
         self._back(False, frame, time_ns)
         if before is None:
@@ -287,7 +298,7 @@ class Recorder:
         operation = self.operation
         self.events = [each for each in self.events if each.frame < frame]
         self.faults = [each for each in self.faults if each[0] < frame]
-        operation.faults = [each for each in operation.faults if each < frame]
+        self.trips.frames = [each for each in self.trips.frames if each < frame]
         operation.remarks = [each for each in operation.remarks if each.frame < frame]
         for values in (self.setpoint, self.actual):
             values.points = [each for each in values.points if each.time_ns < time_ns]

@@ -28,6 +28,7 @@ class Limits(Row):
     acknowledge_ns: int
     locked_ns: int
     off_asked_ns: int
+    trip_ns: int
     deviation_ns: int
     s7_split_ns: int
     s7_writers_ns: int
