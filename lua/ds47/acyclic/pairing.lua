@@ -575,11 +575,11 @@ local function displace(self, channel, by)
   job.superseding = nil -- for the same reason as in end_job
 end
 
--- An accepted Write takes the place of those that asked for the same, but for the reference, in vain.
+-- An accepted Write takes the place of those that asked for the same and have no response.
 local function written_again(channel, job)
   local by = job:write_request()
   for _, each in ipairs(channel.asked) do
-    if by and each.order < job.order and each:write_request().data:sub(2) == by.data:sub(2) then
+    if by and each.order < job.order and each:write_request().data == by.data then
       each.written_again = by.frame
     end
   end

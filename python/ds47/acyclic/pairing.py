@@ -1122,11 +1122,11 @@ class Pairing:
 
 
 def _written_again(channel: Channel, job: Job) -> None:
-    """An accepted Write takes the place of those that asked for the same, but for the reference, in vain."""
+    """An accepted Write takes the place of those that asked for the same and have no response."""
     by = job.write_request
     for each in channel.asked:
         before = each.write_request
-        if each.order < job.order and before and by and before.data[1:] == by.data[1:]:
+        if each.order < job.order and before and by and before.data == by.data:
             each.written_again = by.frame
 
 
