@@ -607,7 +607,7 @@ def test_every_word_of_the_commands_too():
         assert en == zh, key
         names = [key, *(key.removeprefix(each) for each in made if key.startswith(each))]
         named = any(f'"{name}"' in sources for name in names)
-        assert named or key.startswith(("s7_owner_", "s7_drive_by_")), (
+        assert named or key.startswith(("s7_owner_", "s7_drive_by_", "version_")), (
             key
         )  # rows of s7.toml, proofs
 

@@ -136,6 +136,20 @@ def no_resource(master: Master) -> None:
     going(master).parameters(HERE, READ, ANSWER)
 
 
+@BOOK.scene("Near DS805: the same with DPV1_Enable", OK_READ)
+def records_with_dpv1(master: Master) -> None:
+    """Set_Prm enabled DPV1, and the program writes a request."""
+    going(running(master)).parameters(HERE, READ, ANSWER)
+
+
+@BOOK.scene("Near DS817: no resource (RR) for a data exchange", rules="DS816")
+def no_resource_for_outputs(master: Master) -> None:
+    """The station has no room for outputs, and no record is refused."""
+    running(master).ask(MOTOR, "00" * 12)
+    master.tell(MOTOR, code=fdl.NO_RESOURCE)
+    going(master)
+
+
 @BOOK.scene("DS806: a master asks for identification, and the drive has none", rules="DS806")
 def no_identification(master: Master) -> None:
     """The master reads index 255, which the station refuses."""
