@@ -13,6 +13,8 @@ import pytest
 
 pytest.importorskip("scapy")
 
+from tests.audit import cuts, wire
+
 from ds47.analysis import analyze
 from ds47.capture import open_capture
 from ds47.capture.writer import PcapngWriter
@@ -20,10 +22,11 @@ from ds47.lab import message
 from ds47.lab.client import Client
 from ds47.lab.stage import Stage
 from ds47.model import CaptureResult, Diagnosis, Finding, Report
-from ds47.report import text
-from ds47.report.sentences import sentence
+from ds47.report import Options, text
+from ds47.report.sentences import advice_parts, sentence
 from ds47.report.todo import answering
 from ds47.report.verdict import blind
+from ds47.spec import rules
 
 Talk = Callable[[Client], object]
 SPEED, FIXED = message.address(21), message.address(2900)
@@ -732,6 +735,33 @@ def test_cut_frames_are_counted_with_their_copies(tmp_path: Path) -> None:
         cut = sum(len(each.data) < each.original_length for each in frames)
     (found,) = of(result, "DS725")
     assert (found.args["what"], found.args["count"]) == ("cut", cut)
+
+
+def report_of(path: Path) -> tuple[CaptureResult, str]:
+    result = analyze(path)
+    stream = io.StringIO()
+    text.write(Report([result]), stream, Options(rules=rules()))
+    return result, stream.getvalue()
+
+
+def test_frames_out_of_order_have_a_sentence_and_an_advice_of_their_own(
+    captures: Path, tmp_path: Path
+) -> None:
+    frames = wire.frames(captures / "real-stacks" / "o1_profinetpy062_be.pcapng")
+    cuts.write(tmp_path / "x.pcap", cuts.ALL["7th swapped"](frames))
+    result, report = report_of(tmp_path / "x.pcap")
+    told = [each for each in result.diagnoses if each.rule == "DS725"]
+    assert [each.args["what"] for each in told] == ["disorder"]
+    lines = " ".join(report.split())
+    assert "half-captured: The frames are not in the order of their times: " in lines
+    assert (
+        "-> Put the frames in order, reordercap IN OUT, and analyse OUT: nothing is missing"
+        in lines
+    )
+    assert "Mirror both directions" not in lines
+    assert "only a part" not in lines
+    zh = advice_parts(rules()["DS725"], told[0].args, "zh")
+    assert zh[0].startswith("用 reordercap IN OUT")
 
 
 # Reads for nothing: DS703

@@ -111,7 +111,10 @@ def advice(
 
 
 def advice_parts(row: RuleText, args: Mapping[str, Any], lang: str = "en") -> list[str]:
-    """The same, what is about an error number apart from the rest."""
+    """The same, what is about an error number apart from the rest; where a key has an advice of its own, that."""
+    own = diagnosis_words(lang).get(f"advice_{args.get('what')}")
+    if own is not None:
+        return [own]
     text, code = row.advice_zh if lang == "zh" else row.advice, args.get("code")
     if code is None:
         return [text]
