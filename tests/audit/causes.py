@@ -1075,6 +1075,7 @@ def _of_pair(
         "only_requests": len(asked), "only_responses": len(deals) - len(asked),
         "no_write": len(deals) - len(asked), "half_calls": len(gaps.halves(*pair)),
         "gaps": None,
+        "file_begins": len(_begun(case, pair, asked)), "file_ends": len(_open_at_the_end(case, pair)),
     }  # fmt: skip
     if what not in true:
         yield f"what {what!r} is nothing"
@@ -1093,6 +1094,37 @@ def _of_pair(
         told = ", ".join([*true, *["..."][: len(missing) > 8]])
         if told != case.args.get("numbers"):
             yield f"numbers {case.args.get('numbers')!r} is {told!r}"
+
+
+def _begun(case: Case, pair: tuple[str, str], asked: list[Deal]) -> list[int]:
+    """The frames of what was asked for before anything that two stations ask of each other in the capture."""
+    first = min((each.write for each in asked if each.write), default=None)
+    deals = {each.id: (each.controller, each.device) for each in case.reading.deals}
+    reads = {
+        each.answered: (each.controller, each.device) for each in case.reading.capture.records
+        if not each.write
+    }  # fmt: skip
+    alone = [
+        each.frame for each in case.reading.findings
+        if (each.rule == "DS403" and each.args["case"] == "unasked" and deals[each.transaction or 0] == pair)
+        or (each.rule == "DS110" and each.args["what"] == "begins" and reads.get(each.frame) == pair)
+    ]  # fmt: skip
+    return [each for each in alone if first is None or each < first]
+
+
+def _open_at_the_end(case: Case, pair: tuple[str, str]) -> list[int]:
+    """The frames of requests, and of a last call, whose responses are not there since the capture ends (DS110)."""
+    found, newest = [], case.reading.gaps.newest_call(*pair)
+    deals = {each.id: (each.controller, each.device) for each in case.reading.deals}
+    calls = set()
+    for each in case.reading.findings:
+        if each.rule != "DS110" or deals.get(each.transaction or 0) != pair:
+            continue
+        if each.args["what"] == "ends":
+            found.append(each.frame)
+        elif each.args["what"] in ("read_answer", "write_answer") and each.args["first"] >= newest:
+            calls.add(each.args["first"])
+    return [*found, *calls]
 
 
 def diagnoses(reading: Reading) -> Iterator[Complaint]:

@@ -99,6 +99,11 @@ class Gaps:
                 found.append(asked.frame)
         return sorted(found)
 
+    def newest_call(self, client: str, server: str) -> int:
+        """The frame of the newest call of a client to a server, by the numbers of its activities."""
+        seen = (self._seen[client, each] for each in self._of[client, server])
+        return max((each[max(each)] for each in seen), default=0)
+
     def cut(self, client: str, server: str) -> list[int]:
         """The frames of Writes of which the capture cut off where they go, or some of their records."""
         return [

@@ -641,8 +641,65 @@ def test_small_steps_of_the_time_are_a_matter_of_the_order() -> None:
 def test_reads_alone_are_told() -> None:
     reads = Whole(job(None, ANSWER, frame=3), job(None, ANSWER, frame=13))
     assert reads.end() == [half(6, "no_write", count=2, **PAIR)]
-    assert reads.jobs(job(READ, ANSWER, frame=20)).end() == []
+    begun = half(6, "file_begins", count=2, **PAIR)  # a request before them is not there
+    assert reads.jobs(job(READ, ANSWER, frame=20)).end() == [begun]
     assert Whole().end() == []
+
+
+def test_what_was_asked_before_the_first_request_lies_before_the_begin() -> None:
+    begun = half(6, "file_begins", count=1, **PAIR)
+    late = job(None, ANSWER, frame=13)
+    assert Whole(job(None, ANSWER, frame=3), job(READ, ANSWER, frame=9), late).end() == [begun]
+    assert Whole(job(READ, ANSWER, frame=9), late).end() == []
+    assert Whole(job(READ, ANSWER, frame=9)).idle(4, missing=BEGINS).end() == [
+        half(4, "file_begins", count=1, **PAIR)
+    ]
+    assert Whole(job(READ, ANSWER, frame=9)).idle(4, missing=Missing("requests")).end() == []
+    alone = job(None, ANSWER, frame=3)
+    alone.previous = 1
+    assert Whole(alone, job(READ, ANSWER, frame=9)).end() == []
+
+
+def test_where_more_is_missing_or_out_of_order_it_need_not_lie_before_the_begin() -> None:
+    jobs = job(None, ANSWER, frame=3), job(READ, ANSWER, frame=9)
+    lacks, numbers = asked(5, 7)
+    numbers.heard = True
+    assert [args["what"] for _, _, args in Whole(*jobs, lacks=lacks).end()] == ["gaps"]
+    whole = Whole(*jobs)
+    whole.capture.steps_back(5, 0.5)
+    assert [args["what"] for _, _, args in whole.end()] == ["disorder"]
+    at_another_place = Whole(job(READ, frame=1), job(None, ANSWER, frame=3, at=THERE))
+    assert [rule for rule, _, _ in at_another_place.end()] == ["DS706"]
+
+
+def open_job(frame: int, missing: Missing) -> Job:
+    made = job(READ, frame=frame)
+    made.missing = missing
+    return made
+
+
+def test_a_response_that_may_lie_behind_the_end() -> None:
+    ends = Missing("ends")
+    lacks, numbers = asked(5, 6)
+    numbers.heard = True
+    whole = Whole(open_job(5, ends), open_job(3, ends), lacks=lacks)
+    assert whole.end() == whole.end() == [half(3, "file_ends", count=2, **PAIR)]
+    assert Whole(open_job(3, Missing("halves")), lacks=lacks).end() == []
+    whole.capture.cut((10, 96, 300))  # the response may be what was cut
+    assert [args["what"] for _, _, args in whole.end()] == ["cut"]
+    alone = Whole(open_job(3, ends), lacks=asked(5, 6)[0])
+    assert [args["what"] for _, _, args in alone.end()] == ["only_requests"]
+
+
+@pytest.mark.parametrize("what", ["write_answer", "read_answer"])
+def test_the_last_call_alone_may_have_its_response_behind_the_end(what: str) -> None:
+    lacks, numbers = asked(5, 6)
+    numbers.heard = True
+    last, other = open_job(2, Missing(what, 2)), open_job(1, Missing(what, 1))
+    assert Whole(last, lacks=lacks).end() == [half(2, "file_ends", count=1, **PAIR)]
+    assert Whole(other, lacks=lacks).end() == []
+    both = Whole(open_job(1, Missing("ends")), last, lacks=lacks)
+    assert both.end() == [half(1, "file_ends", count=2, **PAIR)]
 
 
 # Memory is bounded

@@ -737,11 +737,38 @@ def test_cut_frames_are_counted_with_their_copies(tmp_path: Path) -> None:
     assert (found.args["what"], found.args["count"]) == ("cut", cut)
 
 
+ENDS = "it ends before responses of 192.168.47.2 to 192.168.47.1 are there: 1"
+
+
 def report_of(path: Path) -> tuple[CaptureResult, str]:
     result = analyze(path)
     stream = io.StringIO()
     text.write(Report([result]), stream, Options(rules=rules()))
     return result, stream.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "said", "advice"),
+    [
+        (1, 62, ENDS, "Let the capture run on"),
+        (249, 497, ENDS, "Let the capture run on"),
+        (187, 746, "what 192.168.47.1 reads from 192.168.47.2 may have been asked for before it begins: 1",
+         "Start the capture before"),
+    ],
+)  # fmt: skip
+def test_a_part_of_a_capture_is_told_first_and_how_to_record_it(
+    first: int, last: int, said: str, advice: str, captures: Path, tmp_path: Path
+) -> None:
+    frames = wire.frames(captures / "real-stacks" / "o1_profinetpy062_be.pcapng")[first - 1 : last]
+    cuts.write(tmp_path / "x.pcap", frames)
+    result, report = report_of(tmp_path / "x.pcap")
+    assert result.diagnoses[0].rule == "DS725"
+    assert sentence(result.diagnoses[0]) == f"The capture shows only a part: {said}"
+    lines = " ".join(report.split())
+    assert (
+        f"What to do DS725 warning half-captured: The capture shows only a part: {said} -> {advice}"
+        in lines
+    )
 
 
 def test_frames_out_of_order_have_a_sentence_and_an_advice_of_their_own(

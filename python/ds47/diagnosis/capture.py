@@ -22,6 +22,7 @@ from ds47.profidrive.drive_objects import LOCAL
 from ds47.profidrive.family import NOT_SUPPORTED
 from ds47.profidrive.model import Address
 from ds47.profinet.completeness import Completeness, Hole
+from ds47.profinet.completeness import Pair as Lacking
 from ds47.profinet.ip import Cut
 from ds47.profinet.records import Record
 from ds47.spec.semantics import known
@@ -33,6 +34,8 @@ _INVALID_SLOT = 0xB2
 _NO_ACCESS = 0xDF80B600
 _TOLD = 8
 """Holes of which the numbers are told."""
+_OF_CALLS = ("write_answer", "read_answer")
+"""What is missing of a transaction where a call has no response."""
 _NO_AXIS = -1
 """Stands among axes where the device has said that there is no such axis: then the axis byte counts."""
 
@@ -91,11 +94,19 @@ class _Read(NamedTuple):
 class _Seen:
     """What was seen of two stations."""
 
-    __slots__ = ("asked", "first", "orphans", "station")
+    __slots__ = ("asked", "before", "behind", "call", "first", "orphans", "since", "station")
 
     def __init__(self) -> None:
         self.asked = self.orphans = self.first = 0
         """Transactions with and without their request, and the first frame of any."""
+        self.since = 0
+        """The first frame in which anything is asked for,"""
+        self.before: list[int] = []
+        """and first responses, and Reads for nothing, whose request may lie before the begin of the capture."""
+        self.behind = _Tally()
+        """Requests of which the response may lie behind its end,"""
+        self.call = 0
+        """and the newest call without its response of one: the end is why, if no other call followed."""
         self.station: int | None = None
         """The address of the device on PROFIBUS."""
 
@@ -108,6 +119,27 @@ class _Seen:
         if first is not None:
             self.first = min(self.first or first.frame, first.frame)
         self.station = job.peer.station
+        self._may_go_on(job)
+
+    def _may_go_on(self, job: Job) -> None:
+        """Whether the begin or the end of the capture may be why a transaction is not whole."""
+        asked, read, missing = job.write_request, job.read_response, job.missing
+        alone = job.message is None and job.previous is None and job.repeats is None
+        if alone and read is not None and not job.record.implicit:
+            self.begun_before(read.frame)
+        if asked is not None:
+            self.since = min(self.since or asked.frame, asked.frame)
+        if asked is None or missing is None:
+            return
+        if missing.what == "ends":
+            self.behind.add(asked.frame)
+        elif missing.what in _OF_CALLS:
+            self.call = max(self.call, missing.first or 0)
+
+    def begun_before(self, frame: int) -> None:
+        """What was asked for before this frame may lie before the begin of the capture."""
+        if len(self.before) < known().history:
+            self.before.append(frame)
 
 
 class _Tally:
@@ -134,7 +166,9 @@ class WholeCapture:
         self._idle_reads: _Memory[_Tally] = _Memory()
         """All of them by device, however many are kept."""
         self._explained: set[Pair] = set()
-        """Whose Reads for nothing DS706 explains, all of them."""
+        """Whose Reads for nothing DS706 explains, all of them,"""
+        self._elsewhere: set[Pair] = set()
+        """and of whom it is said at all."""
         self._orphans: _Memory[list[_Read]] = _Memory()
         self._foreign: _Memory[tuple[_Tally, dict[str, Any]]] = _Memory()
         self._answering: _Memory[Place] = _Memory()
@@ -161,8 +195,7 @@ class WholeCapture:
         message, record, device = job.message, job.record, job.peer.device
         place = _place(record)
         pair = job.peer.controller, device
-        seen = self._seen.entries.get(pair) or self._seen.put(pair, _Seen())
-        seen.add(job)
+        self._seen_of(pair).add(job)
         if message is None:
             self._accept(device, place, job)
             self._orphan(pair, place, job)
@@ -187,9 +220,10 @@ class WholeCapture:
         half = record.response
         if half is None or half.status is None:
             return
-        place = _place(record)
+        place, pair = _place(record), (peer.controller, peer.device)
+        if missing is not None and missing.what == "begins":
+            self._seen_of(pair).begun_before(half.frame)
         if half.status == STATUS_NOT_READY:
-            pair = peer.controller, peer.device
             tally = self._idle_reads.get(peer.device)
             sure = missing is None
             if sure:
@@ -246,6 +280,9 @@ class WholeCapture:
         yield from self._repetition.finish()
         yield from self._missing(dropped)
 
+    def _seen_of(self, pair: Pair) -> _Seen:
+        return self._seen.entries.get(pair) or self._seen.put(pair, _Seen())
+
     def _newest_hole(self, device: str) -> int:
         """The newest frame behind which something of a device may be missing; 0 for none."""
         return 0 if self._completeness is None else self._completeness.newest(device)
@@ -286,6 +323,7 @@ class WholeCapture:
                 if read is None or not (read.sure or _is_habit(each, read, opened, idle)):
                     continue
                 idle = [other for other in idle if other.place != read.place]
+                self._elsewhere.add(pair)
                 yield Remark("DS706", read.frame, {
                     "device": pair[1], "request": each.frame, "frame": read.frame,
                     "place": place_args(each.place), "other": place_args(read.place),
@@ -455,8 +493,31 @@ class WholeCapture:
             yield "no_write", seen.first, {"count": seen.orphans}
         elif lacks is not None and lacks.halves:
             yield "half_calls", lacks.half, {"count": lacks.halves}
+        elif not self._has_holes(pair, lacks):
+            before = [each for each in seen.before if each < seen.since or not seen.since]
+            if before:
+                yield "file_begins", min(before), {"count": len(before)}
         if lacks is not None and lacks.holes:
             yield "gaps", lacks.holes[0].before, {"numbers": _numbers(lacks.holes)}
+        if (lacks is None or lacks.hears) and not self._cut.count:  # else a response may be cut off
+            yield from self._ends(seen, lacks)
+
+    def _ends(
+        self, seen: _Seen, lacks: Lacking | None
+    ) -> Iterator[tuple[str, int, dict[str, Any]]]:
+        """Requests, and a last call, of which the response may lie behind the end of the capture."""
+        frames = [seen.behind.first] if seen.behind.count else []
+        last = lacks is not None and 0 < seen.call >= lacks.newest_call
+        if last:
+            frames.append(seen.call)
+        if frames:
+            yield "file_ends", min(frames), {"count": seen.behind.count + last}
+
+    def _has_holes(self, pair: Pair, lacks: Lacking | None) -> bool:
+        """Whether a request may be missing inside the capture, or stand at another place."""
+        if self._disorder.count or pair in self._elsewhere:
+            return True
+        return bool(self._newest_hole(pair[1]) if lacks is None else lacks.holes or lacks.unasked)
 
 
 def _numbers(holes: list[Hole]) -> str:

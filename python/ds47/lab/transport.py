@@ -317,7 +317,10 @@ def starts_late(client: Client) -> None:
 
 
 @BOOK.scene(
-    "the capture ends after the Write response", OK_READ, ("read", "incomplete"), rules="DS110"
+    "the capture ends after the Write response",
+    OK_READ,
+    ("read", "incomplete"),
+    rules="DS110 DS725",
 )
 def ends_early(client: Client) -> None:
     """Capture ends in the middle of a transaction."""
@@ -329,7 +332,7 @@ def ends_early(client: Client) -> None:
     "the last frame of the capture is a Write request",
     OK_READ,
     ("read", "incomplete"),
-    rules="DS101 DS110",
+    rules="DS101 DS110 DS725",
 )
 def ends_in_call(client: Client) -> None:
     """Capture ends in the middle of a call."""

@@ -155,6 +155,11 @@ class Pair:
             (hole for each in self.activities for hole in each.holes), key=lambda hole: hole.before
         )
 
+    @property
+    def newest_call(self) -> int:
+        """The frame of the newest call of the client."""
+        return max((each.newest.frame for each in self.activities), default=0)
+
     def has_half(self, frame: int) -> None:
         """A call is there in one half."""
         self.half = min(self.half or frame, frame)
