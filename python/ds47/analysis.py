@@ -411,7 +411,7 @@ class Analysis:
         """What only the whole capture can show."""
         if DS47 not in self._options.channels:
             return
-        for remark in self._diagnoses.finish(capture.dropped, capture.gaps):
+        for remark in self._diagnoses.finish(capture.dropped, capture.gaps, capture.complete):
             self._findings.add(remark)
 
     def _remark(self, remark: Remark) -> None:

@@ -139,7 +139,8 @@ SAYS: dict[str, tuple[int, str]] = {
     "connector-as-number-link": (4, "its source p0052 was not accepted: 0x83"),
     "lost-at-power-off": (
         1,
-        "Changes on 192.168.133.33 are followed by no save (p0971 of the drive object or p0977): 2, ",
+        "Changes on 192.168.133.33 are followed by no save in this capture (p0971 of the drive object or "
+        "p0977): 2, ",
     ),
     "connection-lost": (3, "ended (frame 9)"),
     "connection-lost-restart": (3, "ended (frame 5)"),

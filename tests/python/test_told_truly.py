@@ -714,6 +714,16 @@ def test_what_is_not_saved(
     )  # fmt: skip
 
 
+def test_a_file_that_cannot_be_read_to_its_end_may_have_a_save_there(tmp_path: Path) -> None:
+    result = result_of(one_object_saved, tmp_path)
+    (found,) = of(result, "DS721")
+    assert "are followed by no save in this capture" in sentence(found)
+    whole = tmp_path / "x.pcapng"
+    (tmp_path / "y.pcapng").write_bytes(whole.read_bytes() + b"\x06\x00\x00\x00")
+    cut = analyze(tmp_path / "y.pcapng")
+    assert (cut.complete, cut.frames, of(cut, "DS721")) == (False, result.frames, [])
+
+
 def test_what_is_saved(tmp_path: Path) -> None:
     assert not told(all_saved, "DS721", tmp_path)
 

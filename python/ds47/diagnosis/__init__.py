@@ -114,9 +114,12 @@ class Diagnoses:
         """The time steps back in a frame of ours."""
         self._whole.steps_back(frame, milliseconds)
 
-    def finish(self, dropped: int | None, gaps: bool) -> Iterator[Remark]:
-        """The diagnoses of the whole capture; `gaps`: frames are missing inside, or a file of a series."""
-        return self._whole.finish(dropped, gaps)
+    def finish(self, dropped: int | None, gaps: bool, complete: bool = True) -> Iterator[Remark]:
+        """The diagnoses of the whole capture.
+
+        `gaps`: frames are missing inside, or a file of a series; `complete`: all of it could be read.
+        """
+        return self._whole.finish(dropped, gaps, complete)
 
     def _cause(self, job: Job) -> Iterator[Remark]:
         """One cause explains a job: a repair all of it, or lengths; else each refusal has its own."""

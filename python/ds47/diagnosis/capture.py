@@ -268,15 +268,19 @@ class WholeCapture:
         if milliseconds < known().disorder:
             self._disorder.add(frame)
 
-    def finish(self, dropped: int | None, gaps: bool) -> Iterator[Remark]:
-        """All that can be said now; of frames that the file says are missing, and whether some are inside it."""
+    def finish(self, dropped: int | None, gaps: bool, complete: bool = True) -> Iterator[Remark]:
+        """All that can be said now; of frames that the file says are missing, and whether some are inside it.
+
+        A file that could not be read to its end may have a save there.
+        """
         yield from self._read_there(gaps)
         yield from self._nothing()
         for _, (tally, args) in self._foreign.items():
             yield Remark("DS707", tally.first, args)
         yield from self._slots()
         yield from self._ignored_axes()
-        yield from self._lost()
+        if complete:
+            yield from self._lost()
         yield from self._repetition.finish()
         yield from self._missing(dropped)
 
