@@ -94,6 +94,14 @@ def _many(case: Case, frames: list[list[int]], count: int | None = None) -> Iter
 def missing(args: dict[str, Any], reading: Reading) -> Iterator[str]:
     """What is not so of DS725 about S7: the capture lacks all that one end sent, or a part."""
     count = 0
+    states = {"s7_begins": "orphan", "s7_ends": "incomplete"}
+    if args["what"] in states:
+        pair = {args["controller"], args["device"]}
+        count = sum(
+            each["channel"] == "s7" and each["state"] == states[args["what"]]
+            and {each["controller"], each["device"]} == pair
+            for each in reading.plain["transactions"]
+        )  # fmt: skip
     for client, server, both in s7_wire.ways(reading.capture.frames):
         silent = next((up for up in (True, False) if both[up].silent), None)
         told = {True: "s7_client_missing", False: "s7_server_missing"}.get(silent or False)
@@ -102,7 +110,7 @@ def missing(args: dict[str, Any], reading: Reading) -> Iterator[str]:
         ends = client[0], server[0], told
         count += ends == tuple(args[name] for name in ("controller", "device", "what"))
     if count < args["count"]:  # of another one nobody knows that it is S7
-        yield f"{count} connections are so, not {args['count']}"
+        yield f"{count} connections or jobs are so, not {args['count']}"
 
 
 # Jobs

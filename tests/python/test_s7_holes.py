@@ -129,6 +129,27 @@ def test_what_is_missing_is_told_and_what_is_refused_is_never_ok(
         assert level == ("bad" if refused else "warn"), name
 
 
+@pytest.mark.parametrize(
+    ("first", "last", "told"),
+    [
+        (1, 20, [("s7_ends", 20)]),
+        (1, 21, []),
+        (15, 21, [("s7_begins", 1)]),
+        (15, 20, [("s7_begins", 1), ("s7_ends", 6)]),
+    ],
+)
+def test_a_part_of_a_connection_begins_or_ends_inside_a_job(
+    first: int, last: int, told: list[tuple[str, int]], tmp_path: Path
+) -> None:
+    path = ROOT / "captures/s7-stacks/areas_cpp_cpp_240.pcapng"
+    frames = frames_of(path)
+    result = analyze(write(tmp_path / "cut.pcapng", frames[first - 1 : last], frames[0].link_type))
+    found = [each for each in result.findings if each.rule == "DS725"]
+    assert [(each.args["what"], each.frame) for each in found] == told
+    assert [each.args["count"] for each in found] == [1] * len(told)
+    assert [each.rule for each in result.diagnoses][: len(told)] == ["DS725"] * len(told)
+
+
 @pytest.mark.skipif(not ANSWERS.is_file(), reason="that capture is beside the checkout only")
 def test_a_report_of_answers_alone_begins_with_the_direction_that_is_missing() -> None:
     result = analyze(ANSWERS)

@@ -160,6 +160,7 @@ SAID: dict[Callable[[], Plant], list[tuple[str, list[int]]]] = {
     two_writers_of_the_same_values: [],
     two_writers_of_other_values: [("DS907", [15, 17])],
     a_client_leaves_while_another_one_sends: [  # that of the first may go on behind the capture
+        ("DS725", [22]),
         ("DS910", [24]),
         ("DS912", [26, 31]),
     ],

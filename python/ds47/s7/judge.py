@@ -86,7 +86,10 @@ class S7Judge(Listener):
         self._notes = Notes(bounds.s7_notes)
         self._moments = Moments(bounds, self._notes, readback)
         self._missing: dict[tuple[str, str, str], tuple[int, int]] = {}
-        """What the capture lacks of connections of two stations: the first frame, and of how many."""
+        """What the capture lacks of connections of two stations: the first frame, and of how many of them, or of
+        their jobs."""
+        self._unfinished: dict[int, dict[str, tuple[int, int]]] = {}
+        """Jobs of a connection that may go on behind the end of the capture, or began before it."""
         self._without_setup: dict[int, int] = {}
         """The first job of connections whose setup was not seen."""
         self._open: dict[int, list[S7Job]] = {}
@@ -151,11 +154,12 @@ class S7Judge(Listener):
     def closed(self, connection: Connection) -> None:
         """A connection is over."""
         self._moments.closed(connection)
+        unfinished = self._unfinished.pop(connection.number, {})
         if connection.missing is not None:
-            pair = connection.client.ip, connection.server.ip, connection.missing
-            first, count = self._missing.get(pair, (connection.opened.frame, 0))
-            if count or len(self._missing) < self._bounds.s7_notes:
-                self._missing[pair] = first, count + 1
+            self._lacks(connection, connection.missing, connection.opened.frame, 1)
+        elif not connection.disordered:
+            for what, (first, count) in unfinished.items():
+                self._lacks(connection, what, first, count)
         frame = self._without_setup.pop(connection.number, None)
         if frame is not None:
             args = {"device": connection.server.ip, "controller": connection.client.ip}
@@ -165,6 +169,12 @@ class S7Judge(Listener):
         for table in (self._sending, self._shapes):
             for key in [each for each in table if each[0] == connection.number]:
                 del table[key]
+
+    def _lacks(self, connection: Connection, what: str, frame: int, more: int) -> None:
+        key = connection.client.ip, connection.server.ip, what
+        first, count = self._missing.get(key, (frame, 0))
+        if count or len(self._missing) < self._bounds.s7_notes:
+            self._missing[key] = first, count + more
 
     # Jobs
 
@@ -185,6 +195,7 @@ class S7Judge(Listener):
         """Nothing more comes of a job."""
         self._moments.over(job)
         self._drives.over(job)
+        self._unfinish(job)
         if job.operation == BSEND:
             key = job.connection.number, job.from_client, job.r_id
             if self._sending.get(key) is job:
@@ -199,6 +210,16 @@ class S7Judge(Listener):
         else:
             self._settled(job)
             self._variables(job)
+
+    def _unfinish(self, job: S7Job) -> None:
+        """Where no byte of its connection is missing, what a job lacks is behind the end or before the begin."""
+        at = job.asked or job.answered
+        begins = job.state == ORPHAN and job.connection.setup is None
+        if at is not None and (begins or job.state == INCOMPLETE):
+            what = "s7_begins" if begins else "s7_ends"
+            there = self._unfinished.setdefault(job.connection.number, {})
+            first, count = there.get(what, (at.frame, 0))
+            there[what] = min(first, at.frame), count + 1
 
     def _say(self, rule: str, job: S7Job, at: At, **args: Any) -> None:
         ends = {"device": job.partner.ip, "controller": job.asker.ip}
