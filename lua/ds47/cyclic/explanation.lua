@@ -42,6 +42,8 @@ function M.explain(item, drives)
   local drive = parameter and same(item, drives)
   if not drive or not drive.recorder:has_sense() then return nil end
   local recorder, first, last = drive.recorder, item.frames.write_request, item.frames.read_response
+  local replaced = drive.relation.replaced
+  if replaced and replaced < first then return nil end -- of what a later Connect set up nothing is known
   local running = recorder:running(first, last)
   if running == nil then return nil end
   local args = {pnu = parameter.pnu, subindex = parameter.subindex, family = parameter.family}

@@ -212,7 +212,7 @@ function Operation:lost(frame, by_controller)
   local stops = by_controller and last and bit(last.zsw1, RUNNING) == 1 and bit(last.stw1, CONTROL) == 1
   if stops then say(self, "DS528", frame, {what = "pzd_invalid"}) end
   self:finish()
-  self.last, self.unheeded = nil, {}
+  self.last, self.least, self.most, self.unheeded = nil, nil, nil, {}
   return stops
 end
 

@@ -231,10 +231,13 @@ end
 
 --- Whether the drive ran in all frames from one to another; nil where it changed, or nobody knows.
 function Recorder:running(first, last)
-  local found
+  local found, now, newest
   for _, event in ipairs(self.events) do
-    if event.word == "ZSW1" then
-      local now = bit(event.after, RUNNING) == 1
+    local is_status = event.word == "ZSW1"
+    if is_status or event.name == "input-lost" or event.name == "input-back" then
+      if is_status then newest = bit(event.after, RUNNING) == 1 end
+      now = newest
+      if event.name == "input-lost" then now = nil end
       if event.frame <= first then
         found = now
       elseif event.frame <= last and now ~= found then

@@ -152,6 +152,8 @@ class DriveWords:
     """Whether the telegrams without a setpoint of speed are left out."""
     start_ns: int | None = None
     looks: list[int] = field(default_factory=lambda: [0, 0])
+    replaced: int | None = None
+    """The frame in which its channel was set up anew, or from which on its frames are of two drives."""
 
     @property
     def proven(self) -> bool:
@@ -350,7 +352,7 @@ class CyclicChannels:
         device_mac, frame_ids = told[1:]
         identity = device_identity(response.object_uuid)
         vendor_id = identity[0] if identity else self._vendor and self._vendor(request.server)
-        self._replace(asked.controller_mac, device_mac)
+        self._replace(asked.controller_mac, device_mac, response.frame)
         for found in channels(asked.answered(frame_ids)):
             if found.channel not in self._wanted:
                 continue
@@ -385,7 +387,9 @@ class CyclicChannels:
         for each in self._named:
             each.vendor_id = self._maker(each.device)
 
-    def configured(self, relations: Sequence[Relation], output: bytes, input_: bytes) -> None:
+    def configured(
+        self, relations: Sequence[Relation], output: bytes, input_: bytes, frame: int | None = None
+    ) -> None:
         """A station of PROFIBUS gets its configuration: the channels in its data, in place of those before.
 
         `output` and `input_` are the sources of both sides (`ppo.source`): there may be no channel any more.
@@ -394,7 +398,7 @@ class CyclicChannels:
         relations = [each for each in relations if each.channel in self._wanted]
         if self._is_set_up_so(relations, output):
             return
-        self._drop(output, input_)
+        self._drop(output, input_, frame)
         for relation in relations:
             if len(self._relations) < self._bounds.relations:
                 self._add(relation)
@@ -419,11 +423,12 @@ class CyclicChannels:
         if given_up:
             self._tell()
 
-    def _replace(self, controller: str, device: str) -> None:
+    def _replace(self, controller: str, device: str, frame: int) -> None:
         """The stations set up all their channels anew."""
-        self._drop(*(bytes.fromhex(each.replace(":", "")) for each in (controller, device)))
+        output, input_ = (bytes.fromhex(each.replace(":", "")) for each in (controller, device))
+        self._drop(output, input_, frame)
 
-    def _drop(self, output: bytes, input_: bytes) -> None:
+    def _drop(self, output: bytes, input_: bytes, frame: int | None) -> None:
         for line in list(self._lines):
             relation = line.relation
             if (relation.output.source, relation.input.source) == (output, input_):
@@ -431,6 +436,7 @@ class CyclicChannels:
                 self._lines.remove(line)
                 if isinstance(line, DriveWords):  # what becomes of its fault the next one shows
                     line.recorder.fault_since = None
+                    line.replaced = frame
 
     def _add(self, relation: Relation, behind: bool = False) -> None:
         self._relations.append(relation)
@@ -523,6 +529,7 @@ class CyclicChannels:
             self._asked.add(line.relation.place)
             if isinstance(line, DriveWords):
                 line.cut(sequences.since)
+                line.replaced = packet.frame
         self._lines = [line for line in self._lines if not any(line is each for each in gone)]
         self._tell()
         return True

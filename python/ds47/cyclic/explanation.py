@@ -53,6 +53,8 @@ def explain(it: TurnedDown, drives: Sequence[DriveWords]) -> Remark | None:
     drive = _same(it, drives)
     if drive is None or not drive.recorder.has_sense:
         return None
+    if drive.replaced is not None and drive.replaced < it.request:
+        return None  # of what a later Connect set up nothing is known
     running = drive.recorder.running(it.request, it.response)
     if running is None:
         return None

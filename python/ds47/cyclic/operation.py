@@ -127,7 +127,7 @@ class Operation:
         if stops:
             self._say("DS528", frame, what="pzd_invalid")
         self.finish()
-        self._last = None
+        self._last = self._span = None
         self._unheeded.clear()
         return stops
 

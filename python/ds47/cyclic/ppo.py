@@ -74,7 +74,7 @@ class Ppo:
                 agreed=agreed,
             )
             sources = source(master, station), source(station, master)
-            self._channels.configured(list(found), *sources)
+            self._channels.configured(list(found), *sources, exchange.request.frame)
 
     def _fits(self, master: int, station: int, output: bytes, input_: bytes) -> bool:
         """Whether data of a station whose PPO is named has its length; its channels begin with the first data."""

@@ -270,11 +270,14 @@ class Recorder:
 
     def running(self, first: int, last: int) -> bool | None:
         """Whether the drive ran in all frames from one to another; None where it changed, or nobody knows."""
-        found = None
+        found = now = newest = None
         for event in self.events:
-            if event.word != "ZSW1" or event.after is None:
+            if event.word == "ZSW1" and event.after is not None:
+                now = newest = bool(event.after >> RUNNING & 1)
+            elif event.name in ("input-lost", "input-back"):
+                now = newest if event.name == "input-back" else None
+            else:
                 continue
-            now = bool(event.after >> RUNNING & 1)
             if event.frame <= first:
                 found = now
             elif event.frame <= last and now != found:
