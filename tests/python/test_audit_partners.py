@@ -19,13 +19,13 @@ DRIVE = partners.Plan(7, 0.0, 0.0, None, (("drive", 0, True), ("cpu", 2, False))
 @pytest.mark.parametrize("share", range(SHARES))
 def test_random_partners(share: int, tmp_path: Path) -> None:
     random = Random(f"partners {share}")
-    for plan in (partners.planned(random) for _ in range(40)):
+    for plan in (partners.planned(random) for _ in range(12)):
         assert list(map(str, partners.of(partners.play(plan), tmp_path))) == [], plan.text()
 
 
 @pytest.mark.slow
 def test_random_partners_with_holes(tmp_path: Path) -> None:
-    for plan in (partners.planned(SLOW) for _ in range(20)):
+    for plan in (partners.planned(SLOW) for _ in range(8)):
         assert list(map(str, seeds.of_cuts(plan, tmp_path))) == [], plan.text()
 
 
