@@ -185,7 +185,7 @@ def read_first(master: Master) -> None:
     going(master).parameters(HERE, READ, ANSWER)
 
 
-@BOOK.scene("Near DS808: the same in a capture that has no start-up", OK_READ, rules="DS110")
+@BOOK.scene("Near DS808: the same in a capture that has no start-up", OK_READ, rules="DS110 DS725")
 def read_first_later(master: Master) -> None:
     """The capture begins behind a write, or without one: nobody knows."""
     going(master).read(HERE, refused=NOT_READY)
