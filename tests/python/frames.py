@@ -45,8 +45,8 @@ def read(data: bytes) -> tuple[list[Frame], int, str | None]:
 
 
 def rpc(uuid: bytes = UUID_BIG, body: bytes = b"body") -> bytes:
-    """The 80 bytes of an RPC header, of which only version and interface UUID are right."""
-    return b"\4" + bytes(23) + uuid + bytes(40) + body
+    """The 80 bytes of an RPC header, of which only version and interface UUID are right, and that it is a Read."""
+    return b"\4" + bytes(23) + uuid + bytes(28) + b"\0\2" + bytes(10) + body
 
 
 def udp(payload: bytes, ports: tuple[int, int] = (34964, 50000)) -> bytes:

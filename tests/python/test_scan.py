@@ -270,13 +270,14 @@ def test_watched_frames_are_given_when_they_say_something_new(
     assert [each[0] for each in said if len(each) == 6] == expected(frames)  # type: ignore[arg-type, index]
 
 
+@pytest.mark.parametrize("kind", [0, 2], ids=["request", "response"])
 @pytest.mark.parametrize("ng", [False, True])
-def test_it_stops_behind_the_response_to_a_connect(
-    plain_scan: ModuleType, compiled_scan: ModuleType, ng: bool
+def test_it_stops_behind_both_halves_of_a_connect(
+    plain_scan: ModuleType, compiled_scan: ModuleType, ng: bool, kind: int
 ) -> None:
     """Somebody looks at it, and watches what it sets up from the next frame on."""
     answered = bytearray(make.rpc())
-    answered[1], answered[68:70] = 2, b"\0\0"
+    answered[1], answered[68:70] = kind, b"\0\0"
     response = make.ethernet(0x0800, make.ipv4(make.udp(bytes(answered))))
     frames = [cyclic(0, 0x8001, b""), CALL, response, cyclic(0, 0x8001, b""), CALL, response]
     for module in (plain_scan, compiled_scan):

@@ -79,9 +79,12 @@ CASES: dict[Callable[[It], None], list[str]] = {
 OF_WORDS = ("DS525", "DS530", "DS531")
 
 
-def played(case: Callable[[It], None]) -> bytes:
+def played(case: Callable[[It], None], *, swapped: bool = False) -> bytes:
+    """`swapped`: the response to the Connect stands before its request."""
     stage = Stage()
     case(machine(Client(stage), SPEED))
+    if swapped:
+        stage.shots[:2] = reversed(stage.shots[:2])
     return captured(stage)
 
 
@@ -95,6 +98,14 @@ def test_what_is_said(case: Callable[[It], None], tmp_path: Path) -> None:
     assert [str(each) for each in run.audit(path)] == []
 
 
+def test_a_connect_whose_frames_are_out_of_order() -> None:
+    told, true = (analyze(io.BytesIO(played(running, swapped=each))) for each in (True, False))
+    events = [[(each.name, each.frame) for each in it.timelines[0].events] for it in (told, true)]
+    assert events[0] == events[1]
+
+
 @pytest.mark.parametrize("version", VERSIONS)
 def test_lua_says_the_same(version: str, tmp_path: Path) -> None:
-    compare(version, "en", [Source(each.__name__, played(each), False) for each in CASES], tmp_path)
+    sources = [Source(each.__name__, played(each), False) for each in CASES]
+    sources.append(Source("swapped", played(running, swapped=True), False))
+    compare(version, "en", sources, tmp_path)

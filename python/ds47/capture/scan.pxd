@@ -7,7 +7,7 @@ cdef unsigned int _MAPPER_BIG_1, _MAPPER_BIG_2, _MAPPER_LITTLE_1, _MAPPER_LITTLE
 cdef unsigned int _IPV4, _PROFINET, _LLDP, _TCP, _UDP, _PNIO_PORT, _ENHANCED
 cdef long _ETHERNET, _RAW, _RAW_IPV4, _SLL, _SLL2, _PROFIBUS_DL, _USER0
 cdef Py_ssize_t _MAX_FRAME, _BATCH, _ENTRY, _FIRST_AHEAD, _AHEAD, _KEPT, _FAR, _ROW, _SAMPLE, _RAREST, _OFTEN, _NEXT
-cdef unsigned int _CONNECT, _RESPONSE
+cdef unsigned int _CONNECT, _REQUEST, _RESPONSE
 
 cdef unsigned int _u16(const unsigned char* data, Py_ssize_t at) noexcept nogil
 

@@ -72,7 +72,11 @@ _MAPPER_TAIL_1, _MAPPER_TAIL_2 = 0x91A40800, 0x2B14A0FA
 _SAMPLE, _RAREST, _OFTEN = 4, 1024, 256
 _NEXT = 0x7FFF_FFFF
 """A period in which no frame is: the next one is due."""
-_CONNECT, _RESPONSE = 0, 2  # operation and type of the RPC message that sets up cyclic frames
+_CONNECT, _REQUEST, _RESPONSE = (
+    0,
+    0,
+    2,
+)  # operation and types of the RPC messages that set up cyclic frames
 
 _LEARN_FROM = 4096  # frames after which it pays to learn the shapes of cyclic traffic
 # Bytes at the end of a pcap buffer that no run reaches into: the last frame is passed by itself, and has a time.
@@ -496,7 +500,7 @@ _NONE, _PLAIN, _TELLING = 0, 1, 2
 def _usual(data: Bytes, start: int, captured: int) -> int:
     """Whether this is an RPC PDU where nearly all of them are: Ethernet, no tag, no IP option.
 
-    `_PLAIN`: it is no part of a response to a Connect.
+    `_PLAIN`: it is no part of a Connect.
     """
     if (
         captured < 112
@@ -506,7 +510,8 @@ def _usual(data: Bytes, start: int, captured: int) -> int:
         or data[start + 14] != 0x45
     ):
         return _NONE
-    plain = data[start + 43] != _RESPONSE or data[start + 110] or data[start + 111]
+    half = data[start + 43] == _REQUEST or data[start + 43] == _RESPONSE
+    plain = not half or data[start + 110] or data[start + 111]
     return _PLAIN if plain and not (data[start + 20] & 0x3F or data[start + 21]) else _TELLING
 
 
@@ -687,9 +692,10 @@ class Scan:
         return senders > 0 and _is_due(rows, data, start, end, number, senders, link_type)
 
     def _sets_up(self, data: Bytes, start: int, end: int, link_type: int) -> bool:
-        """Whether a frame that matters may complete the response to a Connect, which tells what to watch.
+        """Whether a frame that matters may complete a Connect, which tells what to watch: response or request.
 
-        The first fragment shows what it is, if there is room; each of its number may be the last that came.
+        Out of order, the request comes last. The first fragment shows what it is, if there is room;
+        each of its number may be the last that came.
         """
         at = _network(data, start, end, link_type)
         if at < 0 or _kind(data, start, at, link_type) != _IPV4:
@@ -701,7 +707,11 @@ class Scan:
         if rpc + 70 > end:
             if not fragment & 0x2000:
                 return False
-        elif data[rpc + 1] != _RESPONSE or data[rpc + 68] != _CONNECT or data[rpc + 69] != _CONNECT:
+        elif (
+            data[rpc + 1] not in (_REQUEST, _RESPONSE)
+            or data[rpc + 68] != _CONNECT
+            or data[rpc + 69] != _CONNECT
+        ):
             return False
         if fragment & 0x2000:
             self._pieces = number
