@@ -17,14 +17,16 @@ from tests.audit import run
 from ds47.analysis import analyze
 from ds47.lab import captured, message
 from ds47.lab.client import Client
-from ds47.lab.cyclic import BAD, GOOD, INPUT, Cyclic
-from ds47.lab.cyclic_scenes import SPEED, machine
+from ds47.lab.cyclic import BAD, GOOD, INPUT, OUTPUT, Cyclic
+from ds47.lab.cyclic_scenes import machine
 from ds47.lab.machine import ON, Machine
 from ds47.lab.stage import Stage
 
 It = Machine[Cyclic]
 BLOCKED = ON & ~0x40
 REFUSED = message.answer(1, 0x82, 2, message.error(0x6B))
+READ = b"\x13\xe7" + bytes(6)
+"""A request for p0999, which the drive has not."""
 ASKED = message.change(1, 2, (message.address(50076), message.word(1)))
 
 
@@ -72,17 +74,40 @@ def setpoint_that_moves(it: It) -> None:
         it.setpoint(percent).run(0.1)
 
 
+def request_that_was_refused(it: It) -> None:
+    """While the data of the controller was not valid; the drive goes on saying so."""
+    it.start().line.iops[OUTPUT] = BAD
+    it.ask(READ, 9).line.iops[OUTPUT] = GOOD
+    it.ask(READ, 60)
+
+
+def request_that_is_ignored(it: It) -> None:
+    it.drive.pause = 999
+    it.start().ask(READ, 60)
+
+
+def ask(it: It) -> None:
+    it.start().ask(READ, 8)
+
+
+def clock_set_back(it: It) -> None:
+    it.start().ask(READ, 2)
+    it.line.client.wait(-5000)
+    it.ask(READ)
+
+
 CASES: dict[Callable[[It], None], list[str]] = {
     running: ["DS530"], invalid: [], valid_again: ["DS530"], connected_anew: [], setpoint_that_stands: [],
-    setpoint_that_moves: ["DS525"],
+    setpoint_that_moves: ["DS525"], request_that_was_refused: [], request_that_is_ignored: ["DS514"],
+    clock_set_back: [],
 }  # fmt: skip
-OF_WORDS = ("DS525", "DS530", "DS531")
+OF_WORDS = ("DS514", "DS525", "DS530", "DS531")
 
 
 def played(case: Callable[[It], None], *, swapped: bool = False) -> bytes:
     """`swapped`: the response to the Connect stands before its request."""
     stage = Stage()
-    case(machine(Client(stage), SPEED))
+    case(machine(Client(stage)))
     if swapped:
         stage.shots[:2] = reversed(stage.shots[:2])
     return captured(stage)
@@ -96,6 +121,12 @@ def test_what_is_said(case: Callable[[It], None], tmp_path: Path) -> None:
     path = tmp_path / "case.pcapng"
     path.write_bytes(content)
     assert [str(each) for each in run.audit(path)] == []
+
+
+def test_cycles_are_not_counted_where_the_clock_was_set_back() -> None:
+    told, true = (analyze(io.BytesIO(played(each))) for each in (clock_set_back, ask))
+    assert [(each.state, each.cycles) for each in true.transactions] == [("error", 4)]
+    assert [(each.state, each.cycles) for each in told.transactions] == [("error", None)]
 
 
 def test_a_connect_whose_frames_are_out_of_order() -> None:

@@ -69,10 +69,11 @@ end
 local function cycles_between(first, last) return last.at.cycle - first.at.cycle end
 
 --- From the request to its answer in frames of one direction, and in the unit of the times; nil where no edge
--- told.
+-- told, and of the frames where somebody set the clock back meanwhile.
 function M.duration(job)
   if not job.answer or job.settled or not job.began then return nil, nil end
-  return cycles_between(job.request, job.answer), job.answer.at.time - job.request.at.time
+  local cycles = cycles_between(job.request, job.answer)
+  return cycles >= 0 and cycles or nil, job.answer.at.time - job.request.at.time
 end
 
 -- Whether words read as a request: AK, page and number are some that exist, and a read has no value.
@@ -83,10 +84,12 @@ local function is_request(data)
   return number(data) > 0 and (kind == "change" or sub(data, 5) == NO_VALUE)
 end
 
---- Whether a job that is over reads as a request, and a drive that said something did not respond.
+--- Whether a job that is over reads as a request, and a drive that said something did not respond, nor did
+-- before.
 function M.is_ignored(job)
+  local asked, standing = job.request.data, job.standing
   local open = job.state == "unanswered" or job.state == "superseded"
-  return job.heard and open and is_request(job.request.data)
+  return job.heard and open and is_request(asked) and not (standing and fits(asked, standing.data))
 end
 
 --- The moment of the frame that ended a job, or of the last in which it was looked at.

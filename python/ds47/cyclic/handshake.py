@@ -68,10 +68,10 @@ class PkwJob:
 
     @property
     def is_ignored(self) -> bool:
-        """Whether it reads as a request, and a drive that said something did not respond."""
-        return (
-            self.heard and self.state in (UNANSWERED, SUPERSEDED) and _is_request(self.request.data)
-        )
+        """Whether it reads as a request, and a drive that said something did not respond, nor did before."""
+        asked, standing = self.request.data, self.standing
+        open_ = self.state in (UNANSWERED, SUPERSEDED) and _is_request(asked)
+        return self.heard and open_ and not (standing and _fits(asked, standing.data))
 
     @property
     def stood(self) -> int:
@@ -81,10 +81,14 @@ class PkwJob:
 
     @property
     def cycles(self) -> int | None:
-        """From the request to its answer, in frames of one direction; None where no edge told it."""
+        """From the request to its answer, in frames of one direction; None where no edge told it.
+
+        Nor where somebody set the clock back meanwhile: they are counted by the time.
+        """
         if self.answer is None or self.settled or not self.began:
             return None
-        return self.answer.at.cycle - self.request.at.cycle
+        count = self.answer.at.cycle - self.request.at.cycle
+        return count if count >= 0 else None
 
     @property
     def duration_ns(self) -> int | None:
