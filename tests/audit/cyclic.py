@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 from tests.audit import dp
 from tests.audit.reading import Finding, Reading
 
-TYPE = b"\x88\x92"
 TICKS, COUNTERS = 32, 0x1_0000
 """Of the cycle counter, in a millisecond and in all."""
 
@@ -29,17 +28,14 @@ def parts(reading: Reading, relation: dict[str, Any], side: str) -> Iterator[Par
     if reading.line is not None:
         yield from _exchanged(reading.line, relation, side)
         return
-    for frame in reading.capture.frames:
-        at = 12 if frame.data[12:14] == TYPE else 16
-        head = TYPE + way["frame_id"].to_bytes(2)
-        macs = frame.data[:6].hex(":"), frame.data[6:12].hex(":")
-        if macs == (other["mac"], way["mac"]) and frame.data[at : at + 4] == head:
-            start = at + 4 + way["offset"]
-            end = start + way["length"]
-            good = bool(frame.data[end] & 0x80)
+    for each in reading.capture.rt:
+        if each.is_of(way["mac"], other["mac"], way["frame_id"]) and not each.frame.cut:
+            end = way["offset"] + way["length"]
+            good = bool(each.data[end] & 0x80)
             if relation["channel"] == "pzd":
-                good = good and bool(frame.data[-2] & 0x04)
-            yield Part(frame.number, frame.time_ns, frame.data[start:end], good)
+                good = good and bool(each.data[-2] & 0x04)
+            data = each.data[way["offset"] : end]
+            yield Part(each.frame.number, each.frame.time_ns, data, good)
 
 
 def _exchanged(line: dp.Line, relation: dict[str, Any], side: str) -> Iterator[Part]:
@@ -55,22 +51,23 @@ def _exchanged(line: dp.Line, relation: dict[str, Any], side: str) -> Iterator[P
 
 def of_mixed(finding: Finding, reading: Reading) -> Iterator[str]:
     """DS515: up to this frame counters of its sender and frame id go back, or on by less than half a cycle."""
-    args, newest = finding.args, reading.capture.frames[finding.frame - 1].data
+    args = finding.args
+    key = args["sender"], args["frame_id"]
     sides = [
-        (each, each[side]) for each in reading.plain.get("relations", ()) for side in ("output", "input")
-        if each["device"] == args["device"]
-        and (each[side]["mac"], each[side]["frame_id"]) == (args["sender"], args["frame_id"])
+        each for each in reading.plain.get("relations", ()) for side in ("output", "input")
+        if each["device"] == args["device"] and (each[side]["mac"], each[side]["frame_id"]) == key
     ]  # fmt: skip
-    at = 12 if newest[12:14] == TYPE else 16
-    head = bytes.fromhex(args["sender"].replace(":", "")), TYPE + args["frame_id"].to_bytes(2)
-    if not sides or (newest[6:12], newest[at : at + 4]) != head:
+    there = [
+        each for each in reading.capture.rt
+        if each.frame.number <= finding.frame and (each.sender, each.frame_id) == key
+    ]  # fmt: skip
+    if not sides or not there or there[-1].frame.number != finding.frame:
         yield "no relation of this device has such frames"
         return
     counters = [
-        int.from_bytes(each.data[-4:-2]) for each in reading.capture.frames[: finding.frame]
-        if (each.data[:12], each.data[at : at + 4]) == (newest[:12], newest[at : at + 4])
-    ]  # fmt: skip
+        int.from_bytes(each.data[-4:-2]) for each in there if each.receiver == there[-1].receiver
+    ]
     steps = [(after - before) % COUNTERS for before, after in pairwise(counters[-20:])]
-    least = sides[0][0]["cycle_ms"] * TICKS / 2
+    least = sides[0]["cycle_ms"] * TICKS / 2
     if sum(step < least or step > COUNTERS / 2 for step in steps) < 2:
         yield "the counters go on by a cycle each"

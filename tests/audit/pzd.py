@@ -161,12 +161,12 @@ def offers(reading: Reading) -> Iterator[Complaint]:
         option = f"{sender['mac']}@{sender['frame_id']:04X}:{sender.get('offset')}:pzd"
         if sender.get("word") is None:
             continue
-        head, words = cyclic.TYPE + sender["frame_id"].to_bytes(2), set()
-        for frame in reading.capture.frames[:2000]:
-            at = 12 if frame.data[12:14] == cyclic.TYPE else 16
-            if frame.data[6:12].hex(":") == sender["mac"] and frame.data[at : at + 4] == head:
-                start = at + 4 + sender["offset"]
-                words.add(int.from_bytes(frame.data[start : start + 2]))
+        words = {
+            int.from_bytes(each.data[sender["offset"] : sender["offset"] + 2])
+            for each in reading.capture.rt
+            if each.frame.number <= 2000
+            and (each.sender, each.frame_id) == (sender["mac"], sender["frame_id"])
+        }
         if sender["word"] == "STW1":
             so = not any(each & 0xF000 for each in words) and any(
                 each & 0x406 == 0x406 for each in words

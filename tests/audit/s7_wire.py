@@ -9,6 +9,7 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from tests.audit import wire
 from tests.audit.wire import Frame
 
 PORT = 102
@@ -317,12 +318,7 @@ class Way:
 
 
 def _ip(frame: Frame) -> bytes:
-    data = frame.data
-    if frame.link == 1:
-        return data[14:] if data[12:14] == b"\x08\x00" else b""
-    if frame.link == 0:
-        return data[4:]
-    return data if frame.link in (101, 228) else b""
+    return frame.data[4:] if frame.link == 0 else wire.ip_packet(frame)
 
 
 def _tpkts(way: _Way) -> Iterator[bytes]:

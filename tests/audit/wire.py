@@ -9,8 +9,9 @@ import gzip
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from uuid import UUID
 
 REQUEST, PING, RESPONSE, FAULT, WORKING, REJECT = 0, 1, 2, 3, 4, 6
@@ -22,6 +23,11 @@ MAPPER = "e1af8308-5d1f-11c9-91a4-08002b14a0fa"
 WRITE_MULTIPLE = 0xE040
 BLOCK = 64
 COPY_NS, CALL_NS = 1_000_000, 60_000_000_000
+ETHERNET, SLL, SLL2 = 1, 113, 276
+HEADS = {ETHERNET: (12, 14, 6), SLL: (14, 16, 6), SLL2: (0, 20, 12)}
+"""Of link types: where the EtherType stands, where the payload begins without tags, and where its sender stands."""
+TAGS = (b"\x81\x00", b"\x88\xa8", b"\x91\x00", b"\x92\x00")
+IPV4, PROFINET = b"\x08\x00", b"\x88\x92"
 
 
 @dataclass
@@ -38,6 +44,23 @@ class Frame:
     @property
     def cut(self) -> bool:
         return len(self.data) < self.length
+
+
+class Rt(NamedTuple):
+    """A frame of PROFINET RT: DCP or cyclic data."""
+
+    frame: Frame
+    sender: str
+    receiver: str
+    """MAC addresses; empty where a cooked header does not say it."""
+    frame_id: int
+    data: bytes
+    """Behind the frame id."""
+
+    def is_of(self, sender: str, receiver: str, frame_id: int) -> bool:
+        """Whether it is one of these; who receives it a cooked header does not say."""
+        known = self.sender, self.receiver or receiver, self.frame_id
+        return known == (sender, receiver, frame_id)
 
 
 @dataclass
@@ -152,6 +175,19 @@ class Capture:
     line: Any = None
     """Of PROFIBUS (`dp.Line`)."""
 
+    @cached_property
+    def rt(self) -> list[Rt]:
+        """The frames of PROFINET RT."""
+        found = []
+        for each in self.frames:
+            kind, data = payload(each)
+            if kind == PROFINET and len(data) >= 2:
+                to = each.data[:6].hex(":") if each.link == ETHERNET else ""
+                found.append(
+                    Rt(each, sender(each).hex(":"), to, int.from_bytes(data[:2]), data[2:])
+                )
+        return found
+
     def frame(self, number: int) -> Frame | None:
         """The frame with this number."""
         return self.frames[number - 1] if 0 < number <= len(self.frames) else None
@@ -227,19 +263,27 @@ def _resolution(options: bytes, order: str) -> int:
 # Below RPC
 
 
+def payload(frame: Frame) -> tuple[bytes, bytes]:
+    """EtherType of what a frame carries behind its link header and VLAN tags, and the bytes of it."""
+    if frame.link in (101, 228):
+        return IPV4, frame.data
+    at, start, _ = HEADS.get(frame.link, (0, 0, 0))
+    kind = frame.data[at : at + 2] if start else b""
+    while kind in TAGS:
+        kind, start = frame.data[start + 2 : start + 4], start + 4
+    return kind, frame.data[start:]
+
+
 def ip_packet(frame: Frame) -> bytes:
     """The IPv4 packet of a frame, empty where there is none."""
-    data = frame.data
-    if frame.link == 1:
-        at = 12
-        while data[at : at + 2] in (b"\x81\x00", b"\x88\xa8", b"\x91\x00"):
-            at += 4
-        return data[at + 2 :] if data[at : at + 2] == b"\x08\x00" else b""
-    if frame.link == 113:
-        return data[16:] if data[14:16] == b"\x08\x00" else b""
-    if frame.link == 276:
-        return data[20:] if data[:2] == b"\x08\x00" else b""
-    return data if frame.link in (101, 228) else b""
+    kind, packet = payload(frame)
+    return packet if kind == IPV4 else b""
+
+
+def sender(frame: Frame) -> bytes:
+    """Its MAC address, empty where the link has none."""
+    at = HEADS.get(frame.link, (0, 0, 0))[2]
+    return frame.data[at : at + 6] if at else b""
 
 
 @dataclass

@@ -11,6 +11,7 @@ import pytest
 from test_parameter_channels import BOTH, Machine, short, talk
 from test_wireshark_cyclic import compare, saved
 from test_wireshark_plugin import COMPLETE, Tshark, columns, rows, tshark
+from tests.audit import run
 
 from ds47.analysis import analyze
 from ds47.capture import open_capture
@@ -98,6 +99,17 @@ def test_pzd_is_the_same(captures: Path, way: str) -> None:
     found = said(analyze(io.BytesIO(wrapped(content, way))))
     assert found == said(analyze(io.BytesIO(content)))
     assert "DS523" in found["rules"]
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_the_auditor_reads_the_same(captures: Path, tmp_path: Path, way: str) -> None:
+    path = tmp_path / "wrapped.pcapng"
+    for content in (
+        talk(Machine().connect()).capture(),
+        (captures / "cyclic-does-not-start.pcapng").read_bytes(),
+    ):
+        path.write_bytes(wrapped(content, way))
+        assert [str(each) for each in run.audit(path)] == []
 
 
 @pytest.mark.parametrize("way", WAYS)
