@@ -61,7 +61,7 @@ def test_what_once_had_a_complaint(share: int, tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("share", range(4))
 def test_random_conversations_with_holes(share: int, tmp_path: Path) -> None:
-    for plan in seeds.planned(12, 470 + share, wires=False):
+    for plan in seeds.planned(6, 470 + share, wires=False):
         assert list(map(str, seeds.of_cuts(plan, tmp_path))) == [], plan.text()
 
 

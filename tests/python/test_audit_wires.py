@@ -24,7 +24,7 @@ def test_what_was_once_untrue_over_a_wire(kind: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("share", range(SHARES))
 def test_random_wires(share: int, tmp_path: Path) -> None:
     random = Random(f"wires {share}")
-    for plan in (lossy.planned(random) for _ in range(12)):
+    for plan in (lossy.planned(random) for _ in range(6)):
         assert list(map(str, ends.of(lossy.play(plan), tmp_path))) == [], plan.text()
 
 
