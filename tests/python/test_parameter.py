@@ -199,6 +199,35 @@ def test_any_blocks(identifier: int, count: int, blocks: bytes) -> None:
         assert block.scaled is None or len(block.scaled) == len(block.values)
 
 
+def told(answer: bytes) -> list[tuple[str | None, list[Any], list[str]]]:
+    """Format, values and rules, whole and cut."""
+    return [
+        (message.blocks[0].format_name, message.blocks[0].values, [flaw.rule for flaw in message.flaws])
+        for cut in (False, True)
+        for message in [decode_response(answer, cut=cut)]
+    ]  # fmt: skip
+
+
+def test_what_only_the_end_of_a_message_tells_stays_undecided_without_it() -> None:
+    head, value = bytes((1, 1, 1, 2)), bytes((0x0D, 1, 0, 0, 0, 9))
+    lacks = ["DS315"]
+    ends = head + value + bytes((8, 1, 0))
+    assert told(ends) == [
+        ("TimeDifference", [9], ["DS317", *lacks]),
+        ("TimeDifference", [], []),
+    ], "4 bytes or 6"
+    odd = head + bytes((5, 1, 7))  # a byte, and its pad
+    assert told(odd + bytes((0, 8, 1, 0))) == [("Unsigned8", [7], lacks)] * 2
+    assert told(odd + bytes((8, 1, 0))) == [
+        ("Unsigned8", [7], ["DS312"]),
+        ("Unsigned8", [7], []),
+    ]
+    cut = decode_response(odd + bytes((8, 1, 0)), cut=True)
+    assert encode(cut) == odd + bytes((8, 1, 0))
+    unknown = head + bytes((0x66, 1, 0))
+    assert told(unknown)[1][2] == told(unknown)[0][2]
+
+
 def test_many_parameters_are_noted() -> None:
     request = build_read([Address(0x10, 1, 922, 0)] * 40)
     assert [flaw.rule for flaw in decode_request(encode_request(request)).flaws] == ["DS304"]

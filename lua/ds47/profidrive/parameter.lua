@@ -132,7 +132,7 @@ end
 -- Value blocks ------------------------------------------------------------------------------------------
 --
 -- A body is the state of decoding the blocks of one message:
--- {data, size, offset, count, dialect, chosen, vendor, flaws, blocks, rest}
+-- {data, size, offset, count, dialect, chosen, vendor, flaws, blocks, rest, cut_off}
 
 -- Where the blocks end that are still expected from `at` on, if the message does not end before them.
 local function end_of_blocks(body, at)
@@ -182,10 +182,12 @@ local function choose_size(body, code, at, usual, other)
   return found
 end
 
+-- How a format is read; where the end of the message is cut off, nobody knows it of one that has two sizes.
 local function choice_for(body, code, at)
   local dialect = body.dialect
   local usual, other = dialect.usual[code], dialect.other[code]
   if not other then return usual end
+  if body.cut_off then return {class = usual.class, undecided = true} end
   body.chosen = body.chosen or {}
   local found = body.chosen[code]
   if not found then
@@ -226,18 +228,23 @@ end
 local function pad_of(body, block)
   local data, at = body.data, body.offset
   local pad = byte(data, at + 1)
+  if body.cut_off and (pad or 0) ~= 0 then
+    body.rest, body.offset = sub(data, at + 1), body.size
+    return false
+  end
   if not pad or pad ~= 0 and fits(body, at) and not fits(body, at + 1) then
     flaw(body.flaws, "DS311", at)
-    return
+    return true
   end
   block.pad = sub(data, at + 1, at + 1)
   body.offset = at + 1
   if pad ~= 0 then flaw(body.flaws, "DS312", at, {pad = format("0x%02X", pad)}) end
+  return true
 end
 
 local function unknown_block(body, start, code, count, found)
   local data = body.data
-  flaw(body.flaws, "DS309", start, {format = format("0x%02X", code)})
+  if not found.undecided then flaw(body.flaws, "DS309", start, {format = format("0x%02X", code)}) end
   body.blocks[#body.blocks + 1] = setmetatable({
     value_count = count, values = {}, raw = "", offset = start,
   }, found.class)
@@ -266,9 +273,7 @@ local function block_at(body)
   local block = setmetatable({value_count = count, values = values, raw = raw, offset = start}, found.class)
   if codec.scale then block.scaled = codec.scale(values, raw, codec) end
   body.blocks[#body.blocks + 1] = block
-  if not whole then return false end
-  if #raw % 2 == 1 then pad_of(body, block) end
-  return true
+  return whole and (#raw % 2 == 0 or pad_of(body, block))
 end
 
 local function counted_blocks(body)
@@ -294,7 +299,7 @@ end
 
 -- Decodes by the kind of spec/ids.toml; "all" means blocks while bytes remain.
 local function decode_body(body, kind)
-  if kind == "blocks" or kind == "free" and fits(body, body.offset) then
+  if kind == "blocks" or kind == "free" and not body.cut_off and fits(body, body.offset) then
     counted_blocks(body)
   elseif kind == "all" then
     repeat
@@ -366,29 +371,32 @@ local function value_counts(request)
   end
 end
 
-local function decode_blocks(message, data, offset, kind, vendor, options)
+local function decode_blocks(message, data, offset, kind, vendor, options, cut_off)
   local body = {
     data = data, size = #data, offset = offset, count = message.parameter_count, vendor = vendor,
-    dialect = dialect_of(options), rest = "", flaws = message.flaws, blocks = message.blocks,
+    cut_off = cut_off, dialect = dialect_of(options), rest = "", flaws = message.flaws,
+    blocks = message.blocks,
   }
   decode_body(body, kind)
   if body.rest ~= "" then message.rest = body.rest end
   if body.cut then message.cut = true end
 end
 
-local function request_body(request, data, known, options)
+local function request_body(request, data, known, options, cut_off)
   local vendor = known ~= nil and known.vendor
   local offset = decode_addresses(request, data, not vendor)
   if #request.addresses < request.parameter_count then return end
-  decode_blocks(request, data, offset, known and known.body or "free", vendor, options)
+  decode_blocks(request, data, offset, known and known.body or "free", vendor, options, cut_off)
   if known and known.operation == "change" then value_counts(request) end
 end
 
 --- Decodes the data of a Write record (docs/protocol.md A.1). Never raises.
 -- @param data string: the record, without the 64-byte header of the record block
 -- @param options {legacy_g120_formats, profile_v3_types} or nil: dialects
+-- @param cut_off true where the capture cut off its end. What only the whole message tells stays undecided
+--   then, with all that stands behind it: which of two sizes a format has, and whether a byte is a pad
 -- @return Request; header fields are nil where the message ends before them
-function M.decode_request(data, options)
+function M.decode_request(data, options, cut_off)
   local reference, id, axis, count = byte(data, 1, 4)
   local known = id and request_ids[id]
   local request = {
@@ -397,7 +405,7 @@ function M.decode_request(data, options)
   }
   if count then
     request_header_flaws(request, known)
-    request_body(request, data, known, options)
+    request_body(request, data, known, options, cut_off)
   else
     missing(request.flaws, #data, HEADER - #data, "header")
   end
@@ -407,7 +415,8 @@ end
 
 local MOST_REMEMBERED, LONGEST_REMEMBERED = 1024, 240
 
---- `decode_request` that decodes equal requests once: a function of the data, with the options bound.
+--- `decode_request` that decodes equal requests once: a function of the data and `cut_off`, with the options
+-- bound.
 -- Programs ask the same again and again, but for the reference. So all of a message but that is shared with
 -- its equals, and stands in its metatable (`message.shared`). Requests that differ in their values, too,
 -- share what is known of their responses (`message.question`) and of their parameters (the addresses).
@@ -424,10 +433,10 @@ function M.remembering(options)
     end
     return class
   end, MOST_REMEMBERED)
-  return function(data)
+  return function(data, cut_off)
     local reference = byte(data, 1)
-    if not reference or reference == 0 or #data > LONGEST_REMEMBERED then
-      return M.decode_request(data, options)
+    if not reference or reference == 0 or cut_off or #data > LONGEST_REMEMBERED then
+      return M.decode_request(data, options, cut_off)
     end
     return setmetatable({request_reference = reference}, known[sub(data, 2)])
   end
@@ -450,7 +459,7 @@ local function sign(response, negative)
   end
 end
 
-local function response_body(response, data, known, request, options)
+local function response_body(response, data, known, request, options, cut_off)
   local id, count, flaws = response.response_id, response.parameter_count, response.flaws
   if not known then flaw(flaws, "DS319", 1, {id = format("0x%02X", id)}) end
   local unsupported = id == REQUEST_NOT_SUPPORTED
@@ -458,11 +467,11 @@ local function response_body(response, data, known, request, options)
   -- What a drive answers that does not know the request is the profile's.
   local vendor = known and known.vendor or not unsupported and request and request.operation == "vendor"
   local kind = unsupported and "all" or known and known.body or "free"
-  decode_blocks(response, data, HEADER, kind, vendor, options)
+  decode_blocks(response, data, HEADER, kind, vendor, options, cut_off)
   if known and not unsupported then sign(response, known.negative) end
 end
 
-local function decode_response(data, request, options)
+local function decode_response(data, request, options, cut_off)
   local reference, id, axis, count = byte(data, 1, 4)
   local known = id and response_ids[id]
   local response = setmetatable({
@@ -470,7 +479,7 @@ local function decode_response(data, request, options)
     blocks = {}, flaws = {}, length = #data, shaped = nil,
   }, Response)
   if count then
-    response_body(response, data, known, request, options)
+    response_body(response, data, known, request, options, cut_off)
   else
     missing(response.flaws, #data, HEADER - #data, "header")
   end
@@ -484,11 +493,12 @@ end
 --   error numbers of the profile, unless the answer is that it is not supported. Reference, axis and count
 --   are not compared here. One that is remembered (M.remembering) knows the layouts of its responses.
 -- @param options {legacy_g120_formats, profile_v3_types} or nil: dialects
+-- @param cut_off as for `decode_request`
 -- @return Response; header fields are nil where the message ends before them
-function M.decode_response(data, request, options)
+function M.decode_response(data, request, options, cut_off)
   local question = request and request.question
-  if question == nil or question.options ~= options then
-    return decode_response(data, request, options)
+  if question == nil or question.options ~= options or cut_off then
+    return decode_response(data, request, options, cut_off)
   end
   local response = layouts.find(question, data)
   if response == nil then

@@ -38,12 +38,14 @@ _SINGLE: Final = 0x23
 _DEFAULTS = Options()
 
 
-def decode_request(data: bytes, options: Options = _DEFAULTS) -> Request:
+def decode_request(data: bytes, options: Options = _DEFAULTS, *, cut: bool = False) -> Request:
     """Decodes the data of a Write record (docs/protocol.md A.1). Never raises.
 
     Args:
         data: the record, without the 64-byte header of the record block.
         options: dialects.
+        cut: whether the capture cut off its end. What only the whole message tells stays undecided then, with
+            all that stands behind it: which of two sizes a format has, and whether a byte is a pad.
     """
     head = _header(data)
     request = Request(*head, length=len(data))
@@ -55,7 +57,7 @@ def decode_request(data: bytes, options: Options = _DEFAULTS) -> Request:
     vendor = known is not None and known.vendor
     offset = _addresses(request, data, check=not vendor)
     if len(request.addresses) == data[3]:
-        body = _Body(data, offset, data[3], options, request.flaws, vendor)
+        body = _Body(data, offset, data[3], options, request.flaws, vendor, cut)
         body.decode(known.body if known else "free")
         request.blocks, request.rest = body.blocks, body.rest
         if known and known.operation == "change":
@@ -64,7 +66,11 @@ def decode_request(data: bytes, options: Options = _DEFAULTS) -> Request:
 
 
 def decode_response(
-    data: bytes, request: Request | None = None, options: Options = _DEFAULTS
+    data: bytes,
+    request: Request | None = None,
+    options: Options = _DEFAULTS,
+    *,
+    cut: bool = False,
 ) -> Response:
     """Decodes the data of a Read record (docs/protocol.md A.2). Never raises.
 
@@ -74,6 +80,7 @@ def decode_response(
             error numbers of the profile, unless the answer is that it is not supported. Reference,
             axis and count are not compared here.
         options: dialects.
+        cut: as for `decode_request`.
     """
     head = _header(data)
     flaws: list[Flaw] = []
@@ -98,7 +105,7 @@ def decode_response(
             response.failed = failed(blocks)
             _sign(response, known.negative)
             return response
-    body = _Body(data, MESSAGE_SIZE, data[3], options, flaws, vendor)
+    body = _Body(data, MESSAGE_SIZE, data[3], options, flaws, vendor, cut)
     body.decode("all" if unsupported else known.body if known else "free")
     response.blocks, response.rest, response.cut = body.blocks, body.rest, body.cut
     response.failed = failed(body.blocks)
@@ -288,6 +295,7 @@ class _Body:
         "_chosen",
         "_codecs",
         "_count",
+        "_cut_off",
         "_data",
         "_flags",
         "_sense",
@@ -307,8 +315,10 @@ class _Body:
         options: Options,
         flaws: list[Flaw],
         vendor: bool,
+        cut_off: bool,
     ) -> None:
         self._data, self.offset, self._count = data, offset, count
+        self._cut_off = cut_off
         self._sense = len(data.rstrip(b"\0"))  # nothing but zeros stands behind
         self._flags = (options.legacy_g120_formats, options.profile_v3_types)
         self._codecs = codecs(*self._flags)
@@ -322,7 +332,7 @@ class _Body:
     def decode(self, body: str) -> None:
         """Decodes by the kind of spec/ids.toml; "all" means blocks while bytes remain."""
         size = len(self._data)
-        if body == "blocks" or (body == "free" and self._fits()):
+        if body == "blocks" or (body == "free" and not self._cut_off and self._fits()):
             self._blocks(self._count)
         elif body == "all":
             while self.offset < size and self._data[self.offset] and self._block():
@@ -364,7 +374,8 @@ class _Body:
             return self._error(start, count)
         meaning, found = self._codec(code, start)
         if found is None:
-            self.flaws.append(Flaw("DS309", start, {"format": f"0x{code:02X}"}))
+            if not (self._cut_off and code in _alternatives(*self._flags)):
+                self.flaws.append(Flaw("DS309", start, {"format": f"0x{code:02X}"}))
             self.blocks.append(Block(code, count, [], None, None, b"", start, meaning=meaning))
             self.rest, self.offset = data[start + 2 :], len(data)
             return False
@@ -399,6 +410,9 @@ class _Body:
         if len(block.raw) % 2 == 0:
             return True
         data, at = self._data, self.offset
+        if self._cut_off and at < len(data) and data[at]:
+            self.rest, self.offset = data[at:], len(data)
+            return False
         if at >= len(data) or (data[at] and self._fits(at) and not self._fits(at + 1)):
             self.flaws.append(Flaw("DS311", at, {}))
         else:
@@ -414,7 +428,9 @@ class _Body:
             return chosen
         default = self._codecs[code]
         other = _alternatives(*self._flags).get(code)
-        if other is not None:
+        if other is not None and self._cut_off:
+            default = default[0], None
+        elif other is not None:
             default = self._choose(code, start, default, other)
         self._chosen[code] = default
         return default
