@@ -502,7 +502,9 @@ end
 
 function PARTS.response(view)
   local response = view.role ~= "write_request" and view.item.response
-  return response and parameter.decode_response(response, view.message, current.codec) or nil
+  local read = view.item.job and view.item.job.read_response
+  local cut_off = read and read.cut
+  return response and parameter.decode_response(response, view.message, current.codec, cut_off) or nil
 end
 
 -- A Write request alone does not know the values of its transaction.

@@ -396,7 +396,7 @@ end
 function Analysis:answered(job)
   local half = job.read_response
   if half ~= nil and half.data ~= "" then
-    job.response = decode_response(half.data, job.message, self.codec)
+    job.response = decode_response(half.data, job.message, self.codec, half.cut)
   end
   local remarks = self.judge:answered(job)
   job.remarks = remarks

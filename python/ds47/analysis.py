@@ -431,7 +431,9 @@ class Analysis:
     def _decode(self, job: Job) -> None:
         half = job.read_response
         if half is not None and half.data:
-            job.response = decode_response(half.data, job.message, self._options.codec)
+            job.response = decode_response(
+                half.data, job.message, self._options.codec, cut=half.cut
+            )
 
     def _answered(self, job: Job) -> None:
         self._decode(job)

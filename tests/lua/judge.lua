@@ -71,13 +71,14 @@ local function job_of(told)
     job[name] = half(told[name])
   end
   for _, name in ipairs({"phase", "write_fault", "previous_reference", "previous", "superseded_by", "reason",
-    "repeats", "contested", "uncertain", "peer", "record"}) do
+    "repeats", "contested", "uncertain", "missing", "peer", "record"}) do
     job[name] = told[name]
   end
   job.limit = told.limit ~= "" and told.limit or nil
   job.record.request = half(told.request)
-  job.message = told.asked and parameter.decode_request(job.record.request.data) or nil
-  job.response = told.answered and parameter.decode_response(job.read_response.data, job.message) or nil
+  local asked, read = job.record.request, job.read_response
+  job.message = told.asked and parameter.decode_request(asked.data, nil, asked.cut) or nil
+  job.response = told.answered and parameter.decode_response(read.data, job.message, nil, read.cut) or nil
   job.polls, job.empty_reads = {}, {}
   for number, each in ipairs(told.polls) do
     job.polls[number] = {request = half(each.request), response = half(each.response)}

@@ -62,6 +62,7 @@ def _job(job: Job) -> dict[str, Any]:
         "polls": [{"request": _half(one), "response": _half(two)} for one, two in job.polls],
         "empty_reads": [_half(each) for each in job.empty_reads],
         "uncertain": not job.certain,
+        "missing": job.missing and job.missing._asdict(),
     }
 
 

@@ -6,11 +6,11 @@ import pytest
 from talk import job
 
 from ds47.acyclic.judge import Judge, drive_time_ns, is_mismatch
-from ds47.acyclic.pairing import Job
+from ds47.acyclic.pairing import Job, Missing
 from ds47.findings.remark import Remark
 from ds47.lab import message
 from ds47.lab.client import BUSY
-from ds47.profidrive import decode_request
+from ds47.profidrive import decode_request, decode_response
 from ds47.profidrive.family import family_fits, kind_fits
 from ds47.profinet.records import Half
 from ds47.spec.semantics import limits
@@ -87,6 +87,51 @@ def test_is_mismatch(answer: bytes, stray: bool) -> None:
 
 def test_a_request_that_ends_before_its_id_has_no_response_that_fits() -> None:
     assert is_mismatch(job(b"\1", b"\1\1"))
+
+
+def cut(asked: bytes, answer: bytes, *, request: bool = False, response: bool = False) -> Job:
+    """The capture cut off the end of the request, or of the response."""
+    one = job(asked, answer)
+    for half, is_cut in ((one.write_request, request), (one.read_response, response)):
+        assert half is not None
+        half.cut, half.missing = is_cut, 20 * is_cut
+    one.message = decode_request(asked, cut=request)
+    one.response = decode_response(answer, one.message, cut=response) if answer else None
+    return one
+
+
+@pytest.mark.parametrize(
+    ("asked", "answer", "stray"),
+    [(b"", b"\1", False), (b"\1", b"\1\1", False), (b"\1", b"\2\1", True), (READ[:2], b"\1\x81", False),
+     (READ[:2], b"\1\2", True), (READ[:3], b"\1\1\1", False), (READ[:3], b"\1\1\2", True),
+     (READ[:3], message.answer(1, 1, 1, TEN), False), (READ[:4], message.answer(1, 1, 1, TEN, TEN), True)],
+)  # fmt: skip
+def test_what_the_capture_cut_off_of_a_header_speaks_against_nothing(
+    asked: bytes, answer: bytes, stray: bool
+) -> None:
+    assert is_mismatch(cut(asked, answer, request=True, response=True)) == stray
+
+
+def test_only_that_of_which_the_capture_lacks_it() -> None:
+    assert is_mismatch(cut(READ, b"\1", request=True))
+    assert is_mismatch(cut(b"\1", b"\1\1", response=True))
+
+
+@pytest.mark.parametrize(
+    ("words", "found"), [(2, ["DS410"]), (4, ["DS410"]), (3, ["DS410"]), (1, []), (0, [])]
+)
+def test_an_error_number_that_is_cut_off_is_none(words: int, found: list[str]) -> None:
+    answer = message.answer(1, 0x81, 1, message.error(2))[: 6 + words]
+    assert rules(judge().answered(cut(READ, answer, response=True))) == found
+    sent = message.answer(1, 0x81, 1, message.raw_block(0x44, 0, b""))
+    assert rules(judge().answered(job(READ, sent))) == ["DS318", "DS410"], "it was sent without one"
+
+
+def test_a_transaction_whose_record_is_cut_off_says_so() -> None:
+    one = cut(READ, b"\1", response=True)
+    one.missing = Missing("cut_off", 4)
+    (remark,) = judge().answered(one)
+    assert (remark.rule, remark.frame, remark.args["what"]) == ("DS110", 1, "cut_off")
 
 
 def test_no_mismatch_without_a_pair() -> None:

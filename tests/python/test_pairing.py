@@ -70,9 +70,13 @@ class Channel:
         self.written(job)
         return job
 
-    def read(self, data: bytes = b"", status: int | None = 0, slot: int = 1) -> Job | None:
+    def read(
+        self, data: bytes = b"", status: int | None = 0, slot: int = 1, missing: int = 0
+    ) -> Job | None:
+        """`missing`: so many bytes of the record the capture cut off."""
         record = self.record(False, slot=slot)
         record.request, record.response = self.half(), self.half(data, status)
+        record.response.missing, record.response.cut = missing, missing > 0
         return self.pairing.read_response(RecordAccess(PEER, record))
 
     def bring(self, reference: int = 1, value: float = 1.0) -> Job | None:
@@ -106,6 +110,8 @@ def cause(channel: Channel, job: Job, event: str) -> None:
         channel.read(status=0xDE80B600)
     elif event == "read_empty":
         channel.read()
+    elif event == "read_cut":
+        channel.read(missing=20)
     elif event == "displaced":
         channel.open(2)
     else:
@@ -168,7 +174,7 @@ def test_every_row_of_the_table(phase: str, event: str) -> None:
     channel = Channel()
     job = in_phase(channel, phase)
     cause(channel, job, event)
-    ended = phases()[phase][event] == "answered" and event == "read_refused"
+    ended = phases()[phase][event] == "answered" and event in ("read_refused", "read_cut")
     assert job.phase == ("closed" if ended else phases()[phase][event])
     assert channel.closed.count(job) == (job.phase == "closed")
     channel.pairing.finish()

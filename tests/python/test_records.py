@@ -15,7 +15,9 @@ from ds47.profinet.records import (
     parse_request,
     parse_response,
     released_ar,
+    without_block,
 )
+from ds47.profinet.rpc import Pdu
 from ds47.spec.layouts import RECORD_WRITE_MULTIPLE, RPC_CONNECT, RPC_WRITE
 
 DATA = b"\1\2\3\4\5\6\7"
@@ -189,6 +191,56 @@ def test_a_body_cut_at_every_byte(play: object, order: wire.Order) -> None:
         assert len(answers) <= max(most, 1)
         # up to the record length all of the address is there; a multiple has its outer block before
         assert bool(answers) == (cut >= (124 if play is multiple else 60))
+
+
+def cut_to(pdu: Pdu, length: int) -> Pdu:
+    """A PDU of which the capture has so many bytes of the body."""
+    missing = len(pdu.body) - length
+    return replace(pdu, body=pdu.body[:length], missing=missing, cut=(1, length, len(pdu.body)))
+
+
+def test_what_the_capture_cut_is_told_from_what_was_never_sent() -> None:
+    asked, answered = pdus(write)
+    whole = len(asked.body)
+    for pdu, cut in (
+        (cut_to(asked, whole - 7), True),
+        (replace(asked, body=asked.body[:-7]), False),
+    ):
+        (record,) = parse_request(pdu).records
+        assert record.request is not None
+        assert (record.request.data, record.request.missing, record.request.cut) == (b"", 7, cut)
+        assert not record.request.untold
+    for length in range(60, len(answered.body)):
+        (record,) = parse_response(cut_to(answered, length))[1]
+        assert record.response is not None
+        there = length >= 68  # the STATUS of the block is
+        assert (record.response.status, record.response.untold) == (
+            (0, False) if there else (None, True)
+        )
+
+
+def test_of_a_record_that_came_the_length_is_known() -> None:
+    answered = pdus(read)[1]
+    for length in range(60, len(answered.body)):
+        (record,) = parse_response(cut_to(answered, length))[1]
+        half = record.response
+        assert half is not None
+        assert (half.cut, half.untold, half.stated) == (True, False, 7)
+        assert len(half.data) == max(0, length - 84)
+
+
+@pytest.mark.parametrize(
+    ("status", "write", "told"),
+    [(OK, True, (None, True)), (OK, False, (OK, True)), (BUSY, True, (BUSY, False)), (BUSY, False, (BUSY, False))],
+)  # fmt: skip
+def test_a_block_that_is_cut_off_may_have_a_status_of_its_own(
+    status: int, write: bool, told: tuple[int | None, bool]
+) -> None:
+    answered = pdus(read)[1]
+    half = without_block(cut_to(answered, 30), status, write=write)
+    assert (half.status, half.untold) == told
+    whole = without_block(answered, status, write=write)
+    assert (whole.status, whole.cut, whole.untold) == (status, False, False)
 
 
 @ORDERS

@@ -54,23 +54,33 @@ end
 
 local parameters_asked = M.parameters_asked
 
--- Whether a response is none to a request that asks for so many parameters, whatever its reference.
-local function is_other(request, response, asked)
-  return response.axis ~= request.axis
-    or response.response_id == nil
-    or request.request_id == nil
-    or not family.family_fits(request.request_id, response.response_id)
-    or asked ~= nil and #places_of(response) > asked
+-- Whether bytes of a request and of its response are there, and differ.
+local function differ(sent, got)
+  return sent ~= got and sent ~= nil and got ~= nil
 end
 
---- Whether the response cannot be the answer to the request (docs/pairing.md, states).
+--- Whether the response cannot be the answer to the request (docs/pairing.md, states). What of the two
+-- headers the capture cut off speaks against nothing.
 function M.is_mismatch(job)
   local request, response = job.message, job.response
   if request == nil or response == nil then
     return false
+  elseif differ(request.request_reference, response.request_reference)
+    or differ(request.axis, response.axis) then
+    return true
   end
-  return response.request_reference ~= request.request_reference
-    or is_other(request, response, parameters_asked(job))
+  local asked, sent, got = parameters_asked(job), request.request_id, response.response_id
+  if asked ~= nil and #places_of(response) > asked then
+    return true
+  elseif sent ~= nil and got ~= nil then
+    return not family.family_fits(sent, got)
+  end
+  return sent == nil and not job.record.request.cut or got == nil and not job.read_response.cut
+end
+
+--- Whether the capture cut off the error number of an error block.
+function M.is_cut_off(half, block)
+  return half.cut and block.error ~= nil and block.value_count > 0 and block.error.words[1] == nil
 end
 
 local is_mismatch = M.is_mismatch
@@ -207,7 +217,7 @@ local function unasked(job)
 end
 
 local function put_if_other(remarks, rule, frame, sent, got)
-  if sent ~= got and sent ~= nil and got ~= nil then
+  if differ(sent, got) then
     put(remarks, rule, frame, {sent = sent, got = got})
   end
 end
@@ -259,17 +269,17 @@ local function error_args(job, block, address)
   }
 end
 
-local function put_blocks(remarks, frame, job, stray)
-  local request, blocks = job.message, places_of(job.response)
+local function put_blocks(remarks, half, job, stray)
+  local request, blocks, frame = job.message, places_of(job.response), half.frame
   local addresses = request and not stray and request.addresses
   local counted = addresses and request.operation == "read"
   local told = request == nil and job.repeats ~= nil
   for number = 1, #blocks do
     local block = blocks[number]
     local address = addresses and addresses[number] or nil
-    if block.error ~= nil and not told then
+    if block.error ~= nil and not (told or M.is_cut_off(half, block)) then
       put(remarks, "DS410", frame, error_args(job, block, address), block.offset)
-    elseif address and counted then
+    elseif block.error == nil and address and counted then
       put_count(remarks, frame, job, block, address)
     end
   end
@@ -277,20 +287,19 @@ end
 
 local function put_response(self, remarks, job, stray)
   local half, response = job.read_response, job.response
+  if response and response.flaws[1] then
+    put_flaws(remarks, response.flaws, half, most_parameters(self, job))
+  end
+  if job.message == nil and not job.uncertain then
+    put(remarks, "DS403", half.frame, unasked(job))
+  end
   if response == nil then
     return
   end
-  if response.flaws[1] then
-    put_flaws(remarks, response.flaws, half, most_parameters(self, job))
-  end
-  if job.message == nil then
-    if not job.uncertain then
-      put(remarks, "DS403", half.frame, unasked(job))
-    end
-  else
+  if job.message then
     put_mirror(remarks, half.frame, job)
   end
-  put_blocks(remarks, half.frame, job, stray)
+  put_blocks(remarks, half, job, stray)
 end
 
 local function put_polls(self, remarks, half, polls, read_before)
@@ -428,6 +437,9 @@ function Judge:answered(job)
       put_read_back(remarks, job, found)
     end
     learn_limit(self, job)
+  end
+  if job.missing and request then
+    put(remarks, "DS110", job:write_request().frame, job.missing)
   end
   return owned(self, job)
 end

@@ -19,10 +19,12 @@ M.STATUS_NOT_READY = 0xDE80B500
 M.STATUS_IN_USE = 0xDF80B500
 
 local ar_key, channel_key, know_peer = records.ar_key, records.channel_key, records.know_peer
+local is_untold = records.is_untold
 local STATUS_NOT_READY, STATUS_IN_USE, MOST_READS = M.STATUS_NOT_READY, M.STATUS_IN_USE, tables.limits.reads
 -- Length error on a Read: the response is longer than what it asks for (docs/protocol.md E.1).
 local STATUS_SHORT = 0xDE80B100
 local PHASES = tables.phases
+local KIND_END = 2 -- bytes of a message up to the end of its ID
 local setmetatable = setmetatable
 
 -- Jobs: the halves of the record calls of one transaction, and what pairing learnt of it.
@@ -59,6 +61,7 @@ Job.again = "" -- of the first re-read, how it came about: a key of tables.diagn
 --   insisted: until when the client of a call of it that was sent again waits at least; nil where none was
 --   uncounted: true for the first one on its channel, if another channel of its AR had its reference last
 --   twice: frame of a call of it with two responses, of which the client may have either; nil for none
+--   untold: frame that the capture cut off before it says what is asked, or what became of a call; nil: none
 --   written_again: frame of the Write that asked for the same while this one had no response: it was accepted
 --   crossed: {first, last}, frames of two Writes, one of them this, accepted in the other order (P27)
 --   missing: why nobody knows what became of it, {what, first, last, numbers} (completeness.lua, P73)
@@ -118,6 +121,11 @@ function Job:write_refused()
   return self.write_fault or (half ~= nil and half.status ~= nil and half.status ~= 0)
 end
 
+--- Whether the capture shows what the Write was answered.
+function Job:write_told()
+  return self.write_response ~= nil and not is_untold(self.write_response)
+end
+
 local function polls_with(job, status)
   local reads = {}
   for _, read in ipairs(job.polls) do
@@ -163,7 +171,15 @@ local function read_event(half)
   elseif status ~= nil and status ~= 0 then
     return "read_refused"
   end
-  return half.data ~= "" and "read_record" or "read_empty"
+  if half.data ~= "" then
+    return "read_record"
+  end
+  return half.cut and "read_cut" or "read_empty"
+end
+
+-- Whether a record came of which the capture cut off even what kind of response it is.
+local function is_headless(half)
+  return half.cut and (half.status or 0) == 0 and #half.data < KIND_END
 end
 
 -- The newest Write without its response that a Read may ask for: none was accepted after it. nil for none.
@@ -184,10 +200,19 @@ local function bytes(job)
   return job and job.read_response and job.read_response.data
 end
 
+-- Whether two records have the same bytes; of cut ones the same length, and the same as far as they go.
+local function is_same(one, other)
+  return one.data == other.data and one.missing == other.missing
+end
+
 -- Whether a record is the last one once more, of which less may have been read.
-local function is_last(channel, data)
-  local before = bytes(channel.last)
-  return before ~= nil and before ~= "" and data:sub(1, #before) == before
+local function is_last(channel, half)
+  local last = channel.last and channel.last.read_response
+  local before = last and last.data or ""
+  if before == "" then
+    return false
+  end
+  return last.cut and is_same(last, half) or not last.cut and half.data:sub(1, #before) == before
 end
 
 -- The reads of one transaction: of more than MOST_READS the first and the newest are kept.
@@ -325,6 +350,12 @@ local function gave_up(self, job, call)
   return until_ns and job.insisted <= until_ns
 end
 
+-- That nobody knows what a Write was answered.
+local function unanswered(job, asked)
+  local half = job.write_response
+  return half and {what = "cut_off", first = half.frame} or {what = "write_answer", first = asked.frame}
+end
+
 -- Which call of a job, or which half of one, may be missing; PROFIBUS has no calls.
 local function lacks_calls(self, job, asked, lost)
   if job.peer.station then
@@ -335,12 +366,14 @@ local function lacks_calls(self, job, asked, lost)
     return {what = "crossed", first = job.crossed.first, last = job.crossed.last}
   elseif job.twice then
     return {what = "twice", first = job.twice}
+  elseif job.untold then
+    return {what = "cut_off", first = job.untold}
   elseif job.fetching and not (job.limit or gave_up(self, job, job.fetching[1])) then
     return {what = "read_answer", first = job.fetching[1].frame}
   end
   local found = behind(self, job.peer, asked.frame, lost)
-  if found == nil and job.write_response == nil and not (job.limit or gave_up(self, job, asked)) then
-    return {what = "write_answer", first = asked.frame}
+  if found == nil and not (job:write_told() or job.limit or gave_up(self, job, asked)) then
+    return unanswered(job, asked)
   end
   return found
 end
@@ -592,7 +625,7 @@ local function accept(self, channel, job)
   end
   if job.phase == "asked" then
     take_from(channel.asked, job)
-    if job.write_response then
+    if job:write_told() then
       written_again(channel, job)
     end
     local open = channel.open
@@ -643,7 +676,7 @@ local function rival_of(self, channel, job)
     return nil
   end
   local fetched = found.fetching and found.fetching[1].frame < came.frame
-  local sure = found.write_response and not (fetched or found.twice)
+  local sure = found:write_told() and not (fetched or found.twice)
   return (sure or asked.frame > came.frame) and found or nil
 end
 
@@ -683,9 +716,10 @@ end
 -- Its kind tells, where it fits such a Write and not the open request. Where it does not tell the reverse
 -- either, the newer Writes are contested.
 local function by_kind(channel, open, record)
-  local read, data = record.request, record.response.data
+  local read, half = record.request, record.response
+  local data = half.data
   local newer, mirrored = newer_than(open, channel, data:byte(1))
-  if not mirrored and is_last(channel, data) then
+  if not mirrored and is_last(channel, half) then
     return open -- an old answer
   end
   local of_open = kind_fits(open.message, data)
@@ -702,8 +736,8 @@ end
 
 -- Whether a record may be for the Write that it mirrors: for one before an accepted one only by its kind, and
 -- where it is not the last one once more.
-local function may_be(channel, job, data)
-  return job.order > channel.accepted or kind_fits(job.message, data) and not is_last(channel, data)
+local function may_be(channel, job, half)
+  return job.order > channel.accepted or kind_fits(job.message, half.data) and not is_last(channel, half)
 end
 
 -- Whether the Write of a job was sent behind the request of a Read: in the file, and by the clock.
@@ -723,14 +757,15 @@ local function addressee(channel, event, record)
   if open and not asked[1] then
     return open -- nothing else waits
   end
-  local data = record.response.data
+  local half = record.response
+  local data = half.data
   local reference = data:byte(1)
   if event == "read_record" and not (open and open:reference() == reference) then
     local mirrored
     for place = #asked, 1, -1 do -- of several the newest that it may be for by its kind
       local job = asked[place]
       if job:reference() == reference and not (job.passed or is_later(job, record))
-        and may_be(channel, job, data) then
+        and may_be(channel, job, half) then
         if mirrors(job, data) then return job end
         mirrored = mirrored or job
       end
@@ -742,7 +777,7 @@ local function addressee(channel, event, record)
   end
   local waiting = waiting_of(channel)
   if waiting then
-    if event == "read_record" and (is_last(channel, data) or not mirrors(waiting, data)) then
+    if event == "read_record" and (is_last(channel, half) or not mirrors(waiting, data)) then
       return nil -- an old answer
     end
     return waiting
@@ -762,7 +797,12 @@ local function answer(self, channel, job, record)
   local half = record.response
   job.read_request, job.read_response = record.request, half
   job.read_before = may_be_read(self, job)
-  if job.message then channel.ended = half.frame end -- before an orphan anything may be missing
+  if job.message then -- before an orphan anything may be missing
+    channel.ended = half.frame
+    if is_headless(half) and not job:write_refused() then
+      job.missing = {what = "cut_off", first = half.frame}
+    end
+  end
   if channel.open == job then
     channel.open = nil
   end
@@ -789,8 +829,9 @@ end
 -- Whether a request that was refused is answered as the last one was. Of a Write without a Write response
 -- nothing follows: two questions may have the same answer.
 local function compare(self, last, job, half)
-  if bytes(last) == half.data and behind(self, job.peer, last.read_response.frame) == nil then
-    job.repeats = last.read_response.frame
+  local read = last and last.read_response
+  if read and is_same(read, half) and behind(self, job.peer, read.frame) == nil then
+    job.repeats = read.frame
   end
 end
 
@@ -805,6 +846,21 @@ local function presume(self, channel, job)
   end
 end
 
+-- Nobody knows any more what becomes of a job.
+local function set_aside(self, channel, job, missing)
+  if channel.open == job then
+    channel.open = nil
+  elseif channel.refused == job then
+    channel.refused = nil
+  else
+    take_from(channel.asked, job)
+  end
+  if not (job.read_response or job:write_refused()) then
+    job.missing = missing
+  end
+  lose(self, job, "")
+end
+
 local function read(self, channel, job, event, record)
   local half, phase = record.response, job.phase
   if job.insisted then
@@ -812,6 +868,9 @@ local function read(self, channel, job, event, record)
   end
   if phase == "refused" and event == "read_record" then
     compare(self, channel.last, job, half)
+  elseif phase == "asked" and event == "read_cut" then
+    take_from(channel.asked, job) -- accepted or not: its STATUS is cut off, too
+    channel.accepted = math.max(channel.accepted, job.order) -- no older one waits any more
   elseif phase == "asked" and event ~= "read_empty" and event ~= "read_short" then
     presume(self, channel, job)
   end
@@ -834,7 +893,7 @@ end
 local function repeated(self, place, half)
   local delivered = self.delivered:get(place)
   local before = delivered and delivered.read_response
-  return before and half.frame > before.frame and before.data == half.data and delivered or nil
+  return before and half.frame > before.frame and is_same(before, half) and delivered or nil
 end
 
 -- Whose response a Read without a request may bring once more: that of its channel; without an AR that of
@@ -885,6 +944,7 @@ function Pairing:write_request(peer, record, message)
   local asked, half = channel.asked, record.request
   local count = #asked + 1
   job.uncounted = is_uncounted(self, channel, message.request_reference)
+  job.untold = half.cut and message.request_id == nil and half.frame or nil
   asked[count] = job
   channel.reference, channel.written = message.request_reference, half.frame
   touch(self, job, "write_request", half)
@@ -910,6 +970,7 @@ function Pairing:write_response(job, response, fault)
   end
   if response then
     touch(self, job, "write_response", response)
+    job.untold = is_untold(response) and response.frame or job.untold
   end
   local status = response and response.status
   if job.phase == "closed" or (status == nil and not fault) then
@@ -953,7 +1014,7 @@ function Pairing:write_unasked(peer, record)
     lose(self, channel.refused, "")
     channel.refused = nil
   end
-  if half.status ~= 0 then
+  if half.status ~= 0 and not is_untold(half) then
     return
   end
   channel.unseen = half.frame
@@ -977,9 +1038,10 @@ end
 
 -- Whether a Read may be for a Write without its response that is newer than the one of a job.
 local function may_be_newer(channel, job, record)
-  local data = record.response.data
+  local half = record.response
+  local data = half.data
   local strange = data == "" or kind_fits(job.message, data) == false
-  strange = strange or job:reference() ~= data:byte(1) and is_last(channel, data)
+  strange = strange or job:reference() ~= data:byte(1) and is_last(channel, half)
   for _, each in ipairs(channel.asked) do
     local passed = each.passed or is_later(each, record)
     if each.order > job.order and not passed and (strange or mirrors(each, data)) then
@@ -1034,15 +1096,16 @@ local function of_another(self, channel, job, record)
   end
   local rival = job.refused_behind and mirrors(job.refused_behind, data)
   local sought = record.request or half
-  local doubtful = not fits or is_last(channel, data) and not counts(job, record)
-  if has_data and (rival or not (fits or other)) and job.write_response == nil then
-    return {what = "write_answer", first = asked.frame}
-  elseif has_data and doubtful and job.fetching and job.fetching[1].frame < sought.frame then
+  local doubtful = not fits or is_last(channel, half) and not counts(job, record)
+  local brought = has_data or half.cut and job.write_response == nil
+  if brought and (rival or not (fits or other)) and not job:write_told() then
+    return unanswered(job, asked)
+  elseif (has_data or half.cut) and doubtful and job.fetching and job.fetching[1].frame < sought.frame then
     return {what = "read_answer", first = job.fetching[1].frame}
   elseif may_be_newer(channel, job, record) then
     return {what = "later"}
   end
-  local unknown = job.write_response == nil and not has_data -- whether its Write was accepted
+  local unknown = not (job:write_told() or has_data) -- whether its Write was accepted
   local over = (unknown or job == channel.refused) and half.status ~= STATUS_SHORT
   local since = over and free_since(self, channel, sought) or asked.frame
   local found = asked_behind(self, job.peer, channel, since, fits)
@@ -1050,29 +1113,13 @@ local function of_another(self, channel, job, record)
     found = behind(self, job.peer, 0) -- what it mirrors may have outlived a Connect
   end
   if unknown and found then
-    found = asked_behind(self, job.peer, channel, asked.frame, fits)
-    return found or {what = "write_answer", first = asked.frame}
+    return asked_behind(self, job.peer, channel, asked.frame, fits) or unanswered(job, asked)
   elseif found == nil or not has_data or channel.unseen > since then
     return found
   end
   local sure = fits and kind_fits(job.message, data) -- of a record that is too short nothing tells
   local first = found.what == "begins" and (sure or fits and not job:write_refused())
   return not (first or sure and counts(job, record)) and found or nil
-end
-
--- Nobody knows any more what becomes of a job.
-local function set_aside(self, channel, job, missing)
-  if channel.open == job then
-    channel.open = nil
-  elseif channel.refused == job then
-    channel.refused = nil
-  else
-    take_from(channel.asked, job)
-  end
-  if not (job.read_response or job:write_refused()) then
-    job.missing = missing
-  end
-  lose(self, job, "")
 end
 
 -- A Read that brought nothing, where no request is open as far as is known.
@@ -1101,7 +1148,7 @@ function Pairing:read_response(peer, record)
   local half = record.response
   local channel = channel_of(self, peer, record, half.time_ns)
   local event = read_event(half)
-  if event == "read_record" then
+  if event == "read_record" or event == "read_cut" then
     channel.heard = half.frame
   end
   local job = addressee(channel, event, record)
@@ -1138,20 +1185,20 @@ function Pairing:read_response(peer, record)
     read(self, channel, job, event, record)
     return job
   end
-  if event ~= "read_record" then
+  if event ~= "read_record" and event ~= "read_cut" then
     if not late then
       nothing(self, peer, channel, record, missing)
     end
     return nil
   end
   local last = last_response(self, channel, record)
-  local again = bytes(last) == half.data and missing == nil
+  local again = last and is_same(last.read_response, half) and missing == nil
     and behind(self, peer, last.read_response.frame) == nil
   if again and last.phase ~= "closed" then
     reread(self, channel, last, record)
     return last
   end
-  if not (late or is_last(channel, half.data)) then
+  if not (late or event == "read_cut" or is_last(channel, half)) then
     pass_over(channel)
   end
   job = new_job(self, channel, peer, record, nil, nil, channel.written)
@@ -1161,6 +1208,16 @@ function Pairing:read_response(peer, record)
   end
   read(self, channel, job, event, record)
   return job
+end
+
+--- The answer to a Read of which the capture cut off what it brought: it is as good as not there (P73).
+function Pairing:read_untold(peer, record)
+  local job, half = record.job, record.response
+  channel_of(self, peer, record, half.time_ns)
+  if job and job.phase ~= "closed" then
+    job.insisted, job.untold = nil, half.frame
+    touch(self, job, "empty_read", half)
+  end
 end
 
 --- The job that waits for a Read that never got its RPC response; nil for none. Changes nothing.

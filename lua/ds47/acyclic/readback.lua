@@ -235,10 +235,11 @@ local function drop(self, key, write)
   end
 end
 
---- A response without its request: that of a change says that something was written by then.
+--- A response without its request: that of a change, which a cut one may be, says that something was written.
 function ReadBack:unasked(job)
   local half, response = job.read_response, job.response
-  if response and OF_CHANGES[response.response_id] then
+  local id = response and response.response_id
+  if id and OF_CHANGES[id] or not id and half.cut then
     local device = self:_device(job.peer.device)
     device.forgotten = max(device.forgotten, half.frame)
   end

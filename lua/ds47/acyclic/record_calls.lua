@@ -10,7 +10,7 @@ local tables = require("ds47.spec.tables")
 
 local byte = string.byte
 local SHARED_INDEX = require("ds47.acyclic.index47").SHARED_INDEX
-local half_of, parse_request = records.half, records.parse_request
+local parse_request, without_block = records.parse_request, records.without_block
 local parse_halves, parse_response = records.parse_halves, records.parse_response
 
 local M = {}
@@ -252,7 +252,7 @@ function RecordCalls:request(call)
   local record, multiple, nested = parse_request(pdu)
   local events, pairing = self.events, self.pairing
   call.context = record
-  if pdu.missing ~= 0 and opnum == rpc.WRITE and (multiple or record == nil) then
+  if pdu.missing ~= 0 and (multiple or record == nil) then
     self.completeness:cut(pdu)
   end
   if multiple then
@@ -349,10 +349,9 @@ function RecordCalls:response(call)
   end
   while record do
     if ours[record.place.index] then
-      -- without a block of its own the status of the NDR header counts
-      local half = answered or half_of(pdu.frame, pdu.time_ns, status)
+      local half = answered or without_block(pdu, status, record.place.write)
       record.response = half
-      if not half.status then
+      if not (half.status or half.cut) then
         local remark = {rule = "DS108", frame = pdu.frame, args = {}}
         events:about_job(pdu, record, remark)
       end

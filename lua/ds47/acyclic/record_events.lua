@@ -15,7 +15,7 @@ local index47s = require("ds47.acyclic.index47")
 local parameter = require("ds47.profidrive.parameter")
 local records = require("ds47.profinet.records")
 
-local half_of, know_peer = records.half, records.know_peer
+local half_of, know_peer, is_untold = records.half, records.know_peer, records.is_untold
 local is_question = index47s.is_question
 local ALWAYS = {[0xB02E] = true, [0xB02F] = true}
 local admit = index47s.Index47.admit -- for every record
@@ -122,6 +122,10 @@ end
 
 local function event_read_answered(self, origin, record, _, peer)
   clock(self, origin)
+  if is_untold(record.response) then
+    self.pairing:read_untold(peer, record)
+    return
+  end
   event_read_failed(self, origin, record)
   local place, data = record.place, record.response.data
   if ALWAYS[place.index] and data ~= "" then
@@ -219,7 +223,7 @@ local function asked_to_write(self, origin, record)
   if half.missing then
     self:_length(origin, record, half)
   end
-  local message, place = self.decode_request(half.data), record.place
+  local message, place = self.decode_request(half.data, half.cut), record.place
   if pass(self, event_write_request, proves_by_request, origin, record, message) then
     self.index47:heard(place.ar_key, half.frame, true)
     self.index47:asked(place.ar_key, place.channel_key, message, half.data)
@@ -267,11 +271,13 @@ end
 
 --- The response to a request.
 function RecordEvents:answered(origin, record)
-  if record.place.write then
-    pass(self, event_write_answered, nil, origin, record)
-  else
+  if not record.place.write then
     self:_read_answered(origin, record, record.response)
+    return
+  elseif is_untold(record.response) then
+    self:_length(origin, record, record.response)
   end
+  pass(self, event_write_answered, nil, origin, record)
 end
 
 --- A response without its request.
@@ -314,9 +320,9 @@ end
 function RecordEvents:_length(origin, record, half)
   local cut = origin.missing ~= 0 and origin.cut
   if cut then
-    half.cut = true -- by the capture
     local args = {
-      captured = cut.captured, original = cut.original, length = half.stated, completed = half.frame,
+      captured = cut.captured, original = cut.original, length = half.missing and half.stated,
+      completed = half.frame,
     }
     self:about(origin, record, {rule = "DS106", frame = cut.frame, args = args})
   else
@@ -326,7 +332,7 @@ function RecordEvents:_length(origin, record, half)
 end
 
 function RecordEvents:_read_answered(origin, record, half)
-  if half.missing then
+  if half.missing or is_untold(half) then
     self:_length(origin, record, half)
   end
   return pass(self, event_read_answered, proves_by_answer, origin, record)

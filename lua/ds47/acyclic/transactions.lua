@@ -57,7 +57,8 @@ local function count_failed(blocks)
   return failed
 end
 
--- That of a response whose end the capture cut off; what stood there is not known.
+-- That of a response whose end the capture cut off, or how many were asked for;
+-- what was there nobody knows.
 local function outcome_as_far_as_seen(done, failed, negative)
   if failed == 0 and not negative then
     return "ok"
@@ -81,10 +82,11 @@ local function outcome(job)
   if response.cut and blocks[#blocks].error == nil then
     done = done - 1 -- the last value did not arrive whole
   end
-  if job.read_response.cut then
+  local asked = parameters_asked(job)
+  if job.read_response.cut or asked == nil then
     return outcome_as_far_as_seen(done, failed, negative)
   end
-  if done == parameters_asked(job) then
+  if done == asked then
     return negative and "error" or "ok"
   end
   return done > 0 and "partial" or "error"
@@ -255,7 +257,7 @@ local restored -- the closed job whose response was decoded last for its transac
 local function decode(job, codec)
   local read = job.read_response
   if job.phase == "closed" and job.response == nil and read ~= nil and read.data ~= "" then
-    job.response = parameter.decode_response(read.data, job.message, codec)
+    job.response = parameter.decode_response(read.data, job.message, codec, read.cut)
     return true
   end
   return false

@@ -52,7 +52,7 @@ local function old_answer(remarks, job)
     local case = refused and "again_after_refusal" or "again_without_ar"
     put_again(remarks, case, read.frame, job.repeats, refused and refused.frame)
   end
-  if job.rereads[1] and not (job.between and job.between.write_response == nil) then
+  if job.rereads[1] and not (job.between and not job.between:write_told()) then
     put_again(remarks, job.again, job.rereads[1].response.frame, read.frame)
   end
 end

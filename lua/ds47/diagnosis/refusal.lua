@@ -15,7 +15,7 @@ local parameter = require("ds47.profidrive.parameter")
 local reader = require("ds47.support.bytes")
 local suggest = later("ds47.diagnosis.suggest") -- only here: most captures need no correction
 
-local is_mismatch, NOT_SUPPORTED = rules.is_mismatch, family.NOT_SUPPORTED
+local is_cut_off, is_mismatch, NOT_SUPPORTED = rules.is_cut_off, rules.is_mismatch, family.NOT_SUPPORTED
 
 local char, floor, max = string.char, math.floor, math.max
 
@@ -262,9 +262,9 @@ function M.not_seen(remarks, job)
   local failed, code, among = false, nil, false
   for _, block in ipairs(response.blocks) do
     local error = block.error or NONE
-    failed = failed or block.error ~= nil
+    failed = failed or block.error ~= nil and not is_cut_off(half, block)
     code = code or error.code
-    among = among or error.code ~= nil and (error.code ~= code or (half.missing or 0) > 0)
+    among = among or error.code ~= nil and error.code ~= code
   end
   if failed then
     local polls = #job:not_ready()

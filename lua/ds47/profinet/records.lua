@@ -3,10 +3,11 @@
 --
 -- Opens one level of IODWriteMultiple (0xE040). Knows nothing of DS47: `data` is opaque bytes here.
 --
--- A Half is {frame, time_ns, data, stated, missing, status}. `data` is what a Write request or a response
--- carries ("" for nothing), `stated` the RecordDataLength, where that is another one than its length: in a
--- Read request the most that is wanted, else with `missing`, how much of it the capture cut off. `status` is
--- the PNIOStatus with ErrorCode first (nil where the PDU carries none).
+-- A Half is {frame, time_ns, data, stated, missing, status, cut}. `data` is what a Write request or a
+-- response carries ("" for nothing), `stated` the RecordDataLength, where that is another one than its
+-- length: in a Read request the most that is wanted, else with `missing`, how much of the record is not
+-- there. `status` is the PNIOStatus with ErrorCode first (nil where the PDU carries none), `cut` true where
+-- the capture cut off a part of it: those bytes, or what stands before them.
 -- A Record is {write, implicit, ar, api, slot, subslot, index, position, request, response, following};
 -- `position` is 0, or the place inside an IODWriteMultiple; `request` and `response` are halves or nil.
 -- Nearly every call has one record. The others of an IODWriteMultiple hang on it: `following` is the next one
@@ -49,6 +50,22 @@ local CONNECT_BLOCKS = {[layout.BLOCK_AR_REQUEST] = true}
 local RELEASE_BLOCKS = {[layout.BLOCK_RELEASE_REQUEST] = true, [layout.BLOCK_RELEASE_OF_RSI] = true}
 local FIRST_END = NDR + SIZE -- where the first block ends
 local FIRST_AR = NDR + layout.BLOCK_AR -- where the AR stands in a Connect or Release
+
+--- Whether it is a response that the capture cut off before it says what became of the call.
+function M.is_untold(half)
+  return half.cut and not half.missing and (half.status or 0) == 0
+end
+
+--- The response to a call that has no block of its own: the status of the NDR header counts. Where the
+-- capture cut the block off, that is so of a negative one alone: a Write may be refused in its block.
+function M.without_block(pdu, status, write)
+  local half = M.half(pdu.frame, pdu.time_ns, status)
+  if pdu.cut then
+    half.cut = true
+    half.status = (not write or status ~= 0) and status or nil
+  end
+  return half
+end
 
 --- A half that carries no data.
 function M.half(frame, time_ns, status)
@@ -162,6 +179,7 @@ local function carrying(pdu, data, start, stated, status)
   local half = {frame = pdu.frame, time_ns = pdu.time_ns, data = payload, status = status}
   if #payload < stated then
     half.stated, half.missing = stated, stated - #payload
+    half.cut = pdu.cut and true
   end
   return half
 end
@@ -207,6 +225,7 @@ local function write_halves(pdu, type, status)
       own = number_at(body, offset + STATUS + 1)
     end
     first, last = chained(first, last, M.half(pdu.frame, pdu.time_ns, own))
+    last.cut = own == nil and pdu.cut and true or nil
     offset = offset + SIZE
   until not block_at(type, WRITE, body, offset)
   return first

@@ -184,7 +184,7 @@ end
 
 --- Tells what the PLC saw of each transaction of a result {transactions, findings}.
 function M.witness(result)
-  local calls, lengths, loose = {}, {}, {}
+  local calls, lengths, loose, cut = {}, {}, {}, {}
   for _, each in ipairs(result.findings) do
     local owner = each.transaction
     if not owner and (LEFT_OUT[each.rule] or NOTHING[each.rule]) then
@@ -193,7 +193,7 @@ function M.witness(result)
       calls[owner] = calls[owner] or {}
       table.insert(calls[owner], each)
     elseif each.rule == CUT and each.args.completed then
-      lengths[each.args.completed] = each.args.length
+      lengths[each.args.completed], cut[each.args.completed] = each.args.length, each.args.length == nil
     end
   end
   local records = records_of(result.transactions)
@@ -203,6 +203,7 @@ function M.witness(result)
   return setmetatable({
     calls = calls, -- transaction -> the findings about calls that brought no record
     lengths = lengths, -- frame of a Read response -> bytes of its record, which the capture cut
+    cut = cut, -- frame of a response that it cut before that length is told, or the STATUS of a Write -> true
     waits = waits,
   }, Witness)
 end
@@ -225,6 +226,10 @@ function M.witness_of(item, job)
   local read = job.read_response
   if read and read.cut then
     add(CUT, read.frame, { completed = read.frame, length = read.stated })
+  end
+  local answer = job.write_response
+  if answer and answer.cut then
+    add(CUT, answer.frame, { completed = answer.frame })
   end
   return M.witness({ transactions = { item }, findings = findings })
 end
@@ -356,6 +361,9 @@ function Witness:saw(item)
   local captured = item.response and #item.response or 0
   local length = self.lengths[item.frames.read_response or 0] or captured
   local calls = { write(item, found, left_out, wait) }
+  if item.write_status == nil and self.cut[item.frames.write_response or 0] then
+    calls[1].outcome = "cut"
+  end
   for _, call in ipairs(before(item, left_out, wait)) do
     calls[#calls + 1] = call
   end

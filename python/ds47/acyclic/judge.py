@@ -37,19 +37,34 @@ _V = TypeVar("_V")
 
 
 def is_mismatch(job: Job) -> bool:
-    """Whether the response cannot be the answer to the request (docs/pairing.md, states)."""
+    """Whether the response cannot be the answer to the request (docs/pairing.md, states).
+
+    What of the two headers the capture cut off speaks against nothing.
+    """
     request, response = job.message, job.response
     if request is None or response is None:
         return False
-    asked = parameters_asked(job)
-    return (
-        response.request_reference != request.request_reference
-        or response.axis != request.axis
-        or response.response_id is None
-        or request.request_id is None
-        or (asked is not None and len(response.blocks) > asked)
-        or not family_fits(request.request_id, response.response_id)
+    asked, half, read = parameters_asked(job), job.write_request, job.read_response
+    assert half is not None
+    assert read is not None
+    pairs = (
+        (request.request_reference, response.request_reference),
+        (request.axis, response.axis),
     )
+    if any(one != other for one, other in pairs if None not in (one, other)):
+        return True
+    if asked is not None and len(response.blocks) > asked:
+        return True
+    sent, got = request.request_id, response.response_id
+    if sent is not None and got is not None:
+        return not family_fits(sent, got)
+    return (sent is None and not half.cut) or (got is None and not read.cut)
+
+
+def is_cut_off(half: Half, block: Block) -> bool:
+    """Whether the capture cut off the error number of an error block."""
+    error = block.error
+    return half.cut and error is not None and block.value_count > 0 and not error.words
 
 
 def parameters_asked(job: Job) -> int | None:
@@ -131,6 +146,8 @@ class Judge:
         elif not (change or stray):
             self._read_back(job, remarks)
             self._learn_limit(job)
+        if job.missing is not None and job.write_request is not None:
+            remarks.append(Remark("DS110", job.write_request.frame, job.missing._asdict()))
         for remark in remarks:
             remark.job = job
         return remarks
@@ -204,17 +221,16 @@ class Judge:
 
     def _response(self, job: Job, stray: bool, remarks: list[Remark]) -> None:
         half, response, request = job.read_response, job.response, job.message
+        assert half is not None
+        if response is not None and response.flaws:
+            _flaws(response.flaws, half, remarks, self._most_parameters(job))
+        if request is None and job.certain:
+            remarks.append(Remark("DS403", half.frame, _unasked(job)))
         if response is None:
             return
-        assert half is not None
-        if response.flaws:
-            _flaws(response.flaws, half, remarks, self._most_parameters(job))
-        if request is None:
-            if job.certain:
-                remarks.append(Remark("DS403", half.frame, _unasked(job)))
-        else:
+        if request is not None:
             self._mirror(half.frame, request, response, remarks)
-        self._blocks(half.frame, job, stray, remarks)
+        self._blocks(half, job, stray, remarks)
 
     def _mirror(
         self, frame: int, request: Request, response: Response, remarks: list[Remark]
@@ -245,15 +261,17 @@ class Judge:
         elif not family_fits(sent, got):
             remarks.append(Remark("DS405", frame, {"sent": sent, "got": got}))
 
-    def _blocks(self, frame: int, job: Job, stray: bool, remarks: list[Remark]) -> None:
-        response, request = job.response, job.message
+    def _blocks(self, half: Half, job: Job, stray: bool, remarks: list[Remark]) -> None:
+        frame, response, request = half.frame, job.response, job.message
         assert response is not None
         addresses = request.addresses if request and not stray else []
         read = request is not None and request.operation == "read"
         told = request is None and job.repeats is not None
         for number, block in enumerate(response.blocks):
             address = addresses[number] if number < len(addresses) else None
-            if block.error is not None and not told:
+            if told or is_cut_off(half, block):
+                continue
+            if block.error is not None:
                 args = self._error_args(job, block, address)
                 remarks.append(Remark("DS410", frame, args, block.offset))
             elif address and read and block.value_count != (address.element_count or 1):

@@ -28,6 +28,9 @@ STATUS_IN_USE: Final = 0xDF80B500
 """State conflict on a Write: the device still works on another request."""
 
 
+_KIND_END: Final = 2
+"""Bytes of a message up to the end of its ID."""
+
 _T = TypeVar("_T")
 _K = TypeVar("_K")
 
@@ -172,6 +175,8 @@ class Job:
     """Until when the client of a call of it that was sent again waits at least; 0 where none was."""
     twice: int
     """Frame of a call of it with two responses, of which the client may have either; 0 for none."""
+    untold: int
+    """Frame that the capture cut off before it says what is asked, or what became of a call; 0 for none."""
     written_again: int
     """Frame of the Write that asked for the same while this one had no response, and was accepted; 0 for none."""
     crossed: tuple[int, int] | None
@@ -240,7 +245,7 @@ class Job:
         self.fetching = []
         self.read_before = False
         self.insisted = 0
-        self.twice = self.written_again = 0
+        self.twice = self.untold = self.written_again = 0
         self.crossed = None
         self.missing = None
         self.limit = ""
@@ -263,6 +268,11 @@ class Job:
     def write_refused(self) -> bool:
         """Whether the Write was answered with a negative status or an RPC fault."""
         return self.write_fault or bool(self.write_response and self.write_response.status)
+
+    @property
+    def write_told(self) -> bool:
+        """Whether the capture shows what the Write was answered."""
+        return self.write_response is not None and not self.write_response.untold
 
     @property
     def not_ready(self) -> list[tuple[Half | None, Half]]:
@@ -403,6 +413,8 @@ class Pairing:
         assert asked is not None
         channel = self._channel(access, asked.time_ns)
         job = Job(access, message, order=self.number())
+        if asked.cut and message.request_id is None:
+            job.untold = asked.frame
         before = job.previous = channel.written
         missing = None if before is None else self._behind(access.peer, before)
         if missing is None or missing.what == "one_direction":
@@ -424,6 +436,8 @@ class Pairing:
         job.write_response = response
         job.write_fault = fault
         job.insisted = 0
+        if response is not None and response.untold:
+            job.untold = response.frame
         status = response.status if response else None
         if job.phase == "closed" or (status is None and not fault):
             return
@@ -458,7 +472,7 @@ class Pairing:
         if channel.refused is not None:
             self._lose(channel.refused, "")
             channel.refused = None
-        if half.status != 0:
+        if half.status != 0 and not half.untold:
             return
         channel.unseen = half.frame
         channel.pass_over()
@@ -477,7 +491,7 @@ class Pairing:
         assert half is not None
         channel = self._channel(access, half.time_ns)
         event = _read_event(half)
-        if event == "read_record":
+        if event in ("read_record", "read_cut"):
             channel.heard = half.frame
         job = self._sought(channel, event, record)
         late = job is not None and _is_later(job, record)
@@ -495,20 +509,28 @@ class Pairing:
         elif job is not None:
             self._read(channel, job, event, record)
             return job
-        if event != "read_record":
+        if event not in ("read_record", "read_cut"):
             if not late:
                 self._nothing(access, channel, missing)
             return None
         read = self._last_response(access, channel)
         first = read.read_response if read is not None else None
-        again = first is not None and first.data == half.data and missing is None
+        again = first is not None and _is_same(first, half) and missing is None
         again = again and first is not None and self._behind(peer, first.frame) is None
         if read is not None and again and read.phase != "closed":
             self._reread(channel, read, record)
             return read
-        if not (late or _is_last(channel, half.data)):
+        if not (late or event == "read_cut" or _is_last(channel, half)):
             channel.pass_over()
         return self._orphan(access, channel, first.frame if first and again else None)
+
+    def read_untold(self, access: RecordAccess) -> None:
+        """The answer to a Read of which the capture cut off what it brought: it is as good as not there (P73)."""
+        job, half = access.job, access.record.response
+        assert half is not None
+        self._channel(access, half.time_ns)
+        if job is not None and not job.over:
+            job.insisted, job.untold = 0, half.frame
 
     def _leave_refused(self, channel: Channel, job: Job | None) -> None:
         """What is read is no response to the refused Write: from now on none is."""
@@ -525,7 +547,9 @@ class Pairing:
         job = Job(access, None, order=self.number())
         job.phase, job.certain, job.previous = "open", not self._pushed_out, channel.written
         job.repeats = repeats
-        self._read(channel, job, "read_record", access.record)
+        half = access.record.response
+        assert half is not None
+        self._read(channel, job, _read_event(half), access.record)
         return job
 
     # What is not in the capture (P73)
@@ -568,11 +592,13 @@ class Pairing:
             return Missing("crossed", *job.crossed)
         if job.twice:
             return Missing("twice", job.twice)
+        if job.untold:
+            return Missing("cut_off", job.untold)
         if job.fetching and not job.limit and not self._gave_up(job, job.fetching[0]):
             return Missing("read_answer", job.fetching[0].frame)
         found = self._behind(job.peer, asked.frame)
-        if found is None and not job.limit and job.write_response is None:
-            return None if self._gave_up(job, asked) else Missing("write_answer", asked.frame)
+        if found is None and not job.limit and not job.write_told:
+            return None if self._gave_up(job, asked) else _unanswered(job, asked)
         return found
 
     def _gave_up(self, job: Job, call: Half) -> bool:
@@ -608,16 +634,17 @@ class Pairing:
             return self._of_another_on_line(channel, job, asked, record)
         fits, other = _mirrors(job, half), channel.open not in (None, job)
         rival = job.refused_behind is not None and _mirrors(job.refused_behind, half)
-        if half.data and (rival or not (fits or other)) and job.write_response is None:
-            return Missing("write_answer", asked.frame)
+        brought = bool(half.data) or (half.cut and job.write_response is None)
+        if brought and (rival or not (fits or other)) and not job.write_told:
+            return _unanswered(job, asked)
         read = record.request.frame if record.request is not None else half.frame
-        if half.data and job.fetching and job.fetching[0].frame < read:
-            doubtful = not fits or (_is_last(channel, half.data) and not _counts(job, record))
+        if (half.data or half.cut) and job.fetching and job.fetching[0].frame < read:
+            doubtful = not fits or (_is_last(channel, half) and not _counts(job, record))
             if doubtful:
                 return Missing("read_answer", job.fetching[0].frame)
         if channel.asked and _may_be_newer(channel, job, record):
             return Missing("later")
-        unknown = job.write_response is None and not half.data  # whether its Write was accepted
+        unknown = not (job.write_told or half.data)  # whether its Write was accepted
         since = asked.frame
         if (unknown or job is channel.refused) and half.status != STATUS_SHORT:
             since = self._free_since(job.key, channel, record.request or half)
@@ -626,7 +653,7 @@ class Pairing:
             found = self._behind(job.peer, 0)  # what it mirrors may have outlived a Connect
         if unknown and found is not None:  # of its own calls it is at least this one
             behind = self._asked_behind(job.peer, channel, asked.frame, ordered=fits)
-            return behind or Missing("write_answer", asked.frame)
+            return behind or _unanswered(job, asked)
         if found is None or not half.data or channel.unseen > since:
             return found
         # Of a record that is too short nothing tells.
@@ -716,7 +743,7 @@ class Pairing:
         before = None if delivered is None else delivered.read_response
         if half is None or before is None or half.frame <= before.frame:
             return None
-        return delivered if before.data == half.data else None
+        return delivered if _is_same(before, half) else None
 
     def _last_response(self, access: RecordAccess, channel: Channel) -> Job | None:
         """Whose response a Read without a request may bring once more.
@@ -871,7 +898,7 @@ class Pairing:
         channel.accepted = max(channel.accepted, job.order)
         if job.phase == "asked":
             channel.asked.remove(job)
-            if channel.asked and job.write_response is not None:
+            if channel.asked and job.write_told:
                 _written_again(channel, job)
             if channel.open is not None:
                 self._displace(channel, channel.open, job)
@@ -931,7 +958,7 @@ class Pairing:
         if self._connected_since(found, came) is not None:
             return None
         fetched = any(read.frame < came.frame for read in found.fetching)
-        sure = found.write_response is not None and not (fetched or found.twice)
+        sure = found.write_told and not (fetched or found.twice)
         return found if sure or asked.frame > came.frame else None
 
     def _refuse(self, channel: Channel, job: Job) -> None:
@@ -974,7 +1001,7 @@ class Pairing:
             half = record.response
             if event != "read_record" or half is None:
                 return waiting
-            old_answer = _is_last(channel, data) or not _mirrors(waiting, half)
+            old_answer = _is_last(channel, half) or not _mirrors(waiting, half)
             return None if old_answer else waiting
         return channel.refused
 
@@ -998,7 +1025,10 @@ class Pairing:
         job.insisted = 0
         if event == "read_record" and job.phase == "refused":
             self._compare(channel.last, job, half)
-        if job.phase == "asked" and event not in ("read_empty", "read_short"):
+        if job.phase == "asked" and event == "read_cut":
+            channel.asked.remove(job)  # accepted or not: its STATUS is cut off, too
+            channel.accepted = max(channel.accepted, job.order)  # no older one waits any more
+        elif job.phase == "asked" and event not in ("read_empty", "read_short"):
             self._presume(channel, job)
         self._step(job, event)
         if event in ("read_poll", "read_short"):
@@ -1015,6 +1045,8 @@ class Pairing:
         job.read_before = bool(job.polls) and self._may_be_read(job)
         if job.message is not None:  # before an orphan anything may be missing
             channel.ended = half.frame
+            if _is_headless(half) and not job.write_refused:
+                job.missing = Missing("cut_off", half.frame)
         if channel.open is job:
             channel.open = None
         if channel.refused is job:
@@ -1046,7 +1078,7 @@ class Pairing:
 
         Of a Write without a Write response nothing follows: two questions may have the same answer.
         """
-        if last is None or last.read_response is None or last.read_response.data != half.data:
+        if last is None or last.read_response is None or not _is_same(last.read_response, half):
             return
         if self._behind(job.peer, last.read_response.frame) is None:
             job.repeats = last.read_response.frame
@@ -1121,6 +1153,12 @@ class Pairing:
             self.replaced.pop(key[:3], None)
 
 
+def _unanswered(job: Job, asked: Half) -> Missing:
+    """That nobody knows what a Write was answered."""
+    half = job.write_response
+    return Missing("write_answer", asked.frame) if half is None else Missing("cut_off", half.frame)
+
+
 def _written_again(channel: Channel, job: Job) -> None:
     """An accepted Write takes the place of those that asked for the same and have no response."""
     by = job.write_request
@@ -1186,7 +1224,7 @@ def _by_kind(channel: Channel, opened: Job, record: Record) -> Job:
     read, half = record.request, record.response
     assert half is not None
     mirrored = opened.reference == half.data[0]
-    if not mirrored and _is_last(channel, half.data):
+    if not mirrored and _is_last(channel, half):
         return opened  # an old answer
     newer = [
         job for job in reversed(channel.asked)
@@ -1251,7 +1289,7 @@ def _may_be_newer(channel: Channel, job: Job, record: Record) -> bool:
     half = record.response
     assert half is not None
     strange = not half.data or _is_of_kind(job, half) is False
-    strange = strange or (job.reference != half.data[0] and _is_last(channel, half.data))
+    strange = strange or (job.reference != half.data[0] and _is_last(channel, half))
     return any(
         each.order > job.order
         and not (each.passed or _is_later(each, record))
@@ -1266,7 +1304,7 @@ def _may_be(channel: Channel, job: Job, half: Half | None) -> bool:
     For one before an accepted one only by its kind, and where it is not the last one once more.
     """
     return job.order > channel.accepted or (
-        half is not None and _is_of_kind(job, half) is True and not _is_last(channel, half.data)
+        half is not None and _is_of_kind(job, half) is True and not _is_last(channel, half)
     )
 
 
@@ -1281,13 +1319,27 @@ def _read_event(half: Half) -> str:
         return "read_short"
     if half.status:
         return "read_refused"
-    return "read_record" if half.data else "read_empty"
+    if half.data:
+        return "read_record"
+    return "read_cut" if half.cut else "read_empty"
 
 
-def _is_last(channel: Channel, data: bytes) -> bool:
+def _is_headless(half: Half) -> bool:
+    """Whether a record came of which the capture cut off even what kind of response it is."""
+    return half.cut and not half.status and len(half.data) < _KIND_END
+
+
+def _is_same(one: Half, other: Half) -> bool:
+    """Whether two records have the same bytes; of cut ones the same length, and the same as far as they go."""
+    return one.data == other.data and one.missing == other.missing
+
+
+def _is_last(channel: Channel, half: Half) -> bool:
     """Whether a record is the last one once more, of which less may have been read."""
-    before = _bytes(channel.last)
-    return bool(before) and data.startswith(before or b"")
+    before = channel.last.read_response if channel.last else None
+    if before is None or not before.data:
+        return False
+    return _is_same(before, half) if before.cut else half.data.startswith(before.data)
 
 
 def _bytes(job: Job | None) -> bytes | None:

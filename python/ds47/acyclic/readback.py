@@ -124,10 +124,11 @@ class ReadBack:
         self._device(device).forgotten = frame
 
     def unasked(self, job: Job) -> None:
-        """A response without its request: that of a change says that something was written by then."""
+        """A response without its request: that of a change, as a cut one may be, says that something changed."""
         half, response = job.read_response, job.response
-        if response is not None and response.response_id in _OF_CHANGES:
-            assert half is not None
+        assert half is not None
+        known = None if response is None else response.response_id
+        if known in _OF_CHANGES or (known is None and half.cut):
             device = self._device(job.peer.device)
             device.forgotten = max(device.forgotten, half.frame)
 

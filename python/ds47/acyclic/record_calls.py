@@ -25,6 +25,7 @@ from ds47.profinet.records import (
     parse_request,
     parse_response,
     released_ar,
+    without_block,
 )
 from ds47.spec.layouts import (
     RECORD_WRITE_MULTIPLE,
@@ -145,7 +146,7 @@ class RecordCalls:
             self._wait(pdu)
             return
         body, peer, concerned = parse_request(pdu), self._peer(pdu), self._concerned
-        if pdu.missing and pdu.opnum == RPC_WRITE and (body.multiple or not body.records):
+        if pdu.missing and (body.multiple or not body.records):
             self._completeness.cut(pdu)
         if body.multiple:
             self._events.requests[RECORD_WRITE_MULTIPLE, True] += 1
@@ -252,13 +253,13 @@ class RecordCalls:
             if not access.ours and not record.write:
                 continue
             half = answers[number].response if number < len(answers) else None
-            if half is None:  # no block of its own: the status of the NDR header counts
-                half = Half(pdu.frame, pdu.time_ns, status=status)
+            if half is None:
+                half = without_block(pdu, status, write=record.write)
             record.response = half
             if not access.ours:
                 self._told.append(("foreign", access, None))
                 continue
-            if half.status is None:
+            if half.status is None and not half.cut:
                 self._events.pass_on(access, "about", Remark("DS108", pdu.frame))
             self._events.answered(access, pdu.cut)
 

@@ -90,7 +90,7 @@ class RecordEvents:
         if not record.write:
             self.pass_on(access, "read_asked", half)
         else:
-            message = self.decoded(half.data)
+            message = self.decoded(half.data, cut=half.cut)
             self.pass_on(access, "write_asked", message, proves=not passes and is_question(message))
             if not passes:
                 self._index47.asked(access.ar, access.place, message, half.data)
@@ -101,10 +101,12 @@ class RecordEvents:
         """The response to a request; arguments as for `asked`."""
         record, half = access.record, access.record.response
         assert half is not None
-        if record.write:
-            self.pass_on(access, "write_answered", half)
-        else:
+        if not record.write:
             self._read_answered(access, half, cut)
+            return
+        if half.untold:
+            self._length(access, half, cut)
+        self.pass_on(access, "write_answered", half)
 
     def unasked(self, access: RecordAccess, cut: Cut | None) -> None:
         """A response without its request."""
@@ -128,14 +130,14 @@ class RecordEvents:
         if access.record.index == SHARED_INDEX:
             self._index47.unheard(access.ar)
 
-    def decoded(self, data: bytes) -> Request:
+    def decoded(self, data: bytes, *, cut: bool = False) -> Request:
         """The request; the same question is asked again and again, often with a reference that counts.
 
         So the messages that differ in nothing else share their addresses and blocks, which nobody
         changes.
         """
-        if not data or not data[0]:  # reference 0 is a flaw
-            return decode_request(data, self._codec)
+        if cut or not data or not data[0]:  # reference 0 is a flaw
+            return decode_request(data, self._codec, cut=cut)
         known = self._requests.get(data[1:])
         if known is None:
             known = decode_request(data, self._codec)
@@ -176,7 +178,7 @@ class RecordEvents:
             self._pairing.write_response(access.job, half, fault=True)
 
     def _read_answered(self, access: RecordAccess, half: Half, cut: Cut | None) -> None:
-        if half.missing:
+        if half.missing or half.untold:
             self._length(access, half, cut)
         ours = access.proven or self._index47.passes(access.ar, access.record.index)
         proves = (
@@ -191,6 +193,9 @@ class RecordEvents:
 
     def _read(self, access: RecordAccess, half: Half) -> None:
         self._clock(half)
+        if half.untold:
+            self._pairing.read_untold(access)
+            return
         _read_over(access)
         if access.record.index in ALWAYS and half.data:
             self._index47.responded(access.peer.device, access.place, half.data, self._codec)
@@ -211,10 +216,9 @@ class RecordEvents:
 
     def _length(self, access: RecordAccess, half: Half, cut: Cut | None) -> None:
         if cut is not None:
-            half.cut = True
             frame, captured, original = cut
             args = {
-                "captured": captured, "original": original, "length": half.stated,
+                "captured": captured, "original": original, "length": half.stated if half.missing else None,
                 "completed": half.frame,
             }  # fmt: skip
             remark = Remark("DS106", frame, args)

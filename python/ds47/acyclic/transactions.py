@@ -111,16 +111,16 @@ def _outcome(job: Job) -> str:
     done = len(blocks) - failed
     if response.cut and blocks[-1].error is None:
         done -= 1  # the last value did not arrive whole
-    half = job.read_response
-    if half is not None and half.cut:
+    half, asked = job.read_response, parameters_asked(job)
+    if (half is not None and half.cut) or asked is None:
         return _outcome_as_far_as_seen(done, failed, negative)
-    if done == parameters_asked(job):
+    if done == asked:
         return "error" if negative else "ok"
     return "partial" if done else "error"
 
 
 def _outcome_as_far_as_seen(done: int, failed: int, negative: bool) -> str:
-    """That of a response whose end the capture cut off; what stood there is not known."""
+    """That of a response whose end the capture cut off, or how many were asked for: the rest nobody knows."""
     if not failed and not negative:
         return "ok"
     return "partial" if done else "error"

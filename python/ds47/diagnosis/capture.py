@@ -442,9 +442,10 @@ class WholeCapture:
     def _changed_unseen(self, job: Job) -> None:
         """The response to a change whose request is not known: that may have been a save."""
         read, response = job.read_response, job.response
-        if read is None or response is None or job.repeats is not None:
+        if read is None or job.repeats is not None:
             return
-        if response.response_id in (CHANGED, CHANGED_IN_PART):
+        known = None if response is None else response.response_id
+        if known in (CHANGED, CHANGED_IN_PART) or (known is None and read.cut):
             moment = read.frame, job.record.position
             self._unsaved_of(job.peer.device).save_all(moment, seen=False)
 

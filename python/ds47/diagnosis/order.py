@@ -45,7 +45,7 @@ def _old_answer(job: Job) -> Iterator[Remark]:
         refused = job.write_request
         case = "again_without_ar" if refused is None else "again_after_refusal"
         yield _again(case, read.frame, job.repeats, refused.frame if refused else None)
-    unseen = job.between is not None and job.between.write_response is None
+    unseen = job.between is not None and not job.between.write_told
     if read is not None and job.rereads and not unseen:
         yield _again(job.again, job.rereads[0][1].frame, read.frame)
 

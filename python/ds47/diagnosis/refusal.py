@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, Final, NamedTuple
 
+from ds47.acyclic.judge import is_cut_off
 from ds47.acyclic.pairing import Job
 from ds47.findings.remark import Remark
 from ds47.model import SIEMENS
@@ -129,14 +130,16 @@ def not_seen(job: Job) -> Iterator[Remark]:
     quiet = half.status == 0 and not (job.write_response and job.write_response.status)
     if not response.response_id & 0x80 or response.response_id == NOT_SUPPORTED or not quiet:
         return
-    errors = [block.error for block in response.blocks if block.error is not None]
+    errors = [
+        block.error for block in response.blocks if block.error is not None and not is_cut_off(half, block)
+    ]  # fmt: skip
     if not errors:
         return
     codes = [each.code for each in errors if each.code is not None]
     polls = len(job.not_ready)
     args = {
         "id": response.response_id, "code": codes[0] if codes else None,
-        "among": len(set(codes)) > 1 or bool(codes and half.missing > 0), "vendor_id": job.peer.vendor_id,
+        "among": len(set(codes)) > 1, "vendor_id": job.peer.vendor_id,
         "case": "status_zero_at_last" if polls else "status_zero", "polls": polls,
         "asked": job.message.parameter_count if job.message else None,
     }  # fmt: skip

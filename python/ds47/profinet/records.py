@@ -61,9 +61,9 @@ class Half:
     stated: int
     """RecordDataLength: bytes that follow; in a Read request the most that is wanted."""
     missing: int
-    """Bytes that are not there: cut off by the capture, or never sent."""
+    """Bytes of the record that are not there: cut off by the capture, or never sent."""
     cut: bool
-    """Whether the capture cut them off, as far as somebody has looked."""
+    """Whether the capture cut off a part of it: those bytes, or what stands before them."""
     status: int | None
     """PNIOStatus, ErrorCode first; None where the PDU carries none."""
 
@@ -75,14 +75,21 @@ class Half:
         stated: int = 0,
         missing: int = 0,
         status: int | None = None,
+        *,
+        cut: bool = False,
     ) -> None:
         self.frame = frame
         self.time_ns = time_ns
         self.data = data
         self.stated = stated
         self.missing = missing
-        self.cut = False
+        self.cut = cut
         self.status = status
+
+    @property
+    def untold(self) -> bool:
+        """Whether it is a response that the capture cut off before it says what became of the call."""
+        return self.cut and not (self.status or self.missing)
 
 
 @dataclass(slots=True, init=False)
@@ -179,14 +186,31 @@ def _request(
         return None
     if pdu.opnum == RPC_WRITE:
         start = offset + RECORD_SIZE
-        payload = data[start : start + stated]
-        half = Half(pdu.frame, pdu.time_ns, payload, stated, stated - len(payload))
+        half = _carrying(pdu, data[start : start + stated], stated, None)
         return Record(True, False, ar, api, slot, subslot, index, position, half)
     half = Half(pdu.frame, pdu.time_ns, b"", stated)
     implicit = pdu.opnum == RPC_READ_IMPLICIT
     if implicit:
         ar = NIL_UUID
     return Record(False, implicit, ar, api, slot, subslot, index, position, half)
+
+
+def _carrying(pdu: Pdu, data: bytes, stated: int, status: int | None) -> Half:
+    """A half with what is there of its record."""
+    missing = stated - len(data)
+    cut = missing > 0 and pdu.cut is not None
+    return Half(pdu.frame, pdu.time_ns, data, stated, missing, status, cut=cut)
+
+
+def without_block(pdu: Pdu, status: int | None, *, write: bool) -> Half:
+    """The response to a call that has no block of its own: the status of the NDR header counts.
+
+    Where the capture cut the block off, that is so of a negative one alone: a Write may be refused in its block.
+    """
+    cut = pdu.cut is not None
+    return Half(
+        pdu.frame, pdu.time_ns, status=None if cut and write and not status else status, cut=cut
+    )
 
 
 def parse_response(pdu: Pdu) -> tuple[int | None, list[Record]]:
@@ -216,8 +240,7 @@ def parse_response(pdu: Pdu) -> tuple[int | None, list[Record]]:
          length) = _BLOCK.unpack_from(body, NDR_SIZE)  # fmt: skip
         if kind == BLOCK_READ_RESPONSE:
             start = NDR_SIZE + RECORD_SIZE
-            data = body[start : start + length]
-            half = Half(pdu.frame, pdu.time_ns, data, length, length - len(data), ndr_status)
+            half = _carrying(pdu, body[start : start + length], length, ndr_status)
             implicit = pdu.opnum == RPC_READ_IMPLICIT
             if implicit:
                 ar = NIL_UUID
@@ -238,7 +261,7 @@ def _write_response(pdu: Pdu, offset: int, ndr_status: int, position: int) -> Re
     if not ndr_status:
         own = body[offset + RECORD_STATUS : offset + RECORD_STATUS + 4]
         status = int.from_bytes(own, "big") if len(own) == 4 else None
-    half = Half(pdu.frame, pdu.time_ns, b"", 0, 0, status)
+    half = Half(pdu.frame, pdu.time_ns, status=status, cut=status is None and pdu.cut is not None)
     return Record(True, False, ar, api, slot, subslot, index, position, None, half)
 
 

@@ -44,14 +44,15 @@ class BlockCall(NamedTuple):
     """One call of a block, or several that looked alike.
 
     `block` is "WRREC" or "RDREC"; `outcome` what it ended with:
-    `done` (DONE, VALID), `cut` (the same, of which the capture has only a part), `error`, `fault` (ERROR,
-    the STATUS is made by the PLC), `bare` (a response without STATUS and record), `empty` (VALID without a
-    record), `busy` (until the block gives up), `ends` (no response before the capture ends), `unseen` (the
-    response, or a part of it, is not in the capture), `missing` (not in the capture, if it was at all), `polled`
-    (ERROR with DE80B500), `again` (VALID once more), `never`, `given_up` (not started, not started again),
-    `superseded` (no response before the next WRREC), `implicit` (a Read without an AR, which no block makes),
-    `nothing` (no record came: the capture has no response, or the station of PROFIBUS refused the service),
-    `without` (no record came there, whether a Read was started or not: of those refused the result does not tell).
+    `done` (DONE, VALID), `cut` (the same, of which the capture has only a part; of WRREC it has no STATUS),
+    `error`, `fault` (ERROR, the STATUS is made by the PLC), `bare` (a response without STATUS and record),
+    `empty` (VALID without a record), `busy` (until the block gives up), `ends` (no response before the capture
+    ends), `unseen` (the response, or a part of it, is not in the capture), `missing` (not in the capture, if it
+    was at all), `polled` (ERROR with DE80B500), `again` (VALID once more), `never`, `given_up` (not started,
+    not started again), `superseded` (no response before the next WRREC), `implicit` (a Read without an AR, which
+    no block makes), `nothing` (no record came: the capture has no response, or the station of PROFIBUS
+    refused the service), `without` (no record came there, whether a Read was started or not: of those
+    refused the result does not tell).
     """
 
     block: str
@@ -72,6 +73,8 @@ class Witness:
         """By transaction: the findings about calls that brought no record."""
         self._lengths: dict[int, int] = {}
         """Bytes of a record that the capture cut, by the frame of its Read response."""
+        self._cut: set[int] = set()
+        """Frames of responses that it cut before that length is told, or the STATUS of a Write."""
         loose: list[int] = []
         for each in result.entire.findings:
             if each.transaction is None and (each.rule in _LEFT_OUT or each.rule in _NOTHING):
@@ -82,6 +85,8 @@ class Witness:
                 completed, length = each.args.get("completed"), each.args.get("length")
                 if completed is not None and length is not None:
                     self._lengths[completed] = length
+                elif completed is not None:
+                    self._cut.add(completed)
         records = [each for each in result.evidence if each.channel == DS47]
         self._waits = _waits(records)
         for number in _followed(records, self._calls, loose):
@@ -98,6 +103,8 @@ class Witness:
         left_out, in_part = _left_out(item, found)
         wait = "unseen" if in_part else self._waits.get(item.id, "unseen")
         write = _write(item, found, left_out, wait)
+        if item.write_status is None and item.frames.write_response in self._cut:
+            write = BlockCall("WRREC", "cut")
         return [write, *self._reads(item, left_out, wait)]
 
     def text(self, item: Transaction) -> Both:

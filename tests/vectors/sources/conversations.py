@@ -2346,6 +2346,112 @@ def p73_written_again(client: Client) -> None:
 
 
 @BOOK.scene(
+    "P80 malformed incomplete",
+    tx(1, "incomplete", (1, 2, 3, 4), None, NOTHING),
+    row(2, real(1.5), first=5, ref=2),
+    rules="DS106@4 DS110@1#1",
+)
+def p82_record_cut_off(client: Client) -> None:
+    """Of the record that a Read brought the capture has nothing: it is no empty one, and was not displaced."""
+    client.exchange(ask(), tell(1, 1.5))
+    tape(client).cut(10)
+    client.exchange(ask(2), tell(2, 1.5))
+
+
+@BOOK.scene(
+    "P80 malformed incomplete",
+    tx(1, "incomplete", (1, 2, 3, 4), 3, NOTHING),
+    rules="DS106@4 DS110@1#1",
+)
+def p82_kind_cut_off(client: Client) -> None:
+    """Of the record the capture has the reference alone: whether it says that all went well is not known."""
+    client.exchange(ask(), tell(1, 1.5))
+    tape(client).cut(9)
+
+
+@BOOK.scene("malformed", row(1, real(1.5), write=None), rules="DS106@2")
+def p82_status_cut_off(client: Client) -> None:
+    """The Write response ends before the STATUS in its block; the record shows that it was accepted."""
+    client.write(ask())
+    tape(client).cut(20)
+    client.read(tell(1, 1.5))
+
+
+@BOOK.scene(
+    "P32 P77 P80 malformed incomplete orphan",
+    tx(1, "incomplete", (1, 2), None, NOTHING, write=None),
+    orphan(2, 3, state="unknown orphan", ref=None, axis=None),
+    tx(3, "incomplete", (5, 6), None, NOTHING, ref=2, write=None),
+    rules="DS106@2 DS106@4 DS106@6 DS110@1#1 DS110@5#3 DS403@4#2",
+)
+def p82_status_and_record_cut_off(client: Client) -> None:
+    """Neither STATUS nor record: what was read may be for a request of before the capture."""
+    client.write(ask())
+    tape(client).cut(20)
+    client.read(tell(1, 1.5))
+    tape(client).cut(10)
+    client.write(ask(2))
+    tape(client).cut(20)
+    client.wait(15_000)
+    client.release()
+
+
+@BOOK.scene(
+    "P80 malformed incomplete",
+    tx(1, "incomplete", (1, 2, 3), None, NOTHING),
+    row(2, real(1.5), first=5, ref=2),
+    rules="DS106@4 DS110@1#1",
+)
+def p82_block_cut_off(client: Client) -> None:
+    """The Read response ends in its block: whether a record came, or the next Read polls, is not known."""
+    client.exchange(ask(), tell(1, 1.5))
+    tape(client).cut(35)
+    client.exchange(ask(2), tell(2, 1.5))
+
+
+@BOOK.scene(
+    "P46 malformed",
+    tx(1, "unknown ok", (1, 2, 3, 4), 3, ref=None, axis=None, index=0xB02F),
+    rules="DS106@1",
+)
+def p82_request_cut_off(client: Client) -> None:
+    """Of the request nothing was captured; its response says that all went well, and mirrors who knows what."""
+    there = client.at(index=0xB02F)
+    client.write(ask(), at=there)
+    tape(client).cut(10, -2)
+    client.read(tell(1, 1.5), there)
+
+
+@BOOK.scene(
+    "P80 malformed incomplete",
+    tx(1, "unknown incomplete", (1, 2), None, ref=None, axis=None),
+    row(2, real(1.5), first=3, ref=2),
+    rules="DS106@1 DS110@1#1",
+)
+def p82_displaced_request_cut_off(client: Client) -> None:
+    """The same, displaced: whether somebody waits for the response to a change is not known."""
+    client.write(ask())
+    tape(client).cut(10, -2)
+    client.exchange(ask(2), tell(2, 1.5))
+
+
+@BOOK.scene("P44 malformed", row(1, par(21, error=(None, None)), state="error"), rules="DS106@4")
+def p83_error_number_cut_off(client: Client) -> None:
+    """The capture cut off both words of an error block: it has a number, and nobody knows which."""
+    client.exchange(ask(), message.answer(1, 0x81, 1, message.error(2)))
+    tape(client).cut(4)
+
+
+@BOOK.scene("P67 malformed", row(1, par(21, "TimeDifference"), par(27)), rules="DS106@4")
+def p83_size_cut_off(client: Client) -> None:
+    """A format that has two sizes: only the end of the message tells which, and what stands behind the value."""
+    client.exchange(
+        ask(1, 21, 27), message.answer(1, 1, 1, message.block(0x0D, "I", 68), message.real(1.5))
+    )
+    tape(client).cut(2)
+
+
+@BOOK.scene(
     "incomplete superseded disorder",
     tx(1, "incomplete", (1, 4), None, NOTHING),
     tx(2, "incomplete", (2, 3), None, NOTHING, ref=2),
