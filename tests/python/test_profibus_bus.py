@@ -243,11 +243,24 @@ def test_a_frame_that_is_missing_is_noticed_by_the_next_request(number: int) -> 
     assert _lost(frames) in range(number, number + 4)
 
 
-def _lost(frames: list[Any]) -> int:
+def _lost(frames: list[Any], cut: dict[int, int] | None = None) -> int:
+    """`cut`: frames of which the recording has so many bytes."""
     line = Line()
     for number, each in enumerate(frames, 1):
-        line.take(Seen(number, each.time_ns, decode(each.data)))
+        kept = (cut or {}).get(number)
+        line.take(Seen(number, each.time_ns, decode(each.data[:kept])), kept is not None)
     return line.lost(STATION)
+
+
+@pytest.mark.parametrize(("kept", "lost"), [(6, 0), (7, 1), (14, 1)])
+def test_what_a_frame_says_that_the_recording_cut_nobody_knows(kept: int, lost: int) -> None:
+    """A request or an answer, where stations and function code are there."""
+    shots = running().stage.shots
+    sizes = [(number, len(each.data)) for number, each in enumerate(shots, 1)]
+    number = max(number for number, size in sizes if size > 14)
+    for each in (number, number - 1):
+        assert decode(shots[each - 1].data).slave[0] == STATION
+        assert _lost(list(shots[:number]), {each: kept}) == each * lost
 
 
 def test_the_end_of_a_capture_is_no_missing_answer() -> None:

@@ -48,6 +48,9 @@ local function damage(self, seen, cut)
   local open, short = self.open, false
   for _, flaw in ipairs(seen.item.flaws) do short = short or cut and flaw.kind == "cut" end
   self.unsure = seen.frame
+  local station = seen.item.sa
+  if seen.item.request then station = seen.item.da end
+  if short and station then self.gone[station] = seen.frame end
   if not open then
     self.last = nil
   elseif short and open.due then

@@ -202,6 +202,10 @@ class Line:
         self.damaged += 1
         self.unsure = seen.frame
         short = cut and any(each.kind == CUT for each in seen.item.flaws)
+        front = seen.item.front
+        station = front.da if front.request else front.sa
+        if short and station is not None:
+            self._lost[station] = seen.frame
         if over is None:
             self._last = None
         elif short and over.due:
