@@ -84,7 +84,9 @@ def _not_seen(case: Case) -> Iterator[str]:
     yield from case.wrong("code", codes[0] if codes else None)
     records = case.reading.answered_at.get(case.frame, [])
     short = any(each.stated > len(each.data) for each in records if not each.write)
-    yield from case.wrong("among", len(set(codes)) > 1 or bool(codes and short))
+    yield from case.wrong("among", len(set(codes)) > 1)
+    if short and not codes and any(block.count for block in deal.answer.blocks if block.failed):
+        yield "the error number is not there"
     yield from vendor(case)
     if not (deal.answer.id or 0) & 0x80:
         yield "the response is positive"
@@ -1046,24 +1048,31 @@ def _half(case: Case) -> Iterator[str]:
             int(each.split(" frame")[0].split()[-1].replace(",", ""))
             for each in case.reading.text.splitlines() if "machine dropped" in each
         ]  # fmt: skip
-        cut = {
-            each.number for each in capture.frames
-            if each.cut and any(
-                each.number in pdu.frames and pdu.operation in RECORDS for pdu in capture.pdus
-            )
-        }  # fmt: skip
+        cut = _cut_frames(capture)
         if what == "cut":
-            sizes = {len(each.data) for each in capture.frames if each.number in cut}
+            sizes = {len(capture.frames[at - 1].data) for at in cut}
             yield from case.wrong("bytes", min(sizes) if len(sizes) == 1 else None)
         told = {each.frame for each in case.reading.findings if each.rule == "DS106"}
-        if what == "dropped" or case.args.get("count") != len(told):
-            yield from case.wrong("count", dropped[0] if what == "dropped" else len(cut))
+        count = case.args.get("count")
+        if what == "dropped":
+            yield from case.wrong("count", dropped[0])
+        elif count != len(told) and not (capture.fragments and count in range(1, len(cut))):
+            yield from case.wrong(
+                "count", len(cut)
+            )  # of fragments of IP the first that is cut counts
         return
     deals = [
         each for each in case.reading.deals
         if not each.cyclic and (each.controller, each.device) == pair
     ]  # fmt: skip
     yield from _of_pair(case, what, pair, [each for each in deals if each.asked], deals)
+
+
+def _cut_frames(capture: wire.Capture) -> set[int]:
+    """The frames of record calls that the capture cut, of those of which that is known, and of fragments."""
+    calls = {at for pdu in capture.pdus if pdu.operation in RECORDS for at in pdu.frames}
+    pieces = {at for frames in capture.pieces.values() for at in frames}
+    return capture.headless | {at for at in calls | pieces if capture.frames[at - 1].cut}
 
 
 def _of_pair(

@@ -174,7 +174,10 @@ def _cut(case: Case) -> Iterator[str]:
     records = [
         *case.reading.asked_at.get(whole, []), *case.reading.answered_at.get(whole, []),
     ]  # fmt: skip
-    if case.args.get("length") not in {each.stated for each in records}:
+    if case.args.get("length") is None:
+        if not any(each.untold for each in records):
+            yield "the length of its record is there, or it has none"
+    elif case.args.get("length") not in {each.stated for each in records}:
         yield f"length {case.args.get('length')!r} is none of {[each.stated for each in records]}"
 
 
@@ -206,8 +209,11 @@ def _back(case: Case) -> Iterator[str]:
 
 @auditor("DS108")
 def _empty(case: Case) -> Iterator[str]:
-    if not any(len(pdu.body) < 84 for pdu in case.reading.by_frame.get(case.frame, [])):
+    here = case.reading.by_frame.get(case.frame, [])
+    if not any(len(pdu.body) < 84 for pdu in here):
         yield "the body has room for a record call"
+    elif any(pdu.cut for pdu in here):
+        yield "the capture cut it"
 
 
 def _ms(case: Case, name: str, truth: float) -> Iterator[str]:
@@ -368,7 +374,7 @@ def _not_asked(case: Case, read: wire.Record) -> Iterator[str]:
 
 @auditor("DS207")
 def _without_data(case: Case) -> Iterator[str]:
-    if not any(not each.write and each.status == 0 and not each.data for each in case.answers()):
+    if not any(not each.write and each.status == 0 and not each.stated for each in case.answers()):
         yield "no positive Read without data is in this frame"
 
 
@@ -811,7 +817,7 @@ def _pending(case: Case, deal: Deal) -> Iterator[str]:
         each for each in case.reading.on_channel.get(deal.channel, [])
         if each.write and each.asked > (deal.write or 0)
     ]  # fmt: skip
-    if all(each.answered is not None for each in later):
+    if all(each.answered is not None and not each.untold for each in later):
         yield "each later Write of its channel has its response"
 
 
@@ -825,18 +831,19 @@ def _dropped(reading: Reading) -> bool:
 @auditor("DS403")
 def _orphan(case: Case) -> Iterator[str]:
     deal = case.deal
-    if deal is None or deal.answer is None or deal.read != case.frame:
+    data = deal.answer.data if deal and deal.answer else b""
+    if deal is None or deal.read != case.frame or not (data or deal.short):
         yield "no response of a transaction is in this frame"
         return
     if deal.asked is not None:
         yield f"the request is in frame {deal.write}"
-    reads = [each for each in case.answers() if not each.write and each.data == deal.answer.data]
+    reads = [each for each in case.answers() if not each.write and each.data == data]
     there = [
         each for each in case.reading.deals
         if each.place == deal.place and each.asked is not None and each.answer is not None
         and (each.read or 10**9) < case.frame
     ]  # fmt: skip
-    same = [each for each in there if each.answer and each.answer.data == deal.answer.data]
+    same = [each for each in there if each.answer and each.answer.data == data]
     last = max(there, key=lambda each: each.read or 0, default=None)
     others = [
         each.read or 0 for each in case.reading.deals
@@ -876,7 +883,7 @@ def _orphan(case: Case) -> Iterator[str]:
         elif not _is_forgotten(deal, newest, case):
             yield f"a Write of its channel is in frame {newest}"
         unsure = [each.asked for each in here if each.asked and each.state == "incomplete"]
-        its_own = any(each.reference == deal.answer.reference for each in unsure)
+        its_own = any(not data or each.reference == data[0] for each in unsure)
         for other in here:
             open_still = _is_open(other, case.frame, case.reading) and other.state != "incomplete"
             # Else it is a wrong one of that, or the one of the other.
@@ -958,6 +965,8 @@ def _error(case: Case) -> Iterator[str]:
         yield from case.wrong("code", block.code if told else None)
         yield from case.wrong("info", block.info if told else None)
         yield from vendor(case)
+        if deal.short and block.count and not block.words:
+            yield "the capture cut the error number off"
         return
     yield "no error block is at this offset"
 
@@ -1030,7 +1039,7 @@ def _superseded(case: Case) -> Iterator[str]:
         yield f"the new request that followed is in frame {between[0]}"
     brought = [
         each.answered for each in case.reading.capture.records
-        if not each.write and each.data and case.reading.same_place(deal, each)
+        if not each.write and (each.data or each.short) and case.reading.same_place(deal, each)
         and (request or 0) < (each.answered or 0) < (by or 0)
         and (not each.asked or each.asked > (request or 0))
         and not _is_old(each, deal, case.reading) and not _is_of_an_older(each, deal, case.reading)
@@ -1056,7 +1065,11 @@ def _is_old(read: wire.Record, deal: Deal, reading: Reading) -> bool:
         each for each in reading.on_channel.get(deal.channel, [])
         if not each.write and each.data == read.data and 0 < (each.answered or 0) < (deal.write or 0)
     ]  # fmt: skip
-    return bool(before) and deal.asked is not None and read.data[0] != deal.asked.reference
+    return (
+        bool(before and read.data)
+        and deal.asked is not None
+        and read.data[0] != deal.asked.reference
+    )
 
 
 @auditor("DS415")
@@ -1224,7 +1237,7 @@ def _incomplete(case: Case) -> Iterator[str]:
     what = str(args.get("what"))
     known = ("first", "last", "numbers")
     told = {name for name in known if args.get(name) is not None}
-    first = {"first"} if what in ("read_answer", "write_answer", "twice") else set()
+    first = {"first"} if what in ("read_answer", "write_answer", "twice", "cut_off") else set()
     if what in ("written_again", "crossed"):
         first = {"first", "last"}
     if told not in ([{*known}, {"last", "numbers"}] if what == "calls" else [first]):
@@ -1232,7 +1245,7 @@ def _incomplete(case: Case) -> Iterator[str]:
     if deal is None:
         yield from _read_for_nothing(case, what)
         return
-    if deal.write != case.frame or deal.answer is not None:
+    if deal.write != case.frame or (deal.answer is not None and deal.answer.id is not None):
         yield f"the request is in frame {deal.write}, its response in {deal.read}"
     pair = deal.controller, deal.device
     late = gaps.late(*pair)
@@ -1253,8 +1266,24 @@ def _incomplete(case: Case) -> Iterator[str]:
         "ends": lambda: _ends(case, deal),
         "unseen": lambda: _unseen(case, deal),
         "later": lambda: iter([]) if late else _pending(case, deal),
+        "cut_off": lambda: _is_cut_off(case, deal),
     }
     yield from why[what]() if what in why else [f"what {what!r} is nothing"]
+
+
+def _is_cut_off(case: Case, deal: Deal) -> Iterator[str]:
+    """That the capture cut off what a call of a transaction asks for, or what became of it."""
+    first = case.args.get("first") or 0
+    if first == deal.write and deal.cut and deal.asked is not None and deal.asked.id is None:
+        return
+    own = [
+        each for each in case.reading.answered_at.get(first, [])
+        if case.reading.same_place(deal, each) and (each.asked or first) >= (deal.write or 0)
+    ]  # fmt: skip
+    if not any(
+        each.untold or (not each.write and each.short and len(each.data) < 2) for each in own
+    ):
+        yield f"frame {first} says what became of it, or is none of its calls"
 
 
 def _read_for_nothing(case: Case, what: str) -> Iterator[str]:
@@ -1287,13 +1316,22 @@ def _read_for_nothing(case: Case, what: str) -> Iterator[str]:
         over = any(asked < call.request.frame < case.frame for call in case.reading.given_up)
         if before and not silent and not over and not case.reading.gaps.newest(pair[1]):
             yield f"what was asked for before was fetched in frame {before[-1].answered}"
-    elif what == "read_answer":
-        first = case.reading.asked_at.get(case.args.get("first") or 0, [])
-        mine = [each for each in first if each.channel == reads[0].channel and not each.write]
-        if not mine or all(each.answered and not _swapped(case, each) for each in mine):
-            yield f"no such Read without an answer is in frame {case.args.get('first')}"
+    elif what in ("read_answer", "cut_off"):
+        yield from _lacks_answer(case, reads[0], what)
     elif what not in ("one_direction", "halves", "later", "write_answer", "renewed"):
         yield f"what {what!r} is nothing"
+
+
+def _lacks_answer(case: Case, read: wire.Record, what: str) -> Iterator[str]:
+    """That an earlier call of the channel of a Read has no answer, or one that is cut off before it says anything."""
+    first, reading = case.args.get("first") or 0, case.reading
+    there = reading.asked_at if what == "read_answer" else reading.answered_at
+    mine = [each for each in there.get(first, []) if each.channel == read.channel]
+    if what == "cut_off" and not any(each.untold for each in mine):
+        yield f"no response that is cut off is in frame {first}"
+    reads = [each for each in mine if not each.write]
+    if what == "read_answer" and all(each.answered and not _swapped(case, each) for each in reads):
+        yield f"no such Read without an answer is in frame {first}"
 
 
 def _lacks_requests(case: Case, client: str, server: str, begin: int) -> Iterator[str]:

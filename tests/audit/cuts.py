@@ -10,6 +10,7 @@ import struct
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from random import Random
 
 from tests.audit import wire
 from tests.audit.wire import Frame
@@ -17,6 +18,8 @@ from tests.audit.wire import Frame
 Cut = list[Frame]
 SECOND = 10**9
 SNAP = 300
+SNAPS = range(60, 341)
+"""Where else frames are cut: before, in and behind each header, and among the values."""
 LINES = (147, 257)
 """Link types of PROFIBUS."""
 
@@ -82,9 +85,9 @@ def middle(frames: Cut) -> Cut:
     return frames[len(frames) // 3 : 2 * len(frames) // 3]
 
 
-def snapped(frames: Cut) -> Cut:
+def snapped(length: int) -> Callable[[Cut], Cut]:
     """No frame longer than a snap length."""
-    return [replace(each, data=each.data[:SNAP]) for each in frames]
+    return lambda frames: [replace(each, data=each.data[:length]) for each in frames]
 
 
 def swapped(step: int) -> Callable[[Cut], Cut]:
@@ -158,7 +161,7 @@ ALL: dict[str, Callable[[Cut], Cut]] = {
     "from devices": from_devices,
     "hole": without_middle,
     "middle": middle,
-    "snapped": snapped,
+    "snapped": snapped(SNAP),
     "3rd swapped": swapped(3),
     "7th swapped": swapped(7),
     "clock back": clock_back,
@@ -176,16 +179,29 @@ LONGER = ("twice",)
 
 
 def two(seed: int, names: Iterable[str] = ALL) -> list[str]:
-    """Two kinds that stand behind each other, chosen by a seed."""
+    """Two kinds that stand behind each other, chosen by a seed; of "snapped" another length, too."""
     kinds = [*names] * 2
     start = seed % (len(kinds) // 2)
-    return kinds[start : start + 2]
+    found = kinds[start : start + 2]
+    if "snapped" in found:
+        found.append(snap(Random(f"snap {seed}").choice(SNAPS)))
+    return found
+
+
+def snap(length: int) -> str:
+    """The name of a snap length."""
+    return f"snapped {length}"
+
+
+def _cut(name: str) -> Callable[[Cut], Cut]:
+    kind, _, length = name.partition(" ")
+    return snapped(int(length)) if kind == "snapped" and length else ALL[name]
 
 
 def of(frames: Cut, names: Iterable[str] = ALL) -> Iterator[tuple[str, Cut]]:
     """Those that leave something and change something."""
     for name in names if frames else ():
-        left = ALL[name](frames)
+        left = _cut(name)(frames)
         if left and left != frames:
             yield name, left
 

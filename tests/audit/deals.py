@@ -97,9 +97,9 @@ def state(deal: Deal, reading: Reading) -> tuple[str, ...]:
     fault = any(each.kind in (wire.FAULT, wire.REJECT) for each in answered)
     if deal.write_status or (deal.read_status not in OK) or fault:
         return ("refused",)
+    if "DS110" in deal.plain["findings"] and (answer is None or (deal.short and answer.id is None)):
+        return ("incomplete",)
     if answer is None or asked is None:
-        if "DS110" in deal.plain["findings"]:
-            return ("incomplete",)
         return ("superseded",) if _displaced(deal, reading) else ("unanswered",)
     if not deal.fits:
         return ("mismatch",)
@@ -117,14 +117,13 @@ def _outcome(
     done = sum(
         not block.failed and len(block.raw) == block.size * block.count for block in answer.blocks
     )
-    frame = reading.capture.frame(deal.read or 0)
-    if frame is not None and frame.cut and answer.missing:
+    if deal.short and answer.missing:
         return ("ok", "partial", "error")  # what stood there is not known
     if answer.unknown is not None:
         return ("partial", "error", "ok")
     request = reading.capture.frame(deal.write or 0)
     if not deal.parameters_asked and request is not None and request.cut:
-        return ("ok", "error")  # how many were asked for is not known
+        return ("ok", "partial", "error")  # how many were asked for is not known
     if done == deal.parameters_asked:
         return ("error",) if (answer.id or 0) & 0x80 else ("ok",)
     return ("partial",) if done else ("error",)

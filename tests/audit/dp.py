@@ -52,6 +52,8 @@ class Heard:
     saps: tuple[int | None, int | None] = (None, None)
     """At the destination, at the source."""
     du: bytes = b""
+    torn: int = -1
+    """Of one that the recording has not all of: the station that it was said to, or that said it."""
 
     @property
     def good(self) -> bool:
@@ -160,9 +162,20 @@ def hear(frame: wire.Frame) -> Heard:
         found.damage = "cut" if frame.cut else "other"
     elif found.damage and frame.cut and _is_short(data):
         found.damage = "cut"
+    if found.damage == "cut":
+        found.torn = _torn_of(data)
     if found.damage:
         found.da = found.sa = found.fc = -1
     return found
+
+
+def _torn_of(data: bytes) -> int:
+    """The station that a frame without its end was said to, or that said it; -1 where that is not there."""
+    head = 4 if data[:1] == b"\x68" else 1
+    if data[:1] not in (b"\x68", b"\x10", b"\xa2") or len(data) < head + 3:
+        return -1
+    to, source, fc = data[head : head + 3]
+    return (to if fc & 0x40 else source) & 127
 
 
 def _length(data: bytes) -> int:

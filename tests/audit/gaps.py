@@ -16,6 +16,8 @@ from uuid import UUID
 
 from tests.audit import wire
 
+RECORDS = (wire.READ, wire.WRITE, wire.IMPLICIT)
+
 
 @dataclass(frozen=True)
 class Gap:
@@ -105,10 +107,10 @@ class Gaps:
         return max((each[max(each)] for each in seen), default=0)
 
     def cut(self, client: str, server: str) -> list[int]:
-        """The frames of Writes of which the capture cut off where they go, or some of their records."""
+        """The frames of calls of which the capture cut off where they go, or some of their records."""
         return [
             call.request.frame for call in self._capture.calls
-            if call.request.cut and call.request.operation == wire.WRITE and wire.is_placeless(call.request)
+            if call.request.cut and call.request.operation in RECORDS and wire.is_placeless(call.request)
             and (call.request.source, call.request.target) == (client, server)
         ]  # fmt: skip
 
@@ -144,7 +146,8 @@ class Gaps:
             each.asked.number + 1 for each in turns
             if each.asked.counts and each.answer is None and not each.repeats and not each.last
         ]  # fmt: skip
-        return found + [each.asked.number for each in turns if each.hole]
+        cut = [each.number for each in line.flow if f"dp{each.torn}" == station] if line else []
+        return found + [each.asked.number for each in turns if each.hole] + cut
 
     def late(self, client: str, server: str) -> list[int]:
         """The frames of responses that come before their requests."""
@@ -175,6 +178,6 @@ class Gaps:
                 yield f"calls {gap.text} are not in the capture (frames {gap.after} to {gap.before})"
         for stray in self.strays(client, server):
             reads = stray.operation in (wire.READ, wire.IMPLICIT)
-            nowhere = reads and len(stray.body) < 20 + wire.BLOCK
+            nowhere = reads and len(stray.body) < 20 + wire.HEAD
             if (stray.operation == wire.WRITE or nowhere) and first < stray.frame < last:
                 yield f"the request answered in frame {stray.frame} is not in the capture"

@@ -211,8 +211,7 @@ def _deal(whole: Whole, same: Deal, deal: Deal, cut: Reading, origin: list[int])
         allowed.add("unanswered")
     if same.state == "superseded" and _next_write(whole, same) > max(origin):
         allowed.add("unanswered")  # its connection ended before, as far as the cut shows
-    frames = (cut.capture.frame(at) for at in (deal.read, deal.write) if at is not None)
-    short = any(each is not None and each.cut for each in frames)
+    short = deal.cut or deal.short
     if _alike(deal, same) and not _same_bytes(deal, same):
         short = True  # another Read brought more of the same record, or less
     if deal.frames["write_response"] is None and same.state == "refused":

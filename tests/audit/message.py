@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 SIZES = {
@@ -19,6 +20,8 @@ TWO_SIZES: tuple[dict[int, int], ...] = (
     {0x21: 2, 0x22: 4, 0x23: 2, 0x24: 2, 0x25: 2, 0x26: 2, 0x27: 4, 0x28: 2, 0x29: 2, 0x2A: 4, 0x2B: 2, 0x2C: 4},
 )  # fmt: skip
 """Other sizes of formats that have two: of the walks with them the first that comes out even counts."""
+UNDECIDED: dict[int, int | None] = {code: None for other in TWO_SIZES for code in other}
+"""The same where nobody knows whether it comes out even: they end the walk."""
 LETTERS = {
     0x01: "B", 0x02: "b", 0x03: "h", 0x04: "i", 0x05: "B", 0x06: "H", 0x07: "I", 0x08: "f", 0x0F: "d",
     0x37: "q", 0x38: "Q", 0x41: "B", 0x42: "H", 0x43: "I", 0x71: "h", 0x72: "i", 0x73: "H",
@@ -30,6 +33,7 @@ NAMES = {
     "TimeOfDay": 0x0C, "Float64": 0x0F, "Integer64": 0x37, "Unsigned64": 0x38, "Zero": 0x40, "Byte": 0x41,
     "Word": 0x42, "DoubleWord": 0x43, "Error": 0x44, "N2": 0x71, "N4": 0x72, "V2": 0x73,
 }  # fmt: skip
+Sizes = Mapping[int, int | None]
 CHANGE = 0x02
 CHANGES = (CHANGE, 0x42, 0x52)
 READS = (0x01, 0x51)
@@ -136,13 +140,17 @@ class Message:
         return self.id in CHANGES
 
 
-def request(data: bytes) -> Message:
-    """Walks a request."""
+def request(data: bytes, *, cut: bool = False) -> Message:
+    """Walks a request; of one that the capture cut up to what its end would have to tell."""
+    if cut:
+        return _request(data, UNDECIDED)
     return _first_even([_request(data, other) for other in TWO_SIZES])
 
 
-def response(data: bytes) -> Message:
-    """Walks a response."""
+def response(data: bytes, *, cut: bool = False) -> Message:
+    """Walks a response; the same."""
+    if cut:
+        return _response(data, UNDECIDED)
     return _first_even([_response(data, other) for other in TWO_SIZES])
 
 
@@ -150,7 +158,7 @@ def _first_even(walks: list[Message]) -> Message:
     return next((each for each in walks if each.sound and not any(each.rest)), walks[0])
 
 
-def _request(data: bytes, other: dict[int, int]) -> Message:
+def _request(data: bytes, other: Sizes) -> Message:
     found = Message(data, asked_for=True)
     if len(data) < 4:
         found.missing = 4 - len(data)
@@ -169,7 +177,7 @@ def _request(data: bytes, other: dict[int, int]) -> Message:
     return Message(data, found.addresses, rest=data[at:], asked_for=True)
 
 
-def _response(data: bytes, other: dict[int, int]) -> Message:
+def _response(data: bytes, other: Sizes) -> Message:
     found = Message(data)
     if len(data) < 4:
         found.missing = 4 - len(data)
@@ -183,7 +191,7 @@ def _response(data: bytes, other: dict[int, int]) -> Message:
     return Message(data, rest=data[4:])  # an unknown ID: nobody knows what stands behind it
 
 
-def _blocks(found: Message, at: int, count: int, other: dict[int, int]) -> None:
+def _blocks(found: Message, at: int, count: int, other: Sizes) -> None:
     data = found.data
     for _ in range(count):
         if found.id == 0x80 and at == len(data):
@@ -207,6 +215,9 @@ def _blocks(found: Message, at: int, count: int, other: dict[int, int]) -> None:
             return
         at += 2 + length
         if length % 2:
+            if other is UNDECIDED and any(data[at : at + 1]):
+                found.unknown, found.rest = at, data[at:]
+                return
             found.pads.append((at, data[at] if at < len(data) else None))
             at += 1
     found.rest = data[at:]

@@ -16,6 +16,7 @@ FORMS = {
     "error": r"WRREC ERROR, STATUS (?P<status>[0-9A-F]{8})",
     "fault": rf"WRREC ERROR with a STATUS of the PLC itself \({_FAULT}\)",
     "bare": r"WRREC, a response without STATUS",
+    "cut": r"WRREC, its STATUS was cut off by the capture",
     "busy": r"WRREC BUSY until its timeout, then ERROR \(no response in the capture\)",
     "ends": r"WRREC, no response before the capture ends",
     "unseen": r"WRREC, its response is not in the capture",
@@ -107,6 +108,8 @@ def _end(record: wire.Record) -> str:
         return "unseen"
     if response.kind in (wire.FAULT, wire.REJECT):
         return "fault"
+    if record.untold:
+        return "cut" if record.write else "unseen"
     if record.status is None:
         return "bare"
     if record.status:
@@ -370,7 +373,7 @@ def _asked_by(record: wire.Record, deal: Deal, reading: Reading) -> tuple[set[in
     taken = [each for each in writes if each.asked and _end(each) == "done"]
     begin = taken[-1].asked if taken else 0
     behind = [each for each in writes if each.asked > begin]
-    unseen = {each.asked for each in behind if _end(each) == "unseen"}
+    unseen = {each.asked for each in behind if _end(each) in ("unseen", "cut")}
     if any(not each.asked and _end(each) == "done" and _at(each) > begin for each in writes):
         unseen.add(0)  # a Write that was accepted, and whose request nobody saw
     if taken and _is_open(begin, at, deal, reading):

@@ -54,8 +54,8 @@ class Deal:
         self.write_status = _status(plain["status"]["write"])
         self.read_status = _status(plain["status"]["read"])
         self.duration_ms: float | None = plain["duration_ms"]
-        self.cut = False
-        """Whether the capture cut the Write request."""
+        self.cut = self.short = False
+        """Whether the capture cut the Write request, and whether the response."""
         self.s7 = plain["channel"] == "s7"
         self.cyclic = self.s7 or plain["channel"] == "pkw"
         """Its messages are none of DS47: `pkw` and `s7` read them."""
@@ -124,13 +124,17 @@ class Deal:
     def fits(self) -> bool:
         """Whether its response is one to its request, by what is mirrored and how many blocks there are."""
         asked, answer = self.asked, self.answer
-        if asked is None or answer is None or answer.id is None or asked.id is None:
+        if asked is None or answer is None:
             return False
-        return (
-            asked.reference == answer.reference and asked.axis == answer.axis
-            and answer.id in (asked.id, asked.id | 0x80, 0x80)
-            and len(answer.blocks) <= self.parameters_asked
-        )  # fmt: skip
+        pairs = ((asked.reference, answer.reference), (asked.axis, answer.axis))
+        if any(one != other for one, other in pairs if None not in (one, other)):
+            return False
+        counted = asked.count is not None or not self.cut
+        if counted and len(answer.blocks) > self.parameters_asked:
+            return False
+        if asked.id is None or answer.id is None:  # the capture cut it off, or it was never there
+            return (self.cut or asked.id is not None) and (self.short or answer.id is not None)
+        return answer.id in (asked.id, asked.id | 0x80, 0x80)
 
     @property
     def parameters_asked(self) -> int:
@@ -195,9 +199,19 @@ class Reading:
     def __post_init__(self) -> None:
         self.deals = [Deal(each) for each in self.plain["transactions"]]
         for deal in self.deals:
-            frame = self.capture.frame(deal.write or 0)
-            deal.cut = frame is not None and frame.cut
+            self._cut(deal)
         self.findings = [Finding.of(each) for each in self.plain["findings"]]
+
+    def _cut(self, deal: Deal) -> None:
+        """What the capture cut of a transaction; its messages are walked accordingly."""
+        frame = self.capture.frame(deal.write or 0)
+        own = [e for e in self.asked_at.get(deal.write or 0, ()) if self.same_place(deal, e)]
+        deal.cut = any(e.short for e in own) or (not own and frame is not None and frame.cut)
+        deal.short = any(each.short for each in self.answered_at.get(deal.read or 0, ()))
+        if deal.asked is not None and deal.cut:
+            deal.asked = message.request(deal.asked.data, cut=True)
+        if deal.answer is not None and deal.short:
+            deal.answer = message.response(deal.answer.data, cut=True)
 
     @property
     def line(self) -> dp.Line | None:

@@ -21,7 +21,10 @@ PARTS = ("1", "2", "3", "4")
 """dea00001 to dea00004: the interfaces of PROFINET."""
 MAPPER = "e1af8308-5d1f-11c9-91a4-08002b14a0fa"
 WRITE_MULTIPLE = 0xE040
+PORT = (34964).to_bytes(2)
 BLOCK = 64
+HEAD, STATUS_END = 40, 48
+"""Of a block: where its place and the length of its record end, and of the one of an answer its status."""
 COPY_NS, CALL_NS = 1_000_000, 60_000_000_000
 ETHERNET, SLL, SLL2 = 1, 113, 276
 HEADS = {ETHERNET: (12, 14, 6), SLL: (14, 16, 6), SLL2: (0, 20, 12)}
@@ -139,6 +142,14 @@ class Record:
     """Of a Read: the length it asks for."""
     status: int | None
     nested: bool = False
+    untold: bool = False
+    """Whether the capture cut the answer off before it says what became of it."""
+
+    @property
+    def short(self) -> bool:
+        """Whether the capture has not all of its data."""
+        pdu = self.call.request if self.write else self.call.response
+        return pdu is not None and pdu.cut and len(self.data) < self.stated
 
     @property
     def channel(self) -> tuple[object, ...]:
@@ -172,6 +183,8 @@ class Capture:
     """Of each request, also of one to the endpoint mapper: frame, client, server, activity and sequence number."""
     torn: dict[tuple[object, ...], int] = field(default_factory=dict)
     """RPC fragments that the capture cut: what stands behind them is not known."""
+    headless: set[int] = field(default_factory=set)
+    """Frames of RPC that the capture cut before its header ends."""
     line: Any = None
     """Of PROFIBUS (`dp.Line`)."""
 
@@ -300,7 +313,7 @@ class _Whole:
     """Puts the fragments of IP together."""
 
     def __init__(self, capture: Capture) -> None:
-        self._parts: dict[tuple[object, ...], dict[int, tuple[bytes, bool, int, bool]]] = {}
+        self._parts: dict[tuple[object, ...], dict[int, tuple[bytes, bool, int, int]]] = {}
         self._capture = capture
 
     def add(self, frame: Frame, packet: bytes) -> _Datagram | None:
@@ -314,22 +327,22 @@ class _Whole:
             return _Datagram(source, target, number, payload, [frame.number], cut)
         key = ("IP", source, target, number)
         parts = self._parts.setdefault(key, {})
-        parts[start] = payload, more, frame.number, cut
+        parts[start] = payload, more, frame.number, size - head
         self._capture.fragments.setdefault(key, []).append(frame.number)
         self._capture.pieces[key] = sorted(part[2] for part in parts.values())
         if not start:
             self._capture.begun[key] = frame.number, _call_of(payload[8:])
-        data = b""
+        data, end, whole = b"", 0, True
         for at in sorted(parts):
-            if at != len(data):
+            if at != end:
                 return None
-            data += parts[at][0]
+            data += parts[at][0] if whole else b""  # up to the first that is cut
+            end += parts[at][3]
+            whole = len(data) == end
             if not parts[at][1]:
                 del self._parts[key]
                 seen = self._capture.pieces.pop(key)
-                return _Datagram(
-                    source, target, number, data, seen, any(part[3] for part in parts.values())
-                )
+                return _Datagram(source, target, number, data, seen, not whole)
         return None
 
 
@@ -352,6 +365,8 @@ def read(path: Path) -> Capture:
         if len(packet) < 21 or packet[0] >> 4 != 4 or packet[9] != 17:
             continue
         datagram = whole.add(frame, packet)
+        if datagram is not None and datagram.cut and _is_headless(datagram.payload):
+            capture.headless |= {at for at in datagram.frames if capture.frames[at - 1].cut}
         if datagram is not None and len(datagram.payload) >= 88:
             pdu = _pdu(frame, datagram, halves, capture)
             if pdu is not None:
@@ -364,6 +379,19 @@ def read(path: Path) -> Capture:
     for pdu in capture.strays:
         capture.records += _unasked(pdu)
     return capture
+
+
+def _is_headless(payload: bytes) -> bool:
+    """Whether a UDP packet ends before the header of RPC does, which is one of PROFINET as far as it shows."""
+    if len(payload) >= 88 or payload[8:9] not in (b"", b"\4"):
+        return False
+    shown = payload[32:48]
+    ours = [UUID(f"dea0000{part}-6c97-11d1-8271-00a02442df7d") for part in PARTS]
+    if len(shown) == 16:  # which operation it is, is cut off
+        ours.append(UUID(MAPPER))
+    if shown:
+        return any(one.startswith(shown) for each in ours for one in (each.bytes, each.bytes_le))
+    return PORT in (payload[:2], payload[2:4])
 
 
 def _pdu(
@@ -486,7 +514,7 @@ def _records(call: Call) -> Iterator[Record]:
     request = call.request
     if request.operation not in (READ, WRITE, IMPLICIT):
         return
-    if len(request.body) < 20 + BLOCK:
+    if len(request.body) < 20 + HEAD:
         if call.response is not None:  # the capture cut the request
             yield from _unasked(call.response)
         return
@@ -500,22 +528,22 @@ def _records(call: Call) -> Iterator[Record]:
         api, slot, subslot, _, index, stated = struct.unpack_from(">IHHHHI", block, 24)
         write = request.operation == WRITE
         inner = answers
+        torn = answer is not None and answer.kind == RESPONSE and answer.cut and not status
         if write and status == 0 and index != WRITE_MULTIPLE and _is_multiple(blocks):
             inner = answers[BLOCK * (number + 1) :]
-        found, length = status, 0
-        if len(inner) >= BLOCK:
+        found, length, untold = status, 0, torn and len(inner) < (STATUS_END if write else HEAD)
+        if len(inner) >= HEAD:
             (length,) = struct.unpack_from(">I", inner, 36)
-            if write:
-                (own,) = struct.unpack_from(">I", inner, 44)
-                found = own or status
-        elif write and inner is not answers:
+        if write and len(inner) >= STATUS_END:
+            found = struct.unpack_from(">I", inner, 44)[0] or status
+        elif write and (inner is not answers or untold):
             found = None
         got = inner[BLOCK : BLOCK + length]
         yield Record(
             write, request.operation == IMPLICIT, request.source, request.target, ar, api, slot,
             subslot, index, call, request.frame, answer.frame if answer else None,
             data if write else got, stated if write else length, 0 if write else stated, found,
-            nested=write and index == WRITE_MULTIPLE and _is_multiple(blocks),
+            nested=write and index == WRITE_MULTIPLE and _is_multiple(blocks), untold=untold,
         )  # fmt: skip
 
 
@@ -529,27 +557,28 @@ def _unasked(pdu: Pdu) -> Iterator[Record]:
         [blocks[at : at + BLOCK] for at in range(BLOCK, len(blocks), BLOCK)] if many else [blocks]
     )
     for block in heads:
-        if len(block) < BLOCK:
+        if len(block) < HEAD:
             continue
         ar = UUID(bytes=block[8:24])
         api, slot, subslot, _, index, stated = struct.unpack_from(">IHHHHI", block, 24)
         (status,) = struct.unpack_from(pdu.order + "I", pdu.body)
-        if many:
+        untold = write and pdu.cut and not status and len(block) < STATUS_END
+        if many and not untold:
             status = struct.unpack_from(">I", block, 44)[0] or status
         yield Record(
             write, pdu.operation == IMPLICIT, pdu.target, pdu.source, ar, api, slot, subslot, index,
             Call(pdu, pdu), 0, pdu.frame, b"" if write else block[BLOCK : BLOCK + stated], stated, 0,
-            status,
+            None if untold else status, untold=untold,
         )  # fmt: skip
 
 
 def is_placeless(pdu: Pdu) -> bool:
-    """Whether a Write is cut before its header ends, or is one of several records."""
-    return len(pdu.body) < 20 + BLOCK or _is_multiple(pdu.body[20:])
+    """Whether a call is cut before its place ends, or is one of several records."""
+    return len(pdu.body) < 20 + HEAD or _is_multiple(pdu.body[20:])
 
 
 def _is_multiple(blocks: bytes) -> bool:
-    return len(blocks) >= BLOCK and blocks[34:36] == b"\xe0\x40"
+    return len(blocks) >= HEAD and blocks[34:36] == b"\xe0\x40"
 
 
 def _written(blocks: bytes, write: bool) -> Iterator[tuple[bytes, bytes]]:
@@ -557,7 +586,7 @@ def _written(blocks: bytes, write: bool) -> Iterator[tuple[bytes, bytes]]:
         yield blocks[:BLOCK], blocks[BLOCK : BLOCK + int.from_bytes(blocks[36:40])]
         return
     at = BLOCK
-    while at + BLOCK <= len(blocks):
+    while at + HEAD <= len(blocks):
         size = int.from_bytes(blocks[at + 36 : at + 40])
         yield blocks[at : at + BLOCK], blocks[at + BLOCK : at + BLOCK + size]
         at += BLOCK + size

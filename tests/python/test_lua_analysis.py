@@ -372,6 +372,18 @@ def test_conversations_of_the_auditor_give_the_same_result(
     compare(version, "en", own(version, audited), tmp_path)
 
 
+@pytest.mark.parametrize("version", VERSIONS)
+def test_snap_lengths_give_the_same_result(version: str, tmp_path: Path) -> None:
+    """From what is too short for a header of RPC to what is longer than most records."""
+    sources, path = [], tmp_path / "cut.pcap"
+    for stack in sorted((ROOT / "captures/real-stacks").glob("*.pcapng")):
+        for length in range(120 + 7 * VERSIONS.index(version), 340, 21):
+            cuts.write(path, cuts.snapped(length)(wire.frames(stack)))
+            name = f"{stack.name} {length}"
+            sources.append(Source(name, path.read_bytes(), look=length % 5 == 0))
+    compare(version, "en", sources, tmp_path)
+
+
 @pytest.fixture(scope="module")
 def by_ms1(tmp_path_factory: pytest.TempPathFactory) -> list[Source]:
     sources, path = [], tmp_path_factory.mktemp("ms1") / "bus.pcapng"
@@ -436,7 +448,8 @@ def faulty_lines(tmp_path_factory: pytest.TempPathFactory) -> list[Source]:
     path = tmp_path_factory.mktemp("lines") / "line.pcap"
     for plan in seeds.planned(18, number=60)[::3]:
         seeds.play(plan).tape.write(path)
-        for name, frames in cuts.of(wire.frames(path), ["every 5th lost", "every 11th lost"]):
+        kinds = ["every 5th lost", "every 11th lost", cuts.snap(30)]
+        for name, frames in cuts.of(wire.frames(path), kinds):
             cuts.write(path, frames)
             sources.append(Source(f"{name} {plan.text()}", path.read_bytes(), False))
     return sources

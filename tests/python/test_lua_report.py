@@ -27,6 +27,7 @@ from test_cyclic_scenes import SCENES, capture
 from test_lua_cyclic import scenes
 from test_lua_pzd import ABSENT, NAMES, without_connect
 from test_profibus_bus import everything_wrong
+from tests.audit import cuts, wire
 from whole_capture import without_analyzers
 
 from ds47 import spec
@@ -371,6 +372,25 @@ def test_a_write_without_a_response_before_other_reads_is_told_as_in_python(lua:
     for text, known in zip(texts, (False, False, True), strict=True):
         assert text.endswith("\nWRREC, its response is not in the capture") is not known
         assert ("WRREC, no response before the capture ends; RDREC not started" in text) is known
+
+
+@pytest.mark.parametrize(
+    ("length", "write"),
+    [
+        (184, "WRREC, its STATUS was cut off by the capture"),
+        (200, "WRREC DONE, STATUS 00000000"),
+    ],
+)
+def test_what_a_snap_length_left_of_calls_is_told_as_in_python(
+    lua: Run, captures: Path, tmp_path: Path, length: int, write: str
+) -> None:
+    path = tmp_path / "cut.pcap"
+    frames = wire.frames(captures / "real-stacks/o2_pyprofinet_le.pcapng")
+    cuts.write(path, cuts.snapped(length)(frames))
+    result = analyze(path)
+    assert lua([job("plc", result)]) == [saw(result)]
+    read = "RDREC VALID, STATUS 00000000, LEN 10 (0 of them captured)"
+    assert saw(result).splitlines()[-1] == f"{write}; {read}"
 
 
 @pytest.mark.slow

@@ -1,0 +1,115 @@
+"""Real stacks whose frames a snap length cut, wherever: nothing is said that is not so of the whole capture.
+
+Rules, frames and arguments are compared here; whether sentences about the cut capture are true, the auditor says.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tests.audit import cuts, holes, wire
+
+from ds47.analysis import analyze
+from ds47.model import CaptureResult, Finding, Transaction
+
+ROOT = Path(__file__).parents[2]
+STACKS = sorted((ROOT / "captures/real-stacks").glob("*.pcapng"))
+SMALL = ROOT / "captures/real-stacks/o2_pyprofinet_le.pcapng"
+LEAST, MOST = 42, 400
+SHARES = 12
+FREE = {
+    "DS701": {"among", "case", "polls"},
+    "DS705": {"case", "other", "other_ar", "first"},
+    "DS708": {"other"},
+    "DS721": {"count", "unknown", "more", "last"},
+}
+"""Arguments that a cut capture may say otherwise: they count, or name the first one, or who it is known to be."""
+OTHERWISE = {"DS701"}
+"""Told of more transactions than of the whole: what a better cause needs is cut off."""
+
+Place = tuple[object, ...]
+
+
+def cut(path: Path, length: int, folder: Path) -> CaptureResult:
+    there = folder / f"{length}.pcap"
+    cuts.write(there, cuts.snapped(length)(wire.frames(path)))
+    return analyze(there)
+
+
+@cache
+def whole(path: Path) -> CaptureResult:
+    return analyze(path)
+
+
+def place(item: Transaction) -> Place:
+    return item.frames.write_request, item.slot, item.subslot, item.index, item.position
+
+
+def is_said(finding: Finding, of: CaptureResult) -> bool:
+    """Whether the whole says the same, or more."""
+    said = {name for name, value in finding.args.items() if value is not None}
+    known = said - FREE.get(finding.rule, set())
+    return any(
+        (each.rule, each.frame) == (finding.rule, finding.frame)
+        and all(each.args[name] == finding.args[name] for name in known)
+        for each in of.findings
+    )
+
+
+def false(path: Path, length: int, folder: Path) -> Iterator[Any]:
+    """What is said of a cut capture, and not so of the whole."""
+    told, true = cut(path, length, folder), whole(path)
+    for each in told.findings:
+        if each.rule not in holes.OF_THE_RECORDING | OTHERWISE and not is_said(each, true):
+            yield each.rule, each.frame, each.args
+    states = {place(each): each.state for each in true.transactions}
+    for item in told.transactions:
+        state = states.get(place(item), "orphan")
+        at_last = {"partial"} if item.state == "error" else set()  # P67
+        if item.state not in {state, "incomplete"} and state not in at_last:
+            yield item.state, state, place(item)
+
+
+@pytest.mark.parametrize("length", [184, 200, 207, 208, 213, 226])
+def test_what_a_snap_length_cut_off_is_nobodys_fault(length: int, tmp_path: Path) -> None:
+    assert list(false(SMALL, length, tmp_path)) == []
+
+
+@pytest.mark.parametrize(
+    ("length", "states"),
+    [
+        (150, {}),
+        (184, {"incomplete": 5}),
+        (200, {"incomplete": 5}),
+        (207, {"incomplete": 5}),
+        (208, {"ok": 5}),
+        (300, {"ok": 47, "error": 24, "partial": 2, "refused": 5, "mismatch": 2, "superseded": 1}),
+    ],
+)
+def test_what_is_left_is_told(length: int, states: dict[str, int], tmp_path: Path) -> None:
+    """From 182 on AR and index are there, from 207 on a byte of the record, from 210 on what proves index 47."""
+    assert Counter(each.state for each in cut(SMALL, length, tmp_path).transactions) == states
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", STACKS, ids=lambda path: path.stem)
+def test_every_snap_length(path: Path, tmp_path: Path) -> None:
+    found = {
+        (length, each[0]): each
+        for length in range(LEAST, MOST + 1)
+        for each in false(path, length, tmp_path)
+    }
+    assert found == {}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("share", range(SHARES))
+@pytest.mark.parametrize("path", STACKS, ids=lambda path: path.stem)
+def test_the_auditor_finds_nothing_at_any_snap_length(path: Path, share: int) -> None:
+    names = [cuts.snap(length) for length in range(LEAST + share, MOST + 1, SHARES)]
+    assert list(map(str, holes.of(path, names))) == []
