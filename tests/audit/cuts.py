@@ -30,7 +30,7 @@ def every(step: int, start: int = 0) -> Callable[[Cut], Cut]:
 
 
 def servers(frames: Cut) -> set[bytes]:
-    """The IP addresses to which record calls go, and S7."""
+    """The IP addresses to which Connects and record calls go, and S7."""
     return {
         packet[16:20] for each in frames
         if _asks(packet := wire.ip_packet(each)) or _is_to_s7(packet)
@@ -56,23 +56,37 @@ def _asks(packet: bytes) -> bool:
     if len(data) < 80 or data[:2] != b"\x04\x00":
         return False
     operation = int.from_bytes(data[68:70], "little" if data[4] >> 4 == 1 else "big")
-    return operation in (wire.READ, wire.WRITE, wire.IMPLICIT)
+    return operation in (wire.CONNECT, wire.READ, wire.WRITE, wire.IMPLICIT)
 
 
 def to_devices(frames: Cut) -> Cut:
     """Nothing that a device sent."""
     if frames[0].link in LINES:
         return [each for each in frames if not _answers(each)]
-    devices = servers(frames)
-    return [each for each in frames if wire.ip_packet(each)[12:16] not in devices]
+    devices, macs = servers(frames), _macs(frames)
+    return [
+        each for each in frames
+        if wire.ip_packet(each)[12:16] not in devices and wire.sender(each) not in macs
+    ]  # fmt: skip
 
 
 def from_devices(frames: Cut) -> Cut:
     """Nothing that was sent to a device."""
     if frames[0].link in LINES:
         return [each for each in frames if _answers(each)]
+    devices, macs = servers(frames), _macs(frames)
+    return [
+        each for each in frames
+        if wire.ip_packet(each)[16:20] not in devices
+        and (wire.payload(each)[0] != wire.PROFINET or wire.sender(each) in macs)
+    ]  # fmt: skip
+
+
+def _macs(frames: Cut) -> set[bytes]:
+    """The MAC addresses of devices: cyclic frames have no others."""
     devices = servers(frames)
-    return [each for each in frames if wire.ip_packet(each)[16:20] not in devices]
+    theirs = (wire.sender(each) for each in frames if wire.ip_packet(each)[12:16] in devices)
+    return set(theirs) - {b""}
 
 
 def without_middle(frames: Cut) -> Cut:
@@ -134,13 +148,18 @@ def twice(frames: Cut) -> Cut:
 
 
 def elsewhere(frames: Cut) -> Cut:
-    """The same in another plant: the third byte of each IP address is another one."""
-    found = []
+    """The same in another plant: the third byte of each IP address is another one, and the fourth of each MAC address.
+
+    These also stand in what a Connect sets up.
+    """
+    found, macs = [], {wire.sender(each) for each in frames} - {b""}
     for each in frames:
         data, at = bytearray(each.data), len(each.data) - len(wire.ip_packet(each))
         for byte in (at + 14, at + 18):
             if byte < len(data):
                 data[byte] ^= 1
+        for mac in macs:
+            data = data.replace(mac, mac[:3] + bytes((mac[3] ^ 1,)) + mac[4:])
         found.append(replace(each, data=bytes(data)))
     return found
 

@@ -31,9 +31,7 @@ def parts(reading: Reading, relation: dict[str, Any], side: str) -> Iterator[Par
     for each in reading.capture.rt:
         if each.is_of(way["mac"], other["mac"], way["frame_id"]) and not each.frame.cut:
             end = way["offset"] + way["length"]
-            good = bool(each.data[end] & 0x80)
-            if relation["channel"] == "pzd":
-                good = good and bool(each.data[-2] & 0x04)
+            good = bool(each.data[end] & 0x80 and each.data[-2] & 0x04)
             data = each.data[way["offset"] : end]
             yield Part(each.frame.number, each.frame.time_ns, data, good)
 

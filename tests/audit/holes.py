@@ -10,19 +10,20 @@ import re
 import tempfile
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from functools import cache
 from math import inf
 from pathlib import Path
 from typing import Any
 
-from tests.audit import causes, cuts, reading, run, stations, wire
+from tests.audit import causes, cuts, pkw, pzd, reading, run, stations, wire
 from tests.audit.claims import Case
 from tests.audit.memory import Memory
 from tests.audit.reading import Complaint, Deal, Finding, Reading
 
 OF_THE_RECORDING = {
     "DS101", "DS102", "DS103", "DS105", "DS106", "DS107", "DS109", "DS110", "DS209", "DS403", "DS725",
-    "DS533", "DS915",
+    "DS512", "DS533", "DS915",
 }  # fmt: skip
 """Rules about what is in the capture."""
 COUNTS = {
@@ -59,10 +60,18 @@ ALIKE = {
     "DS907": "it is byte",
     "DS919": "something else than an element",  # what else is asked for the cut does not show
     "DS701": "a STATUS tells of it",  # of the Write, which the cut does not have
+    # How many and how slow: that is counted in the cut.
+    **dict.fromkeys(("DS508", "DS509", "DS510", "DS511"), ("it is ", "another one is the slowest")),
+    # The cut has not the Connect that set it up anew, and nothing proves it in the whole one.
+    **dict.fromkeys(pkw.AUDITORS, "it is of no transaction"),
+    **dict.fromkeys(pzd.AUDITORS, "no drive of that slot has this frame"),
+    **dict.fromkeys(pzd.OF_CHANGES, ("its channel was set up anew", "it runs since []")),
     # Of it the cut has no response, or not in its order.
     "DS704": ("a new request was written", "no new request was written"),
 }
 """How complaints begin of what is true of the whole as well."""
+SHORTLY = 4
+"""Frames around one that is lost alone."""
 
 
 @cache
@@ -197,6 +206,16 @@ def _same(whole: Whole, deal: Deal, origin: list[int]) -> Deal | None:
     return next((each for each in there if each.place == deal.place), None)
 
 
+def _first_seen(frame: int, cut: Reading, origin: list[int]) -> range:
+    """The frames of the whole of which a frame of a cut may be the first one that is left, if it is a cyclic one."""
+    there = [each for each in cut.capture.rt if each.frame.number <= frame]
+    number, last = origin[frame], there[-1] if there else None
+    if last is None or last.frame.number != frame:
+        return range(number, number + 1)
+    before = [origin[each.frame.number] for each in there[:-1] if each[1:4] == last[1:4]]
+    return range(min([number, *(each + 1 for each in before[-1:])]), number + 1)
+
+
 def _is_over(whole: Whole, same: Deal) -> bool:
     """Whether nothing is open on a channel at the end: what comes behind that is for nobody else."""
     there = [each for each in whole.item.deals if each.channel == same.channel]
@@ -316,6 +335,9 @@ def _moved(finding: Finding, origin: list[int]) -> dict[str, Any]:
 
 def _finding(whole: Whole, finding: Finding, cut: Reading, origin: list[int]) -> Iterator[str]:
     """What of a finding is not so of the whole: neither its report says that, nor do its frames."""
+    if finding.rule.startswith("DS5"):
+        yield from _of_words(whole, finding, cut, origin)
+        return
     deal = cut.deal(finding)
     same = _same(whole, deal, origin) if deal is not None else None
     args, frame = _moved(finding, origin), origin[finding.frame]
@@ -343,10 +365,58 @@ def _finding(whole: Whole, finding: Finding, cut: Reading, origin: list[int]) ->
         return  # of the record itself, of which another Read brought more or less: `run` looks at that
     if deal and _is_free(whole, deal, same, moved.rule, origin):
         return
-    free = COUNTS | OF_COUNTS.get(moved.rule, set())
-    for text in run.AUDITORS[moved.rule](Case(moved, whole.item, whole.memory)):
-        alike = text.startswith(ALIKE.get(moved.rule, "-")) or _is_outside(moved.rule, text, origin)
+    yield from _untrue(whole, moved, origin)
+
+
+def _of_words(whole: Whole, finding: Finding, cut: Reading, origin: list[int]) -> Iterator[str]:
+    """The same of what is said of cyclic frames: it is in the first frame that is left since it became so.
+
+    Of a request and what comes 0.1 ms later from the other side, the file says which was first.
+    """
+    if finding.rule in pkw.AUDITORS and origin != sorted(origin):
+        return
+    seen = _first_seen(finding.frame, cut, origin)
+    deal, texts = cut.deal(finding), list[str]()
+    same = _same(whole, deal, origin) if deal is not None else None
+    begun = range(0)
+    if deal is not None and deal.cyclic and deal.write is not None:
+        begun = _first_seen(deal.write, cut, origin)
+        there = (whole.by_write.get((each, deal.place)) for each in begun)
+        same = next(filter(None, there), None)
+    for frame in reversed(seen):
+        earlier = {origin[finding.frame]: frame}
+        if same is not None and deal is not None:
+            earlier[origin[deal.write or 0]] = same.write or 0
+        args = _moved(finding, [earlier.get(each, each) for each in origin])
+        moved = replace(finding, frame=frame, args=args, transaction=same.id if same else None)
+        told = whole.told.get((finding.rule, frame), [])
+        if any(_agrees(finding.rule, args, each.args, origin) for each in told):
+            return
+        found = list(_untrue(whole, moved, origin))
+        if not found:
+            return
+        texts = texts or found
+    if deal is not None and finding.rule in pzd.OF_CHANGES:  # by what the drive said before it
+        seen = range(origin[deal.write or 0] - SHORTLY, origin[finding.frame])
+    if not any(_is_alone(each, origin) for each in (*begun, *seen)):
+        yield from texts
+
+
+def _is_alone(frame: int, origin: list[int]) -> bool:
+    """Whether a frame is lost, and no other one near it: what was so for that cycle only nobody knows."""
+    near = range(frame - SHORTLY, frame + SHORTLY + 1)
+    return frame > 0 and [each for each in near if each > 0 and each not in origin] == [frame]
+
+
+def _untrue(whole: Whole, moved: Finding, origin: list[int]) -> Iterator[str]:
+    """What the auditor of its rule says of a finding in the whole one, but for what the cut one cannot know."""
+    rule, args = moved.rule, moved.args
+    free = COUNTS | OF_COUNTS.get(rule, set())
+    for text in run.AUDITORS[rule](Case(moved, whole.item, whole.memory)):
+        alike = text.startswith(ALIKE.get(rule, "-")) or _is_outside(rule, text, origin)
         alike = alike or _is_other_letter(text, args)
+        wrong = re.fullmatch(r"it is not so in frame (\d+)", text)
+        alike = alike or (wrong is not None and _is_alone(int(wrong[1]), origin))
         if text.split(" ")[0] not in free and not _says_nothing(text, args) and not alike:
             yield text
 

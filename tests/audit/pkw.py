@@ -43,10 +43,14 @@ class Talk:
         ][-1]  # fmt: skip
 
     def words(self, side: str) -> list[tuple[int, bytes]]:
-        """Frame and the eight bytes of every frame of a direction; none where the state behind them is not good."""
+        """Frame and the eight bytes of every frame of a direction; none where the state behind them is not good.
+
+        What was said before its stations set up the relation is of another one.
+        """
         return [
             (part.frame, part.data[:8] if part.good else b"")
             for part in cyclic.parts(self.reading, self.relation, side)
+            if part.frame >= self.relation["frame"]
         ]
 
     def since(self) -> list[tuple[int, bytes]]:
@@ -172,10 +176,12 @@ def _mismatch(finding: Finding, talk: Talk) -> Iterator[str]:
 
 
 def _parts(finding: Finding, talk: Talk) -> Iterator[str]:
-    there = talk.words("output")
+    there, begun = talk.words("output"), talk.reading.time(finding.frame) or 0
     place = [frame for frame, _ in there].index(finding.frame)
-    first, second = there[place][1], there[place + 1][1]
-    before = there[place - 1][1]
+    first, before = there[place][1], there[place - 1][1]
+    half_ns = (talk.relation["cycle_ms"] or 0) * 5e5  # what comes sooner is seen twice
+    later = (at for at in there[place + 1 :] if (talk.reading.time(at[0]) or 0) - begun >= half_ns)
+    second = next(later, there[place])[1]
     if second != talk.asked or talk.ak not in WRITES:
         yield "the request is not whole one cycle later"
     if (first[:4] == before[:4]) == (first[4:] == before[4:]):
@@ -191,8 +197,11 @@ def _wrong_word(finding: Finding, talk: Talk) -> Iterator[str]:
 
 def of_ignored(finding: Finding, reading: Reading) -> Iterator[str]:
     """DS514: what stands from a frame on reads as a request, and nothing of the drive fits it."""
-    for relation in reading.plain.get("relations", ()):
-        there = list(cyclic.parts(reading, relation, "output"))
+    for relation in reversed(reading.plain.get("relations", ())):
+        there = [
+            each for each in cyclic.parts(reading, relation, "output")
+            if each.frame >= relation["frame"]
+        ]  # fmt: skip
         numbers = [each.frame for each in there]
         if relation["channel"] == "pkw" and finding.frame in numbers:
             break
@@ -201,17 +210,27 @@ def of_ignored(finding: Finding, reading: Reading) -> Iterator[str]:
         return
     place = numbers.index(finding.frame)
     asked = there[place].data
-    if asked[0] >> 4 not in ANSWERS or (place and there[place - 1].data == asked):
+    stood = place > 0 and there[place - 1].good and there[place - 1].data == asked
+    if asked[0] >> 4 not in ANSWERS or stood:
         yield "no request begins in this frame"
-    same = list(takewhile(lambda each: each.data == asked, there[place:]))
+        return
+    whole = _whole(asked, there[place + 1].data if place + 1 < len(there) else asked)
+    same = list(takewhile(lambda each: each.data in (asked, whole), there[place:]))
     end = there[place + len(same)] if place + len(same) < len(there) else same[-1]
     if finding.args["milliseconds"] * 1e6 > end.time_ns - there[place].time_ns:
         yield "it stands shorter"
     for part in cyclic.parts(reading, relation, "input"):
         fits = part.data[0] >> 4 in (*ANSWERS[asked[0] >> 4], NEGATIVE)
+        fits = fits and part.frame >= relation["frame"]
         if fits and (int.from_bytes(part.data[:2]) ^ int.from_bytes(asked[:2])) & 0x7FF == 0:
             yield f"a response is in frame {part.frame}"
             return
+
+
+def _whole(first: bytes, second: bytes) -> bytes:
+    """A change that comes in two parts: its second frame, where one half is that of the first."""
+    half = second[:4] == first[:4] or second[4:] == first[4:]
+    return second if half and second[0] >> 4 in WRITES else first
 
 
 AUDITORS: dict[str, Auditor] = {

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Sequence
-from itertools import pairwise
+from itertools import pairwise, takewhile
 from typing import Any, NamedTuple
 
-from tests.audit import cyclic
+from tests.audit import cyclic, wire
 from tests.audit.reading import Complaint, Finding, Reading
 
 Plain = dict[str, Any]
@@ -55,15 +55,21 @@ class Drive:
 
     def __init__(self, relation: Plain, reading: Reading) -> None:
         self.relation = relation
-        self.ends = min(
-            (
-                each["frame"] for each in reading.plain.get("relations", ())
-                if all(each[key] == relation[key] for key in ("channel", "controller", "device", "slot"))
-                and (each["frame"] or 0) > (relation["frame"] or 0)
-            ),
+        later = [
+            each["frame"] for each in reading.plain.get("relations", ())
+            if all(each[key] == relation[key] for key in ("channel", "controller", "device", "slot"))
+        ]  # fmt: skip
+        later += [
+            call.response.frame for call in reading.capture.calls
+            if call.request.operation == wire.CONNECT and call.response
+            and call.response.kind == wire.RESPONSE and call.response.body[:4] == bytes(4)
+            and (call.request.client, call.request.server) == (relation["controller"], relation["device"])
+        ]  # fmt: skip
+        self.ends: int = min(
+            (each for each in later if (each or 0) > (relation["frame"] or 0)),
             default=len(reading.capture.frames) + 1,
-        )  # fmt: skip
-        """The frame in which another one takes its place."""
+        )
+        """The frame in which another one takes its place, which need not be proven."""
         self.looks: list[Look] = list(self._read(reading))
 
     @property
@@ -101,11 +107,9 @@ class Drive:
 
     def while_(self, frame: int, seconds: float) -> list[Look]:
         """What was said from a frame on, for some seconds, without the moment at which they end."""
-        start = next(each.time_ns for each in self.looks if each.frame == frame)
-        return [
-            each for each in self.looks
-            if each.frame >= frame and each.time_ns - start < round(seconds * 1e9)
-        ]  # fmt: skip
+        there = [each for each in self.looks if each.frame >= frame]
+        end = there[0].time_ns + round(seconds * 1e9)
+        return list(takewhile(lambda each: each.time_ns < end, there))
 
 
 def _word(data: bytes | None) -> int | None:
@@ -137,7 +141,10 @@ def check(reading: Reading) -> Iterator[Complaint]:
             odd = sorted(set(said) ^ set(truth))[:4]
             yield Complaint("pzd", f"relation {timeline['relation']}", f"the events differ: {odd}")
         for each in timeline["events"]:
-            look = next(look for look in drive.looks if look.frame == each["frame"])
+            look = next((look for look in drive.looks if look.frame == each["frame"]), None)
+            if look is None:
+                yield Complaint("pzd", f"frame {each['frame']}", f"{each['name']}: is not of it")
+                continue
             if each["state"] != _state(look):
                 where = f"frame {each['frame']}"
                 yield Complaint(
@@ -213,6 +220,9 @@ def _after(looks: Sequence[Look], span_ns: float, bit: int, value: int) -> Itera
         yield "it is no longer in force"
     if any(each.stw1 is None or each.zsw1 is None for each in since):
         yield "data was not valid in between"
+    # Where frames are out of order, what is behind the command in the file may have come before it.
+    while len(since) > 1 and since[1].time_ns < since[0].time_ns:
+        since = since[1:]
     faults = [bool((each.zsw1 or 0) & 8) for each in since]
     if (bit == 7) != faults[0] or (bit == 7 and faults[-1]) or (bit != 7 and any(faults)):
         yield "a fault is nearer, or there is none to acknowledge"
@@ -453,6 +463,12 @@ def of_change(finding: Finding, reading: Reading) -> Iterator[str]:
     ][-1]  # fmt: skip
     known = [each for each in drive.looks if each.zsw1 is not None and each.frame <= last]
     there = [each for each in known if each.frame >= first] or known[-1:]
+    if drive.ends <= first:
+        yield f"its channel was set up anew in frame {drive.ends}"
+        return
+    if any(each.zsw1 is None for each in drive.looks if there[0].frame <= each.frame <= last):
+        yield "the data of the drive is not valid"
+        return
     runs = finding.rule == "DS530"
     if any(bool((each.zsw1 or 0) & 4) != runs for each in there):
         yield "the drive was in another state"
@@ -463,6 +479,10 @@ def of_change(finding: Finding, reading: Reading) -> Iterator[str]:
         return
     if finding.args["what"] != ("pzd_since_ever" if finding.args["since"] is None else "pzd_since"):
         yield "since when it runs is not said"
+    said = cyclic.parts(reading, drive.relation, "input")
+    stood = [each.frame for each in said if each.good and not each.data[1] & 4]
+    if finding.args["since"] is None and stood and stood[0] < first:
+        yield f"it did not run in frame {stood[0]}"
     began = [
         now.frame for before, now in pairwise(known)
         if now.frame <= first and not (before.zsw1 or 0) & 4 and (now.zsw1 or 0) & 4

@@ -83,9 +83,9 @@ def complaints(item: Reading, drives: dict[str, Drive] | None = None) -> Iterato
 
 
 def _severity(finding: Finding, item: Reading) -> Iterator[Complaint]:
-    """That of the catalogue; of cyclic channels of other makers than Siemens a note."""
+    """That of the catalogue; of cyclic channels of other makers than Siemens a note, but for what is said of frames."""
     true = words.RULES[finding.rule]["severity"]
-    if finding.rule.startswith("DS5"):
+    if finding.rule.startswith("DS5") and finding.rule != "DS515":
         deal = item.deal(finding)
         device = deal.device if deal else finding.args.get("device")
         vendor = item.vendors.get(device or "", 0x2A if finding.severity == true else 0)

@@ -14,11 +14,19 @@ from itertools import repeat
 from pathlib import Path
 from random import Random
 
-from tests.audit import conversations, cuts, ends, holes, lines, lossy, partners, run
+from tests.audit import conversations, cuts, ends, holes, lines, lossy, machines, partners, run
 from tests.audit.reading import Complaint
 
-Plan = conversations.Plan | lines.Plan | lossy.Plan | partners.Plan
-"""Of a conversation on PROFINET, of a line of PROFIBUS, over a wire that loses and delays, or of partners of S7."""
+Plan = conversations.Plan | lines.Plan | lossy.Plan | partners.Plan | machines.Plan
+"""Of a conversation on PROFINET, of a line of PROFIBUS, over a wire that loses and delays, of partners of S7, or of
+machines in cyclic frames."""
+Conversation = (
+    conversations.Conversation
+    | lines.Conversation
+    | lossy.Conversation
+    | partners.Conversation
+    | machines.Conversation
+)
 SHARE = 100
 """So many conversations are audited by one process, in 10 s or so."""
 
@@ -28,6 +36,9 @@ OF_LINES = (
     "3rd swapped", "7th swapped", "clock back", "doubled", "twice",
 )  # fmt: skip
 """How a line is cut. Of whole exchanges that are missing two by two nothing tells."""
+OF_MACHINES = tuple(name for name in cuts.ALL if name != "hole")
+"""How cyclic frames are cut. What stands in front of a hole and behind it the report still takes for neighbours, though
+times and cycle counters show it: requests withdrawn in it, and what stood all the time (DS503, DS514, DS520 to DS528)."""
 UNTOLD = ("DS5", "DS811")
 """Rules of which a line with holes is not judged.
 
@@ -49,12 +60,12 @@ def plan(text: str) -> Plan:
         return lossy.plan(known)
     if "servers" in known:
         return partners.plan(known)
+    if "tags" in known:
+        return machines.plan(known)
     return lines.plan(known) if "stations" in known else conversations.plan(known)
 
 
-def play(
-    planned: Plan,
-) -> conversations.Conversation | lines.Conversation | lossy.Conversation | partners.Conversation:
+def play(planned: Plan) -> Conversation:
     """The conversation of a plan."""
     match planned:
         case lossy.Plan():
@@ -63,6 +74,8 @@ def play(
             return lines.play(planned)
         case partners.Plan():
             return partners.play(planned)
+        case machines.Plan():
+            return machines.play(planned)
     return conversations.play(planned)
 
 
@@ -78,18 +91,21 @@ def of_wires() -> dict[str, list[lossy.Plan]]:
 
 
 def planned(count: int, number: int, *, wires: bool = True) -> list[Plan]:
-    """So many plans of a seed. Every third is a line of PROFIBUS, every twelfth a conversation of S7.
+    """So many plans of a seed. Every third is a line of PROFIBUS, every twelfth a conversation of S7, or of machines.
 
     `wires`: every sixth is a conversation over a wire. Of what such a one loses nothing is the whole.
     """
     random, lossy_ones = Random(number), Random(f"wires {number}")
-    of_s7, found = Random(f"partners {number}"), list[Plan]()
+    of_s7, cyclic = Random(f"partners {number}"), Random(f"machines {number}")
+    found = list[Plan]()
     for at in range(count):
         each: Plan = lines.planned(random) if at % 3 == 0 else conversations.planned(random)
         if wires and at % 6 == 5:
             each = lossy.planned(lossy_ones)
         elif at % 12 == 1:
             each = partners.planned(of_s7)
+        elif at % 12 == 7:
+            each = machines.planned(cyclic)
         found.append(each)
     return found
 
@@ -104,6 +120,8 @@ def of_plan(plan: Plan, folder: Path) -> list[Complaint]:
             return list(ends.of(made, folder))
         if isinstance(made, partners.Conversation):
             return list(partners.of(made, folder))
+        if isinstance(made, machines.Conversation):
+            return list(machines.of(made, folder))
         return run.audit(path, made.drives)
     except Exception as error:
         error.add_note(plan.text())
@@ -112,7 +130,7 @@ def of_plan(plan: Plan, folder: Path) -> list[Complaint]:
 
 def whole(plan: Plan) -> Plan:
     """The same without what its capture loses, for that others cut it."""
-    if isinstance(plan, lossy.Plan):
+    if isinstance(plan, lossy.Plan | machines.Plan):
         return plan
     if isinstance(plan, partners.Plan):
         return replace(plan, twice=0.0, late=0.0, tpdu=None)
@@ -131,7 +149,8 @@ def of_cuts(plan: Plan, folder: Path) -> list[Complaint]:
         return [each for each in found if not each.rule.startswith(UNTOLD)]
     other = folder / "other.pcap"
     play(replace(whole(plan), seed=plan.seed + 1)).tape.write(other)
-    return [*holes.of(path, cuts.two(plan.seed)), *holes.merged(path, other)]
+    names = OF_MACHINES if isinstance(plan, machines.Plan) else cuts.ALL
+    return [*holes.of(path, cuts.two(plan.seed, names)), *holes.merged(path, other)]
 
 
 def over(plans: list[Plan], *, cut: bool = False) -> Iterator[tuple[Plan, list[Complaint]]]:

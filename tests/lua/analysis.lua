@@ -5,7 +5,7 @@
 --   udp, fragment  a packet, as Analysis:packet and Analysis:fragment take it, bytes in hex, the time as
 --                  seconds and nanoseconds; of a frame that is cut its lengths as `captured` and `original`
 --   dcp, lldp      {payload, src_mac, dst_mac}
---   rt             {frame, seconds, nanoseconds, data}: an Ethernet frame, in hex
+--   rt             {frame, seconds, nanoseconds, data}: a frame with its link header, in hex
 --   end            {dropped}: prints the result, for each language as one line of JSON, keys as in schema
 --                  ds47.report/2, but `start` as [second, nanosecond] and `duration_ns`, not `duration_ms`
 

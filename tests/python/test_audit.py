@@ -19,6 +19,7 @@ from tests.audit import (
     conversations,
     drive,
     lines,
+    machines,
     message,
     partners,
     reading,
@@ -345,7 +346,7 @@ def test_messages_are_walked() -> None:
     assert message.request(bytes.fromhex("0501020210010423")).missing == 8
 
 
-@pytest.mark.parametrize("kind", [conversations.Plan, lines.Plan, partners.Plan])
+@pytest.mark.parametrize("kind", [conversations.Plan, lines.Plan, partners.Plan, machines.Plan])
 def test_a_conversation_is_always_the_same(kind: type[Plan], tmp_path: Path) -> None:
     plan, again = (
         next(each for each in many.planned(20, 7) if isinstance(each, kind)) for _ in range(2)

@@ -114,11 +114,10 @@ def fragment(frame: Frame) -> dict[str, Any] | None:
 
 
 def cyclic(frame: Frame) -> bool:
-    """Whether it is an RT frame on Ethernet that names no station: Lua gets all of them."""
-    return (
-        frame.link_type == ETHERNET
-        and network_layer(frame.data, 0, len(frame.data), ETHERNET)[0] == PROFINET
-        and not relevant(frame.data, 0, len(frame.data), ETHERNET, frame.original_length)
+    """Whether it is an RT frame that names no station: Lua gets all of them."""
+    data, link = frame.data, frame.link_type
+    return network_layer(data, 0, len(data), link)[0] == PROFINET and not relevant(
+        data, 0, len(data), link, frame.original_length
     )
 
 
