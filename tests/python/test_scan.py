@@ -186,8 +186,12 @@ def test_long_runs_are_counted_frame_by_frame(
 
 
 SENDERS = (bytes.fromhex("0200000000a1"), bytes.fromhex("0200000000d2"))
-WATCHES = [(SENDERS[0], 0x8001, ((0, 4), (6, 3)), False), (SENDERS[1], 0x8002, ((2, 2),), True)]
-"""Of the second the frame behind one that says something new is given, too."""
+SECOND = SENDERS[1], 0x8002
+WATCHES: list[tuple[bytes, int, tuple[tuple[int, int], ...], bool, tuple[bytes, int] | None]] = [
+    (SENDERS[0], 0x8001, ((0, 4), (6, 3)), False, SECOND),
+    (*SECOND, ((2, 2),), True, None),
+]
+"""Of the second the frame behind one that says something new is given, too, whichever of the two says it."""
 
 
 def cyclic(sender: int, frame_id: int, data: bytes, tag: tuple[int, ...] = ()) -> bytes:
@@ -213,7 +217,7 @@ def expected(frames: list[bytes]) -> list[int]:
     for number, data in enumerate(frames, 1):
         at = data.find(b"\x88\x92", 12, 22)
         key = data[6:12], data[at + 2 : at + 4]
-        for source, frame_id, parts, follows in WATCHES:
+        for source, frame_id, parts, follows, answered in WATCHES:
             whole = at > 0 and len(data) >= at + 4 + sum(parts[-1])
             if whole and key == (source, frame_id.to_bytes(2)):
                 told = [data[at + 4 + first : at + 4 + first + size] for first, size in parts]
@@ -223,6 +227,9 @@ def expected(frames: list[bytes]) -> list[int]:
                     wanted.append(number)
                 changed = before is None or before[0] != told
                 last[key] = (told, -1) if follows and changed else said
+                other = answered and (answered[0], answered[1].to_bytes(2))
+                if changed and other in last:
+                    last[other] = last[other][0], -1
         if scan.relevant(data, 0, len(data), 1, len(data)):
             wanted.append(number)
     return wanted

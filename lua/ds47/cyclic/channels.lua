@@ -357,6 +357,18 @@ function M.ends_to(ends, receiver)
   return found[1] and found or ends
 end
 
+-- Where requests of PKW are in frames the row of the drive: what it says next is looked at, too.
+local function row_of_answers(self, row)
+  for _, each in ipairs(row) do
+    if each.sent and each.line.channel then
+      local source, id = each.line.relation.input.source, each.line.relation.input.frame_id
+      if relations.is_bus(each.line.relation) then return self.stations[source] end
+      return self.rows[source .. ETHERTYPE .. char(floor(id / 256), id % 256)]
+    end
+  end
+  return nil
+end
+
 local function watch(self)
   self.rows, self.senders, self.moved, self.stations = {}, 0, {}, {}
   for _, line in ipairs(self.lines) do
@@ -382,6 +394,7 @@ local function watch(self)
       row.parts = parts_of(row)
       local final = row.parts[#row.parts]
       row.need = final[1] + final[2]
+      row.answered = row_of_answers(self, row)
       self.senders = self.senders + (rows == self.rows and 1 or 0)
     end
   end
@@ -708,8 +721,9 @@ function Channels:frame(row, frame, at, number, time)
   local before = row.bytes
   row.period = floor(number / sampled(self, number))
   keep(row, frame, at)
-  if row.follows and row.bytes ~= before then
-    row.period, row.due = -1, 0
+  if row.bytes ~= before then
+    if row.follows then row.period, row.due = -1, 0 end
+    if row.answered then row.answered.period, row.answered.due = -1, 0 end
   end
   local ends = row.shared and M.ends_to(row, link.receiver(frame, at - 2)) or row
   if not are_mixed(self, row, ends, frame, at, number, time) then
@@ -723,6 +737,7 @@ local function is_news_of_station(row, data)
   row.count = row.count + 1
   local bytes = bytes_of(row, data, 0)
   if bytes == row.said and row.count < row.due and #data >= row.need then return false end
+  if bytes ~= row.said and row.answered then row.answered.due = 0 end
   row.due = row.count + (bytes == row.said and min(max(floor(row.count / DENSE), 1), RAREST) or 1)
   row.said = bytes
   return true

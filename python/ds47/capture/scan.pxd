@@ -6,7 +6,7 @@ cdef unsigned int _BIG_1, _BIG_2, _LITTLE_1, _LITTLE_2, _TAIL_1, _TAIL_2
 cdef unsigned int _MAPPER_BIG_1, _MAPPER_BIG_2, _MAPPER_LITTLE_1, _MAPPER_LITTLE_2, _MAPPER_TAIL_1, _MAPPER_TAIL_2
 cdef unsigned int _IPV4, _PROFINET, _LLDP, _TCP, _UDP, _PNIO_PORT, _ENHANCED
 cdef long _ETHERNET, _RAW, _RAW_IPV4, _SLL, _SLL2, _PROFIBUS_DL, _USER0
-cdef Py_ssize_t _MAX_FRAME, _BATCH, _ENTRY, _FIRST_AHEAD, _AHEAD, _KEPT, _FAR, _ROW, _SAMPLE, _RAREST, _OFTEN, _NEXT
+cdef Py_ssize_t _MAX_FRAME, _BATCH, _ENTRY, _FIRST_AHEAD, _AHEAD, _KEPT, _FAR, _ROW, _NOWHERE, _SAMPLE, _RAREST, _OFTEN, _NEXT
 cdef unsigned int _CONNECT, _REQUEST, _RESPONSE
 
 cdef unsigned int _u16(const unsigned char* data, Py_ssize_t at) noexcept nogil
@@ -102,7 +102,8 @@ cdef bint _is_due(
     Py_ssize_t senders, long link_type
 ) noexcept nogil
 
-@cython.locals(news=bint, changed=bint, part=Py_ssize_t, parts=Py_ssize_t, kept=Py_ssize_t, first=Py_ssize_t, byte=Py_ssize_t)
+@cython.locals(news=bint, changed=bint, part=Py_ssize_t, parts=Py_ssize_t, kept=Py_ssize_t, first=Py_ssize_t, byte=Py_ssize_t,
+               answered=Py_ssize_t)
 cdef bint _is_news(
     unsigned char* rows, Py_ssize_t row, const unsigned char* data, Py_ssize_t at, Py_ssize_t end,
     Py_ssize_t period

@@ -17,8 +17,8 @@ A frame matters when, after VLAN tags or a cooked header, it is
 * any fragment of an IPv4 UDP datagram: only reassembly can tell;
 * IPv4 TCP from or to a port that is wanted (`Scan.tcp`), no fragment;
 * PROFINET DCP (0x8892, frame ids 0xFEFC..0xFEFF) or LLDP (0x88CC), which name the stations;
-* a cyclic frame of a watched sender (`Watch`) in which a watched byte is not what it was, and now and then one in
-  which all are (`sampled`): values move in all of them.
+* a cyclic frame of a watched sender (`Watch`) in which a watched byte is not what it was, the next one of whom
+  that is said to, and now and then one in which all are (`sampled`): values move in all of them.
 A frame that the snap length cut before the UUID matters while nothing in it contradicts; one that
 was cut before the UUID begins must have the PROFINET port 34964 on one side.
 """
@@ -249,31 +249,52 @@ class Watch(NamedTuple):
     """The cyclic frames of a sender (its MAC address), and which bytes of them matter.
 
     Each part is an offset behind the frame id and a length. `follows`: the frame behind one that says something
-    new is given, too, whatever it says.
+    new is given, too, whatever it says; `answered` names the sender and frame id of whom the next one is then.
     """
 
     source: bytes
     frame_id: int
     parts: tuple[tuple[int, int], ...]
     follows: bool = False
+    answered: tuple[bytes, int] | None = None
+
+    @property
+    def key(self) -> bytes:
+        """The sender and the frame id, as they stand in a frame."""
+        return self.source + self.frame_id.to_bytes(2)
 
 
 # A row of watched frames: MAC address and frame id, whether one was seen, `follows`, length of the row, where the
-# last part ends, the period of the last frame, number of parts; then offset and length of each part, then their
-# bytes. The last row is followed by one of length 0.
-_ROW = 24
+# last part ends, the period of the last frame, number of parts, where the row of `answered` is; then offset and
+# length of each part, then their bytes. The last row is followed by one of length 0.
+_ROW = 26
+_NOWHERE = 0xFFFF
 
 
-def _row(watch: Watch) -> bytes:
-    """A `Watch` as the loop over bytes wants it."""
+def _row(watch: Watch, answered: int = _NOWHERE) -> bytes:
+    """A `Watch` as the loop over bytes wants it; `answered` is where the row of that is."""
     parts = b"".join(struct.pack(">HH", *part) for part in watch.parts)
     length = sum(part[1] for part in watch.parts)
     need = max((sum(part) for part in watch.parts), default=0)
     size = _ROW + len(parts) + length
     head = struct.pack(
-        ">6sHB?HH8xH", watch.source, watch.frame_id, 0, watch.follows, size, need, len(watch.parts)
-    )
+        ">6sHB?HH8xHH",
+        watch.source, watch.frame_id, 0, watch.follows, size, need, len(watch.parts), answered,
+    )  # fmt: skip
     return head + parts + bytes(length)
+
+
+def _rows(watches: Sequence[Watch]) -> bytearray:
+    """The rows of all of them."""
+    places, end = {}, 0
+    for watch in watches:
+        places[watch.key] = min(end, _NOWHERE)
+        end += len(_row(watch))
+    rows = bytearray()
+    for watch in watches:
+        source, frame_id = watch.answered or (b"", 0)
+        rows += _row(watch, places.get(source + frame_id.to_bytes(2), _NOWHERE))
+    return rows + bytes(_ROW)
 
 
 def sampled(number: int, senders: int) -> int:
@@ -338,6 +359,9 @@ def _is_news(rows: bytearray, row: int, data: Bytes, at: int, end: int, period: 
             kept += 1
         part += 4
     _put(rows, row + 14, _NEXT if changed and rows[row + 9] else period)
+    answered = _u16(rows, row + 24)
+    if changed and answered != _NOWHERE:
+        _put(rows, answered + 14, _NEXT)
     return news or changed
 
 
@@ -349,6 +373,7 @@ class _Watched:
         self.need = max((sum(part) for part in watch.parts), default=0)
         self.bytes: list[Bytes] | None = None
         self.period = -1
+        self.answered: _Watched | None = None
 
     def is_news(self, data: Bytes, at: int, end: int, period: int) -> bool:
         """As `_is_news`."""
@@ -360,6 +385,8 @@ class _Watched:
         changed = there != self.bytes
         news = changed or period != self.period
         self.bytes, self.period = there, _NEXT if changed and self.watch.follows else period
+        if changed and self.answered is not None:
+            self.answered.period = _NEXT
         return news
 
     def shape(self, length: int, group: int) -> bytes:
@@ -653,11 +680,12 @@ class Scan:
     def watch(self, watches: Sequence[Watch]) -> None:
         """From now on these cyclic frames matter, and no others. Parts are in order and do not overlap."""
         self._watches = watches
-        self._rows = bytearray(b"".join(map(_row, watches)) + bytes(_ROW))
+        self._rows = _rows(watches)
         self._senders = len(watches)
-        self._watched = {
-            watch.source + watch.frame_id.to_bytes(2): _Watched(watch) for watch in watches
-        }
+        self._watched = {watch.key: _Watched(watch) for watch in watches}
+        for each in self._watched.values():
+            source, frame_id = each.watch.answered or (b"", 0)
+            each.answered = self._watched.get(source + frame_id.to_bytes(2))
         self._ids = self._swapped.seen(watch.frame_id for watch in watches)
         self._runs.watch(self._watched)
 

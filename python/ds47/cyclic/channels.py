@@ -228,6 +228,8 @@ class _Row:
     count: int = 0
     due: int = 0
     """The count from which on the next one is looked at, whatever it says: values move in all of them."""
+    answered: _Row | None = None
+    """Of a master: that of the station whose next data is looked at, too, where this is news."""
 
     def __post_init__(self) -> None:
         self.parts = _apart(each.parts for _, each, _ in self.ends)
@@ -243,6 +245,8 @@ class _Row:
         if said == self.said and self.count < self.due and len(data) >= self.need:
             return False
         step = 1 if said != self.said else min(max(self.count // _DENSE, 1), _RAREST)
+        if said != self.said and self.answered is not None:
+            self.answered.due = 0
         self.said, self.due = said, self.count + step
         return True
 
@@ -476,10 +480,14 @@ class CyclicChannels:
             bytes.fromhex(source.replace(":", "")): _Row(found)
             for (source, _), found in self._sides.items() if len(source) < _MAC
         }  # fmt: skip
+        for row in self._rows.values():
+            answered = _answered(row.ends)
+            row.answered = self._rows.get(answered[0]) if answered is not None else None
         self._watch([
             Watch(
                 bytes.fromhex(mac.replace(":", "")), frame_id, _apart(_parts(found)),
                 follows=any(not each.cycle_ns for _, each, _ in found),
+                answered=_answered(found),
             )
             for (mac, frame_id), found in self._sides.items()
             if len(mac) == _MAC
@@ -581,6 +589,12 @@ def _parts(ends: list[tuple[_Line, Side, bool]]) -> Iterator[tuple[tuple[int, in
         yield each.parts
         if several and each.status is not None:
             yield ((each.status - _COUNTER, _COUNTER),)
+
+
+def _answered(ends: list[tuple[_Line, Side, bool]]) -> tuple[bytes, int] | None:
+    """Source and frame id of the drive where requests of PKW are in frames: what it says next is looked at."""
+    asked = (line.relation.input for line, _, sent in ends if sent and isinstance(line, _Requests))
+    return next(((each.source, each.frame_id) for each in asked), None)
 
 
 def _receiver(end: tuple[_Line, Side, bool]) -> str:
