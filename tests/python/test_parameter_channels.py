@@ -347,7 +347,16 @@ def test_no_right_to_change() -> None:
 
 def test_a_request_that_is_withdrawn() -> None:
     assert rules_of(proven().ask(OTHER[0], 5).ask(IDLE)) == [
-        ("DS503", {"pnu": 1083, "subindex": 0, "family": "sinamics", "milliseconds": 20.0})
+        (
+            "DS503",
+            {
+                "pnu": 1083,
+                "subindex": 0,
+                "family": "sinamics",
+                "milliseconds": 20.0,
+                "dropped": False,
+            },
+        )
     ]
     assert rules_of(proven().ask(OTHER[0], 5).respond(OTHER[1]).ask(IDLE)) == []
 
@@ -368,6 +377,7 @@ def test_a_request_that_is_replaced() -> None:
                 "family": "sinamics",
                 "request": frames[1],
                 "by": frames[2],
+                "dropped": False,
             },
         )
     ]

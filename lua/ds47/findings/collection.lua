@@ -5,11 +5,13 @@
 -- not known it is a note.
 
 local filtered = require("ds47.support.arrays").filtered
+local flat = require("ds47.support.flat").copy
 local tables = require("ds47.spec.tables")
 
 local M = {}
 
-local WITHOUT_REQUEST = "DS403"
+-- Rules about what did not come that say whether frames were dropped; others know it themselves.
+local OF_A_LOSS = {DS403 = true, DS503 = true, DS504 = true, DS514 = true}
 local NONE = {}
 
 local Findings = {}
@@ -97,8 +99,9 @@ end
 -- It has no words: sentences.lua has them.
 function Findings:finding(remark, transaction)
   local args = remark.args
-  if remark.rule == WITHOUT_REQUEST then
-    args = {case = args.case, first = args.first, dropped = self.frames_dropped}
+  if OF_A_LOSS[remark.rule] then
+    args = flat(args)
+    args.dropped = self.frames_dropped
   end
   return {
     rule = remark.rule,

@@ -1255,8 +1255,8 @@ M.rules.DS418.args = {id = "hex"}
 M.rules.DS419.args = {first = "frame", refused = "number", accepted = "number"}
 M.rules.DS501.args = {pnu = "pnu", subindex = "number", code = "pkw", vendor_id = "vendor", family = "family"}
 M.rules.DS502.args = {pnu = "pnu", subindex = "number", family = "family"}
-M.rules.DS503.args = {pnu = "pnu", subindex = "number", milliseconds = "ms", family = "family"}
-M.rules.DS504.args = {pnu = "pnu", subindex = "number", request = "frame", by = "frame", family = "family"}
+M.rules.DS503.args = {pnu = "pnu", subindex = "number", milliseconds = "ms", family = "family", dropped = "dropped"}
+M.rules.DS504.args = {pnu = "pnu", subindex = "number", request = "frame", by = "frame", family = "family", dropped = "dropped"}
 M.rules.DS505.args = {request = "text", response = "text"}
 M.rules.DS506.args = {pnu = "pnu", subindex = "number", family = "family"}
 M.rules.DS507.args = {pnu = "pnu", subindex = "number", read = "frame", family = "family"}
@@ -1266,7 +1266,7 @@ M.rules.DS510.args = {device = "text", slot = "number", count = "number", layout
 M.rules.DS511.args = {device = "text", slot = "number", count = "number", limit = "ms", slowest = "ms"}
 M.rules.DS512.args = {device = "text", slot = "number"}
 M.rules.DS513.args = {pnu = "pnu", subindex = "number", pwe = "hex", family = "family"}
-M.rules.DS514.args = {pnu = "pnu", subindex = "number", milliseconds = "ms", family = "family"}
+M.rules.DS514.args = {pnu = "pnu", subindex = "number", milliseconds = "ms", family = "family", dropped = "dropped"}
 M.rules.DS515.args = {device = "text", sender = "text", frame_id = "hex"}
 M.rules.DS520.args = {device = "text", slot = "number", what = "key", code = "number"}
 M.rules.DS521.args = {device = "text", slot = "number", seconds = "s", limit = "s", what = "key"}

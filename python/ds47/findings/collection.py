@@ -16,7 +16,8 @@ from ds47.model import DIAGNOSIS, Diagnosis, Finding, Transaction
 from ds47.spec import Rule, rules
 
 NOTE = "note"
-_WITHOUT_REQUEST = "DS403"
+_OF_A_LOSS = frozenset(("DS403", "DS503", "DS504", "DS514"))
+"""Rules about what did not come that say whether frames were dropped; others know it themselves."""
 
 
 class Findings:
@@ -81,7 +82,7 @@ class Findings:
         """The finding of a remark."""
         row = rules()[remark.rule]
         args = row.carried(remark.args)
-        if remark.rule == _WITHOUT_REQUEST:
+        if remark.rule in _OF_A_LOSS:
             args["dropped"] = self.frames_dropped
         known = remark.time_ns
         foreign = remark.of is not None and remark.of.is_foreign

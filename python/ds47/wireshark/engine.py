@@ -54,7 +54,7 @@ from ds47.wireshark import tshark
 from ds47.wireshark.fields import Fields
 
 DIFFERS = "DS601"
-_OF_A_LOSS = frozenset(("DS401", "DS402", "DS403"))
+_OF_A_LOSS = frozenset(("DS401", "DS402", "DS403", "DS503", "DS504", "DS514"))
 """Rules about a frame that is not there: they tell whether the capture says that it dropped frames."""
 _MOST_MS = 2**32 - 1
 _YEARS_MS = 2**53 / 1e6
