@@ -520,6 +520,7 @@ class Analysis:
         order, remarks = self._pairing.number(), self._conclusions.exchanged(relation, job)
         remarks += self._conclusions.transaction(transaction)
         if PKW in self._options.channels:
+            self._conclusions.reported(relation, job)
             self._finished(order, transaction, remarks)
 
     def _drive(self, ip: str) -> str | None:

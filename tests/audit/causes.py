@@ -1034,6 +1034,16 @@ def _half(case: Case) -> Iterator[str]:
         yield from of_line.get(what, stations.unasked)(case)
         return
     pair = str(case.args.get("controller")), str(case.args.get("device"))
+    if what == "cyclic_gaps":
+        mine = [
+            each.write for each in case.reading.deals
+            if each.plain["channel"] == "pkw" and each.state == "incomplete"
+            and (each.controller, each.device) == pair
+        ]  # fmt: skip
+        yield from case.wrong("count", len(mine))
+        if case.frame != min(filter(None, mine), default=None):
+            yield f"the first of them is in frame {min(filter(None, mine), default=None)}"
+        return
     if what == "disorder":
         pairs = {(each.request.source, each.request.target) for each in capture.calls}
         steps = [

@@ -195,6 +195,43 @@ def _wrong_word(finding: Finding, talk: Talk) -> Iterator[str]:
         yield f"PWE1 is {talk.asked[4:6].hex()}"
 
 
+def of_incomplete(finding: Finding, reading: Reading) -> Iterator[str]:
+    """DS110: frames of the drive are missing where a request stood or ended, or its response comes right behind it."""
+    talk = next(each for each in talks(reading) if each.plain["id"] == finding.transaction)
+    first, last, what = (finding.args[name] for name in ("first", "last", "what"))
+    if finding.frame != talk.begins or talk.told is not None or finding.args["numbers"] is not None:
+        yield "it is of no request without a response"
+    after = talk.since()
+    end = next((frame for frame, words in after if words != talk.asked), after[-1][0])
+    if what == "cyclic_frames":
+        there = [
+            (way, each.frame, int.from_bytes(reading.capture.frames[each.frame - 1].data[-4:-2]))
+            for way in ("input", "output") for each in cyclic.parts(reading, talk.relation, way)
+            if each.frame <= last
+        ]  # fmt: skip
+        cycle = talk.relation["cycle_ms"] * cyclic.TICKS
+        steps = [
+            (now - before) % cyclic.COUNTERS
+            for (way, _, before), (same, frame, now) in pairwise(there) if way == same and frame > first
+        ]  # fmt: skip
+        if not any(step > 1.5 * cycle for step in steps):
+            yield f"no frame is missing between {first} and {last}"
+        if last < talk.begins or first > end:
+            yield f"the request stood from {talk.begins} to {end}"
+    elif what == "cyclic_behind":
+        behind = [each for each in talk.words("input") if each[0] > end]
+        if (first, last) != (end, behind[0][0] if behind else None):
+            yield f"it ended in frame {end}, and the first frame behind that is {behind[:1]}"
+            return
+        words = behind[0][1]
+        same = not (int.from_bytes(words[:2]) ^ int.from_bytes(talk.asked[:2])) & 0x7FF
+        negative = words[0] >> 4 in (NEGATIVE, NO_RIGHTS)
+        if not (negative or (same and words[0] >> 4 in ANSWERS.get(talk.ak, ()))):
+            yield f"{words.hex()} is no response to it"
+    else:
+        yield f"what {what!r} is nothing"
+
+
 def of_ignored(finding: Finding, reading: Reading) -> Iterator[str]:
     """DS514: what stands from a frame on reads as a request, and nothing of the drive fits it."""
     for relation in reversed(reading.plain.get("relations", ())):

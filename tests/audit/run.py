@@ -38,11 +38,17 @@ AUDITORS = {
     **dict.fromkeys(pzd.HABITS, lambda case: pzd.of_habit(case.finding, case.reading)),
     **dict.fromkeys(s7.AUDITORS, lambda case: s7.of(case.finding, case.reading)),
     **dict.fromkeys(stations.AUDITORS, stations.of),
+    "DS110": lambda case: (
+        pkw.of_incomplete(case.finding, case.reading)
+        if case.deal is not None and case.deal.plain["channel"] == "pkw"
+        else claims.AUDITORS["DS110"](case)
+    ),
     "DS515": lambda case: cyclic.of_mixed(case.finding, case.reading),
     "DS514": lambda case: pkw.of_ignored(case.finding, case.reading),
     "DS507": lambda case: pzd.of_word(case.finding, case.reading),
 }  # fmt: skip
 NO_CLAIM = claims.NO_CLAIM
+
 TABLE = Path(__file__).parents[2] / "python/ds47/spec/rules.toml"
 
 

@@ -63,7 +63,8 @@ function ask.handshake(question)
       updates = job.updates, newest = data_of(job.newest), halves = or_null(job.halves),
       odd = job.odd and job.odd.at.frame or json.null, late = or_null(job.late),
       ["end"] = job.ended and job.ended.cycle or json.null,
-      cycles = or_null(cycles), duration = or_null(duration),
+      cycles = or_null(cycles), duration = or_null(duration), heard = job.heard,
+      hole = job.hole and json.array({job.hole.first, job.hole.last, job.hole.behind or false}) or json.null,
     }
   end)
   for _, step in ipairs(question.steps) do
@@ -71,8 +72,9 @@ function ask.handshake(question)
     if step.lost then
       channel:lost(at, known(step.side))
     else
-      channel:sent(reader.unhex(step.out), at)
-      channel:answered(reader.unhex(step["in"]), at)
+      if step.out then channel:sent(reader.unhex(step.out), at) end
+      if step.skipped then channel:skipped(step.skipped[1], step.skipped[2]) end
+      if step["in"] then channel:answered(reader.unhex(step["in"]), at) end
     end
   end
   channel:finish()

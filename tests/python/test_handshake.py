@@ -1,7 +1,8 @@
 """Requests of PKW and their answers (cyclic/handshake) in both implementations (docs/cyclic.md 4).
 
 The conversations stand in tests/vectors/cyclic.json, with what is expected typed by hand: which answer counts,
-and when none does. In them a frame has the number of its cycle, and a cycle takes 2 ms.
+and when none does. In them a frame has the number of its cycle, and a cycle takes 2 ms. A step without `out` or
+`in` has no frame of that side; `skipped`: frames of the drive are missing between these two.
 """
 
 from __future__ import annotations
@@ -25,8 +26,20 @@ CONVERSATIONS = json.loads((ROOT / "tests/vectors/cyclic.json").read_text("utf-8
 DRIVER = ROOT / "tests/lua/cyclic.lua"
 CYCLE_NS = 2_000_000
 PLAIN = dict.fromkeys(
-    ("reason", "value", "error", "answer", "cycles", "newest", "halves", "late", "odd", "end")
-) | {"settled": False, "updates": 0}
+    (
+        "reason",
+        "value",
+        "error",
+        "answer",
+        "cycles",
+        "newest",
+        "halves",
+        "late",
+        "odd",
+        "end",
+        "hole",
+    )
+) | {"settled": False, "updates": 0, "heard": True}
 """What is not typed in a vector."""
 
 
@@ -43,8 +56,12 @@ def played(conversation: dict[str, Any]) -> list[PkwJob]:
             side = step.get("side")
             channel.lost(moment, out=side != "in", answers=side != "out")
             continue
-        channel.sent(bytes.fromhex(step["out"]), moment)
-        channel.answered(bytes.fromhex(step["in"]), moment)
+        if "out" in step:
+            channel.sent(bytes.fromhex(step["out"]), moment)
+        if "skipped" in step:
+            channel.skipped(*step["skipped"])
+        if "in" in step:
+            channel.answered(bytes.fromhex(step["in"]), moment)
     channel.finish()
     return found
 
@@ -64,6 +81,7 @@ def shown(job: PkwJob) -> dict[str, Any]:
         "cycles": job.cycles, "settled": job.settled, "updates": job.updates,
         "newest": newest and newest.value, "halves": job.halves, "late": job.late,
         "odd": job.odd and job.odd.at.frame, "end": job.ended and job.ended.cycle,
+        "hole": job.hole and list(job.hole), "heard": job.heard,
     }  # fmt: skip
 
 
@@ -95,7 +113,8 @@ def bare(job: PkwJob) -> dict[str, Any]:
         "answer": job.answer and job.answer.data.hex(), "settled": job.settled, "reason": job.reason,
         "updates": job.updates, "newest": job.newest and job.newest.data.hex(), "halves": job.halves,
         "odd": job.odd and job.odd.at.frame, "late": job.late, "end": job.ended and job.ended.cycle,
-        "cycles": job.cycles, "duration": job.duration_ns,
+        "cycles": job.cycles, "duration": job.duration_ns, "hole": job.hole and list(job.hole),
+        "heard": job.heard,
     }  # fmt: skip
 
 
@@ -120,7 +139,12 @@ def steps(chance: random.Random) -> list[dict[str, Any]]:
         if chance.random() < 0.3:  # the positive answer to what is asked
             ak = {"1": "2", "2": "1", "3": "2", "6": "5", "7": "4", "8": "5"}.get(out[0], "0")
             answer = ak + out[1:]
-        found.append({"cycle": cycle, "out": out, "in": answer})
+        step = {"cycle": cycle, "out": out, "in": answer}
+        if chance.random() < 0.2:
+            del step[chance.choice(("out", "in"))]
+        if chance.random() < 0.1:
+            step["skipped"] = [max(0, cycle - chance.randint(1, 9)), cycle]
+        found.append(step)
     return found
 
 

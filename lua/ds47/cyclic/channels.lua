@@ -22,6 +22,7 @@ local operation = require("ds47.cyclic.operation")
 local relations = require("ds47.cyclic.relations")
 local rpc = require("ds47.profinet.rpc")
 local sequences = require("ds47.cyclic.sequences")
+local steps = require("ds47.cyclic.steps")
 local tables = require("ds47.spec.tables")
 local timeline = require("ds47.cyclic.timeline")
 
@@ -33,6 +34,7 @@ local M = {}
 
 local ETHERTYPE, TAG = "\x88\x92", "\x81\x00"
 local DCP = 0xFE -- first byte of frame ids that are not cyclic
+local LATE = 2 -- cycles from a change of a request to the next frame of the drive: some between are missing
 local KEPT = 256 -- transactions that wait for the proof
 local PATIENCE = 8192 -- frames of what might be PZD that are looked at without a proof
 -- Of so many frames one is looked at, and how often before it is half as many.
@@ -100,10 +102,20 @@ function Requests:hand_out()
 end
 
 function Requests:take(sent, words, moment)
-  if sent then
-    self.channel:sent(words, moment)
-  else
+  if not sent then
     self.channel:answered(words, moment)
+  elseif self.channel:sent(words, moment) then
+    self.changed = moment
+  end
+end
+
+--- A frame of the drive comes, and what its cycle counter says; before its words.
+function Requests:passes(counter, moment)
+  local changed, before = self.changed, self.newest
+  self.changed, self.newest = nil, moment.frame
+  if self.steps:skips(counter, moment.time) then self.channel:skipped(before, moment.frame) end
+  if changed and moment.time - changed.time >= LATE * self.relation.input.cycle_ns then
+    self.channel:skipped(changed.frame, moment.frame)
   end
 end
 
@@ -115,7 +127,7 @@ end
 function Requests:apart(relation, owner)
   local made = flat(self)
   made.relation, made.owner, made.channel = relation, owner, self.channel:apart(made)
-  made.waiting = {}
+  made.waiting, made.steps = {}, nil -- no frame comes to it any more
   for number, job in ipairs(self.waiting) do
     made.waiting[number] = flat(job)
   end
@@ -130,9 +142,10 @@ local function ignored(line, cycles)
   if line.relation.certainty ~= LENGTHS then return nil end
   local found
   for _, each in ipairs(line.waiting) do
-    if not handshake.is_ignored(each) then return nil end
+    local is_ignored = handshake.is_ignored(each)
+    if not is_ignored and each.state ~= "incomplete" then return nil end
     local stood = handshake.last_of(each).cycle - each.request.at.cycle
-    if found == nil and stood >= cycles then found = each end
+    if found == nil and is_ignored and stood >= cycles then found = each end
   end
   return found
 end
@@ -263,6 +276,11 @@ end
 local function new_requests(self, relation)
   local line = setmetatable({relation = relation, owner = self, waiting = {}, asked = false}, Requests)
   line.channel = handshake.new(over, line, relations.is_bus(relation) and relation.certainty ~= NAMED)
+  line.changed = nil -- when the words of the controller changed, until a frame of the drive comes
+  line.newest = 0 -- the last frame of the drive
+  local input = relation.input
+  -- Those of the frames of the drive, where their cycle is known.
+  line.steps = input.status and input.cycle_ns > 0 and steps.new(input.cycle_ns) or nil
   return line
 end
 
@@ -662,6 +680,10 @@ local function take(each, frame, at, number, time)
   local cycle = each.looks
   if each.side.cycle_ns > 0 then cycle = rounded((time - line.start) / each.side.cycle_ns) end
   local moment = {frame = number, time = time, cycle = cycle}
+  if line.steps and not each.sent then
+    local high, low = byte(frame, at + each.side.status - 1, at + each.side.status)
+    line:passes(high * 256 + low, moment)
+  end
   if valid then
     line:take(each.sent, words, moment)
   elseif each.valid then

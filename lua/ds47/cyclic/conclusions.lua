@@ -65,7 +65,7 @@ end
 --- What is wrong with a transaction of PKW that is over: array of remarks.
 function Conclusions:exchanged(relation, job, layout)
   local found, remarks = {}, judge.remarks(relation, job, layout)
-  local _, took = handshake.duration(job)
+  local took = handshake.reaction(job)
   habits_of(self, relation, layout):take(job, took, remarks)
   add_of(found, relation, remarks)
   return found

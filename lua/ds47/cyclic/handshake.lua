@@ -7,8 +7,11 @@
 --
 -- A job: request {data, at}, standing {data, at} (the answer when it began), began (false: it stood there
 -- when the capture began), state, reason, answer {data, at}, settled (no edge told the answer), updates,
--- newest {data, at}, halves (frame), odd {data, at}, late (frame), ended (moment), heard (whether the drive
--- said anything at all), last (the moment in which it was looked at last). A moment: {frame, time, cycle}.
+-- newest {data, at}, halves (frame), odd {data, at}, late (frame), ended (moment), heard (whether a frame
+-- of the drive came while it stood), last (the moment in which it was looked at last), hole {first, last,
+-- behind} (where its response may be, though the capture has it not: frames are missing behind one and before
+-- another; or it is `behind`: in the first frame of the drive, `last`, behind that in which the request
+-- ended). A moment: {frame, time, cycle}.
 
 local flat = require("ds47.support.flat").copy
 local tables = require("ds47.spec.tables")
@@ -19,16 +22,22 @@ local M = {}
 
 local ERROR, NO_RIGHTS = 7, 8
 local NO_VALUE = "\0\0\0\0"
+local WAITING = 16 -- jobs that wait for a frame of the drive; it says nothing any more where there are more
 
 local Channel = {}
 Channel.__index = Channel
 
 --- A channel of PKW.
--- @param closed called with each job when its request ends, and with `owner`
+-- @param closed called with each job when its request ends, and of one without an answer the first frame of
+--   the drive behind that is known; and with `owner`
 -- @param owner nil, or whatever `closed` wants
 -- @param fresh whether nothing was asked before the first words: they are those after a start-up
 function M.new(closed, owner, fresh)
-  return setmetatable({_closed = closed, _owner = owner, _echoes = true, _fresh = fresh or false}, Channel)
+  return setmetatable({
+    _closed = closed, _owner = owner, _echoes = true, _fresh = fresh or false,
+    _newest = 0, -- the newest frame of the drive
+    _over = {}, -- jobs that wait for the next one, in order
+  }, Channel)
 end
 
 local function ak_of(data) return floor(byte(data) / 16) end
@@ -76,6 +85,13 @@ function M.duration(job)
   return cycles >= 0 and cycles or nil, job.answer.at.time - job.request.at.time
 end
 
+--- The time of that of the drive; nil where frames are missing right before its answer.
+function M.reaction(job)
+  local hole, _, took = job.hole, M.duration(job)
+  if hole and job.answer and hole.last == job.answer.at.frame then return nil end
+  return took
+end
+
 -- Whether words read as a request: AK, page and number are some that exist, and a read has no value.
 local function is_request(data)
   local kind, index, page = access(data), byte(data, 3, 4)
@@ -98,17 +114,20 @@ function M.last_of(job) return job.ended or job.last or job.request.at end
 --- The request that stands, nil where there is none.
 function Channel:open_job() return self._job end
 
---- The controller sends these eight bytes from now on.
+--- The controller sends these eight bytes from now on; true where they are others than before.
 function Channel:sent(bytes, at)
   local data, last = without_spm(bytes), self._out
   if last and last.data == data then
     if self._job then self._job.last = at end
-    return
+    return false
   end
   self._out = {data = data, at = at}
-  if self:_is_second_half(data, at) then return end
+  if self:_is_second_half(data, at) then return true end
   self._previous = last and last.data
-  local wanted = ak_of(data) ~= 0
+  local wanted, job = ak_of(data) ~= 0, self._job
+  if job and job.odd and wanted and fits(data, job.odd.data) then
+    job.hole = {first = job.request.at.frame, last = at.frame} -- this was sent before the answer to it
+  end
   self:_end(at, not wanted)
   if wanted then
     self._job = {
@@ -117,12 +136,18 @@ function Channel:sent(bytes, at)
     }
   end
   self._fresh = false
+  return true
 end
 
 --- The drive sends these eight bytes from now on.
 function Channel:answered(bytes, at)
-  local data = without_spm(bytes)
-  if self._in and self._in.data == data then return end
+  local data, last = without_spm(bytes), self._in
+  local is_same = last ~= nil and last.data == data
+  self._newest = at.frame
+  if self._over[1] then
+    self:_tell(not is_same and ak_of(data) > 0 and {data = data, at = at} or nil)
+  end
+  if is_same then return end
   self._in = {data = data, at = at}
   local job = self._job
   if not job or ak_of(data) == 0 then return end
@@ -140,6 +165,15 @@ function Channel:answered(bytes, at)
   end
 end
 
+--- Frames of the drive are missing between two frames; to be called before `answered` for the latter.
+function Channel:skipped(first, last)
+  local hole, job = {first = first, last = last}, self._job
+  for _, each in ipairs(self._over) do
+    each.hole = hole
+  end
+  if job and not job.answer and job.request.at.frame <= first then job.hole = hole end
+end
+
 --- Data is not valid from now on: what is open stays without an answer, and nobody is to blame.
 -- @param side "out" where it is that of the controller, "in" where that of the drive, nil for both; what the
 --   other one says stands there as before
@@ -150,6 +184,7 @@ function Channel:lost(at, side)
   elseif job then
     self:_settle(job, at, "end")
   end
+  self:_tell(nil)
   self._job, self._fresh = nil, false
   if side ~= "in" then self._out = nil end
   if side ~= "out" then self._in = nil end
@@ -158,7 +193,10 @@ end
 --- The same channel as one that goes on alone, for another owner.
 function Channel:apart(owner)
   local made = flat(self)
-  made._owner, made._job = owner, self._job and flat(self._job)
+  made._owner, made._job, made._over = owner, self._job and flat(self._job), {}
+  for place, job in ipairs(self._over) do
+    made._over[place] = flat(job)
+  end
   return made
 end
 
@@ -166,6 +204,7 @@ end
 function Channel:finish()
   if self._job then self:_settle(self._job, nil, "end") end
   self._job = nil
+  self:_tell(nil)
 end
 
 function Channel:_end(at, withdrawn)
@@ -192,8 +231,29 @@ end
 
 function Channel:_close(job, state, reason, at)
   job.state, job.reason, job.ended = state, reason, at
-  job.heard = self._in ~= nil
-  self._closed(job, self._owner)
+  job.heard = self._in ~= nil and self._newest >= job.request.at.frame
+  if not job.answer and job.hole and job.last and job.last.frame > job.hole.last then
+    job.hole = nil -- it stood there still, without a response
+  end
+  local over = self._over
+  over[#over + 1] = job
+  if job.answer and #over == 1 or #over > WAITING then self:_tell(nil) end
+end
+
+-- Tells of those that are over; `behind`: the first frame behind them, {data, at}, where it says something
+-- new. A response that stands there may have stood in one before, which is missing.
+function Channel:_tell(behind)
+  local over = self._over
+  self._over = {}
+  for _, job in ipairs(over) do
+    if not job.answer and job.reason ~= "io-lost" then
+      if behind and job.ended and fits(job.request.data, behind.data) then
+        job.hole = job.hole or {first = job.ended.frame, last = behind.at.frame, behind = true}
+      end
+      if job.hole then job.state = "incomplete" end
+    end
+    self._closed(job, self._owner)
+  end
 end
 
 -- Whether a request goes on that was begun a cycle ago: first the parameter changed, then the value, or the

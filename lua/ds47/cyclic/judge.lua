@@ -49,8 +49,11 @@ end
 
 -- That of a request whose response did not come.
 local function of_end(remarks, job, asked, family)
-  local ended = job.ended
-  if job.state == "mismatch" then
+  local ended, hole = job.ended, job.hole
+  if job.state == "incomplete" then
+    local what = hole.behind and "cyclic_behind" or "cyclic_frames"
+    put(remarks, "DS110", job.request.at.frame, {what = what, first = hole.first, last = hole.last})
+  elseif job.state == "mismatch" then
     local args = {request = words(job.request.data), response = words(job.odd.data)}
     put(remarks, "DS505", job.odd.at.frame, args)
   elseif not job.heard then

@@ -1382,6 +1382,8 @@ M.diagnosis_words = {
   ends = {en = "the capture ends before a response", zh = "抓包在应答之前结束"},
   later = {en = "a later Write of its channel has no response in the capture, a late one or one that is cut, and may have displaced it", zh = "其通道上后来的写请求在抓包中没有应答、应答滞后或被截短，可能已将其取代"},
   unseen = {en = "its responses are not in the capture", zh = "其应答不在抓包中"},
+  cyclic_frames = {en = "cyclic frames behind frame {first} and before frame {last} are not in the capture", zh = "第 {first} 帧之后、第 {last} 帧之前的循环帧不在抓包中"},
+  cyclic_behind = {en = "a response stands in frame {last}, the first one of the drive behind the request, which ended in frame {first}: a frame before that may not be in the capture", zh = "任务在第 {first} 帧结束，其后驱动器的第一帧（第 {last} 帧）中已有应答：此前可能有帧不在抓包中"},
   unproven_calls = {en = "Record calls", zh = "记录调用"},
   unproven_responses = {en = "Responses without their requests", zh = "没有请求的应答"},
   has_first = {en = "the client has the first, unless it repeated its request and the capture lacks that", zh = "客户端采用的是第一个，除非它重发过请求而抓包中没有"},

@@ -14,11 +14,12 @@ from typing import NamedTuple, Protocol
 
 from ds47.capture.scan import Watch
 from ds47.cyclic import named
-from ds47.cyclic.handshake import ERROR, OK, Channel, Moment, PkwJob
+from ds47.cyclic.handshake import ERROR, INCOMPLETE, OK, Channel, Moment, PkwJob
 from ds47.cyclic.named import Name
 from ds47.cyclic.operation import Operation
 from ds47.cyclic.relations import Relation, Side, channels, place_of, side
 from ds47.cyclic.sequences import Head, Sequences
+from ds47.cyclic.steps import Steps
 from ds47.cyclic.timeline import Recorder
 from ds47.findings.remark import Remark
 from ds47.model import CONFIGURED, LENGTHS, NAMED, ODD, PKW, PZD, REFUTED, SEEN, Timeline
@@ -37,6 +38,8 @@ _KEPT = 256
 """Transactions that wait for the proof."""
 _PATIENCE = 8192
 """Frames of what might be PZD that are looked at without a proof: something else changes all the time."""
+_LATE = 2
+"""Cycles from a change of a request to the next frame of the drive: of those between some are missing."""
 _DENSE, _RAREST = 1024, 1024
 """Of data exchange that says what was said before all is looked at for so long, and then one of ever more."""
 _SPEED = "NSOLL"
@@ -87,6 +90,12 @@ class _Requests:
     start_ns: int | None = None
     looks: list[int] = field(default_factory=lambda: [0, 0])
     valid: set[bool] = field(default_factory=set)
+    steps: Steps | None = None
+    """Those of the frames of the drive, where their cycle is known."""
+    newest: int = 0
+    """The last frame of the drive."""
+    changed: Moment | None = None
+    """When the words of the controller changed, until a frame of the drive comes."""
     asked: bool = False
     """Whether anything was."""
     doubt: set[bool] = field(default_factory=set)
@@ -95,10 +104,27 @@ class _Requests:
     def __post_init__(self) -> None:
         relation = self.relation
         self.channel = Channel(self._over, fresh=relation.is_bus and relation.certainty != NAMED)
+        if relation.input.status is not None and relation.input.cycle_ns:
+            self.steps = Steps(relation.input.cycle_ns)
 
     def take(self, sent: bool, words: bytes, at: Moment) -> None:
         self.valid.add(sent)
-        (self.channel.sent if sent else self.channel.answered)(words, at)
+        if not sent:
+            self.channel.answered(words, at)
+        elif self.channel.sent(words, at):
+            self.changed = at
+
+    def passes(self, counter: int, at: Moment) -> None:
+        """A frame of the drive comes, and what its cycle counter says; before its words."""
+        if self.steps is None:
+            return
+        since, self.changed, before, self.newest = self.changed, None, self.newest, at.frame
+        if self.steps.skips(counter, at.time_ns):
+            self.channel.skipped(before, at.frame)
+        if since is not None:
+            waited = at.time_ns - since.time_ns
+            if waited >= _LATE * self.relation.input.cycle_ns:
+                self.channel.skipped(since.frame, at.frame)
 
     def lost(self, sent: bool, at: Moment) -> None:
         if sent in self.valid:
@@ -118,9 +144,9 @@ class _Requests:
     def unanswered(self, cycles: int) -> PkwJob | None:
         """What stood for so long, where all reads as requests, nothing has a response, and nothing proves PKW."""
         waiting = self.waiting if self.relation.certainty == LENGTHS else []
-        if not all(each.is_ignored for each in waiting):
+        if not all(each.is_ignored or each.state == INCOMPLETE for each in waiting):
             return None
-        return next((each for each in waiting if each.stood >= cycles), None)
+        return next((each for each in waiting if each.is_ignored and each.stood >= cycles), None)
 
     def _over(self, job: PkwJob) -> None:
         relation, self.asked = self.relation, True
@@ -554,6 +580,8 @@ class CyclicChannels:
             round((time_ns - line.start_ns) / each.cycle_ns) if each.cycle_ns else line.looks[sent]
         )
         at = Moment(frame, time_ns, cycle)
+        if isinstance(line, _Requests) and not sent and each.status is not None:
+            line.passes(int.from_bytes(data[each.status - _COUNTER : each.status]), at)
         if (each.status is None or data[each.status] & _VALID) and (
             each.iops is None or data[each.iops] & _GOOD
         ):

@@ -12,7 +12,7 @@ from ds47.cyclic import judge
 from ds47.cyclic.channels import CyclicChannels
 from ds47.cyclic.explanation import explain, turned_down
 from ds47.cyclic.habits import Habits
-from ds47.cyclic.handshake import PkwJob
+from ds47.cyclic.handshake import INCOMPLETE, PkwJob
 from ds47.cyclic.relations import Relation
 from ds47.findings.remark import Remark
 from ds47.model import Transaction
@@ -39,6 +39,15 @@ class Conclusions:
         self._layout = layout
         self._channels = channels
         self._habits: dict[Place, tuple[Relation, Habits]] = {}
+        self._incomplete: dict[tuple[str, str], tuple[int, int]] = {}
+        """By controller and device: how many requests have responses that may be missing, and the first frame."""
+
+    def reported(self, relation: Relation, job: PkwJob) -> None:
+        """A transaction of PKW that the report has is over: whether the capture lacks a part of it."""
+        if job.state == INCOMPLETE:
+            who, frame = (relation.controller, relation.device), job.request.at.frame
+            count, first = self._incomplete.get(who, (0, frame))
+            self._incomplete[who] = count + 1, min(first, frame)
 
     def exchanged(self, relation: Relation, job: PkwJob) -> list[Remark]:
         """A transaction of PKW that is over, and what is wrong with it."""
@@ -56,6 +65,9 @@ class Conclusions:
         for each in self._channels.mixed:
             args = {"device": each.device, "sender": each.sender, "frame_id": each.frame_id}
             yield Remark("DS515", each.frame, args)
+        for (controller, device), (count, first) in self._incomplete.items():
+            who = {"controller": controller, "device": device}
+            yield Remark("DS725", first, {"what": "cyclic_gaps", "count": count, **who})
         for drive in self._channels.drives():
             yield from _about(drive.relation, drive.remarks())
         for relation, habits in self._habits.values():

@@ -66,7 +66,7 @@ class Habits:
             self._newest["read", which] = frame
         if job.answer is None:
             return
-        self._time(job.duration_ns, job.answer.at.frame)
+        self._time(job.reaction_ns, job.answer.at.frame)
         told = pkw.decode(job.answer.data, answer=True, layout=self.layout)
         if row.access == "read" and cyclic.answers()[told.ak].width == 32 and which in self._reads:
             self._double[which] = job.answer.at.frame

@@ -18,8 +18,11 @@ from ds47.spec import cyclic
 
 OK, ERROR, MISMATCH = "ok", "error", "mismatch"
 SUPERSEDED, UNANSWERED = "superseded", "unanswered"
+INCOMPLETE = "incomplete"
 END, IO_LOST, WITHDRAWN = "end", "io-lost", "withdrawn"
 """Why there was no answer: the capture ends, the data was not valid any more, the controller gave up."""
+_WAITING = 16
+"""Transactions that wait for a frame of the drive; it says nothing any more where there are more."""
 
 
 class Moment(NamedTuple):
@@ -37,6 +40,17 @@ class Sight(NamedTuple):
     at: Moment
 
 
+class Hole(NamedTuple):
+    """Frames are missing behind one and before another, or may be: the response is `behind` the request.
+
+    That is in the first frame of the drive, `last`, behind that in which the request ended.
+    """
+
+    first: int
+    last: int
+    behind: bool = False
+
+
 @dataclass(slots=True)
 class PkwJob:
     """A request as long as it stands, with its answer; None for what did not come.
@@ -44,8 +58,9 @@ class PkwJob:
     `answer` is the one that counted. It is `settled` where no edge told it: it was there already, so nobody
     knows how long the drive took. `began` is False where the request stood there when the capture began.
     `updates` are further values under the same answer. `halves`: the frame in which a part of the request
-    changed before the rest of it. `late`: that of an answer to the request before. `heard`: whether the drive
-    said anything at all. `last`: where the request was looked at last.
+    changed before the rest of it. `late`: that of an answer to the request before. `heard`: whether a frame of the
+    drive came while it stood. `last`: where the request was looked at last. `hole`: where its response may be,
+    though the capture has it not.
     """
 
     request: Sight
@@ -63,6 +78,7 @@ class PkwJob:
     ended: Moment | None = None
     heard: bool = False
     last: Moment | None = None
+    hole: Hole | None = None
     moving: bool = field(default=False, repr=False)
     """Whether the answer that stood when it began had been changing."""
 
@@ -97,12 +113,21 @@ class PkwJob:
             return None
         return self.answer.at.time_ns - self.request.at.time_ns
 
+    @property
+    def reaction_ns(self) -> int | None:
+        """The same of the drive; None where frames are missing right before its answer."""
+        hole, answer = self.hole, self.answer
+        if hole is not None and answer is not None and hole.last == answer.at.frame:
+            return None
+        return self.duration_ns
+
 
 class Channel:
     """The requests and answers of one PKW channel.
 
     Args:
-        closed: called with each transaction when its request ends.
+        closed: called with each transaction when its request ends, and of one without an answer the first frame
+            of the drive behind that is known.
         fresh: whether nothing was asked before the first words: they are those after a start-up.
     """
 
@@ -113,33 +138,44 @@ class Channel:
         self._in: Sight | None = None
         self._job: PkwJob | None = None
         self._before: PkwJob | None = None
+        self._newest = 0
+        """The newest frame of the drive."""
+        self._over: list[PkwJob] = []
+        """Those that wait for the next frame of the drive, in order."""
         self._previous = b""
         """What was sent before the request that is open."""
         self._echoes = True
         """Whether the answer to a change has its value: some drives answer with 0."""
 
-    def sent(self, data: bytes, at: Moment) -> None:
-        """The controller sends these eight bytes from now on."""
+    def sent(self, data: bytes, at: Moment) -> bool:
+        """The controller sends these eight bytes from now on; whether they are others than before."""
         data, last = _without_spm(data), self._out
         if last is not None and last.data == data:
             if self._job is not None:
                 self._job.last = at
-            return
+            return False
         self._out = Sight(data, at)
         if self._is_second_half(data, at):
-            return
+            return True
         self._previous = b"" if last is None else last.data
+        job = self._job
+        if job is not None and job.odd is not None and _ak(data) and _fits(data, job.odd.data):
+            job.hole = Hole(job.request.at.frame, at.frame)  # this was sent before the answer to it
         self._end(at, withdrawn=not _ak(data))
         if _ak(data):
             moving = self._before is not None and self._before.updates > 0
             began = last is not None or self._fresh
             self._job = PkwJob(self._out, self._in, began, moving=moving)
         self._fresh = False
+        return True
 
     def answered(self, data: bytes, at: Moment) -> None:
         """The drive sends these eight bytes from now on."""
-        data = _without_spm(data)
-        if self._in is not None and self._in.data == data:
+        data, last, self._newest = _without_spm(data), self._in, at.frame
+        if self._over:
+            is_new = _ak(data) and (last is None or last.data != data)
+            self._tell(Sight(data, at) if is_new else None)
+        if last is not None and last.data == data:
             return
         self._in = Sight(data, at)
         job = self._job
@@ -156,6 +192,14 @@ class Channel:
         elif not _fits(job.request.data, data):
             job.odd = job.odd or self._in
 
+    def skipped(self, first: int, last: int) -> None:
+        """Frames of the drive are missing between two; call it before `answered` for the latter."""
+        hole, job = Hole(first, last), self._job
+        for each in self._over:
+            each.hole = hole
+        if job is not None and job.answer is None and job.request.at.frame <= first:
+            job.hole = hole
+
     def lost(self, at: Moment, *, out: bool = True, answers: bool = True) -> None:
         """Data is not valid from now on: what is open stays without an answer, and nobody is to blame.
 
@@ -166,6 +210,7 @@ class Channel:
             self._close(job, UNANSWERED, IO_LOST, at)
         elif job is not None:
             self._settle(job, at, END)
+        self._tell(None)
         self._job, self._fresh = None, False
         self._out = None if out else self._out
         self._in = None if answers else self._in
@@ -175,6 +220,7 @@ class Channel:
         if self._job is not None:
             self._settle(self._job, None, END)
             self._job = None
+        self._tell(None)
 
     def _end(self, at: Moment, withdrawn: bool) -> None:
         if self._job is not None:
@@ -199,8 +245,31 @@ class Channel:
 
     def _close(self, job: PkwJob, state: str, reason: str | None, at: Moment | None) -> None:
         job.state, job.reason, job.ended = state, reason, at
-        job.heard = self._in is not None
-        self._closed(job)
+        job.heard = self._in is not None and self._newest >= job.request.at.frame
+        hole, seen = job.hole, job.last
+        if job.answer is None and hole is not None and seen is not None and seen.frame > hole.last:
+            job.hole = None  # it stood there still, without a response
+        self._over.append(job)
+        if (job.answer is not None and len(self._over) == 1) or len(self._over) > _WAITING:
+            self._tell(None)
+
+    def _tell(self, behind: Sight | None) -> None:
+        """Tells of those that are over; `behind`: the first frame behind them, where it says something new.
+
+        A response that stands there may have stood in one before, which is missing.
+        """
+        over, self._over = self._over, []
+        for job in over:
+            if job.answer is None and job.reason != IO_LOST:
+                if (
+                    behind is not None
+                    and job.ended is not None
+                    and _fits(job.request.data, behind.data)
+                ):
+                    job.hole = job.hole or Hole(job.ended.frame, behind.at.frame, behind=True)
+                if job.hole is not None:
+                    job.state = INCOMPLETE
+            self._closed(job)
 
     def _is_second_half(self, data: bytes, at: Moment) -> bool:
         """Whether a request goes on that was begun a cycle ago: first the parameter changed, then the value.
