@@ -23,7 +23,8 @@ def house(repository, tmp_path_factory):
         str(repository / "tools" / "release" / "make_wheelhouse.py"),
         str(folder),
     ]
-    subprocess.run(command, check=True, capture_output=True)
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
     (archive,) = folder.glob("*.zip")
     zipfile.ZipFile(archive).extractall(folder)
     return folder / archive.stem

@@ -6,12 +6,14 @@ together (`make_pyz`, `make_page`, `make_wheelhouse`).
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 import subprocess
 import sys
+import tempfile
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from packaging.markers import Marker
@@ -43,7 +45,7 @@ def lines(names: Iterable[str], **system: str) -> list[str]:
     return [found[name] for name in names]
 
 
-def download(names: Iterable[str], folder: Path, *options: str) -> list[Path]:
+def download(names: Sequence[str], folder: Path, *options: str) -> list[Path]:
     """The wheels of these projects in `folder`, nothing of what they need themselves.
 
     Args:
@@ -51,18 +53,36 @@ def download(names: Iterable[str], folder: Path, *options: str) -> list[Path]:
         folder: is made where it is missing; what is there already is not fetched again.
         options: of `pip download`, such as the platform.
     """
+    pinned = dict(zip(names, lines(names), strict=True))
+    missing = [name for name in names if not _held(folder, name, pinned[name])]
+    if missing:
+        _fetch(missing, folder, *options)
+    return [_held(folder, name, pinned[name])[0] for name in names]
+
+
+def _held(folder: Path, name: str, pinned: str) -> list[Path]:
+    """The wheels of a project that are in a folder already and have one of the hashes that are pinned."""
+    return [
+        path
+        for path in folder.glob(f"{name.replace('-', '_')}-*.whl")
+        if hashlib.sha256(path.read_bytes()).hexdigest() in pinned
+    ]
+
+
+def _fetch(names: list[str], folder: Path, *options: str) -> None:
+    """Lets pip download wheels. They come into the folder whole: others may be fetching them at the same time."""
     folder.mkdir(parents=True, exist_ok=True)
-    wanted = folder / f".wanted-{os.getpid()}.txt"
-    wanted.write_text("\n".join(lines(names)) + "\n", "utf-8")
-    try:
+    with tempfile.TemporaryDirectory(dir=folder) as work:
+        wanted = Path(work) / "wanted.txt"
+        wanted.write_text("\n".join(lines(names)) + "\n", "utf-8")
         command = [
             sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps",
-            "--require-hashes", "--only-binary", ":all:", "--dest", str(folder), *options, "-r", str(wanted),
+            "--retries", "10", "--require-hashes", "--only-binary", ":all:", "--dest", work, *options,
+            "-r", str(wanted),
         ]  # fmt: skip
         subprocess.run(command, check=True)
-    finally:
-        wanted.unlink()
-    return [wheel(folder, name) for name in names]
+        for path in Path(work).glob("*.whl"):
+            path.replace(folder / path.name)
 
 
 def wheel(folder: Path, name: str) -> Path:
@@ -92,15 +112,18 @@ def building(python: str | Path, folder: Path) -> list[str]:
 def own() -> Path:
     """Our wheel of this checkout, in which nothing is compiled: it runs wherever Python does."""
     folder = BUILD / "own"
-    for old in folder.glob("*.whl"):
-        old.unlink()
-    done = subprocess.run(
-        building(sys.executable, folder), cwd=ROOT, capture_output=True, text=True,
-        env={**os.environ, "DS47_COMPILE": "0"},
-    )  # fmt: skip
-    if done.returncode:
-        sys.exit(f"the wheel was not built:\n{done.stderr}")
-    return wheel(folder, "ds47")
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(
+        dir=folder
+    ) as work:  # others may be building it at the same time
+        done = subprocess.run(
+            building(sys.executable, Path(work)), cwd=ROOT, capture_output=True, text=True,
+            env={**os.environ, "DS47_COMPILE": "0"},
+        )  # fmt: skip
+        if done.returncode:
+            sys.exit(f"the wheel was not built:\n{done.stderr}")
+        built = wheel(Path(work), "ds47")
+        return built.replace(folder / built.name)
 
 
 def version() -> str:
