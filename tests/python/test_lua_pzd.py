@@ -22,6 +22,7 @@ from ds47.cyclic import named
 from ds47.lab import captured
 from ds47.lab.cyclic import INPUT, OUTPUT
 from ds47.lab.cyclic_stories import BOOK
+from ds47.model import Relation
 
 NAMES = ("00:1c:06:00:00:01@8002:0:pzd", "00-1F-F8-00-00-01@0x8001:0:PZD")
 """Control and status word of the last story."""
@@ -100,4 +101,72 @@ def test_channels_named_by_hand(version: str, wrong: bool, tmp_path: Path) -> No
     assert [each.certainty for each in result.relations] == ["refuted" if wrong else "named"]
     assert [each.rule for each in result.findings] == ([] if wrong else ["DS523"])
     assert result.timelines == [] if wrong else len(result.timelines[0].events) > 5
+    compare(version, "en", [source], tmp_path, options)
+
+
+def name_of(relation: Relation, kind: str, behind: int = 0) -> list[named.Name]:
+    """Both directions of a channel as a user names it."""
+    return [
+        named.parse(f"{each.mac}@{each.frame_id:04x}:{each.offset + behind}:{kind}")
+        for each in (relation.output, relation.input)
+    ]
+
+
+def joined(*contents: bytes) -> bytes:
+    """One capture behind the other; of the first one only what is no IP."""
+    target, since = io.BytesIO(), 0
+    with PcapngWriter(target) as writer:
+        for content in contents:
+            with open_capture(io.BytesIO(content)) as source:
+                frames = [
+                    each for each in source.everything() if since or each.data[12:14] != b"\x08\x00"
+                ]
+            for each in frames:
+                writer.write(each.time_ns + since, each.data, each.original_length)
+            since += frames[-1].time_ns - frames[0].time_ns + 10**9
+    return target.getvalue()
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize(
+    ("kind", "of", "behind", "expected"),
+    [
+        ("pkw", "pkw", 0, ["pkw named 2", "pzd seen 2"]),
+        ("pzd", "pzd", 0, ["pkw seen 2", "pzd named 2"]),
+        ("pzd", "pkw", 0, ["pzd odd None", "pkw seen 2", "pzd seen 2"]),
+        ("pzd", "pzd", 2, ["pzd refuted None", "pkw seen 2"]),
+        ("pkw", "pkw", 1, ["pkw named None", "pzd seen 2"]),
+        ("pkw", "pzd", 0, ["pkw named None", "pkw seen 2"]),
+        ("pzd", "pkw", 1400, ["pzd named None", "pkw seen 2", "pzd seen 2"]),
+    ],
+)
+def test_what_is_named_stays_where_a_connect_sets_it_up(
+    version: str, kind: str, of: str, behind: int, expected: list[str], tmp_path: Path
+) -> None:
+    """What the Connect has there becomes that, with its slot; other bytes are as they were named."""
+    source = scene("start-and-stop")
+    there = next(each for each in analyze(source.open()).relations if each.channel == of)
+    options = AnalysisOptions(cyclic=tuple(name_of(there, kind, behind)))
+    result = analyze(source.open(), options)
+    told = [f"{each.channel} {each.certainty} {each.slot}" for each in result.relations]
+    assert told == expected
+    assert behind == 1 or result.findings == []
+    compare(version, "en", [source], tmp_path, options)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("channel", ["pkw", "pzd"])
+def test_what_is_named_was_there_before_its_connect(
+    version: str, channel: str, tmp_path: Path
+) -> None:
+    whole = scene("change-in-operation")
+    first = analyze(whole.open())
+    there = next(each for each in first.relations if each.channel == channel)
+    options = AnalysisOptions(cyclic=tuple(name_of(there, channel)))
+    content = joined(capture(SCENES["change-in-operation"]), capture(SCENES["change-in-operation"]))
+    source = Source("joined", content, False)
+    result = analyze(source.open(), options)
+    told = [(each.certainty, each.slot) for each in result.relations if each.channel == channel]
+    assert told == [("named", None), ("named", 2)]
+    assert len(result.transactions) == len(first.transactions) * (2 if channel == "pkw" else 1)
     compare(version, "en", [source], tmp_path, options)

@@ -14,7 +14,7 @@
 
 local connect = require("ds47.profinet.connect")
 local entries = require("ds47.support.later").entries
-local filtered = require("ds47.support.arrays").filtered
+local arrays = require("ds47.support.arrays")
 local flat = require("ds47.support.flat").copy
 local handshake = require("ds47.cyclic.handshake")
 local link = require("ds47.profinet.link")
@@ -28,6 +28,7 @@ local timeline = require("ds47.cyclic.timeline")
 
 local byte, char, sub = string.byte, string.char, string.sub
 local floor, max, min = math.floor, math.max, math.min
+local filtered, has = arrays.filtered, arrays.has
 local concat, find, gsub, rep = table.concat, string.find, string.gsub, string.rep
 
 local M = {}
@@ -313,7 +314,7 @@ function Channels:proven(pkw)
       end
     end
   end
-  if #beside == 1 then beside[1].relation.certainty = SEEN end
+  if #beside == 1 and beside[1].relation.certainty ~= NAMED then beside[1].relation.certainty = SEEN end
 end
 
 -- Relations that were replaced get no more frames.
@@ -321,17 +322,44 @@ local function leave_out_replaced(self)
   self.lines = filtered(self.lines, function(line) return line.relation.replaced == nil end)
 end
 
--- The stations set up all their channels anew, in this frame.
-local function replace(self, controller, device, frame)
+-- The channels that `is_over(relation)` tells are set up anew, in this frame.
+local function replace(self, frame, is_over)
   for _, line in ipairs(self.lines) do
-    local relation = line.relation
-    if relation.output.source == controller and relation.input.source == device then
+    if is_over(line.relation) then
       line:finish()
-      relation.replaced = frame
+      line.relation.replaced = frame
       if line.recorder then line.recorder.fault_since = nil end -- what becomes of it the next one shows
     end
   end
   leave_out_replaced(self)
+end
+
+-- Those of two stations, but for what was named and fits the frames: frame id -> bytes of data.
+local function replace_all(self, controller, device, frame, lengths)
+  local function fits(side) return side.offset + side.length <= (lengths[side.frame_id] or math.huge) end
+  replace(self, frame, function(each)
+    local stays = has(self.named, each) and fits(each.output) and fits(each.input)
+    return each.output.source == controller and each.input.source == device and not stays
+  end)
+end
+
+-- Whether a channel of a Connect may be one: what was named in its bytes wins, and is told as set up there;
+-- where no frame came before, there was nothing else.
+local function agrees(self, found)
+  for _, name in ipairs(self.named) do
+    local meet, is_same = relations.meet(name, found)
+    if is_same then
+      found.certainty = NAMED
+      replace(self, found.frame, function(each) return each == name end)
+      if name.frame == nil then
+        self.all = filtered(self.all, function(each) return each ~= name end)
+        self.drives_ = filtered(self.drives_, function(each) return each.relation ~= name end)
+      end
+    elseif meet and (name.channel == relations.PKW or found.channel ~= relations.PKW) then
+      return false -- PKW where PZD was named proves itself
+    end
+  end
+  return true
 end
 
 -- The bytes that matter in the frames of a row, in order and each once: array of {offset, length}.
@@ -430,8 +458,8 @@ function Channels:connected(request, response)
   local asked = connect.parse_request(request)
   local ar, device_mac, frame_ids = connect.parse_response(response)
   if not asked or ar ~= asked.ar then return end
-  connect.answered(asked, frame_ids)
-  replace(self, asked.controller_mac, device_mac, response.frame)
+  local lengths = connect.answered(asked, frame_ids)
+  replace_all(self, asked.controller_mac, device_mac, response.frame, lengths)
   local vendor_id = rpc.device_identity(response.object_uuid)
   if vendor_id == nil and self.naming.vendor_id then
     vendor_id = self.naming:vendor(request.server)
@@ -439,14 +467,15 @@ function Channels:connected(request, response)
   for _, found in ipairs(relations.channels(asked)) do
     if #self.all >= self.limits.relations then break end
     local item, channel, offset = found.submodule, found.channel, found.offset
-    add(self, {
+    local made = {
       channel = channel, controller = request.client, device = request.server,
       vendor_id = vendor_id, ar = ar, api = item.api, slot = item.slot, subslot = item.subslot,
       telegrams = found.telegrams,
       output = relations.side(item.output, asked.controller_mac, channel, offset),
       input = relations.side(item.input, device_mac, channel, offset),
       frame = response.frame, certainty = LENGTHS,
-    }, offset > 0)
+    }
+    if agrees(self, made) then add(self, made, offset > 0) end
   end
   watch(self)
 end
@@ -482,7 +511,7 @@ end
 -- @param frame  of the configuration
 function Channels:configured(found, output, input, frame)
   if is_set_up_so(self, found, output) then return end
-  replace(self, output, input, frame)
+  replace_all(self, output, input, frame, {})
   for _, relation in ipairs(found) do
     if #self.all < self.limits.relations then add(self, relation, false) end
   end

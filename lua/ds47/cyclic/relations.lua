@@ -181,6 +181,20 @@ function M.place(relation)
   return relation.controller .. " " .. relation.device .. " " .. place
 end
 
+-- How many bytes behind another side one begins, of those that have bytes in common; else nil.
+local function behind(one, other)
+  local distance = one.offset - other.offset
+  local meet = one.source == other.source and one.frame_id == other.frame_id
+    and distance < other.length and -distance < one.length
+  return meet and distance or nil
+end
+
+--- Whether two relations have bytes in common, in either direction; whether they are the same channel there.
+function M.meet(one, other)
+  local output, input = behind(one.output, other.output), behind(one.input, other.input)
+  return output or input, one.channel == other.channel and output == 0 and input == 0
+end
+
 --- Whether two relations of a place are in the same bytes, or one behind the other in one submodule.
 function M.is_same_spot(one, other)
   if M.is_bus(one) or M.is_bus(other) then

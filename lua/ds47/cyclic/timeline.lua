@@ -52,7 +52,9 @@ function M.new(operation, trusted, speed, fault, most)
     proven = false, -- whether both words were seen as a drive has them that a PLC controls
     refuted = false, -- whether a word was seen that no drive has
     reacted = false, -- whether ON led to the next state
-    odd = false, -- whether a control word has bits that few controllers use, and is none that a drive heeds
+    -- Whether a control word has bits that few controllers use, and is none that a drive heeds; or both words
+    -- are those of a request of PKW and its response.
+    odd = false,
     legal = false, -- whether a status word was seen that shows a state of a drive
     fault_since = nil, -- since when a fault stands in its newest valid data, a frame; nil for none
     stw1 = nil, zsw1 = nil, heeded = nil, -- the words, and the last control word that the drive heeds
@@ -120,7 +122,10 @@ end
 -- Whether these words look like those of a drive under control.
 local function look(self)
   local stw1, zsw1 = self.stw1, self.zsw1
-  if self.proven or not self.trusted or stw1 == nil or zsw1 == nil then return end
+  if stw1 == nil or zsw1 == nil then return end
+  local number = stw1 % 0x800 -- of a parameter: the response has that of its request
+  self.odd = self.odd or stw1 >= FREE and zsw1 >= FREE and number > 0 and zsw1 % 0x800 == number
+  if self.proven or not self.trusted then return end
   local heeded = bit(stw1, HEEDED) == 1 and (self.reacted or stw1 < FREE)
   self.proven = heeded and bit(zsw1, REQUESTED) == 1 and is_legal(zsw1)
 end

@@ -174,12 +174,18 @@ function M.parse_response(pdu)
 end
 
 --- Gives a Connect the frame ids that the device gave, by the reference of their relation.
+-- @return frame id -> bytes of data of all submodules
 function M.answered(connect, frame_ids)
+  local lengths = {}
   for _, each in ipairs(connect.submodules) do
     for _, data in ipairs({each.input or false, each.output or false}) do
-      if data then data.frame_id = frame_ids[data.reference] or data.frame_id end
+      if data then
+        data.frame_id = frame_ids[data.reference] or data.frame_id
+        lengths[data.frame_id] = data.frame_length
+      end
     end
   end
+  return lengths
 end
 
 return M

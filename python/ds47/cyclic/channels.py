@@ -8,7 +8,7 @@ business of `handshake` and `timeline`; frames are found by `ds47.capture`, whic
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
@@ -29,6 +29,9 @@ from ds47.profinet.rpc import Pdu, device_identity
 from ds47.spec.cyclic import telegrams
 from ds47.spec.semantics import Limits
 
+_NONE: Mapping[int, int] = {}
+_ANY = 0x10000
+"""More bytes than any frame has."""
 _FRAME_ID = 2
 _COUNTER = 2
 _MAC = len("00:11:22:33:44:55")
@@ -382,8 +385,12 @@ class CyclicChannels:
         device_mac, frame_ids = told[1:]
         identity = device_identity(response.object_uuid)
         vendor_id = identity[0] if identity else self._vendor and self._vendor(request.server)
-        self._replace(asked.controller_mac, device_mac, response.frame)
-        for found in channels(asked.answered(frame_ids)):
+        connect = asked.answered(frame_ids)
+        output, input_ = (
+            bytes.fromhex(mac.replace(":", "")) for mac in (asked.controller_mac, device_mac)
+        )
+        self._drop(output, input_, response.frame, connect.frame_lengths())
+        for found in channels(connect):
             if found.channel not in self._wanted:
                 continue
             if len(self._relations) >= self._bounds.relations:
@@ -391,13 +398,34 @@ class CyclicChannels:
             submodule, about = found.submodule, (found.channel, found.offset)
             assert submodule.output is not None
             assert submodule.input is not None
-            self._add(Relation(
+            made = Relation(
                 found.channel, request.client, request.server, vendor_id, asked.ar,
                 submodule.api, submodule.slot, submodule.subslot, found.telegrams,
                 side(submodule.output, asked.controller_mac, *about),
                 side(submodule.input, device_mac, *about), response.frame,
-            ), behind=found.offset > 0)  # fmt: skip
+            )  # fmt: skip
+            if self._agrees(made):
+                self._add(made, behind=found.offset > 0)
         self._tell()
+
+    def _agrees(self, found: Relation) -> bool:
+        """Whether a channel of a Connect may be one: what was named in its bytes wins, and is set up there."""
+        for name in self._named:
+            meets, is_same = name.meets(found)
+            if is_same:
+                found.certainty = NAMED
+                self._set_up(name, found.frame)
+            elif meets and (name.channel == PKW or found.channel == PZD):
+                return False  # PKW where PZD was named proves itself
+        return True
+
+    def _set_up(self, name: Relation, frame: int | None) -> None:
+        """What was named has its Connect; where no frame came before, there was nothing else."""
+        for line in [each for each in self._lines if each.relation is name]:
+            self._leave(line, frame)
+        if name.frame is None:
+            self._relations = [each for each in self._relations if each is not name]
+            self._drives = [each for each in self._drives if each.relation is not name]
 
     def name(self, names: Sequence[Name]) -> None:
         """Channels that a user names, before the first frame.
@@ -453,20 +481,25 @@ class CyclicChannels:
         if given_up:
             self._tell()
 
-    def _replace(self, controller: str, device: str, frame: int) -> None:
-        """The stations set up all their channels anew."""
-        output, input_ = (bytes.fromhex(each.replace(":", "")) for each in (controller, device))
-        self._drop(output, input_, frame)
-
-    def _drop(self, output: bytes, input_: bytes, frame: int | None) -> None:
+    def _drop(
+        self, output: bytes, input_: bytes, frame: int | None, lengths: Mapping[int, int] = _NONE
+    ) -> None:
+        """The stations set up all their channels anew; what was named stays where it fits the frames."""
         for line in list(self._lines):
             relation = line.relation
-            if (relation.output.source, relation.input.source) == (output, input_):
-                self._end(line)
-                self._lines.remove(line)
-                if isinstance(line, DriveWords):  # what becomes of its fault the next one shows
-                    line.recorder.fault_since = None
-                    line.replaced = frame
+            stays = any(relation is each for each in self._named) and all(
+                each.offset + each.length <= lengths.get(each.frame_id, _ANY)
+                for each in (relation.output, relation.input)
+            )
+            if (relation.output.source, relation.input.source) == (output, input_) and not stays:
+                self._leave(line, frame)
+
+    def _leave(self, line: _Line, frame: int | None) -> None:
+        self._end(line)
+        self._lines = [each for each in self._lines if each is not line]
+        if isinstance(line, DriveWords):  # what becomes of its fault the next one shows
+            line.recorder.fault_since = None
+            line.replaced = frame
 
     def _add(self, relation: Relation, behind: bool = False) -> None:
         self._relations.append(relation)
@@ -492,7 +525,7 @@ class CyclicChannels:
             if each.relation.spot == pkw.spot and not each.behind:
                 each.refuted = True
                 beside.remove(each)
-        if len(beside) == 1:
+        if len(beside) == 1 and beside[0].relation.certainty != NAMED:
             beside[0].relation.certainty = SEEN
 
     def _tell(self) -> None:

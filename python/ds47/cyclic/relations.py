@@ -54,6 +54,12 @@ class Side:
         states = sorted(at for at in (self.iops, self.status) if at is not None)
         return ((self.offset, self.watched), *((at, 1) for at in states))
 
+    def behind(self, other: Side) -> int | None:
+        """How many bytes behind another one it begins, where both have bytes in common."""
+        distance = self.offset - other.offset
+        same = (self.source, self.frame_id) == (other.source, other.frame_id)
+        return distance if same and -self.length < distance < other.length else None
+
     def told(self) -> model.Side:
         """As the report has it."""
         if len(self.source) == _STATIONS:
@@ -99,6 +105,11 @@ class Relation:
         if self.is_bus:
             return self.output.offset, self.input.offset
         return self.slot, self.subslot
+
+    def meets(self, other: Relation) -> tuple[bool, bool]:
+        """Whether both have bytes in common, in either direction; whether they are the same channel there."""
+        distances = self.output.behind(other.output), self.input.behind(other.input)
+        return distances != (None, None), self.channel == other.channel and distances == (0, 0)
 
     @property
     def is_bus(self) -> bool:

@@ -32,6 +32,8 @@ _ILLEGAL = frozenset((2, 4, 6))
 _INHIBITED, _FAULT = 0x0040, 0x0008
 FREE = 0xF000
 """Bits of STW1 that most controllers leave at 0; telegram 20, motor potentiometers and some makers use them."""
+_NUMBER = 0x07FF
+"""Bits of PKE that are a parameter number; the response has that of its request."""
 _REACTION_NS = 2_000_000_000
 """So soon after ON a drive has the next state."""
 _LAST_TASK = 63
@@ -102,7 +104,8 @@ class Recorder:
     reacted: bool = False
     """Whether ON led to the next state."""
     odd: bool = False
-    """Whether a control word has bits that few controllers use, and not the one that makes a drive heed it."""
+    """Whether a control word has bits that few controllers use, and not the one that makes a drive heed it; or
+    both words are those of a request of PKW and its response."""
     legal: bool = False
     """Whether a status word was seen that shows a state of a drive."""
     fault_since: int | None = None
@@ -243,7 +246,11 @@ class Recorder:
     def _look(self) -> None:
         """Whether these words look like those of a drive under control."""
         stw1, zsw1 = self._stw1, self._zsw1
-        if self.proven or not self.trusted or stw1 is None or zsw1 is None:
+        if stw1 is None or zsw1 is None:
+            return
+        both = bool(stw1 & FREE and zsw1 & FREE)
+        self.odd = self.odd or (both and stw1 & _NUMBER == zsw1 & _NUMBER != 0)
+        if self.proven or not self.trusted:
             return
         heeded = bool(stw1 >> HEEDED & 1) and (self.reacted or not stw1 & FREE)
         self.proven = heeded and bool(zsw1 >> REQUESTED & 1) and _is_legal(zsw1)

@@ -82,6 +82,11 @@ class Connect:
         )
         return replace(self, submodules=tuple(submodules))
 
+    def frame_lengths(self) -> dict[int, int]:
+        """Of each frame id the bytes of data of all submodules."""
+        both = (data for each in self.submodules for data in (each.input, each.output))
+        return {data.frame_id: data.frame_length for data in both if data is not None}
+
 
 def _with(data: Data | None, frame_ids: Mapping[int, int]) -> Data | None:
     if data is None:
