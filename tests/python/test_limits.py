@@ -50,6 +50,16 @@ def test_a_write_that_was_pushed_out_may_have_been_read() -> None:
     assert {"DS101", "DS102", "DS402", "DS403"}.isdisjoint(found(result))
 
 
+def test_where_no_response_comes_nothing_was_given_up() -> None:
+    """One direction of a capture says no more than that, however much is open at once."""
+    result = analyze(io.BytesIO(troubles.requests_alone()))
+    assert told(result) == []
+    assert {"DS401", "DS402", "DS403"}.isdisjoint(found(result))
+    assert {each.args["what"] for each in result.findings if each.rule == "DS725"} == {
+        "only_requests"
+    }
+
+
 def test_datagrams_that_were_pushed_out_are_counted() -> None:
     result = analyze(io.BytesIO(troubles.ip_fragments_at_once()))
     assert told(result) == [(5, sentence("ip_datagrams", 44))]

@@ -166,6 +166,17 @@ def writes_at_once() -> bytes:
     return stage.written()
 
 
+def requests_alone() -> bytes:
+    """More Writes of one channel, and in more RPC activities, than are kept, and nothing that answers them."""
+    stage = Quick()
+    client = Client(stage)
+    for data in map(request, range(1, 101)):
+        client.ask_write(data)
+    for each, data in _askers(stage, AT_ONCE):
+        each.ask_write(data)
+    return stage.written()
+
+
 def ip_fragments_at_once() -> bytes:
     """The beginnings of more IP datagrams than are kept, behind a transaction that shows whose they are."""
     stage = Quick()
@@ -231,6 +242,7 @@ ALL: tuple[Callable[[], bytes], ...] = (
     old_rpc_fragments,
     calls_at_once,
     writes_at_once,
+    requests_alone,
     ip_fragments_at_once,
     rpc_fragments_at_once,
     fragments_one_after_the_other,

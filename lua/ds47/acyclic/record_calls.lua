@@ -17,6 +17,7 @@ local M = {}
 
 local OPERATIONS = {[rpc.READ] = "Read", [rpc.WRITE] = "Write", [rpc.READ_IMPLICIT] = "ReadImplicit"}
 local CONNECT, RELEASE = rpc.CONNECT, rpc.RELEASE
+local OF_REQUESTS = {calls = true, activities = true, pending_writes = true} -- limits
 
 -- Peers that were told, by what tells them apart.
 local peers, peer_count, MOST_PEERS = {}, 0, 4096
@@ -93,6 +94,7 @@ function RecordCalls.new(events, index47, pairing, listener, naming, completenes
     alone = ordered.new(), -- the newest responses without a request (DS102), by their frames
     connections = ordered.new(), -- client and server -> the request that begins or ends an AR: `_goes_on`
     forgot_requests = false, -- whether a limit pushed out a request whose response may still come
+    newest = 0, -- the frame of the newest response that concerns us
     limits = ordered.new(), -- name of a limit -> what it pushed out: {frame = of the first, count}
   }, RecordCalls)
 end
@@ -173,11 +175,14 @@ function RecordCalls:limit_reached(limit, at)
 end
 
 --- What is to be said of each limit that pushed something out, when the capture is over: array of remarks.
+-- Not of requests whose response may still come, where none came any more: nothing was given up then.
 function RecordCalls:limits_reached()
   local found = {}
   for name, pushed in self.limits:iterate() do
-    local args = {limit = name, most = tables.limits[name], count = pushed.count}
-    found[#found + 1] = {rule = "DS109", frame = pushed.frame, args = args}
+    if not OF_REQUESTS[name] or self.newest > pushed.frame then
+      local args = {limit = name, most = tables.limits[name], count = pushed.count}
+      found[#found + 1] = {rule = "DS109", frame = pushed.frame, args = args}
+    end
   end
   return found
 end
@@ -350,7 +355,7 @@ function RecordCalls:response(call)
   while record do
     if ours[record.place.index] then
       local half = answered or without_block(pdu, status, record.place.write)
-      record.response = half
+      record.response, self.newest = half, pdu.frame
       if not (half.status or half.cut) then
         local remark = {rule = "DS108", frame = pdu.frame, args = {}}
         events:about_job(pdu, record, remark)
@@ -375,6 +380,7 @@ function RecordCalls:orphan_response(pdu, certain)
   end
   local record = ours_from(self, first)
   while record do
+    self.newest = pdu.frame
     if certain and not self.forgot_requests then
       local remark = {rule = "DS102", frame = pdu.frame, args = {operation = operation}}
       local alone = self.alone:get(pdu.frame) or {}

@@ -38,6 +38,8 @@ from ds47.spec.layouts import (
 from ds47.spec.semantics import Limits
 
 _OPERATIONS: Final = {RPC_READ: "Read", RPC_WRITE: "Write", RPC_READ_IMPLICIT: "ReadImplicit"}
+_OF_REQUESTS: Final = ("calls", "activities", "pending_writes")
+"""Limits that push out requests of which only the response may still come."""
 
 
 class RecordCalls:
@@ -70,6 +72,8 @@ class RecordCalls:
         self._completeness = completeness
         self._forgot_requests = False
         """Whether a limit pushed out a request whose response may still come."""
+        self._newest = 0
+        """The frame of the newest response that concerns us."""
         self._alone: OrderedDict[int, list[Remark]] = OrderedDict()
         """The newest responses without a request (DS102), by their frames."""
         self._connections: dict[tuple[str, str], rpc.Pdu] = {}
@@ -97,8 +101,13 @@ class RecordCalls:
             self._late(call, pdu)
 
     def finish(self) -> None:
-        """The capture is over: tells of each limit that pushed something out, once."""
+        """The capture is over: tells of each limit that pushed something out, once.
+
+        Not of requests whose response may still come, where none came any more: nothing was given up then.
+        """
         for name, (frame, count) in self._events.pushed_out.items():
+            if name in _OF_REQUESTS and self._newest < frame:
+                continue
             args = {"limit": name, "most": getattr(self._limits, name), "count": count}
             self._told.append(("remark", Remark("DS109", frame, args), None))
 
@@ -259,6 +268,7 @@ class RecordCalls:
             if not access.ours:
                 self._told.append(("foreign", access, None))
                 continue
+            self._newest = pdu.frame
             if half.status is None and not half.cut:
                 self._events.pass_on(access, "about", Remark("DS108", pdu.frame))
             self._events.answered(access, pdu.cut)
@@ -274,7 +284,7 @@ class RecordCalls:
         for record in records:
             if record.index not in self._concerned or record.response is None:
                 continue
-            access = self._access(pdu, record)
+            self._newest, access = pdu.frame, self._access(pdu, record)
             if certain and not self._forgot_requests:
                 args = {"operation": _OPERATIONS[pdu.opnum]}
                 remark = Remark("DS102", pdu.frame, args)
