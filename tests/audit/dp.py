@@ -136,6 +136,11 @@ class Line:
     stations: dict[int, int] = field(default_factory=dict)
     """And the station that it is of."""
 
+    @property
+    def disordered(self) -> bool:
+        """Whether a frame stands behind one that was sent later."""
+        return any(two.time_ns < one.time_ns for one, two in pairwise(self.heard))
+
     def of(self, station: int) -> list[Turn]:
         """The turns with a station, in their order."""
         return [each for each in self.turns if each.asked.da == station and not each.silent]

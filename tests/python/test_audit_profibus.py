@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from random import Random
 from typing import Any
 
 import pytest
 from test_audit import lines_of_profibus, mutated, read
-from tests.audit import dp, lines, run, stations, wire
+from tests.audit import cuts, dp, lines, reading, run, stations, wire
 from tests.audit import seeds as many
 from tests.audit.reading import Reading
 
@@ -94,3 +95,16 @@ def test_frames_of_profibus_are_taken_apart() -> None:
         "other"
     ] * 5
     assert heard("6813136883", 25).damage == "cut"
+
+
+def test_of_a_line_of_two_places_out_of_order_nobody_counts_repetitions(tmp_path: Path) -> None:
+    plan = replace(
+        lines.planned(Random("ret 2")), doubled=True, snap=None, back=False, loss=0.0, noise=0.0
+    )
+    many.play(plan).tape.write(tmp_path / "line.pcap")
+    frames = reading.read(tmp_path / "line.pcap", text=False, page=False).capture.frames
+    cuts.write(tmp_path / "cut.pcap", cuts.swapped(7)(frames))
+    item = reading.read(tmp_path / "cut.pcap", page=False)
+    assert item.line is not None
+    assert item.line.doubled
+    assert list(stations.check(item)) == []
