@@ -258,7 +258,9 @@ def of_ignored(finding: Finding, reading: Reading) -> Iterator[str]:
         yield "it stands shorter"
     for part in cyclic.parts(reading, relation, "input"):
         fits = part.data[0] >> 4 in (*ANSWERS[asked[0] >> 4], NEGATIVE)
-        fits = fits and part.frame >= relation["frame"]
+        # Where a request was answered, the relation is known: one before this may have had the same response.
+        known = relation["certainty"] != "lengths"
+        fits = fits and part.frame >= (finding.frame if known else relation["frame"])
         if fits and (int.from_bytes(part.data[:2]) ^ int.from_bytes(asked[:2])) & 0x7FF == 0:
             yield f"a response is in frame {part.frame}"
             return

@@ -175,6 +175,30 @@ def test_lua_says_the_same(version: str, tmp_path: Path) -> None:
     compare(version, "en", sources, tmp_path)
 
 
+# What stands when the capture ends
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize(("cycles", "said"), [(40, ["DS514"]), (30, [])])
+def test_a_request_that_stands_to_the_end(
+    cycles: int, said: list[str], version: str, tmp_path: Path
+) -> None:
+    """Of a proven channel, and the same request had a response before: it is for long, or record longer."""
+    stage = Stage()
+    line = machine(Client(stage)).start().read(1082)
+    line.drive.pause = 10_000
+    line.ask(READ, cycles)
+    source = Source("open", captured(stage), False)
+    result = analyze(source.open())
+    assert [each.rule for each in result.findings] == said
+    assert [each.state for each in result.transactions] == ["ok", "unanswered"]
+    assert [each.transaction for each in result.findings] == [2 for _ in said]
+    path = tmp_path / "open.pcapng"
+    path.write_bytes(captured(stage))
+    assert run.audit(path) == []
+    compare(version, "en", [source], tmp_path)
+
+
 # What the file says
 
 

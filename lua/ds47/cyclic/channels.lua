@@ -145,8 +145,7 @@ local function ignored(line, cycles)
   for _, each in ipairs(line.waiting) do
     local is_ignored = handshake.is_ignored(each)
     if not is_ignored and each.state ~= "incomplete" then return nil end
-    local stood = handshake.last_of(each).cycle - each.request.at.cycle
-    if found == nil and is_ignored and stood >= cycles then found = each end
+    if found == nil and is_ignored and handshake.stood(each) >= cycles then found = each end
   end
   return found
 end

@@ -68,6 +68,9 @@ function Conclusions:exchanged(relation, job, layout)
   local took = handshake.reaction(job)
   habits_of(self, relation, layout):take(job, took, remarks)
   add_of(found, relation, remarks)
+  if job.reason == "end" and handshake.is_ignored(job) and handshake.stood(job) >= self.limits.pkw_cycles then
+    add_of(found, relation, judge.unanswered(relation, job, layout))
+  end
   return found
 end
 

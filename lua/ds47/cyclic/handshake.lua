@@ -111,6 +111,9 @@ end
 --- The moment of the frame that ended a job, or of the last in which it was looked at.
 function M.last_of(job) return job.ended or job.last or job.request.at end
 
+--- Cycles from its first frame to that.
+function M.stood(job) return M.last_of(job).cycle - job.request.at.cycle end
+
 --- The request that stands, nil where there is none.
 function Channel:open_job() return self._job end
 

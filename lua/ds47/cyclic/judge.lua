@@ -69,7 +69,8 @@ local function of_end(remarks, job, asked, family)
   end
 end
 
---- What reads as a request has no response, and nothing proves that it is one: an array of remarks.
+--- What reads as a request has no response: nothing proves that it is one, or it stands to the end. An array
+-- of remarks.
 function M.unanswered(relation, job, layout)
   local remarks, asked = {}, transactions.decoded(job, layout)
   local stood_ns = handshake.last_of(job).time - job.request.at.time

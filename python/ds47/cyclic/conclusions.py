@@ -12,7 +12,7 @@ from ds47.cyclic import judge
 from ds47.cyclic.channels import CyclicChannels
 from ds47.cyclic.explanation import explain, turned_down
 from ds47.cyclic.habits import Habits
-from ds47.cyclic.handshake import INCOMPLETE, PkwJob
+from ds47.cyclic.handshake import END, INCOMPLETE, PkwJob
 from ds47.cyclic.relations import Relation
 from ds47.findings.remark import Remark
 from ds47.model import Transaction
@@ -51,8 +51,11 @@ class Conclusions:
 
     def exchanged(self, relation: Relation, job: PkwJob) -> list[Remark]:
         """A transaction of PKW that is over, and what is wrong with it."""
-        found = list(judge.remarks(relation, job, self._layout(relation.device)))
-        return list(_about(relation, [*found, *self._habits_of(relation).take(job)]))
+        layout = self._layout(relation.device)
+        found = [*judge.remarks(relation, job, layout), *self._habits_of(relation).take(job)]
+        if job.reason == END and job.is_ignored and job.stood >= self._bounds.pkw_cycles:
+            found += judge.unanswered(relation, job, layout)
+        return list(_about(relation, found))
 
     def transaction(self, item: Transaction) -> list[Remark]:
         """A transaction of any channel that is over: whether the state of its drive explains it."""

@@ -41,7 +41,7 @@ def remarks(relation: Relation, job: PkwJob, layout: str = pkw.CYCLIC) -> Iterat
 
 
 def unanswered(relation: Relation, job: PkwJob, layout: str = pkw.CYCLIC) -> Iterator[Remark]:
-    """What reads as a request has no response, and nothing proves that it is one."""
+    """What reads as a request has no response: nothing proves that it is one, or it stands to the end."""
     last = job.ended or job.last or job.request.at
     stood_ns = last.time_ns - job.request.at.time_ns
     if stood_ns >= 0:  # else somebody set the clock meanwhile
