@@ -277,13 +277,90 @@ def _rules() -> Iterator[str]:
             yield f"M.rules.{number}.args = {literal(row.args)}"
 
 
+def _word(text: str) -> tuple[str | None, int]:
+    """The name of a word of a telegram without the mark of double words, and its bytes.
+
+    No name where it has no field of its own: nobody knows what it is, or it is setpoint or actual value.
+    """
+    if text == "-" or text.startswith(("NSOLL_A", "NIST_A")):
+        return None, 2
+    return text.removesuffix("(2)"), 4 if text.endswith("(2)") else 2
+
+
+def _telegram_words() -> Iterator[str]:
+    """Each word behind the first ones: its bytes, and the key of its field; and these fields."""
+    places, shown = {}, {}
+    for _, row in sorted(cyclic.telegrams().items()):
+        for text in (*row.out[1:], *row.inward[1:]):
+            name, size = _word(text)
+            key = f"pzd.word.{name.lower()}" if name else None
+            places[text] = {"size": size} | ({"key": key} if key else {})
+            unsigned = name and any(part in name for part in _plugin()["unsigned"])
+            kind = (f"uint{8 * size}", "DEC_HEX") if unsigned else (f"int{8 * size}", "DEC")
+            if key:
+                shown.setdefault(key, (key, name, *kind))
+    yield from block("M.fields.telegrams", list(shown.values()))
+    yield from block("M.fields.telegram_words", places)
+
+
+def _plugin() -> dict[str, Any]:
+    return spec._load("wireshark.toml")
+
+
+def _fields() -> Iterator[str]:
+    """What the plugin registers, by the protocol or the word that it is of."""
+    yield "M.fields = {}"
+    for word, names in _plugin()["bits"].items():
+        told = {row.bit: row for row in cyclic.bits(word, None) if row.family is None}
+        yield from block(f"M.fields.{word}", [
+            (f"pzd.{word}.{name}", f"{word.upper()} bit {bit}", "bool",
+             (told[bit].set or "1", told[bit].clear or "0"), 1 << bit, 16)
+            for bit, name in enumerate(names)
+        ])  # fmt: skip
+    yield from _telegram_words()
+    flags = [
+        (f"profibus.{name}.{row.id}", row.en, "bool", None, 1 << row.bit)
+        for name in ("diagnosis", "parameters", "control")
+        for row in profibus.flags(name)
+    ]
+    for name in ("message", "description", "words"):
+        yield from block(f"M.fields.{name}", _plugin()[name])
+    yield from block("M.fields.bus", [*_plugin()["bus"], *flags])
+    starts = {code: f"{row.id}, {row.en}" for code, row in profibus.codes("start").items()}
+    functions = {code: row.en for code, row in profibus.functions().items()}
+    functions |= {code: f"{row.en} negative" for code, row in profibus.refusals().items()}
+    for name, texts in (("starts", starts), ("functions", functions)):
+        yield from table(f"M.fields.{name}", {code: {"name": text} for code, text in texts.items()})
+
+
 def _experts() -> Iterator[str]:
-    shown = []
+    """Expert infos: key, name of the filter, text, group, severity."""
+    shown: list[Sequence[str]] = []
     for number, row in sorted(_plugin_rules().items()):
-        known = fields(row, ("id", "title", "severity", "expert"))
-        cyclic = number.startswith("DS5") and row.severity != "note"
-        shown.append(known | ({"of_makers": True} if cyclic else {}))
-    return block("M.experts", shown)
+        told = (f"{row.id} {row.title}", row.expert)
+        shown.append((row.id, *told, row.severity))
+        if number.startswith("DS5") and row.severity != "note":  # of the drive of another maker
+            shown.append((f"{row.id} note", *told, "note"))
+    shown += _plugin()["drive_experts"]
+    groups, severities = _plugin()["groups"], _plugin()["severities"]
+    yield "M.experts = {}"
+    for name, rows in (("plugin", shown), ("bus", _plugin()["bus_experts"])):
+        yield from block(f"M.experts.{name}", [
+            (key, key.lower().replace(" ", "."), text, groups[group], severities[severity])
+            for key, text, group, severity in rows
+        ])  # fmt: skip
+
+
+def _preferences() -> Iterator[str]:
+    empty = {"bool": False, "enum": 0, "uint": semantics.limits().slow_ns // 10**6}
+    shown = []
+    for row in _plugin()["preferences"]:
+        choices = [(place + 1, word, place) for place, word in enumerate(row.get("words", ()))]
+        told = {name: row[name] for name in ("name", "kind", "label", "about")}
+        told["default"] = empty.get(row["kind"], "")
+        taken = row.get("most", choices)
+        shown.append(told | {"choices": taken} if taken else told)
+    yield from block("M.preferences", shown)
 
 
 @cache
@@ -572,7 +649,7 @@ def generate() -> str:
             "M.read_only",
             {family or "any": spec.read_only(family) for family in (None, *spec.FAMILIES)},
         ),
-        _experts(),
+        later("experts", _experts()),
         later("rules", _rules()),
         _known(),
         [f"M.message_parts = {literal(semantics.parts())}"],
@@ -588,6 +665,9 @@ def generate() -> str:
         later("explain", _explain()),
         later("columns", _columns()),
         _transaction_fields(),
+        later("fields", _fields()),
+        later("preferences", _preferences()),
+        later("about", [f"M.about = {literal(_plugin()['about'])}"]),
         ["return M"],
     )
     return "\n\n".join("\n".join(part) for part in parts) + "\n"

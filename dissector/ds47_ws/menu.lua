@@ -8,6 +8,7 @@ local profile = require("ds47_ws.profile")
 local saving = require("ds47_ws.saving")
 local say = require("ds47.report.formatting").say
 local stats = require("ds47_ws.stats")
+local tables = require("ds47.spec.tables")
 
 local M = {}
 
@@ -216,33 +217,6 @@ function M.check(track, info)
   return table.concat(lines, "\n")
 end
 
-local ABOUT = [[
-
-Decodes the parameter channel of PROFIdrive over PROFINET (record
-index 47 = DS47, 0xB02E, 0xB02F), names every value, measures every
-transaction, and says what was wrong with the conversation.
-
-Profile     Tools > DS47 > Add profile DS47: columns, colours and
-            filter buttons. Choose it at the right end of the
-            status bar.
-Filters     ds47                 frames of the parameter channel
-            ds47.finding         what is wrong: cause and advice
-                                 stand in the tree of the frame
-            ds47.error.code      what a drive did not accept
-            ds47.state != "ok"   transactions that went wrong
-            ds47.pnu == 50303    one parameter, asked and answered
-            ds47.pzd.event       what happened to drives
-Links       A double click on a blue line goes to that frame.
-Menu        A right click on a packet of the list > DS47: only this
-            transaction, its request to paste, its status in words
-            (Wireshark 4.4 and later)
-Expert      Analyze > Expert Information counts the findings.
-Report      Tools > DS47 > Save report writes the findings as text
-            and the parameters as a table, to send to somebody.
-
-MIT licence
-]]
-
 --- Adds the menu; without a window nothing happens.
 -- @param track the analysis of the open file: track.result(), track.name()
 -- @param info nil or {version, path}
@@ -278,7 +252,7 @@ function M.register(track, info)
     show("DS47: check installation", M.check(track, info))
   end)
   entry("About", function()
-    show("About DS47", "DS47 " .. (info.version or "") .. "\n" .. ABOUT)
+    show("About DS47", "DS47 " .. (info.version or "") .. "\n\n" .. tables.about)
   end)
 end
 

@@ -4,7 +4,6 @@
 -- What is damaged is shown as far as it is known, with an expert info for each flaw.
 
 local dp = require("ds47.profibus.dp")
-local expert_of = require("ds47_ws.profibus_fields").expert_of
 local spec = require("ds47.spec.profibus")
 local status_text = require("ds47.spec.statuses").status_text
 local tables = require("ds47.spec.tables")
@@ -28,6 +27,12 @@ function M.configure(the_protocol, the_fields, the_experts)
 end
 
 -- Small things
+
+-- The expert info of a flaw; `of_data` says whether it is one of the data of a frame.
+local function expert_of(flaw, of_data)
+  local kind = of_data and "data" or flaw.kind == "check" and "check" or "damaged"
+  return experts["profibus." .. kind]
+end
 
 local frame -- the TvbRange of all bytes
 local language -- of the texts, "en" or "zh"
@@ -235,7 +240,7 @@ local function add_flaw(root, flaw, start, of_data)
   local shown = derive(root, "flaw", codes.profibus_flaws[flaw.kind], start + flaw.offset, 1)
   shown:set_generated()
   shown:set_text(words.flaw_line(flaw, start, language))
-  shown:add_proto_expert_info(experts[expert_of(flaw, of_data)], spec.flaw_text(flaw, language))
+  shown:add_proto_expert_info(expert_of(flaw, of_data), spec.flaw_text(flaw, language))
   derive(shown, "flaw.offset", start + flaw.offset)
 end
 
@@ -297,7 +302,7 @@ end
 --- What is wrong with a frame as expert infos and nothing else: where nobody wants fields.
 function M.add_experts(tree, item, lang)
   for _, flaw in ipairs(item.flaws) do
-    tree:add_proto_expert_info(experts[expert_of(flaw, false)], spec.flaw_text(flaw, lang))
+    tree:add_proto_expert_info(expert_of(flaw, false), spec.flaw_text(flaw, lang))
   end
 end
 

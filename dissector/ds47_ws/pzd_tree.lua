@@ -7,13 +7,12 @@
 local bits = require("ds47.support.bits")
 local cyclic = require("ds47.spec.cyclic")
 local drives = require("ds47_ws.drives")
-local field_names = require("ds47_ws.fields")
 local info = require("ds47_ws.info")
 local tables = require("ds47.spec.tables")
 local types = require("ds47_ws.types")
 
 local bit_of, codes = bits.bit, tables.codes
-local concat, format, lower = table.concat, string.format, string.lower
+local concat, format = table.concat, string.format
 
 local M = {}
 
@@ -52,11 +51,10 @@ local function bit_text(name, word, bit, family, lang)
   return row[(value == 1 and "set" or "clear") .. (lang == "zh" and "_zh" or "")] or tostring(value)
 end
 
-local KEYS = {} -- of the bits of each word
-for name, names in pairs(field_names.BITS) do
-  KEYS[name] = {}
-  for number, last in ipairs(names) do
-    KEYS[name][number] = "pzd." .. name .. "." .. last
+local KEYS = { stw1 = {}, zsw1 = {} } -- of the bits of each word
+for name, keys in pairs(KEYS) do
+  for number, row in ipairs(tables.fields[name]) do
+    keys[number] = row[1]
   end
 end
 
@@ -83,12 +81,11 @@ local function add_words(put, parent, place, record)
   local offset = 2
   local names = place.sent and telegram.out or telegram.inward
   for number = 2, #names do
-    local name, double = field_names.word(names[number])
-    local size = double and 4 or 2
-    if name then
-      put.take(parent, "pzd.word." .. lower(name), record, offset, size)
+    local word = tables.fields.telegram_words[names[number]]
+    if word.key then
+      put.take(parent, word.key, record, offset, word.size)
     end
-    offset = offset + size
+    offset = offset + word.size
   end
 end
 

@@ -192,7 +192,7 @@ local OF_BLOCKS = joined(OF_BLOCK, OF_WRITTEN, OF_TYPED, {
 -- What needs to know where a parameter stands.
 local OF_PLACES = joined(OF_BLOCKS, { "attribute" })
 local OF_DESCRIPTION = {}
-for number, row in ipairs(require("ds47_ws.fields").DESCRIPTION) do
+for number, row in ipairs(tables.fields.description) do
   OF_DESCRIPTION[number] = row[1]
 end
 -- All that stands below the header of a message; what the profile shows first, as the first one decides.

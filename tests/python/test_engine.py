@@ -612,8 +612,7 @@ def test_a_limit_that_the_plugin_cannot_have(slow_ms: float) -> None:
 
 def test_preferences_are_complete() -> None:
     """Each preference of the plugin can be given; `ignore` comes afterwards, others with a capture."""
-    text = (ROOT / "dissector/ds47_ws/preferences.lua").read_text(encoding="utf-8")
-    there = set(re.findall(r"^  prefs\.(\w+) = Pref", text, re.MULTILINE))
+    there = {row["name"] for row in spec._load("wireshark.toml")["preferences"]}
     layouts = (("192.168.0.5", "uss"),)
     names = tuple(map(parse, ("00:1b:1b:11:22:33@8000:0:pkw", "00:1f:f8:11:22:33@8001:4:pkw")))
     options = AnalysisOptions(

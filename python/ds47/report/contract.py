@@ -45,7 +45,7 @@ class Key(NamedTuple):
         channel: the only one whose transactions have it; empty for all.
         rare: whether most objects do without it: it is left out where it is None.
         field: of the field in Wireshark that has the name of the column: label, kind, and what the kind takes
-            (`dissector/ds47_ws/fields.lua`); empty where there is none, or one that is made otherwise.
+            (`spec/wireshark.toml`); empty where there is none, or one that is made otherwise.
     """
 
     name: str
