@@ -3,28 +3,24 @@
 -- Live from what the analysis tells frame by frame, later from the complete result. Only drives that are
 -- proven. Fields and texts are not here (pzd_tree.lua, info.lua), nor is what words mean (ds47.cyclic).
 
+local arrays = require("ds47.support.arrays")
 local bits = require("ds47.support.bits")
-local last_until = require("ds47.support.arrays").last_until
-local ends_to = require("ds47.cyclic.channels").ends_to
+local cyclic = require("ds47.cyclic.channels")
 local pzd = require("ds47.cyclic.pzd")
+local reader = require("ds47.support.bytes")
 local tables = require("ds47.spec.tables")
 
-local byte = string.byte
+local ends_to, said = cyclic.ends_to, cyclic.said
+local last_until, push = arrays.last_until, arrays.push
 
 local M = {}
 
 local NONE = {}
 local PZD = "pzd"
-local VALID = 2 -- bit of the status of a frame
 
 --- Whether there is one that may be a drive among relations.
 function M.among(relations)
-  for _, relation in ipairs(relations) do
-    if relation.channel == PZD then
-      return true
-    end
-  end
-  return false
+  return arrays.any(relations, function(relation) return relation.channel == PZD end)
 end
 
 -- The complete result
@@ -35,11 +31,6 @@ end
 
 local function key_of(source, frame_id)
   return source .. string.format("%d", frame_id) -- six bytes, on PROFIBUS two; %s of Lua 5.2 ends at a zero
-end
-
-local function push(lists, key, item)
-  lists[key] = lists[key] or {}
-  table.insert(lists[key], item)
 end
 
 -- The control words that a drive heeds, each behind the frame from which on it stands.
@@ -82,12 +73,6 @@ end
 
 -- Words
 
--- Whether data is valid, as its IOPS and the status of the frame say, where they are known.
-local function is_valid(side, frame, at)
-  return (not side.status or bits.bit(byte(frame, at + side.status + 1), VALID) == 1)
-    and (not side.iops or byte(frame, at + side.iops + 1) >= 0x80)
-end
-
 -- Whether the frame has all of an end: the capture may have cut it.
 local function is_whole(side, frame, at)
   return #frame > at + math.max(side.offset + side.length - 1, side.status or 0, side.iops or 0)
@@ -98,19 +83,14 @@ local function counts(relation, number)
   return (relation.frame or number) <= number and (relation.replaced == nil or number <= relation.replaced)
 end
 
-local function word_at(frame, offset)
-  local high, low = byte(frame, offset + 1, offset + 2)
-  return high * 256 + low
-end
-
 -- What an end says in a frame, a place: {offset in the frame, length, sent (by the controller), relation,
 -- word, valid, speed (whether a speed is behind the word), control (that the drive heeds, may be nil)}.
 local function place_of(each, frame, at, speed, control)
   local side = each.side
-  local offset = at + side.offset
+  local words, valid = said(each, frame, at)
   return {
-    offset = offset, length = side.length, sent = each.sent, relation = each.relation,
-    word = word_at(frame, offset), valid = is_valid(side, frame, at), speed = speed, control = control,
+    offset = at + side.offset, length = side.length, sent = each.sent, relation = each.relation,
+    word = reader.u16(words, 0), valid = valid, speed = speed, control = control,
   }
 end
 

@@ -8,7 +8,7 @@ local sentences = require("ds47.report.sentences")
 local statistics = require("ds47.report.statistics")
 local words = require("ds47.report.formatting")
 
-local concat, format = table.concat, string.format
+local concat = table.concat
 local integer, say = words.integer, words.say
 
 local M = {}
@@ -25,14 +25,6 @@ end
 local function date_and_time(base_seconds, time)
   local text = csv.timestamp(base_seconds, time)
   return text:sub(1, 10), text:sub(12, 23)
-end
-
-local function word_of(event)
-  if event.word == nil then
-    return ""
-  end
-  local before = event.before and format("%04X -> ", event.before) or ""
-  return format("%s %s%04X", event.word, before, event.after)
 end
 
 -- One drive: a line about it, then its events.
@@ -61,7 +53,7 @@ local function add_drive(lines, relation, timeline, base_seconds, lang)
       lines[#lines + 1] = "  " .. date
       day = date
     end
-    add(time, integer(event.frame), word_of(event), info.what(same, lang))
+    add(time, integer(event.frame), event.word and info.word(event) or "", info.what(same, lang))
   end
   if timeline.left_out > 0 then
     lines[#lines + 1] = "  " .. say(lang, "timeline_more", { number = integer(timeline.left_out) })

@@ -69,13 +69,12 @@ local function add_instead(put, parent, finding)
   if not finding.corrected then
     return
   end
-  local shown = suggest.corrected(finding.corrected, finding.args.family)
-  local item = parent
+  local item, request = parent, finding.corrected
   if put.wanted("finding.instead") then
-    item = put.point(parent, "finding.instead", put.elsewhere(finding.corrected, "Send instead"))
+    item = put.point(parent, "finding.instead", put.elsewhere(request, "Send instead"))
   end
-  put.derive(item, "finding.instead.words", table.concat(shown.words, " "))
-  put.derive(item, "finding.instead.encode", shown.encode)
+  put.derive(item, "finding.instead.words", table.concat(suggest.plc_words(request), " "))
+  put.derive(item, "finding.instead.encode", suggest.encode_command(request, finding.args.family))
 end
 
 -- The other frames that it is about, as links. `request` is that of its transaction, which the finding may

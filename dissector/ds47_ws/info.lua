@@ -8,6 +8,7 @@
 local cyclic = require("ds47.spec.cyclic")
 local descriptions = require("ds47.report.descriptions")
 local entries = require("ds47.support.later").entries
+local mapped = require("ds47.support.arrays").mapped
 local status = require("ds47.spec.statuses")
 local text_of = require("ds47.profidrive.formats").text_of
 local words = require("ds47.report.formatting")
@@ -215,10 +216,7 @@ function M.together(events)
 end
 
 local function names(events, lang)
-  local texts = {}
-  for number, event in ipairs(events) do
-    texts[number] = cyclic.event_text(event.name, lang)
-  end
+  local texts = mapped(events, function(event) return cyclic.event_text(event.name, lang) end)
   return table.concat(texts, lang == "zh" and "，" or ", ")
 end
 
@@ -234,14 +232,19 @@ function M.what(events, lang)
   return with_state(names(events, lang), events[#events], lang)
 end
 
+--- The word of an event as it was and as it is, `STW1 047E -> 047F`.
+function M.word(event)
+  local before = event.before and string.format("%04X -> ", event.before) or ""
+  return string.format("%s %s%04X", event.word, before, event.after)
+end
+
 -- The same with the word, `ON (STW1 047E -> 047F)`: the state only where the drive itself says it.
 local function of_word(events, lang)
   local text, event = names(events, lang), events[#events]
   if event.word == nil then
     return text
   end
-  local before = event.before and string.format("%04X -> ", event.before) or ""
-  text = string.format("%s (%s %s%04X)", text, event.word, before, event.after)
+  text = string.format("%s (%s)", text, M.word(event))
   return event.word == "ZSW1" and with_state(text, event, lang) or text
 end
 

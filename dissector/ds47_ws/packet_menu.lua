@@ -8,6 +8,7 @@ local drive_objects = require("ds47.profidrive.drive_objects")
 local formatting = require("ds47.report.formatting")
 local later = require("ds47.support.later").module
 local explanation = later("ds47.report.explanation")
+local mapped = require("ds47.support.arrays").mapped
 local meanings = later("ds47.explain.meanings")
 local reader = require("ds47.support.bytes")
 local sentences = require("ds47.report.sentences")
@@ -50,10 +51,7 @@ end
 
 -- `FIELD == 7`, `FIELD in {7, 9}`; nil without numbers.
 local function among(field, numbers)
-  local texts = {}
-  for place, number in ipairs(numbers) do
-    texts[place] = integer(number)
-  end
+  local texts = mapped(numbers, integer)
   if #texts < 2 then
     return texts[1] and field .. " == " .. texts[1]
   end
@@ -62,11 +60,7 @@ end
 
 --- All frames of these transactions.
 function M.transaction_filter(items)
-  local numbers = {}
-  for place, item in ipairs(items) do
-    numbers[place] = item.id
-  end
-  return among("ds47.transaction", numbers)
+  return among("ds47.transaction", mapped(items, function(item) return item.id end))
 end
 
 -- One drive: a station, or an address in the field that the packet has for it.
@@ -205,13 +199,11 @@ end
 -- @param findings of these transactions
 -- @return the text; or nil and what to say instead
 function M.instead(findings, lang)
-  local requests, texts = {}, {}
+  local requests = {}
   for _, finding in ipairs(findings) do
     add_new(requests, finding.corrected)
   end
-  for place, request in ipairs(requests) do
-    texts[place] = suggest.scl(request)
-  end
+  local texts = mapped(requests, suggest.scl)
   if texts[1] == nil then
     return nil, say(lang, "menu_no_instead")
   end

@@ -6,7 +6,6 @@
 local cyclic = require("ds47.spec.cyclic")
 local naming = require("ds47.profidrive.naming")
 local pkw = require("ds47.cyclic.pkw")
-local reader = require("ds47.support.bytes")
 local sentences = require("ds47.report.sentences")
 local tables = require("ds47.spec.tables")
 local types = require("ds47_ws.types")
@@ -19,11 +18,6 @@ local M = {}
 local ATTRIBUTES = {} -- name -> code
 for code, row in pairs(tables.attributes) do
   ATTRIBUTES[type(row) == "table" and row.name or row] = code
-end
-
--- The four words as manuals print them.
-local function digits(data)
-  return (reader.hex(data):upper():gsub("%x%x%x%x", "%0 "):sub(1, -2))
 end
 
 local function value_text(told)
@@ -157,7 +151,7 @@ function M.add(put, root, view, record, lang)
     told = pkw.decode(data, view.role == "read_response", view.item.layout)
     local shown = put.take(root, "pkw", record, 0, pkw.LENGTH)
     if shown then
-      shown:set_text("PKW: " .. digits(data))
+      shown:set_text("PKW: " .. pkw.digits(data))
     end
     add_words(put, shown or root, told, record, lang, view.item.vendor_id)
   end

@@ -5,6 +5,7 @@
 
 local dp = require("ds47.profibus.dp")
 local spec = require("ds47.spec.profibus")
+local say = require("ds47.report.formatting").say
 local status_text = require("ds47.spec.statuses").status_text
 local tables = require("ds47.spec.tables")
 local types = require("ds47_ws.types")
@@ -260,7 +261,7 @@ end
 local function add_frame(root, item)
   local first = take(root, "sd", 0, 1)
   if item.kind == "SC" then
-    first:append_text(", " .. words.short_text(language))
+    first:append_text(", " .. say(language, "dp_taken"))
   elseif item.kind == "SD4" then
     derive(root, "da", item.da, 1, 1)
     derive(root, "sa", item.sa, 2, 1)

@@ -2,6 +2,8 @@
 --
 -- Knows nothing of Wireshark; what is written is given to it as text (stats.lua, menu.lua).
 
+local any = require("ds47.support.arrays").any
+
 local M = {}
 
 -- First bytes of what nobody writes over: pcap of either byte order and unit, pcapng, snoop, btsnoop, two of
@@ -16,12 +18,7 @@ local MOST_NAMES = 10000 -- that are tried
 
 local function holds_capture(file)
   local head = file:read(4) or ""
-  for _, magic in ipairs(CAPTURES) do
-    if head:sub(1, #magic) == magic then
-      return true
-    end
-  end
-  return false
+  return any(CAPTURES, function(magic) return head:sub(1, #magic) == magic end)
 end
 
 -- Not "rb": that would wait for the writer of a pipe.

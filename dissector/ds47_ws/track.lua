@@ -318,7 +318,7 @@ end
 local news, news_row, news_at -- the cyclic frame that is news, and where its channels are
 
 --- Whether a cyclic frame is looked at, because words in it are not those of the frame before it or it is the
--- first of a while: then it is to be fed. As Analysis:cyclic_news does it, without two calls for each frame.
+-- first of a while: then it is to be fed.
 function M.is_news(frame, number)
   local channels = current.cyclic
   local row, at = channels:row_of(frame)

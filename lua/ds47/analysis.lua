@@ -58,7 +58,6 @@ Analysis.__index = Analysis
 --   indices       set of further record indices that carry the parameter channel
 --   forbid_47     true: index 47 never does
 --   slow_ms       share of the drive from which a transaction is slow; nil for the shipped limit
---   select        array of rule ids or prefixes to report; empty for all
 --   ignore        array of rule ids or prefixes to leave out
 --   codec         dialects of the parameter channel, as parameter.lua takes them
 --   pkw_layout    layout of IND in PKW, "cyclic" or "uss" (docs/cyclic.md 2)
@@ -77,7 +76,7 @@ function M.new(options)
     base_seconds = nil, -- second since 1970 that all times are relative to: see `time_ns`
     options = options,
     codec = codec,
-    findings = findings.new(options.select, options.ignore),
+    findings = findings.new(options.ignore),
     diagnoses = diagnosis.new(codec),
     naming = naming.Naming.new(nil, options.vendor_id),
     fragments = rpc.Fragments.new(limits.fragment_expiry_ns),
@@ -128,10 +127,14 @@ local function begin(self, frame)
   live.frame, live.touched_count = frame, 0
 end
 
--- What is given up is told at once; `kind` is "RPC" or "IP".
-local function tell_given_up(self, given_up, kind)
-  for _, part in ipairs(given_up) do
-    self.records:given_up(part, kind, self.calls)
+-- What `parts` waits for no more is told at once; `kind` is "RPC" or "IP".
+local function tell_given_up(self, parts, kind)
+  local given_up = parts.given_up
+  if given_up[1] then
+    parts.given_up = {}
+    for _, part in ipairs(given_up) do
+      self.records:given_up(part, kind, self.calls)
+    end
   end
 end
 
@@ -145,10 +148,7 @@ end
 -- The message that an RPC fragment completes, nil where it completes none.
 local function joined(self, pdu)
   local whole = self.fragments:feed(pdu)
-  local given_up = self.fragments:take_given_up()
-  if given_up then
-    tell_given_up(self, given_up, "RPC")
-  end
+  tell_given_up(self, self.fragments, "RPC")
   if whole == nil then
     begun(self, pdu)
   end
@@ -199,10 +199,7 @@ function Analysis:fragment(fragment)
   begin(self, fragment.frame)
   local packet = self.reassembly:feed(fragment)
   self.original = self.reassembly.original
-  local given_up = self.reassembly:take_given_up()
-  if given_up then
-    tell_given_up(self, given_up, "IP")
-  end
+  tell_given_up(self, self.reassembly, "IP")
   if packet ~= nil then
     self:packet(packet)
     return
@@ -213,20 +210,8 @@ function Analysis:fragment(fragment)
   end
 end
 
---- The row of a cyclic frame that is watched and is looked at (it says something else than the one before it,
--- or is the first of a while), and where its data begins: for `cyclic_frame`. Nil of any other frame.
--- @param frame an Ethernet frame, all of it
--- @param number of the frame in the file
-function Analysis:cyclic_news(frame, number)
-  local row, at = self.cyclic:row_of(frame)
-  if row and self.cyclic:is_news(row, frame, at, number) then
-    return row, at
-  end
-  return nil
-end
-
---- Takes a cyclic frame.
--- @param row, at as `cyclic_news` gives them
+--- Takes a cyclic frame that is watched and is looked at (`is_news` of channels.lua).
+-- @param row, at as `row_of` gives them
 -- @param number, time_ns  of the frame
 function Analysis:cyclic_frame(row, frame, at, number, time_ns)
   begin(self, number)

@@ -129,10 +129,10 @@ local function instead(findings)
   local found = {}
   for _, item in ipairs(findings) do
     if item.corrected then
-      local better = suggest.corrected(item.corrected, item.args.family)
-      found[item.rule .. " " .. item.transaction .. " " .. better.hex] = {
-        request = better.hex, words = json.array(better.words), scl = better.scl,
-        encode = null(better.encode), transaction = item.transaction,
+      local request, better = hex(item.corrected), item.corrected
+      found[item.rule .. " " .. item.transaction .. " " .. request] = {
+        request = request, words = json.array(suggest.plc_words(better)), scl = suggest.scl(better),
+        encode = null(suggest.encode_command(better, item.args.family)), transaction = item.transaction,
       }
     end
   end
@@ -239,8 +239,8 @@ take.lldp = take.dcp
 
 function take.rt(line)
   local frame = unhex(line.data)
-  local row, at = run:cyclic_news(frame, line.frame)
-  if row then
+  local row, at = run.cyclic:row_of(frame)
+  if row and run.cyclic:is_news(row, frame, at, line.frame) then
     run:cyclic_frame(row, frame, at, line.frame, run:time_ns(line.seconds, line.nanoseconds))
   end
 end

@@ -210,12 +210,12 @@ local function feed(run, packet)
 end
 
 local function finish(run)
-  for _, parts in ipairs({run.fragments:take_given_up() or {}, run.fragments:unfinished()}) do
+  for _, parts in ipairs({run.fragments.given_up, run.fragments:unfinished()}) do
     for _, part in ipairs(parts) do
       run.records:incomplete(part.pdu, part.have, "RPC", part.limit)
     end
   end
-  for _, parts in ipairs({run.reassembly:take_given_up() or {}, run.reassembly:unfinished()}) do
+  for _, parts in ipairs({run.reassembly.given_up, run.reassembly:unfinished()}) do
     for _, part in ipairs(parts) do
       local pdu = rpc.parse(part.packet)
       if pdu then

@@ -331,13 +331,6 @@ local function put_time(self, remarks, job)
   end
 end
 
--- `found`: what is read that is not what was written last.
-local function put_read_back(remarks, job, found)
-  for number = 1, #found do
-    put(remarks, "DS417", job.read_response.frame, found[number].args, found[number].offset)
-  end
-end
-
 -- Keeps a value of r0974 in one of the two memories of that.
 local function learn(self, memory, device, value)
   if type(value) == "number" and value > 0 then
@@ -432,9 +425,9 @@ function Judge:answered(job)
       put_other_length(self, remarks, job)
     end
   elseif operation == "read" and not stray then
-    local found = self.written:read(job)
-    if found[1] then
-      put_read_back(remarks, job, found)
+    local found = self.written:read(job) -- that is not what was written last
+    for number = 1, #found do
+      put(remarks, "DS417", job.read_response.frame, found[number].args, found[number].offset)
     end
     learn_limit(self, job)
   end

@@ -7,6 +7,7 @@
 local dictionary = require("ds47.profidrive.dictionary")
 local drive_objects = require("ds47.profidrive.drive_objects")
 local formats = require("ds47.profidrive.formats")
+local kept = require("ds47.support.arrays").filtered
 local has_one_of = require("ds47.profidrive.parameter").has_one_of
 local json = require("ds47.support.json")
 local ordered = require("ds47.support.ordered")
@@ -195,16 +196,6 @@ local function outcome(job, stray)
   end
   local whole = response.response_id < NEGATIVE and not has_one_of(response.flaws, BROKEN_OR_CUT)
   return failed, whole and #message.addresses or #response.blocks
-end
-
-local function kept(there, keep)
-  local result = {}
-  for _, each in ipairs(there) do
-    if keep(each) then
-      result[#result + 1] = each
-    end
-  end
-  return result
 end
 
 local function same_access(one, other)

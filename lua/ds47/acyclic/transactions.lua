@@ -288,16 +288,13 @@ local KEYS = {
   drive_ns = rules.drive_time_ns, -- for the statistics; no key of the report
 }
 
-function KEYS.order(job)
-  return job.order
+-- Keys that the job has under the same name: `meanings` is what the drive has said of its parameters, for
+-- those that one of its frames shows.
+for _, key in ipairs({"order", "meanings"}) do
+  KEYS[key] = function(job) return job[key] end
 end
 
--- Of its parameters what the drive has said: for those that one of its frames shows.
-function KEYS.meanings(job)
-  return job.meanings
-end
-
--- Keys that a part of the job has under the same name.
+-- The same of a part of the job.
 for part, keys in pairs({
   record = {"slot", "index", "position"},
   peer = {"controller", "device", "vendor_id", "device_id", "vendor_assumed", "station", "family"},

@@ -12,9 +12,9 @@
 -- nothing changes in it. Of the others one in a while is looked at, because values move in all of them: the
 -- same ones as the analyzer looks at (`sampled` in capture/scan.py).
 
+local arrays = require("ds47.support.arrays")
 local connect = require("ds47.profinet.connect")
 local entries = require("ds47.support.later").entries
-local arrays = require("ds47.support.arrays")
 local flat = require("ds47.support.flat").copy
 local handshake = require("ds47.cyclic.handshake")
 local link = require("ds47.profinet.link")
@@ -28,7 +28,7 @@ local timeline = require("ds47.cyclic.timeline")
 
 local byte, char, sub = string.byte, string.char, string.sub
 local floor, max, min = math.floor, math.max, math.min
-local filtered, has = arrays.filtered, arrays.has
+local filtered, has, mapped = arrays.filtered, arrays.has, arrays.mapped
 local concat, find, gsub, rep = table.concat, string.find, string.gsub, string.rep
 
 local M = {}
@@ -591,29 +591,20 @@ function Channels:unanswered()
   return filtered(self.ignored, function(each) return is_beside(self, each.relation, places) end)
 end
 
--- What stands for each of a list.
-local function mapped(list, standing)
-  local found = {}
-  for number, each in ipairs(list) do
-    found[number] = standing[each]
-  end
-  return found
-end
-
 --- The same channels as ones that go on alone, to their end: no frame comes to them any more.
 -- @param listener  as `new` takes it
 function Channels:apart(listener)
   local made = flat(self)
+  local function standing(list, apart) return mapped(list, function(each) return apart[each] end) end
   local relations_apart = entries(flat)
   local lines_apart = entries(function(line) return line:apart(relations_apart[line.relation], made) end)
   made.listener, made.asked = listener, flat(self.asked)
-  made.all = mapped(self.all, relations_apart)
-  made.without_request = mapped(self.without_request, relations_apart)
-  made.ignored = {}
-  for number, each in ipairs(self.ignored) do
-    made.ignored[number] = {relation = relations_apart[each.relation], job = each.job}
-  end
-  made.lines, made.drives_ = mapped(self.lines, lines_apart), mapped(self.drives_, lines_apart)
+  made.all = standing(self.all, relations_apart)
+  made.without_request = standing(self.without_request, relations_apart)
+  made.ignored = mapped(self.ignored, function(each)
+    return {relation = relations_apart[each.relation], job = each.job}
+  end)
+  made.lines, made.drives_ = standing(self.lines, lines_apart), standing(self.drives_, lines_apart)
   return made
 end
 
@@ -632,8 +623,9 @@ function Channels:row_of(frame)
   return source and self.rows[source .. ETHERTYPE .. sub(frame, at + 1, at + 2)], at and at + 2
 end
 
--- What an end says in this frame: its words, and whether they are valid; nil where the capture cut them.
-local function said(each, frame, at)
+--- What an end says in a frame whose data begins at `at`: its words, and whether they are valid, as IOPS and
+-- the status of the frame say, where they are known; nil where the capture cut them.
+function M.said(each, frame, at)
   local side = each.side
   local first = at + side.offset
   if #frame < first + side.length then return nil end
@@ -641,6 +633,8 @@ local function said(each, frame, at)
     and (not side.iops or byte(frame, at + side.iops + 1) >= 0x80)
   return sub(frame, first + 1, first + side.length), valid
 end
+
+local said = M.said
 
 -- The bytes that matter.
 local function bytes_of(row, data, at)

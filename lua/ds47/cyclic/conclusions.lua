@@ -3,6 +3,7 @@
 -- Gathers what habits.lua, operation.lua and explanation.lua have to say, and of whom: tables and bits are
 -- those of one maker, so that what is said of the drives of others is a note (docs/cyclic.md 5).
 
+local flat = require("ds47.support.flat").copy
 local explanation = require("ds47.cyclic.explanation")
 local habits = require("ds47.cyclic.habits")
 local handshake = require("ds47.cyclic.handshake")
@@ -23,9 +24,8 @@ Conclusions.__index = Conclusions
 local function add_of(found, relation, remarks)
   for _, remark in ipairs(remarks) do
     if not OF_ITS_MAKER[remark.rule] or not relations.is_foreign(relation) then
-      local told = { of = relation }
-      for key, value in pairs(remark) do told[key] = value end
-      found[#found + 1] = told
+      local told = flat(remark)
+      found[#found + 1], told.of = told, relation
     end
   end
 end

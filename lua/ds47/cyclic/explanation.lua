@@ -2,6 +2,7 @@
 -- An error number about a state, and the state that the status word shows at that time. Only where it is
 -- proven that both are of the same drive object; docs/cyclic.md 6.
 
+local arrays = require("ds47.support.arrays")
 local operation = require("ds47.cyclic.operation")
 local tables = require("ds47.spec.tables")
 
@@ -13,10 +14,9 @@ local OF_SUBMODULE = 0xB02E -- record index that addresses the drive object of i
 local function turned_down(item)
   local frames = item.frames
   if item.operation ~= "change" or not frames.write_request or not frames.read_response then return nil end
-  for _, each in ipairs(item.parameters) do
-    if each.error and each.error.code and tables.pzd.state_errors[each.error.code] then return each end
-  end
-  return nil
+  return arrays.first(item.parameters, function(each)
+    return each.error and each.error.code and tables.pzd.state_errors[each.error.code]
+  end)
 end
 
 -- The drive in the slot that was asked, where no other one can be meant.

@@ -7,7 +7,6 @@
 local handshake = require("ds47.cyclic.handshake")
 local json = require("ds47.support.json")
 local pkw = require("ds47.cyclic.pkw")
-local reader = require("ds47.support.bytes")
 local relations = require("ds47.cyclic.relations")
 local tables = require("ds47.spec.tables")
 local transactions = require("ds47.cyclic.transactions")
@@ -23,11 +22,6 @@ local function which(asked, family, more)
   local args = {pnu = asked.pnu, subindex = asked.subindex, family = family}
   for name, value in pairs(more or {}) do args[name] = value end
   return args
-end
-
--- Four words as manuals print them: 143A 0000 0000 0000.
-local function words(data)
-  return (reader.hex(data):upper():gsub("%x%x%x%x", "%0 "):sub(1, -2))
 end
 
 local function of_request(remarks, job, asked, family)
@@ -54,7 +48,7 @@ local function of_end(remarks, job, asked, family)
     local what = hole.behind and "cyclic_behind" or "cyclic_frames"
     put(remarks, "DS110", job.request.at.frame, {what = what, first = hole.first, last = hole.last})
   elseif job.state == "mismatch" then
-    local args = {request = words(job.request.data), response = words(job.odd.data)}
+    local args = {request = pkw.digits(job.request.data), response = pkw.digits(job.odd.data)}
     put(remarks, "DS505", job.odd.at.frame, args)
   elseif not job.heard then
     return -- the capture has nothing of the drive

@@ -45,10 +45,7 @@ function M.list(text)
 end
 
 local function side(name, behind, channel, length)
-  return {
-    source = name.source, frame_id = name.frame_id, offset = name.offset + behind, length = length,
-    watched = channel == relations.PKW and length or relations.WORD, cycle_ns = 0,
-  }
+  return relations.bare_side(name.source, name.frame_id, name.offset + behind, length, channel)
 end
 
 local function relation(channel, output, input, behind, length)

@@ -9,6 +9,7 @@
 -- (raw, as it is effective; nil where the telegram has none), actual}. Nobody changes one.
 
 local bits = require("ds47.support.bits")
+local filtered = require("ds47.support.arrays").filtered
 local flat = require("ds47.support.flat").copy
 local json = require("ds47.support.json")
 local pzd = require("ds47.cyclic.pzd")
@@ -73,11 +74,7 @@ local function args_of(self, stood, begun)
     return {what = M.state_key((pzd.state(begun.zsw1, begun.heeded)))}
   elseif stood == self.locked then
     if self.least == nil or self.most - self.least < MOVED then return nil end
-    local found = {}
-    for _, number in ipairs(SETPOINT) do
-      if bit(begun.heeded, number) == 0 then found[#found + 1] = number end
-    end
-    return {bits = found}
+    return {bits = filtered(SETPOINT, function(number) return bit(begun.heeded, number) == 0 end)}
   elseif stood == self.away then
     return {percent = self.limits.deviation_percent}
   end

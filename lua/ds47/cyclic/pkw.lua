@@ -78,6 +78,11 @@ function M.decode(data, answer, layout, family)
   return message
 end
 
+--- The four words as manuals print them: 143A 0000 0000 0000.
+function M.digits(data)
+  return (reader.hex(data):upper():gsub("%x%x%x%x", "%0 "):sub(1, -2))
+end
+
 --- Whether the page is one that exists: what is set beyond that speaks for the other layout.
 function M.fits_layout(message)
   return message.page % 4 == 0 and message.pnu ~= nil

@@ -6,7 +6,6 @@
 
 local dp = require("ds47.profibus.dp")
 local flat = require("ds47.support.flat").copy
-local pkw = require("ds47.cyclic.pkw")
 local relations = require("ds47.cyclic.relations")
 local tables = require("ds47.spec.tables")
 
@@ -61,13 +60,6 @@ local function telegrams_of(told)
   return numbers
 end
 
-local function side(source, offset, length, is_pkw)
-  return {
-    source = source, frame_id = 0, offset = offset, length = length,
-    watched = is_pkw and pkw.LENGTH or relations.WORD, iops = nil, status = nil, cycle_ns = 0,
-  }
-end
-
 -- Chk_Cfg with an ident number that is known, and that is agreed, tells that PKW is PKW; PZD is proved by its
 -- words.
 local function certainty_of(is_pkw, vendor_id, frame, agreed)
@@ -88,12 +80,13 @@ function M.relations(master, station, told, vendor_id, frame, family, agreed)
     local in_ = module.inputs and module.inputs.length or 0
     if module.role then
       local is_pkw = module.role == "PKW"
+      local channel = is_pkw and relations.PKW or relations.PZD
       found[#found + 1] = {
-        channel = is_pkw and relations.PKW or relations.PZD, controller = format("dp%d", master),
+        channel = channel, controller = format("dp%d", master),
         device = format("dp%d", station), vendor_id = vendor_id, family = family,
         telegrams = telegrams,
-        output = side(M.source(master, station), output, out, is_pkw),
-        input = side(M.source(station, master), input, in_, is_pkw),
+        output = relations.bare_side(M.source(master, station), 0, output, out, channel),
+        input = relations.bare_side(M.source(station, master), 0, input, in_, channel),
         frame = frame, certainty = certainty_of(is_pkw, vendor_id, frame, agreed),
       }
     end

@@ -18,14 +18,8 @@ end
 
 -- Whether a control word that the drive heeds asks it to switch off.
 local function is_stopping(stw1, ending)
-  if bit_of(stw1, ending.heeded) == 0 then return false end
-  for _, bit in ipairs(ending.unless) do
-    if bit_of(stw1, bit) == 1 then return false end
-  end
-  for _, bit in ipairs(ending.bits) do
-    if bit_of(stw1, bit) == 0 then return true end
-  end
-  return false
+  if bit_of(stw1, ending.heeded) == 0 or bits.any(stw1, ending.unless) then return false end
+  return not bits.all(stw1, ending.bits)
 end
 
 --- The state of a drive by its status word; S5 only with the control word that goes with it.

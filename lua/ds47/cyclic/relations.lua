@@ -136,6 +136,14 @@ function M.side(data, source, channel, offset)
   }
 end
 
+--- The same where no Connect says more of it.
+function M.bare_side(source, frame_id, offset, length, channel)
+  local watched = channel == M.PKW and length or M.WORD
+  return {
+    source = source, frame_id = frame_id, offset = offset, length = length, watched = watched, cycle_ns = 0,
+  }
+end
+
 --- Where a word is in the drive's data of the only telegram that it may be; nil where that has none.
 function M.place_of(word, numbers)
   if #numbers ~= 1 then return nil end

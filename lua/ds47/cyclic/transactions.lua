@@ -1,6 +1,7 @@
 -- A finished request of PKW as the transaction of a report: its state, its parameter, its frames and times.
 -- What was wrong with it is not said here. Keys of a transaction are those of acyclic/transactions.lua.
 
+local flat = require("ds47.support.flat").copy
 local handshake = require("ds47.cyclic.handshake")
 local dictionary = require("ds47.profidrive.dictionary")
 local lookup = require("ds47.spec.lookup")
@@ -49,14 +50,12 @@ end
 
 --- The parameter as the request alone names it: without what only its response says.
 function M.asked(item, operation)
-  local written = operation == "change"
-  return {
-    pnu = item.pnu, subindex = item.subindex, attribute = item.attribute, listed = item.listed,
-    unit = item.unit, format = written and item.format or nil,
-    value_count = written and item.value_count or nil, values = written and item.values or NONE,
-    scaled = written and item.scaled or nil, described = item.described, told = written and item.told or nil,
-    family = item.family,
-  }
+  local asked = flat(item)
+  asked.error = nil
+  if operation ~= "change" then
+    asked.format, asked.value_count, asked.values, asked.scaled, asked.told = nil, nil, NONE, nil, nil
+  end
+  return asked
 end
 
 --- The request of a job, and its response as far as there is one that counts: as pkw.lua decodes them.

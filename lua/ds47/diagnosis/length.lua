@@ -3,6 +3,7 @@
 -- What fits is computed from the request alone: a value takes one byte at least, more where its format is
 -- known. `size_of` gives the bytes of one value of a PNU, nil where they are not known.
 
+local arrays = require("ds47.support.arrays")
 local later = require("ds47.support.later").module
 local parameter = require("ds47.profidrive.parameter")
 local rules = require("ds47.acyclic.judge")
@@ -11,7 +12,7 @@ local tables = require("ds47.spec.tables")
 
 local byte, char, floor, max, min = string.byte, string.char, math.floor, math.max, math.min
 
-local put = rules.put
+local any, first, put = arrays.any, arrays.first, rules.put
 
 local M = {}
 
@@ -23,12 +24,7 @@ local BLOCK = 4 -- the shortest value block: format, number of values, one value
 
 -- The flaw of a message that ends too soon, nil for any other.
 local function missing(flaws)
-  for _, flaw in ipairs(flaws) do
-    if flaw.rule == "DS315" then
-      return flaw
-    end
-  end
-  return nil
+  return first(flaws, function(flaw) return flaw.rule == "DS315" end)
 end
 
 -- Whether the message ends among the values of a block.
@@ -70,10 +66,8 @@ function M.request_too_short(remarks, job, refused)
   if half == nil or half.missing then
     return
   end
-  for _, each in ipairs(refused) do
-    if tables.known.type_errors[each.code] then
-      return
-    end
+  if any(refused, function(each) return tables.known.type_errors[each.code] end) then
+    return
   end
   local flaw = missing(message.flaws)
   if flaw then
@@ -97,12 +91,7 @@ end
 
 -- The number of bytes that fill a value block up and are not there, at the place where the message ends.
 local function pads_missing(flaws, offset)
-  for _, flaw in ipairs(flaws) do
-    if flaw.rule == "DS311" and flaw.offset == offset then
-      return 1
-    end
-  end
-  return 0
+  return any(flaws, function(flaw) return flaw.rule == "DS311" and flaw.offset == offset end) and 1 or 0
 end
 
 --- MLEN of RDREC is too small: the response was cut to it.

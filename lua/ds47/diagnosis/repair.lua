@@ -2,6 +2,7 @@
 -- DS716). The same search as python/ds47/diagnosis/repair.py, where the candidates are listed and explained;
 -- numbers of parameters begin with 1 here.
 
+local any = require("ds47.support.arrays").any
 local formats = require("ds47.profidrive.formats")
 local json = require("ds47.support.json")
 local notation = require("ds47.profidrive.notation")
@@ -47,6 +48,11 @@ local function digits_of(value)
   return count <= known.plausible_digits and count or nil
 end
 
+-- Whether it is no number that a person may have typed.
+local function nobody_types(value)
+  return not digits_of(value)
+end
+
 local function row_of(block)
   return tables.formats[block.meaning or block.format]
 end
@@ -73,10 +79,7 @@ local function is_absurd(block)
 end
 
 local function absurd_inside(message)
-  for _, block in ipairs(message.blocks) do
-    if is_absurd(block) then return true end
-  end
-  return false
+  return any(message.blocks, is_absurd)
 end
 
 -- The values of a block as an argument of a finding.
@@ -213,10 +216,7 @@ local function repair(rule, what, message, data, options, number)
 end
 
 local function all_known(message, known_pnu)
-  for _, address in ipairs(message.addresses) do
-    if not known_pnu(address.pnu) then return false end
-  end
-  return true
+  return not any(message.addresses, function(address) return not known_pnu(address.pnu) end)
 end
 
 local function turned(block)
@@ -371,11 +371,7 @@ local function is_wrong(job, number)
   local block = job.message.blocks[number]
   if is_connector(job, number) then return false end
   if is_absurd(block) then return true end
-  if not known.type_errors[job.errors[number]] then return false end
-  for _, value in ipairs(numbers_of(block)) do
-    if not digits_of(value) then return true end
-  end
-  return false
+  return known.type_errors[job.errors[number]] and any(numbers_of(block), nobody_types) or false
 end
 
 -- Whether values may be connectors, PNU in the upper word, rather than numbers turned round.
@@ -422,9 +418,7 @@ local function other_reading(block)
   if not code then return nil end
   local codec = formats.codec(code)
   local values = codec.decode(block.raw, block.value_count, codec.size)
-  for _, value in ipairs(values) do
-    if not digits_of(value) then return nil end
-  end
+  if any(values, nobody_types) then return nil end
   return values, code
 end
 
@@ -519,10 +513,8 @@ local function meant(turn, other)
 end
 
 local function is_sound_change(message)
-  for _, flaw in ipairs(message.flaws) do
-    if flaw.rule ~= "DS314" then return false end
-  end
-  return message.request_id == CHANGE
+  local is_broken = any(message.flaws, function(flaw) return flaw.rule ~= "DS314" end)
+  return not is_broken and message.request_id == CHANGE
 end
 
 --- The repair of a request, nil if nothing is wrong or if it is not certain. Never raises.

@@ -16,9 +16,7 @@ local concat, floor, max = table.concat, math.floor, math.max
 local M = {}
 
 local PER_ROW = 4 -- bytes in a row of SCL
-local ID = 2 -- place of the request ID, from 1
 local AXIS = 3 -- place of the axis byte, from 1
-local LONGEST = 240 -- bytes of a request of which a function block is made
 local ADDRESS = tables.layouts.ADDRESS_SIZE
 local BITS_16 = 0xFFFF
 
@@ -66,22 +64,6 @@ end
 function M.pkw_command(data, layout, family)
   local line = of_pkw.line(data, layout, family)
   return line and "ds47 encode " .. (layout == "uss" and "--pkw-layout uss " or "") .. quoted(line)
-end
-
--- Whether `ds47 encode -f scl-fb` takes it: a read or a change that one record holds everywhere.
-local function makes_block(data, line)
-  local id = byte(data, ID)
-  return line ~= nil and (id == 0x01 or id == 0x02) and #data <= LONGEST
-end
-
---- A request in the forms in which it is shown: {hex, words (array), scl, encode (nil where there is none),
--- block (whether that command makes a function block, too)}.
-function M.corrected(data, family)
-  local line = M.encode_command(data, family)
-  return {
-    hex = reader.hex(data), words = M.plc_words(data), scl = M.scl(data), encode = line,
-    block = makes_block(data, line),
-  }
 end
 
 -- How it is made ------------------------------------------------------------------------------------------

@@ -8,6 +8,7 @@
 
 local code_of = require("ds47.profidrive.formats").code_of
 local dictionary = require("ds47.profidrive.dictionary")
+local filtered = require("ds47.support.arrays").filtered
 local later = require("ds47.support.later").module
 local length = later("ds47.diagnosis.length")
 local memory = require("ds47.diagnosis.memory")
@@ -143,7 +144,7 @@ function Diagnoses:closed(job)
   local longest = self.longest.values[device]
   local bytes = read and (read.cut and read.stated or #read.data) or 0
   if bytes > (longest and longest[ONLY] or 0) then
-    self:_learn_length(device, bytes)
+    self.longest:put(device, ONLY, bytes)
   end
   local in_order, well = order.is_usual(job), is_answered_well(job, response)
   local remarks = NONE
@@ -251,7 +252,7 @@ end
 -- Adds the values under a format that is not that of the parameter, each by itself (DS714).
 -- @return the parameters that were refused besides
 function Diagnoses:_retyped(remarks, job, found, refused)
-  local frame, told, errors, others = job:write_request().frame, {}, {}, {}
+  local frame, told, errors = job:write_request().frame, {}, {}
   for _, each in ipairs(refused) do
     errors[each.number] = each.code
   end
@@ -272,12 +273,7 @@ function Diagnoses:_retyped(remarks, job, found, refused)
       end
     end
   end
-  for _, each in ipairs(refused) do
-    if not told[each.number] then
-      others[#others + 1] = each
-    end
-  end
-  return others
+  return filtered(refused, function(each) return not told[each.number] end)
 end
 
 -- Whether the parameter was read in this format, in the way in which the request goes, or is described so.
@@ -462,12 +458,6 @@ function Diagnoses:_learn_block(device, from, address, block, frame)
   end
   if pnu == PNU_ACCESS_IDENTIFICATION and address.subindex == 0 then
     self:_learn_limit(device, block)
-  end
-end
-
-function Diagnoses:_learn_length(device, bytes)
-  if bytes > (self.longest:get(device, ONLY) or 0) then
-    self.longest:put(device, ONLY, bytes)
   end
 end
 

@@ -3,13 +3,13 @@
 -- The same as python/ds47/explain/meanings.py has it, of these two kinds of codes: those that a frame has.
 -- How it is laid out is in ds47.report.explanation. The words are in tables.explain.
 
-local has = require("ds47.support.arrays").has
+local arrays = require("ds47.support.arrays")
 local spec = require("ds47.spec.lookup")
 local statuses = require("ds47.spec.statuses")
 local tables = require("ds47.spec.tables")
 
 local floor, format, gsub, upper = math.floor, string.format, string.gsub, string.upper
-local fill = spec.fill
+local fill, has = spec.fill, arrays.has
 
 local M = {}
 
@@ -46,13 +46,11 @@ end
 
 local function entry_of(status)
   local code, decode, code_1, code_2 = four(status)
-  for _, row in ipairs(tables.explain.statuses) do
-    if has(row.services, code) and fits(row, decode, code_1, code_2) then return row end
-  end
-  for _, row in ipairs(tables.explain.of_plc) do
-    if row.first == code and fits(row, decode, code_1, code_2) then return row end
-  end
-  return nil
+  return arrays.first(tables.explain.statuses, function(row)
+    return has(row.services, code) and fits(row, decode, code_1, code_2)
+  end) or arrays.first(tables.explain.of_plc, function(row)
+    return row.first == code and fits(row, decode, code_1, code_2)
+  end)
 end
 
 -- The view or filter for a refused Read or Write: `refused` -> `read_refused`.
@@ -124,11 +122,9 @@ local function blocks(view, shown, lang)
 end
 
 local function causes_of(entry, lang)
-  local found = {}
-  for number, row in ipairs(entry.cause) do
-    found[number] = {text = in_language(row, lang), basis = row.basis}
-  end
-  return found
+  return arrays.mapped(entry.cause, function(row)
+    return {text = in_language(row, lang), basis = row.basis}
+  end)
 end
 
 -- A meaning: {title, known, parts, plc, causes, look, filter, plugin_filter}.
@@ -184,10 +180,7 @@ end
 -- Error numbers
 
 local function in_ranges(ranges, code)
-  for _, range in ipairs(ranges or {}) do
-    if range[1] <= code and code <= range[2] then return true end
-  end
-  return false
+  return arrays.any(ranges or {}, function(range) return range[1] <= code and code <= range[2] end)
 end
 
 -- What is said about an error number, of the profile or of the named vendor.
@@ -223,13 +216,9 @@ end
 
 -- The vendors whose number it is: of the one with an id, or all that have it.
 local function makers(code, vendor_id)
-  local found = {}
-  for _, vendor in ipairs(tables.vendors) do
-    if vendor.errors[code] and (vendor_id == nil or vendor.id == vendor_id) then
-      found[#found + 1] = vendor
-    end
-  end
-  return found
+  return arrays.filtered(tables.vendors, function(vendor)
+    return vendor.errors[code] and (vendor_id == nil or vendor.id == vendor_id)
+  end)
 end
 
 --- What an error number means: of the profile, and of the vendors that have one of their own.

@@ -4,7 +4,7 @@
 -- here either: that is sentences.lua. A remark may be `of` somebody: of the drive of a maker whose tables are
 -- not known it is a note.
 
-local filtered = require("ds47.support.arrays").filtered
+local arrays = require("ds47.support.arrays")
 local flat = require("ds47.support.flat").copy
 local tables = require("ds47.spec.tables")
 
@@ -18,11 +18,9 @@ local Findings = {}
 Findings.__index = Findings
 
 --- Collects remarks and makes findings of them.
--- @param select  array of rule ids or prefixes that are wanted; nil or empty for all
--- @param ignore  array of rule ids or prefixes that are not
-function M.new(select, ignore)
+-- @param ignore  array of rule ids or prefixes that are not wanted; nil for none
+function M.new(ignore)
   return setmetatable({
-    select = select or {},
     ignore = ignore or {},
     kept = {}, -- array of remarks; `below` is one that comes before it
     at_frame = {}, -- frame -> array of remarks, also of those that are not kept yet
@@ -32,23 +30,14 @@ end
 
 --- Findings that begin with what these hold; what is added to them stays their own.
 function Findings:on_top()
-  local findings = M.new(self.select, self.ignore)
+  local findings = M.new(self.ignore)
   findings.kept.below = self.kept
   return findings
 end
 
-local function begins_with_one(rule, prefixes)
-  for _, prefix in ipairs(prefixes) do
-    if rule:sub(1, #prefix) == prefix then
-      return true
-    end
-  end
-  return false
-end
-
 --- Whether the user wants to hear of a rule.
 function Findings:wanted(rule)
-  return (#self.select == 0 or begins_with_one(rule, self.select)) and not begins_with_one(rule, self.ignore)
+  return not arrays.any(self.ignore, function(prefix) return rule:sub(1, #prefix) == prefix end)
 end
 
 --- Keeps a remark for `result`, if its rule is wanted.
@@ -81,14 +70,10 @@ end
 local function frames_of(rule, frame, args)
   local seen, frames = {[frame] = true}, {frame}
   for name, kind in pairs(tables.rules[rule].args or NONE) do
-    local value = args and args[name]
-    if value ~= nil and (kind == "frame" or kind == "frames") then
-      for _, number in ipairs(kind == "frames" and value or {value}) do
-        if not seen[number] then
-          seen[number] = true
-          frames[#frames + 1] = number
-        end
-      end
+    local number = kind == "frame" and args and args[name]
+    if number and not seen[number] then
+      seen[number] = true
+      frames[#frames + 1] = number
     end
   end
   table.sort(frames)
@@ -147,7 +132,7 @@ function Findings:at(frame)
   if remarks == nil then
     return NONE
   end
-  local result = filtered(remarks, stands)
+  local result = arrays.filtered(remarks, stands)
   for number, remark in ipairs(result) do
     result[number] = self:finding(remark)
   end
@@ -155,18 +140,14 @@ function Findings:at(frame)
 end
 
 local function add_all(self, remarks, store, result, offers)
-  for _, remark in ipairs(filtered(remarks, stands)) do
+  for _, remark in ipairs(arrays.filtered(remarks, stands)) do
     local owner = remark.order and store:by_order(remark.order)
     local finding = self:finding(remark, owner and owner.id)
     finding.corrected = remark.corrected and offers:offered(remark.corrected)
     result[#result + 1] = finding
     if owner then
       local rules = owner.findings
-      local known = false
-      for _, rule in ipairs(rules) do
-        known = known or rule == remark.rule
-      end
-      if not known then
+      if not arrays.has(rules, remark.rule) then
         rules[#rules + 1] = remark.rule
       end
     end

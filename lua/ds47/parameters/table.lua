@@ -1,6 +1,8 @@
 -- The file of lists that `ds47 params export` writes for the plugin (Python: ds47.parameters.table, where its
 -- lines are explained). Nothing is looked up here (catalogue.lua), and no file is opened.
 
+local push = require("ds47.support.arrays").push
+
 local M = {}
 
 --- The first line of such a file.
@@ -64,9 +66,7 @@ end
 function add.message(lists, cell)
   local list, value = lists[#lists], number(cell[3], 999999)
   if not (list and value and #cell == 4 and cell[2]:find("^%u$")) then return false end
-  list.messages[value] = list.messages[value] or {}
-  local all = list.messages[value]
-  all[#all + 1] = { letter = cell[2], number = value, text = plain(cell[4]) }
+  push(list.messages, value, { letter = cell[2], number = value, text = plain(cell[4]) })
   return true
 end
 

@@ -7,6 +7,8 @@
 -- decoded is in parameter.lua. A layout holds what bytes decode to and no verdict: what a rule says of a
 -- response is decided each time. Other than in Python, which remembers elsewhere.
 
+local flat = require("ds47.support.flat").copy
+
 local byte, find, gsub, sub = string.byte, string.find, string.gsub, string.sub
 local rep = string.rep
 
@@ -26,8 +28,7 @@ local function place_of(block)
   if block.error or not format or not block.sound_codec then
     return nil
   end
-  local place = {}
-  for key, value in pairs(format) do place[key] = value end
+  local place = flat(format)
   place.value_count, place.offset, place.pad = block.value_count, block.offset, block.pad
   place.at, place.last = block.offset + 2, block.offset + 2 + #block.raw
   place.__index = place

@@ -7,9 +7,10 @@
 -- (docs/pairing.md, P73).
 
 local ordered = require("ds47.support.ordered")
-local take_out = require("ds47.support.arrays").take_out
+local arrays = require("ds47.support.arrays")
 local rpc = require("ds47.profinet.rpc")
 
+local has, take_out = arrays.has, arrays.take_out
 local WRITE = rpc.WRITE
 local OF_RECORDS = {[rpc.READ] = true, [rpc.WRITE] = true, [rpc.READ_IMPLICIT] = true}
 
@@ -149,20 +150,11 @@ local function pair_of(self, client, server)
   return pair
 end
 
-local function contains(activities, numbers)
-  for _, each in ipairs(activities) do
-    if each == numbers then
-      return true
-    end
-  end
-  return false
-end
-
 --- The first call of an activity to a server.
 function Completeness:began(pdu, numbers)
   local pair = pair_of(self, pdu.client, pdu.server)
   local activities = pair.activities
-  if not contains(activities, numbers) then
+  if not has(activities, numbers) then
     activities[#activities + 1], pair.since = numbers, pdu.frame
     if #activities > KEPT then
       pair.heard = table.remove(activities, 1).heard or pair.heard

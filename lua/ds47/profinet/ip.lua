@@ -116,8 +116,9 @@ M.Reassembly = Reassembly
 --- Puts fragments together, whatever their order; copies of a fragment are tolerated.
 --
 -- Memory is bounded: the oldest unfinished datagram goes first. One that is not whole `fragment_expiry_ns` of
--- capture time after its first fragment is given up. Whoever feeds takes what `take_given_up` gives; what he
--- leaves there stays.
+-- capture time after its first fragment is given up. Whoever feeds takes what is in `given_up`, and empties
+-- it: an array as of `unfinished`; `limit` is the name of the one that pushed it out, nil where its time was
+-- over.
 -- @param limits the flat table of tables.lua (fragment_expiry_ns, ip_datagrams, ip_fragments, fragment_bytes)
 function Reassembly.new(limits)
   return setmetatable({
@@ -205,20 +206,6 @@ function Reassembly.begun(part)
   return packet_of(part, part.data, #part.data + (part.missing or 0))
 end
 
---- What is not waited for any more, each told once: an array as of `unfinished`; `limit` is the name of the
--- one that pushed it out, nil where its time was over. Nil for none.
-function Reassembly:take_given_up()
-  local given_up, found = self.given_up, {}
-  if given_up[1] == nil then
-    return nil
-  end
-  self.given_up = {}
-  for _, entry in ipairs(given_up) do
-    tell(found, entry)
-  end
-  return found
-end
-
 --- What is still waited for, oldest first: an array of {packet, have}.
 -- The packet holds the payload up to the first hole, its frame and time are those of the last fragment seen
 -- and its MAC address is not kept; `have` counts the fragments seen.
@@ -271,7 +258,7 @@ function Reassembly:_give_up(key, limit)
   local entry = self:_close(key)
   if entry.pieces[0] then -- without the beginning nobody can tell whose it was
     entry.limit = limit
-    self.given_up[#self.given_up + 1] = entry
+    tell(self.given_up, entry)
   end
 end
 

@@ -193,7 +193,8 @@ M.Fragments = Fragments
 
 --- Puts fragmented RPC messages together; bounded in number and in capture time.
 -- @param expiry_ns how long an incomplete message is kept, nanoseconds of capture time
--- Whoever feeds takes what `take_given_up` gives; what he leaves there stays.
+-- Whoever feeds takes what is in `given_up`, and empties it: an array as of `unfinished`; `limit` is the name
+-- of the one that pushed it out, nil where its time was over.
 -- @param limit how many incomplete messages are kept; nil (here and below) for the shipped limit
 -- @param fragments how many fragments of incomplete messages are kept; the oldest message goes first
 -- @param most_bytes how many bytes of such fragments
@@ -314,17 +315,6 @@ function Fragments:_give_up(key, limit)
   self.fragments = self.fragments - partial.count
   self.bytes = self.bytes - partial.bytes
   self.given_up[#self.given_up + 1] = beginning(partial, limit)
-end
-
---- What is not waited for any more, each told once: an array as of `unfinished`; `limit` is the name of the
--- one that pushed it out, nil where its time was over. Nil for none.
-function Fragments:take_given_up()
-  local given_up = self.given_up
-  if given_up[1] == nil then
-    return nil
-  end
-  self.given_up = {}
-  return given_up
 end
 
 --- What is still waited for, oldest first: an array of {pdu = first fragment (or first seen), have = number}.

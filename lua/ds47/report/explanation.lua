@@ -1,6 +1,7 @@
 -- What a status or an error number means, as text: the layout of `ds47 explain` (Python:
 -- ds47.report.explanation). The meanings are those of ds47.explain.meanings.
 
+local filtered = require("ds47.support.arrays").filtered
 local formatting = require("ds47.report.formatting")
 local spec = require("ds47.spec.lookup")
 local tables = require("ds47.spec.tables")
@@ -33,10 +34,7 @@ local function block_text(block, words)
 end
 
 local function part_text(part)
-  local texts = {}
-  for _, each in ipairs({part.value, part.name, part.text}) do
-    if each ~= "" then texts[#texts + 1] = each end
-  end
+  local texts = filtered({part.value, part.name, part.text}, function(each) return each ~= "" end)
   return concat(texts, " ")
 end
 

@@ -4,7 +4,7 @@
 -- words are those of tables.report_words.
 
 local all_frames = require("ds47.acyclic.transactions").all_frames
-local last_until = require("ds47.support.arrays").last_until
+local arrays = require("ds47.support.arrays")
 local family_fits = require("ds47.profidrive.family").family_fits
 local status_hex = require("ds47.spec.statuses").status_hex
 local tables = require("ds47.spec.tables")
@@ -124,7 +124,7 @@ end
 
 -- The first frame after another one that does not belong to the transaction `but`; huge where there is none.
 local function after(entries, frame, but)
-  local place = last_until(entries, frame) + 1
+  local place = arrays.last_until(entries, frame) + 1
   while entries[place] and entries[place][2] == but do
     place = place + 1
   end
@@ -171,17 +171,6 @@ end
 local Witness = {}
 Witness.__index = Witness
 
--- The transactions of record calls: no other channel has blocks that are called for it.
-local function records_of(transactions)
-  local records = {}
-  for _, item in ipairs(transactions) do
-    if item.channel == "ds47" then
-      records[#records + 1] = item
-    end
-  end
-  return records
-end
-
 --- Tells what the PLC saw of each transaction of a result {transactions, findings}.
 function M.witness(result)
   local calls, lengths, loose, cut = {}, {}, {}, {}
@@ -190,13 +179,13 @@ function M.witness(result)
     if not owner and (LEFT_OUT[each.rule] or NOTHING[each.rule]) then
       loose[#loose + 1] = { each.frame, 0 }
     elseif LEFT_OUT[each.rule] and owner then
-      calls[owner] = calls[owner] or {}
-      table.insert(calls[owner], each)
+      arrays.push(calls, owner, each)
     elseif each.rule == CUT and each.args.completed then
       lengths[each.args.completed], cut[each.args.completed] = each.args.length, each.args.length == nil
     end
   end
-  local records = records_of(result.transactions)
+  -- no other channel has blocks that are called for it
+  local records = arrays.filtered(result.transactions, function(item) return item.channel == "ds47" end)
   local waits = waits_of(records)
   say_followed(records, calls, loose, waits)
   say_beside(records, calls, loose, waits)
@@ -302,12 +291,9 @@ local function before(item, left_out, wait)
 end
 
 local function is_bare(item, found)
-  for _, each in ipairs(found) do
-    if each.rule == "DS108" and each.frame == item.frames.write_response then
-      return true
-    end
-  end
-  return false
+  return arrays.any(found, function(each)
+    return each.rule == "DS108" and each.frame == item.frames.write_response
+  end)
 end
 
 local function write(item, found, left_out, wait)
@@ -424,11 +410,6 @@ function Witness:text(item, lang)
     text = text .. (lang == "zh" and "，" or " - ") .. more
   end
   return text
-end
-
---- The same with `PLC: ` in front.
-function Witness:line(item, lang)
-  return say(lang, "plc_line", { calls = self:text(item, lang) })
 end
 
 return M

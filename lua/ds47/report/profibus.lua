@@ -79,11 +79,6 @@ function M.master_text(address, lang)
   return address and say(lang, "dp_master", { sa = format("%d", address) }) or say(lang, "dp_no_master")
 end
 
---- `ident number 80B5`.
-function M.ident_text(ident, lang)
-  return say(lang, "dp_ident", { ident = format("%04X", ident) })
-end
-
 --- `watchdog 300 ms`.
 function M.watchdog_text(milliseconds, lang)
   return milliseconds and say(lang, "dp_watchdog", { ms = format("%d", milliseconds) })
@@ -177,11 +172,6 @@ function M.token_text(item, lang)
   return say(lang, "dp_token", { sa = format("%d", item.sa), da = format("%d", item.da) })
 end
 
---- What a short acknowledgement says.
-function M.short_text(lang)
-  return say(lang, "dp_taken")
-end
-
 -- In one line
 
 local function flags(content, lang)
@@ -192,7 +182,7 @@ end
 local gists = { diagnosis = flags, control = flags, configuration = M.ppo_text }
 
 function gists.parameters(content, lang)
-  local ident = content.ident and M.ident_text(content.ident, lang)
+  local ident = content.ident and say(lang, "dp_ident", { ident = format("%04X", content.ident) })
   return joined(lang, { M.watchdog_text(content.watchdog_ms, lang), ident or nil })
 end
 

@@ -43,11 +43,6 @@ local function list(items, most)
   return concat(shown, ", ")
 end
 
---- A record index as people write it: 47, 0xB02E.
-function M.record_index(index)
-  return index < 0x100 and integer(index) or format("0x%04X", index)
-end
-
 local function tenths(number)
   return format("%.1f", tonumber(plain(number)))
 end
@@ -56,12 +51,11 @@ local SHOW = {
   hex = spec.error_hex,
   code = spec.error_hex,
   hex32 = function(number) return format("0x%08X", number) end,
-  index = M.record_index,
+  index = function(index) return index < 0x100 and integer(index) or format("0x%04X", index) end,
   ms = tenths,
   ms3 = function(number) return format("%.3f", tonumber(plain(number))) end,
   s = tenths,
   numbers = list,
-  frames = list,
   values = function(items) return #items > 0 and list(items, M.VALUES_SHOWN) or "-" end,
   line = function(text) return #text <= LINE and text or text:sub(1, LINE - 3) .. "..." end,
 }
@@ -113,11 +107,6 @@ function M.slot_number(slot, subslot)
   return subslot and format("%d.%d", slot, subslot) or format("%d", slot)
 end
 
-local function place(where, lang)
-  local slot, index = M.slot_number(where.slot, where.subslot), M.record_index(where.index)
-  return spec.fill(key_words("place", lang), {slot = slot, index = index})
-end
-
 -- A part of a message, such as `value block 1 of 2`; what no table has stays as it is.
 local function part(text, lang)
   local numbers = {}
@@ -147,8 +136,6 @@ function shown(name, rule, args, lang)
     return reason(args, lang)
   elseif kind == "key" then
     return fill(key_words(value, lang), rule, args, lang)
-  elseif kind == "place" then
-    return place(value, lang)
   elseif kind == "text" and type(value) == "string" then
     return part(value, lang)
   elseif kind == "pnu" then

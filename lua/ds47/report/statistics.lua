@@ -5,6 +5,7 @@
 -- No table is wider than the window that Wireshark opens for a text: a row that is longer has several
 -- lines.
 
+local filtered = require("ds47.support.arrays").filtered
 local report_text = require("ds47.report.text")
 local sentences = require("ds47.report.sentences")
 local status = require("ds47.spec.statuses")
@@ -180,12 +181,9 @@ local function refusals(transactions, lang)
 end
 
 local function slowest(transactions)
-  local list = {}
-  for _, item in ipairs(transactions) do
-    if item.duration_ns and item.duration_ns >= 0 then
-      list[#list + 1] = item
-    end
-  end
+  local list = filtered(transactions, function(item)
+    return item.duration_ns and item.duration_ns >= 0
+  end)
   sort(list, function(a, b)
     return a.duration_ns > b.duration_ns or a.duration_ns == b.duration_ns and a.id < b.id
   end)
@@ -196,11 +194,7 @@ local function slowest(transactions)
 end
 
 local function unanswered(transactions)
-  local list = {}
-  for _, item in ipairs(transactions) do
-    list[#list + 1] = OPEN[item.state] and item or nil
-  end
-  return list
+  return filtered(transactions, function(item) return OPEN[item.state] end)
 end
 
 local function rules(findings, lang)
@@ -235,9 +229,6 @@ end
 --- What a transaction asked for: `p50303[0]; p50304[0] := 100.0`, cut where it grows long.
 local function asked(item)
   local parts, change = {}, item.operation == "change"
-  for i, each in ipairs(item.items or {}) do
-    parts[i] = each.address or "?"
-  end
   for i, parameter in ipairs(item.parameters) do
     local text = words.address(parameter)
     if change and #parameter.values > 0 then

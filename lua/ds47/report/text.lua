@@ -2,6 +2,7 @@
 -- of its rule. What else a capture tells in words is the analyzer's (`ds47 report`). Takes the result of
 -- Analysis:ended(); opens no file.
 
+local mapped = require("ds47.support.arrays").mapped
 local tables = require("ds47.spec.tables")
 local words = require("ds47.report.formatting")
 
@@ -59,10 +60,7 @@ end
 
 -- The frames that a finding is about, and the transaction it belongs to: `frame 29, 31 #7`.
 local function place_of(finding, lang)
-  local frames = {}
-  for number, frame in ipairs(finding.frames) do
-    frames[number] = integer(frame)
-  end
+  local frames = mapped(finding.frames, integer)
   local job = finding.transaction and " #" .. integer(finding.transaction) or ""
   return say(lang, "frame", { frame = concat(frames, ", ") }), job
 end

@@ -1,7 +1,7 @@
 -- The words of the tables of cyclic frames, PKW and PZD, in "en" or "zh" (docs/cyclic.md). The tables
 -- themselves are tables.lua; what the bytes are is in cyclic/.
 
-local has = require("ds47.support.arrays").has
+local arrays = require("ds47.support.arrays")
 local lookup = require("ds47.spec.lookup")
 local tables = require("ds47.spec.tables")
 
@@ -30,10 +30,7 @@ end
 
 local function row_of(id)
   if id == tables.pzd.stopping.id then return tables.pzd.stopping end
-  for _, row in ipairs(tables.pzd.states) do
-    if row.id == id then return row end
-  end
-  return nil
+  return arrays.first(tables.pzd.states, function(row) return row.id == id end)
 end
 
 --- `S2 ready to switch on, fault`, in "en" or "zh".
@@ -41,7 +38,7 @@ function M.state_text(id, overlays, lang)
   local own = words(row_of(id), lang)
   local parts = {id:sub(1, 1) == "S" and id .. " " .. own or own}
   for _, each in ipairs(tables.pzd.overlays) do
-    if has(overlays, each.id) then parts[#parts + 1] = words(each, lang) end
+    if arrays.has(overlays, each.id) then parts[#parts + 1] = words(each, lang) end
   end
   return concat(parts, lang == "zh" and "，" or ", ")
 end

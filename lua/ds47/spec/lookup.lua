@@ -2,6 +2,7 @@
 -- error numbers, and templates with their names filled in. The tables themselves are tables.lua; a PNIOStatus
 -- in words is statuses.lua.
 
+local arrays = require("ds47.support.arrays")
 local numbers = require("ds47.support.numbers")
 local tables = require("ds47.spec.tables")
 
@@ -56,13 +57,6 @@ local function words(entry, code, lang)
   return M.fill(M.words(entry, lang), {code = M.error_hex(code), above = code - (entry.code or code)})
 end
 
-local function vendor_of(id)
-  for _, vendor in ipairs(tables.vendors) do
-    if vendor.id == id then return vendor end
-  end
-  return nil
-end
-
 --- The words for a number of which nobody knows more than that it is the maker's.
 -- @param code as text
 function M.error_fallback(code, lang)
@@ -80,7 +74,7 @@ end
 -- @param vendor_id PROFINET vendor id of the device or nil. Numbers from 0x65 on belong to the vendor:
 --   without an id the meaning on SINAMICS is given as such, and a vendor without a table gets no meaning
 function M.error_text(code, lang, vendor_id)
-  local vendor = vendor_id and vendor_of(vendor_id)
+  local vendor = vendor_id and arrays.first(tables.vendors, function(each) return each.id == vendor_id end)
   if vendor and vendor.errors[code] then return words(vendor.errors[code], code, lang) end
   if tables.errors[code] then return words(tables.errors[code], code, lang) end
   local text = M.error_fallback(M.error_hex(code), lang)

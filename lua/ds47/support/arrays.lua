@@ -1,4 +1,5 @@
--- What arrays lack: an item is found and taken out by itself, not by its place; which items are such ones.
+-- What arrays lack: an item is found and taken out by itself, not by its place; which items are such ones,
+-- and what is made of each. A function that is made for one call is dear: not on the way of every frame.
 
 local M = {}
 
@@ -18,6 +19,32 @@ function M.take_out(array, item)
       return
     end
   end
+end
+
+--- The first item for which `wanted` is true; nil for none.
+function M.first(array, wanted)
+  for _, item in ipairs(array) do
+    if wanted(item) then return item end
+  end
+  return nil
+end
+
+--- Whether `wanted` is true for one of the items.
+function M.any(array, wanted)
+  return M.first(array, wanted) ~= nil
+end
+
+--- A new array of what is made of each item.
+function M.mapped(array, make)
+  local made = {}
+  for place, item in ipairs(array) do made[place] = make(item) end
+  return made
+end
+
+--- Puts an item behind those of a key.
+function M.push(lists, key, item)
+  lists[key] = lists[key] or {}
+  table.insert(lists[key], item)
 end
 
 --- A new array of those items for which `wanted` is true.
