@@ -307,6 +307,14 @@ def _plugin() -> dict[str, Any]:
     return spec._load("wireshark.toml")
 
 
+def _group(name: str) -> list[str]:
+    """The keys of fields that stand together, with those of the groups in it."""
+    if name == "description":
+        return [key for key, *_ in _plugin()["description"]]
+    keys = _plugin()["together"][name]
+    return [each for key in keys for each in (_group(key[1:]) if key[0] == "*" else [key])]
+
+
 def _fields() -> Iterator[str]:
     """What the plugin registers, by the protocol or the word that it is of."""
     yield "M.fields = {}"
@@ -326,6 +334,10 @@ def _fields() -> Iterator[str]:
     for name in ("message", "description", "words"):
         yield from block(f"M.fields.{name}", _plugin()[name])
     yield from block("M.fields.bus", [*_plugin()["bus"], *flags])
+    yield from block(
+        "M.fields.together",
+        {name: _group(name) for name in (*_plugin()["together"], "description")},
+    )
     starts = {code: f"{row.id}, {row.en}" for code, row in profibus.codes("start").items()}
     functions = {code: row.en for code, row in profibus.functions().items()}
     functions |= {code: f"{row.en} negative" for code, row in profibus.refusals().items()}
@@ -667,6 +679,10 @@ def generate() -> str:
         _transaction_fields(),
         later("fields", _fields()),
         later("preferences", _preferences()),
+        block(
+            "M.characters",
+            {name: sum(ranges, []) for name, ranges in _plugin()["characters"].items()},
+        ),
         later("about", [f"M.about = {literal(_plugin()['about'])}"]),
         ["return M"],
     )

@@ -2,6 +2,7 @@
 -- Takes the result of Analysis:ended(); what is wrong with it is told by findings, not here. No line is wider
 -- than the tables of ds47.report.statistics.
 
+local append = require("ds47.support.arrays").append
 local csv = require("ds47.report.csv")
 local info = require("ds47_ws.info")
 local sentences = require("ds47.report.sentences")
@@ -33,9 +34,7 @@ local function add_drive(lines, relation, timeline, base_seconds, lang)
   local telegrams = concat(relation.telegrams, ", ")
   local function add(time, frame, word, event)
     local before = "  " .. padded(time, 12) .. "  " .. padded(frame, -7) .. "  " .. padded(word, 17) .. "  "
-    for _, line in ipairs(words.wrap(before .. event, statistics.WIDTH, BEFORE)) do
-      lines[#lines + 1] = line
-    end
+    append(lines, words.wrap(before .. event, statistics.WIDTH, BEFORE))
   end
   lines[#lines + 1] = ""
   lines[#lines + 1] = say(lang, "timeline_drive", {
@@ -62,7 +61,6 @@ end
 
 --- All drives of a capture.
 -- @param result what Analysis:ended() gives, with base_seconds
--- @param options {lang = "en" or "zh"}
 function M.text(result, options)
   local lang = options and options.lang or "en"
   local lines = { say(lang, "timeline_title") }

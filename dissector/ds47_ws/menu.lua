@@ -197,7 +197,6 @@ local function about_capture(add, track)
 end
 
 --- What can be seen of the installation from inside, as text.
--- @param track the analysis of the open file
 -- @param info {version, path}: of the plugin, and the file it was loaded from
 function M.check(track, info)
   local lines = {}
@@ -218,7 +217,6 @@ function M.check(track, info)
 end
 
 --- Adds the menu; without a window nothing happens.
--- @param track the analysis of the open file: track.result(), track.name()
 -- @param info nil or {version, path}
 function M.register(track, info)
   if not gui_enabled() then

@@ -4,16 +4,17 @@
 -- known from its number, so that a filter holds for what the report calls the same parameter. Does nothing
 -- when loaded, only when called.
 
+local arrays = require("ds47.support.arrays")
 local drive_objects = require("ds47.profidrive.drive_objects")
 local formatting = require("ds47.report.formatting")
 local later = require("ds47.support.later").module
 local explanation = later("ds47.report.explanation")
-local mapped = require("ds47.support.arrays").mapped
 local meanings = later("ds47.explain.meanings")
 local reader = require("ds47.support.bytes")
 local sentences = require("ds47.report.sentences")
 local suggest = later("ds47.diagnosis.suggest")
 
+local append, mapped = arrays.append, arrays.mapped
 local concat, format = table.concat, string.format
 local integer, say = formatting.integer, formatting.say
 
@@ -212,12 +213,6 @@ end
 
 -- Statuses
 
-local function append(lines, more)
-  for _, line in ipairs(more) do
-    lines[#lines + 1] = line
-  end
-end
-
 -- The error numbers of the parameters of a transaction, each once.
 local function add_errors(lines, item, lang)
   local seen = {}
@@ -259,7 +254,6 @@ end
 
 --- What the statuses and error numbers of views mean, as `ds47 explain` has it.
 -- @param own  the status of the frame itself, nil where nobody tells it
--- @return text
 function M.explained(views, own, lang)
   local lines = {}
   for _, view in ipairs(views) do
@@ -305,7 +299,6 @@ local function show(text)
 end
 
 --- Adds the menu.
--- @param track the analysis of the open file
 function M.register(track)
   -- `make` is a function of the views, and of the fields by their names. It gives a text for `take`, or nil
   -- and what to say instead.

@@ -140,10 +140,8 @@ local function add_parameter(put, root, view, told, record, lang)
 end
 
 --- Adds what the words in this frame say, and the parameter of the transaction.
--- @param root the tree of the view
 -- @param view a transaction of PKW as this frame shows it
 -- @param record nil where the frame has it not
--- @param lang "en" or "zh"
 function M.add(put, root, view, record, lang)
   local told
   if record then
@@ -177,7 +175,6 @@ end
 
 --- Adds the words that stand in a frame in which none of them changed, as text: they are no fields, so that a
 -- filter finds the frames in which something happened.
--- @param tree the tree of the frame
 -- @param range the TvbRange of the eight bytes
 -- @param standing whether the drive says them (`answer`), the `layout`; `family` and `vendor_id` of the drive
 function M.standing(tree, range, standing, lang)

@@ -3,6 +3,7 @@
 --
 -- What is damaged is shown as far as it is known, with an expert info for each flaw.
 
+local any = require("ds47.support.arrays").any
 local dp = require("ds47.profibus.dp")
 local spec = require("ds47.spec.profibus")
 local say = require("ds47.report.formatting").say
@@ -246,10 +247,7 @@ local function add_flaw(root, flaw, start, of_data)
 end
 
 local function add_trailer(root, item, at)
-  local good = true
-  for _, flaw in ipairs(item.flaws) do
-    good = good and flaw.kind ~= "check"
-  end
+  local good = not any(item.flaws, function(flaw) return flaw.kind == "check" end)
   local shown = take(root, "fcs", at, 1)
   if shown then
     derive(shown, "fcs.good", good)
@@ -283,10 +281,7 @@ local function add_frame(root, item)
 end
 
 --- Adds what a frame says.
--- @param tree the tree of the frame
--- @param tvb its bytes
 -- @param item what telegram.lua decoded
--- @param lang "en" or "zh"
 function M.add(tree, tvb, item, lang)
   frame, language = tvb:range(), lang
   local root = tree:add(protocol, frame)

@@ -119,9 +119,7 @@ local function add_telegrams(put, parent, numbers)
 end
 
 --- Adds the words of one direction of a drive.
--- @param parent the tree of the frame
 -- @param place as drives.lua gives it
--- @param lang "en" or "zh"
 function M.add(put, parent, place, record, lang)
   local raw = record:len() >= 4 and record:range(2, 2):int() or nil -- the second word, with its sign
   local value, root, name = percent(place, raw), parent, place.sent and "stw1" or "zsw1"
@@ -145,7 +143,6 @@ function M.add(put, parent, place, record, lang)
 end
 
 --- Adds what happened to a drive in this frame.
--- @param root the tree that it stands below
 -- @param found {relation, event, number}, as drives.lua gives it
 -- @param record the word that the event is about; nil where it is about none
 -- @return the item, nil where nobody wants it

@@ -6,6 +6,7 @@
 -- Not here: fields and trees (tree.lua), and the analysis itself (ds47.analysis).
 
 local analysis = require("ds47.analysis")
+local append = require("ds47.support.arrays").append
 local bus = require("ds47.profibus.bus")
 local dp = require("ds47.profibus.dp")
 local drive_objects = require("ds47.profidrive.drive_objects")
@@ -338,12 +339,6 @@ end
 
 -- What a frame shows
 
-local function append(list, more)
-  for number = 1, #more do
-    list[#list + 1] = more[number]
-  end
-end
-
 -- A view of a transaction that is not complete: what is made of it is made when it is asked for.
 local LIVE = {}
 
@@ -390,7 +385,7 @@ local SHOWS_NONE = { read_request = true, poll = true, read_response = true }
 -- @return two arrays, which count until this is called again
 function M.live_views(seen)
   local jobs, roles, count = current:touched()
-  local there = current:findings_at(last)
+  local there = current.findings:at(last)
   if count == 0 then
     return NONE, there
   end
@@ -442,7 +437,7 @@ local function add_cyclic(views, findings, seen)
     end
     append(findings, each.findings)
   end
-  return M.has_drives and current:cyclic_events() or NONE
+  return M.has_drives and current.cyclic:happened(last) or NONE
 end
 
 --- The same of a cyclic frame or one of PROFIBUS, which may have records or words, and what happened to
@@ -581,7 +576,7 @@ function M.request_of(finding)
   if finding.transaction then
     item = complete and complete.result.transactions[finding.transaction]
   elseif finding.order then
-    item = current:finished(finding.order)
+    item = current.finished_jobs:by_order(finding.order)
   end
   return item and item.frames.write_request
 end

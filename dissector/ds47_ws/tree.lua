@@ -162,54 +162,14 @@ local function begin(tree, answers, kind, lang)
   newest, marked = nil, wants[VISIBLE]
 end
 
--- What stands together: of an array of keys it is asked at once whether one of them is wanted.
-
--- Arrays of keys in one.
-local function joined(...)
-  local all = {}
-  for _, keys in ipairs({ ... }) do
-    for _, key in ipairs(keys) do
-      all[#all + 1] = key
-    end
-  end
-  return all
-end
-
-local OF_HEADER = { "request_reference", "request_id", "response_id", "axis", "parameter_count" }
-local OF_BLOCK = { "format", "value_count" }
-local OF_WRITTEN = { "written.format", "written.value_count" }
-local OF_TYPED = {
-  "value.signed", "value.unsigned", "value.float", "value.double", "value.string", "value.bytes",
-}
--- A value, and all that stands below it.
-local OF_VALUES = joined(OF_TYPED, {
-  "value", "value.number", "value.time", "value.hex", "scaled", "scaled.number",
-})
--- What needs the blocks of a message, or where they stand.
-local OF_BLOCKS = joined(OF_BLOCK, OF_WRITTEN, OF_TYPED, {
-  "value.hex", "error.code", "error.text", "error.info", "raw",
-})
--- What needs to know where a parameter stands.
-local OF_PLACES = joined(OF_BLOCKS, { "attribute" })
-local OF_DESCRIPTION = {}
-for number, row in ipairs(tables.fields.description) do
-  OF_DESCRIPTION[number] = row[1]
-end
--- All that stands below the header of a message; what the profile shows first, as the first one decides.
-local OF_PARAMETERS = joined({ "pnu", "value", "value.number" }, OF_BLOCKS, OF_VALUES, {
-  "parameter", "attribute", "element_count", "subindex", "name", "unit", "family", "described_in", "meaning",
-}, OF_DESCRIPTION)
--- What is shown of the bytes of a record.
-local OF_RECORD = { "raw", "value.bytes", "value.hex", "bytes.request", "bytes.response" }
--- What later frames say of a transaction.
-local OF_LATER_FRAMES = {
-  "second_pass", "state", "response_in", "time", "transaction", "cycles", "polls", "duration_ms",
-  "bytes.response", "status.write", "status.read", "plc", "frames.write_response", "frames.read_request",
-  "frames.read_response", "frames.poll.request", "frames.poll.response", "frames.reread.request",
-  "frames.reread.response", "finding", "finding.severity", "finding.message", "finding.transaction",
-  "finding.elsewhere", "drive_object",
-}
-local OF_LINKS = { "request_in", "response_in", "time" }
+-- What stands together (spec/wireshark.toml): of an array of keys it is asked at once whether one of them is
+-- wanted.
+local of = tables.fields.together
+local OF_HEADER, OF_BLOCK, OF_WRITTEN, OF_TYPED = of.header, of.block, of.written, of.typed
+local OF_VALUES, OF_BLOCKS, OF_PLACES, OF_REST = of.values, of.blocks, of.places, of.rest
+local OF_PARAMETERS, OF_DESCRIPTION, OF_RECORD = of.parameters, of.description, of.record
+local OF_LATER_FRAMES, OF_LINKS, OF_READS = of.later_frames, of.links, of.reads
+local OF_BYTES, OF_PEERS = of.bytes, of.peers
 
 -- Values with the type of their format
 
@@ -468,7 +428,7 @@ local PARAMETER = wanted_fields.list({
       description_tree.add(adding, shown, item, place.values, place.record)
     end
   end },
-  { field = { "error.code", "error.text", "error.info", "raw" }, add = add_rest },
+  { field = OF_REST, add = add_rest },
 })
 
 -- The line of a parameter, below which all else of it stands.
@@ -590,17 +550,11 @@ local function is_main(view)
     or (view.role == "write_request" and not frame_of(view, "read_response"))
 end
 
-local FRAMES_OF_READS = {
-  "frames.poll.request", "frames.poll.response", "frames.reread.request", "frames.reread.response",
-}
-
 -- A message as the report has it: the words of PKW may change from frame to frame while a request stands.
 local function add_bytes_of(parent, key, data, record, name)
   local here = record and record:bytes():raw() == data
   point(parent, key, here and record or elsewhere(data, name))
 end
-
-local OF_BYTES = { "bytes.request", "bytes.response" }
 
 -- The messages: one is the record of this frame, the other one stands in another frame.
 local function add_bytes(parent, view, record)
@@ -626,7 +580,7 @@ local function add_plc(parent, view, lang)
 end
 
 local function add_frames_of_reads(parent, view)
-  if view.item.channel ~= "ds47" or not is_main(view) or not wants[FRAMES_OF_READS] then
+  if view.item.channel ~= "ds47" or not is_main(view) or not wants[OF_READS] then
     return
   end
   for _, name in ipairs({ "poll", "reread" }) do
@@ -644,8 +598,6 @@ local function add_status(parent, key, word)
     shown:append_text(format(" (%s)", status.status_text(word, language)))
   end
 end
-
-local PEERS = { "controller", "controller.mac", "master", "device", "device.mac", "station" }
 
 -- A key of messages: what the message in the frame shows already is not shown again.
 local function of_message(key)
@@ -690,10 +642,10 @@ end
 -- By their names the keys that have no such row, with those that they have instead.
 local INSTEAD = {
   transaction = {}, -- below which all others stand
-  controller = { { field = PEERS, rare = true, add = function(shown, item)
+  controller = { { field = OF_PEERS, rare = true, add = function(shown, item)
     types.add_peers(adding, shown, item)
   end } },
-  device = {}, station = {}, -- of which PEERS has both
+  device = {}, station = {}, -- of which OF_PEERS has both
   ar = { { field = "ar", add = function(shown, item)
     if item.ar and wants.ar then
       mark_generated(types.add_uuid(shown, fields.ar, item.ar, find_bytes))
@@ -714,7 +666,7 @@ local INSTEAD = {
   end }, { field = "plc", rare = true, add = function(shown, _, view, _, _, context)
     add_plc(shown, view, context.lang)
   end } },
-  polls = { row_of({ "polls" }), { field = FRAMES_OF_READS, rare = true, add = function(shown, _, view)
+  polls = { row_of({ "polls" }), { field = OF_READS, rare = true, add = function(shown, _, view)
     add_frames_of_reads(shown, view)
   end } },
 }
@@ -755,7 +707,6 @@ local function add_events(tree, events, find_word, lang)
 end
 
 --- The words of drives, in a frame in which they need not have changed.
--- @param tree the tree of the frame
 -- @param found as track.words gives them
 function M.add_words(tree, tvb, found, lang)
   begin(tree, nil, "words", lang)
@@ -851,7 +802,6 @@ end
 local NONE_TAKEN = {} -- of no findings
 
 --- Adds all that a frame shows.
--- @param tree the tree of the frame
 -- @param views, findings, events as track.lua gives them
 -- @param context {lang = "en" or "zh",
 --   find_record = a function of a record and of the view that has it, which gives its TvbRange in this frame,

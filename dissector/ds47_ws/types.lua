@@ -97,7 +97,6 @@ local UUIDS = entries(function(text)
 end, KEPT)
 
 --- Adds a UUID, where the frame has it at its bytes. Lua makes no GUID of a text.
--- @return the item
 function M.add_uuid(parent, field, text, find_bytes)
   local uuid = UUIDS[text]
   local range = uuid.unique and find_bytes(uuid.big)

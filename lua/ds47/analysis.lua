@@ -10,6 +10,7 @@
 
 local later = require("ds47.support.later").module
 
+local arrays = require("ds47.support.arrays")
 local bus = require("ds47.profibus.bus")
 local lists = require("ds47.parameters.naming")
 local idents = require("ds47.profibus.idents")
@@ -296,41 +297,20 @@ function Analysis:cyclic_touched()
   return found
 end
 
---- What happened to drives in the last cyclic frame: array of {relation, event (timeline.lua)}.
-function Analysis:cyclic_events()
-  return self.cyclic:happened(self.pairing.frame)
-end
-
 function Analysis:_is_ours(peer, record)
   local index47 = self.index47
   return index47:concerns(record.index) and index47:is_open(records.ar_key(peer, record), record.index)
 end
 
 --- What is certain of a job that has no answer yet: array of findings, none of them kept.
--- An answered job has none: `findings_at` knows them.
+-- An answered job has none: those are kept already (`findings:at`).
 function Analysis:peek(job)
   local remarks = job.phase ~= "closed" and not job.remarks and self.judge:certain(job) or NONE
   if remarks[1] == nil then
     return NONE
   end
-  local result = {}
-  for _, remark in ipairs(remarks) do
-    if self.findings:wanted(remark.rule) then
-      result[#result + 1] = self.findings:finding(remark)
-    end
-  end
-  return result
-end
-
---- The findings that are known so far on a frame: array in the order of a report, without transaction ids.
-function Analysis:findings_at(frame)
-  return self.findings:at(frame)
-end
-
---- The transaction of a job that is closed already, by `job.order`; nil while it is open.
--- Its `id` counts only in the result of `ended`.
-function Analysis:finished(order)
-  return self.finished_jobs:by_order(order)
+  local wanted = arrays.filtered(remarks, function(remark) return self.findings:wanted(remark.rule) end)
+  return arrays.mapped(wanted, function(remark) return self.findings:finding(remark) end)
 end
 
 -- The end

@@ -194,12 +194,12 @@ local function look(run, frame, seen)
     if refused then
       return "a refusal is not told while the job waits, in frame " .. frame
     end
-    local finished = run:finished(job.order)
+    local finished = run.finished_jobs:by_order(job.order)
     if (finished ~= nil) ~= (job.phase == "closed") then
       return "finished() and the phase of a job differ in frame " .. frame
     end
   end
-  for _, finding in ipairs(run:findings_at(frame)) do
+  for _, finding in ipairs(run.findings:at(frame)) do
     seen.findings[#seen.findings + 1] = finding
   end
 end

@@ -106,24 +106,15 @@ end
 -- Changes
 
 local function remember(self, key, write)
-  local there = self.written:get(key)
-  if there == nil then
-    there = {}
-    self.written:set(key, there)
-  else
-    self.written:move_to_end(key)
-  end
+  local there = self.written:get(key) or {}
   if #there == KEPT then -- too many at once: nothing is known of it any more
     write = {
       access = write.access, raw = "", format = write.format, value = "", asked = write.asked, upto = NEVER,
     }
     there = {}
-    self.written:set(key, there)
   end
   there[#there + 1] = write
-  if self.written.length > self.most then
-    self.written:pop_first()
-  end
+  self.written:keep(key, there, self.most)
 end
 
 local function note(self, told, access, place, address, block, frame)

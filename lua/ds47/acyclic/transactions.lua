@@ -24,8 +24,7 @@ local M = {}
 --- PROFINET vendor id of the drives whose own parameters parameters.toml names.
 M.SIEMENS = dictionary.SIEMENS
 
-local NIL_UUID = ("\0"):rep(16)
-local NO_API = records.NO_API
+local NIL_UUID, NO_API = records.NIL_UUID, records.NO_API
 
 -- Operation and state
 

@@ -532,13 +532,10 @@ end
 -- Whether the bytes of what might be PKW turned out to be the words of a drive.
 local function is_pzd(self, pkw)
   if pkw.certainty ~= LENGTHS then return false end
-  for _, each in ipairs(self.drives_) do
-    if each:is_proven() and not each.behind and relations.place(each.relation) == relations.place(pkw)
-      and relations.is_same_spot(each.relation, pkw) then
-      return true
-    end
-  end
-  return false
+  return arrays.any(self.drives_, function(each)
+    return each:is_proven() and not each.behind and relations.place(each.relation) == relations.place(pkw)
+      and relations.is_same_spot(each.relation, pkw)
+  end)
 end
 
 --- Those that are reported, those that a later Connect replaced too; of PZD those that are proven.
@@ -801,9 +798,8 @@ local function is_proven(line, job)
   return line.relation.certainty ~= LENGTHS or (job.answer and job.began and not job.settled)
 end
 
---- What the last frame began or responded to, as far as it is proven: array of {relation, job, role}, a role
--- being "write_request" or "read_response".
--- @param number of the frame
+--- What the last frame, of this number, began or responded to, as far as it is proven: array of {relation,
+-- job, role}, a role being "write_request" or "read_response".
 function Channels:touched(number)
   local found = {}
   for _, each in ipairs(self.moved) do
@@ -820,8 +816,8 @@ function Channels:touched(number)
   return found
 end
 
---- What happened to drives in the last frame, as far as it is known to be one: array of {relation, event}.
--- @param number of the frame
+--- What happened to drives in the last frame, of this number, as far as it is known to be one: array of
+-- {relation, event (timeline.lua)}.
 function Channels:happened(number)
   local found = {}
   for _, each in ipairs(self.moved) do

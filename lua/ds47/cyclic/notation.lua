@@ -35,7 +35,6 @@ local function value_text(message, width, data)
 end
 
 --- The readable line of a request; nil where no line gives the same bytes.
--- @param data the eight bytes
 -- @param layout "cyclic" or "uss"
 function M.line(data, layout, family)
   local message = pkw.decode(data, false, layout)

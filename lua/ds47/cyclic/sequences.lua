@@ -69,7 +69,6 @@ end
 
 --- Whether it is proven with this frame that there are several, in turn.
 -- @param time as times.lua has it
--- @param frame its number
 function Sequences:are_several(counter, time, data, frame)
   local heads, times = self.heads, self.times
   local head = {counter = counter, time = time, data = data, frame = frame}

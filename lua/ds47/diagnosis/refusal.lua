@@ -56,8 +56,7 @@ end
 
 -- Of what something is said: PNU, attribute with PNU, address, or that with the value.
 local function signs_of(address, value)
-  local pnu = char(floor(address.pnu / 256), address.pnu % 256)
-  local subindex = char(floor(address.subindex / 256), address.subindex % 256)
+  local pnu, subindex = reader.of_number(address.pnu, 2), reader.of_number(address.subindex, 2)
   local place = char(address.attribute, address.element_count) .. pnu .. subindex
   local whole = value and char(value.format, value.value_count) .. value.raw or ""
   return {pnu = pnu, attribute = char(address.attribute) .. pnu, place = place, whole = place .. "=" .. whole}

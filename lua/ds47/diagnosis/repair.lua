@@ -96,15 +96,7 @@ end
 
 -- Bytes of numbers ----------------------------------------------------------------------------------------
 
--- A whole number of 0 to 2^53 - 1 in so many bytes, the highest first.
-local function unsigned(number, size)
-  local parts = {}
-  for i = size, 1, -1 do
-    parts[i] = char(number % 256)
-    number = floor(number / 256)
-  end
-  return concat(parts)
-end
+local unsigned = reader.of_number
 
 local SIGNED = {b = true, h = true, i = true, q = true}
 

@@ -70,8 +70,8 @@ end
 
 local function address_bytes(address, subindex, elements)
   subindex, elements = subindex or address.subindex, elements or address.element_count
-  local pnu = address.pnu
-  return char(address.attribute, elements, floor(pnu / 256), pnu % 256, floor(subindex / 256), subindex % 256)
+  local number = reader.of_number(address.pnu, 2) .. reader.of_number(subindex, 2)
+  return char(address.attribute, elements) .. number
 end
 
 local function block_bytes(block)

@@ -126,7 +126,7 @@ local function stands(remark)
   return not remark.withdrawn
 end
 
---- What is known so far of a frame: array of findings without transaction ids.
+--- What is known so far of a frame: array of findings in the order of a report, without transaction ids.
 function Findings:at(frame)
   local remarks = self.at_frame[frame]
   if remarks == nil then

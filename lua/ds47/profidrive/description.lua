@@ -12,7 +12,7 @@ local numbers = require("ds47.support.numbers")
 local reader = require("ds47.support.bytes")
 local tables = require("ds47.spec.tables")
 
-local char, concat, find, floor, format = string.char, table.concat, string.find, math.floor, string.format
+local concat, find, format = table.concat, string.find, string.format
 local gsub, rep, sub = string.gsub, string.rep, string.sub
 
 local M = {}
@@ -35,15 +35,7 @@ local MOST = { number = 4, text = 16, octets = 16 } -- bytes of a value
 local bytes_of = {}
 
 function bytes_of.number(value, row)
-  if type(value) ~= "number" then
-    return nil
-  end
-  local found = {}
-  for place = row.size, 1, -1 do
-    found[place] = char(value % 256)
-    value = floor(value / 256)
-  end
-  return concat(found)
+  return type(value) == "number" and reader.of_number(value, row.size) or nil
 end
 
 function bytes_of.text(value, row)
@@ -154,12 +146,10 @@ function TAKE.name(found, raw)
   found.name = text_of(raw)
 end
 
-function TAKE.low(found, raw)
-  found.low, found.limit_format = limit(found.type, raw), found.type
-end
-
-function TAKE.high(found, raw)
-  found.high, found.limit_format = limit(found.type, raw), found.type
+for _, name in ipairs({ "low", "high" }) do
+  TAKE[name] = function(found, raw)
+    found[name], found.limit_format = limit(found.type, raw), found.type
+  end
 end
 
 function TAKE.normalisation(found, raw)

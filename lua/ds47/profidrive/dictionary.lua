@@ -7,6 +7,7 @@
 --
 -- What was said is {value, frame}: the frame is that of the response.
 
+local arrays = require("ds47.support.arrays")
 local bit = require("ds47.support.bits").bit
 local description = require("ds47.profidrive.description")
 local drive_objects = require("ds47.profidrive.drive_objects")
@@ -14,7 +15,6 @@ local formats = require("ds47.profidrive.formats")
 local lookup = require("ds47.spec.lookup")
 local ordered = require("ds47.support.ordered")
 local tables = require("ds47.spec.tables")
-local take_out = require("ds47.support.arrays").take_out
 
 local abs, find, format, match = math.abs, string.find, string.format, string.match
 
@@ -137,7 +137,7 @@ end
 function Dictionary:_forget(key)
   local entry = self.all:pop(key)
   local ways = self.ways[entry.place]
-  take_out(ways, entry)
+  arrays.take_out(ways, entry)
   if #ways == 0 then
     self.ways[entry.place] = nil
   end
@@ -298,9 +298,7 @@ function M.explained(item, meaning)
   local frames = name and { name.frame } or {}
   if fits and measure and item.scaled == nil then
     told.unit, told.scaled = measure.unit, scaled(item.values, measure.power)
-    for _, frame in ipairs(measure.frames) do
-      frames[#frames + 1] = frame
-    end
+    arrays.append(frames, measure.frames)
     frames = in_order(frames)
   elseif meaning.type and not is_listed_as(meaning.listed, meaning.type.value) then
     told.unit = nil -- that of the list belongs to another parameter

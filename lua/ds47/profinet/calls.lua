@@ -427,20 +427,16 @@ local function fault(self, pdu)
   end
 end
 
+-- By the type of a PDU what takes it, and as what it is counted.
+local TAKE = {[0] = request, [2] = response, [3] = fault, [6] = fault}
+local COUNTED = {[0] = "requests", "pings", "responses", "faults", "working", [6] = "rejects"}
+
 --- Takes one whole message (not a copy, see `is_copy`).
 function CallTracker:feed(pdu)
-  local ptype, counts = pdu.ptype, self.counts
-  if ptype == 0 then
-    counts.requests = counts.requests + 1
-    request(self, pdu)
-  elseif ptype == 2 then
-    counts.responses = counts.responses + 1
-    response(self, pdu)
-  elseif ptype == 3 or ptype == 6 then
-    count(self, ptype == 3 and "faults" or "rejects")
-    fault(self, pdu)
-  else
-    count(self, ptype == 1 and "pings" or ptype == 4 and "working" or "others")
+  local counts, name, take = self.counts, COUNTED[pdu.ptype] or "others", TAKE[pdu.ptype]
+  counts[name] = counts[name] + 1
+  if take then
+    take(self, pdu)
   end
 end
 

@@ -142,10 +142,7 @@ local function pair_of(self, client, server)
     local heard = back ~= nil and back.activities[1] ~= nil
     pair = {activities = {}, since = 0, heard = heard, unasked = {}, lost = {}, disorder = 0}
     pair.went_on = ordered.new()
-    self.pairs:set(key, pair)
-    if self.pairs.length > self.most then
-      self.pairs:pop_first()
-    end
+    self.pairs:keep(key, pair, self.most)
   end
   return pair
 end

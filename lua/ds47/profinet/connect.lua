@@ -6,6 +6,7 @@
 -- {reference, frame_id, offset, length, iops, cycle_ns, frame_length}; `offset` counts from the byte behind
 -- the frame id, IOPS stands behind the data, and behind `frame_length` bytes the status of the frame.
 
+local flat = require("ds47.support.flat").copy
 local layout = require("ds47.spec.tables").layouts
 local reader = require("ds47.support.bytes")
 
@@ -118,10 +119,9 @@ local function submodules(relations, expected)
       local offset, described = each.offsets[place], item.lengths[each.kind]
       if offset and described and described.length > 0 then
         any = true
-        found[each.kind] = {
-          reference = each.reference, frame_id = each.frame_id, offset = offset, length = described.length,
-          iops = described.iops, cycle_ns = each.cycle_ns, frame_length = each.frame_length,
-        }
+        local data = flat(each)
+        data.offset, data.length, data.iops = offset, described.length, described.iops
+        found[each.kind] = data
       end
     end
     if any then

@@ -17,11 +17,11 @@
 -- the plugin can afford for a frame. Halves have no metatable, and no key that says nothing.
 
 local entries = require("ds47.support.later").entries
+local reader = require("ds47.support.bytes")
 local rpc = require("ds47.profinet.rpc")
 local layout = require("ds47.spec.tables").layouts
 
-local byte, char, find, sub = string.byte, string.char, string.find, string.sub
-local floor, setmetatable = math.floor, setmetatable
+local byte, find, setmetatable, sub = string.byte, string.find, setmetatable, string.sub
 
 local M = {}
 
@@ -34,7 +34,7 @@ M.NO_API = -1 -- where there is neither API nor subslot: on PROFIBUS
 
 local WRITE, READ_IMPLICIT = rpc.WRITE, rpc.READ_IMPLICIT
 
-local function bytes_of(type) return char(floor(type / 256), type % 256) end
+local function bytes_of(type) return reader.of_number(type, 2) end
 
 -- The types of the blocks of an operation in one direction, as bytes.
 local REQUEST_TYPES = {

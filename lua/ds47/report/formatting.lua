@@ -18,18 +18,7 @@ local MICROMASTER = "micromaster"
 M.VALUES_SHOWN = 8 -- a longer list of values is cut, and its length stated
 M.CHARACTER = "[\0-\127\192-\255][\128-\191]*" -- one UTF-8 character, as a pattern
 
--- First and last code point of what Python's str.isprintable() calls not printable and a capture or
--- a table of ours can hold: controls, blanks other than the blank, marks that turn the direction.
-local HIDDEN = {
-  0x00, 0x1F, 0x7F, 0xA0, 0xAD, 0xAD, 0x61C, 0x61C, 0x1680, 0x1680, 0x180E, 0x180E, 0x2000, 0x200F,
-  0x2028, 0x202F, 0x205F, 0x206F, 0x3000, 0x3000, 0xD800, 0xF8FF, 0xFEFF, 0xFEFF, 0xFFF0, 0xFFFB,
-  0xFFFE, 0xFFFF, 0xE0000, 0x10FFFF,
-}
--- First and last code point of characters that are two columns wide in a fixed-width font.
-local WIDE = {
-  0x1100, 0x115F, 0x2E80, 0xA4CF, 0xAC00, 0xD7A3, 0xF900, 0xFAFF, 0xFE30, 0xFE6F, 0xFF00, 0xFF60,
-  0xFFE0, 0xFFE6, 0x20000, 0x3FFFD,
-}
+local HIDDEN, WIDE = tables.characters.hidden, tables.characters.wide -- first and last code points
 -- Of characters of one byte to four: the least and the greatest first byte, and the lowest bit in it that is
 -- no part of the code point.
 local LEADS = { { 0, 0x7F, 0x80 }, { 0xC2, 0xDF, 0x20 }, { 0xE0, 0xEF, 0x10 }, { 0xF0, 0xF4, 0x08 } }

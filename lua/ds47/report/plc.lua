@@ -350,9 +350,7 @@ function Witness:saw(item)
   if item.write_status == nil and self.cut[item.frames.write_response or 0] then
     calls[1].outcome = "cut"
   end
-  for _, call in ipairs(before(item, left_out, wait)) do
-    calls[#calls + 1] = call
-  end
+  arrays.append(calls, before(item, left_out, wait))
   calls[#calls + 1] = last_read(item, left_out, length, wait)
   local rereads = #(item.frames.rereads or {})
   if rereads > 0 then

@@ -3,6 +3,7 @@
 -- Of single frames. Decoding is ds47.profibus; the record inside (DS47) and what a capture shows of a station
 -- are not here.
 
+local arrays = require("ds47.support.arrays")
 local dp = require("ds47.profibus.dp")
 local ms1 = require("ds47.profibus.ms1")
 local of_row = require("ds47.spec.lookup").words
@@ -56,16 +57,11 @@ function M.function_text(message, item, lang)
   return joined(lang, { name, why }, ": ", "：")
 end
 
---- The bits that are set, in words.
--- @param name "diagnosis", "parameters" or "control"
--- @param flags as dp.lua has them
-function M.flag_words(name, flags, lang)
-  local found = {}
-  for _, row in ipairs(tables.profibus[name .. "_flags"]) do
-    if flags[row.id] then
-      found[#found + 1] = of_row(row, lang)
-    end
-  end
+-- The bits that are set, in words.
+local function flag_words(content, lang)
+  local rows = tables.profibus[content.kind .. "_flags"]
+  local set = arrays.filtered(rows, function(row) return content.flags[row.id] end)
+  local found = arrays.mapped(set, function(row) return of_row(row, lang) end)
   return #found > 0 and joined(lang, found, "; ", "；") or say(lang, "dp_no_flag")
 end
 
@@ -174,12 +170,8 @@ end
 
 -- In one line
 
-local function flags(content, lang)
-  return M.flag_words(content.kind, content.flags, lang)
-end
-
 -- What the content of a frame says, as far as a line has room; nil for nothing.
-local gists = { diagnosis = flags, control = flags, configuration = M.ppo_text }
+local gists = { diagnosis = flag_words, control = flag_words, configuration = M.ppo_text }
 
 function gists.parameters(content, lang)
   local ident = content.ident and say(lang, "dp_ident", { ident = format("%04X", content.ident) })

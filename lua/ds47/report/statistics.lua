@@ -5,7 +5,7 @@
 -- No table is wider than the window that Wireshark opens for a text: a row that is longer has several
 -- lines.
 
-local filtered = require("ds47.support.arrays").filtered
+local arrays = require("ds47.support.arrays")
 local report_text = require("ds47.report.text")
 local sentences = require("ds47.report.sentences")
 local status = require("ds47.spec.statuses")
@@ -181,7 +181,7 @@ local function refusals(transactions, lang)
 end
 
 local function slowest(transactions)
-  local list = filtered(transactions, function(item)
+  local list = arrays.filtered(transactions, function(item)
     return item.duration_ns and item.duration_ns >= 0
   end)
   sort(list, function(a, b)
@@ -194,7 +194,7 @@ local function slowest(transactions)
 end
 
 local function unanswered(transactions)
-  return filtered(transactions, function(item) return OPEN[item.state] end)
+  return arrays.filtered(transactions, function(item) return OPEN[item.state] end)
 end
 
 local function rules(findings, lang)
@@ -371,9 +371,7 @@ function M.text(result, options)
   local lang, transactions, lines = options.lang, result.transactions, {}
   -- A line; of a text that may be too long the lines, all but the first behind `hanging` blanks.
   local function add(text, hanging)
-    for _, line in ipairs(hanging and words.wrap(text, M.WIDTH, hanging) or { text }) do
-      lines[#lines + 1] = line
-    end
+    arrays.append(lines, hanging and words.wrap(text, M.WIDTH, hanging) or { text })
   end
   heading(add, lang, result, options)
   local groups, names = groups_of(transactions), targets.new(transactions)

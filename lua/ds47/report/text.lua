@@ -2,12 +2,13 @@
 -- of its rule. What else a capture tells in words is the analyzer's (`ds47 report`). Takes the result of
 -- Analysis:ended(); opens no file.
 
-local mapped = require("ds47.support.arrays").mapped
+local arrays = require("ds47.support.arrays")
 local tables = require("ds47.spec.tables")
 local words = require("ds47.report.formatting")
 
 local M = {}
 
+local append, mapped = arrays.append, arrays.mapped
 local concat, integer, say = table.concat, words.integer, words.say
 
 local WIDTH = 100 -- columns of a line
@@ -104,9 +105,7 @@ function M.report(result, options)
   options = options or {}
   local lang, lines = options.lang or "en", {}
   local function add(text, hanging)
-    for _, line in ipairs(words.wrap(text, WIDTH, hanging)) do
-      lines[#lines + 1] = line
-    end
+    append(lines, words.wrap(text, WIDTH, hanging))
   end
   local frames = say(lang, "frames", { n = options.frames or 0 })
   add(options.path and words.escape(options.path) .. ": " .. frames or frames)

@@ -1576,7 +1576,6 @@ M.report_words = {
   parameter_error = {en = "error", zh = "错误"},
   parameter_error_info = {en = "(info {info})", zh = "（附加信息 {info}）"},
   values_cut = {en = "{values}, ... ({n} values)", zh = "{values}, ...（共 {n} 个值）"},
-  cycles = {en = "{n} cycle|{n} cycles", zh = "{n} 个周期"},
   polled = {en = "polled {times}", zh = "轮询 {times}"},
   more = {en = "and {number} more", zh = "另有 {number} 个"},
   findings = {en = "{n} finding|{n} findings", zh = "{n} 个结论"},
@@ -2692,6 +2691,24 @@ M.fields.bus = {
   {"profibus.control.unsync", "unsync", "bool", nil, 16},
   {"profibus.control.sync", "sync", "bool", nil, 32},
 }
+M.fields.together = {
+  header = {"request_reference", "request_id", "response_id", "axis", "parameter_count"},
+  block = {"format", "value_count"},
+  written = {"written.format", "written.value_count"},
+  typed = {"value.signed", "value.unsigned", "value.float", "value.double", "value.string", "value.bytes"},
+  values = {"value.signed", "value.unsigned", "value.float", "value.double", "value.string", "value.bytes", "value", "value.number", "value.time", "value.hex", "scaled", "scaled.number"},
+  rest = {"error.code", "error.text", "error.info", "raw"},
+  blocks = {"format", "value_count", "written.format", "written.value_count", "value.signed", "value.unsigned", "value.float", "value.double", "value.string", "value.bytes", "value.hex", "error.code", "error.text", "error.info", "raw"},
+  places = {"format", "value_count", "written.format", "written.value_count", "value.signed", "value.unsigned", "value.float", "value.double", "value.string", "value.bytes", "value.hex", "error.code", "error.text", "error.info", "raw", "attribute"},
+  parameters = {"pnu", "value", "value.number", "format", "value_count", "written.format", "written.value_count", "value.signed", "value.unsigned", "value.float", "value.double", "value.string", "value.bytes", "value.hex", "error.code", "error.text", "error.info", "raw", "value.signed", "value.unsigned", "value.float", "value.double", "value.string", "value.bytes", "value", "value.number", "value.time", "value.hex", "scaled", "scaled.number", "parameter", "attribute", "element_count", "subindex", "name", "unit", "family", "described_in", "meaning", "description", "description.identifier", "description.type", "description.writable", "description.text_array", "description.changed", "description.reset_only", "description.array", "description.elements", "description.factor", "description.quantity", "description.conversion", "description.unit", "description.name", "description.low", "description.high", "description.extension", "description.reference", "description.normalisation", "description.full_scale", "text"},
+  record = {"raw", "value.bytes", "value.hex", "bytes.request", "bytes.response"},
+  bytes = {"bytes.request", "bytes.response"},
+  links = {"request_in", "response_in", "time"},
+  reads = {"frames.poll.request", "frames.poll.response", "frames.reread.request", "frames.reread.response"},
+  peers = {"controller", "controller.mac", "master", "device", "device.mac", "station"},
+  later_frames = {"second_pass", "state", "response_in", "time", "transaction", "cycles", "polls", "duration_ms", "bytes.response", "status.write", "status.read", "plc", "frames.write_response", "frames.read_request", "frames.read_response", "frames.poll.request", "frames.poll.response", "frames.reread.request", "frames.reread.response", "finding", "finding.severity", "finding.message", "finding.transaction", "finding.elsewhere", "drive_object"},
+  description = {"description", "description.identifier", "description.type", "description.writable", "description.text_array", "description.changed", "description.reset_only", "description.array", "description.elements", "description.factor", "description.quantity", "description.conversion", "description.unit", "description.name", "description.low", "description.high", "description.extension", "description.reference", "description.normalisation", "description.full_scale", "text"},
+}
 M.fields.starts = {
   [0x10] = {name = "SD1, frame without data"},
   [0x68] = {name = "SD2, frame with data"},
@@ -2735,6 +2752,11 @@ M.preferences = {
   {name = "ignore", kind = "string", label = "Rules to leave out", about = "Rule ids or their beginnings, for example: DS204 DS3", default = ""},
 }
 ]=]
+
+M.characters = {
+  hidden = {0, 31, 127, 160, 173, 173, 1564, 1564, 5760, 5760, 6158, 6158, 8192, 8207, 8232, 8239, 8287, 8303, 12288, 12288, 55296, 63743, 65279, 65279, 65520, 65531, 65534, 65535, 917504, 1114111},
+  wide = {4352, 4447, 11904, 42191, 44032, 55203, 63744, 64255, 65072, 65135, 65280, 65376, 65504, 65510, 131072, 262141},
+}
 
 later.about = [=[
 M.about = "Decodes the parameter channel of PROFIdrive over PROFINET (record\nindex 47 = DS47, 0xB02E, 0xB02F), names every value, measures every\ntransaction, and says what was wrong with the conversation.\n\nProfile     Tools > DS47 > Add profile DS47: columns, colours and\n            filter buttons. Choose it at the right end of the\n            status bar.\nFilters     ds47                 frames of the parameter channel\n            ds47.finding         what is wrong: cause and advice\n                                 stand in the tree of the frame\n            ds47.error.code      what a drive did not accept\n            ds47.state != \"ok\"   transactions that went wrong\n            ds47.pnu == 50303    one parameter, asked and answered\n            ds47.pzd.event       what happened to drives\nLinks       A double click on a blue line goes to that frame.\nMenu        A right click on a packet of the list > DS47: only this\n            transaction, its request to paste, its status in words\n            (Wireshark 4.4 and later)\nExpert      Analyze > Expert Information counts the findings.\nReport      Tools > DS47 > Save report writes the findings as text\n            and the parameters as a table, to send to somebody.\n\nMIT licence\n"

@@ -34,6 +34,13 @@ function M.any(array, wanted)
   return M.first(array, wanted) ~= nil
 end
 
+--- Adds the items of another array.
+function M.append(array, more)
+  for place = 1, #more do
+    array[#array + 1] = more[place]
+  end
+end
+
 --- A new array of what is made of each item.
 function M.mapped(array, make)
   local made = {}

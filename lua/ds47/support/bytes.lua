@@ -5,6 +5,8 @@ local entries = require("ds47.support.later").entries
 
 local byte, char, find, format, gsub = string.byte, string.char, string.find, string.format, string.gsub
 
+local concat, floor = table.concat, math.floor
+
 local M = {}
 
 -- Each byte as two hexadecimal digits, and as the UTF-8 of the Latin-1 character it is.
@@ -15,7 +17,6 @@ local UTF8 = entries(function(character)
 end)
 
 --- Unsigned, 16 bits, big-endian.
--- @param data string
 -- @param offset number of the first byte, from 0
 function M.u16(data, offset)
   local a, b = byte(data, offset + 1, offset + 2)
@@ -26,6 +27,16 @@ end
 function M.u32(data, offset)
   local a, b, c, d = byte(data, offset + 1, offset + 4)
   return ((a * 256 + b) * 256 + c) * 256 + d
+end
+
+--- A whole number below 2^53 in so many bytes, big-endian; a negative one as its two's complement.
+function M.of_number(number, size)
+  local parts = {}
+  for place = size, 1, -1 do
+    parts[place] = char(number % 256)
+    number = floor(number / 256)
+  end
+  return concat(parts)
 end
 
 --- All bytes as hexadecimal digits, lower case, nothing between them.
