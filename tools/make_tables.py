@@ -363,6 +363,13 @@ def _experts() -> Iterator[str]:
         ])  # fmt: skip
 
 
+def _statistics() -> Iterator[str]:
+    """The columns of the tables of the statistics, and those whose numbers end below each other."""
+    told = _plugin()["statistics"]
+    yield f"M.statistics = {{right = {literal(frozenset(told['right']))}}}"
+    yield from block("M.statistics.columns", told["columns"])
+
+
 def _preferences() -> Iterator[str]:
     empty = {"bool": False, "enum": 0, "uint": semantics.limits().slow_ns // 10**6}
     shown = []
@@ -681,8 +688,12 @@ def generate() -> str:
         later("preferences", _preferences()),
         block(
             "M.characters",
-            {name: sum(ranges, []) for name, ranges in _plugin()["characters"].items()},
+            {
+                name: [end for ends in ranges for end in ends]
+                for name, ranges in _plugin()["characters"].items()
+            },
         ),
+        later("statistics", _statistics()),
         later("about", [f"M.about = {literal(_plugin()['about'])}"]),
         ["return M"],
     )

@@ -35,13 +35,10 @@ end
 
 -- The control words that a drive heeds, each behind the frame from which on it stands.
 local function controls_of(events)
-  local controls = {}
-  for _, event in ipairs(events) do
-    if event.word == "STW1" and is_heeded(event.after) then
-      controls[#controls + 1] = { event.frame, event.after }
-    end
-  end
-  return controls
+  local heeded = arrays.filtered(events, function(event)
+    return event.word == "STW1" and is_heeded(event.after)
+  end)
+  return arrays.mapped(heeded, function(event) return { event.frame, event.after } end)
 end
 
 -- Both ends of a relation, found by what its frames begin with.

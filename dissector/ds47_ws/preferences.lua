@@ -2,11 +2,11 @@
 --
 -- Registers nothing by itself: `define` is given the protocol by the entry file.
 
+local dictionary = require("ds47.profidrive.dictionary")
 local lists = require("ds47_ws.lists")
 local named = require("ds47.cyclic.named")
 local ppo = require("ds47.cyclic.ppo")
 local tables = require("ds47.spec.tables")
-local transactions = require("ds47.acyclic.transactions")
 
 local M = {}
 
@@ -67,7 +67,7 @@ function M.options(proto)
     forbid_47 = prefs.index_47 == NEVER,
     slow_ms = prefs.slow_ms,
     ignore = rules(prefs.ignore),
-    vendor_id = prefs.assume_sinamics and transactions.SIEMENS or nil,
+    vendor_id = prefs.assume_sinamics and dictionary.SIEMENS or nil,
     pkw_layout = prefs.pkw_layout == USS and "uss" or "cyclic",
     pkw_layouts = layouts(prefs.pkw_layouts),
     cyclic = named.list(prefs.cyclic or ""),

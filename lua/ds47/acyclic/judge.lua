@@ -52,8 +52,6 @@ function M.parameters_asked(job)
   return #request.addresses
 end
 
-local parameters_asked = M.parameters_asked
-
 -- Whether bytes of a request and of its response are there, and differ.
 local function differ(sent, got)
   return sent ~= got and sent ~= nil and got ~= nil
@@ -69,7 +67,7 @@ function M.is_mismatch(job)
     or differ(request.axis, response.axis) then
     return true
   end
-  local asked, sent, got = parameters_asked(job), request.request_id, response.response_id
+  local asked, sent, got = M.parameters_asked(job), request.request_id, response.response_id
   if asked ~= nil and #places_of(response) > asked then
     return true
   elseif sent ~= nil and got ~= nil then
@@ -105,8 +103,6 @@ function M.drive_time_ns(job)
   end
   return read.time_ns - write.time_ns
 end
-
-local drive_time_ns = M.drive_time_ns
 
 -- What is wrong inside a message; what the capture cut off is no fault of it.
 -- `most`: how many parameters the device has shown to take; nil for the usual number.
@@ -324,7 +320,7 @@ local function put_time(self, remarks, job)
   if quick or half.data == "" or job.read_before then
     return
   end
-  local share = drive_time_ns(job)
+  local share = M.drive_time_ns(job)
   if share ~= nil and share > self.slow_ns then
     local args = {milliseconds = json.float(share / 1e6), limit = floor(self.slow_ns / 1000000)}
     put(remarks, "DS416", half.frame, args)

@@ -4,6 +4,7 @@
 -- are those of python/ds47/model.py, and `order`, by which its job is known while the capture goes on.
 
 local copy = require("ds47.support.flat").copy
+local mapped = require("ds47.support.arrays").mapped
 local dictionary = require("ds47.profidrive.dictionary")
 local family = require("ds47.profidrive.family")
 local naming = require("ds47.parameters.naming")
@@ -20,9 +21,6 @@ local is_mismatch, parameters_asked = rules.is_mismatch, rules.parameters_asked
 local NOT_SUPPORTED = family.NOT_SUPPORTED
 
 local M = {}
-
---- PROFINET vendor id of the drives whose own parameters parameters.toml names.
-M.SIEMENS = dictionary.SIEMENS
 
 local NIL_UUID, NO_API = records.NIL_UUID, records.NO_API
 
@@ -204,15 +202,12 @@ end
 
 -- Frames
 
+local function pair_of_frames(read)
+  return {request = read.request and read.request.frame, response = read.response.frame}
+end
+
 local function pairs_of_frames(reads)
-  if #reads == 0 then
-    return NONE
-  end
-  local result = {}
-  for number, read in ipairs(reads) do
-    result[number] = {request = read.request and read.request.frame, response = read.response.frame}
-  end
-  return result
+  return #reads > 0 and mapped(reads, pair_of_frames) or NONE
 end
 
 local function frames_of(job)

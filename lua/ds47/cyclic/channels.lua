@@ -128,10 +128,7 @@ end
 function Requests:apart(relation, owner)
   local made = flat(self)
   made.relation, made.owner, made.channel = relation, owner, self.channel:apart(made)
-  made.waiting, made.steps = {}, nil -- no frame comes to it any more
-  for number, job in ipairs(self.waiting) do
-    made.waiting[number] = flat(job)
-  end
+  made.waiting, made.steps = mapped(self.waiting, flat), nil -- no frame comes to it any more
   return made
 end
 

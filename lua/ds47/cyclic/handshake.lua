@@ -14,6 +14,7 @@
 -- ended). A moment: {frame, time, cycle}.
 
 local flat = require("ds47.support.flat").copy
+local mapped = require("ds47.support.arrays").mapped
 local tables = require("ds47.spec.tables")
 
 local byte, char, floor, sub = string.byte, string.char, math.floor, string.sub
@@ -196,10 +197,7 @@ end
 --- The same channel as one that goes on alone, for another owner.
 function Channel:apart(owner)
   local made = flat(self)
-  made._owner, made._job, made._over = owner, self._job and flat(self._job), {}
-  for place, job in ipairs(self._over) do
-    made._over[place] = flat(job)
-  end
+  made._owner, made._job, made._over = owner, self._job and flat(self._job), mapped(self._over, flat)
   return made
 end
 

@@ -3,14 +3,15 @@
 --
 -- One error block has one cause. What a repair of the whole request explains is not looked at here.
 
+local dictionary = require("ds47.profidrive.dictionary")
 local family = require("ds47.profidrive.family")
 local formats = require("ds47.profidrive.formats")
 local json = require("ds47.support.json")
 local rules = require("ds47.acyclic.judge")
 local tables = require("ds47.spec.tables")
-local transactions = require("ds47.acyclic.transactions")
 
 local later = require("ds47.support.later").module
+local mapped = require("ds47.support.arrays").mapped
 local parameter = require("ds47.profidrive.parameter")
 local reader = require("ds47.support.bytes")
 local suggest = later("ds47.diagnosis.suggest") -- only here: most captures need no correction
@@ -21,7 +22,7 @@ local char, floor, max = string.char, math.floor, math.max
 
 local M = {}
 
-local SIEMENS = transactions.SIEMENS
+local SIEMENS = dictionary.SIEMENS
 local WORD_ERRORS = {[0x05] = true, [0x17] = true} -- data type, format: a number where a connector belongs
 local UNSIGNED_32 = "Unsigned32"
 local NO_PARAMETER, NO_SUBINDEX = 0x00, 0x03
@@ -111,11 +112,7 @@ end
 
 --- Which parameters have an error block, by their place: also one that ends before its error number.
 function M.failed(response)
-  local found = {}
-  for number, block in ipairs(response.blocks) do
-    found[number] = block.error and true or nil
-  end
-  return found
+  return mapped(response.blocks, function(block) return block.error and true or nil end)
 end
 
 --- The request for a parameter that is no array, as that of a simple one; nil where it is none. That one

@@ -3,6 +3,7 @@
 -- numbers of parameters begin with 1 here.
 
 local any = require("ds47.support.arrays").any
+local dictionary = require("ds47.profidrive.dictionary")
 local formats = require("ds47.profidrive.formats")
 local json = require("ds47.support.json")
 local notation = require("ds47.profidrive.notation")
@@ -10,7 +11,6 @@ local numbers = require("ds47.support.numbers")
 local parameter = require("ds47.profidrive.parameter")
 local reader = require("ds47.support.bytes")
 local tables = require("ds47.spec.tables")
-local transactions = require("ds47.acyclic.transactions")
 
 local byte, char, format, gsub, rep = string.byte, string.char, string.format, string.gsub, string.rep
 local reverse, sub = string.reverse, string.sub
@@ -23,7 +23,7 @@ local M = {}
 local READ, CHANGE = 0x01, 0x02
 local HEADER, ADDRESS = tables.layouts.MESSAGE_SIZE, tables.layouts.ADDRESS_SIZE
 local WRONG_TYPE = {[0x05] = true, [0x17] = true} -- the type errors that are never about the value
-local SIEMENS = transactions.SIEMENS
+local SIEMENS = dictionary.SIEMENS
 local NORMALISED = 0x65 -- from this code on a whole number stands for something else
 local BOOLEAN = 0x01
 local NUMBERS = {number = true, float = true, time_of_day = true, duration = true}

@@ -21,13 +21,12 @@ local repair = later("ds47.diagnosis.repair")
 local rules = require("ds47.acyclic.judge")
 local suggest = later("ds47.diagnosis.suggest")
 local tables = require("ds47.spec.tables")
-local transactions = require("ds47.acyclic.transactions")
 
 local abs, min = math.abs, math.min
 
 local M = {}
 
-local SIEMENS = transactions.SIEMENS
+local SIEMENS = dictionary.SIEMENS
 local VALUE = tables.layouts.ADDRESS_VALUE
 local PNU_ACCESS_IDENTIFICATION = rules.PNU_ACCESS_IDENTIFICATION
 -- Float32 and Float64: what is nearer to zero is no number that anybody typed, nor is what is farther away

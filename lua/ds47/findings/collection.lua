@@ -50,8 +50,7 @@ end
 function Findings:foresee(remarks)
   for _, remark in ipairs(remarks) do
     if self:wanted(remark.rule) then
-      local there = self.at_frame[remark.frame] or {}
-      self.at_frame[remark.frame], there[#there + 1] = there, remark
+      arrays.push(self.at_frame, remark.frame, remark)
     end
   end
 end

@@ -5,6 +5,7 @@
 
 local drive_objects = require("ds47.profidrive.drive_objects")
 local json = require("ds47.support.json")
+local mapped = require("ds47.support.arrays").mapped
 local numbers = require("ds47.support.numbers")
 local sentences = require("ds47.report.sentences")
 local tables = require("ds47.spec.tables")
@@ -68,10 +69,9 @@ local function values(list, format_name, scaled)
     end
     return words.is_text(format_name) and M.guarded(value) or value
   end
-  local parts = {}
-  for i, value in ipairs(list) do
-    parts[i] = type(value) == "string" and json_text(value) or words.number(value, format_name, scaled)
-  end
+  local parts = mapped(list, function(value)
+    return type(value) == "string" and json_text(value) or words.number(value, format_name, scaled)
+  end)
   return "[" .. concat(parts, ", ") .. "]"
 end
 
@@ -108,11 +108,7 @@ local function readers(columns, own)
 end
 
 local function cells(reads, item, about)
-  local result = {}
-  for number, read in ipairs(reads) do
-    result[number] = cell(read(item, about))
-  end
-  return concat(result, ",")
+  return concat(mapped(reads, function(read) return cell(read(item, about)) end), ",")
 end
 
 -- `about` is {result, path}.

@@ -68,9 +68,7 @@ end
 -- The frames of a transaction, and of the findings about its calls.
 local function frames_of(item, found)
   local list = all_frames(item.frames)
-  for _, each in ipairs(found or {}) do
-    list[#list + 1] = each.frame
-  end
+  arrays.append(list, arrays.mapped(found or {}, function(each) return each.frame end))
   return list
 end
 

@@ -27,22 +27,7 @@ local ASKED_WIDTH = 60 -- columns for what was asked
 local OPERATIONS = { "read", "change", "vendor", "unknown" }
 local OPEN = { unanswered = true, superseded = true, incomplete = true }
 
--- The columns of each table, line by line of a row.
-local TIMES = { { "operation", "count", "timed", "min", "mean", "p50", "p95", "max" } }
-local COLUMNS = {
-  duration = TIMES,
-  drive = TIMES,
-  errors = { { "code", "count", "frame", "device", "text" } },
-  refusals = { { "status", "call", "count", "frame", "device", "text" } },
-  slowest = { { "took", "share", "transaction", "frame", "operation", "device" }, { "asked" } },
-  unanswered = { { "frame", "transaction", "state", "operation", "device" }, { "asked" } },
-  rules = { { "rule", "severity", "count", "frame", "name" } },
-}
--- Columns whose numbers end below each other.
-local RIGHT = {
-  count = true, timed = true, min = true, mean = true, p50 = true, p95 = true, max = true, took = true,
-  share = true, transaction = true, frame = true,
-}
+local COLUMNS, RIGHT = tables.statistics.columns, tables.statistics.right
 
 local function word(lang, key, values)
   return say(lang, "statistics_" .. key, values)
@@ -70,9 +55,7 @@ local function groups_of(transactions)
       by_device[item.device] = operations
       devices[#devices + 1] = item.device
     end
-    local items = operations[item.operation] or {}
-    operations[item.operation] = items
-    items[#items + 1] = item
+    arrays.push(operations, item.operation, item)
   end
   for _, device in ipairs(devices) do
     for _, operation in ipairs(OPERATIONS) do
@@ -130,11 +113,7 @@ end
 local function counted(rows, columns)
   local found, known = {}, {}
   for _, row in ipairs(rows) do
-    local cells = {}
-    for place, key in ipairs(columns) do
-      cells[place] = row[key]
-    end
-    local about = concat(cells, "\0")
+    local about = concat(arrays.mapped(columns, function(key) return row[key] end), "\0")
     local first = known[about]
     if not first then
       first = row

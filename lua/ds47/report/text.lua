@@ -44,13 +44,10 @@ function M.by_rule(findings)
   local rules, groups = {}, {}
   for _, each in ipairs(findings) do
     local about = each.rule .. each.severity
-    local group = rules[about]
-    if not group then
-      group = {}
-      rules[about] = group
-      groups[#groups + 1] = group
+    arrays.push(rules, about, each)
+    if #rules[about] == 1 then
+      groups[#groups + 1] = rules[about]
     end
-    group[#group + 1] = each
   end
   table.sort(groups, function(a, b)
     local left, right = RANK[a[1].severity], RANK[b[1].severity]

@@ -2758,6 +2758,19 @@ M.characters = {
   wide = {4352, 4447, 11904, 42191, 44032, 55203, 63744, 64255, 65072, 65135, 65280, 65376, 65504, 65510, 131072, 262141},
 }
 
+later.statistics = [=[
+M.statistics = {right = {count = true, frame = true, max = true, mean = true, min = true, p50 = true, p95 = true, share = true, timed = true, took = true, transaction = true}}
+M.statistics.columns = {
+  duration = {{"operation", "count", "timed", "min", "mean", "p50", "p95", "max"}},
+  drive = {{"operation", "count", "timed", "min", "mean", "p50", "p95", "max"}},
+  errors = {{"code", "count", "frame", "device", "text"}},
+  refusals = {{"status", "call", "count", "frame", "device", "text"}},
+  slowest = {{"took", "share", "transaction", "frame", "operation", "device"}, {"asked"}},
+  unanswered = {{"frame", "transaction", "state", "operation", "device"}, {"asked"}},
+  rules = {{"rule", "severity", "count", "frame", "name"}},
+}
+]=]
+
 later.about = [=[
 M.about = "Decodes the parameter channel of PROFIdrive over PROFINET (record\nindex 47 = DS47, 0xB02E, 0xB02F), names every value, measures every\ntransaction, and says what was wrong with the conversation.\n\nProfile     Tools > DS47 > Add profile DS47: columns, colours and\n            filter buttons. Choose it at the right end of the\n            status bar.\nFilters     ds47                 frames of the parameter channel\n            ds47.finding         what is wrong: cause and advice\n                                 stand in the tree of the frame\n            ds47.error.code      what a drive did not accept\n            ds47.state != \"ok\"   transactions that went wrong\n            ds47.pnu == 50303    one parameter, asked and answered\n            ds47.pzd.event       what happened to drives\nLinks       A double click on a blue line goes to that frame.\nMenu        A right click on a packet of the list > DS47: only this\n            transaction, its request to paste, its status in words\n            (Wireshark 4.4 and later)\nExpert      Analyze > Expert Information counts the findings.\nReport      Tools > DS47 > Save report writes the findings as text\n            and the parameters as a table, to send to somebody.\n\nMIT licence\n"
 ]=]

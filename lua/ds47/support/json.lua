@@ -42,8 +42,6 @@ function M.quoted(text)
   return '"' .. gsub(text, '[%z\1-\31\\"]', M.ESCAPES) .. '"'
 end
 
-local quoted = M.quoted
-
 local put -- forward: values nest
 
 local function put_array(items, out)
@@ -62,7 +60,7 @@ local function put_object(object, out)
   out[#out + 1] = "{"
   for i, key in ipairs(keys) do
     if i > 1 then out[#out + 1] = "," end
-    out[#out + 1] = quoted(key) .. ":"
+    out[#out + 1] = M.quoted(key) .. ":"
     put(object[key], out)
   end
   out[#out + 1] = "}"
@@ -86,7 +84,7 @@ function put(value, out)
   elseif kind == "table" then
     put_table(value, out)
   elseif kind == "string" then
-    out[#out + 1] = quoted(value)
+    out[#out + 1] = M.quoted(value)
   elseif kind == "number" then
     out[#out + 1] = numbers.text(value)
   else
