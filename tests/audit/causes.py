@@ -802,7 +802,7 @@ def _unsaved(case: Case) -> Iterator[str]:
     here = [each for each in case.reading.deals if each.device == case.args.get("device")]
     known = [save for each in here for save in saves(case.reading, each)]
     gaps = case.reading.gaps
-    hole = max(gaps.newest_gap(), gaps.newest(str(case.args.get("device"))))
+    hole = gaps.newest_gap(str(case.args.get("device")))
     known += [((hole, 0), each, True, False) for each in here[:1]]  # a save may be missing there
     kept: list[tuple[int, Deal]] = []
     perhaps = 0

@@ -131,9 +131,16 @@ class Gaps:
         ]  # fmt: skip
         return max([0, *found])
 
-    def newest_gap(self) -> int:
-        """The frame behind which no number of anybody is missing; 0 where none is."""
-        return max((gap.before for pair in self._of for gap in self.of(*pair)), default=0)
+    def newest_gap(self, server: str) -> int:
+        """The frame behind which no number of anybody, and no request to a server, is missing; 0 where none is."""
+        found = [gap.before for pair in self._of for gap in self.of(*pair)]
+        if self._capture.line is not None:
+            return max([self.newest(server), *found])
+        found += [each.frame for each in self._capture.strays if each.source == server]
+        clients = {client for client, called in self._of if called == server}
+        return max(
+            [0, *found, *(frame for client in clients for frame in self.cut(client, server))]
+        )
 
     def turns(self, station: str) -> list[int]:
         """Of a station of PROFIBUS the requests behind which an answer is missing, or an exchange before them.

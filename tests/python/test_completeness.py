@@ -146,7 +146,8 @@ def test_a_read_response_without_its_request_is_a_half() -> None:
     found = without(three, 7)
     pair = found.lacks(CLIENT, SERVER)
     assert found.behind(CLIENT, SERVER, 1) is None
-    assert (pair.halves, pair.half, pair.lost, found.newest(SERVER)) == (1, 8, [8], 8)
+    assert (pair.halves, pair.half, pair.unread, found.newest(SERVER)) == (1, 8, [8], 8)
+    assert found.newest_gap(SERVER) == 8
 
 
 def test_a_call_without_response_is_a_half_once_its_client_went_on() -> None:
@@ -158,7 +159,7 @@ def test_a_call_without_response_is_a_half_once_its_client_went_on() -> None:
     assert found.lacks(CLIENT, SERVER).halves == 0
     tracker.finish()
     assert (found.lacks(CLIENT, SERVER).halves, found.lacks(CLIENT, SERVER).half) == (1, 5)
-    assert found.newest(SERVER) == 5
+    assert (found.newest(SERVER), found.newest_gap(SERVER)) == (5, 0), "what was asked is known"
 
 
 def test_the_last_call_may_still_get_its_response() -> None:
@@ -208,7 +209,7 @@ def turned(pdu: Pdu) -> Pdu:
 
 def test_a_station_of_profibus_is_asked_of_its_line() -> None:
     found = Completeness(64, {3: 7}.__getitem__)
-    assert found.newest("dp3") == 7
+    assert (found.newest("dp3"), found.newest_gap("dp3")) == (7, 7)
 
 
 def test_a_response_before_its_request_is_out_of_order() -> None:
@@ -218,7 +219,7 @@ def test_a_response_before_its_request_is_out_of_order() -> None:
     found = heard(frames)
     pair = found.lacks(CLIENT, SERVER)
     assert (pair.halves, found.late, found.first_late) == (0, 2, 6)
-    assert (pair.unasked, pair.lost, found.newest(SERVER)) == ([], [], 0)
+    assert (pair.unasked, pair.unread, found.newest(SERVER)) == ([], [], 0)
 
 
 def test_the_oldest_pair_goes_first() -> None:

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from uuid import UUID
 
 import pytest
 
@@ -682,6 +684,21 @@ def unseen_change_answered(client: Client) -> None:
     changed(client, 2, 2)
 
 
+def silent_once(client: Client) -> None:
+    """Of a call without its response is known what it asked for."""
+    changed(client, 1, 2)
+    client.ask_write(message.read(2, 2, SPEED))
+    client.wait(1000)
+    client.exchange(message.read(3, 2, SPEED), message.answer(3, 1, 2, TEN))
+
+
+def read_without_its_request(client: Client) -> None:
+    """The last thing that is there of a client; what is missing before it may be a save."""
+    changed(client, 1, 2)
+    client.accept_read(client.call(wire.READ), message.answer(2, 1, 2, TEN))
+    changed(replace(client, activity=UUID(int=2)), 3, 2)
+
+
 def often_on_one_object(client: Client) -> None:
     """The ways in which a device was addressed are counted, however many changes there are."""
     for number in range(40):
@@ -698,6 +715,8 @@ def often_on_one_object(client: Client) -> None:
         (saved_in_the_middle, 1, 0, 1, 5),
         (saved_in_the_same_frame, 1, 0, 1, 7),
         (unseen_change_answered, 1, 1, 1, 7),
+        (silent_once, 1, 0, 1, 1),
+        (read_without_its_request, 1, 1, 1, 6),
         (often_on_one_object, 40, 0, 2, 157),
         (unknown_outcome, 2, 1, 1, 7),
         (one_object_saved, 1, 0, 1, 5),

@@ -453,9 +453,9 @@ class WholeCapture:
         return self._unsaved.get(device) or self._unsaved.put(device, Unsaved())
 
     def _lost(self) -> Iterator[Remark]:
-        gap = 0 if self._completeness is None else self._completeness.newest_gap()
+        lacks = self._completeness
         for device, unsaved in self._unsaved.items():
-            if hole := max(gap, self._newest_hole(device)):
+            if lacks is not None and (hole := lacks.newest_gap(device)):
                 unsaved.save_all((hole, 0), seen=False)
             facts = unsaved.told()
             if facts is not None:

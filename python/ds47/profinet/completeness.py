@@ -117,7 +117,7 @@ class Pair:
     """What one station says to another one."""
 
     __slots__ = (
-        "activities", "disorder", "half", "halves", "heard", "lost", "since", "unasked", "went_on",
+        "activities", "disorder", "half", "halves", "heard", "lost", "since", "unasked", "unread", "went_on",
     )  # fmt: skip
 
     def __init__(self) -> None:
@@ -128,8 +128,10 @@ class Pair:
         """Whether the station that is called has said anything,"""
         self.unasked: list[int] = []
         """and in which frames to a Write that is not there: the oldest one, and the newest ones."""
+        self.unread: list[int] = []
+        """The same of Reads that are not there,"""
         self.lost: list[int] = []
-        """The frames of Reads without their requests, and of calls without their responses: oldest and newest."""
+        """and the frames of calls without their responses: what was asked is known of those."""
         self.disorder = 0
         """The newest frame that was sent before one that comes before it; 0 for none."""
         self.half = self.halves = 0
@@ -173,7 +175,7 @@ class Pair:
     def newest(self) -> int:
         """The newest frame behind which something may be missing; 0 for none."""
         holes = (hole.before for each in self.activities for hole in each.holes[-1:])
-        return max([0, *self.lost, *self.unasked, *holes])
+        return max([0, *self.lost, *self.unasked, *self.unread, *holes])
 
 
 def _keep(frames: list[int], frame: int) -> None:
@@ -219,7 +221,7 @@ class Completeness:
         if pdu.opnum == RPC_WRITE or pdu.ptype != _RESPONSE:  # a fault tells no place
             pair.unknown(pdu.frame)
         else:
-            _keep(pair.lost, pdu.frame)
+            _keep(pair.unread, pdu.frame)
 
     def cut(self, pdu: Pdu) -> None:
         """A call of which nobody knows where it goes: a Write that is cut, or a response without a record."""
@@ -228,7 +230,7 @@ class Completeness:
     def asked_after_all(self, response: Pdu) -> None:
         """The request of such a response came behind it."""
         pair = self._pair(response.client, response.server)
-        for frames in (pair.unasked, pair.lost):
+        for frames in (pair.unasked, pair.unread):
             if response.frame in frames:
                 frames.remove(response.frame)
         pair.halves -= 1
@@ -297,7 +299,7 @@ class Completeness:
             return "renewed"
         if not (pair.heard or pair.hears):
             return "one_direction"
-        return "halves" if across and pair.lost else None
+        return "halves" if across and (pair.lost or pair.unread) else None
 
     def spoke_ns(self, client: str, server: str) -> int | None:
         """The time of the newest call of a client to a server, by the numbers; None for none."""
@@ -316,6 +318,14 @@ class Completeness:
         pairs = (pair for (_, called), pair in self._pairs.items() if called == server)
         return max((pair.newest for pair in pairs), default=0)
 
-    def newest_gap(self) -> int:
-        """The newest frame before which numbers of anybody are missing: what else was said up to it is unknown."""
-        return max((hole.before for pair in self._pairs.values() for hole in pair.holes), default=0)
+    def newest_gap(self, server: str) -> int:
+        """The newest frame before which a request to a server may be missing; 0 for none.
+
+        So it is before numbers that are missing of anybody. A call without its response hides none.
+        """
+        found = [hole.before for pair in self._pairs.values() for hole in pair.holes]
+        if server.startswith(STATION):
+            found.append(self.newest(server))
+        for (_, called), pair in self._pairs.items():
+            found += [*pair.unasked, *pair.unread] if called == server else ()
+        return max(found, default=0)
