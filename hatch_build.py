@@ -42,7 +42,7 @@ RECORD_PATH = (
     "profidrive/formats", "report/json",
     "profibus/telegram", "profibus/dp", "profibus/line", "profibus/bus", "profibus/stations",
     "profibus/judge", "cyclic/ppo", "cyclic/channels", "cyclic/timeline", "cyclic/operation", "cyclic/trips",
-    "cyclic/handshake", "cyclic/steps", "cyclic/relations", "cyclic/pkw", "cyclic/pzd",
+    "cyclic/handshake", "cyclic/relations", "cyclic/pkw", "cyclic/pzd",
     "acyclic/services", "acyclic/ms1_calls", "acyclic/index47", "acyclic/record_calls",
     "acyclic/record_events", "acyclic/pairing", "acyclic/lines",
     "acyclic/transactions", "acyclic/judge", "acyclic/learning",

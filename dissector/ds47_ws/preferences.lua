@@ -54,6 +54,16 @@ local function layouts(text)
   return by_device
 end
 
+-- The numbers that frames had in a capture from which others were left out since.
+local function numbers(path)
+  local found, file = {}, io.open(path)
+  for line in file and file:lines() or ipairs({}) do
+    found[#found + 1] = tonumber(line)
+  end
+  if file then file:close() end
+  return found
+end
+
 --- The preferences as they are now: the options of `ds47.analysis`, and the language of the texts.
 function M.options(proto)
   local prefs = proto.prefs
@@ -72,7 +82,7 @@ function M.options(proto)
     pkw_layouts = layouts(prefs.pkw_layouts),
     cyclic = named.list(prefs.cyclic or ""),
     ppos = ppo.list(prefs.ppos or ""),
-    every_cyclic = prefs.every_cyclic,
+    frame_numbers = prefs.frame_numbers ~= "" and numbers(prefs.frame_numbers) or nil,
     codec = {
       legacy_g120_formats = prefs.legacy_g120_formats,
       profile_v3_types = prefs.profile_v3_types,

@@ -66,7 +66,8 @@ Analysis.__index = Analysis
 --   cyclic        channels in cyclic frames that are named by hand, as named.lua takes them
 --   ppos          numbers of PPO by the address of the station on PROFIBUS, where Chk_Cfg is missing
 --   vendor_id     PROFINET vendor id of devices of which the capture shows none
---   every_cyclic  true: every frame of a watched channel is looked at, as somebody chose them already
+--   frame_numbers  nil, or those that frames had before somebody chose them: every one of a watched channel is
+--                 looked at then
 --   frames_dropped  whether the capture says that frames are missing (docs/pairing.md P47)
 function M.new(options)
   options = options or {}
@@ -100,7 +101,7 @@ function M.new(options)
   self.ms1 = ms1calls.new(self.events, self.findings, stations)
   self.services = services.CallTracker.new(self.ms1)
   self.start_ups = ms1calls.start_ups(self.pairing)
-  self.cyclic = channels.new(self, limits, options.every_cyclic, self.naming)
+  self.cyclic = channels.new(self, limits, options.frame_numbers, self.naming)
   self.cyclic:name(named.relations(options.cyclic or NONE))
   local named_ppo = ppo.new(self.cyclic, options.ppos or NONE, stations)
   self.bus = bus.new({stations, self.start_ups, self.services, named_ppo})

@@ -708,7 +708,6 @@ def _unanswered(case: Case) -> Iterator[str]:
     if deal.answer is not None or deal.read is not None:
         yield f"the response is in frame {deal.read}"
     yield from _reason(case, deal)
-    yield from case.wrong("dropped", _dropped(case.reading))
     yield from absent(case, deal, _over(case, deal))
 
 
@@ -821,13 +820,6 @@ def _pending(case: Case, deal: Deal) -> Iterator[str]:
         yield "each later Write of its channel has its response"
 
 
-def _dropped(reading: Reading) -> bool:
-    """Whether the capture says that frames were dropped: told by the report itself, on another line."""
-    return "machine dropped" in reading.text or any(
-        each.rule == "DS725" and each.args.get("what") == "dropped" for each in reading.findings
-    )
-
-
 @auditor("DS403")
 def _orphan(case: Case) -> Iterator[str]:
     deal = case.deal
@@ -889,7 +881,6 @@ def _orphan(case: Case) -> Iterator[str]:
             # Else it is a wrong one of that, or the one of the other.
             if open_still and not its_own:
                 yield f"the request of frame {other.write} is open"
-    yield from case.wrong("dropped", _dropped(case.reading))
 
 
 def _is_forgotten(deal: Deal, written: int, case: Case) -> bool:

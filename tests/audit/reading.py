@@ -219,6 +219,13 @@ class Reading:
         found: dp.Line | None = self.capture.line
         return found
 
+    @property
+    def dropped(self) -> bool:
+        """Whether the capture says that frames were dropped: told by the report itself, on another line."""
+        return "machine dropped" in self.text or any(
+            each.rule == "DS725" and each.args.get("what") == "dropped" for each in self.findings
+        )
+
     @cached_property
     def gaps(self) -> Gaps:
         return Gaps(self.capture)

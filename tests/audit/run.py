@@ -110,6 +110,8 @@ def of_finding(finding: Finding, item: Reading, memory: Memory) -> Iterator[Comp
         yield Complaint(finding.rule, where, f"{text} [{finding.message}]")
     if set(finding.args) != set(declared()[finding.rule]):
         yield Complaint(finding.rule, where, f"carries {sorted(finding.args)}")
+    if finding.args.get("dropped", item.dropped) != item.dropped:
+        yield Complaint(finding.rule, where, f"the capture says otherwise of drops: {item.dropped}")
     yield from letters.check(finding, item)
     yield from _severity(finding, item)
     if finding.frame not in finding.frames:

@@ -16,7 +16,6 @@ from tests.audit import run
 from ds47.analysis import analyze
 from ds47.capture import open_capture
 from ds47.capture.writer import PcapngWriter
-from ds47.cyclic.steps import Steps
 from ds47.lab import captured
 from ds47.lab.client import Client
 from ds47.lab.cyclic_scenes import machine
@@ -28,7 +27,6 @@ from ds47.report.verdict import Counts, verdict
 
 READ = bytes.fromhex("143a000000000000")
 CHARGES = {"DS503", "DS504", "DS505", "DS514"}
-CYCLE_NS = 16_000_000
 Frames = list[tuple[int, bytes]]
 
 
@@ -139,6 +137,35 @@ def test_and_of_most_requests_of_a_lossy_one(how: dict[str, int], share: float) 
     assert sum(each.rule == "DS503" for each in result.findings) >= 30
 
 
+def slower(content: bytes) -> Frames:
+    """Stations that need a fifth more for a cycle than the Connect says."""
+    there = frames(content)
+    begin = there[0][0]
+    return [(begin + (time_ns - begin) * 6 // 5, data) for time_ns, data in there]
+
+
+def with_others(content: bytes) -> Frames:
+    """Other drives are beside it, and stop in the middle: their frames, and Connects of two of them."""
+    there, beside = frames(content), frames(reads(2))
+    kept = [[(time_ns, data)] for time_ns, data in there]
+    for number in (1, 2):
+        station = bytes.fromhex(f"02000000470{number}")
+        for at, (_, data) in enumerate(beside[: len(there) // 2]):
+            here, away = (station, data[6:12]) if of_drive(data) else (data[:6], station)
+            kept[at].append((there[at][0], away + here + data[12:]))
+    return [each for some in kept for each in some]
+
+
+@pytest.mark.parametrize("how", [EARLY, NEVER])
+@pytest.mark.parametrize("made", [slower, with_others])
+def test_what_is_sent_less_often_is_not_missing(
+    how: dict[str, int], made: Callable[[bytes], Frames]
+) -> None:
+    result = analyze(io.BytesIO(written(made(reads(40, **how)))))
+    assert sum(each.state == "unanswered" for each in result.transactions) == 40
+    assert "DS110" not in {each.rule for each in result.findings}
+
+
 def test_a_request_that_outlasts_the_hole_has_no_response() -> None:
     """The same frames are missing, and the request stands for long behind that."""
     content = reads(60, pause=10_000, cycles=60)
@@ -223,46 +250,3 @@ def test_so_does_what_reads_as_a_request() -> None:
         each for each in analyze(io.BytesIO(captured(stage))).findings if each.rule == "DS514"
     ]
     assert json.loads(json.dumps(found.args))["dropped"] is True
-
-
-# Steps
-
-
-def steps(*cycles: int, begin: int = 65_000) -> list[bool]:
-    """Whether frames are missing before each of those that come so many cycles behind the one before."""
-    made, passed = Steps(CYCLE_NS), 0
-    told = [made.skips(begin, 0)]
-    for each in cycles:
-        passed += each
-        told.append(made.skips((begin + passed * 512) % 65_536, passed * CYCLE_NS))
-    return told[1:]
-
-
-@pytest.mark.parametrize(
-    ("cycles", "told"),
-    [
-        ((4, 4, 1, 4), [False] * 4),
-        ((4, 4, 9, 4), [False] * 4),
-        ((4, 4, 10, 4), [False, False, True, False]),
-        ((4, 4, 8, 8, 8), [False] * 5),  # fewer frames are looked at
-        ((4, 4, 200, 4), [False, False, True, False]),  # the counter went round more than once
-        ((10,) * 9, [True] * 8 + [False]),  # so wide are they in this capture
-        ((4, 4, -1, 2, 4), [False] * 5),  # out of order
-    ],
-)
-def test_a_step_that_is_much_wider_than_nearly_all_others(
-    cycles: tuple[int, ...], told: list[bool]
-) -> None:
-    assert steps(*cycles) == told
-
-
-def test_a_counter_that_does_not_count_leaves_the_time() -> None:
-    made = Steps(CYCLE_NS)
-    passed = (0, 4, 8, 20, 24)
-    assert [made.skips(7, each * CYCLE_NS) for each in passed] == [False, False, False, True, False]
-
-
-def test_a_clock_that_is_set_back_is_no_hole() -> None:
-    made = Steps(CYCLE_NS)
-    assert not made.skips(0, 10**18)
-    assert not made.skips(512, 10**17)

@@ -625,7 +625,7 @@ def test_preferences_are_complete() -> None:
     assert {each.split(":")[0].removeprefix("ds47.") for each in given} == there - {
         "ignore",
         "lists",
-        "every_cyclic",
+        "frame_numbers",
     }
     assert "ds47.cyclic:00:1b:1b:11:22:33@8000:0:pkw 00:1f:f8:11:22:33@8001:4:pkw" in given
     assert "ds47.ppos:3=ppo1 4=ppo3" in given

@@ -111,7 +111,10 @@ def together(cases: list[dict[str, Any]]) -> tuple[bytes, list[str]]:
     steps: list[tuple[str, dict[str, Any]]] = []
     for number, case in enumerate(cases):
         names = dict.fromkeys(step[end] for step in case["steps"] for end in ("client", "server"))
-        ends = {name: f"10.47.{number}.{last}" for last, name in enumerate(names, 1)}
+        ends = {
+            name: f"10.{47 + number // 256}.{number % 256}.{last}"
+            for last, name in enumerate(names, 1)
+        }
         for step in case["steps"]:
             own = {end: ends[step[end]] for end in ("client", "server")}
             steps.append((case["id"], step | own))

@@ -22,7 +22,6 @@ local operation = require("ds47.cyclic.operation")
 local relations = require("ds47.cyclic.relations")
 local rpc = require("ds47.profinet.rpc")
 local sequences = require("ds47.cyclic.sequences")
-local steps = require("ds47.cyclic.steps")
 local tables = require("ds47.spec.tables")
 local timeline = require("ds47.cyclic.timeline")
 
@@ -35,6 +34,8 @@ local M = {}
 
 local ETHERTYPE, TAG = "\x88\x92", "\x81\x00"
 local DCP = 0xFE -- first byte of frame ids that are not cyclic
+-- What a sender may be slower than its cycle, and how many frames it may be short of, before some are missing.
+local SLOWER, ALLOWED = 1.25, 3
 local LATE = 2 -- cycles from a change of a request to the next frame of the drive: some between are missing
 local KEPT = 256 -- transactions that wait for the proof
 local PATIENCE = 8192 -- frames of what might be PZD that are looked at without a proof
@@ -54,10 +55,10 @@ Channels.__index = Channels
 -- @param listener listener:exchanged(relation, job) is told of each transaction of a proven relation when
 --   it is over
 -- @param limits the flat table of tables.lua
--- @param every whether every watched frame is looked at: somebody chose them already
-function M.new(listener, limits, every, naming)
+-- @param numbers nil, or those that the frames had before somebody chose them: every watched one is looked at
+function M.new(listener, limits, numbers, naming)
   return setmetatable({
-    naming = naming, every = every, listener = listener, limits = limits, lines = {},
+    naming = naming, numbers = numbers, listener = listener, limits = limits, lines = {},
     rows = {}, -- source, EtherType and frame id -> row
     senders = 0, -- how many rows there are
     stations = {}, -- the same of stations of PROFIBUS, by source
@@ -69,6 +70,8 @@ function M.new(listener, limits, every, naming)
     mixed = {}, -- {frame, device, sender, frame_id}: it proves that several sequences take turns
     asked = {}, -- places where one was, in a relation that another one may have replaced
     moved = {}, -- ends in which the last frame changed something
+    looked = {frame = 0, place = 0, time = 0}, -- the last one that was looked at: `place` is its number before
+    busiest = 0, -- the highest rate of a channel of PKW
   }, Channels)
 end
 
@@ -105,17 +108,16 @@ end
 function Requests:take(sent, words, moment)
   if not sent then
     self.channel:answered(words, moment)
-  elseif self.channel:sent(words, moment) then
-    self.changed = moment
+  elseif self.channel:sent(words, moment) and not self.shared then
+    self.changed = self.changed or moment
   end
 end
 
---- A frame of the drive comes, and what its cycle counter says; before its words.
-function Requests:passes(counter, moment)
-  local changed, before = self.changed, self.newest
-  self.changed, self.newest = nil, moment.frame
-  if self.steps:skips(counter, moment.time) then self.channel:skipped(before, moment.frame) end
-  if changed and moment.time - changed.time >= LATE * self.relation.input.cycle_ns then
+--- A frame of the drive comes; before its words.
+function Requests:passes(moment)
+  local changed = self.changed
+  self.changed = nil
+  if changed and self.rate > 0 and moment.time - changed.time >= LATE * self.relation.input.cycle_ns then
     self.channel:skipped(changed.frame, moment.frame)
   end
 end
@@ -128,7 +130,7 @@ end
 function Requests:apart(relation, owner)
   local made = flat(self)
   made.relation, made.owner, made.channel = relation, owner, self.channel:apart(made)
-  made.waiting, made.steps = mapped(self.waiting, flat), nil -- no frame comes to it any more
+  made.waiting = mapped(self.waiting, flat)
   return made
 end
 
@@ -273,11 +275,10 @@ end
 local function new_requests(self, relation)
   local line = setmetatable({relation = relation, owner = self, waiting = {}, asked = false}, Requests)
   line.channel = handshake.new(over, line, relations.is_bus(relation) and relation.certainty ~= NAMED)
-  line.changed = nil -- when the words of the controller changed, until a frame of the drive comes
-  line.newest = 0 -- the last frame of the drive
-  local input = relation.input
-  -- Those of the frames of the drive, where their cycle is known.
-  line.steps = input.status and input.cycle_ns > 0 and steps.new(input.cycle_ns) or nil
+  line.changed = nil -- when the words of the controller changed first, until a frame of the drive comes
+  line.shared = false -- whether other drives have frames of the same id: of whom a change is, the loop cannot tell
+  local out, input = relation.output.cycle_ns, relation.input.cycle_ns
+  line.rate = out > 0 and input > 0 and 1 / out + 1 / input or 0 -- frames of both directions in a nanosecond
   return line
 end
 
@@ -401,7 +402,7 @@ end
 
 -- Where requests of PKW are in frames the row of the drive: what it says next is looked at, too.
 local function row_of_answers(self, row)
-  for _, each in ipairs(row) do
+  for _, each in ipairs(row.shared and {} or row) do
     if each.sent and each.line.channel then
       local source, id = each.line.relation.input.source, each.line.relation.input.frame_id
       if relations.is_bus(each.line.relation) then return self.stations[source] end
@@ -412,8 +413,9 @@ local function row_of_answers(self, row)
 end
 
 local function watch(self)
-  self.rows, self.senders, self.moved, self.stations = {}, 0, {}, {}
+  self.rows, self.senders, self.moved, self.stations, self.busiest = {}, 0, {}, {}, 0
   for _, line in ipairs(self.lines) do
+    self.busiest = max(self.busiest, line.rate or 0)
     local is_bus = relations.is_bus(line.relation)
     for _, each in ipairs(line.ends) do
       local rows, key, id = self.stations, each.side.source, each.side.frame_id
@@ -437,6 +439,9 @@ local function watch(self)
       local final = row.parts[#row.parts]
       row.need = final[1] + final[2]
       row.answered = row_of_answers(self, row)
+      for _, each in ipairs(row) do
+        if each.sent then each.line.shared = row.shared end
+      end
       self.senders = self.senders + (rows == self.rows and 1 or 0)
     end
   end
@@ -665,7 +670,7 @@ end
 --- Whether a watched frame is looked at: it says something else than the one before it, or is the first of a
 -- while. One that the capture cut says nothing.
 function Channels:is_news(row, frame, at, number)
-  if self.every then return #frame >= at + row.need end
+  if self.numbers then return #frame >= at + row.need end
   if number < row.due and row.at == at and find(frame, row.standing, row.first) then return false end
   if #frame < at + row.need then return false end
   if number >= row.due then
@@ -696,10 +701,7 @@ local function take(each, frame, at, number, time)
   local cycle = each.looks
   if each.side.cycle_ns > 0 then cycle = rounded((time - line.start) / each.side.cycle_ns) end
   local moment = {frame = number, time = time, cycle = cycle}
-  if line.steps and not each.sent then
-    local high, low = byte(frame, at + each.side.status - 1, at + each.side.status)
-    line:passes(high * 256 + low, moment)
-  end
+  if line.passes and not each.sent then line:passes(moment) end
   if valid then
     line:take(each.sent, words, moment)
   elseif each.valid then
@@ -751,11 +753,22 @@ local function are_mixed(self, row, ends, frame, at, number, time)
   return true
 end
 
+-- Tells each channel where there are fewer frames between two looks than it would have sent alone.
+local function look(self, number, time)
+  local before, place = self.looked, self.numbers and self.numbers[number] or number
+  local passed, there = time - before.time, SLOWER * (place - before.place) + ALLOWED
+  for _, line in ipairs(passed * self.busiest > there and self.lines or {}) do
+    if line.rate and passed * line.rate > there then line.channel:skipped(before.frame, number) end
+  end
+  self.looked = {frame = number, place = place, time = time}
+end
+
 --- Takes a watched frame that is looked at (`is_news`).
 -- @param row, at as `row_of` gives them
 -- @param number, time  of the frame; a time as times.lua has it
 function Channels:frame(row, frame, at, number, time)
   self.moved = {}
+  look(self, number, time)
   local before = row.bytes
   row.period = floor(number / sampled(self, number))
   keep(row, frame, at)

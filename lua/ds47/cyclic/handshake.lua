@@ -88,9 +88,8 @@ end
 
 --- The time of that of the drive; nil where frames are missing right before its answer.
 function M.reaction(job)
-  local hole, _, took = job.hole, M.duration(job)
-  if hole and job.answer and hole.last == job.answer.at.frame then return nil end
-  return took
+  local _, took = M.duration(job)
+  return not job.hole and took or nil
 end
 
 -- Whether words read as a request: AK, page and number are some that exist, and a read has no value.
@@ -145,7 +144,7 @@ end
 
 --- The drive sends these eight bytes from now on.
 function Channel:answered(bytes, at)
-  local data, last = without_spm(bytes), self._in
+  local data, last, before = without_spm(bytes), self._in, self._newest
   local is_same = last ~= nil and last.data == data
   self._newest = at.frame
   if self._over[1] then
@@ -160,6 +159,7 @@ function Channel:answered(bytes, at)
     self:_update(job)
   elseif self:_counts(job, data) then
     job.answer = self._in
+    if job.hole and before >= job.hole.last then job.hole = nil end -- it did not stand there yet
     local changed = access(asked) == "change" and sub(asked, 5) ~= NO_VALUE
     if changed and sub(data, 5) == NO_VALUE then self._echoes = false end
   elseif self:_is_late(data) then
@@ -169,7 +169,7 @@ function Channel:answered(bytes, at)
   end
 end
 
---- Frames of the drive are missing between two frames; to be called before `answered` for the latter.
+--- Frames of the channel are missing between two frames; to be called before `answered` for the latter.
 function Channel:skipped(first, last)
   local hole, job = {first = first, last = last}, self._job
   for _, each in ipairs(self._over) do

@@ -2745,7 +2745,7 @@ M.preferences = {
   {name = "cyclic", kind = "string", label = "Channels in cyclic frames", about = "Where a channel is whose Connect is missing, two for each: first of the controller's frames, then of the drive's. For example: 00:1b:1b:11:22:33@8000:0:pkw 00:1f:f8:11:22:33@8001:0:pkw", default = ""},
   {name = "ppos", kind = "string", label = "PPO of stations", about = "What stations of PROFIBUS have whose Chk_Cfg is missing, for example: 3=ppo1 4=ppo3", default = ""},
   {name = "profibus_user0", kind = "bool", label = "PROFIBUS in USER0", about = "Frames of the link type USER0 (147) are PROFIBUS once one of them proves it; others go to the dissector that had them before, the one under DLT_USER among them", default = false},
-  {name = "every_cyclic", kind = "bool", label = "Look at every frame of a cyclic channel", about = "Slow; for captures from which frames without news were left out", default = false},
+  {name = "frame_numbers", kind = "string", label = "File of frame numbers", about = "For captures from which cyclic frames without news were left out: the numbers that these frames had before, one in a line. Every frame of a cyclic channel is looked at then", default = ""},
   {name = "lists", kind = "string", label = "File of parameter lists", about = "The file of ds47 params export, where it does not stand beside the plugin: names, units and texts of values of lists of yours", default = ""},
   {name = "language", kind = "enum", label = "Language of the texts", about = "Texts of error numbers and findings", default = 0, choices = {{1, "en", 0}, {2, "zh", 1}}},
   {name = "slow_ms", kind = "uint", label = "Slow from (ms)", about = "From which share of the drive in a transaction it is slow (DS416), in milliseconds", default = 1000},

@@ -19,7 +19,6 @@ from ds47.cyclic.named import Name
 from ds47.cyclic.operation import Operation
 from ds47.cyclic.relations import Relation, Side, channels, place_of, side
 from ds47.cyclic.sequences import Head, Sequences
-from ds47.cyclic.steps import Steps
 from ds47.cyclic.timeline import Recorder
 from ds47.findings.remark import Remark
 from ds47.model import CONFIGURED, LENGTHS, NAMED, ODD, PKW, PZD, REFUTED, SEEN, Timeline
@@ -41,6 +40,8 @@ _KEPT = 256
 """Transactions that wait for the proof."""
 _PATIENCE = 8192
 """Frames of what might be PZD that are looked at without a proof: something else changes all the time."""
+_SLOWER, _ALLOWED = 1.25, 3
+"""What a sender may be slower than its cycle, and how many frames it may be short of, before some are missing."""
 _LATE = 2
 """Cycles from a change of a request to the next frame of the drive: of those between some are missing."""
 _DENSE, _RAREST = 1024, 1024
@@ -93,12 +94,12 @@ class _Requests:
     start_ns: int | None = None
     looks: list[int] = field(default_factory=lambda: [0, 0])
     valid: set[bool] = field(default_factory=set)
-    steps: Steps | None = None
-    """Those of the frames of the drive, where their cycle is known."""
-    newest: int = 0
-    """The last frame of the drive."""
+    rate: float = 0
+    """Frames of both directions in a nanosecond; 0 where no Connect tells it."""
     changed: Moment | None = None
-    """When the words of the controller changed, until a frame of the drive comes."""
+    """When the words of the controller changed first, until a frame of the drive comes."""
+    shared: bool = False
+    """Whether other drives have frames of the same id: of whom a change is, the scan cannot tell."""
     asked: bool = False
     """Whether anything was."""
     doubt: set[bool] = field(default_factory=set)
@@ -107,24 +108,20 @@ class _Requests:
     def __post_init__(self) -> None:
         relation = self.relation
         self.channel = Channel(self._over, fresh=relation.is_bus and relation.certainty != NAMED)
-        if relation.input.status is not None and relation.input.cycle_ns:
-            self.steps = Steps(relation.input.cycle_ns)
+        cycles = relation.output.cycle_ns, relation.input.cycle_ns
+        self.rate = sum(1 / each for each in cycles) if all(cycles) else 0
 
     def take(self, sent: bool, words: bytes, at: Moment) -> None:
         self.valid.add(sent)
         if not sent:
             self.channel.answered(words, at)
-        elif self.channel.sent(words, at):
-            self.changed = at
+        elif self.channel.sent(words, at) and not self.shared:
+            self.changed = self.changed or at
 
-    def passes(self, counter: int, at: Moment) -> None:
-        """A frame of the drive comes, and what its cycle counter says; before its words."""
-        if self.steps is None:
-            return
-        since, self.changed, before, self.newest = self.changed, None, self.newest, at.frame
-        if self.steps.skips(counter, at.time_ns):
-            self.channel.skipped(before, at.frame)
-        if since is not None:
+    def passes(self, at: Moment) -> None:
+        """A frame of the drive comes; before its words."""
+        since, self.changed = self.changed, None
+        if since is not None and self.rate:
             waited = at.time_ns - since.time_ns
             if waited >= _LATE * self.relation.input.cycle_ns:
                 self.channel.skipped(since.frame, at.frame)
@@ -310,6 +307,10 @@ class CyclicChannels:
         self._lines: list[_Line] = []
         self._sides: dict[tuple[str, int], list[tuple[_Line, Side, bool]]] = {}
         """By sender and frame id,"""
+        self._looked = 0, 0
+        """Frame and time of the last one that was looked at."""
+        self._busiest: float = 0
+        """The highest rate of a channel of PKW."""
         self._sides_to: dict[tuple[str, int, str], list[tuple[_Line, Side, bool]]] = {}
         """and by receiver, too."""
         self._sequences: dict[tuple[str, int, str], Sequences] = {}
@@ -535,6 +536,12 @@ class CyclicChannels:
                 key, end = (each.source.hex(":"), each.frame_id), (line, each, sent)
                 self._sides.setdefault(key, []).append(end)
                 self._sides_to.setdefault((*key, _receiver(end)), []).append(end)
+        for ends in self._sides.values():
+            for line, _, sent in ends:
+                if sent and isinstance(line, _Requests):
+                    line.shared = _is_shared(ends)
+        rates = (each.rate for each in self._lines if isinstance(each, _Requests))
+        self._busiest = max(rates, default=0)
         self._rows = {
             bytes.fromhex(source.replace(":", "")): _Row(found)
             for (source, _), found in self._sides.items() if len(source) < _MAC
@@ -555,6 +562,7 @@ class CyclicChannels:
     def frame(self, packet: Packet) -> None:
         """A cyclic frame."""
         data, given_up = packet.payload, False
+        self._look(packet.frame, packet.time_ns)
         found = self._ends(packet)
         if found and self._are_mixed(packet, found):
             return
@@ -566,6 +574,16 @@ class CyclicChannels:
                 given_up = True
         if given_up:
             self._tell()
+
+    def _look(self, frame: int, time_ns: int) -> None:
+        """Tells each channel where there are fewer frames between two looks than it would have sent alone."""
+        (first, since), self._looked = self._looked, (frame, time_ns)
+        passed, there = time_ns - since, _SLOWER * (frame - first) + _ALLOWED
+        if passed * self._busiest <= there:
+            return
+        for line in self._lines:
+            if isinstance(line, _Requests) and passed * line.rate > there:
+                line.channel.skipped(first, frame)
 
     def _ends(self, packet: Packet) -> list[tuple[_Line, Side, bool]]:
         """The directions of relations that are in a frame: two controllers may have the same frame id."""
@@ -613,8 +631,8 @@ class CyclicChannels:
             round((time_ns - line.start_ns) / each.cycle_ns) if each.cycle_ns else line.looks[sent]
         )
         at = Moment(frame, time_ns, cycle)
-        if isinstance(line, _Requests) and not sent and each.status is not None:
-            line.passes(int.from_bytes(data[each.status - _COUNTER : each.status]), at)
+        if isinstance(line, _Requests) and not sent:
+            line.passes(at)
         if (each.status is None or data[each.status] & _VALID) and (
             each.iops is None or data[each.iops] & _GOOD
         ):
@@ -645,15 +663,22 @@ def _parts(ends: list[tuple[_Line, Side, bool]]) -> Iterator[tuple[tuple[int, in
 
     What one of these says may be what another one said last.
     """
-    several = len({_receiver(end) for end in ends}) > 1
+    is_shared = _is_shared(ends)
     for _, each, _ in ends:
         yield each.parts
-        if several and each.status is not None:
+        if is_shared and each.status is not None:
             yield ((each.status - _COUNTER, _COUNTER),)
+
+
+def _is_shared(ends: list[tuple[_Line, Side, bool]]) -> bool:
+    """Whether frames of one sender and frame id go to several receivers."""
+    return len({_receiver(end) for end in ends}) > 1
 
 
 def _answered(ends: list[tuple[_Line, Side, bool]]) -> tuple[bytes, int] | None:
     """Source and frame id of the drive where requests of PKW are in frames: what it says next is looked at."""
+    if _is_shared(ends):
+        return None
     asked = (line.relation.input for line, _, sent in ends if sent and isinstance(line, _Requests))
     return next(((each.source, each.frame_id) for each in asked), None)
 

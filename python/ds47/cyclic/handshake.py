@@ -116,10 +116,7 @@ class PkwJob:
     @property
     def reaction_ns(self) -> int | None:
         """The same of the drive; None where frames are missing right before its answer."""
-        hole, answer = self.hole, self.answer
-        if hole is not None and answer is not None and hole.last == answer.at.frame:
-            return None
-        return self.duration_ns
+        return None if self.hole is not None else self.duration_ns
 
 
 class Channel:
@@ -171,7 +168,7 @@ class Channel:
 
     def answered(self, data: bytes, at: Moment) -> None:
         """The drive sends these eight bytes from now on."""
-        data, last, self._newest = _without_spm(data), self._in, at.frame
+        data, last, before, self._newest = _without_spm(data), self._in, self._newest, at.frame
         if self._over:
             is_new = _ak(data) and (last is None or last.data != data)
             self._tell(Sight(data, at) if is_new else None)
@@ -185,6 +182,8 @@ class Channel:
             self._update(job, self._in)
         elif self._counts(job, data):
             job.answer = self._in
+            if job.hole is not None and before >= job.hole.last:
+                job.hole = None  # it did not stand there yet
             changed = _access(job.request.data) == "change" and any(job.request.data[4:])
             self._echoes = self._echoes and (not changed or any(data[4:]))
         elif self._is_late(data):
@@ -193,7 +192,7 @@ class Channel:
             job.odd = job.odd or self._in
 
     def skipped(self, first: int, last: int) -> None:
-        """Frames of the drive are missing between two; call it before `answered` for the latter."""
+        """Frames of the channel are missing between two; call it before `answered` for the latter."""
         hole, job = Hole(first, last), self._job
         for each in self._over:
             each.hole = hole

@@ -137,7 +137,7 @@ class Engine:
         """The result of the plugin, with the frame numbers of the capture itself."""
         shown, errors = Fields(), list[str]()
         if capture.numbers:
-            answer = self._told(extract, whole)
+            answer = self._told(capture, extract, whole)
             shown, errors = _of_channels(answer.fields, self._options.channels), answer.errors
         original = _Original(capture, native)
         transactions = [original.transaction(item) for item in shown.transactions]
@@ -146,9 +146,13 @@ class Engine:
         told = replace(native, **original.drives(shown.events, self._options.channels))
         return _joined(told, transactions, wanted), errors
 
-    def _told(self, extract: Path, whole: bool) -> tshark.Answer:
+    def _told(self, capture: _Extract, extract: Path, whole: bool) -> tshark.Answer:
         """What tshark says of the frames that were kept; of those that the analyzer chose every one counts."""
-        chosen = [*self._preferences, f"ds47.every_cyclic:{str(not whole).upper()}"]
+        chosen = list(self._preferences)
+        if not whole:
+            numbers = extract.with_name("numbers.txt")
+            numbers.write_text("\n".join(map(str, capture.numbers)), "ascii")
+            chosen.append(f"ds47.frame_numbers:{numbers}")
         if self._options.lists:
             lists = extract.with_name("parameters.tsv")
             lists.write_text(table.text(self._options.lists), "utf-8", newline="\n")

@@ -259,7 +259,7 @@ def _parameter(item: Element, place: str | None) -> dict[str, Any]:
         "format": name,
         "value_count": count,
         "values": [_value(each, name) for each in values],
-        "scaled": _scaled(values, name),
+        "scaled": _scaled(values, name) if values or not count else None,
         "error": _error(seen),
         **described.read(item, name),
         **({"family": seen["family"]} if "family" in seen else {}),
