@@ -203,7 +203,12 @@ def of_incomplete(finding: Finding, reading: Reading) -> Iterator[str]:
         yield "it is of no request without a response"
     after = talk.since()
     end = next((frame for frame, words in after if words != talk.asked), after[-1][0])
-    if what == "cyclic_frames":
+    if what == "cyclic_frames" and talk.relation["cycle_ms"] is None:  # nothing counts the frames
+        asked = dict(talk.words("output"))[last]
+        said = [words for frame, words in talk.words("input") if frame < last][-1]
+        if not _may_answer(said, asked):
+            yield f"{said.hex()} is no answer to what is asked in frame {last} only"
+    elif what == "cyclic_frames":
         there = [
             (way, each.frame, int.from_bytes(reading.capture.frames[each.frame - 1].data[-4:-2]))
             for way in ("input", "output") for each in cyclic.parts(reading, talk.relation, way)
@@ -223,13 +228,16 @@ def of_incomplete(finding: Finding, reading: Reading) -> Iterator[str]:
         if (first, last) != (end, behind[0][0] if behind else None):
             yield f"it ended in frame {end}, and the first frame behind that is {behind[:1]}"
             return
-        words = behind[0][1]
-        same = not (int.from_bytes(words[:2]) ^ int.from_bytes(talk.asked[:2])) & 0x7FF
-        negative = words[0] >> 4 in (NEGATIVE, NO_RIGHTS)
-        if not (negative or (same and words[0] >> 4 in ANSWERS.get(talk.ak, ()))):
-            yield f"{words.hex()} is no response to it"
+        if not _may_answer(behind[0][1], talk.asked):
+            yield f"{behind[0][1].hex()} is no response to it"
     else:
         yield f"what {what!r} is nothing"
+
+
+def _may_answer(words: bytes, asked: bytes) -> bool:
+    same = not (int.from_bytes(words[:2]) ^ int.from_bytes(asked[:2])) & 0x7FF
+    answers = ANSWERS.get(asked[0] >> 4, ())
+    return words[0] >> 4 in (NEGATIVE, NO_RIGHTS) or (same and words[0] >> 4 in answers)
 
 
 def of_ignored(finding: Finding, reading: Reading) -> Iterator[str]:
