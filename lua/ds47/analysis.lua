@@ -414,6 +414,12 @@ function Analysis:_explain(order)
   end
 end
 
+--- What a question alone had proved is no drive (docs/pairing.md P20): nothing of it was said.
+-- @param ar  the key of the AR; what is open of it at index 47 is over
+function Analysis:no_drive(ar)
+  self.findings:withdraw(ar, self.finished_jobs:forget(ar))
+end
+
 --- A closed job is about to change: its transaction stays what it is.
 function Analysis:late(job)
   self.finished_jobs:late(job)
@@ -464,11 +470,10 @@ function Analysis:nothing_to_read(record, device, missing)
   if never then -- what the capture shows since the start-up cannot lie before it
     args.device, args.index = device, record.index
   end
-  if missing and not never then
-    self.findings:add(rules.remark("DS110", half.frame, missing))
-  else
-    self.findings:add(rules.remark(never and "DS808" or "DS206", half.frame, args))
-  end
+  local remark = missing and not never and rules.remark("DS110", half.frame, missing)
+    or rules.remark(never and "DS808" or "DS206", half.frame, args)
+  remark.ar = records.ar_of_47(record)
+  self.findings:add(remark)
 end
 
 return M

@@ -7,6 +7,7 @@ Each step is a module of its own; here they are only joined. Nothing is printed,
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -15,9 +16,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 from ds47.acyclic import learning
-from ds47.acyclic.index47 import Index47
+from ds47.acyclic.index47 import SHARED_INDEX, ArKey, Index47
 from ds47.acyclic.judge import Judge
-from ds47.acyclic.pairing import Job, Missing, Pairing, RecordAccess, Told
+from ds47.acyclic.pairing import ChannelKey, Job, Missing, Pairing, RecordAccess, Told
 from ds47.acyclic.record_calls import RecordCalls
 from ds47.acyclic.record_events import RecordEvents
 from ds47.acyclic.transactions import build, summarise
@@ -233,8 +234,9 @@ class Analysis:
         ignore = (*options.ignore, *rules_of_others(options.channels))
         self._times = FrameTimes(bounds.frame_times)
         self._findings = Findings(options.select, ignore, found, self._times)
+        self._told: list[Told] = []
         index47 = Index47(
-            options.indices, bounds.waiting_calls, bounds.waiting_ars, bounds.proven_ars
+            options.indices, bounds.waiting_calls, bounds.waiting_ars, bounds.proven_ars, self._told
         )
         self._judge = Judge(bounds, slow_ns, index47.waits)
         self._catalogue = _catalogue(options.lists)
@@ -243,7 +245,6 @@ class Analysis:
             bounds.activities, lambda station: self._lines.line.lost(station) if self._lines else 0
         )
         self._diagnoses = Diagnoses(options.codec, self._completeness)
-        self._told: list[Told] = []
         self._pairing = Pairing(bounds, self._told, self._completeness)
         self._stations = Names(bounds.stations, options.vendor_id)
         vendor = self._stations.vendor if options.vendor_id is not None else None
@@ -269,6 +270,8 @@ class Analysis:
         self._lines: Lines | None = None
         """What PROFIBUS adds, once a frame of it came."""
         self._answers: dict[Job, list[Remark]] = {}
+        self._unsure: dict[ArKey, deque[tuple[int, Callable[[], None]]]] = {}
+        """What is to be told of ARs that only a question proves, and since when."""
         self._remarks: dict[AnyJob, list[Remark]] = {}
         """What is wrong with the transport of open jobs."""
         self._transactions: dict[int, Transaction] = {}
@@ -375,23 +378,50 @@ class Analysis:
                 self._answered(about)
             elif what == "closed":
                 self._closed(about)
-                about.forget()
             elif what == "asked":
                 self._judge.asked(about)
-                self._diagnoses.asked(about)
+                self._tell(about.key, partial(self._diagnoses.asked, about))
             elif what == "remark":
-                self._remark(about)
+                channel = about.job.key if about.job else more.channel if more else None
+                self._tell(channel, partial(self._remark, about))
             elif what == "refused":
                 self._refused(about)
             elif what == "nothing":
-                self._nothing_to_read(about, more)
+                self._tell(about.channel, partial(self._nothing_to_read, about, more))
             elif what == "connected":
                 self._judge.connected(about, more)
             elif what == "set_up":
                 self._cyclic.connected(about, more)
-            else:
+            elif what == "foreign":
                 self._diagnoses.foreign(about)
+            else:
+                self._proof(what, about)
         self._told.clear()
+
+    def _proof(self, what: str, ar: ArKey) -> None:
+        """What is known of the proof of an AR."""
+        if what == "questions":
+            self._unsure[ar] = deque()
+            return
+        unsure = self._unsure.pop(ar)
+        for _, tell in unsure if what == "proven" else ():
+            tell()
+
+    def _tell(
+        self, channel: ChannelKey | None, tell: Callable[[], None], *, refused: bool = False
+    ) -> None:
+        """Tells of a channel, once it is known to be one of DS47 (P20).
+
+        Who watches is told sooner: of a refusal at once, of all else when its Read may hardly come any more.
+        """
+        unsure = self._unsure.get(channel[:3]) if self._unsure and channel else None
+        live, now = self._early is not None, self._events.newest_ns or 0
+        if unsure is None or channel is None or channel[-1] != SHARED_INDEX:
+            tell()
+            return
+        unsure.append((now, tell))
+        while live and unsure and (refused or now - unsure[0][0] > limits().unread_ns):
+            unsure.popleft()[1]()
 
     def _made_s7(self) -> Communication:
         from ds47.s7.communication import Communication  # few captures have any
@@ -441,9 +471,9 @@ class Analysis:
         described = job.message is not None and job.message.describes
         if described or not self._dictionary.is_empty:
             learning.answered(self._dictionary, job)
-        self._s7.records(job.peer.device)
+        self._tell(job.key, partial(self._s7.records, job.peer.device))
         if self._early is not None:
-            self._settled(job, self._answers[job], self._early)
+            self._tell(job.key, partial(self._settled, job, self._answers[job], self._early))
 
     def _refused(self, job: Job) -> None:
         self._judge.refused(job)
@@ -468,15 +498,22 @@ class Analysis:
                 self._events.push_out(job.limit, job.write_request.frame)
         remarks += self._judge.closed(job)
         remarks += self._diagnoses.closed(job)
-        remarks += self._remarks.pop(job, ())
         transaction = self._built(job)
-        self._objects.transaction(transaction)
         if self._untimed:
             transaction.duration_ns = None
         if response is not None and response.failed:
             for remark in self._conclusions.transaction(transaction):
                 remark.job = job
                 remarks.append(remark)
+        tell = partial(self._over, job, transaction, remarks)
+        self._tell(job.key, tell, refused=transaction.state == "refused")
+
+    def _over(self, job: Job, transaction: Transaction, remarks: list[Remark]) -> None:
+        """A transaction is over, and one of DS47."""
+        self._diagnoses.over(job)
+        self._objects.transaction(transaction)
+        remarks += self._remarks.pop(job, ())
+        job.forget()
         if DS47 not in self._options.channels:
             return
         summarise(self._summary, transaction.state, transaction.operation)

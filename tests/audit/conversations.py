@@ -401,14 +401,14 @@ class Plan:
     snap: int | None
     parts: tuple[Part, ...]
     stores: int = 0
-    """Devices that are no drives, and keep values at index 47."""
+    """Devices that are no drives, and keep values at index 47;"""
+    echoes: int = 0
+    """and those that keep what looks like requests, where the capture has all that was written."""
 
     def text(self) -> str:
         """As JSON: what `python -m tests.audit --plan` takes. Without stores it is as it was before there were any."""
         known = asdict(self)
-        return json.dumps(
-            known if self.stores else {k: v for k, v in known.items() if k != "stores"}
-        )
+        return json.dumps({k: v for k, v in known.items() if v or k not in ("stores", "echoes")})
 
 
 def plan(known: dict[str, Any]) -> Plan:
@@ -444,6 +444,7 @@ def planned(random: Random) -> Plan:
         snap=seldom(random, random.randint(208, 300), None),
         parts=tuple(parts),
         stores=seldom(random, random.randint(1, 2), 0),
+        echoes=seldom(random, random.randint(1, 2), 0),
     )
 
 
@@ -457,6 +458,8 @@ def play(plan: Plan) -> Conversation:
         for number, part in enumerate(plan.parts)
     ]
     running += [_store(random, tape, number) for number in range(plan.stores)]
+    for number in range(0 if plan.loss else plan.echoes):
+        running += _echoes(random, tape, number)
     while running:
         each = random.choice(running)
         for _ in range(random.choice((1, 2, 8, 40))):
@@ -499,6 +502,33 @@ def _store(random: Random, tape: Tape, number: int) -> Steps:
         else:
             yield from user.read(at, value)
         tape.wait(random.choice((1, 10, 50)))
+
+
+def _echoes(random: Random, tape: Tape, number: int) -> list[Steps]:
+    """A device that is no drive: each place has what was written there last, by one program or several."""
+    part = Part(0, random.choice("<>"), True, False, 0, False, 1, 0)
+    device = drives.make(random, f"192.168.133.{80 + number}")
+    kept: dict[int, bytes] = {}
+    users = [
+        _user(random, tape, 60 + 2 * number + each, part, device)
+        for each in range(random.choice((1, 1, 2)))
+    ]
+    return [_echo(random, tape, user, kept) for user in users]
+
+
+def _echo(random: Random, tape: Tape, user: User, kept: dict[int, bytes]) -> Steps:
+    for _ in range(random.randint(2, 12)):
+        slot = random.choice((0, 1, 1, 1, 2))
+        at = wire.Channel(user.ar, slot, 1, 47, 0)
+        if random.random() < 0.5 or slot not in kept:
+            value = random.choice((user.request(at), user.request(at), random.randbytes(8)))
+            kept[slot] = value
+            yield from user.store(at, value)
+        else:
+            yield from user.read(at, kept[slot])
+        tape.wait(random.choice((1, 10, 50)))
+    for slot in [*kept, *kept]:  # of what is never read nobody knows that it is none
+        yield from user.read(wire.Channel(user.ar, slot, 1, 47, 0), kept[slot])
 
 
 def _program(random: Random, user: User, part: Part) -> Steps:

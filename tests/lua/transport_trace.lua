@@ -114,7 +114,8 @@ function Ear.read_asked_late(_, peer, record, answer)
   tell("read_asked_late", {peer = peer, record = record_of(record), answer = answer})
 end
 
-function Ear.release(_, controller, device, ar, at, index)
+function Ear.release(_, of_ar, at, index)
+  local controller, device, ar = of_ar:match("^([^%z]*)%z([^%z]*)%z(.*)$")
   tell("release", {controller = controller, device = device, ar = hex(ar), frame = at.frame, index = index})
 end
 

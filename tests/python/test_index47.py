@@ -5,6 +5,8 @@ from __future__ import annotations
 import pytest
 
 from ds47.acyclic.index47 import ArKey, Index47
+from ds47.profidrive import decode_request
+from ds47.spec import attributes, formats
 
 AR: ArKey = ("192.168.133.2", "192.168.133.33", b"A" * 16)
 OTHER: ArKey = (*AR[:2], b"B" * 16)
@@ -107,3 +109,35 @@ def test_all_together_may_wait_sixteen_times_as_long() -> None:
     for ar in ars:
         door.send("proof", ar, proves=True)
     assert {name for name in door.through if name != "proof"} == set(ars[1:])
+
+
+def test_a_question_proves_until_too_much_waits_or_an_echo_comes() -> None:
+    told: list[object] = []
+    gate = Index47(frozenset(), 4, told=told)
+    place, request = (0, 1, 1), decode_request(bytes.fromhex("01010101 1001 0015 0000"))
+    for ar in (AR, OTHER):
+        assert gate.pass_on(ar, "before") == ()
+        assert gate.pass_on(ar, "question", asks=True) == ["before", "question"]
+        gate.asked(ar, place, request, bytes(10))
+    assert gate.pass_on(AR, "behind") == ["behind"]
+    assert not gate.passes(AR, 47)
+    assert not gate.waits(AR[1])
+    for number in range(2):
+        gate.pass_on(AR, number)
+    assert gate.passes(AR, 47)
+    assert gate.echoed(OTHER, place, b"no echo") is None
+    assert gate.echoed(OTHER, place, bytes(10)) == [OTHER]
+    assert not gate.asks(AR[1], place, request)
+    assert gate.pass_on(OTHER, "again", asks=True) == ()
+    assert told == [("questions", AR, None), ("questions", OTHER, None), ("proven", AR, None)]
+    assert gate.pass_on(OTHER, "proof", proves=True) == ["before", "question", "again", "proof"]
+
+
+@pytest.mark.parametrize("code", sorted(formats()))
+def test_no_response_begins_as_a_question_does_but_by_a_format_that_is_an_attribute(
+    code: int,
+) -> None:
+    """Its fifth byte is a format. Where that is an attribute, too, no response is as long as its request."""
+    if code in attributes():
+        assert code in (0x10, 0x20, 0x30)
+        assert formats()[code].size in (12, 4, None)

@@ -16,12 +16,16 @@ from pathlib import Path
 import pytest
 from test_lua_analysis import VERSIONS, Source, compare
 
+from ds47.analysis import AnalysisOptions, analyze
+from ds47.capture import open_capture
 from ds47.capture.writer import PcapngWriter
 from ds47.cli import main
-from ds47.lab import fdl
+from ds47.lab import fdl, message
 from ds47.lab.client import Client
 from ds47.lab.master import Master, Way
 from ds47.lab.stage import Stage
+from ds47.watch.live import Live
+from ds47.watch.show import NdjsonShow
 
 MANY = 10_000
 SEQUENCE = struct.Struct("<I")
@@ -51,6 +55,15 @@ def store(chance: random.Random) -> Iterator[tuple[bytes, bytes]]:
         begin = bytes((chance.randrange(1, 256), chance.choice((1, 2)), 1, chance.randrange(4)))
         data = begin + bytes((0x11,)) + chance.randbytes(chance.randrange(40))
         yield data, data
+
+
+def questions(chance: random.Random) -> Iterator[tuple[bytes, bytes]]:
+    """Whatever was written, and each is a request by itself."""
+    while True:
+        pnu, subindex = chance.randrange(1, 1 << 16), chance.randrange(1 << 16)
+        axis, kind = chance.randrange(256), chance.choice((0x10, 0x20, 0x30))
+        data = struct.pack(">6B2H", chance.randrange(1, 256), 1, axis, 1, kind, 1, pnu, subindex)
+        yield data, data + bytes(chance.choice((0, 6)))
 
 
 def on_profinet(values: Iterator[tuple[bytes, bytes]], count: int) -> bytes:
@@ -90,7 +103,7 @@ def recorded(stage: Stage, link: int) -> bytes:
 
 
 KINDS = pytest.mark.parametrize(
-    "values", [position, float32, store], ids=lambda kind: kind.__name__
+    "values", [position, float32, store, questions], ids=lambda kind: kind.__name__
 )
 LINES = pytest.mark.parametrize("line", [on_profinet, on_profibus], ids=lambda on: on.__name__)
 Line = Callable[[Iterator[tuple[bytes, bytes]], int], bytes]
@@ -120,6 +133,70 @@ def test_the_plugin_says_the_same(version: str, tmp_path: Path) -> None:
     sources = [
         Source(f"{line.__name__} {values.__name__}", line(values(random.Random(7)), 300), False)
         for line in (on_profinet, on_profibus)
-        for values in (position, float32, store)
+        for values in (position, float32, store, questions)
     ]
     compare(version, "en", sources, tmp_path)
+
+
+def asked(pnu: int) -> bytes:
+    return message.read(pnu % 256, 1, message.address(pnu))
+
+
+def written_thrice(write: Callable[[bytes], object], read: Callable[[bytes], object]) -> None:
+    """Twice before the first Read, and once behind it."""
+    write(asked(21))
+    write(asked(22))
+    read(asked(22))
+    write(asked(25))
+
+
+def echo_on_profinet() -> bytes:
+    client = Client(Stage())
+    written_thrice(client.write, client.read)
+    return recorded(client.stage, 1)
+
+
+def echo_on_profibus() -> bytes:
+    master = Master()
+    master.start(8)
+    written_thrice(lambda data: master.write(Way(8), data), lambda data: master.read(Way(8), data))
+    return recorded(master.stage, fdl.PROFIBUS_DL)
+
+
+def watched(capture: bytes) -> list[dict[str, object]]:
+    out = io.StringIO()
+    show = NdjsonShow(out, "x", io.StringIO())
+    with open_capture(io.BytesIO(capture)) as opened:
+        show.end(Live(AnalysisOptions(), show).watch(opened))
+    return [json.loads(line) for line in out.getvalue().splitlines()]
+
+
+@pytest.mark.parametrize("capture", [echo_on_profinet, echo_on_profibus])
+def test_who_watches_hears_of_no_store(capture: Callable[[], bytes]) -> None:
+    """Nor is a transaction handed out that a later Read shows to be none."""
+    handed_out: list[object] = []
+    analyze(io.BytesIO(capture()), on_transaction=lambda *told: handed_out.append(told))
+    assert not handed_out
+    lines = watched(capture())
+    assert not [line for line in lines if "transaction" in line]
+    found = [line["finding"] for line in lines if "finding" in line]
+    assert [each["rule"] for each in found] == ["DS209"]  # type: ignore[index]
+
+
+def test_who_watches_a_drive_hears_in_time() -> None:
+    """Of a refusal at once; of Writes whose responses nobody reads each a while later."""
+    client = Client(Stage())
+    client.write(asked(21))
+    client.write(asked(22))
+    client.write(asked(23), status=0xDF80B500)
+    for pnu in range(24, 28):
+        client.wait(6_000)
+        client.write(asked(pnu))
+    lines = watched(recorded(client.stage, 1))
+    told = [
+        line["transaction"]["frames"]["write_request"] for line in lines if "transaction" in line
+    ]  # type: ignore[index]
+    assert told[0] == 5
+    assert sorted(set(told)) == [1, 3, 5, 7, 9, 11, 13]
+    result = analyze(io.BytesIO(recorded(client.stage, 1)))
+    assert len(result.transactions) == 7

@@ -24,12 +24,27 @@ M.SHARED_INDEX = SHARED_INDEX
 
 -- The response ids from here on are those of requests that were not done.
 local NEGATIVE = 0x80
+-- Bytes of a message that a request and its response may have in common.
+local HEADER = 4
+-- Writes of a place that a Read of it may bring: the newest may be refused, or under way.
+local SENT = 4
 -- Unknown attribute, PNU 0.
 local ADDRESSLESS = {DS305 = true, DS306 = true}
 
 --- Whether a request is one by itself (P20): it decodes to its end, with known attributes and PNUs.
 function M.is_question(request)
   return request.shaped and not parameter.has_one_of(request.flaws, ADDRESSLESS)
+end
+
+-- Whether a record was written, in another length too; behind the header no response is what was asked.
+local function is_echo(written, data)
+  for _, sent in ipairs(written or {}) do
+    local both = math.min(#sent, #data)
+    if data == sent or both > HEADER and data:sub(1, both) == sent:sub(1, both) then
+      return true
+    end
+  end
+  return false
 end
 
 local Index47 = {}
@@ -65,7 +80,8 @@ function Index47.new(extra, waiting, forbid_47, waiting_ars, proven)
     most_events = waiting * (waiting_ars or tables.limits.waiting_ars),
     most_open = proven or tables.limits.proven_ars,
     open = ordered.new(), held = ordered.new(), events = 0,
-    drives = ordered.new(), -- submodules that have responded at 0xB02E or 0xB02F
+    drives = ordered.new(), -- submodules that have responded at 0xB02E or 0xB02F; false: a store at 47
+    sent = ordered.new(), -- the bytes of the newest Writes of a submodule, whoever waits that wrote them
     unproven = ordered.new(), -- of ARs that do not wait any more, by device, as `unproven_devices` gives it
   }, Index47)
 end
@@ -82,17 +98,18 @@ end
 
 --- Whether anything waits that was asked of a device, perhaps a change of a parameter.
 function Index47:waits(device)
-  for ar in self.held:iterate() do
-    if records.device_of(ar) == device then
+  for ar, held in self.held:iterate() do
+    if not held.question and records.device_of(ar) == device then
       return true
     end
   end
   return false
 end
 
---- Whether what comes on a record of this AR and index runs now, and does not have to wait.
+--- Whether what comes on a record of this AR and index runs now, and does not wait (only).
 function Index47:is_open(ar, index)
-  return self:concerns(index) and not self:needs_proof(ar, index)
+  local held = self.held.values[ar]
+  return self:concerns(index) and (not self:needs_proof(ar, index) or held ~= nil and held.question)
 end
 
 --- Whether an event of this AR may run now; false where it has to be held (`hold`).
@@ -115,15 +132,33 @@ function Index47:admit(ar, index, proves, runner)
   return false
 end
 
---- Keeps an event until something proves the same AR; for good if nothing does.
-function Index47:hold(ar, event)
-  if not self.held:get(ar) then
-    -- A ring: slot count % waiting takes the next one. `asked`: the newest Write of each place that can be a
-    -- request; `records`: requests (`asks`: there are some), and responses without a request; `first`: the
-    -- frame of the first one.
-    self.held:set(ar, {count = 0, asked = ordered.new(), records = 0})
+-- Runs, through `runner`, what waits of an AR.
+local function run_all(self, held, runner)
+  local waiting = self.waiting
+  for number = math.max(0, held.count - waiting), held.count - 1 do
+    runner:run(held[number % waiting + 1])
   end
+end
+
+--- Keeps an event until something proves the same AR; for good if nothing does.
+-- @param asks  whether it is a question, which proves its AR until a Read shows a store; what waited runs
+-- @return whether a question proves the AR, so that the event runs all the same
+function Index47:hold(ar, event, asks, runner)
+  local held = self.held:get(ar)
+  if not held then
+    -- A ring: slot count % waiting takes the next one. `asked`: the newest Write of each place; `question`:
+    -- one proves the AR; `stores`: none does, as it wrote to a store; `records`: requests (`asks`: there are
+    -- some), and responses without a request; `first`: the frame of the first one.
+    held = {count = 0, asked = ordered.new(), records = 0}
+    self.held:set(ar, held)
+  end
+  if asks and not (held.question or held.stores) then
+    held.question = true
+    run_all(self, held, runner)
+  end
+  local runs = held.question
   self:follow(ar, event)
+  return runs
 end
 
 local function submodule(device, api, place)
@@ -163,27 +198,58 @@ function Index47:unheard(ar)
   end
 end
 
---- A Write waits that may be a request: a response that mirrors it is to prove it.
+--- A Write waits: a response that mirrors it is to prove that it is a request.
 function Index47:asked(ar, place, request, data)
-  local held = self.held:get(ar)
+  local held, spot = self.held:get(ar), submodule(records.device_of(ar), place.api, place)
   if held then
-    held.asked:pop(place)
-    if request.operation ~= "unknown" and request.addresses[1] then
-      held.asked:keep(place, {request = request, data = data}, self.waiting)
-    end
+    held.asked:pop(spot)
+    held.asked:keep(spot, request, self.waiting)
+    held.stores = held.stores or self.drives.values[spot] == false
+    local sent = self.sent:get(spot) or {}
+    table.insert(sent, 1, data)
+    sent[SENT + 1] = nil
+    self.sent:keep(spot, sent, self.waiting)
   end
 end
 
---- Whether a record is the response to the Write that waits, and not the same bytes once more (P20).
+--- Whether a Write is a question, as far as its place is no store.
+function Index47:asks(device, place, request)
+  return M.is_question(request) and self.drives.values[submodule(device, place.api, place)] ~= false
+end
+
+--- A Read brought a record: if it is what was written once more, the ARs that a question proved (P20).
+-- Whoever wrote: a store has one for all. A question proves none of those who wrote there any more.
+function Index47:echoed(ar, place, data)
+  local spot, gone = submodule(records.device_of(ar), place.api, place), {}
+  if not is_echo(self.sent:get(spot), data) then
+    return nil
+  end
+  local known = self.drives.values[spot] == false
+  self.drives:keep(spot, false, self.most_open)
+  for each, held in self.held:iterate() do
+    if held.asked:get(spot) and (each == ar or not known) then
+      gone[#gone + 1] = held.question and each or nil
+      held.stores, held.question = true, false
+    end
+  end
+  return gone
+end
+
+--- Whether a record, which is not the same bytes once more, is the response to the Write that waits (P20).
+-- Behind a question whatever comes is.
 function Index47:answers(ar, place, data, codec)
   local held = self.held:get(ar)
-  local sent = held and held.asked:get(place)
-  if not sent or data == sent.data or not kind_fits(sent.request, data) then
+  local request = held and held.asked:get(submodule(records.device_of(ar), place.api, place))
+  if not request then
+    return false
+  elseif held.question and M.is_question(request) then
+    return true
+  elseif request.operation == "unknown" or not (request.addresses[1] and kind_fits(request, data)) then
     return false
   end
   local refuses = data:byte(2) >= NEGATIVE -- it may be what lacks bytes that is refused
-  return data:byte(1) == sent.request.request_reference and (refuses or sent.request.shaped)
-    and parameter.decode_response(data, sent.request, codec).shaped
+  return data:byte(1) == request.request_reference and (refuses or request.shaped)
+    and parameter.decode_response(data, request, codec).shaped
 end
 
 -- What waits of an AR will not be ours: its records are added to those of its device.
@@ -206,7 +272,11 @@ function Index47:unproven_devices()
     found:set(device, told)
   end
   for ar, held in self.held:iterate() do
-    leave(found, ar, held, self.most_open)
+    if held.question then
+      drives[records.device_of(ar)] = true
+    else
+      leave(found, ar, held, self.most_open)
+    end
   end
   for ar in self.open:iterate() do
     drives[records.device_of(ar) or ""] = true
@@ -224,16 +294,23 @@ function Index47:follow(ar, event)
   local waiting, held = self.waiting, self.held:get(ar)
   if not held then
     return
-  end
-  if held.count < waiting then
+  elseif held.question and held.count >= waiting then
+    self:_prove(ar) -- it need not wait any longer
+    return
+  elseif held.count < waiting then
     self.events = self.events + 1
   end
   held[held.count % waiting + 1] = event
   held.count = held.count + 1
   while self.held.length > waiting or self.events > self.most_events do
-    local ar_of_oldest, oldest = self.held:pop_first()
-    self.events = self.events - math.min(oldest.count, waiting)
-    leave(self.unproven, ar_of_oldest, oldest, self.most_open)
+    local ar_of_oldest, oldest = self.held:first()
+    if oldest.question then
+      self:_prove(ar_of_oldest)
+    else
+      self.held:pop(ar_of_oldest)
+      self.events = self.events - math.min(oldest.count, waiting)
+      leave(self.unproven, ar_of_oldest, oldest, self.most_open)
+    end
   end
 end
 
@@ -242,13 +319,12 @@ function Index47:_prove(ar, runner)
   if self.open.length > self.most_open then
     self.open:pop_first()
   end
-  local held, waiting = self.held:pop(ar), self.waiting
-  if not held then
-    return
-  end
-  self.events = self.events - math.min(held.count, waiting)
-  for number = math.max(0, held.count - waiting), held.count - 1 do
-    runner:run(held[number % waiting + 1])
+  local held = self.held:pop(ar)
+  if held then
+    self.events = self.events - math.min(held.count, self.waiting)
+    if not held.question then -- else they ran
+      run_all(self, held, runner)
+    end
   end
 end
 

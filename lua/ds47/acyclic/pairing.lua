@@ -1262,10 +1262,9 @@ function Pairing:expected(peer, record)
   return channel.open or waiting_of(channel) or channel.refused or nil
 end
 
---- The AR is over: what is open on its channels, or on those of one index, stays unanswered.
+--- An AR (its key) is over: what is open on its channels, or on those of one index, stays unanswered.
 -- @param at  {frame, time_ns} of what ends it
-function Pairing:release(controller, device, ar, at, index)
-  local of_ar = records.ar_text(controller, device, ar)
+function Pairing:release(of_ar, at, index)
   local over = {}
   for key in (self.of_ar[of_ar] or NO_KEYS):iterate() do
     local channel = self.channels:get(key)
@@ -1277,7 +1276,7 @@ function Pairing:release(controller, device, ar, at, index)
   if index then
     return
   end
-  local pair = pair_key(controller, device)
+  local pair = of_ar:sub(1, -18) -- without the AR itself
   if self.connected_ars:get(pair) == of_ar then
     self.connected_ars:pop(pair)
   end

@@ -203,9 +203,9 @@ function RecordCalls:_connection(pdu, opnum)
   if opnum == RELEASE then
     local ar = records.released_ar(pdu)
     if ar then
-      self.pairing:release(pdu.client, pdu.server, ar, at)
       local of_ar = records.ar_text(pdu.client, pdu.server, ar)
-      self.index47:follow(of_ar, self.events.event_of(placed(self, pdu), self, "_released", ar))
+      self.pairing:release(of_ar, at)
+      self.index47:follow(of_ar, self.events.event_of(placed(self, pdu), self, "_released", of_ar))
     end
   elseif opnum == CONNECT then
     local ar, only = records.connected_ar(pdu), records.is_only_ar(pdu)
@@ -423,9 +423,8 @@ function RecordCalls:fault(call, pdu)
 end
 
 -- What waited for its AR to prove itself is behind a Release then, as all else was when that came.
-function RecordCalls:_released(ar, pdu)
-  local at = {frame = pdu.frame, time_ns = pdu.time_ns}
-  self.pairing:release(pdu.client, pdu.server, ar, at, SHARED_INDEX)
+function RecordCalls:_released(of_ar, pdu)
+  self.pairing:release(of_ar, {frame = pdu.frame, time_ns = pdu.time_ns}, SHARED_INDEX)
 end
 
 M.OPERATIONS = OPERATIONS

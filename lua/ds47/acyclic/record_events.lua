@@ -16,7 +16,7 @@ local parameter = require("ds47.profidrive.parameter")
 local records = require("ds47.profinet.records")
 
 local half_of, know_peer, is_untold = records.half, records.know_peer, records.is_untold
-local is_question = index47s.is_question
+local ar_of = records.ar_of_47
 local ALWAYS = {[0xB02E] = true, [0xB02F] = true}
 local admit = index47s.Index47.admit -- for every record
 
@@ -44,19 +44,20 @@ end
 -- Events: what happens to a record once it is known to be ours
 
 -- Time of the capture; a finding where it steps backwards.
-local function clock(self, origin)
+local function clock(self, origin, record)
   local newest, before, now = self.newest_ns, self.newest_frame, origin.time_ns
   if origin.frame < before then -- that of an AR that proved itself late
     return
   end
   if newest and now < newest then
     local args = {milliseconds = json.float((newest - now) / 1e6), first = before}
-    self.listener:remark({rule = "DS107", frame = origin.frame, args = args})
+    self.listener:remark({rule = "DS107", frame = origin.frame, args = args, ar = ar_of(record)})
   end
   self.newest_ns, self.newest_frame = now, origin.frame
 end
 
-local function event_remark(self, _, _, remark)
+local function event_remark(self, _, record, remark)
+  remark.ar = ar_of(record)
   self.listener:remark(remark)
 end
 
@@ -65,11 +66,12 @@ local function event_run(_, origin, _, detail)
 end
 
 local function event_job_remark(self, _, record, remark)
+  remark.ar = ar_of(record)
   self.listener:remark(remark, record.job)
 end
 
 local function event_read_request(self, origin, record, _, peer)
-  clock(self, origin)
+  clock(self, origin, record)
   record.job = self.pairing:expected(peer, record) -- for what is said of the call
   if record.job then
     record.job:fetch(record.request)
@@ -100,7 +102,7 @@ local function event_read_failed(_, _, record)
 end
 
 local function event_write_request(self, origin, record, message, peer)
-  clock(self, origin)
+  clock(self, origin, record)
   record.job = self.pairing:write_request(peer, record, message)
 end
 
@@ -109,7 +111,7 @@ local function event_read_lost(self, _, record, _, peer)
 end
 
 local function event_write_answered(self, origin, record)
-  clock(self, origin)
+  clock(self, origin, record)
   local job = record.job
   if job then
     self.pairing:write_response(job, record.response)
@@ -121,7 +123,7 @@ local function event_write_unasked(self, _, record, _, peer)
 end
 
 local function event_read_answered(self, origin, record, _, peer)
-  clock(self, origin)
+  clock(self, origin, record)
   if is_untold(record.response) then
     self.pairing:read_untold(peer, record)
     return
@@ -162,6 +164,7 @@ end
 -- Runs an event, now or when something proves the same AR; never if nothing does. Whether it waits.
 -- `event`: a function under "Events". `proves`: a function of the same arguments that says whether the
 -- message proves its AR, asked only where that would open the AR; nil for an event that does not.
+-- What a question alone proves runs, and waits all the same.
 local function pass(self, event, proves, origin, record, detail)
   local peer, place, index47 = origin.peer, record.place, self.index47
   if place.peer ~= peer then
@@ -173,7 +176,11 @@ local function pass(self, event, proves, origin, record, detail)
     event(self, origin, record, detail, peer)
     return false
   end
-  index47:hold(ar, {event = event, origin = origin, record = record, detail = detail})
+  local held = {event = event, origin = origin, record = record, detail = detail}
+  local asks = event == event_write_request and index47:asks(peer.device, place, detail)
+  if index47:hold(ar, held, asks, self) then
+    event(self, origin, record, detail, peer)
+  end
   return true
 end
 
@@ -205,16 +212,19 @@ function RecordEvents.event_of(origin, target, method, argument)
   return {event = event_run, origin = origin, detail = detail}
 end
 
-local function proves_by_request(_, _, _, message)
-  return is_question(message)
-end
-
 -- Whether a Read that was answered shows the parameter channel, or brings once more what did.
 local function proves_by_answer(self, origin, record)
-  local half, place = record.response, record.place
-  return half.data ~= "" and not half.missing
-    and (self.index47:answers(place.ar_key, place.channel_key, half.data, self.codec)
-      or self.pairing:is_again(origin.peer, record))
+  local half, place, index47 = record.response, record.place, self.index47
+  if half.data == "" then
+    return false
+  end
+  local ars = index47:echoed(place.ar_key, place, half.data)
+  for _, ar in ipairs(ars or {}) do -- of a store nothing is judged: what is open is over
+    self.pairing:release(ar, nil, index47s.SHARED_INDEX)
+    self.listener:no_drive(ar)
+  end
+  return not (ars or half.missing) and (index47:answers(place.ar_key, place, half.data, self.codec)
+    or self.pairing:is_again(origin.peer, record))
 end
 
 -- A Write request that may be ours.
@@ -224,9 +234,9 @@ local function asked_to_write(self, origin, record)
     self:_length(origin, record, half)
   end
   local message, place = self.decode_request(half.data, half.cut), record.place
-  if pass(self, event_write_request, proves_by_request, origin, record, message) then
+  if pass(self, event_write_request, nil, origin, record, message) then
     self.index47:heard(place.ar_key, half.frame, true)
-    self.index47:asked(place.ar_key, place.channel_key, message, half.data)
+    self.index47:asked(place.ar_key, place, message, half.data)
   end
 end
 
@@ -254,7 +264,7 @@ end
 
 --- A response was no one without its request: that came late, and is told next.
 function RecordEvents:not_unasked(origin, record)
-  if not self.index47:is_open(records.ar_key(origin.peer, record), record.index) then
+  if self.index47:needs_proof(records.ar_key(origin.peer, record), record.index) then
     self.index47:unheard(record.place.ar_key)
   end
 end

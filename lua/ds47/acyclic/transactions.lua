@@ -462,6 +462,21 @@ function Store:late(job)
   end
 end
 
+--- Forgets the transactions of an AR at index 47; gives the orders of their jobs: {[order] = true}.
+function Store:forget(ar)
+  local all, gone = self.all, {}
+  self.all, self.places = {}, {}
+  for _, item in ipairs(all) do
+    local job = item.phase and item or rawget(item, "job")
+    if job and records.ar_of_47(job.record) == ar then
+      gone[job.order] = true
+    else
+      self:add_made(item)
+    end
+  end
+  return gone
+end
+
 --- The transaction of a job, by the order in which the jobs began; nil where it is not finished.
 function Store:by_order(order)
   local place = self.places[order]

@@ -64,6 +64,13 @@ function Findings:keep(remarks)
   end
 end
 
+--- Takes back what was kept of an AR (`remark.ar`), and of jobs: {[order] = true}.
+function Findings:withdraw(ar, orders)
+  for _, remark in ipairs(self.kept) do
+    remark.withdrawn = remark.withdrawn or remark.ar == ar or orders[remark.order or 0]
+  end
+end
+
 -- All frames that a finding is about, sorted, each once: the one that it stands on, and those that its
 -- arguments name.
 local function frames_of(rule, frame, args)

@@ -160,6 +160,11 @@ function M.ar_key(peer, record)
   return place_for(peer, record).ar_key
 end
 
+--- The same of a record at index 47; nil of any other.
+function M.ar_of_47(record)
+  return record.index == 47 and record.place.ar_key or nil
+end
+
 --- What names the channel of a record.
 function M.channel_key(peer, record)
   return place_for(peer, record).channel_key

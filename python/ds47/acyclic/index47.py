@@ -27,6 +27,10 @@ Event = Any
 
 NEGATIVE = 0x80
 """The response ids from here on are those of requests that were not done."""
+_HEADER = 4
+"""Bytes of a message that a request and its response may have in common."""
+_SENT = 4
+"""Writes of a place that a Read of it may bring: the newest may be refused, or under way."""
 _ADDRESSLESS = frozenset({"DS305", "DS306"})
 """Unknown attribute, PNU 0."""
 
@@ -36,15 +40,25 @@ def is_question(request: Request) -> bool:
     return request.shaped and not any(flaw.rule in _ADDRESSLESS for flaw in request.flaws)
 
 
+def _is_echo(sent: bytes, data: bytes) -> bool:
+    """Whether a record is what was written once more, of another length too; behind its header no response is."""
+    both = min(len(sent), len(data))
+    return data == sent or (both > _HEADER and data[:both] == sent[:both])
+
+
 class _Waiting:
     """What waits of one AR."""
 
-    __slots__ = ("asked", "asks", "events", "first", "records")
+    __slots__ = ("asked", "asks", "events", "first", "question", "records", "stores")
 
     def __init__(self, most: int) -> None:
         self.events: deque[Event] = deque(maxlen=most)
-        self.asked: OrderedDict[Place, tuple[Request, bytes]] = OrderedDict()
-        """The newest Write of each place, if it can be a request."""
+        self.asked: OrderedDict[Place, Request] = OrderedDict()
+        """The newest Write of each place."""
+        self.question = False
+        """Whether a question proves the AR, as far as nothing was read: what waits here happened, too,"""
+        self.stores = False
+        """and whether it wrote to a store, where none does."""
         self.first = 0
         """The frame of the first record,"""
         self.records = 0
@@ -62,11 +76,18 @@ class Index47:
         waiting_ars: how many times as many events may wait of all ARs together.
         proven: how many ARs that have proved themselves are remembered; the one that spoke last goes
             last.
+        told: is told of an AR that has a question ("questions"), and when more than that proves it ("proven").
     """
 
     def __init__(
-        self, extra: frozenset[int], waiting: int, waiting_ars: int = 16, proven: int = 65_536
+        self,
+        extra: frozenset[int],
+        waiting: int,
+        waiting_ars: int = 16,
+        proven: int = 65_536,
+        told: list[Any] | None = None,
     ) -> None:
+        self._told = [] if told is None else told
         self._always = ALWAYS | extra
         self.concerned = self._always | {SHARED_INDEX}
         """The indices of which a record can be ours at all."""
@@ -77,14 +98,16 @@ class Index47:
         """The ARs that have proved themselves; the one that spoke last comes last."""
         self._held: OrderedDict[ArKey, _Waiting] = OrderedDict()
         self._events = 0
-        self._drives: OrderedDict[tuple[str, Place], None] = OrderedDict()
-        """Submodules that have responded at 0xB02E or 0xB02F."""
+        self._drives: OrderedDict[tuple[str, Place], bool] = OrderedDict()
+        """Submodules that have responded at 0xB02E or 0xB02F; False: that are a store at 47."""
+        self._sent: OrderedDict[tuple[str, Place], deque[bytes]] = OrderedDict()
+        """The bytes of the newest Writes of a place, whoever waits that wrote them."""
         self._unproven: OrderedDict[str, tuple[int, int, bool]] = OrderedDict()
         """Of ARs that do not wait any more, by device: the first frame, how many records, and whether any asks."""
 
     def waits(self, device: str) -> bool:
         """Whether anything waits that was asked of a device, perhaps a change of a parameter."""
-        return any(ar[1] == device for ar in self._held)
+        return any(ar[1] == device and not held.question for ar, held in self._held.items())
 
     def passes(self, ar: ArKey, index: int) -> bool:
         """Whether an event may go on now; the AR has spoken then."""
@@ -93,39 +116,60 @@ class Index47:
             return True
         return index in self._always
 
-    def pass_on(self, ar: ArKey, event: Event, *, proves: bool = False) -> Sequence[Event]:
-        """Of an event that does not pass: it waits; or it proves its AR, and goes on behind those that waited."""
+    def pass_on(
+        self, ar: ArKey, event: Event, *, proves: bool = False, asks: bool = False
+    ) -> Sequence[Event]:
+        """Of an event that does not pass: it waits; or it proves its AR, and goes on behind those that waited.
+
+        `asks`: it is a question. That proves its AR until a Read shows a store; so what goes on waits, too.
+        """
         if proves:
             return [*self._prove(ar), event]
         if ar not in self._held:
             self._held[ar] = _Waiting(self._waiting)
+        held, before = self._held[ar], list[Event]()
+        if asks and not (held.question or held.stores):
+            held.question, before = True, list(held.events)
+            self._told.append(("questions", ar, None))
+        goes_on = held.question
         self.follow(ar, event)
-        return ()
+        return [*before, event] if goes_on else ()
 
     def follow(self, ar: ArKey, event: Event) -> None:
         """Lets an event wait behind those that wait for an AR; where none does, it is not needed."""
         held = self._held.get(ar)
         if held is None:
             return
+        if held.question and len(held.events) == self._waiting:
+            self._prove(ar)  # it need not wait any longer
+            return
         self._events += len(held.events) < self._waiting
         held.events.append(event)
         while len(self._held) > self._waiting or self._events > self._most_events:
-            oldest, gone = self._held.popitem(last=False)
+            oldest = next(iter(self._held))
+            if self._held[oldest].question:
+                self._prove(oldest)
+                continue
+            gone = self._held.pop(oldest)
             self._events -= len(gone.events)
             self._leave(oldest, gone)
 
     def responded(self, device: str, place: Place, data: bytes, codec: Options) -> None:
         """A record was read at 0xB02E or 0xB02F: with the shape of a response its submodule is that of a drive."""
-        if (device, place) in self._drives or not decode_response(data, None, codec).shaped:
+        if self._drives.get((device, place)) or not decode_response(data, None, codec).shaped:
             return
-        self._drives[device, place] = None
+        self._put(device, place, drive=True)
+
+    def _put(self, device: str, place: Place, *, drive: bool) -> None:
+        self._drives[device, place] = drive
         if len(self._drives) > self._most_open:
             self._drives.popitem(last=False)
 
     def is_of_drive(self, device: str, place: Place) -> bool:
         """Whether a place is that of a drive, whoever asks there: under the API of PROFIdrive, or it responded."""
         there = RECORD_PROFIDRIVE_API, *place[1:]
-        return place == there or (device, place) in self._drives or (device, there) in self._drives
+        drives = self._drives
+        return place == there or any(drives.get((device, each)) for each in (place, there))
 
     def heard(self, ar: ArKey, frame: int, *, asks: bool) -> None:
         """A record waits now: a request, or a response without one."""
@@ -142,21 +186,55 @@ class Index47:
             held.records -= 1
 
     def asked(self, ar: ArKey, place: Place, request: Request, data: bytes) -> None:
-        """A Write waits that may be a request: a response that mirrors it is to prove it."""
+        """A Write waits: a response that mirrors it is to prove that it is a request."""
         held = self._held.get(ar)
         if held is None:
             return
         held.asked.pop(place, None)
-        if request.operation != "unknown" and request.addresses:
-            held.asked[place] = request, data
-            if len(held.asked) > self._waiting:
-                held.asked.popitem(last=False)
+        held.asked[place] = request
+        if len(held.asked) > self._waiting:
+            held.asked.popitem(last=False)
+        spot = ar[1], place
+        held.stores |= self._drives.get(spot) is False
+        self._sent.setdefault(spot, deque(maxlen=_SENT)).append(data)
+        if len(self._sent) > self._waiting:
+            self._sent.popitem(last=False)
+
+    def asks(self, device: str, place: Place, request: Request) -> bool:
+        """Whether a Write is a question, as far as its place is no store."""
+        return is_question(request) and self._drives.get((device, place)) is not False
+
+    def echoed(self, ar: ArKey, place: Place, data: bytes) -> Sequence[ArKey] | None:
+        """A Read brought a record: if it is what was written once more, the ARs that a question proved (P20).
+
+        Whoever wrote: a store has one for all. A question proves none of those who wrote there any more.
+        """
+        device, spot = ar[1], (ar[1], place)
+        if not any(_is_echo(sent, data) for sent in self._sent.get(spot, ())):
+            return None
+        known, gone = self._drives.get(spot) is False, list[ArKey]()
+        self._put(*spot, drive=False)
+        for each in [ar] if known else list(self._held):
+            held = self._held.get(each)
+            if held is not None and each[1] == device and place in held.asked:
+                if held.question:
+                    gone.append(each)
+                held.stores, held.question = True, False
+        return gone
 
     def answers(self, ar: ArKey, place: Place, data: bytes, codec: Options) -> bool:
-        """Whether a record is the response to the Write that waits, and not the same bytes once more (P20)."""
+        """Whether a record, which is not the same bytes once more, is the response to the Write that waits (P20).
+
+        Behind a question whatever comes is.
+        """
         held = self._held.get(ar)
-        request, sent = held.asked.get(place, (None, b"")) if held is not None else (None, b"")
-        if request is None or data == sent or not kind_fits(request, data):
+        request = held.asked.get(place) if held is not None else None
+        if held is None or request is None:
+            return False
+        if held.question and is_question(request):
+            return True
+        unknown = request.operation == "unknown" or not request.addresses
+        if unknown or not kind_fits(request, data):
             return False
         response = decode_response(data, request, codec)
         refuses = data[1] >= NEGATIVE  # it may be what lacks bytes that is refused
@@ -168,9 +246,12 @@ class Index47:
 
     def unproven(self) -> Iterator[tuple[str, tuple[int, int, bool]]]:
         """Each device of which no AR has proved itself: the first frame, how many records, whether any asks."""
+        questions = [ar for ar, held in self._held.items() if held.question]
+        for ar in questions:
+            self._prove(ar)
         for ar, held in self._held.items():
             self._leave(ar, held)
-        drives = {ar[1] for ar in self.open}
+        drives = {ar[1] for ar in (*self.open, *questions)}
         yield from (each for each in self._unproven.items() if each[0] not in drives)
 
     def _leave(self, ar: ArKey, held: _Waiting) -> None:
@@ -191,4 +272,7 @@ class Index47:
         if held is None:
             return ()
         self._events -= len(held.events)
+        if held.question:  # they went on
+            self._told.append(("proven", ar, None))
+            return ()
         return held.events

@@ -355,7 +355,8 @@ class Channel:
 
 
 What = Literal[
-    "asked", "refused", "answered", "closed", "nothing", "connected", "remark", "foreign", "set_up"
+    "asked", "refused", "answered", "closed", "nothing", "connected", "remark", "foreign", "set_up",
+    "questions", "proven", "no_drive",
 ]  # fmt: skip
 Told = tuple[What, Any, Any]
 """What became known, of what, and what goes with it; in the order of the capture:
@@ -366,9 +367,12 @@ Told = tuple[What, Any, Any]
     closed      a job of which nothing more can come, once; `Job.forget` is for whoever takes it
     nothing     the access of a Read without record where no request is open; what may be missing, or None
     connected   the device of a Connect, or a station that got its parameters; the frame
-    remark      a finding of the steps before (`ds47.findings.remark`)
+    remark      a finding of the steps before (`ds47.findings.remark`); the access of which it is, or None
     foreign     the access of a Write that was answered, to an index that cannot be ours, or without its request
     set_up      the request of a Connect; its response
+    questions   an AR of which a question is the proof; all that is told of it at index 47 is not sure until
+    proven      it is one of DS47, or
+    no_drive    it is none: then all of that is nothing
 """
 
 

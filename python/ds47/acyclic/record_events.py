@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any, Final
 
-from ds47.acyclic.index47 import ALWAYS, SHARED_INDEX, ArKey, Index47, is_question
+from ds47.acyclic.index47 import ALWAYS, SHARED_INDEX, ArKey, Index47
 from ds47.acyclic.pairing import Moment, Pairing, RecordAccess, Told
 from ds47.findings.remark import Remark
 from ds47.profidrive import Options, Request, decode_request
@@ -64,15 +64,22 @@ class RecordEvents:
         """Record requests, ours or not, by index and whether they write."""
 
     def pass_on(
-        self, access: RecordAccess, what: str, about: Any = None, *, proves: bool = False
+        self,
+        access: RecordAccess,
+        what: str,
+        about: Any = None,
+        *,
+        proves: bool = False,
+        asks: bool = False,
     ) -> None:
-        """Lets something happen now, or once the AR has proved itself; `proves`: it does that."""
+        """Lets something happen now, or once the AR has proved itself; `proves`, `asks`: see `Index47`."""
         ar, index = access.ar, access.record.index
         if access.proven or self._index47.passes(ar, index):
             self._happens[what](access, about)
             return
         proves = proves or self._index47.is_of_drive(access.peer.device, access.place)
-        for event in self._index47.pass_on(ar, (what, access, about), proves=proves):
+        now = what, access, about
+        for event in self._index47.pass_on(ar, now, proves=proves, asks=asks):
             self._happens[event[0]](*event[1:])
 
     def released(self, ar: ArKey, at: Moment) -> None:
@@ -91,7 +98,8 @@ class RecordEvents:
             self.pass_on(access, "read_asked", half)
         else:
             message = self.decoded(half.data, cut=half.cut)
-            self.pass_on(access, "write_asked", message, proves=not passes and is_question(message))
+            asks = not passes and self._index47.asks(access.peer.device, access.place, message)
+            self.pass_on(access, "write_asked", message, asks=asks)
             if not passes:
                 self._index47.asked(access.ar, access.place, message, half.data)
         if not passes:
@@ -157,7 +165,7 @@ class RecordEvents:
     # What happens once it is ours
 
     def _read_asked(self, access: RecordAccess, half: Half) -> None:
-        self._clock(half)
+        self._clock(access, half)
         job = access.job = self._pairing.expected(access)
         if job is not None:
             job.fetching.append(half)
@@ -165,11 +173,11 @@ class RecordEvents:
     def _write_asked(self, access: RecordAccess, message: Request) -> None:
         half = access.record.request
         assert half is not None
-        self._clock(half)
+        self._clock(access, half)
         access.job = self._pairing.write_request(access, message)
 
     def _write_answered(self, access: RecordAccess, half: Half) -> None:
-        self._clock(half)
+        self._clock(access, half)
         if access.job is not None:
             self._pairing.write_response(access.job, half)
 
@@ -181,18 +189,24 @@ class RecordEvents:
         if half.missing or half.untold:
             self._length(access, half, cut)
         ours = access.proven or self._index47.passes(access.ar, access.record.index)
-        proves = (
-            not ours
-            and bool(half.data and not half.missing)
-            and (
-                self._index47.answers(access.ar, access.place, half.data, self._codec)
-                or self._pairing.is_again(access)
-            )
-        )
+        proves = False
+        if half.data and not (ours or self._is_echo(access, half)) and not half.missing:
+            answers = self._index47.answers(access.ar, access.place, half.data, self._codec)
+            proves = answers or self._pairing.is_again(access)
         self.pass_on(access, "read_answered", half, proves=proves)
 
+    def _is_echo(self, access: RecordAccess, half: Half) -> bool:
+        """Whether a Read shows a store: nothing of that is judged, and its ARs wait again (P20)."""
+        index47, place = self._index47, access.place
+        drive = index47.is_of_drive(access.peer.device, place)
+        ars = None if drive else index47.echoed(access.ar, place, half.data)
+        for ar in ars or ():
+            self._pairing.release(*ar, index=SHARED_INDEX)
+            self._told.append(("no_drive", ar, None))
+        return ars is not None
+
     def _read(self, access: RecordAccess, half: Half) -> None:
-        self._clock(half)
+        self._clock(access, half)
         if half.untold:
             self._pairing.read_untold(access)
             return
@@ -205,8 +219,8 @@ class RecordEvents:
         remark.job = access.job
         self._remark(access, remark)
 
-    def _remark(self, _: object, remark: Remark) -> None:
-        self._told.append(("remark", remark, None))
+    def _remark(self, access: RecordAccess | None, remark: Remark) -> None:
+        self._told.append(("remark", remark, access))
 
     def push_out(self, limit: str, frame: int) -> None:
         """A limit (spec/limits.toml) pushed out something of ours that began in this frame."""
@@ -227,13 +241,13 @@ class RecordEvents:
             remark = Remark("DS202", half.frame, args)
         self.pass_on(access, "remark", remark)
 
-    def _clock(self, half: Half) -> None:
+    def _clock(self, access: RecordAccess, half: Half) -> None:
         newest, before = self.newest_ns, self.newest_frame
         if half.frame < before:  # that of an AR that proved itself late
             return
         if newest is not None and half.time_ns < newest:
             args = {"milliseconds": (newest - half.time_ns) / 1e6, "first": before}
-            self._remark(None, Remark("DS107", half.frame, args))
+            self._remark(access, Remark("DS107", half.frame, args))
         self.newest_ns, self.newest_frame = half.time_ns, half.frame
 
 

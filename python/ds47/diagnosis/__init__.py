@@ -76,9 +76,12 @@ class Diagnoses:
         """A Write request asks for something. Call in the order of the capture."""
         self._whole.asked(job)
 
+    def over(self, job: Job) -> None:
+        """A closed job counts, as it is known to be one of DS47."""
+        self._whole.closed(job)
+
     def closed(self, job: Job) -> list[Remark]:
         """What a closed job shows, and the findings it has, were caused by."""
-        self._whole.closed(job)
         device = job.peer.device
         if (answer := job.read_response) is not None:
             size = answer.stated if answer.cut else len(answer.data)

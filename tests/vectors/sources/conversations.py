@@ -604,6 +604,80 @@ def p20_stored(client: Client) -> None:
     client.exchange(stored, stored)
 
 
+@BOOK.scene("P23 foreign echo", rules="DS209@1")
+def p20_echo(client: Client) -> None:
+    """What was written, read as it is: a store, though each Write is a question by itself, the last one, too."""
+    client.exchange(ask(), ask())
+    client.exchange(put(2, 1.5), put(2, 1.5) + bytes(6))
+    client.write(ask(3))
+
+
+@BOOK.scene("P23 foreign echo superseded", rules="DS209@1")
+def p20_echo_of_the_newest(client: Client) -> None:
+    """Written before the newest is read, in a call sent again; one is no question, and one is refused."""
+    client.write(ask(1, 21))
+    client.write(put(2, 1.5))
+    client.write(ask(3, 22), status=NOT_POSSIBLE)
+    client.read(b"another place", at=client.at(slot=2))
+    client.write(b"Hello, world")
+    call = client.ask_read()
+    client.ask_read(again=call)
+    client.accept_read(call, b"Hello, world")
+    client.write(ask(4))
+
+
+@BOOK.scene("P23 foreign echo interleaved", rules="DS209@1")
+def p20_echo_to_another(client: Client) -> None:
+    """Three ARs write to a store, and one of them reads what another one wrote; the third never reads."""
+    other = second(client)
+    client.write(ask(1, 21))
+    second(client, channel=wire.Channel(UUID(int=0x4703))).write(ask(2, 22))
+    other.write(ask(3, 23))
+    client.read(ask(3, 23))
+    other.write(put(4, 2.5))
+    other.read(put(4, 2.5))
+
+
+@BOOK.scene(
+    "P22 malformed echo interleaved",
+    tx(1, "error", (1, 2, 5, 6), 5, par(21, "UniversalTime")),
+    tx(2, "ok", (3, 4, 7, 8), 5, real(1.5), ref=2, slot=2),
+    rules="DS315@6#1",
+)
+def p20_echo_beside_a_drive(client: Client) -> None:
+    """A drive of the AR responds behind the echo of a store: then all of that AR is ours, what was before, too."""
+    client.write(ask())
+    client.write(ask(2), at=client.at(slot=2))
+    client.read(ask())
+    client.read(tell(2, 1.5), at=client.at(slot=2))
+
+
+@BOOK.scene(
+    "malformed",
+    row(1, real(1.5)),
+    row(2, par(21, "UniversalTime"), state="error"),
+    rules="DS315@8#2",
+)
+def p20_echo_of_a_drive(client: Client) -> None:
+    """Nothing refutes a proof: behind a response the request itself is a faulty one."""
+    client.exchange(ask(), tell(1, 1.5))
+    client.exchange(ask(2), ask(2))
+
+
+@BOOK.scene(
+    "poll superseded refused",
+    tx(1, "superseded", (1, 2), None, NOTHING),
+    tx(2, "refused", (3, 4), None, NOTHING, ref=2, write="DF80B500"),
+    tx(3, "ok", (5, 6, 9, 10), 15, real(1.5), ref=3, polls=[(7, 8)]),
+    rules="DS705@3#2 DS203@4#2 DS413@5#1",
+)
+def p20_polled(client: Client) -> None:
+    """A drive that takes its time: what it was asked before its first response is told then."""
+    client.write(ask())
+    client.write(ask(2), status=NOT_POSSIBLE)
+    client.exchange(ask(3), tell(3, 1.5), polls=1)
+
+
 @BOOK.scene("P23 foreign", rules="DS209@1")
 def p20_another_response(client: Client) -> None:
     """Nor is it one where the response is that to another reference, axis or number of parameters."""
