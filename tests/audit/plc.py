@@ -20,7 +20,7 @@ FORMS = {
     "busy": r"WRREC BUSY until its timeout, then ERROR \(no response in the capture\)",
     "ends": r"WRREC, no response before the capture ends",
     "unseen": r"WRREC, its response is not in the capture",
-    "missing": r"WRREC not in the capture",
+    "missing": r"its WRREC is not known",
     "read error": r"RDREC (?:(?P<times>\d+) x )?ERROR, STATUS (?P<status>[0-9A-F]{8})",
     "read valid": r"RDREC (?:(?P<times>\d+) x )?VALID, STATUS 00000000, LEN (?P<length>\d+)"
                   r"(?: \((?P<captured>\d+) of them captured\))?",

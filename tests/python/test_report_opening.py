@@ -403,7 +403,7 @@ def test_causes_keep_their_order():
         ),
         (
             {"frames": Frames(None, None, 3, 4), "write_status": None, "state": "orphan", "ar": "01"},
-            "WRREC not in the capture; RDREC VALID, STATUS 00000000, LEN 4",
+            "its WRREC is not known; RDREC VALID, STATUS 00000000, LEN 4",
         ),
         (
             {"frames": Frames(1, 2, None, None, [(3, 4)]), "read_status": None, "response": None},

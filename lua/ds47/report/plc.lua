@@ -334,16 +334,15 @@ end
 --- The calls of a transaction in their order: array of {block, outcome, status, times, length, captured}, as
 -- in Python.
 function Witness:saw(item)
+  local captured = item.response and #item.response or 0
+  local length = self.lengths[item.frames.read_response or 0] or captured
   if item.ar == nil and item.station == nil and not item.frames.write_request then
     -- a Read without an AR, which no block makes
-    local length = item.response and #item.response or 0
     return { { block = "RDREC", outcome = "implicit", status = item.read_status, length = length } }
   end
   local found = self.calls[item.id] or {}
   local left_out, in_part = left_out_of(item, found)
   local wait = not in_part and self.waits[item.id] or "unseen"
-  local captured = item.response and #item.response or 0
-  local length = self.lengths[item.frames.read_response or 0] or captured
   local calls = { write(item, found, left_out, wait) }
   if item.write_status == nil and self.cut[item.frames.write_response or 0] then
     calls[1].outcome = "cut"

@@ -1487,7 +1487,7 @@ M.report_words = {
   plc_write_busy = {en = "WRREC BUSY until its timeout, then ERROR (no response in the capture)", zh = "WRREC 保持 BUSY 直到超时，然后 ERROR（抓包中没有应答）"},
   plc_write_ends = {en = "WRREC, no response before the capture ends", zh = "WRREC，直到抓包结束没有应答"},
   plc_write_unseen = {en = "WRREC, its response is not in the capture", zh = "WRREC，其应答不在抓包中"},
-  plc_write_missing = {en = "WRREC not in the capture", zh = "WRREC 不在抓包中"},
+  plc_write_missing = {en = "its WRREC is not known", zh = "对应的 WRREC 未知"},
   plc_read_missing = {en = "RDREC, if there was one, is not in the capture", zh = "如有 RDREC，不在抓包中"},
   plc_read_polled = {en = "RDREC ERROR, STATUS {status}|RDREC {n} x ERROR, STATUS {status}", zh = "RDREC {n} 次 ERROR，STATUS {status}"},
   plc_read_done = {en = "RDREC VALID, STATUS {status}, LEN {length}", zh = "RDREC VALID，STATUS {status}，LEN {length}"},

@@ -97,7 +97,7 @@ class Witness:
     def saw(self, item: Transaction) -> list[BlockCall]:
         """The calls of a transaction in their order."""
         if item.ar is None and item.station is None and item.frames.write_request is None:
-            length = len(item.response or b"")
+            length = self._length(item)
             return [BlockCall("RDREC", "implicit", item.read_status, length=length)]
         found = self._calls.get(item.id, [])
         left_out, in_part = _left_out(item, found)
@@ -117,13 +117,16 @@ class Witness:
             return Both.same("")
         return say("plc_line", calls=self.text(item))
 
+    def _length(self, item: Transaction) -> int:
+        """Bytes of the record that was read, of which the capture may have only a part."""
+        return self._lengths.get(item.frames.read_response or 0, len(item.response or b""))
+
     def _reads(
         self, item: Transaction, left_out: Sequence[tuple[int, BlockCall]], wait: str
     ) -> list[BlockCall]:
         frames = item.frames
         calls = _before(item, left_out, wait)
-        captured = len(item.response) if item.response is not None else 0
-        length = self._lengths.get(frames.read_response or 0, captured)
+        captured, length = len(item.response or b""), self._length(item)
         if frames.read_response is not None and item.read_status:
             calls.append(BlockCall("RDREC", "error", item.read_status))
         elif frames.read_response is not None:
