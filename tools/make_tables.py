@@ -116,7 +116,7 @@ EXPLAINED = {"status": "statuses", "local": "of_plc", "error": "errors"}
 OF_CODES = {"state_": "states", "operation_": "operations", "severity_": "severities"}
 """How words of the reports begin that go on with a word that has a number -> the table of those."""
 ERROR_RANKS = ("error", "vendor_error", "vendor_range")
-PZD_STATE = ("id", "mask", "bits", "en", "zh", "missing", "missing_zh")
+PZD_STATE = ("id", "en", "zh", "missing", "missing_zh")
 
 
 def literal(value: object) -> str:
@@ -464,6 +464,14 @@ def _pkw() -> Iterator[str]:
     yield from block("M.pkw.families", families)
 
 
+def _shown(row: cyclic.State) -> dict[str, object]:
+    """A state, or what is shown beside it, with the bits that it has set, and those that it has clear."""
+    bits = [bit for bit in range(16) if row.mask >> bit & 1]
+    one = [bit for bit in bits if row.bits >> bit & 1]
+    zero = [bit for bit in bits if bit not in one]
+    return fields(row, PZD_STATE) | {"set": one, "clear": zero}
+
+
 def _pzd() -> Iterator[str]:
     yield f"M.pzd = {{word = {cyclic.full_scale()}, double_word = {cyclic.full_scale(double=True)}}}"
     for word in ("stw1", "zsw1"):
@@ -472,7 +480,7 @@ def _pzd() -> Iterator[str]:
             bits = {row.bit: row for row in cyclic.bits(word, family) if row.family == family}
             yield from rows(name, bits, PZD_BIT)
     for name, listed in (("states", cyclic.states()), ("overlays", cyclic.overlays())):
-        yield from block(f"M.pzd.{name}", [fields(row, PZD_STATE) for row in listed])
+        yield from block(f"M.pzd.{name}", [_shown(row) for row in listed])
     for word in ("stw1", "zsw1"):
         edges = [fields(row, ("id", "bit", "value", "speed")) for row in cyclic.edges(word)]
         yield from block(f"M.pzd.{word}_edges", edges)

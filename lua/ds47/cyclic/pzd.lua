@@ -8,12 +8,9 @@ local bit_of = bits.bit
 
 local M = {}
 
--- Whether the bits of a word under a mask are these.
-local function has(word, mask, wanted)
-  for bit = 0, 15 do
-    if bit_of(mask, bit) == 1 and bit_of(word, bit) ~= bit_of(wanted, bit) then return false end
-  end
-  return true
+-- Whether a status word is one of a row: of a state, or of what is shown beside it.
+local function is_of(word, row)
+  return bits.all(word, row.set) and not bits.any(word, row.clear)
 end
 
 -- Whether a control word that the drive heeds asks it to switch off.
@@ -27,12 +24,12 @@ end
 function M.state(zsw1, stw1)
   local ending, found = tables.pzd.stopping, nil
   for _, row in ipairs(tables.pzd.states) do
-    found = found or (has(zsw1, row.mask, row.bits) and row.id)
+    found = found or (is_of(zsw1, row) and row.id)
   end
   if stw1 and ending.states[found] and is_stopping(stw1, ending) then found = ending.id end
   local overlays = {}
   for _, row in ipairs(tables.pzd.overlays) do
-    if has(zsw1, row.mask, row.bits) then overlays[#overlays + 1] = row.id end
+    if is_of(zsw1, row) then overlays[#overlays + 1] = row.id end
   end
   return found, overlays
 end

@@ -16,6 +16,7 @@ local say = words.say
 
 local M = {}
 
+local NONE = {}
 local NOT_READY = 0xDE80B500 -- the STATUS of a poll: state conflict on a Read
 local NEGATIVE = 0x80 -- the bit of byte 1 of a response that says that it is a negative one
 
@@ -68,7 +69,9 @@ end
 -- The frames of a transaction, and of the findings about its calls.
 local function frames_of(item, found)
   local list = all_frames(item.frames)
-  arrays.append(list, arrays.mapped(found or {}, function(each) return each.frame end))
+  for _, each in ipairs(found or NONE) do
+    list[#list + 1] = each.frame
+  end
   return list
 end
 
@@ -101,10 +104,10 @@ local function channels_of(transactions, calls)
       reads[channel], accepted[channel] = {}, {}
     end
   end
-  for _, item in ipairs(next(reads) and transactions or {}) do
+  for _, item in ipairs(next(reads) and transactions or NONE) do
     local channel, frames = channel_of(item), item.frames
     local entries, asked = reads[channel], frames.write_request
-    for _, frame in ipairs(entries and frames_of(item, calls[item.id]) or {}) do
+    for _, frame in ipairs(entries and frames_of(item, calls[item.id]) or NONE) do
       if frame ~= asked and frame ~= frames.write_response then
         entries[#entries + 1] = { frame, item.id }
       end
@@ -253,7 +256,7 @@ local function in_order(item, left_out, wait)
   for _, each in ipairs(left_out) do
     told[each.frame] = true
   end
-  for _, poll in ipairs(frames.polls or {}) do
+  for _, poll in ipairs(frames.polls or NONE) do
     if not told[poll.response] then
       add(poll.response or 0, "polled", NOT_READY)
     end
@@ -340,7 +343,7 @@ function Witness:saw(item)
     -- a Read without an AR, which no block makes
     return { { block = "RDREC", outcome = "implicit", status = item.read_status, length = length } }
   end
-  local found = self.calls[item.id] or {}
+  local found = self.calls[item.id] or NONE
   local left_out, in_part = left_out_of(item, found)
   local wait = not in_part and self.waits[item.id] or "unseen"
   local calls = { write(item, found, left_out, wait) }

@@ -1856,17 +1856,17 @@ M.pzd.zsw1_micromaster = {
 M.pzd.zsw1_positioning = {
 }
 M.pzd.states = {
-  {id = "S1", mask = 64, bits = 64, en = "switching on inhibited", zh = "接通禁止", missing = "OFF1 first (STW1 bit 0 = 0) with bits 1 and 2 = 1, for example 16#047E; ON counts as an edge from there", missing_zh = "先给 OFF1（STW1 位 0 = 0），位 1 和位 2 = 1，例如 16#047E；之后 ON 的上升沿才有效"},
-  {id = "S4", mask = 7, bits = 7, en = "operation enabled", zh = "运行"},
-  {id = "S3", mask = 7, bits = 3, en = "switched on", zh = "已接通", missing = "enable operation (STW1 bit 3 = 1); where it is set: the enable signals of the drive", missing_zh = "使能运行（STW1 位 3 = 1）；若已置位：检查驱动器的使能信号"},
-  {id = "S2", mask = 7, bits = 1, en = "ready to switch on", zh = "接通就绪", missing = "ON (STW1 bit 0: 0 to 1, with bits 1, 2 and 10 = 1), for example 16#047E, then 16#047F", missing_zh = "ON（STW1 位 0 由 0 变 1，位 1、2、10 = 1），例如先 16#047E，再 16#047F"},
-  {id = "not ready", mask = 0, bits = 0, en = "not ready to switch on", zh = "接通未就绪", missing = "supply, end of the start-up, or the fault gone", missing_zh = "电源、启动结束，或故障消除"},
+  {id = "S1", en = "switching on inhibited", zh = "接通禁止", missing = "OFF1 first (STW1 bit 0 = 0) with bits 1 and 2 = 1, for example 16#047E; ON counts as an edge from there", missing_zh = "先给 OFF1（STW1 位 0 = 0），位 1 和位 2 = 1，例如 16#047E；之后 ON 的上升沿才有效", set = {6}, clear = {}},
+  {id = "S4", en = "operation enabled", zh = "运行", set = {0, 1, 2}, clear = {}},
+  {id = "S3", en = "switched on", zh = "已接通", missing = "enable operation (STW1 bit 3 = 1); where it is set: the enable signals of the drive", missing_zh = "使能运行（STW1 位 3 = 1）；若已置位：检查驱动器的使能信号", set = {0, 1}, clear = {2}},
+  {id = "S2", en = "ready to switch on", zh = "接通就绪", missing = "ON (STW1 bit 0: 0 to 1, with bits 1, 2 and 10 = 1), for example 16#047E, then 16#047F", missing_zh = "ON（STW1 位 0 由 0 变 1，位 1、2、10 = 1），例如先 16#047E，再 16#047F", set = {0}, clear = {1, 2}},
+  {id = "not ready", en = "not ready to switch on", zh = "接通未就绪", missing = "supply, end of the start-up, or the fault gone", missing_zh = "电源、启动结束，或故障消除", set = {}, clear = {}},
 }
 M.pzd.overlays = {
-  {id = "fault", mask = 8, bits = 8, en = "fault", zh = "故障", missing = "the cause of the fault gone, then an edge of STW1 bit 7 (acknowledge), for example 16#047E, 16#04FE, 16#047E", missing_zh = "消除故障原因，然后给 STW1 位 7 上升沿（应答），例如 16#047E、16#04FE、16#047E"},
-  {id = "alarm", mask = 128, bits = 128, en = "alarm", zh = "报警"},
-  {id = "OFF2", mask = 16, bits = 0, en = "OFF2 active", zh = "OFF2 有效"},
-  {id = "OFF3", mask = 32, bits = 0, en = "OFF3 active", zh = "OFF3 有效"},
+  {id = "fault", en = "fault", zh = "故障", missing = "the cause of the fault gone, then an edge of STW1 bit 7 (acknowledge), for example 16#047E, 16#04FE, 16#047E", missing_zh = "消除故障原因，然后给 STW1 位 7 上升沿（应答），例如 16#047E、16#04FE、16#047E", set = {3}, clear = {}},
+  {id = "alarm", en = "alarm", zh = "报警", set = {7}, clear = {}},
+  {id = "OFF2", en = "OFF2 active", zh = "OFF2 有效", set = {}, clear = {4}},
+  {id = "OFF3", en = "OFF3 active", zh = "OFF3 有效", set = {}, clear = {5}},
 }
 M.pzd.stw1_edges = {
   {id = "on", bit = 0, value = 1, speed = false},
