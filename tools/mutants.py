@@ -137,6 +137,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "python/ds47/s7/judge.py": S7,
     "python/ds47/s7/consistency.py": ("test_s7_consistency", *S7),
     "python/ds47/s7/moments.py": ("test_s7_moments", *S7),
+    "lua/ds47/profinet/completeness.lua": ("test_lua_completeness", *LUA),
     "lua/ds47/profibus/line.lua": ("test_lua_profibus", LINES, "test_lua_analysis:5.4 and auditor"),
     "lua/ds47/cyclic/conclusions.lua": LUA_CYCLIC,
     "lua/ds47/cyclic/explanation.lua": LUA_CYCLIC,
@@ -193,6 +194,7 @@ _COMPARED: dict[type[ast.cmpop], type[ast.cmpop]] = {
 _COUNTED: dict[type[ast.operator], type[ast.operator]] = {
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.FloorDiv, ast.FloorDiv: ast.Mult,
 }  # fmt: skip
+_NAMED = {"min": "max", "max": "min", "any": "all", "all": "any"}
 
 
 def _changed(node: ast.AST) -> Iterator[tuple[str, ast.AST]]:
@@ -204,13 +206,23 @@ def _changed(node: ast.AST) -> Iterator[tuple[str, ast.AST]]:
     elif isinstance(node, ast.BoolOp):
         op = ast.Or() if isinstance(node.op, ast.And) else ast.And()
         yield "and/or", ast.BoolOp(op, node.values)
+        for each in node.values:
+            rest = [other for other in node.values if other is not each]
+            yield "operand", ast.BoolOp(node.op, rest) if len(rest) > 1 else rest[0]
+    elif isinstance(node, ast.Name) and node.id in _NAMED:
+        yield "name", ast.Name(_NAMED[node.id])
     elif isinstance(node, ast.BinOp) and type(node.op) in _COUNTED:
         yield "operator", ast.BinOp(node.left, _COUNTED[type(node.op)](), node.right)
     elif isinstance(node, ast.Constant) and type(node.value) is int:
         yield "number", ast.Constant(node.value + 1)
     elif isinstance(node, ast.If):
         yield "condition", ast.If(ast.Constant(False), node.body, node.orelse)
-    elif isinstance(node, ast.AugAssign):
+        yield "condition", ast.If(ast.Constant(True), node.body, node.orelse)
+    elif (
+        isinstance(node, ast.AugAssign | ast.Delete)
+        or (isinstance(node, ast.Expr) and not isinstance(node.value, ast.Constant))
+        or (isinstance(node, ast.Assign) and not isinstance(node.targets[0], ast.Name))
+    ):
         yield "left out", ast.Pass()
 
 
@@ -261,6 +273,8 @@ _LUA = (
     (re.compile(r"\band\b"), "or", "and/or"), (re.compile(r"\bor\b"), "and", "and/or"),
     (re.compile(r" \+ "), " - ", "operator"), (re.compile(r" - "), " + ", "operator"),
     (re.compile(r"\bif\b (?!false)"), "if false and ", "condition"),
+    (re.compile(r"\bif\b (?!true)"), "if true or ", "condition"),
+    (re.compile(r"\bmath\.max\b"), "math.min", "name"), (re.compile(r"\bmath\.min\b"), "math.max", "name"),
 )  # fmt: skip
 _NUMBER = re.compile(r"(?<![\w.\"'])(\d+)(?![\w.\"'])")
 

@@ -8,13 +8,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from io import BytesIO
+from uuid import UUID
 
 import pytest
 from talk import pdus
 
 from ds47.analysis import analyze
 from ds47.lab import captured, message, wire
-from ds47.lab.client import Client
+from ds47.lab.client import Client, drive
 from ds47.lab.stage import Stage
 from ds47.profinet.calls import CallTracker
 from ds47.profinet.completeness import Completeness, Hole, Numbers
@@ -94,10 +95,30 @@ def test_holes_are_numbers_that_are_missing_of_the_set(
 
 def test_a_hole_that_is_too_wide_is_not_filled() -> None:
     assert holes(0, 256, 1) == ["1-2: 1..255"]
+    assert holes(0, 258, 5) == ["1-2: 1..257"]
     wide, narrow = Hole(1, 2, 1, 257), Hole(1, 2, 1, 256)
     assert wide.missing is None
     assert narrow.missing is not None
     assert len(narrow.missing) == 256
+
+
+@pytest.mark.parametrize(
+    ("numbers", "there"),
+    [
+        ((5, 7, 8, 12), (5, 7, 8, 12)),
+        ((5, 8, 7), (5, 7, 8)),
+        ((5, 7, 3), (3, 4, 5, 7)),
+        ((0, 300), (0, 300)),
+    ],
+)
+def test_a_number_is_there_from_the_lowest_to_the_highest_but_in_holes(
+    numbers: tuple[int, ...], there: tuple[int, ...]
+) -> None:
+    """Of what is lower than the first number nobody knows which came."""
+    made = Numbers(said(numbers[0]))
+    for frame, number in enumerate(numbers[1:], 2):
+        made.add(said(number, frame))
+    assert tuple(number for number in range(310) if made.has(number)) == there
 
 
 def test_of_many_holes_the_oldest_are_as_one() -> None:
@@ -220,6 +241,7 @@ def test_a_response_before_its_request_is_out_of_order() -> None:
     pair = found.lacks(CLIENT, SERVER)
     assert (pair.halves, found.late, found.first_late) == (0, 2, 6)
     assert (pair.unasked, pair.unread, found.newest(SERVER)) == ([], [], 0)
+    assert found.behind(CLIENT, SERVER, 1) is None
 
 
 def test_the_oldest_pair_goes_first() -> None:
@@ -359,16 +381,77 @@ def slow(*references: int) -> Callable[[Client], None]:
     return play
 
 
+def restarted(client: Client) -> None:
+    """The client counts anew, below its first number."""
+    client.sequence = 5
+    client.exchange(ask(1), tell(1))
+    client.sequence = 0
+    for reference in (2, 3, 4):
+        client.exchange(ask(reference), tell(reference))
+
+
+def once_more(number: int) -> Callable[[Client], None]:
+    """A client uses a number for another call."""
+
+    def play(client: Client) -> None:
+        client.exchange(ask(1), tell(1))
+        client.write(ask(2))
+        client.sequence = number
+        client.exchange(ask(3), tell(3))
+
+    return play
+
+
+def early(client: Client) -> None:
+    """The response to a Read stands before its request."""
+    client.write(ask(1))
+    client.poll()
+    shots = client.stage.shots
+    shots[-2:] = reversed(shots[-2:])
+    client.exchange(ask(2), tell(2))
+
+
+def failed(client: Client) -> None:
+    """A Read gets a fault, which does not tell of which record."""
+    client.write(ask(1))
+    client.reply(client.ask_read(), bytes(4), wire.FAULT)
+    client.exchange(ask(2), tell(2))
+
+
+def elsewhere(client: Client) -> None:
+    """A client goes on in another activity, long after a request."""
+    client.write(ask(1))
+    client.wait(11_000)
+    other = Client(client.stage, activity=UUID(int=9))
+    other.exchange(ask(2), tell(2), other.at(slot=2))
+
+
+def unsaved(client: Client) -> None:
+    """A change in RAM, and before it and behind it jobs of another drive."""
+    other = Client(client.stage, device=drive(2), activity=UUID(int=9))
+    other.exchange(ask(1), tell(1))
+    other.exchange(ask(2), tell(2))
+    ramp = message.change(1, 1, (message.address(1120), message.real(1.0)))
+    client.exchange(ramp, message.answer(1, 2, 1))
+    other.exchange(ask(3), tell(3))
+    other.exchange(ask(4), tell(4))
+
+
 NOT_THERE, IN_USE = 0xDE80B700, 0xDF80B500
 Told = tuple[str, list[tuple[object, ...]]]
 
 
-def analysed(play: Callable[[Client], object], *frames: int) -> Told:
-    """The states of transactions, and the findings that say what nobody knows or what did not come."""
+def played(play: Callable[[Client], object], *frames: int) -> bytes:
+    """The capture of a conversation without some of its frames."""
     stage = Stage()
     play(Client(stage))
     stage.shots = [shot for number, shot in enumerate(stage.shots, 1) if number not in frames]
-    result = analyze(BytesIO(captured(stage)))
+    return captured(stage)
+
+
+def analysed(play: Callable[[Client], object], *frames: int) -> Told:
+    """The states of transactions, and the findings that say what nobody knows or what did not come."""
+    result = analyze(BytesIO(played(play, *frames)))
     found: list[tuple[object, ...]] = []
     for each in result.findings:
         if each.rule == "DS110":
@@ -382,60 +465,74 @@ def analysed(play: Callable[[Client], object], *frames: int) -> Told:
     return " ".join(each.state for each in result.transactions), found
 
 
-ABSENT = ("DS206", "DS401", "DS402", "DS404", "DS413", "DS415", "DS704", "DS705", "DS722")
-
-
-@pytest.mark.parametrize(
-    ("play", "frames", "states", "told"),
-    [
-        (three, (), "ok ok ok", [("DS415", 5), ("DS415", 9)]),
-        (three, (2,), "ok ok ok", [("DS415", 4), ("DS415", 8)]),
-        (three, (4,), "incomplete ok ok", [(1, "read_answer", 3), ("DS415", 4), ("DS415", 8)]),
-        (three, (5,), "ok orphan ok", []),
-        (three, (3, 4), "incomplete ok ok", [(1, "calls", 1, 3, "1"), ("DS415", 7)]),
-        (three, (4, 5), "incomplete orphan ok", [(1, "requests")]),
-        (three, (5, 6), "ok orphan ok", []),
-        (three, (3, 4, 5, 6), "ok ok", []),
-        (three, (4, 5, 6), "incomplete orphan ok", [(1, "calls", 3, 4, "2")]),
-        (counted, (4, 5), "incomplete orphan ok", [(1, "read_answer", 3)]),
-        (counted, (7, 8), "ok incomplete ok", [(5, "calls", 5, 7, "3")]),
-        (written, (), "superseded superseded incomplete", [("DS413", 3), (5, "ends"), ("DS413", 5)]),
-        (written, (2,), "incomplete superseded incomplete", [(1, "write_answer", 1), (4, "ends"), ("DS413", 4)]),
-        (written, (3,), "incomplete incomplete", [(1, "requests"), (4, "ends")]),
-        (written, (3, 4), "incomplete incomplete", [(1, "calls", 1, 3, "1"), (3, "ends")]),
-        (written, (4, 5, 6), "incomplete incomplete", [(1, "later"), (3, "write_answer", 3)]),
-        (written, (6,), "superseded incomplete incomplete", [(3, "later"), ("DS413", 3), (5, "write_answer", 5)]),
-        (polled, (), "ok ok", [("DS206", 6)]),
-        (polled, (4, 5), "incomplete ok", [(1, "read_answer", 3)]),
-        (polled, (7, 8), "ok orphan", [("DS206", 6)]),
-        (polled, (1, 2), "orphan ok", [(4, "begins")]),
-        (too_short, (), "ok ok", []),
-        (too_short, (5, 6), "incomplete ok", [(1, "calls", 3, 5, "2")]),
-        (too_short, (5,), "ok ok", []),
-        (overtaken, (), "refused ok", []),
-        (refused, (), "superseded refused", [("DS413", 3)]),
-        (refused, (3,), "incomplete", [(1, "requests"), (5, "requests")]),
-        (refused, (4,), "incomplete incomplete", [(1, "later"), (3, "write_answer", 3), (5, "later")]),
-        (refused, (3, 4), "incomplete", [(1, "calls", 1, 3, "1"), (4, "calls", 1, 3, "1")]),
-        (refused, (6,), "superseded incomplete", [(3, "read_answer", 5), ("DS413", 3)]),
-        (unread, (), "incomplete ok", [(1, "read_answer", 3)]),
-        (unread, (2,), "incomplete ok", [(1, "read_answer", 2)]),
-        (unread, (3, 4), "incomplete orphan", [(1, "requests")]),
-        (turned_away, (), "ok refused", [("DS705", 5, None)]),
-        (turned_away, (4,), "incomplete refused", [(1, "read_answer", 3), ("DS705", 4, None)]),
-        (busy, (), "incomplete refused", [(1, "ends"), ("DS705", 3, 1)]),
-        (busy, (2,), "incomplete refused", [(1, "write_answer", 1), ("DS705", 2, None)]),
-        (released, (4,), "incomplete incomplete", [(1, "later"), (3, "write_answer", 3)]),
-        (slow(1, 2, 3), (), "ok ok ok", []),
-        (slow(1, 2, 3), (9, 10), "ok ok ok", []),
-        (slow(254, 255, 1), (15, 16), "ok ok ok", []),
-        (slow(1, 4, 5), (9, 10), "ok incomplete orphan ok", [(7, "calls", 7, 9, "4")]),
-        (slow(1, 1, 2), (9, 10), "ok incomplete orphan ok", [(7, "calls", 7, 9, "4"), ("DS415", 7)]),
-        (slow(1, 2), (3, 4), "ok ok", []),
-        (slow(1, 2), (3,), "ok ok", []),
-        (slow(1, 2), (8,), "ok ok", []),
-    ],
+ABSENT = (
+    "DS206", "DS401", "DS402", "DS404", "DS413", "DS415", "DS704", "DS705", "DS721", "DS722",
 )  # fmt: skip
+Scene = tuple[Callable[[Client], None], tuple[int, ...], str, list[tuple[object, ...]]]
+SCENES: list[Scene] = [
+    (three, (), "ok ok ok", [("DS415", 5), ("DS415", 9)]),
+    (three, (2,), "ok ok ok", [("DS415", 4), ("DS415", 8)]),
+    (three, (4,), "incomplete ok ok", [(1, "read_answer", 3), ("DS415", 4), ("DS415", 8)]),
+    (three, (5,), "ok orphan ok", []),
+    (three, (3, 4), "incomplete ok ok", [(1, "calls", 1, 3, "1"), ("DS415", 7)]),
+    (three, (4, 5), "incomplete orphan ok", [(1, "requests")]),
+    (three, (5, 6), "ok orphan ok", []),
+    (three, (3, 4, 5, 6), "ok ok", []),
+    (three, (4, 5, 6), "incomplete orphan ok", [(1, "calls", 3, 4, "2")]),
+    (counted, (4, 5), "incomplete orphan ok", [(1, "read_answer", 3)]),
+    (counted, (7, 8), "ok incomplete ok", [(5, "calls", 5, 7, "3")]),
+    (written, (), "superseded superseded incomplete", [("DS413", 3), (5, "ends"), ("DS413", 5)]),
+    (written, (2,), "incomplete superseded incomplete", [(1, "write_answer", 1), (4, "ends"), ("DS413", 4)]),
+    (written, (3,), "incomplete incomplete", [(1, "requests"), (4, "ends")]),
+    (written, (3, 4), "incomplete incomplete", [(1, "calls", 1, 3, "1"), (3, "ends")]),
+    (written, (4, 5, 6), "incomplete incomplete", [(1, "later"), (3, "write_answer", 3)]),
+    (written, (6,), "superseded incomplete incomplete", [(3, "later"), ("DS413", 3), (5, "write_answer", 5)]),
+    (polled, (), "ok ok", [("DS206", 6)]),
+    (polled, (4, 5), "incomplete ok", [(1, "read_answer", 3)]),
+    (polled, (7, 8), "ok orphan", [("DS206", 6)]),
+    (polled, (1, 2), "orphan ok", [(4, "begins")]),
+    (too_short, (), "ok ok", []),
+    (too_short, (5, 6), "incomplete ok", [(1, "calls", 3, 5, "2")]),
+    (too_short, (5,), "ok ok", []),
+    (overtaken, (), "refused ok", []),
+    (refused, (), "superseded refused", [("DS413", 3)]),
+    (refused, (3,), "incomplete", [(1, "requests"), (5, "requests")]),
+    (refused, (4,), "incomplete incomplete", [(1, "later"), (3, "write_answer", 3), (5, "later")]),
+    (refused, (3, 4), "incomplete", [(1, "calls", 1, 3, "1"), (4, "calls", 1, 3, "1")]),
+    (refused, (6,), "superseded incomplete", [(3, "read_answer", 5), ("DS413", 3)]),
+    (unread, (), "incomplete ok", [(1, "read_answer", 3)]),
+    (unread, (2,), "incomplete ok", [(1, "read_answer", 2)]),
+    (unread, (3, 4), "incomplete orphan", [(1, "requests")]),
+    (turned_away, (), "ok refused", [("DS705", 5, None)]),
+    (turned_away, (4,), "incomplete refused", [(1, "read_answer", 3), ("DS705", 4, None)]),
+    (busy, (), "incomplete refused", [(1, "ends"), ("DS705", 3, 1)]),
+    (busy, (2,), "incomplete refused", [(1, "write_answer", 1), ("DS705", 2, None)]),
+    (released, (4,), "incomplete incomplete", [(1, "later"), (3, "write_answer", 3)]),
+    (slow(1, 2, 3), (), "ok ok ok", []),
+    (slow(1, 2, 3), (9, 10), "ok ok ok", []),
+    (slow(254, 255, 1), (15, 16), "ok ok ok", []),
+    (slow(1, 4, 5), (9, 10), "ok incomplete orphan ok", [(7, "calls", 7, 9, "4")]),
+    (slow(1, 1, 2), (9, 10), "ok incomplete orphan ok", [(7, "calls", 7, 9, "4"), ("DS415", 7)]),
+    (slow(1, 2), (3, 4), "ok ok", []),
+    (slow(1, 2), (3,), "ok ok", []),
+    (slow(1, 2), (8,), "ok ok", []),
+    (restarted, (), "ok ok ok ok", []),
+    (restarted, (11, 12), "ok ok incomplete ok", [(9, "calls", 9, 11, "3")]),
+    (early, (), "superseded ok", [("DS413", 5)]),
+    (failed, (), "superseded ok", [("DS413", 5)]),
+    (failed, (3,), "incomplete ok", [(1, "requests")]),
+    (elsewhere, (), "unanswered ok", [("DS401", 1)]),
+    (unsaved, (), "ok ok ok ok ok", [("DS721", 9)]),
+    (unsaved, (3, 4), "incomplete ok ok ok ok", [(1, "calls", 1, 3, "1"), ("DS721", 7)]),
+    (unsaved, (3, 4, 15, 16), "incomplete ok ok incomplete ok", [
+        (1, "calls", 1, 3, "1"), (11, "calls", 11, 13, "5"),
+    ]),
+    (once_more(2), (), "ok incomplete ok", [(5, "renewed")]),
+    (once_more(1), (), "ok incomplete ok", [(5, "renewed")]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("play", "frames", "states", "told"), SCENES)
 def test_what_is_said_of_a_conversation_with_holes(
     play: Callable[[Client], object],
     frames: tuple[int, ...],
@@ -479,20 +576,20 @@ def asked_again(client: Client) -> None:
     client.write(ask(3))
 
 
-@pytest.mark.parametrize(
-    ("play", "states", "told"),
-    [
-        (one_job(sent_twice, pause(249), Client.release), "incomplete", [(1, "read_answer", 3)]),
-        (one_job(sent_twice, pause(250), Client.release), "unanswered", [("DS401", 1), ("DS722", 1)]),
-        (one_job(sent_twice_at_once, pause(48), Client.release), "incomplete", [(1, "read_answer", 3)]),
-        (one_job(sent_twice_at_once, pause(49), Client.release), "unanswered", [("DS401", 1), ("DS722", 1)]),
-        (one_job(Client.ask_read, Client.release), "incomplete", [(1, "read_answer", 3)]),
-        (one_job(Client.ask_read, pause(5_000), Client.release), "incomplete", [(1, "read_answer", 3)]),
-        (one_job(Client.release), "unanswered", [("DS401", 1), ("DS722", 1)]),
-        (one_job(), "incomplete", [(1, "ends")]),
-        (one_job(asked_again), "superseded incomplete incomplete", [(3, "unseen"), (5, "ends"), ("DS413", 5)]),
-    ],
-)  # fmt: skip
+WHOLE: list[tuple[Callable[[Client], None], str, list[tuple[object, ...]]]] = [
+    (one_job(sent_twice, pause(249), Client.release), "incomplete", [(1, "read_answer", 3)]),
+    (one_job(sent_twice, pause(250), Client.release), "unanswered", [("DS401", 1), ("DS722", 1)]),
+    (one_job(sent_twice_at_once, pause(48), Client.release), "incomplete", [(1, "read_answer", 3)]),
+    (one_job(sent_twice_at_once, pause(49), Client.release), "unanswered", [("DS401", 1), ("DS722", 1)]),
+    (one_job(Client.ask_read, Client.release), "incomplete", [(1, "read_answer", 3)]),
+    (one_job(Client.ask_read, pause(5_000), Client.release), "incomplete", [(1, "read_answer", 3)]),
+    (one_job(Client.release), "unanswered", [("DS401", 1), ("DS722", 1)]),
+    (one_job(), "incomplete", [(1, "ends")]),
+    (one_job(asked_again), "superseded incomplete incomplete", [(3, "unseen"), (5, "ends"), ("DS413", 5)]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("play", "states", "told"), WHOLE)
 def test_what_shows_that_nothing_came(
     play: Callable[[Client], object], states: str, told: list[tuple[object, ...]]
 ) -> None:
