@@ -194,6 +194,18 @@ def test_the_last_call_may_still_get_its_response() -> None:
     assert (found.lacks(CLIENT, SERVER).halves, found.newest(SERVER)) == (0, 11)
 
 
+@pytest.mark.parametrize(("frames", "first"), [((5, 9), 6), ((2, 7), 1)])
+def test_the_first_half_of_a_call_is_named(frames: tuple[int, ...], first: int) -> None:
+    """Also where it is told last, because a response may still come."""
+    found = Completeness(64)
+    tracker = CallTracker(limits(), found)
+    for each in pdus(three):
+        if each.frame not in frames:
+            tracker.take(each)
+    tracker.finish()
+    assert (found.lacks(CLIENT, SERVER).half, found.lacks(CLIENT, SERVER).halves) == (first, 2)
+
+
 def test_who_was_never_heard() -> None:
     asked = heard(each for each in pdus(three) if each.ptype == 0)
     assert asked.behind(CLIENT, SERVER, 5) == "one_direction"
@@ -219,6 +231,34 @@ def test_a_server_that_calls_itself_was_heard() -> None:
     assert not forth.lacks(CLIENT, SERVER).hears
     forth.began(turned(asked[0]), Numbers(said(0)))
     assert forth.lacks(CLIENT, SERVER).hears
+
+
+def test_of_stations_that_said_nothing_nothing_is_known() -> None:
+    pair = Completeness(64).lacks(CLIENT, SERVER)
+    assert (pair.hears, pair.asks, pair.holes, pair.newest, pair.newest_call) == (
+        False,
+        False,
+        [],
+        0,
+        0,
+    )
+    assert (pair.half, pair.halves, pair.disorder, pair.unasked, pair.lost) == (0, 0, 0, [], [])
+
+
+@pytest.mark.parametrize("turns", [1, -1])
+def test_one_of_two_activities_is_heard(turns: int) -> None:
+    """A response in either shows that the server is heard; the newest call is that of the one that spoke last."""
+    second = [each for each in pdus(three) if each.ptype == 0]
+    for each in second:
+        each.activity = bytes(16)
+    calls = [pdus(three), second][::turns]
+    for each in calls[1]:
+        each.frame += 12
+    found = heard([*calls[0], *calls[1]])
+    pair = found.lacks(CLIENT, SERVER)
+    assert (pair.hears, pair.newest_call) == (True, 23)
+    found.began(said(0), Numbers(said(0)))
+    assert pair.newest_call == 23
 
 
 def turned(pdu: Pdu) -> Pdu:
@@ -272,6 +312,14 @@ def test_frames_of_a_pair_are_bounded() -> None:
         found.cut(write)
     kept = found.lacks(CLIENT, SERVER).unasked
     assert (len(kept), kept[0], kept[1], kept[-1]) == (64, 1, 7, 69)
+
+
+def test_calls_behind_which_a_client_went_on_are_bounded() -> None:
+    found = Completeness(64)
+    for frame in range(1, 67):
+        found.went_on(said(frame, frame), said(frame + 1, frame + 1))
+    known = [frame for frame in range(70) if found.went_on_ns(CLIENT, SERVER, frame) is not None]
+    assert known == list(range(3, 67))
 
 
 def test_numbers_of_two_activities_say_nothing_of_each_other() -> None:
@@ -402,6 +450,17 @@ def once_more(number: int) -> Callable[[Client], None]:
     return play
 
 
+def by_turns(client: Client) -> None:
+    """Two drives are called in one activity."""
+    other = Client(client.stage, device=drive(2))
+    client.exchange(ask(1), tell(1))
+    client.write(ask(2))
+    other.sequence = client.sequence
+    other.exchange(ask(1), tell(1))
+    client.sequence = other.sequence
+    client.exchange(ask(3), tell(3))
+
+
 def early(client: Client) -> None:
     """The response to a Read stands before its request."""
     client.write(ask(1))
@@ -409,6 +468,25 @@ def early(client: Client) -> None:
     shots = client.stage.shots
     shots[-2:] = reversed(shots[-2:])
     client.exchange(ask(2), tell(2))
+
+
+def behind_its_read(client: Client) -> None:
+    """The request of a Write stands behind the Read that fetched its response."""
+    client.exchange(ask(1), tell(1))
+    client.exchange(ask(2), tell(2))
+    client.stage.shots.insert(7, client.stage.shots.pop(4))
+    client.exchange(ask(3), tell(3))
+
+
+def of_no_record(client: Client) -> None:
+    """A call that reads and writes nothing stands behind the Write that came after it."""
+    client.write(ask(1))
+    client.poll()
+    control = client.call(4)
+    client.ask(control, bytes(4))
+    client.reply(control, bytes(20))
+    client.exchange(ask(2), tell(2))
+    client.stage.shots.insert(6, client.stage.shots.pop(4))
 
 
 def failed(client: Client) -> None:
@@ -519,6 +597,8 @@ SCENES: list[Scene] = [
     (restarted, (), "ok ok ok ok", []),
     (restarted, (11, 12), "ok ok incomplete ok", [(9, "calls", 9, 11, "3")]),
     (early, (), "superseded ok", [("DS413", 5)]),
+    (behind_its_read, (), "ok incomplete orphan ok", [(8, "halves")]),
+    (of_no_record, (), "superseded ok", [("DS413", 6)]),
     (failed, (), "superseded ok", [("DS413", 5)]),
     (failed, (3,), "incomplete ok", [(1, "requests")]),
     (elsewhere, (), "unanswered ok", [("DS401", 1)]),
@@ -527,6 +607,8 @@ SCENES: list[Scene] = [
     (unsaved, (3, 4, 15, 16), "incomplete ok ok incomplete ok", [
         (1, "calls", 1, 3, "1"), (11, "calls", 11, 13, "5"),
     ]),
+    (by_turns, (), "ok superseded ok ok", [("DS413", 11)]),
+    (by_turns, (3,), "ok superseded ok ok", [("DS413", 10)]),
     (once_more(2), (), "ok incomplete ok", [(5, "renewed")]),
     (once_more(1), (), "ok incomplete ok", [(5, "renewed")]),
 ]  # fmt: skip
@@ -568,6 +650,13 @@ def pause(milliseconds: float) -> Callable[[Client], None]:
     return lambda client: client.wait(milliseconds)
 
 
+def elsewhere_then_released(client: Client) -> None:
+    """The client goes on in another slot, and ends the connection long after that."""
+    client.exchange(ask(2), tell(2), client.at(slot=2))
+    client.wait(5_000)
+    client.release()
+
+
 def asked_again(client: Client) -> None:
     call = client.ask_write(ask(2))
     client.wait(500)
@@ -581,6 +670,8 @@ WHOLE: list[tuple[Callable[[Client], None], str, list[tuple[object, ...]]]] = [
     (one_job(sent_twice, pause(250), Client.release), "unanswered", [("DS401", 1), ("DS722", 1)]),
     (one_job(sent_twice_at_once, pause(48), Client.release), "incomplete", [(1, "read_answer", 3)]),
     (one_job(sent_twice_at_once, pause(49), Client.release), "unanswered", [("DS401", 1), ("DS722", 1)]),
+    (one_job(sent_twice, pause(249), elsewhere_then_released), "incomplete ok", [(1, "read_answer", 3)]),
+    (one_job(sent_twice, pause(250), elsewhere_then_released), "unanswered ok", [("DS401", 1), ("DS722", 1)]),
     (one_job(Client.ask_read, Client.release), "incomplete", [(1, "read_answer", 3)]),
     (one_job(Client.ask_read, pause(5_000), Client.release), "incomplete", [(1, "read_answer", 3)]),
     (one_job(Client.release), "unanswered", [("DS401", 1), ("DS722", 1)]),

@@ -57,9 +57,10 @@ def lines(seed: int) -> Iterator[str]:
             continue
         activity = chance.randrange(len(numbers))
         client, server = chance.sample(range(stations), 2)
-        numbers[activity] += chance.choice(
-            (1, 1, 1, 2, chance.randrange(-6, 7), longest * chance.randrange(9))
-        )
+        steps = (1, 1, 1, 2, chance.randrange(-6, 7), longest * chance.randrange(9))
+        if longest > 2 and chance.random() < 0.1:
+            steps = (257, 258)  # holes that may be filled, and that may not
+        numbers[activity] += chance.choice(steps)
         numbers[activity] = max(0, numbers[activity])
         seen = frame if what not in ("late", "went_on") else chance.randrange(1, frame + 1)
         time = frame + chance.choice((0, 0, 0, -5))

@@ -28,19 +28,19 @@ local Numbers = {}
 Numbers.__index = Numbers
 
 --- The numbers of an activity.
--- `lowest` and `highest`: of its numbers; `newest`: the request with the highest one; `again`: the newest
--- number that was there before, for the next one tells whether the client counts anew; `heard`: whether a
+-- `lowest` and `highest`: of its numbers; `newest`: the request with the highest one; `following`: the number
+-- behind the newest one that was there before, which tells that the client counts anew; `heard`: whether a
 -- call was answered; `holes`: array of {after, before (frames), first, last (numbers), missing (how many of
 -- `open`), open (set of numbers that may still come, or nil)}, in the order of their frames.
 -- @param pdu  the first request
 function M.numbers(pdu)
   return setmetatable({
-    lowest = pdu.seq, highest = pdu.seq, newest = pdu, again = -2, anew = 0, heard = false, holes = {},
+    lowest = pdu.seq, highest = pdu.seq, newest = pdu, anew = 0, heard = false, holes = {},
   }, Numbers)
 end
 
 local function new_hole(after, before, first, last)
-  local hole = {after = after, before = before, first = first, last = last, missing = 0, open = nil}
+  local hole = {after = after, before = before, first = first, last = last}
   if last - first < FILLED then
     hole.open, hole.missing = {}, last - first + 1
     for number = first, last do
@@ -87,10 +87,10 @@ function Numbers:add(pdu, renewed)
     return -- its first one
   elseif number < self.lowest then
     self.lowest = number
-  elseif number == self.again + 1 then
-    self.lowest, self.highest, self.newest = self.again, number, pdu
+  elseif number == self.following then
+    self.lowest, self.highest, self.newest = number - 1, number, pdu
   elseif not fills(self.holes, number) then
-    self.again, self.anew = number, renewed and pdu.frame or self.anew
+    self.following, self.anew = number + 1, renewed and pdu.frame or self.anew
   end
 end
 

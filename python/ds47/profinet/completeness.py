@@ -54,12 +54,12 @@ class Hole:
 class Numbers:
     """The sequence numbers of one activity, as a set: they may come out of order."""
 
-    __slots__ = ("again", "anew", "heard", "highest", "holes", "lowest", "newest")
+    __slots__ = ("anew", "following", "heard", "highest", "holes", "lowest", "newest")
 
     def __init__(self, pdu: Pdu) -> None:
         self.lowest = self.highest = pdu.seq
-        self.again = -2
-        """The newest number that was there before: the next one tells whether the client counts anew."""
+        self.following: int | None = None
+        """The number behind the newest one that was there before: it tells that the client counts anew."""
         self.anew = 0
         """The newest frame from which on a client counts anew: what came up to there nobody knows. 0 for none."""
         self.newest = pdu
@@ -83,10 +83,10 @@ class Numbers:
             return  # its first one
         elif number < self.lowest:
             self.lowest = number
-        elif number == self.again + 1:
-            self.lowest, self.highest, self.newest = self.again, number, pdu
+        elif number == self.following:
+            self.lowest, self.highest, self.newest = number - 1, number, pdu
         elif not self._fills(number):
-            self.again = number
+            self.following = number + 1
             if renewed:
                 self.anew = pdu.frame
 
@@ -174,7 +174,7 @@ class Pair:
     @property
     def newest(self) -> int:
         """The newest frame behind which something may be missing; 0 for none."""
-        holes = (hole.before for each in self.activities for hole in each.holes[-1:])
+        holes = (each.holes[-1].before for each in self.activities if each.holes)
         return max([0, *self.lost, *self.unasked, *self.unread, *holes])
 
 
@@ -297,7 +297,7 @@ class Completeness:
             return "halves"
         if anew > since:
             return "renewed"
-        if not (pair.heard or pair.hears):
+        if not pair.hears:
             return "one_direction"
         return "halves" if across and (pair.lost or pair.unread) else None
 
