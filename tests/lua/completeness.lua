@@ -1,7 +1,7 @@
 -- What is missing of a conversation, asked by a stream of words: lua tests/lua/completeness.lua < LINES
 --
--- A line is what is heard, or what is asked; of that one line comes back. test_lua_completeness.py makes them and says
--- what Python says to the same.
+-- A line is what is heard, or what is asked; of that one line comes back. test_lua_completeness.py makes them
+-- and says what Python says to the same.
 
 local root = arg[0]:match("^(.*[/\\])[^/\\]*$") or "./"
 package.path = root .. "../../lua/?.lua;" .. package.path
