@@ -478,6 +478,22 @@ def behind_its_read(client: Client) -> None:
     client.exchange(ask(3), tell(3))
 
 
+def then_in_order(client: Client) -> None:
+    """The same, and then calls in order: of these is said what is so."""
+    behind_its_read(client)
+    client.write(ask(4))
+    client.exchange(ask(5), tell(5))
+
+
+def behind_a_poll(client: Client) -> None:
+    """The request of a Write stands behind a Read of it, and the record that comes then mirrors it."""
+    client.exchange(ask(1), tell(1))
+    client.write(ask(2))
+    client.poll()
+    client.stage.shots.insert(6, client.stage.shots.pop(4))
+    client.read(tell(2))
+
+
 def of_no_record(client: Client) -> None:
     """A call that reads and writes nothing stands behind the Write that came after it."""
     client.write(ask(1))
@@ -598,6 +614,8 @@ SCENES: list[Scene] = [
     (restarted, (11, 12), "ok ok incomplete ok", [(9, "calls", 9, 11, "3")]),
     (early, (), "superseded ok", [("DS413", 5)]),
     (behind_its_read, (), "ok incomplete orphan ok", [(8, "halves")]),
+    (then_in_order, (), "ok incomplete orphan ok superseded ok", [(8, "halves"), ("DS413", 15)]),
+    (behind_a_poll, (), "ok ok", []),
     (of_no_record, (), "superseded ok", [("DS413", 6)]),
     (failed, (), "superseded ok", [("DS413", 5)]),
     (failed, (3,), "incomplete ok", [(1, "requests")]),
