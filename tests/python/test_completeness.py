@@ -108,6 +108,7 @@ def test_a_hole_that_is_too_wide_is_not_filled() -> None:
         ((5, 7, 8, 12), (5, 7, 8, 12)),
         ((5, 8, 7), (5, 7, 8)),
         ((5, 7, 3), (3, 4, 5, 7)),
+        ((3, 4, 5, 3, 4), (3, 4)),
         ((0, 300), (0, 300)),
     ],
 )
@@ -139,6 +140,7 @@ def test_nothing_is_missing_of_a_whole_conversation() -> None:
     pair = found.lacks(CLIENT, SERVER)
     assert [found.behind(CLIENT, SERVER, frame) for frame in (0, 1, 11, 12)] == [None] * 4
     assert (pair.holes, pair.halves, found.late, found.newest(SERVER)) == ([], 0, 0, 0)
+    assert found.newest_gap() == 0
     assert pair.hears
     assert pair.asks
 
@@ -152,6 +154,11 @@ def test_a_missing_call_is_a_hole_behind_what_came_before_it() -> None:
     assert found.behind(CLIENT, SERVER, 7) is None
     assert found.newest(SERVER) == 7
     assert found.newest(CLIENT) == 0
+    (other,) = pdus(lambda client: client.ask_write(ASK))
+    other.client, other.frame = "192.168.133.9", 20
+    found.cut(other)
+    assert found.newest(SERVER) == 20
+    assert found.newest_gap() == 7
 
 
 def test_a_write_response_without_its_request_shows_that_a_request_is_missing() -> None:

@@ -43,19 +43,17 @@ def test_scenes_give_the_same_result(tmp_path: Path) -> None:
 
 
 def lines(seed: int) -> Iterator[str]:
-    """What is heard, and asked in between: few stations and numbers, now and then many, with long gaps."""
+    """What is heard, and asked in between, of few stations and numbers; now and then with long gaps."""
     chance = random.Random(seed)
     stations, longest = chance.choice((2, 3)), chance.choice((1, 1, 2, 80))
-    many = seed % 20 == 0
-    """Whether there are more holes than are kept."""
     few = [each for each in dict.fromkeys(HEARD) if chance.random() < 0.7]
     yield f"new most={chance.choice((1, 2, 8))}"
-    activities = 1 if many else chance.choice((1, 2, 2, 70))
-    numbers = [chance.randrange(5, 20) for _ in range(activities)]
+    numbers = [chance.randrange(5, 20) for _ in range(chance.choice((1, 2, 2, 8)))]
+    halves = [(0, 0, 1)]
     for activity, number in enumerate(numbers):
         yield f"add activity={activity} seq={number} frame=1 time=1"
-    for frame in range(2, 300 if many else chance.choice((20, 60, 200))):
-        what = "add" if many else chance.choice(HEARD)
+    for frame in range(2, chance.choice((20, 60, 200))):
+        what = chance.choice(HEARD)
         if what not in few and what != "add":
             continue
         activity = chance.randrange(len(numbers))
@@ -63,18 +61,49 @@ def lines(seed: int) -> Iterator[str]:
         steps = (1, 1, 1, 2, chance.randrange(-6, 7), longest * chance.randrange(9))
         if longest > 2 and chance.random() < 0.1:
             steps = (257, 258)  # holes that may be filled, and that may not
-        numbers[activity] += chance.choice((2, 2, 2, 1) if many else steps)
-        numbers[activity] = max(0, numbers[activity])
-        seen = frame if what not in ("late", "went_on") else chance.randrange(1, frame + 1)
-        time = frame + chance.choice((0, 0, 0, -5))
+        numbers[activity] = max(0, numbers[activity] + chance.choice(steps))
+        seen = chance.randrange(frame) if what == "went_on" else frame
+        if what == "late":
+            seen, client, server = chance.choice(halves)
+        elif what in ("unasked", "cut", "lost"):
+            halves.append((frame, client, server))
         opnum = chance.choice((RPC_CONNECT, RPC_READ, RPC_WRITE))
         place = f"activity={activity} client={client} server={server}"
         told = f"seq={numbers[activity]} opnum={opnum} ptype={chance.choice((2, 2, 3))}"
-        yield f"{what} {place} {told} frame={seen} time={max(0, time)} renewed={chance.randrange(2)}"
+        time = max(0, frame + chance.choice((0, 0, 0, -5)))
+        yield f"{what} {place} {told} frame={seen} time={time} renewed={chance.randrange(2)}"
         for asked in chance.sample(ASKED, chance.choice((0, 1, 3))):
             since = chance.choice((0, frame, chance.randrange(frame)))
             number = max(0, numbers[activity] - chance.randrange(9))
             yield f"{asked} {place} seq={number} frame={since} renewed={chance.randrange(2)}"
+
+
+def many(seed: int) -> Iterator[str]:
+    """More holes than are kept, of which some are filled; more activities, of which one is heard."""
+    chance, place = random.Random(seed), "client=1 server=2"
+    yield "new most=8"
+    number = 0
+    for frame in range(1, 300):
+        number += chance.choice((2, 2, 2, 1))
+        old = max(0, number - chance.randrange(170))
+        seq = old if chance.random() < 0.3 else number
+        yield f"add activity=0 seq={seq} frame={frame} time={1000 - frame} renewed=0"
+        yield "holes activity=0 frame=0"
+    for seq in range(number - 170, number):  # all but the oldest ones, which are as one
+        yield f"add activity=0 seq={seq} frame=299 time=1 renewed=0"
+        yield "holes activity=0 frame=0"
+    heard = chance.choice((0, 1, 65))
+    for activity in range(66):
+        yield f"add activity={activity + 1} seq=5 frame={300 + activity} time={900 - activity} renewed=0"
+        yield f"began activity={activity + 1} {place} frame={300 + activity}"
+        if activity == heard:
+            yield f"heard activity={activity + 1} frame=0"
+        yield f"spoke activity=1 {place} frame=0"
+        yield f"behind activity=1 {place} frame={300 + activity} renewed=0"
+    yield from (f"cut activity=1 {place} frame={frame}" for frame in range(400, 470))
+    for frame in range(469, 399, -1):  # the newest ones are kept, and the oldest one
+        yield f"late activity=1 {place} frame={frame}"
+        yield f"behind activity=1 {place} frame=401 renewed=0"
 
 
 def told(found: What | Hole | None) -> str:
@@ -132,6 +161,7 @@ class Python:
 @pytest.mark.parametrize("lua", LUAS)
 def test_what_is_heard_by_chance_lacks_the_same(lua: str) -> None:
     said = [line for seed in range(150) for line in lines(seed)]
+    said += [line for seed in range(8) for line in many(seed)]
     python = Python()
     answers = [(line, answer) for line in said if (answer := python.say(line)) is not None]
     command = [lua_program(lua), str(DRIVER)]
