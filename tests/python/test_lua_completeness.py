@@ -86,7 +86,7 @@ def many(seed: int) -> Iterator[str]:
     for frame in range(1, 300):
         number += chance.choice((2, 2, 2, 1))
         old = max(0, number - chance.randrange(170))
-        seq = old if chance.random() < 0.3 else number
+        seq = old if chance.random() < 0.05 else number
         yield f"add activity=0 seq={seq} frame={frame} time={1000 - frame} renewed=0"
         yield "holes activity=0 frame=0"
     for seq in range(number - 170, number):  # all but the oldest ones, which are as one
