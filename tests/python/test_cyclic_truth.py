@@ -122,10 +122,10 @@ def test_halves_are_a_cycle_apart_wherever_the_words_lie(how: str) -> None:
 
 
 def test_what_stands_in_the_first_exchange_is_asked_there() -> None:
-    for pause, state in ((6, "ok"), (10_000, "unanswered")):
+    for pause, state, rules in ((6, "ok", []), (10_000, "unanswered", ["DS514"])):
         bus = on_profibus(talk((READ, 40), pause=pause))
         assert bus is not None
-        assert told(analyze(io.BytesIO(bus))) == ([state], [])
+        assert told(analyze(io.BytesIO(bus))) == ([state], rules)
 
 
 def test_of_one_direction_nothing_is_said_of_responses() -> None:
@@ -413,4 +413,4 @@ def test_what_stands_in_the_frames_to_another_makers_drive_is_not_ok(
     assert bus is not None
     text = printed(bus, tmp_path, capsys)
     assert "LOOK AT IT: 1 drive, 1 transaction, 1 unanswered" in text
-    assert "The response to 1 request by PKW" in text
+    assert "DS514 warning" in text

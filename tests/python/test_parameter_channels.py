@@ -361,8 +361,9 @@ def test_a_request_that_is_withdrawn() -> None:
     assert rules_of(proven().ask(OTHER[0], 5).respond(OTHER[1]).ask(IDLE)) == []
 
 
-def test_a_request_at_the_end_of_the_capture_is_nobodys_fault() -> None:
-    assert rules_of(proven().ask(OTHER[0], 50)) == []
+def test_a_request_at_the_end_of_the_capture_is_nobodys_fault_before_it_stands_for_long() -> None:
+    assert rules_of(proven().ask(OTHER[0], 30)) == []
+    assert [rule for rule, _ in rules_of(proven().ask(OTHER[0], 50))] == ["DS514"]
 
 
 def test_a_request_that_is_replaced() -> None:
