@@ -66,8 +66,8 @@ Analysis.__index = Analysis
 --   cyclic        channels in cyclic frames that are named by hand, as named.lua takes them
 --   ppos          numbers of PPO by the address of the station on PROFIBUS, where Chk_Cfg is missing
 --   vendor_id     PROFINET vendor id of devices of which the capture shows none
---   frame_numbers  nil, or those that frames had before somebody chose them: every one of a watched channel is
---                 looked at then
+--   frame_numbers  nil, or those that frames had before somebody chose them: every one of a watched channel
+--                 is looked at then
 --   frames_dropped  whether the capture says that frames are missing (docs/pairing.md P47)
 function M.new(options)
   options = options or {}

@@ -10,7 +10,7 @@ from random import Random
 from typing import Any
 
 import pytest
-from test_audit import lines_of_profibus, mutated, read
+from test_audit import lines_of_profibus, mutated
 from tests.audit import cuts, dp, lines, reading, run, stations, wire
 from tests.audit import seeds as many
 from tests.audit.reading import Reading
@@ -26,7 +26,7 @@ def test_random_lines(tmp_path: Path) -> None:
 
 
 def test_every_trouble_is_told_truly() -> None:
-    item = read(lines_of_profibus()[0])
+    item = reading.read(lines_of_profibus()[0])
     assert list(map(str, run.complaints(item))) == []
 
 
@@ -48,7 +48,7 @@ def test_every_trouble_is_told_truly() -> None:
     ],
 )
 def test_a_false_word_about_stations_is_noticed(was: str, becomes: str, kind: str) -> None:
-    item = read(lines_of_profibus()[0])
+    item = reading.read(lines_of_profibus()[0])
     told = getattr(item, kind)
     at = told.index("PROFIBUS\n" if kind == "text" else '<section id="bus-')
     lie = copy.copy(item)
@@ -69,7 +69,7 @@ def numbers(plain: Any) -> Iterator[tuple[Any, Any]]:
 
 
 def test_a_false_number_about_stations_is_noticed() -> None:
-    item = read(lines_of_profibus()[0])
+    item = reading.read(lines_of_profibus()[0])
     missed = []
     for number in range(len(list(numbers(item.plain["bus"])))):
         plain = copy.deepcopy(item.plain)

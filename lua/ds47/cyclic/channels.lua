@@ -34,7 +34,7 @@ local M = {}
 
 local ETHERTYPE, TAG = "\x88\x92", "\x81\x00"
 local DCP = 0xFE -- first byte of frame ids that are not cyclic
--- What a sender may be slower than its cycle, and how many frames it may be short of, before some are missing.
+-- What a sender may be slower than its cycle, and how many frames it may be short of: else some are missing.
 local SLOWER, ALLOWED = 1.25, 3
 local LATE = 2 -- cycles from a change of a request to the next frame of the drive: some between are missing
 local KEPT = 256 -- transactions that wait for the proof
@@ -70,7 +70,7 @@ function M.new(listener, limits, numbers, naming)
     mixed = {}, -- {frame, device, sender, frame_id}: it proves that several sequences take turns
     asked = {}, -- places where one was, in a relation that another one may have replaced
     moved = {}, -- ends in which the last frame changed something
-    looked = {frame = 0, place = 0, time = 0}, -- the last one that was looked at: `place` is its number before
+    looked = {frame = 0, place = 0, time = 0}, -- of the last look; `place` is its number before
     busiest = 0, -- the highest rate of a channel of PKW
   }, Channels)
 end
@@ -276,7 +276,7 @@ local function new_requests(self, relation)
   local line = setmetatable({relation = relation, owner = self, waiting = {}, asked = false}, Requests)
   line.channel = handshake.new(over, line, relations.is_bus(relation) and relation.certainty ~= NAMED)
   line.changed = nil -- when the words of the controller changed first, until a frame of the drive comes
-  line.shared = false -- whether other drives have frames of the same id: of whom a change is, the loop cannot tell
+  line.shared = false -- whether other drives have frames of the same id
   local out, input = relation.output.cycle_ns, relation.input.cycle_ns
   line.rate = out > 0 and input > 0 and 1 / out + 1 / input or 0 -- frames of both directions in a nanosecond
   return line
