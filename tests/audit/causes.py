@@ -1133,7 +1133,9 @@ def _begun(case: Case, pair: tuple[str, str], asked: list[Deal]) -> list[int]:
 
 def _open_at_the_end(case: Case, pair: tuple[str, str]) -> list[int]:
     """The frames of requests, and of a last call, whose responses are not there since the capture ends (DS110)."""
-    found, newest = [], case.reading.gaps.newest_call(*pair)
+    found = []
+    is_line = case.reading.line is not None  # which has no calls
+    newest = case.reading.gaps.newest_call(*pair)
     deals = {each.id: (each.controller, each.device) for each in case.reading.deals}
     calls = set()
     for each in case.reading.findings:
@@ -1141,7 +1143,11 @@ def _open_at_the_end(case: Case, pair: tuple[str, str]) -> list[int]:
             continue
         if each.args["what"] == "ends":
             found.append(each.frame)
-        elif each.args["what"] in ("read_answer", "write_answer") and each.args["first"] >= newest:
+        elif (
+            not is_line
+            and each.args["what"] in ("read_answer", "write_answer")
+            and each.args["first"] >= newest
+        ):
             calls.add(each.args["first"])
     return [*found, *calls]
 

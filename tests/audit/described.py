@@ -72,7 +72,9 @@ def _all(reading: Reading) -> Iterator[Said]:
 
 def _is_broken(deal: Deal) -> bool:
     answer = deal.answer
-    return answer is None or bool(answer.missing or answer.rest or answer.unknown is not None)
+    return answer is None or bool(
+        answer.missing or answer.rest or answer.unknown is not None or deal.short
+    )
 
 
 def _parameter(

@@ -480,7 +480,10 @@ def of_change(finding: Finding, reading: Reading) -> Iterator[str]:
     if finding.args["what"] != ("pzd_since_ever" if finding.args["since"] is None else "pzd_since"):
         yield "since when it runs is not said"
     said = cyclic.parts(reading, drive.relation, "input")
-    stood = [each.frame for each in said if each.good and not each.data[1] & 4]
+    begins = drive.relation["frame"]
+    stood = [
+        each.frame for each in said if each.good and not each.data[1] & 4 and each.frame >= begins
+    ]
     if finding.args["since"] is None and stood and stood[0] < first:
         yield f"it did not run in frame {stood[0]}"
     began = [

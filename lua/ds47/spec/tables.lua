@@ -1434,7 +1434,7 @@ M.diagnosis_words = {
   pzd_zero = {en = "its control word became 0", zh = "控制字变为 0"},
   pzd_invalid = {en = "the data of the controller became invalid", zh = "控制器数据变为无效"},
   pzd_since = {en = "running since frame {since}", zh = "自第 {since} 帧起一直运行"},
-  pzd_since_ever = {en = "running since before the capture began", zh = "抓包开始之前就在运行"},
+  pzd_since_ever = {en = "running since before the first frame of its channel", zh = "在其通道的第一帧之前就在运行"},
 }
 ]=]
 
