@@ -140,7 +140,7 @@ def test_nothing_is_missing_of_a_whole_conversation() -> None:
     pair = found.lacks(CLIENT, SERVER)
     assert [found.behind(CLIENT, SERVER, frame) for frame in (0, 1, 11, 12)] == [None] * 4
     assert (pair.holes, pair.halves, found.late, found.newest(SERVER)) == ([], 0, 0, 0)
-    assert found.newest_gap() == 0
+    assert found.newest_gap(SERVER) == 0
     assert pair.hears
     assert pair.asks
 
@@ -158,7 +158,7 @@ def test_a_missing_call_is_a_hole_behind_what_came_before_it() -> None:
     other.client, other.frame = "192.168.133.9", 20
     found.cut(other)
     assert found.newest(SERVER) == 20
-    assert found.newest_gap() == 7
+    assert found.newest_gap(SERVER) == 20
 
 
 def test_a_write_response_without_its_request_shows_that_a_request_is_missing() -> None:

@@ -24,6 +24,8 @@ local FAULT, NO_OFF2, NO_OFF3, INHIBITED = 3, 4, 5, 6 -- bits of ZSW1
 -- From here on bits 12 to 15 of STW1 are set, which most controllers leave at 0: telegram 20, motor
 -- potentiometers and some makers use them.
 local FREE = 0x1000
+-- Control words that lack bit 10 alone, without and with ON and acknowledgement.
+local COMPLETE = {[0x007E] = true, [0x007F] = true, [0x00FE] = true, [0x00FF] = true}
 local REACTION_NS = 2000000000 -- so soon after ON a drive has the next state
 local LAST_TASK = 63 -- of traversing tasks, which telegram 7 has where telegram 1 has the setpoint
 local LEGAL = {[1] = true, [3] = true, [7] = true} -- bits 2 to 0 of ZSW1 in the states S2 to S4
@@ -126,7 +128,7 @@ local function look(self)
   local number = stw1 % 0x800 -- of a parameter: the response has that of its request
   self.odd = self.odd or stw1 >= FREE and zsw1 >= FREE and number > 0 and zsw1 % 0x800 == number
   if self.proven or not self.trusted then return end
-  local heeded = bit(stw1, HEEDED) == 1 and (self.reacted or stw1 < FREE)
+  local heeded = bit(stw1, HEEDED) == 1 and (self.reacted or stw1 < FREE) or COMPLETE[stw1] ~= nil
   self.proven = heeded and bit(zsw1, REQUESTED) == 1 and is_legal(zsw1)
 end
 

@@ -32,6 +32,8 @@ _ILLEGAL = frozenset((2, 4, 6))
 _INHIBITED, _FAULT = 0x0040, 0x0008
 FREE = 0xF000
 """Bits of STW1 that most controllers leave at 0; telegram 20, motor potentiometers and some makers use them."""
+_COMPLETE, _SWITCHED = 0x007E, 0x0081
+"""Bits of a control word that wants the drive to run, and those that change in it: one that lacks bit 10 alone."""
 _NUMBER = 0x07FF
 """Bits of PKE that are a parameter number; the response has that of its request."""
 _REACTION_NS = 2_000_000_000
@@ -253,6 +255,7 @@ class Recorder:
         if self.proven or not self.trusted:
             return
         heeded = bool(stw1 >> HEEDED & 1) and (self.reacted or not stw1 & FREE)
+        heeded = heeded or stw1 & ~_SWITCHED == _COMPLETE
         self.proven = heeded and bool(zsw1 >> REQUESTED & 1) and _is_legal(zsw1)
 
     def _learnt(self, raw: int) -> bool:

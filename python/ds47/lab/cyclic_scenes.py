@@ -121,6 +121,15 @@ def on_without_control(client: Client) -> None:
     it.control(0x007E).run(0.2).control(0x007F).run(1).control(OFF).run(0.3)
 
 
+@BOOK.scene("DS522, DS532: a program that does not know bit 10", rules="DS512 DS522 DS532 DS533")
+def never_control(client: Client) -> None:
+    """16#007E, 16#007F, and 16#00FE after a fault: never is bit 10 set."""
+    it = machine(client).control(WITHOUT_CONTROL).run(0.3).control(WITHOUT_CONTROL | 1).run(2)
+    it.control(WITHOUT_CONTROL).run(0.3)
+    it.drive.fault = 7860
+    it.run(0.5).control(WITHOUT_CONTROL | 0x80).run(2.2).control(WITHOUT_CONTROL).run(0.3)
+
+
 @BOOK.scene("Near DS522: bit 10 is missing, and nothing is asked for", rules="DS512")
 def control_given_back(client: Client) -> None:
     """The program gives control back while the drive stands."""
