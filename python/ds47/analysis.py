@@ -473,7 +473,8 @@ class Analysis:
             learning.answered(self._dictionary, job)
         self._tell(job.key, partial(self._s7.records, job.peer.device))
         if self._early is not None:
-            self._tell(job.key, partial(self._settled, job, self._answers[job], self._early))
+            remarks = list(self._answers[job])  # more come when it is over
+            self._tell(job.key, partial(self._settled, job, remarks, self._early))
 
     def _refused(self, job: Job) -> None:
         self._judge.refused(job)

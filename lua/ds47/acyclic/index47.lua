@@ -236,14 +236,11 @@ function Index47:echoed(ar, place, data)
 end
 
 --- Whether a record, which is not the same bytes once more, is the response to the Write that waits (P20).
--- Behind a question whatever comes is.
 function Index47:answers(ar, place, data, codec)
   local held = self.held:get(ar)
   local request = held and held.asked:get(submodule(records.device_of(ar), place.api, place))
   if not request then
     return false
-  elseif held.question and M.is_question(request) then
-    return true
   elseif request.operation == "unknown" or not (request.addresses[1] and kind_fits(request, data)) then
     return false
   end

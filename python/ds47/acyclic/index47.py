@@ -223,16 +223,11 @@ class Index47:
         return gone
 
     def answers(self, ar: ArKey, place: Place, data: bytes, codec: Options) -> bool:
-        """Whether a record, which is not the same bytes once more, is the response to the Write that waits (P20).
-
-        Behind a question whatever comes is.
-        """
+        """Whether a record, which is not the same bytes once more, is the response to the Write that waits (P20)."""
         held = self._held.get(ar)
         request = held.asked.get(place) if held is not None else None
-        if held is None or request is None:
+        if request is None:
             return False
-        if held.question and is_question(request):
-            return True
         unknown = request.operation == "unknown" or not request.addresses
         if unknown or not kind_fits(request, data):
             return False
