@@ -223,7 +223,7 @@ class Index47:
         return gone
 
     def answers(self, ar: ArKey, place: Place, data: bytes, codec: Options) -> bool:
-        """Whether a record, which is not the same bytes once more, is the response to the Write that waits (P20)."""
+        """Whether a record that is no echo is the response to the Write that waits (P20)."""
         held = self._held.get(ar)
         request = held.asked.get(place) if held is not None else None
         if request is None:
