@@ -259,7 +259,7 @@ def of_ignored(finding: Finding, reading: Reading) -> Iterator[str]:
     if asked[0] >> 4 not in ANSWERS or stood:
         yield "no request begins in this frame"
         return
-    whole = _whole(asked, there[place + 1].data if place + 1 < len(there) else asked)
+    whole = _whole(asked, next((each.data for each in there[place:] if each.data != asked), asked))
     same = list(takewhile(lambda each: each.data in (asked, whole), there[place:]))
     end = there[place + len(same)] if place + len(same) < len(there) else same[-1]
     if finding.args["milliseconds"] * 1e6 > end.time_ns - there[place].time_ns:

@@ -247,16 +247,19 @@ def _last(calls: list[Told], deal: Deal, reading: Reading) -> Iterator[str]:
         yield from _without(each, deal, reading)
 
 
+def _stated(record: wire.Record) -> int:
+    """The bytes of a record, of which the capture may have a part only."""
+    response = record.call.response
+    return record.stated if response is not None and response.cut else len(record.data)
+
+
 def _length(told: Told, deal: Deal, reading: Reading) -> Iterator[str]:
     """LEN: the bytes of the record, of which the capture may have a part only."""
     records = [each for each in reading.answered_at.get(deal.read or 0, []) if not each.write]
     if records and all(each.implicit for each in records):
         yield "RDREC VALID is a ReadImplicit, and no RDREC"
     mine = [each for each in records if deal.answer and each.data == deal.answer.data]
-    true = {
-        (each.stated if each.call.response and each.call.response.cut else len(each.data))
-        for each in mine
-    }
+    true = set(map(_stated, mine))
     if mine and told.length not in true:
         yield f"LEN {told.length} is {sorted(true)}"
     got = len(deal.answer.data) if deal.answer else 0
@@ -305,7 +308,7 @@ def _implicit(calls: list[Told], deal: Deal, reading: Reading) -> Iterator[str]:
         yield "a Read without an AR is told"
     elif calls[0].status != deal.read_status:
         yield f"STATUS {calls[0].status} is {deal.read_status}"
-    elif calls[0].length != len(deal.answer.data if deal.answer else b""):
+    elif calls[0].length not in map(_stated, records):
         yield f"LEN {calls[0].length} is another"
 
 

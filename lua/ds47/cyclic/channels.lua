@@ -108,7 +108,7 @@ end
 function Requests:take(sent, words, moment)
   if not sent then
     self.channel:answered(words, moment)
-  elseif self.channel:sent(words, moment) and not self.shared then
+  elseif self.channel:sent(words, moment) then
     self.changed = self.changed or moment
   end
 end
@@ -367,7 +367,8 @@ local function parts_of(row)
     for at = side.offset, side.offset + side.watched - 1 do places[#places + 1] = at end
     places[#places + 1] = side.status
     places[#places + 1] = side.iops
-    if row.shared and side.status then -- all frames: what one says may be what another one said last
+    local is_shared = row.shared or not each.sent and each.line.channel and each.line.shared
+    if is_shared and side.status then -- all frames: what one says may be what another one said last
       places[#places + 1] = side.status - 2
       places[#places + 1] = side.status - 1
     end
@@ -432,16 +433,18 @@ local function watch(self)
       end
     end
   end
+  for _, row in pairs(self.rows) do
+    row.shared = #M.ends_to(row, receiver_of(row[1])) < #row
+    for _, each in ipairs(row) do
+      if each.sent then each.line.shared = row.shared end
+    end
+  end
   for _, rows in ipairs({self.rows, self.stations}) do
     for _, row in pairs(rows) do
-      row.shared = #M.ends_to(row, receiver_of(row[1])) < #row
       row.parts = parts_of(row)
       local final = row.parts[#row.parts]
       row.need = final[1] + final[2]
       row.answered = row_of_answers(self, row)
-      for _, each in ipairs(row) do
-        if each.sent then each.line.shared = row.shared end
-      end
       self.senders = self.senders + (rows == self.rows and 1 or 0)
     end
   end

@@ -99,7 +99,7 @@ class _Requests:
     changed: Moment | None = None
     """When the words of the controller changed first, until a frame of the drive comes."""
     shared: bool = False
-    """Whether other drives have frames of the same id: of whom a change is, the scan cannot tell."""
+    """Whether other drives have frames of the same id: of whom a change is, the scan cannot tell, so all are given."""
     asked: bool = False
     """Whether anything was."""
     doubt: set[bool] = field(default_factory=set)
@@ -115,7 +115,7 @@ class _Requests:
         self.valid.add(sent)
         if not sent:
             self.channel.answered(words, at)
-        elif self.channel.sent(words, at) and not self.shared:
+        elif self.channel.sent(words, at):
             self.changed = self.changed or at
 
     def passes(self, at: Moment) -> None:
@@ -664,9 +664,10 @@ def _parts(ends: list[tuple[_Line, Side, bool]]) -> Iterator[tuple[tuple[int, in
     What one of these says may be what another one said last.
     """
     is_shared = _is_shared(ends)
-    for _, each, _ in ends:
+    for line, each, sent in ends:
         yield each.parts
-        if is_shared and each.status is not None:
+        answers = not sent and isinstance(line, _Requests) and line.shared
+        if (is_shared or answers) and each.status is not None:
             yield ((each.status - _COUNTER, _COUNTER),)
 
 
