@@ -99,7 +99,7 @@ class _Requests:
     changed: Moment | None = None
     """When the words of the controller changed first, until a frame of the drive comes."""
     shared: bool = False
-    """Whether other drives have frames of the same id: of whom a change is, the scan cannot tell, so all are given."""
+    """Whether other drives have frames of the same id: the scan cannot tell whose change one is, and gives all."""
     asked: bool = False
     """Whether anything was."""
     doubt: set[bool] = field(default_factory=set)
