@@ -133,7 +133,8 @@ def compiled(sources: Path, work: Path) -> Path:
 
 def _reason(output: str) -> str:
     lines = [line for line in output.splitlines() if line.strip()]
-    return lines[-1] if lines else "no reason given"
+    errors = [line for line in lines if ": error: " in line]
+    return (errors or lines or ["no reason given"])[-1]
 
 
 def compile_part(folder: Path, part: str) -> None:

@@ -94,7 +94,7 @@ class _Requests:
     start_ns: int | None = None
     looks: list[int] = field(default_factory=lambda: [0, 0])
     valid: set[bool] = field(default_factory=set)
-    rate: float = 0
+    rate: float = 0.0
     """Frames of both directions in a nanosecond; 0 where no Connect tells it."""
     changed: Moment | None = None
     """When the words of the controller changed first, until a frame of the drive comes."""
@@ -109,7 +109,7 @@ class _Requests:
         relation = self.relation
         self.channel = Channel(self._over, fresh=relation.is_bus and relation.certainty != NAMED)
         cycles = relation.output.cycle_ns, relation.input.cycle_ns
-        self.rate = sum(1 / each for each in cycles) if all(cycles) else 0
+        self.rate = sum(1 / each for each in cycles) if all(cycles) else 0.0
 
     def take(self, sent: bool, words: bytes, at: Moment) -> None:
         self.valid.add(sent)
@@ -309,7 +309,7 @@ class CyclicChannels:
         """By sender and frame id,"""
         self._looked = 0, 0
         """Frame and time of the last one that was looked at."""
-        self._busiest: float = 0
+        self._busiest: float = 0.0
         """The highest rate of a channel of PKW."""
         self._sides_to: dict[tuple[str, int, str], list[tuple[_Line, Side, bool]]] = {}
         """and by receiver, too."""
@@ -541,7 +541,7 @@ class CyclicChannels:
                 if sent and isinstance(line, _Requests):
                     line.shared = _is_shared(ends)
         rates = (each.rate for each in self._lines if isinstance(each, _Requests))
-        self._busiest = max(rates, default=0)
+        self._busiest = max(rates, default=0.0)
         self._rows = {
             bytes.fromhex(source.replace(":", "")): _Row(found)
             for (source, _), found in self._sides.items() if len(source) < _MAC
