@@ -459,8 +459,8 @@ end
 
 --- A Read without record on a channel that has no request (docs/pairing.md P33).
 -- @param missing  what may be missing of the requests (P73); nil where nothing can be
-function Analysis:nothing_to_read(record, device, missing)
-  local half = record.response
+function Analysis:nothing_to_read(peer, record, missing)
+  local half, device = record.response, peer.device
   if half == nil or half.status == nil then -- without a status it is DS108, the cause
     return
   end
@@ -472,7 +472,7 @@ function Analysis:nothing_to_read(record, device, missing)
   end
   local remark = missing and not never and rules.remark("DS110", half.frame, missing)
     or rules.remark(never and "DS808" or "DS206", half.frame, args)
-  remark.ar = records.ar_of_47(record)
+  remark.ar = records.ar_of_47(peer, record)
   self.findings:add(remark)
 end
 

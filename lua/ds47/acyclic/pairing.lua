@@ -236,7 +236,7 @@ Pairing.__index = Pairing
 -- @param listener  told `asked(job)` of each Write request; `refused(job)` when a Write was refused;
 --   `connected(device, frame)` of each Connect; `answered(job)`, once, when a job has its response;
 --   `closed(job)`, once, when nothing more can come; `late(job)` before a Write response changes a closed
---   one; `nothing_to_read(record, device, missing)` for a Read without record on a channel without a request
+--   one; `nothing_to_read(peer, record, missing)` for a Read without record on a channel without a request
 -- @param completeness  what is missing of what stations say to each other; nil for nothing
 function M.new(limits, listener, completeness)
   return setmetatable({
@@ -1134,7 +1134,7 @@ local function nothing(self, peer, channel, record, missing)
       missing = missing or unseen and {what = "requests"} or nil
     end
   end
-  self.listener:nothing_to_read(record, peer.device, missing)
+  self.listener:nothing_to_read(peer, record, missing)
   if half.status ~= nil and known then
     pass_over(channel)
     if missing == nil then

@@ -51,13 +51,13 @@ local function clock(self, origin, record)
   end
   if newest and now < newest then
     local args = {milliseconds = json.float((newest - now) / 1e6), first = before}
-    self.listener:remark({rule = "DS107", frame = origin.frame, args = args, ar = ar_of(record)})
+    self.listener:remark({rule = "DS107", frame = origin.frame, args = args, ar = ar_of(origin.peer, record)})
   end
   self.newest_ns, self.newest_frame = now, origin.frame
 end
 
-local function event_remark(self, _, record, remark)
-  remark.ar = ar_of(record)
+local function event_remark(self, origin, record, remark)
+  remark.ar = ar_of(origin.peer, record)
   self.listener:remark(remark)
 end
 
@@ -65,8 +65,8 @@ local function event_run(_, origin, _, detail)
   detail.target[detail.method](detail.target, detail.argument, origin)
 end
 
-local function event_job_remark(self, _, record, remark)
-  remark.ar = ar_of(record)
+local function event_job_remark(self, origin, record, remark)
+  remark.ar = ar_of(origin.peer, record)
   self.listener:remark(remark, record.job)
 end
 
@@ -223,6 +223,7 @@ local function proves_by_answer(self, origin, record)
     self.pairing:release(ar, nil, index47s.SHARED_INDEX)
     self.listener:no_drive(ar)
   end
+  know_peer(place, origin.peer) -- that of what was forgotten has been asked for meanwhile
   return not (ars or half.missing) and (index47:answers(place.ar_key, place, half.data, self.codec)
     or self.pairing:is_again(origin.peer, record))
 end

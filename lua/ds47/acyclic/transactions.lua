@@ -468,7 +468,7 @@ function Store:forget(ar)
   self.all, self.places = {}, {}
   for _, item in ipairs(all) do
     local job = item.phase and item or rawget(item, "job")
-    if job and records.ar_of_47(job.record) == ar then
+    if job and records.ar_of_47(job.peer, job.record) == ar then
       gone[job.order] = true
     else
       self:add_made(item)

@@ -161,8 +161,8 @@ function M.ar_key(peer, record)
 end
 
 --- The same of a record at index 47; nil of any other.
-function M.ar_of_47(record)
-  return record.index == 47 and record.place.ar_key or nil
+function M.ar_of_47(peer, record)
+  return record.index == 47 and M.ar_key(peer, record) or nil
 end
 
 --- What names the channel of a record.
