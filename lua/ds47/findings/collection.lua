@@ -66,8 +66,10 @@ end
 
 --- Takes back what was kept of an AR (`remark.ar`), and of jobs: {[order] = true}.
 function Findings:withdraw(ar, orders)
-  for _, remark in ipairs(self.kept) do
-    remark.withdrawn = remark.withdrawn or remark.ar == ar or orders[remark.order or 0]
+  local function stays(remark) return remark.ar ~= ar and not orders[remark.order or 0] end
+  self.kept = arrays.filtered(self.kept, stays)
+  for frame, remarks in pairs(self.at_frame) do
+    self.at_frame[frame] = arrays.filtered(remarks, stays)
   end
 end
 
