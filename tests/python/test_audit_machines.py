@@ -20,13 +20,13 @@ TWO = machines.Plan(33, wire.SLL2, (0x88A8, 0x8100), ("353", "1"), 16, 12)
 @pytest.mark.parametrize("share", range(SHARES))
 def test_random_machines(share: int, tmp_path: Path) -> None:
     random = Random(f"machines {share}")
-    for plan in (machines.planned(random) for _ in range(40)):
+    for plan in (machines.planned(random) for _ in range(12)):
         assert list(map(str, machines.of(machines.play(plan), tmp_path))) == [], plan.text()
 
 
 @pytest.mark.slow
 def test_random_machines_with_holes(tmp_path: Path) -> None:
-    for plan in (machines.planned(SLOW) for _ in range(20)):
+    for plan in (machines.planned(SLOW) for _ in range(8)):
         assert list(map(str, seeds.of_cuts(plan, tmp_path))) == [], plan.text()
 
 
