@@ -50,7 +50,7 @@ FALSE_STILL: dict[str, set[str]] = {}
 """Captures of which reports still say something false, and where. A repair is noticed."""
 ANYWHERE = ("DS105", "DS725")
 """Rules about several frames, that may stand on any of them."""
-CONVERSATIONS = int(os.environ.get("DS47_AUDIT", "80"))
+CONVERSATIONS = int(os.environ.get("DS47_AUDIT", "40"))
 SLICES = 4
 
 

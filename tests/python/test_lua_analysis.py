@@ -68,7 +68,7 @@ CAPTURES = sorted(
 )
 SMALL = 200_000
 """Bytes of a file up to which the end is played after every packet, too."""
-BROKEN = 150
+BROKEN = 100
 """Mixed and broken captures for each Lua version, other ones for each."""
 VOLATILE = 944
 """A parameter that the drive itself changes (spec/parameters.toml)."""

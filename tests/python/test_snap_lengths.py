@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[2]
 STACKS = sorted((ROOT / "captures/real-stacks").glob("*.pcapng"))
 SMALL = ROOT / "captures/real-stacks/o2_pyprofinet_le.pcapng"
 LENGTHS = [
-    (path, length) for at, path in enumerate(STACKS) for length in range(42 + 3 * at, 400, 9)
+    (path, length) for at, path in enumerate(STACKS) for length in range(42 + 5 * at, 400, 17)
 ]
 FREE = {
     "DS701": {"among", "case", "polls"},
