@@ -380,14 +380,14 @@ class Analysis:
                 self._closed(about)
             elif what == "asked":
                 self._judge.asked(about)
-                self._tell(about.key, partial(self._diagnoses.asked, about))
+                self._tell(about.key, self._diagnoses.asked, about)
             elif what == "remark":
                 channel = about.job.key if about.job else more.channel if more else None
-                self._tell(channel, partial(self._remark, about))
+                self._tell(channel, self._remark, about)
             elif what == "refused":
                 self._refused(about)
             elif what == "nothing":
-                self._tell(about.channel, partial(self._nothing_to_read, about, more))
+                self._tell(about.channel, self._nothing_to_read, about, more)
             elif what == "connected":
                 self._judge.connected(about, more)
             elif what == "set_up":
@@ -408,18 +408,22 @@ class Analysis:
             tell()
 
     def _tell(
-        self, channel: ChannelKey | None, tell: Callable[[], None], *, refused: bool = False
+        self,
+        channel: ChannelKey | None,
+        tell: Callable[..., None],
+        *about: Any,
+        refused: bool = False,
     ) -> None:
         """Tells of a channel, once it is known to be one of DS47 (P20).
 
         Who watches is told sooner: of a refusal at once, of all else when its Read may hardly come any more.
         """
         unsure = self._unsure.get(channel[:3]) if self._unsure and channel else None
-        live, now = self._early is not None, self._events.newest_ns or 0
         if unsure is None or channel is None or channel[-1] != SHARED_INDEX:
-            tell()
+            tell(*about)
             return
-        unsure.append((now, tell))
+        live, now = self._early is not None, self._events.newest_ns or 0
+        unsure.append((now, partial(tell, *about)))
         while live and unsure and (refused or now - unsure[0][0] > limits().unread_ns):
             unsure.popleft()[1]()
 
@@ -471,10 +475,10 @@ class Analysis:
         described = job.message is not None and job.message.describes
         if described or not self._dictionary.is_empty:
             learning.answered(self._dictionary, job)
-        self._tell(job.key, partial(self._s7.records, job.peer.device))
+        self._tell(job.key, self._s7.records, job.peer.device)
         if self._early is not None:
             remarks = list(self._answers[job])  # more come when it is over
-            self._tell(job.key, partial(self._settled, job, remarks, self._early))
+            self._tell(job.key, self._settled, job, remarks, self._early)
 
     def _refused(self, job: Job) -> None:
         self._judge.refused(job)
@@ -506,8 +510,8 @@ class Analysis:
             for remark in self._conclusions.transaction(transaction):
                 remark.job = job
                 remarks.append(remark)
-        tell = partial(self._over, job, transaction, remarks)
-        self._tell(job.key, tell, refused=transaction.state == "refused")
+        refused = transaction.state == "refused"
+        self._tell(job.key, self._over, job, transaction, remarks, refused=refused)
 
     def _over(self, job: Job, transaction: Transaction, remarks: list[Remark]) -> None:
         """A transaction is over, and one of DS47."""

@@ -10,8 +10,6 @@ local tables = require("ds47.spec.tables")
 
 local M = {}
 
--- Rules about what did not come that say whether frames were dropped; others know it themselves.
-local OF_A_LOSS = {DS403 = true, DS503 = true, DS504 = true, DS514 = true}
 local NONE = {}
 
 local Findings = {}
@@ -91,8 +89,8 @@ end
 --- The finding of a remark: {rule, severity, frame, frames, transaction (id or nil), order, offset, args}.
 -- It has no words: sentences.lua has them.
 function Findings:finding(remark, transaction)
-  local args = remark.args
-  if OF_A_LOSS[remark.rule] then
+  local args, kinds = remark.args, tables.rules[remark.rule].args or NONE
+  if kinds.dropped and args.dropped == nil then -- those of unanswered requests know it
     args = flat(args)
     args.dropped = self.frames_dropped
   end

@@ -16,8 +16,6 @@ from ds47.model import DIAGNOSIS, Diagnosis, Finding, Transaction
 from ds47.spec import Rule, rules
 
 NOTE = "note"
-_OF_A_LOSS = frozenset(("DS403", "DS503", "DS504", "DS514"))
-"""Rules about what did not come that say whether frames were dropped; others know it themselves."""
 
 
 class Findings:
@@ -82,7 +80,7 @@ class Findings:
         """The finding of a remark."""
         row = rules()[remark.rule]
         args = row.carried(remark.args)
-        if remark.rule in _OF_A_LOSS:
+        if "dropped" in args and args["dropped"] is None:  # those of unanswered requests know it
             args["dropped"] = self.frames_dropped
         known = remark.time_ns
         foreign = remark.of is not None and remark.of.is_foreign

@@ -54,8 +54,6 @@ from ds47.wireshark import tshark
 from ds47.wireshark.fields import Fields
 
 DIFFERS = "DS601"
-_OF_A_LOSS = frozenset(("DS401", "DS402", "DS403", "DS503", "DS504", "DS514"))
-"""Rules about a frame that is not there: they tell whether the capture says that it dropped frames."""
 _MOST_MS = 2**32 - 1
 _YEARS_MS = 2**53 / 1e6
 """Durations from which on tshark shows too few digits."""
@@ -377,7 +375,9 @@ class _Original:
         finding.frames = [self._numbers[frame - 1] for frame in finding.frames]
         args = spec.rules()[finding.rule].carried(finding.args)
         finding.args = renumbered(finding.rule, args, lambda n: self._numbers[n - 1])
-        if finding.rule in _OF_A_LOSS:
+        if (
+            "dropped" in finding.args
+        ):  # a frame is not there: the capture may say that it dropped some
             last = finding.args.get("reason") in (None, "end")
             finding.args["dropped"] = self._dropped and last
         return finding
