@@ -94,8 +94,8 @@ SAYS: dict[str, tuple[int, str]] = {
         "192.168.133.3 wrote in frame 7 while the request of 192.168.133.2 (frame 5) was open",
     ),
     "two-users-unknown": (
-        1,
-        "was turned away in frame 1 with state conflict; no open request is in the capture",
+        5,
+        "was turned away in frame 5 with state conflict; no open request is in the capture",
     ),
     "request-here-read-there": (6, "frame 3 went to slot 1.1, index 47"),
     "request-here-read-there-answered": (4, "slot 1.2, index 47 (frame 4)"),

@@ -272,9 +272,11 @@ def test_the_report_names_files_and_frames(capsys: Any, plant: Path) -> None:
         f"    1 file missing before {ring(15, NIGHT)}",
         f"    {ring(15, NIGHT)}: frames 13 to 21",
     ]
-    refused = next(line for line in lines if "Write refused" in line)
-    assert f"frame 15 (3 of {ring(15, NIGHT)}) #" in refused
-    assert f"    {ring(15, NIGHT)}: frame.number == 3" in lines
+    refused = next(at for at, line in enumerate(lines) if "Write refused" in line)
+    behind = lines[refused:]
+    where = next(line for line in behind if "look at" in line)
+    assert where.endswith("frame.number == 3")
+    assert f"frame 15 (3 of {ring(15, NIGHT)}) (#" in where
     assert "All 2 captures" in text
 
 

@@ -48,6 +48,7 @@ Job.again = "" -- of the first re-read, how it came about: a key of tables.diagn
 --   previous: frame of the request before it on its channel, as far as the capture shows
 --   superseding: the request that displaced this one; until it is closed
 --   rival: whose request was open when this one was turned away as in conflict with another; the same
+--   alone: true where it was turned away so, and it is known that no request was open
 --   refused_behind: the newer Write that was refused before the first Read: what is read may be for that one
 --   repeats: frame of an earlier response that was read once more where a new one was due
 --   between: the Write without its response before the first re-read, which may be the response to it
@@ -326,6 +327,16 @@ end
 local function free_since(self, channel, read)
   local connect = self.connects:get(channel.ar_key)
   return math.max(channel.ended, connect and connect.frame < read.frame and connect.frame or 0)
+end
+
+-- What may be missing that is open on a channel where nothing is, as far as the capture shows (P78).
+local function asked_where_free(self, peer, channel, half)
+  local missing = asked_behind(self, peer, channel, free_since(self, channel, half))
+  for key in self.of_place[channel.place]:newest_first(self.limits.users) do
+    local unseen = self.channels:get(key).unseen > channel.ended -- whoever asked there; a Connect ends none
+    missing = missing or unseen and {what = "requests"} or nil
+  end
+  return missing
 end
 
 -- Whether so little of what the controller sent came behind a request that its Read may still come.
@@ -658,21 +669,20 @@ end
 
 -- The newest request that is surely open at the place of another one, whoever asked; or came behind that; nil
 -- for none. It was accepted, no Connect of its AR ended it, and no Read that is under way fetches its
--- response. What comes later changes nothing.
+-- response. What comes later changes nothing. And whether it is known that none is open there (P78).
 local function rival_of(self, channel, job)
-  local keys, found = self.of_place[channel.place], nil
+  local keys, found, came = self.of_place[channel.place], nil, job:write_request()
   for key in keys:newest_first(self.limits.users) do
     local held = self.channels:get(key).open
-    if held and held ~= job and (found == nil or held.order > found.order) then
+    local newer = held and held ~= job and (found == nil or held.order > found.order)
+    if newer and not connected_since(self, held, came) then
       found = held
     end
   end
   local asked = found and found:write_request()
-  if asked == nil or behind(self, found.peer, asked.frame) or behind(self, job.peer, asked.frame) then
-    return nil
-  end
-  local came = job:write_request()
-  if connected_since(self, found, came) then
+  if asked == nil then
+    return nil, channel.ended < came.frame and asked_where_free(self, job.peer, channel, came) == nil
+  elseif behind(self, found.peer, asked.frame) or behind(self, job.peer, asked.frame) then
     return nil
   end
   local fetched = found.fetching and found.fetching[1].frame < came.frame
@@ -683,7 +693,7 @@ end
 local function refuse(self, channel, job)
   local before, half = job.phase, job.write_response
   if half and half.status == STATUS_IN_USE then
-    job.rival = rival_of(self, channel, job)
+    job.rival, job.alone = rival_of(self, channel, job)
   end
   job.phase = PHASES[before].write_refused
   if before == "answered" then
@@ -1122,17 +1132,21 @@ local function of_another(self, channel, job, record)
   return not (first or sure and counts(job, record)) and found or nil
 end
 
+-- Whether a Read was sent between the last request that was answered and its response.
+local function was_open(channel, sent)
+  local last = channel.last
+  local asked, got = last and last:write_request(), last and last.read_response
+  return sent and asked and got and asked.frame < sent.frame and sent.frame < got.frame
+end
+
 -- A Read that brought nothing, where no request is open as far as is known.
 -- @param missing  why it may be for a request that was taken for open; nil where it is not
 local function nothing(self, peer, channel, record, missing)
   local half, known = record.response, missing == nil
-  if known then
-    local since = free_since(self, channel, record.request or half)
-    missing = asked_behind(self, peer, channel, since)
-    for key in self.of_place[channel.place]:newest_first(self.limits.users) do
-      local unseen = self.channels:get(key).unseen > channel.ended -- whoever asked there; a Connect ends none
-      missing = missing or unseen and {what = "requests"} or nil
-    end
+  if known and was_open(channel, record.request) then
+    return -- its response is behind that to a later Read
+  elseif known then
+    missing = asked_where_free(self, peer, channel, record.request or half)
   end
   self.listener:nothing_to_read(peer, record, missing)
   if half.status ~= nil and known then

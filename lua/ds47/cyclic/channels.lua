@@ -61,6 +61,7 @@ function M.new(listener, limits, numbers, naming)
     naming = naming, numbers = numbers, listener = listener, limits = limits, lines = {},
     rows = {}, -- source, EtherType and frame id -> row
     senders = 0, -- how many rows there are
+    strange = {}, -- keys of rows of which frames go to receivers that are in no relation, too
     stations = {}, -- the same of stations of PROFIBUS, by source
     named = {}, -- relations that a user named
     all = {}, -- relations, those that a later Connect replaced and those that are only candidates too
@@ -392,13 +393,13 @@ local function receiver_of(each)
 end
 
 --- Of the ends of one sender and frame id those that are in a frame to this receiver: two controllers may
--- have the same frame id.
+-- have the same frame id. All where the frame is to several stations, or its header does not know to whom.
 function M.ends_to(ends, receiver)
   local found = {}
   for place = 1, #ends do
     if receiver_of(ends[place]) == receiver then found[#found + 1] = ends[place] end
   end
-  return found[1] and found or ends
+  return (found[1] or receiver ~= "" and byte(receiver) % 2 == 0) and found or ends
 end
 
 -- Where requests of PKW are in frames the row of the drive: what it says next is looked at, too.
@@ -427,6 +428,7 @@ local function watch(self)
           said = "", count = 0, -- of a station
           follows = false, -- whether the frame behind one that says something new is looked at as well
           sequences = {}, -- by receiver
+          key = key,
         }
         local row = rows[key]
         row[#row + 1], row.follows = each, row.follows or each.side.cycle_ns == 0
@@ -434,7 +436,7 @@ local function watch(self)
     end
   end
   for _, row in pairs(self.rows) do
-    row.shared = #M.ends_to(row, receiver_of(row[1])) < #row
+    row.shared = self.strange[row.key] or #M.ends_to(row, receiver_of(row[1])) < #row
     for _, each in ipairs(row) do
       if each.sent then each.line.shared = row.shared end
     end
@@ -779,8 +781,13 @@ function Channels:frame(row, frame, at, number, time)
     if row.follows then row.period, row.due = -1, 0 end
     if row.answered then row.answered.period, row.answered.due = -1, 0 end
   end
-  local ends = row.shared and M.ends_to(row, link.receiver(frame, at - 2)) or row
-  if not are_mixed(self, row, ends, frame, at, number, time) then
+  local ends = M.ends_to(row, link.receiver(frame, at - 2))
+  if ends[1] == nil then -- it is to a device whose Connect is not in the capture
+    if not row.shared then
+      self.strange[row.key] = true
+      watch(self)
+    end
+  elseif not are_mixed(self, row, ends, frame, at, number, time) then
     take_all(self, ends, frame, at, number, time)
   end
 end

@@ -101,8 +101,9 @@ local function turned_away(remarks, job, asked)
     local held = job.rival and job.rival:write_request()
     if held and held.frame > asked.frame then
       return -- the two crossed: it was not open yet when this one was sent
+    elseif held or job.alone then -- else what was open may be missing in the capture
+      clash(remarks, job.rival, job, held and held.frame, asked.frame)
     end
-    clash(remarks, job.rival, job, held and held.frame, asked.frame)
   end
 end
 

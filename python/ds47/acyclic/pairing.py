@@ -155,6 +155,8 @@ class Job:
     """The request that displaced this one."""
     rival: Job | None
     """Whose request was open when this one was turned away as in conflict with another."""
+    alone: bool
+    """Whether it was turned away so where it is known that no request was open."""
     refused_behind: Job | None
     """The newer Write that was refused before the first Read: what is read may be for that one."""
     repeats: int | None
@@ -238,6 +240,7 @@ class Job:
         self.order = order
         self.superseding = None
         self.rival = self.refused_behind = None
+        self.alone = False
         self.repeats = None
         self.again = ""
         self.between = None
@@ -717,18 +720,26 @@ class Pairing:
         half = access.record.response
         assert half is not None
         known = missing is None
+        if known and _was_open(channel, access.record.request):
+            return  # its response is behind that to a later Read
         if known:
-            since = self._free_since(access.channel, channel, access.record.request or half)
-            missing = self._asked_behind(access.peer, channel, since)
-            if (
-                missing is None and self._newest_unseen(access.channel) > channel.ended
-            ):  # a Connect ends none
-                missing = Missing("requests")
+            missing = self._may_be_open(
+                access.peer, access.channel, channel, access.record.request or half
+            )
         self._told.append(("nothing", access, missing))
         if half.status is not None and known:
             channel.pass_over()
             if missing is None:
                 channel.ended = half.frame
+
+    def _may_be_open(
+        self, peer: Peer, key: ChannelKey, channel: Channel, half: Half
+    ) -> Missing | None:
+        """What may be missing that is open on a channel where nothing is, as far as the capture shows (P78)."""
+        missing = self._asked_behind(peer, channel, self._free_since(key, channel, half))
+        if missing is None and self._newest_unseen(key) > channel.ended:  # a Connect ends none
+            return Missing("requests")
+        return missing
 
     def _newest_unseen(self, key: ChannelKey) -> int:
         """The newest frame in which a Write to a place was accepted, whoever asked, whose request is missing."""
@@ -941,25 +952,33 @@ class Pairing:
         else:
             self._accept(channel, job)
 
-    def _rival(self, job: Job) -> Job | None:
-        """The newest request that is surely open at the place of another one, whoever asked; or came behind that.
+    def _held(self, job: Job) -> Job | None:
+        """The newest request that is open at the place of another one, as far as the capture shows, whoever asked.
 
-        It was accepted, no Connect of its AR ended it, no Read that is under way fetches its response, and nothing
-        is missing behind it of what either of the two asked. What comes later changes nothing.
+        Not one that a Connect of its AR ended. What comes later changes nothing.
         """
+        came = job.write_request
         keys = reversed(self._of_place.get(_spot(job.key), {}))
         found: Job | None = None
         for key in islice(keys, self._limits.users):
             channel = self.channels[key]
             held = channel.open
-            if held is not None and held is not job and (not found or held.order > found.order):
+            if held is None or held is job or (found and found.order > held.order):
+                continue
+            if came is not None and self._connected_since(held, came) is None:
                 found = held
-        asked, came = found and found.write_request, job.write_request
-        if not (found and asked and came):
+        return found
+
+    def _rival(self, found: Job, job: Job) -> Job | None:
+        """The request that is open where another one came, if it surely is; or if it came behind that.
+
+        It was accepted, no Read that is under way fetches its response, and nothing is missing behind it of what
+        either of the two asked.
+        """
+        asked, came = found.write_request, job.write_request
+        if not (asked and came):
             return None
         if any(self._behind(peer, asked.frame) is not None for peer in (found.peer, job.peer)):
-            return None
-        if self._connected_since(found, came) is not None:
             return None
         fetched = any(read.frame < came.frame for read in found.fetching)
         sure = found.write_told and not (fetched or found.twice)
@@ -969,7 +988,11 @@ class Pairing:
         before = job.phase
         half = job.write_response
         if half is not None and half.status == STATUS_IN_USE:
-            job.rival = self._rival(job)
+            held = self._held(job)
+            job.rival = held and self._rival(held, job)
+            asked = job.write_request or half
+            free = held is None and channel.ended < asked.frame
+            job.alone = free and self._may_be_open(job.peer, job.key, channel, asked) is None
         self._step(job, "write_refused")
         if before == "answered":
             return
@@ -1269,6 +1292,14 @@ def _counts(job: Job, record: Record) -> bool:
         halves = bool(job.fetching) or None in reads
         return job.previous is None and not (halves or job.write_refused or job.uncounted)
     return now is not None and (now - before) % 256 in (1, 2)
+
+
+def _was_open(channel: Channel, read: Half | None) -> bool:
+    """Whether a Read was sent between the last request that was answered and its response."""
+    last = channel.last
+    if read is None or last is None or last.write_request is None or last.read_response is None:
+        return False
+    return last.write_request.frame < read.frame < last.read_response.frame
 
 
 def _wrote_behind(channel: Channel, job: Job, record: Record) -> Missing | None:

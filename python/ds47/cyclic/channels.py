@@ -23,7 +23,7 @@ from ds47.cyclic.timeline import Recorder
 from ds47.findings.remark import Remark
 from ds47.model import CONFIGURED, LENGTHS, NAMED, ODD, PKW, PZD, REFUTED, SEEN, Timeline
 from ds47.profinet.connect import parse_request, parse_response
-from ds47.profinet.link import Packet
+from ds47.profinet.link import GROUP, Packet
 from ds47.profinet.rpc import Pdu, device_identity
 from ds47.spec.cyclic import telegrams
 from ds47.spec.semantics import Limits
@@ -313,6 +313,8 @@ class CyclicChannels:
         """The highest rate of a channel of PKW."""
         self._sides_to: dict[tuple[str, int, str], list[tuple[_Line, Side, bool]]] = {}
         """and by receiver, too."""
+        self._shared: set[tuple[str, int]] = set()
+        """Senders and frame ids of which frames go to receivers that are in no relation, too."""
         self._sequences: dict[tuple[str, int, str], Sequences] = {}
         """By sender, frame id and receiver."""
         self.mixed: list[Mixed] = []
@@ -536,10 +538,10 @@ class CyclicChannels:
                 key, end = (each.source.hex(":"), each.frame_id), (line, each, sent)
                 self._sides.setdefault(key, []).append(end)
                 self._sides_to.setdefault((*key, _receiver(end)), []).append(end)
-        for ends in self._sides.values():
+        for key, ends in self._sides.items():
             for line, _, sent in ends:
                 if sent and isinstance(line, _Requests):
-                    line.shared = _is_shared(ends)
+                    line.shared = self._is_shared(key, ends)
         rates = (each.rate for each in self._lines if isinstance(each, _Requests))
         self._busiest = max(rates, default=0.0)
         self._rows = {
@@ -551,13 +553,18 @@ class CyclicChannels:
             row.answered = self._rows.get(answered[0]) if answered is not None else None
         self._watch([
             Watch(
-                bytes.fromhex(mac.replace(":", "")), frame_id, _apart(_parts(found)),
+                bytes.fromhex(key[0].replace(":", "")), key[1],
+                _apart(_parts(found, shared := self._is_shared(key, found))),
                 follows=any(not each.cycle_ns for _, each, _ in found),
-                answered=_answered(found),
+                answered=None if shared else _answered(found),
             )
-            for (mac, frame_id), found in self._sides.items()
-            if len(mac) == _MAC
+            for key, found in self._sides.items()
+            if len(key[0]) == _MAC
         ])  # fmt: skip
+
+    def _is_shared(self, key: tuple[str, int], ends: list[tuple[_Line, Side, bool]]) -> bool:
+        """Whether frames of one sender and frame id go to several receivers."""
+        return key in self._shared or len({_receiver(end) for end in ends}) > 1
 
     def frame(self, packet: Packet) -> None:
         """A cyclic frame."""
@@ -588,7 +595,13 @@ class CyclicChannels:
     def _ends(self, packet: Packet) -> list[tuple[_Line, Side, bool]]:
         """The directions of relations that are in a frame: two controllers may have the same frame id."""
         key = packet.src_mac or "", int.from_bytes(packet.payload[:_FRAME_ID])
-        to_it = self._sides_to.get((*key, packet.dst_mac or ""))
+        receiver = packet.dst_mac or ""
+        to_it = self._sides_to.get((*key, receiver))
+        if to_it is None and receiver and not int(receiver[:2], 16) & GROUP:
+            if key not in self._shared:
+                self._shared.add(key)
+                self._tell()
+            return []  # of a device whose Connect is not in the capture
         return to_it or self._sides.get(key, [])
 
     def _are_mixed(self, packet: Packet, found: list[tuple[_Line, Side, bool]]) -> bool:
@@ -658,28 +671,22 @@ class CyclicChannels:
                 self._asked.add(line.relation.place)
 
 
-def _parts(ends: list[tuple[_Line, Side, bool]]) -> Iterator[tuple[tuple[int, int], ...]]:
+def _parts(
+    ends: list[tuple[_Line, Side, bool]], shared: bool
+) -> Iterator[tuple[tuple[int, int], ...]]:
     """What matters in frames of one sender and frame id; to several receivers each one does.
 
     What one of these says may be what another one said last.
     """
-    is_shared = _is_shared(ends)
     for line, each, sent in ends:
         yield each.parts
         answers = not sent and isinstance(line, _Requests) and line.shared
-        if (is_shared or answers) and each.status is not None:
+        if (shared or answers) and each.status is not None:
             yield ((each.status - _COUNTER, _COUNTER),)
-
-
-def _is_shared(ends: list[tuple[_Line, Side, bool]]) -> bool:
-    """Whether frames of one sender and frame id go to several receivers."""
-    return len({_receiver(end) for end in ends}) > 1
 
 
 def _answered(ends: list[tuple[_Line, Side, bool]]) -> tuple[bytes, int] | None:
     """Source and frame id of the drive where requests of PKW are in frames: what it says next is looked at."""
-    if _is_shared(ends):
-        return None
     asked = (line.relation.input for line, _, sent in ends if sent and isinstance(line, _Requests))
     return next(((each.source, each.frame_id) for each in asked), None)
 

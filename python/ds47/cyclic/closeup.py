@@ -12,12 +12,10 @@ from ds47.capture import CaptureError, open_capture
 from ds47.capture.frame import Frame
 from ds47.capture.scan import PROFINET, network_layer
 from ds47.model import Relation
-from ds47.profinet.link import addresses
+from ds47.profinet.link import GROUP, addresses
 
 REACH: Final = 4000
 """So many frames before and after the one are looked at."""
-_GROUP = 0x01
-"""The bit of the first byte of a MAC address that several stations have."""
 _REVERSE = 0x0800
 """STW1 bit 11 turns the sign of the setpoint."""
 
@@ -68,7 +66,7 @@ def _seen(frame: Frame, relation: Relation) -> Seen | None:
     output, input_ = relation.output, relation.input
     for side, other, by_controller in ((output, input_, True), (input_, output, False)):
         words = frame.data[at + 2 + side.offset : at + 6 + side.offset]
-        to_it = receiver in (None, other.mac) or frame.data[0] & _GROUP
+        to_it = receiver in (None, other.mac) or frame.data[0] & GROUP
         if kind == PROFINET and sender == (side.mac, side.frame_id) and to_it and len(words) == 4:
             raw = int.from_bytes(words[2:], signed=True)
             turned = by_controller and int.from_bytes(words[:2]) & _REVERSE

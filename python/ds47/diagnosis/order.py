@@ -75,6 +75,8 @@ def _turned_away(job: Job, asked: Half) -> Iterator[Remark]:
     held = rival.write_request if rival else None
     if held is not None and held.frame > asked.frame:
         return  # the two crossed: it was not open yet when this one was sent
+    if held is None and not job.alone:
+        return  # what was open may be missing in the capture
     yield _clash(rival, job, held.frame if held else None, asked.frame)
 
 

@@ -287,25 +287,29 @@ def two_users_connections(client: Client) -> None:
 
 @BOOK.scene(
     "DF80B500 and nobody else to be seen: the other user is not in the capture",
+    OK_READ,
     REFUSED,
     OK_READ,
     rules="DS203 DS705",
 )
 def two_users_unknown(client: Client) -> None:
     """A channel that somebody else uses."""
-    client.write(read(1), status=DF_STATE)
+    ask(client, 1)
+    client.write(read(2), status=DF_STATE)
     client.wait(50)
-    ask(client, 2)
+    ask(client, 3)
 
 
 @BOOK.scene(
     "the same, refused with DF80C200: the drive is short of resources and says nothing of another user",
+    OK_READ,
     REFUSED,
     OK_READ,
     rules="DS203",
 )
 def two_users_unknown_not(client: Client) -> None:
     """A Write refused for another reason."""
-    client.write(read(1), status=DF_BUSY)
+    ask(client, 1)
+    client.write(read(2), status=DF_BUSY)
     client.wait(50)
-    ask(client, 2)
+    ask(client, 3)

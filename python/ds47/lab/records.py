@@ -137,7 +137,7 @@ def multiple(client: Client) -> None:
     OK_READ,
     ("read", "refused"),
     OK_READ,
-    rules="DS203 DS705",
+    rules="DS203",
 )
 def multiple_refused(client: Client) -> None:
     """IODWriteMultiple with a refused record."""

@@ -29,6 +29,8 @@ from ds47.capture.scan import (
 from . import ip
 from .traces import Piece
 
+GROUP = 0x01
+"""The bit of the first byte of a MAC address that several stations have."""
 Kind = Literal["udp", "tcp", "dcp", "lldp", "rt"]
 
 

@@ -529,7 +529,7 @@ BOOK.lab(
     row(1, real(1.0), axis=2),
     tx(2, "refused", (1, 2), None, par(22), ref=2, axis=3, slot=2, write="DF80B500"),
     tx(3, "ok", (1, 2, 5, 6), 5, real(3.0, pnu=23), ref=3, axis=4, slot=3),
-    rules="DS203@2#2 DS705@1#2",
+    rules="DS203@2#2",
 )
 
 
@@ -1206,9 +1206,7 @@ def p28_other_kind(client: Client) -> None:
 # The Read
 
 
-@BOOK.scene(
-    "P40 refused", row(1, real(1.5), state="refused", write="DF80B500"), rules="DS203@2#1 DS705@1#1"
-)
+@BOOK.scene("P40 refused", row(1, real(1.5), state="refused", write="DF80B500"), rules="DS203@2#1")
 def p30_read_after_refused(client: Client) -> None:
     """Without an open request a Read belongs to the refused Write; the state stays refused."""
     client.write(ask(), status=NOT_POSSIBLE)
@@ -1219,7 +1217,7 @@ def p30_read_after_refused(client: Client) -> None:
     "P40 refused",
     tx(1, "refused", (1, 2), None, NOTHING, write="DF80B500"),
     row(2, real(2.5, pnu=27), state="refused", first=3, write="DF80B500"),
-    rules="DS203@2#1 DS203@4#2 DS705@1#1 DS705@3#2",
+    rules="DS203@2#1 DS203@4#2",
 )
 def p30_latest_refused(client: Client) -> None:
     """Two refused Writes: the Read belongs to the latest."""
@@ -1546,7 +1544,7 @@ def p38_not_expired(client: Client) -> None:
 @BOOK.scene(
     "P28 disorder refused",
     tx(1, "refused", (1, 4, 2, 3), 2, real(1.5), write="DF80B500"),
-    rules="DS203@4#1 DS705@1#1",
+    rules="DS203@4#1",
 )
 def p40_refused_after_the_read(client: Client) -> None:
     """A negative Write response after the Read that brought the record: refused, and it is said."""
@@ -2617,7 +2615,7 @@ def p79_release_before_a_reject(client: Client) -> None:
     tx(1, "incomplete", (1,), None, NOTHING, write=None),
     tx(2, "refused", (2, 3), None, NOTHING, write="DF80B500"),
     orphan(3, 4, real(1.5, pnu=None)),
-    rules="DS101@1#1 DS110@1#1 DS203@3#2 DS403@5#3 DS415@2#2 DS705@2#2",
+    rules="DS101@1#1 DS110@1#1 DS203@3#2 DS403@5#3 DS415@2#2",
 )
 def p77_refused_behind(client: Client) -> None:
     """The record mirrors a Write without its response, and the refused one behind it: nobody knows whose it is."""
