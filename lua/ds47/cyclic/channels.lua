@@ -399,7 +399,7 @@ function M.ends_to(ends, receiver)
   for place = 1, #ends do
     if receiver_of(ends[place]) == receiver then found[#found + 1] = ends[place] end
   end
-  return (found[1] or receiver ~= "" and byte(receiver) % 2 == 0) and found or ends
+  return (found[1] or (byte(receiver or "") or 1) % 2 == 0) and found or ends
 end
 
 -- Where requests of PKW are in frames the row of the drive: what it says next is looked at, too.

@@ -242,13 +242,15 @@ local function make_room(self)
   end
 end
 
+-- Whether the number of a call may stand for another one, also where the same bytes come once more.
+local function is_used_anew(self, activity, call, pdu)
+  return activity ~= nil and activity.anew > call.request.frame or is_old(self, call, pdu.time_ns)
+end
+
 -- Whether the number of a call may stand for another one: its client repeats it no more (P8, P9).
 local function is_over(self, activity, call, pdu)
   local begun = self.connects:get(pdu.client .. "\0" .. pdu.server) or 0
-  if activity then
-    begun = math.max(activity.anew, begun)
-  end
-  return begun > call.request.frame or is_old(self, call, pdu.time_ns)
+  return begun > call.request.frame or is_used_anew(self, activity, call, pdu)
 end
 
 -- Whether a number that was there before is the same call (P7).
@@ -375,7 +377,7 @@ local function unasked(self, pdu)
   local begun = self.begun_requests:get(key) ~= nil
   if not self.given_up:get(key) then
     self.early:keep(key, pdu, self.limits.calls)
-    if activity and pdu.seq > activity.numbers.highest then
+    if activity and not activity.numbers:fills(pdu.seq) and pdu.seq > activity.numbers.highest then
       activity.numbers:add(pdu)
     end
     self.completeness:unasked(pdu)
@@ -389,13 +391,15 @@ local function answers_again(self, activity, pdu)
   local call = self.answered:get(key)
   if call == nil then -- of what is forgotten the number alone is known
     return self.forgot and activity ~= nil and not self.given_up:get(key) and activity.numbers:has(pdu.seq)
-  elseif is_over(self, activity, call, pdu) then
+  elseif is_used_anew(self, activity, call, pdu) then
     return false
   end
-  if call.response.body == pdu.body then
+  if call.response.body == pdu.body then -- late, also behind a Connect
     if activity and not call.again then
       activity.doubled = pdu.frame
     end
+  elseif is_over(self, activity, call, pdu) then
+    return false
   elseif activity == nil or activity.doubled < call.request.frame then
     self.newest, self.asks_again = call, false
     self.handlers:second_response(call, pdu)

@@ -11,6 +11,7 @@ local arrays = require("ds47.support.arrays")
 local rpc = require("ds47.profinet.rpc")
 
 local has, take_out = arrays.has, arrays.take_out
+local min, max = math.min, math.max
 local WRITE = rpc.WRITE
 local OF_RECORDS = {[rpc.READ] = true, [rpc.WRITE] = true, [rpc.READ_IMPLICIT] = true}
 
@@ -19,8 +20,6 @@ local M = {}
 -- Holes of one activity and Writes without their request of a pair that are kept by themselves: older holes
 -- are as one, and of the others the newest are asked for.
 local KEPT = 64
--- Missing numbers of one hole that may still come: frames are seldom out of order by more.
-local FILLED = 256
 
 -- Sequence numbers: of one activity, as a set, because they may come out of order.
 
@@ -30,67 +29,78 @@ Numbers.__index = Numbers
 --- The numbers of an activity.
 -- `lowest` and `highest`: of its numbers; `newest`: the request with the highest one; `following`: the number
 -- behind the newest one that was there before, which tells that the client counts anew; `heard`: whether a
--- call was answered; `holes`: array of {after, before (frames), first, last (numbers), missing (how many of
--- `open`), open (set of numbers that may still come, or nil)}, in the order of their frames.
+-- call was answered; `holes`: array of {after, before (frames), first, last (numbers), over (true where its
+-- client counts anew since: what comes is none of these)}, in the order of their frames; `below`: the same of
+-- numbers below the first one that was there, which may have come before the capture began; `under`: the newest
+-- of those that were there.
 -- @param pdu  the first request
 function M.numbers(pdu)
   return setmetatable({
-    lowest = pdu.seq, highest = pdu.seq, newest = pdu, anew = 0, heard = false, holes = {},
+    lowest = pdu.seq, highest = pdu.seq, newest = pdu, anew = 0, heard = false, holes = {}, below = {}, under = -1,
   }, Numbers)
 end
 
-local function new_hole(after, before, first, last)
-  local hole = {after = after, before = before, first = first, last = last}
-  if last - first < FILLED then
-    hole.open, hole.missing = {}, last - first + 1
-    for number = first, last do
-      hole.open[number] = true
-    end
+-- One more hole, if it has any numbers.
+local function put(holes, place, after, before, first, last)
+  if first <= last then
+    table.insert(holes, place, {after = after, before = before, first = first, last = last})
   end
-  return hole
+  if #holes > KEPT then
+    local older = table.remove(holes, 1)
+    local one = holes[1]
+    one.after, one.first, one.last = older.after, min(older.first, one.first), max(older.last, one.last)
+  end
 end
 
--- Whether a number was missing up to now.
-local function fills(holes, number)
+-- Whether a number is missing in a hole that may still come.
+local function lacks(hole, number)
+  return hole.first <= number and number <= hole.last and not hole.over
+end
+
+local function fill(holes, number)
   for place, hole in ipairs(holes) do
-    if hole.open and hole.open[number] then
-      hole.open[number], hole.missing = nil, hole.missing - 1
-      if hole.missing == 0 then
-        table.remove(holes, place)
-      end
+    if lacks(hole, number) then
+      table.remove(holes, place)
+      put(holes, place, hole.after, hole.before, number + 1, hole.last)
+      put(holes, place, hole.after, hole.before, hole.first, number - 1)
       return true
     end
   end
   return false
 end
 
--- One that does not follow the highest one, and is higher.
-local function skip(self, pdu)
-  local holes = self.holes
-  holes[#holes + 1] = new_hole(self.newest.frame, pdu.frame, self.highest + 1, pdu.seq - 1)
-  if #holes > KEPT then
-    local older = table.remove(holes, 1)
-    holes[1].after, holes[1].first, holes[1].open = older.after, older.first, nil
-  end
+--- Whether a number was missing up to now; now it is there.
+function Numbers:fills(number)
+  return fill(self.holes, number) or fill(self.below, number)
 end
 
 --- One more number: that of a request, or of a response whose request is not there.
 -- @param renewed  whether it stands for another call, if it was there before
 function Numbers:add(pdu, renewed)
-  local number = pdu.seq
+  local number, holes, below = pdu.seq, self.holes, self.below
   if number > self.highest then
-    if number > self.highest + 1 then
-      skip(self, pdu)
-    end
+    put(holes, #holes + 1, self.newest.frame, pdu.frame, self.highest + 1, number - 1)
     self.highest, self.newest = number, pdu
   elseif pdu == self.newest then
     return -- its first one
   elseif number < self.lowest then
-    self.lowest = number
+    put(below, #below + 1, 0, pdu.frame, number + 1, self.lowest - 1)
+    self.lowest, self.under = number, number
   elseif number == self.following then
     self.lowest, self.highest, self.newest = number - 1, number, pdu
-  elseif not fills(self.holes, number) then
-    self.following, self.anew = number + 1, renewed and pdu.frame or self.anew
+    for place = 1, max(#holes, #below) do
+      (holes[place] or {}).over, (below[place] or {}).over = true, true
+    end
+  elseif fill(below, number) then
+    if number == self.under + 1 then
+      self.following = number + 1 -- it counts up from there
+    end
+    self.under = number
+  elseif not fill(holes, number) and renewed then
+    self.following = number + 1
+    if self.lowest < self.highest or self.anew == 0 then -- one number for all calls does not count
+      self.anew = pdu.frame
+    end
   end
 end
 
@@ -98,8 +108,7 @@ end
 function Numbers:has(number)
   local there = number >= self.lowest and number <= self.highest
   for _, hole in ipairs(self.holes) do
-    local inside = number >= hole.first and number <= hole.last
-    there = there and not (inside and (not hole.open or hole.open[number]))
+    there = there and not lacks(hole, number)
   end
   return there
 end
@@ -195,7 +204,7 @@ end
 function Completeness:disordered(pdu)
   if OF_RECORDS[pdu.opnum] then
     local pair = pair_of(self, pdu.client, pdu.server)
-    pair.disorder = math.max(pair.disorder, pdu.frame)
+    pair.disorder = max(pair.disorder, pdu.frame)
   end
 end
 

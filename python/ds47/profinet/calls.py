@@ -313,10 +313,13 @@ class CallTracker:
 
     def _is_over(self, activity: Activity | None, call: RpcCall, pdu: Pdu) -> bool:
         """Whether the number of a call may stand for another one: its client repeats it no more."""
-        anew = 0 if activity is None else activity.anew
-        begun = max(anew, self._connects.get((pdu.client, pdu.server), 0))
-        old = pdu.time_ns - call.heard_ns > self._expiry_ns
-        return old or begun > call.frame
+        begun = self._connects.get((pdu.client, pdu.server), 0)
+        return begun > call.frame or self._is_used_anew(activity, call, pdu)
+
+    def _is_used_anew(self, activity: Activity | None, call: RpcCall, pdu: Pdu) -> bool:
+        """Whether the number of a call may stand for another one, also where the same bytes come once more."""
+        anew = activity is not None and activity.anew > call.frame
+        return anew or pdu.time_ns - call.heard_ns > self._expiry_ns
 
     def _response(self, pdu: Pdu, told: list[Became]) -> None:
         activity = self._activities.get((pdu.client, pdu.activity))
@@ -338,11 +341,13 @@ class CallTracker:
         if call is None:  # of what is forgotten the number alone is known
             known = self._forgot and key not in self._given_up
             return known and activity is not None and activity.numbers.has(pdu.seq)
-        if self._is_over(activity, call, pdu):
+        if self._is_used_anew(activity, call, pdu):
             return False
-        if call.said == hash(pdu.body):
+        if call.said == hash(pdu.body):  # late, also behind a Connect
             if activity is not None and not call.again:
                 activity.doubled = pdu.frame
+        elif self._is_over(activity, call, pdu):
+            return False
         elif activity is None or activity.doubled < call.frame:
             told.append(("twice", call, pdu))
         return True
@@ -376,8 +381,9 @@ class CallTracker:
         if key not in self._given_up:
             self._put(self._early, key, pdu)
             activity = self._activities.get(key[:2])
-            if activity is not None and pdu.seq > activity.numbers.highest:
-                activity.numbers.add(pdu)
+            numbers = None if activity is None else activity.numbers
+            if numbers is not None and not numbers.fills(pdu.seq) and pdu.seq > numbers.highest:
+                numbers.add(pdu)
             self._completeness.unasked(pdu)
         return not begun
 

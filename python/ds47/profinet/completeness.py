@@ -21,8 +21,6 @@ STATION: Final = "dp"
 _RESPONSE: Final = 2
 _KEPT: Final = 64
 """Holes of one activity, and responses without requests of a pair, that are kept by themselves."""
-_FILLED: Final = 256
-"""Missing numbers of one hole that may still come: frames are seldom out of order by more."""
 
 
 class Hole:
@@ -33,14 +31,23 @@ class Hole:
         before: and of the one behind it.
         first: the first number that is missing,
         last: and the last one.
-        missing: those that are missing, as far as they may still come.
+        over: whether its client counts anew since: what comes is none of these.
     """
 
-    __slots__ = ("after", "before", "first", "last", "missing")
+    __slots__ = ("after", "before", "first", "last", "over")
 
     def __init__(self, after: int, before: int, first: int, last: int) -> None:
         self.after, self.before, self.first, self.last = after, before, first, last
-        self.missing = set(range(first, last + 1)) if last - first < _FILLED else None
+        self.over = False
+
+    def has(self, number: int) -> bool:
+        """Whether a number is missing that may still come."""
+        return self.first <= number <= self.last and not self.over
+
+    def without(self, number: int) -> list[Hole]:
+        """What is left of it, when one of its numbers came."""
+        parts = (self.first, number - 1), (number + 1, self.last)
+        return [Hole(self.after, self.before, *each) for each in parts if each[0] <= each[1]]
 
     def told(self) -> str:
         """Its numbers, for a sentence."""
@@ -48,13 +55,14 @@ class Hole:
 
     def take_in(self, older: Hole) -> None:
         """Covers an older one, too, and what is between them."""
-        self.after, self.first, self.missing = older.after, older.first, None
+        self.after, self.first = older.after, min(older.first, self.first)
+        self.last = max(older.last, self.last)
 
 
 class Numbers:
     """The sequence numbers of one activity, as a set: they may come out of order."""
 
-    __slots__ = ("anew", "following", "heard", "highest", "holes", "lowest", "newest")
+    __slots__ = ("anew", "below", "following", "heard", "highest", "holes", "lowest", "newest", "under")
 
     def __init__(self, pdu: Pdu) -> None:
         self.lowest = self.highest = pdu.seq
@@ -68,6 +76,10 @@ class Numbers:
         """Whether one of its calls was answered."""
         self.holes: list[Hole] = []
         """In the order of their frames."""
+        self.below: list[Hole] = []
+        """Numbers below the first one that was there: they may have come before the capture began;"""
+        self.under = -1
+        """and the newest of those that were there."""
 
     def add(self, pdu: Pdu, *, renewed: bool = False) -> None:
         """One more number: that of a request, or of a response whose request is not there.
@@ -77,40 +89,53 @@ class Numbers:
         number = pdu.seq
         if number > self.highest:
             if number > self.highest + 1:
-                self._skip(pdu)
+                _put(self.holes, Hole(self.newest.frame, pdu.frame, self.highest + 1, number - 1))
             self.highest, self.newest = number, pdu
         elif pdu is self.newest:
             return  # its first one
         elif number < self.lowest:
-            self.lowest = number
+            if number < self.lowest - 1:
+                _put(self.below, Hole(0, pdu.frame, number + 1, self.lowest - 1))
+            self.lowest = self.under = number
         elif number == self.following:
             self.lowest, self.highest, self.newest = number - 1, number, pdu
-        elif not self._fills(number):
+            for hole in (*self.holes, *self.below):
+                hole.over = True
+        elif _fills(self.below, number):
+            if number == self.under + 1:
+                self.following = number + 1  # it counts up from there
+            self.under = number
+        elif not _fills(self.holes, number) and renewed:
             self.following = number + 1
-            if renewed:
+            if self.lowest < self.highest or not self.anew:  # one number for all calls does not count
                 self.anew = pdu.frame
 
     def has(self, number: int) -> bool:
         """Whether a number was there."""
         return self.lowest <= number <= self.highest and not any(
-            each.first <= number <= each.last and (each.missing is None or number in each.missing)
-            for each in self.holes
+            each.has(number) for each in self.holes
         )
 
-    def _skip(self, pdu: Pdu) -> None:
-        self.holes.append(Hole(self.newest.frame, pdu.frame, self.highest + 1, pdu.seq - 1))
-        if len(self.holes) > _KEPT:
-            self.holes[1].take_in(self.holes.pop(0))
 
-    def _fills(self, number: int) -> bool:
-        """Whether a number was missing up to now."""
-        for hole in self.holes:
-            if hole.missing is not None and number in hole.missing:
-                hole.missing.remove(number)
-                if not hole.missing:
-                    self.holes.remove(hole)
-                return True
-        return False
+    def fills(self, number: int) -> bool:
+        """Whether a number was missing up to now; now it is there."""
+        return _fills(self.holes, number) or _fills(self.below, number)
+
+
+def _fills(holes: list[Hole], number: int) -> bool:
+    for place, hole in enumerate(holes):
+        if hole.has(number):
+            holes[place : place + 1] = hole.without(number)
+            _put(holes)
+            return True
+    return False
+
+
+def _put(holes: list[Hole], *more: Hole) -> None:
+    """More holes; the oldest are as one where there are too many."""
+    holes += more
+    while len(holes) > _KEPT:
+        holes[1].take_in(holes.pop(0))
 
 
 class Pair:
