@@ -40,12 +40,11 @@ local COMMANDS = {
   late = function(pdu) found:asked_after_all(pdu) end,
   disordered = function(pdu) found:disordered(pdu) end,
   lost = function(pdu) found:lost(pdu) end,
-  went_on = function(pdu) found:went_on(pdu, pdu) end,
   behind = function(pdu)
     return told(found:behind(pdu.client, pdu.server, pdu.frame, nil, pdu.renewed == 1))
   end,
   spoke = function(pdu) return tostring(found:spoke_ns(pdu.client, pdu.server)) end,
-  waited = function(pdu) return tostring(found:went_on_ns(pdu.client, pdu.server, pdu.frame)) end,
+  fills = function(pdu) return tostring(activities[pdu.activity]:fills(pdu.seq)) end,
   has = function(pdu) return tostring(activities[pdu.activity]:has(pdu.seq)) end,
   holes = function(pdu) return holes_of(activities[pdu.activity]) end,
 }

@@ -28,9 +28,8 @@ HEARD = ("add",) * 9 + (
     "late",
     "disordered",
     "lost",
-    "went_on",
 )
-ASKED = ("behind", "behind", "behind", "spoke", "waited", "has", "holes")
+ASKED = ("behind", "behind", "behind", "spoke", "fills", "has", "holes")
 
 
 def test_scenes_give_the_same_result(tmp_path: Path) -> None:
@@ -62,10 +61,10 @@ def lines(seed: int) -> Iterator[str]:
         if longest > 2 and chance.random() < 0.1:
             steps = (257, 258)  # holes that may be filled, and that may not
         numbers[activity] = max(0, numbers[activity] + chance.choice(steps))
-        seen = chance.randrange(frame) if what == "went_on" else frame
+        seen = frame
         if what == "late":
             seen, client, server = chance.choice(halves)
-        elif what in ("unasked", "cut", "lost"):
+        elif what in ("unasked", "cut"):
             halves.append((frame, client, server))
         opnum = chance.choice((RPC_CONNECT, RPC_READ, RPC_WRITE))
         place = f"activity={activity} client={client} server={server}"
@@ -143,7 +142,7 @@ class Python:
             "heard": lambda: setattr(activity, "heard", True),
             "unasked": lambda: found.unasked(pdu), "cut": lambda: found.cut(pdu),
             "late": lambda: found.asked_after_all(pdu), "disordered": lambda: found.disordered(pdu),
-            "lost": lambda: found.lost(pdu, went_on=False), "went_on": lambda: found.went_on(pdu, pdu),
+            "lost": lambda: found.lost(pdu, went_on=False),
         }  # fmt: skip
         if what in hears:
             return hears[what]()
@@ -154,7 +153,9 @@ class Python:
         if what == "holes":
             holes = (f"{e.after}-{e.before} {e.first}..{e.last}" for e in activity.holes)
             return ", ".join(holes)
-        asked = found.spoke_ns(*pair) if what == "spoke" else found.went_on_ns(*pair, pdu.frame)
+        if what == "fills":
+            return str(activity.fills(pdu.seq)).lower()
+        asked = found.spoke_ns(*pair)
         return "nil" if asked is None else str(asked)
 
 

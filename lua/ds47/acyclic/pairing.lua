@@ -59,7 +59,6 @@ Job.again = "" -- of the first re-read, how it came about: a key of tables.diagn
 --   remarks: what its answer says of it, until it is closed; whoever is told of the answer keeps it there
 --   fetching: array of the Reads that were sent for it and have no response up to now; nil for none
 --   read_before: true where an earlier Read that is not in the capture may have brought the response
---   insisted: until when the client of a call of it that was sent again waits at least; nil where none was
 --   uncounted: true for the first one on its channel, if another channel of its AR had its reference last
 --   twice: frame of a call of it with two responses, of which the client may have either; nil for none
 --   untold: frame that the capture cut off before it says what is asked, or what became of a call; nil: none
@@ -297,7 +296,7 @@ local function connected_since(self, job, before)
   local key = ar_key(job.peer, job.record)
   local connect = asked and (self.replaced[key] or self.connects:get(key))
   if connect and connect.frame > asked.frame and not (before and connect.frame > before.frame) then
-    return connect.frame, connect.time_ns
+    return connect.frame
   end
   return nil
 end
@@ -350,17 +349,6 @@ end
 -- Why a request is over without its response -> what is not in the capture then.
 local ENDS = {["end"] = "ends", expired = "unseen", later = "later", unseen = "unseen"}
 
-local function went_on_ns(self, job, call)
-  local peer = job.peer
-  return self.completeness and self.completeness:went_on_ns(peer.controller, peer.device, call.frame)
-end
-
--- Whether a client sent a call again, and waited for its response still: it goes on at once with one.
-local function gave_up(self, job, call)
-  local until_ns = job.insisted and (went_on_ns(self, job, call) or job.ended_ns or job.insisted)
-  return until_ns and job.insisted <= until_ns
-end
-
 -- That nobody knows what a Write was answered.
 local function unanswered(job, asked)
   local half = job.write_response
@@ -379,11 +367,11 @@ local function lacks_calls(self, job, asked, lost)
     return {what = "twice", first = job.twice}
   elseif job.untold then
     return {what = "cut_off", first = job.untold}
-  elseif job.fetching and not (job.limit or gave_up(self, job, job.fetching[1])) then
+  elseif job.fetching and not job.limit then
     return {what = "read_answer", first = job.fetching[1].frame}
   end
   local found = behind(self, job.peer, asked.frame, lost)
-  if found == nil and not (job:write_told() or job.limit or gave_up(self, job, asked)) then
+  if found == nil and not (job:write_told() or job.limit) then
     return unanswered(job, asked)
   end
   return found
@@ -421,7 +409,7 @@ end
 -- `at` is what ended its connection, {frame, time_ns}; nil where nothing is known of that.
 local function lose(self, job, reason, at)
   if at then
-    job.ended, job.ended_ns = at.frame, at.time_ns
+    job.ended = at.frame
   end
   if not job.missing then refused_at_last(self, job) end
   if reason ~= "" then
@@ -429,7 +417,7 @@ local function lose(self, job, reason, at)
   end
   if job.read_response == nil then
     if not at then
-      job.ended, job.ended_ns = connected_since(self, job)
+      job.ended = connected_since(self, job)
     end
     job.missing = job.missing or lacks(self, job, reason)
   end
@@ -873,9 +861,6 @@ end
 
 local function read(self, channel, job, event, record)
   local half, phase = record.response, job.phase
-  if job.insisted then
-    job.insisted = nil
-  end
   if phase == "refused" and event == "read_record" then
     compare(self, channel.last, job, half)
   elseif phase == "asked" and event == "read_cut" then
@@ -972,9 +957,6 @@ function Pairing:write_response(job, response, fault)
     self.listener:late(job)
   end
   job.write_response = response
-  if job.insisted then
-    job.insisted = nil
-  end
   if fault or job.write_fault then
     job.write_fault = fault or nil
   end
@@ -1229,7 +1211,7 @@ function Pairing:read_untold(peer, record)
   local job, half = record.job, record.response
   channel_of(self, peer, record, half.time_ns)
   if job and job.phase ~= "closed" then
-    job.insisted, job.untold = nil, half.frame
+    job.untold = half.frame
     touch(self, job, "empty_read", half)
   end
 end
@@ -1355,7 +1337,7 @@ local function left_open(self, job, why, newest_ns, lost)
   twin.reason = why[job] or "end"
   refused_at_last(self, twin, lost and lost(job.peer))
   if twin.read_response == nil then
-    twin.ended, twin.ended_ns = connected_since(self, job)
+    twin.ended = connected_since(self, job)
     twin.missing = job.missing or lacks(self, twin, twin.reason, newest_ns, lost and lost(job.peer))
     tell_read(twin)
   end

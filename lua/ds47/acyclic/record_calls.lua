@@ -304,12 +304,6 @@ function RecordCalls:retransmission(call, pdu)
   local operation = OPERATIONS[pdu.opnum] or "?"
   local args = {operation = operation, first = call.request.frame}
   self:_about_call(call, {rule = "DS103", frame = pdu.frame, args = args})
-  if call.response then
-    return
-  end
-  local half_ns = (pdu.time_ns - (call.sent_ns or call.request.time_ns)) / 2 -- timers are not exact
-  local waits_ns = pdu.time_ns + math.max(half_ns, tables.limits.resend_ns)
-  tell_each(self, pdu, call.context, "sent_again", waits_ns)
 end
 
 function RecordCalls:lost(call)

@@ -82,12 +82,6 @@ local function event_read_asked_late(self, _, record, answer, peer)
   self.pairing:read_asked_late(peer, record, answer)
 end
 
-local function event_sent_again(_, _, record, waits_ns)
-  if record.job then
-    record.job.insisted = waits_ns
-  end
-end
-
 local function event_answered_twice(_, _, record)
   if record.job then
     record.job.twice = record.request.frame
@@ -268,11 +262,6 @@ function RecordEvents:not_unasked(origin, record)
   if self.index47:needs_proof(records.ar_key(origin.peer, record), record.index) then
     self.index47:unheard(record.place.ar_key)
   end
-end
-
---- A request whose client had no response, and until when it waits for one at least.
-function RecordEvents:sent_again(origin, record, waits_ns)
-  pass(self, event_sent_again, nil, origin, record, waits_ns)
 end
 
 --- A request with two responses: which of them its client has is not known.

@@ -347,10 +347,6 @@ local function request(self, pdu)
   if pdu.opnum == rpc.CONNECT then
     self.connects:keep(pdu.client .. "\0" .. pdu.server, pdu.frame, self.limits.activities)
   end
-  local before = activity.by_seq[activity.newest]
-  if before then
-    self.completeness:went_on(before.request, pdu)
-  end
   local early = early_response(self, pdu)
   activity.numbers:add(pdu, early == nil)
   activity.newest = seq

@@ -36,7 +36,8 @@ Numbers.__index = Numbers
 -- @param pdu  the first request
 function M.numbers(pdu)
   return setmetatable({
-    lowest = pdu.seq, highest = pdu.seq, newest = pdu, anew = 0, heard = false, holes = {}, below = {}, under = -1,
+    lowest = pdu.seq, highest = pdu.seq, newest = pdu, anew = 0, heard = false,
+    holes = {}, below = {}, under = -1,
   }, Numbers)
 end
 
@@ -140,9 +141,8 @@ end
 
 -- {activities = array of Numbers; since = frame since which all calls are of activities that were there
 -- before; heard = whether the station that is called has said anything; unasked = frames of Writes that are
--- not there; lost = frames of calls of which only one half is there; went_on = frame of a call without its
--- response -> when its client sent the next one; disorder = the newest frame that was sent before one that
--- comes before it}
+-- not there; lost = frames of calls of which only one half is there; disorder = the newest
+-- frame that was sent before one that comes before it}
 local function pair_of(self, client, server)
   local key = key_of(client, server)
   local pair = self.pairs:get(key)
@@ -150,7 +150,6 @@ local function pair_of(self, client, server)
     local back = self.pairs:get(key_of(server, client))
     local heard = back ~= nil and back.activities[1] ~= nil
     pair = {activities = {}, since = 0, heard = heard, unasked = {}, lost = {}, disorder = 0}
-    pair.went_on = ordered.new()
     self.pairs:keep(key, pair, self.most)
   end
   return pair
@@ -211,17 +210,6 @@ end
 --- A call has no response.
 function Completeness:lost(request)
   keep(pair_of(self, request.client, request.server).lost, request.frame)
-end
-
---- A client calls again before the response to its last call is there.
-function Completeness:went_on(open, by)
-  pair_of(self, open.client, open.server).went_on:keep(open.frame, by.time_ns, KEPT)
-end
-
---- When a client sent its next call after one that has no response; nil where it did not.
-function Completeness:went_on_ns(client, server, frame)
-  local pair = self.pairs:get(key_of(client, server))
-  return pair and pair.went_on:get(frame)
 end
 
 --- The time of the newest call of a client to a server, by the numbers; nil for none.

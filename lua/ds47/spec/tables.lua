@@ -108,7 +108,6 @@ M.limits = {
   call_expiry_ns = 60000000000,
   transaction_expiry_ns = 600000000000,
   fragment_expiry_ns = 30000000000,
-  resend_ns = 50000000,
   unread_ns = 10000000000,
   slow_ns = 1000000000,
   polling_ns = 1000000000,

@@ -166,15 +166,11 @@ class Job:
     between: Job | None
     """The Write without its response before the first re-read, which may have brought the response to it."""
     ended: int | None
-    """Frame that ended the connection while the request was open,"""
-    ended_ns: int | None
-    """and its time."""
+    """Frame that ended the connection while the request was open."""
     fetching: list[Half]
     """The Reads that were sent for it and have no response up to now."""
     read_before: bool
     """Whether an earlier Read that is not in the capture, or not whole, may have brought the response."""
-    insisted: int
-    """Until when the client of a call of it that was sent again waits at least; 0 where none was."""
     twice: int
     """Frame of a call of it with two responses, of which the client may have either; 0 for none."""
     untold: int
@@ -244,10 +240,9 @@ class Job:
         self.repeats = None
         self.again = ""
         self.between = None
-        self.ended = self.ended_ns = None
+        self.ended = None
         self.fetching = []
         self.read_before = False
-        self.insisted = 0
         self.twice = self.untold = self.written_again = 0
         self.crossed = None
         self.missing = None
@@ -442,7 +437,6 @@ class Pairing:
         """The answer to a Write: accepted (status 0), refused (any other status, or an RPC fault)."""
         job.write_response = response
         job.write_fault = fault
-        job.insisted = 0
         if response is not None and response.untold:
             job.untold = response.frame
         status = response.status if response else None
@@ -537,7 +531,7 @@ class Pairing:
         assert half is not None
         self._channel(access, half.time_ns)
         if job is not None and not job.over:
-            job.insisted, job.untold = 0, half.frame
+            job.untold = half.frame
 
     def _leave_refused(self, channel: Channel, job: Job | None) -> None:
         """What is read is no response to the refused Write: from now on none is."""
@@ -601,23 +595,12 @@ class Pairing:
             return Missing("twice", job.twice)
         if job.untold:
             return Missing("cut_off", job.untold)
-        if job.fetching and not job.limit and not self._gave_up(job, job.fetching[0]):
+        if job.fetching and not job.limit:
             return Missing("read_answer", job.fetching[0].frame)
         found = self._behind(job.peer, asked.frame)
         if found is None and not job.limit and not job.write_told:
-            return None if self._gave_up(job, asked) else _unanswered(job, asked)
+            return _unanswered(job, asked)
         return found
-
-    def _gave_up(self, job: Job, call: Half) -> bool:
-        """Whether a client sent a call again, and waited for its response still: it goes on at once with one."""
-        until_ns = self._went_on_ns(job, call) or job.ended_ns or job.insisted
-        return 0 < job.insisted <= until_ns
-
-    def _went_on_ns(self, job: Job, call: Half) -> int | None:
-        if self._completeness is None:
-            return None
-        peer = job.peer
-        return self._completeness.went_on_ns(peer.controller, peer.device, call.frame)
 
     def _ends_soon(self, peer: Peer, asked: Half) -> bool:
         """Whether so little of what the controller sent came behind a request that its Read may still come."""
@@ -1049,7 +1032,6 @@ class Pairing:
     def _read(self, channel: Channel, job: Job, event: str, record: Record) -> None:
         half = record.response
         assert half is not None
-        job.insisted = 0
         if event == "read_record" and job.phase == "refused":
             self._compare(channel.last, job, half)
         if job.phase == "asked" and event == "read_cut":
@@ -1126,7 +1108,7 @@ class Pairing:
         if job.read_response is None:
             connect = self._connected_since(job) if job.ended is None else None
             if connect is not None:
-                job.ended, job.ended_ns = connect
+                job.ended = connect.frame
             job.missing = job.missing or self._lacks(job, reason)
         self._end(job, "lost")
 
@@ -1174,7 +1156,7 @@ class Pairing:
             if limit:
                 self._push_out(job, limit)
                 continue
-            job.ended, job.ended_ns = at or (None, None)
+            job.ended = at and at.frame
             self._lose(job, why.get(job.order, reason))
         if key[:3] not in self._of_ar:
             self.replaced.pop(key[:3], None)

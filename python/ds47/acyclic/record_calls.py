@@ -195,13 +195,6 @@ class RecordCalls:
         self._goes_on(pdu)
         args = {"operation": _OPERATIONS.get(pdu.opnum, "?"), "first": call.frame}
         self._about_call(call, Remark("DS103", pdu.frame, args))
-        if call.answer:
-            return
-        half_ns = call.pause_ns // 2  # timers are not exact
-        waits_ns = pdu.time_ns + max(half_ns, self._limits.resend_ns)
-        for access in call.context:
-            if access.ours:
-                self._events.pass_on(access, "sent_again", waits_ns)
 
     def _lost(self, call: RpcCall) -> None:
         pdu, first = call.request, next((each for each in call.context if each.ours), None)

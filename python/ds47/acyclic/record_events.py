@@ -46,7 +46,7 @@ class RecordEvents:
             "write_failed": self._write_failed, "write_unasked": lambda access, _: pairing.write_unasked(access),
             "read_asked": self._read_asked, "read_answered": self._read, "read_over": _read_over,
             "read_lost": lambda access, _: pairing.read_lost(access), "read_asked_late": pairing.read_asked_late,
-            "sent_again": _sent_again, "answered_twice": _answered_twice,
+            "answered_twice": _answered_twice,
             "pushed_out": lambda _, what: self.push_out(*what), "remark": self._remark, "about": self._about,
             "release": lambda ar, at: pairing.release(ar[0], ar[1], ar[2], at, SHARED_INDEX),
         }  # fmt: skip
@@ -256,11 +256,6 @@ def _read_over(access: RecordAccess, _: object = None) -> None:
     job = access.job
     if job is not None and access.record.request in job.fetching:
         job.fetching.remove(access.record.request)
-
-
-def _sent_again(access: RecordAccess, waits_ns: int) -> None:
-    if access.job is not None:
-        access.job.insisted = waits_ns
 
 
 def _answered_twice(access: RecordAccess, _: object) -> None:

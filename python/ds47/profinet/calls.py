@@ -39,8 +39,6 @@ class RpcCall:
     """Whether fragments of a response were seen."""
     sent_ns: int
     """When the request was sent last,"""
-    pause_ns: int
-    """how long after the time before,"""
     heard_ns: int
     """and when it was sent or answered last."""
     again: int
@@ -52,7 +50,7 @@ class RpcCall:
     def __init__(self, request: Pdu) -> None:
         self.request, self.frame, self.opnum = request, request.frame, request.opnum
         self.asked = _asked(request)
-        self.answer = self.answer_ns = self.said = self.pause_ns = 0
+        self.answer = self.answer_ns = self.said = 0
         self.in_part = False
         self.limit = ""
         self.sent_ns = self.heard_ns = request.time_ns
@@ -254,9 +252,6 @@ class CallTracker:
             self._completeness.disordered(pdu)
         if pdu.opnum == RPC_CONNECT:
             self._connected(pdu)
-        before = calls.get(activity.newest)
-        if before is not None and before.request is not None:
-            self._completeness.went_on(before.request, pdu)
         early = self._early.pop(key, None) if self._early else None
         late = early is not None and 0 <= early.time_ns - pdu.time_ns <= self._limits.call_expiry_ns
         activity.numbers.add(pdu, renewed=not late)
@@ -277,7 +272,7 @@ class CallTracker:
 
     def _repeated(self, activity: Activity, call: RpcCall, pdu: Pdu) -> None:
         self.counts["retransmissions"] += 1
-        call.pause_ns, call.sent_ns = pdu.time_ns - call.sent_ns, pdu.time_ns
+        call.sent_ns = pdu.time_ns
         call.again = pdu.frame
         if not call.answer:
             call.heard_ns = pdu.time_ns

@@ -142,7 +142,7 @@ class Pair:
     """What one station says to another one."""
 
     __slots__ = (
-        "activities", "disorder", "half", "halves", "heard", "lost", "since", "unasked", "unread", "went_on",
+        "activities", "disorder", "half", "halves", "heard", "lost", "since", "unasked", "unread",
     )  # fmt: skip
 
     def __init__(self) -> None:
@@ -161,8 +161,6 @@ class Pair:
         """The newest frame that was sent before one that comes before it; 0 for none."""
         self.half = self.halves = 0
         """The first frame of any call with one half, and how many there are."""
-        self.went_on: dict[int, int] = {}
-        """Frame of a call without its response -> when its client sent the next one; the newest ones."""
 
     @property
     def hears(self) -> bool:
@@ -275,13 +273,6 @@ class Completeness:
         if went_on:
             pair.has_half(request.frame)
 
-    def went_on(self, open_: Pdu, by: Pdu) -> None:
-        """A client calls again before the response to its last call is there."""
-        times = self._pair(open_.client, open_.server).went_on
-        times[open_.frame] = by.time_ns
-        if len(times) > _KEPT:
-            del times[next(iter(times))]
-
     def _pair(self, client: str, server: str) -> Pair:
         pair = self._pairs.get((client, server))
         if pair is None:
@@ -331,10 +322,6 @@ class Completeness:
         pair = self._pairs.get((client, server))
         times = [each.newest.time_ns for each in pair.activities] if pair is not None else []
         return max(times, default=None)
-
-    def went_on_ns(self, client: str, server: str, frame: int) -> int | None:
-        """When a client sent its next call after one that has no response; None where it did not."""
-        return self.lacks(client, server).went_on.get(frame)
 
     def newest(self, server: str) -> int:
         """The newest frame behind which something that was said with a server may be missing; 0 for none."""

@@ -18,7 +18,6 @@ class Limits(Row):
     call_expiry_ns: int
     transaction_expiry_ns: int
     fragment_expiry_ns: int
-    resend_ns: int
     unread_ns: int
     slow_ns: int
     polling_ns: int

@@ -612,12 +612,12 @@ def ds722_connect(client: Client) -> None:
 
 
 @BOOK.scene(
-    "unanswered lost",
-    tx(1, "unanswered", (1, 2, 3), None, NOTHING),
-    rules="DS101@3#1 DS103@4#1 DS401@1#1 DS722@1#1",
+    "incomplete lost",
+    tx(1, "incomplete", (1, 2, 3), None, NOTHING),
+    rules="DS101@3#1 DS103@4#1 DS110@1#1",
 )
-def ds722_read_under_way(client: Client) -> None:
-    """The same while its Read is under way: its client sends that again, and waits for the response."""
+def ds722_read_sent_again(client: Client) -> None:
+    """The same while its Read is under way, sent again: the response may be missing in the capture."""
     client.write(ask())
     call = client.ask_read()
     client.wait(1_000)
