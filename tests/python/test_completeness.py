@@ -691,7 +691,9 @@ WHOLE: list[tuple[Callable[[Client], None], str, list[tuple[object, ...]]]] = [
     (one_job(Client.ask_read, pause(5_000), Client.release), "incomplete", [(1, "read_answer", 3)]),
     (one_job(Client.release), "unanswered", [("DS401", 1), ("DS722", 1)]),
     (one_job(), "incomplete", [(1, "ends")]),
-    (one_job(asked_again), "superseded incomplete incomplete", [(3, "write_answer", 3), (5, "ends"), ("DS413", 5)]),
+    (one_job(asked_again), "superseded incomplete incomplete", [
+        (3, "write_answer", 3), (5, "ends"), ("DS413", 5),
+    ]),
 ]  # fmt: skip
 
 

@@ -223,7 +223,7 @@ local function expire(self, activity, pdu)
   while activity.count > self.limits.calls do
     local call = activity.oldest
     take_out(activity, nil, call)
-    if call.request.seq < activity.answered then
+    if call.request.seq < activity.numbers.answered then
       give_up(self, call)
     else
       self.handlers:pushed_out(call, "calls")
@@ -273,7 +273,6 @@ local function activity_of(self, pdu)
     activity = {
       newest = pdu.seq, by_seq = {}, oldest = nil, last = nil, count = 0, server = nil,
       numbers = completeness.numbers(pdu), anew = 0, doubled = 0,
-      answered = -1, -- the highest number that has a response: its client has gone on from those before it
     }
     activities:set(key, activity)
     make_room(self)
@@ -288,10 +287,10 @@ end
 -- A call is answered: it is remembered as long as its client may repeat it.
 local function answer(self, activity, call, pdu)
   call.response, activity.numbers.heard = pdu, true
-  if pdu.seq < activity.answered and pdu.time_ns < activity.numbers.newest.time_ns then
+  if pdu.seq < activity.numbers.answered and activity.numbers:is_late(pdu) then
     self.completeness:disordered(pdu)
   end
-  activity.answered = math.max(activity.answered, pdu.seq)
+  activity.numbers.answered = math.max(activity.numbers.answered, pdu.seq)
   self.newest = call
   forget(activity, call)
   local answered = self.answered
@@ -335,13 +334,13 @@ local function request(self, pdu)
       again(self, call, pdu)
       return
     end
-    activity.anew = pdu.frame
+    activity.anew, activity.numbers.answered = pdu.frame, -1
     if not call.response then
       lose(self, call)
       forget(activity, call)
     end
   end
-  if seq < activity.numbers.highest and pdu.time_ns < activity.numbers.newest.time_ns then
+  if activity.numbers:is_late(pdu) or seq < activity.numbers.answered then
     self.completeness:disordered(pdu)
   end
   if pdu.opnum == rpc.CONNECT then

@@ -29,14 +29,14 @@ Numbers.__index = Numbers
 --- The numbers of an activity.
 -- `lowest` and `highest`: of its numbers; `newest`: the request with the highest one; `following`: the number
 -- behind the newest one that was there before, which tells that the client counts anew; `heard`: whether a
--- call was answered; `holes`: array of {after, before (frames), first, last (numbers), over (true where its
--- client counts anew since: what comes is none of these)}, in the order of their frames; `below`: the same of
--- numbers below the first one that was there, which may have come before the capture began; `under`: the newest
--- of those that were there.
+-- call was answered; `answered`: the highest number that was, since its client counts so; `holes`: array of
+-- {after, before (frames), first, last (numbers), over (true where its client counts anew since: what comes is
+-- none of these)}, in the order of their frames; `below`: the same of numbers below the first one that was
+-- there, which may have come before the capture began; `under`: the newest of those that were there.
 -- @param pdu  the first request
 function M.numbers(pdu)
   return setmetatable({
-    lowest = pdu.seq, highest = pdu.seq, newest = pdu, anew = 0, heard = false,
+    lowest = pdu.seq, highest = pdu.seq, newest = pdu, anew = 0, heard = false, answered = -1,
     holes = {}, below = {}, under = -1,
   }, Numbers)
 end
@@ -88,7 +88,7 @@ function Numbers:add(pdu, renewed)
     put(below, #below + 1, 0, pdu.frame, number + 1, self.lowest - 1)
     self.lowest, self.under = number, number
   elseif number == self.following then
-    self.lowest, self.highest, self.newest = number - 1, number, pdu
+    self.lowest, self.highest, self.newest, self.answered = number - 1, number, pdu, -1
     for place = 1, max(#holes, #below) do
       (holes[place] or {}).over, (below[place] or {}).over = true, true
     end
@@ -98,11 +98,16 @@ function Numbers:add(pdu, renewed)
     end
     self.under = number
   elseif not fill(holes, number) and renewed then
-    self.following = number + 1
+    self.following, self.answered = number + 1, -1
     if self.lowest < self.highest or self.anew == 0 then -- one number for all calls does not count
       self.anew = pdu.frame
     end
   end
+end
+
+--- Whether a message is of a call before the newest one, by its number and by the clock.
+function Numbers:is_late(pdu)
+  return pdu.seq < self.highest and pdu.time_ns < self.newest.time_ns
 end
 
 --- Whether a number was there.

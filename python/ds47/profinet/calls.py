@@ -63,9 +63,7 @@ class Activity:
     """The open calls of one RPC activity by their sequence number; the oldest request first."""
 
     newest: int
-    """Number of the newest call,"""
-    answered: int
-    """and the highest one that has a response: its client has gone on from those before it."""
+    """Number of the newest call."""
     calls: dict[int, RpcCall]
     """Those without a response."""
     oldest_ns: int
@@ -79,7 +77,7 @@ class Activity:
     """The frame of a response that came again, though no request did: one is missing. 0 for none."""
 
     def __init__(self, pdu: Pdu) -> None:
-        self.newest, self.answered = pdu.seq, -1
+        self.newest = pdu.seq
         self.anew = self.doubled = 0
         self.calls = {}
         self.oldest_ns = pdu.time_ns
@@ -244,11 +242,11 @@ class CallTracker:
                 self._repeated(activity, call, pdu)
                 told.append(("again", call, pdu))
                 return
-            activity.anew = pdu.frame
+            activity.anew, activity.numbers.answered = pdu.frame, -1
             if not call.answer:
                 self._lose(call, told, went_on=True)
                 del calls[seq]  # the new one goes to the end
-        if seq < activity.numbers.highest and pdu.time_ns < activity.numbers.newest.time_ns:
+        if activity.numbers.is_late(pdu) or seq < activity.numbers.answered:
             self._completeness.disordered(pdu)
         if pdu.opnum == RPC_CONNECT:
             self._connected(pdu)
@@ -353,9 +351,9 @@ class CallTracker:
             call.request = None
         call.answer, call.answer_ns, call.said = pdu.frame, pdu.time_ns, hash(pdu.body)
         activity.numbers.heard = True
-        if pdu.seq < activity.answered and pdu.time_ns < activity.numbers.newest.time_ns:
+        if pdu.seq < activity.numbers.answered and activity.numbers.is_late(pdu):
             self._completeness.disordered(pdu)
-        activity.answered = max(activity.answered, pdu.seq)
+        activity.numbers.answered = max(activity.numbers.answered, pdu.seq)
         call.heard_ns = max(call.sent_ns, pdu.time_ns)
         del activity.calls[pdu.seq]
         answered = self._answered
@@ -403,7 +401,7 @@ class CallTracker:
         while len(calls) > self._limits.calls:
             seq = next(iter(calls))
             call = calls.pop(seq)
-            if seq < activity.answered:
+            if seq < activity.numbers.answered:
                 self._put(self._given_up, (pdu.client, pdu.activity, seq), None)
                 self._lose(call, told, went_on=True)
             else:

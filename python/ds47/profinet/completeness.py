@@ -62,7 +62,9 @@ class Hole:
 class Numbers:
     """The sequence numbers of one activity, as a set: they may come out of order."""
 
-    __slots__ = ("anew", "below", "following", "heard", "highest", "holes", "lowest", "newest", "under")
+    __slots__ = (
+        "anew", "answered", "below", "following", "heard", "highest", "holes", "lowest", "newest", "under",
+    )  # fmt: skip
 
     def __init__(self, pdu: Pdu) -> None:
         self.lowest = self.highest = pdu.seq
@@ -73,7 +75,9 @@ class Numbers:
         self.newest = pdu
         """The request with the highest number."""
         self.heard = False
-        """Whether one of its calls was answered."""
+        """Whether one of its calls was answered,"""
+        self.answered = -1
+        """and the highest number that was, since its client counts so: it has gone on from those before it."""
         self.holes: list[Hole] = []
         """In the order of their frames."""
         self.below: list[Hole] = []
@@ -98,7 +102,7 @@ class Numbers:
                 _put(self.below, Hole(0, pdu.frame, number + 1, self.lowest - 1))
             self.lowest = self.under = number
         elif number == self.following:
-            self.lowest, self.highest, self.newest = number - 1, number, pdu
+            self.lowest, self.highest, self.newest, self.answered = number - 1, number, pdu, -1
             for hole in (*self.holes, *self.below):
                 hole.over = True
         elif _fills(self.below, number):
@@ -106,9 +110,13 @@ class Numbers:
                 self.following = number + 1  # it counts up from there
             self.under = number
         elif not _fills(self.holes, number) and renewed:
-            self.following = number + 1
+            self.following, self.answered = number + 1, -1
             if self.lowest < self.highest or not self.anew:  # one number for all calls does not count
                 self.anew = pdu.frame
+
+    def is_late(self, pdu: Pdu) -> bool:
+        """Whether a message is of a call before the newest one, by its number and by the clock."""
+        return pdu.seq < self.highest and pdu.time_ns < self.newest.time_ns
 
     def has(self, number: int) -> bool:
         """Whether a number was there."""
@@ -261,7 +269,7 @@ class Completeness:
         self.first_late = min(self.first_late or response.frame, response.frame)
 
     def disordered(self, pdu: Pdu) -> None:
-        """A call of records stands behind one that was made later, by its number and by the clock."""
+        """A call of records stands behind one that was made later, by its number, and by the clock or an answer."""
         if pdu.opnum in (RPC_READ, RPC_WRITE, RPC_READ_IMPLICIT):
             pair = self._pair(pdu.client, pdu.server)
             pair.disorder = max(pair.disorder, pdu.frame)

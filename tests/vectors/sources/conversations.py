@@ -2329,14 +2329,14 @@ def p75_number_missing(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P41 superseded other-index",
-    tx(1, "superseded", (1, 2), None, NOTHING),
+    "P73 incomplete other-index",
+    tx(1, "incomplete", (1, 2), None, NOTHING),
     row(2, real(1.5), first=3, slot=2),
     row(3, real(2.5, pnu=27), first=9),
-    rules="DS413@9#1 DS705@9#1",
+    rules="DS110@1#1",
 )
 def p75_number_late(client: Client) -> None:
-    """The number comes late, in a Read of I&M0: all calls are there, and the request is superseded."""
+    """The number comes behind the answer to a later call: it may have been sent before that, and more with it."""
     client.write(ask())
     late, place = client.call(wire.READ), client.at(index=0xAFF0)
     client.exchange(ask(2), tell(2, 1.5), at=client.at(slot=2))
