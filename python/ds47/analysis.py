@@ -238,7 +238,10 @@ class Analysis:
         index47 = Index47(
             options.indices, bounds.waiting_calls, bounds.waiting_ars, bounds.proven_ars, self._told
         )
-        self._judge = Judge(bounds, slow_ns, index47.waits)
+        self._judge = Judge(
+            bounds, slow_ns,
+            lambda peer, frame: index47.waits(peer.device) or self._pairing.may_lack(peer, frame),
+        )  # fmt: skip
         self._catalogue = _catalogue(options.lists)
         self._dictionary = Dictionary(self._judge.objects, bounds.described_parameters)
         self._completeness = Completeness(

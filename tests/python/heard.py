@@ -129,9 +129,9 @@ def _listen(owner: Any, name: str, said: bool) -> None:
     setattr(owner, name, new)
 
 
-def _heard(waits: Callable[[str], bool]) -> Callable[[str], bool]:
-    def new(device: str) -> bool:
-        _waits.append(waits(device))
+def _heard(unseen: Callable[..., bool]) -> Callable[..., bool]:
+    def new(*what: object) -> bool:
+        _waits.append(unseen(*what))
         return _waits[-1]
 
     return new

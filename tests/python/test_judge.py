@@ -23,7 +23,7 @@ TEN, NINE = message.real(10.0), message.real(9.5)
 
 
 def judge() -> Judge:
-    return Judge(LIMITS, LIMITS.slow_ns, lambda _: False)
+    return Judge(LIMITS, LIMITS.slow_ns, lambda *_: False)
 
 
 def rules(remarks: list[Remark]) -> list[str]:
@@ -323,7 +323,7 @@ def test_as_long_as_the_device_takes_is_not_too_long() -> None:
 
 
 def test_the_devices_whose_longest_message_is_known_are_bounded() -> None:
-    court = Judge(LIMITS.but(longest_messages=2), LIMITS.slow_ns, lambda _: False)
+    court = Judge(LIMITS.but(longest_messages=2), LIMITS.slow_ns, lambda *_: False)
     asked = message.read(1, 1, message.address(974))
     for device in ("first", "second", "first", "third"):
         court.answered(job(asked, message.answer(1, 1, 1, message.word(1)), device=device))

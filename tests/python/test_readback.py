@@ -31,7 +31,7 @@ class Court:
         self.waiting: set[str] = set()
         """Devices of which record calls wait until their AR has proved itself."""
         bounds = LIMITS.but(written_values=written_values)
-        self.judge = Judge(bounds, LIMITS.slow_ns, self.waiting.__contains__)
+        self.judge = Judge(bounds, LIMITS.slow_ns, lambda peer, _: peer.device in self.waiting)
         self.frame = 1
 
     def hear(self, asked: bytes, answer: bytes | None, **more: Any) -> list[Remark]:

@@ -128,12 +128,12 @@ Judge.__index = Judge
 --- Judges jobs; keeps the little history that some rules need.
 -- @param limits   the numbers of tables.limits
 -- @param slow_ns  from which share of the drive a transaction is slow, nanoseconds
--- @param waits    whether record calls of a device wait until their AR has proved itself (readback.lua)
-function M.new(limits, slow_ns, waits)
+-- @param unseen   whether a change may have come behind a frame that nobody has told of (readback.lua)
+function M.new(limits, slow_ns, unseen)
   return setmetatable({
     limits = limits,
     slow_ns = slow_ns,
-    written = readback.new(limits.written_values, waits),
+    written = readback.new(limits.written_values, unseen),
     longest = ordered.new(), -- device -> longest message it takes
     most = ordered.new(), -- device -> most parameters of one request
     misfits = ordered.new(), -- place -> the last change whose number of values was refused

@@ -61,6 +61,7 @@ Job.again = "" -- of the first re-read, how it came about: a key of tables.diagn
 --   read_before: true where an earlier Read that is not in the capture may have brought the response
 --   uncounted: true for the first one on its channel, if another channel of its AR had its reference last
 --   twice: frame of a call of it with two responses, of which the client may have either; nil for none
+--   hasty: true where its Read was sent before the response to its Write, though its client waits as a rule
 --   untold: frame that the capture cut off before it says what is asked, or what became of a call; nil: none
 --   written_again: frame of the Write that asked for the same while this one had no response: it was accepted
 --   crossed: {first, last}, frames of two Writes, one of them this, accepted in the other order (P27)
@@ -311,6 +312,11 @@ local function behind(self, peer, frame, lost, in_order)
     return self.completeness.lost_on_line(peer.station) > frame and {what = "line"} or nil
   end
   return self.completeness:behind(peer.controller, peer.device, frame, lost, in_order)
+end
+
+--- Whether something that a controller asked of a device may be missing behind a frame.
+function Pairing:may_lack(peer, frame)
+  return behind(self, peer, frame) ~= nil
 end
 
 -- What may be missing behind a frame of what was asked for on a channel; behind 0 the begin of the capture.
@@ -907,9 +913,15 @@ function Pairing:is_again(peer, record)
   return record.implicit and repeated(self, place_key(peer, record), record.response) ~= nil
 end
 
+-- Whether a Read was sent before the response to the last request that was answered.
+local function was_open(channel, sent)
+  local got = channel.last and channel.last.read_response
+  return sent and got and sent.frame < got.frame
+end
+
 local function reread(self, channel, job, record)
   job.phase = PHASES[job.phase].reread
-  if not job.rereads[1] then
+  if job.again == "" and not was_open(channel, record.request) then
     job.between = waiting_of(channel)
     local written = math.max(channel.written or 0, channel.unasked)
     local unaccepted = written > job.read_response.frame and "again_unaccepted"
@@ -955,6 +967,14 @@ end
 function Pairing:write_response(job, response, fault)
   if job.phase == "closed" then
     self.listener:late(job)
+  end
+  local asked, known = job.record.request, self.completeness
+  if known and (job.fetching or job.read_request or job.polls[1]) then
+    job.hasty = known:waits(job.peer.controller, job.peer.device)
+  end
+  if job.hasty and (fault or response and response.status ~= 0) then
+    job.twice = asked and asked.frame
+    return -- who waits had another response before, and the device executed the call once more
   end
   job.write_response = response
   if fault or job.write_fault then
@@ -1094,6 +1114,9 @@ local function of_another(self, channel, job, record)
     return unanswered(job, asked)
   elseif (has_data or half.cut) and doubtful and job.fetching and job.fetching[1].frame < sought.frame then
     return {what = "read_answer", first = job.fetching[1].frame}
+  elseif not fits and is_last(channel, half) and channel.last.order > job.order then
+    -- A device that executes a Read once more has the newest response.
+    return {what = "read_answer", first = sought.frame}
   elseif may_be_newer(channel, job, record) then
     return {what = "later"}
   end
@@ -1112,13 +1135,6 @@ local function of_another(self, channel, job, record)
   local sure = fits and kind_fits(job.message, data) -- of a record that is too short nothing tells
   local first = found.what == "begins" and (sure or fits and not job:write_refused())
   return not (first or sure and counts(job, record)) and found or nil
-end
-
--- Whether a Read was sent between the last request that was answered and its response.
-local function was_open(channel, sent)
-  local last = channel.last
-  local asked, got = last and last:write_request(), last and last.read_response
-  return sent and asked and got and asked.frame < sent.frame and sent.frame < got.frame
 end
 
 -- A Read that brought nothing, where no request is open as far as is known.

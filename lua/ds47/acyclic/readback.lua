@@ -28,20 +28,16 @@ local OF_CHANGES = {[0x02] = true, [0x82] = true, [0x42] = true, [0xC2] = true} 
 local NEGATIVE = 0x80 -- the first response id that is negative
 local NONE = {}
 
-local function none_waits()
-  return false
-end
-
 local ReadBack = {}
 ReadBack.__index = ReadBack
 
 --- Remembers what was written, and compares what is read.
 -- @param most   parameters that are remembered; of more the one that was written longest ago is forgotten
--- @param waits  waits(device): whether record calls of a device wait until their AR has proved itself; a
---   change that nobody has told of yet may be among them. nil where none ever waits
-function M.new(most, waits)
+-- @param unseen  unseen(peer, frame): whether a change that nobody has told of may have come behind a frame:
+--   what a controller asked of a device is missing there, or waits until its AR has proved itself
+function M.new(most, unseen)
   return setmetatable({
-    waits = waits or none_waits,
+    unseen = unseen,
     most = most,
     objects = drive_objects.new(),
     written = ordered.new(), -- device, PNU and subindex -> array of writes
@@ -305,7 +301,7 @@ function ReadBack:_compare(found, job, access, address, block)
     local key = key_of(access.device, address.pnu, subindex)
     local last = self:_last(key, address.pnu, access, device.forgotten, job:write_request().frame)
     local raw = sub(block.raw, number * size + 1, (number + 1) * size)
-    if last and differs(last, block, raw, value) and not self.waits(access.device) then
+    if last and differs(last, block, raw, value) and not self.unseen(job.peer, last.asked) then
       self.written:set(key, kept(self.written:get(key), function(each) return each.upto == NEVER end))
       found[#found + 1] = {
         offset = block.offset,

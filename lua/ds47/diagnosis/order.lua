@@ -25,7 +25,7 @@ end
 
 local function read_too_early(remarks, job)
   local answer = job.write_response
-  if answer == nil or answer.status ~= 0 then
+  if answer == nil or answer.status ~= 0 or job.hasty then
     return
   end
   local read, asked = first_read(job), job.record.request
@@ -52,7 +52,7 @@ local function old_answer(remarks, job)
     local case = refused and "again_after_refusal" or "again_without_ar"
     put_again(remarks, case, read.frame, job.repeats, refused and refused.frame)
   end
-  if job.rereads[1] and not (job.between and not job.between:write_told()) then
+  if job.again ~= "" and not (job.between and not job.between:write_told()) then
     put_again(remarks, job.again, job.rereads[1].response.frame, read.frame)
   end
 end

@@ -85,8 +85,11 @@ local function call_of(self, pdu)
   return activity and activity.by_seq[pdu.seq], activity
 end
 
--- The wire doubled a request: a device without a memory of its responses executes it once more.
+-- The wire doubled a message: of a request a device without a memory of its responses executes it once more.
 local function came_again(self, pdu)
+  if pdu.ptype ~= 0 then
+    return self.completeness:doubled(pdu)
+  end
   local call = self.answered:get(key_of(pdu)) or call_of(self, pdu)
   if call then
     call.again = pdu.frame
@@ -113,7 +116,7 @@ function CallTracker:is_copy(pdu, ip_id)
     local passed, window = pdu.time_ns - before.time_ns, self.limits.copy_ns
     if ip_id ~= 0 or passed <= window and -passed <= window then
       self.counts.copies = self.counts.copies + 1
-      if pdu.ptype == 0 and passed > window then
+      if passed > window then
         came_again(self, pdu)
       end
       return true, before.frame
@@ -286,11 +289,11 @@ end
 
 -- A call is answered: it is remembered as long as its client may repeat it.
 local function answer(self, activity, call, pdu)
-  call.response, activity.numbers.heard = pdu, true
+  call.response = pdu
+  activity.numbers:hears(pdu.seq)
   if pdu.seq < activity.numbers.answered and activity.numbers:is_late(pdu) then
     self.completeness:disordered(pdu)
   end
-  activity.numbers.answered = math.max(activity.numbers.answered, pdu.seq)
   self.newest = call
   forget(activity, call)
   local answered = self.answered
@@ -384,12 +387,17 @@ end
 local function answers_again(self, activity, pdu)
   local key = key_of(pdu)
   local call = self.answered:get(key)
-  if call == nil then -- of what is forgotten the number alone is known
+  local before = call == nil and self.early:get(key)
+  if before then
+    -- Of the same call, whose request is missing.
+    return pdu.time_ns - before.time_ns <= self.limits.call_expiry_ns
+  elseif call == nil then -- of what is forgotten the number alone is known
     return self.forgot and activity ~= nil and not self.given_up:get(key) and activity.numbers:has(pdu.seq)
   elseif is_used_anew(self, activity, call, pdu) then
     return false
   end
   if call.response.body == pdu.body then -- late, also behind a Connect
+    self.completeness:doubled(pdu)
     if activity and not call.again then
       activity.doubled = pdu.frame
     end

@@ -20,6 +20,8 @@ local M = {}
 -- Holes of one activity and Writes without their request of a pair that are kept by themselves: older holes
 -- are as one, and of the others the newest are asked for.
 local KEPT = 64
+-- One of so many calls is none of a habit.
+local RARELY = 8
 
 -- Sequence numbers: of one activity, as a set, because they may come out of order.
 
@@ -30,14 +32,15 @@ Numbers.__index = Numbers
 -- `lowest` and `highest`: of its numbers; `newest`: the request with the highest one; `following`: the number
 -- behind the newest one that was there before, which tells that the client counts anew; `heard`: whether a
 -- call was answered; `answered`: the highest number that was, since its client counts so; `holes`: array of
--- {after, before (frames), first, last (numbers), over (true where its client counts anew since: what comes is
--- none of these)}, in the order of their frames; `below`: the same of numbers below the first one that was
--- there, which may have come before the capture began; `under`: the newest of those that were there.
+-- {after, before (frames), first, last (numbers), over (true where its client counts anew since: what comes
+-- is none of these)}, in the order of their frames; `below`: the same of numbers below the first one that
+-- was there, which may have come before the capture began; `under`: the newest of those that were there;
+-- `waited` and `ahead`: how many calls were answered before the next one was sent, and behind that.
 -- @param pdu  the first request
 function M.numbers(pdu)
   return setmetatable({
     lowest = pdu.seq, highest = pdu.seq, newest = pdu, anew = 0, heard = false, answered = -1,
-    holes = {}, below = {}, under = -1,
+    holes = {}, below = {}, under = -1, waited = 0, ahead = 0,
   }, Numbers)
 end
 
@@ -103,6 +106,12 @@ function Numbers:add(pdu, renewed)
       self.anew = pdu.frame
     end
   end
+end
+
+--- A call is answered.
+function Numbers:hears(number)
+  local what = number < self.highest and "ahead" or "waited"
+  self.heard, self[what], self.answered = true, self[what] + 1, max(self.answered, number)
 end
 
 --- Whether a message is of a call before the newest one, by its number and by the clock.
@@ -210,6 +219,21 @@ function Completeness:disordered(pdu)
     local pair = pair_of(self, pdu.client, pdu.server)
     pair.disorder = max(pair.disorder, pdu.frame)
   end
+end
+
+--- A response came once more, later than a mirror port brings one.
+function Completeness:doubled(response)
+  pair_of(self, response.client, response.server).doubled = true
+end
+
+--- Whether a client waits for each response as a rule, on a wire that doubles them: then one that came behind
+-- its next call may be the second one, and the first is not in the capture.
+function Completeness:waits(client, server)
+  local pair, ahead, waited = self.pairs:get(key_of(client, server)), 0, 0
+  for _, numbers in ipairs(pair and pair.doubled and pair.activities or {}) do
+    ahead, waited = ahead + numbers.ahead, waited + numbers.waited
+  end
+  return RARELY * ahead < waited
 end
 
 --- A call has no response.

@@ -11,7 +11,7 @@ from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any, Final, TypeVar
 
-from ds47.acyclic.pairing import Job
+from ds47.acyclic.pairing import Job, Peer
 from ds47.acyclic.readback import ReadBack
 from ds47.findings.remark import Remark
 from ds47.profidrive import Address, Block, Flaw, Request, Response
@@ -96,13 +96,13 @@ class Judge:
     Args:
         limits: numbers of spec/limits.toml.
         slow_ns: from which share of the drive a transaction is slow.
-        waits: whether record calls of a device wait until their AR has proved itself (`Index47.waits`).
+        unseen: whether a change may have come behind a frame that nobody has told of (`ReadBack`).
     """
 
-    def __init__(self, limits: Limits, slow_ns: int, waits: Callable[[str], bool]) -> None:
+    def __init__(self, limits: Limits, slow_ns: int, unseen: Callable[[Peer, int], bool]) -> None:
         self._limits = limits
         self._slow_ns = slow_ns
-        self._written = ReadBack(limits.written_values, waits)
+        self._written = ReadBack(limits.written_values, unseen)
         self._longest: OrderedDict[str, int] = OrderedDict()
         """r0974[0] of a device,"""
         self._most: OrderedDict[str, int] = OrderedDict()

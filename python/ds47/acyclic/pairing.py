@@ -162,7 +162,7 @@ class Job:
     repeats: int | None
     """Frame of an earlier response that was read once more where a new one was due."""
     again: str
-    """Of the first re-read, how it came about: a key of diagnoses.toml."""
+    """Of the first re-read behind the response, how it came about: a key of diagnoses.toml."""
     between: Job | None
     """The Write without its response before the first re-read, which may have brought the response to it."""
     ended: int | None
@@ -173,6 +173,8 @@ class Job:
     """Whether an earlier Read that is not in the capture, or not whole, may have brought the response."""
     twice: int
     """Frame of a call of it with two responses, of which the client may have either; 0 for none."""
+    hasty: bool
+    """Whether its Read was sent before the response to its Write, though its client waits for each as a rule."""
     untold: int
     """Frame that the capture cut off before it says what is asked, or what became of a call; 0 for none."""
     written_again: int
@@ -236,7 +238,7 @@ class Job:
         self.order = order
         self.superseding = None
         self.rival = self.refused_behind = None
-        self.alone = False
+        self.alone = self.hasty = False
         self.repeats = None
         self.again = ""
         self.between = None
@@ -435,6 +437,11 @@ class Pairing:
 
     def write_response(self, job: Job, response: Half | None, *, fault: bool = False) -> None:
         """The answer to a Write: accepted (status 0), refused (any other status, or an RPC fault)."""
+        if job.polls or job.fetching or job.read_request:
+            job.hasty = self._waits(job.peer)
+        if job.hasty and (fault or (response is not None and response.status)):
+            job.twice = job.record.request.frame if job.record.request else 0
+            return  # who waits had another response before, and the device executed the call once more
         job.write_response = response
         job.write_fault = fault
         if response is not None and response.untold:
@@ -453,6 +460,11 @@ class Pairing:
             self._refuse(channel, job)
             if job.phase == "refused":
                 self._told.append(("refused", job, None))
+
+    def _waits(self, peer: Peer) -> bool:
+        """Whether a response behind a later call is a second one, as far as the habit of the client tells."""
+        known = self._completeness
+        return known is not None and known.waits(peer.controller, peer.device)
 
     def write_unasked(self, access: RecordAccess) -> None:
         """The answer to a Write whose request is not in the capture.
@@ -555,6 +567,10 @@ class Pairing:
 
     # What is not in the capture (P73)
 
+    def may_lack(self, peer: Peer, frame: int) -> bool:
+        """Whether something that a controller asked of a device may be missing behind a frame."""
+        return self._behind(peer, frame) is not None
+
     def _behind(self, peer: Peer, frame: int, *, ordered: bool = False) -> Missing | None:
         """What may be missing behind a frame of what the controller sent, or stand elsewhere in the file.
 
@@ -632,6 +648,8 @@ class Pairing:
             doubtful = not fits or (_is_last(channel, half) and not _counts(job, record))
             if doubtful:
                 return Missing("read_answer", job.fetching[0].frame)
+        if not fits and _is_last(channel, half) and channel.last and channel.last.order > job.order:
+            return Missing("read_answer", read)  # a device that executes a Read once more has the newest response
         if channel.asked and _may_be_newer(channel, job, record):
             return Missing("later")
         unknown = not (job.write_told or half.data)  # whether its Write was accepted
@@ -758,7 +776,7 @@ class Pairing:
     def _reread(self, channel: Channel, job: Job, record: Record) -> None:
         assert record.response is not None
         self._step(job, "reread")
-        if not job.rereads:
+        if not job.again and not _was_open(channel, record.request):
             job.between = channel.waiting()
             read = job.read_response.frame if job.read_response else 0
             written = max(channel.written or 0, channel.unasked)
@@ -1277,11 +1295,11 @@ def _counts(job: Job, record: Record) -> bool:
 
 
 def _was_open(channel: Channel, read: Half | None) -> bool:
-    """Whether a Read was sent between the last request that was answered and its response."""
+    """Whether a Read was sent before the response to the last request that was answered."""
     last = channel.last
-    if read is None or last is None or last.write_request is None or last.read_response is None:
+    if read is None or last is None or last.read_response is None:
         return False
-    return last.write_request.frame < read.frame < last.read_response.frame
+    return read.frame < last.read_response.frame
 
 
 def _wrote_behind(channel: Channel, job: Job, record: Record) -> Missing | None:

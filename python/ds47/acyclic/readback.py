@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from ds47.acyclic.pairing import Job
+from ds47.acyclic.pairing import Job, Peer
 from ds47.profidrive import Address, Block, Request, Response
 from ds47.profidrive.dictionary import changes_itself
 from ds47.profidrive.drive_objects import DO_IDENTIFICATION, DriveAccess, DriveObjects, access
@@ -68,13 +68,13 @@ class ReadBack:
 
     Args:
         most: parameters that are remembered; of more the one that was written longest ago is forgotten.
-        waits: whether record calls of a device wait until their AR has proved itself: a change that nobody
-            has told of yet may be among them.
+        unseen: whether a change that nobody has told of may have come behind a frame: what a controller asked of
+            a device is missing there, or waits until its AR has proved itself.
     """
 
-    def __init__(self, most: int, waits: Callable[[str], bool]) -> None:
+    def __init__(self, most: int, unseen: Callable[[Peer, int], bool]) -> None:
         self._most = most
-        self._waits = waits
+        self._unseen = unseen
         self.objects = DriveObjects()
         self._written: OrderedDict[Element, list[Written]] = OrderedDict()
         self._open: dict[Job, list[tuple[Element, Written]]] = {}
@@ -179,12 +179,10 @@ class ReadBack:
             elif pnu == DO_IDENTIFICATION and address.attribute == VALUE:
                 self.objects.identified(access_of(job), address.subindex, block.values)
             if pnu in pnus:
-                yield from self._compared(
-                    access_of(job), job.peer.drives, asked.frame, address, block
-                )
+                yield from self._compared(access_of(job), job.peer, asked.frame, address, block)
 
     def _compared(
-        self, reached: DriveAccess, family: str, asked: int, address: Address, block: Block
+        self, reached: DriveAccess, peer: Peer, asked: int, address: Address, block: Block
     ) -> Iterator[dict[str, Any]]:
         device = self._device(reached.device)
         if device.recomputing:
@@ -196,12 +194,12 @@ class ReadBack:
                 continue
             if last.raw == raw or (last.format != block.format and last.value == value):
                 continue
-            if not self._waits(reached.device):
+            if not self._unseen(peer, last.asked):
                 there = self._written[key]
                 there[:] = [each for each in there if each.until == NEVER]
                 yield {
                     "pnu": address.pnu, "subindex": element, "read": value,
-                    "written": last.value, "by": last.asked, "family": family, "offset": block.offset,
+                    "written": last.value, "by": last.asked, "family": peer.drives, "offset": block.offset,
                 }  # fmt: skip
 
     def _last(self, key: Element, reached: DriveAccess, since: int, asked: int) -> Written | None:

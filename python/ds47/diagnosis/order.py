@@ -35,7 +35,7 @@ def of(job: Job) -> Iterator[Remark]:
 def _read_too_early(job: Job, read: Half, answer: Half) -> Iterator[Remark]:
     asked = job.record.request
     begin_ns = 0 if asked is None else asked.time_ns  # before that the times say another order
-    if answer.status == 0 and begin_ns <= read.time_ns <= answer.time_ns:
+    if answer.status == 0 and not job.hasty and begin_ns <= read.time_ns <= answer.time_ns:
         yield Remark("DS702", read.frame, {"frame": read.frame, "by": answer.frame})
 
 
@@ -46,7 +46,7 @@ def _old_answer(job: Job) -> Iterator[Remark]:
         case = "again_without_ar" if refused is None else "again_after_refusal"
         yield _again(case, read.frame, job.repeats, refused.frame if refused else None)
     unseen = job.between is not None and not job.between.write_told
-    if read is not None and job.rereads and not unseen:
+    if read is not None and job.again and not unseen:
         yield _again(job.again, job.rereads[0][1].frame, read.frame)
 
 

@@ -171,7 +171,7 @@ class CallTracker:
             before = self._earlier.get(key)
         if before is not None and (pdu.ip_id or abs(now - before) <= self._limits.copy_ns):
             self.counts["copies"] += 1
-            if pdu.ptype == 0 and now - before > self._limits.copy_ns:
+            if now - before > self._limits.copy_ns:
                 self._came_again(pdu)
             return True
         recent[key] = now
@@ -180,7 +180,10 @@ class CallTracker:
         return False
 
     def _came_again(self, pdu: Pdu) -> None:
-        """The wire doubled a request: a device without a memory of its responses executes it once more."""
+        """The wire doubled a message; without a memory of its responses a device executes a request once more."""
+        if pdu.ptype != 0:
+            self._completeness.doubled(pdu)
+            return
         activity = self._activities.get((pdu.client, pdu.activity))
         call = self._answered.get((pdu.client, pdu.activity, pdu.seq))
         if call is None and activity is not None:
@@ -331,12 +334,15 @@ class CallTracker:
         """Whether a response or fault is a second one of a call; tells of it where it is another one."""
         key = pdu.client, pdu.activity, pdu.seq
         call = self._answered.get(key)
+        if call is None and (early := self._early.get(key)) is not None:
+            return pdu.time_ns - early.time_ns <= self._expiry_ns  # of the same call, whose request is missing
         if call is None:  # of what is forgotten the number alone is known
             known = self._forgot and key not in self._given_up
             return known and activity is not None and activity.numbers.has(pdu.seq)
         if self._is_used_anew(activity, call, pdu):
             return False
         if call.said == hash(pdu.body):  # late, also behind a Connect
+            self._completeness.doubled(pdu)
             if activity is not None and not call.again:
                 activity.doubled = pdu.frame
         elif self._is_over(activity, call, pdu):
@@ -350,10 +356,9 @@ class CallTracker:
         if call.opnum != RPC_CONNECT:
             call.request = None
         call.answer, call.answer_ns, call.said = pdu.frame, pdu.time_ns, hash(pdu.body)
-        activity.numbers.heard = True
+        activity.numbers.hears(pdu.seq)
         if pdu.seq < activity.numbers.answered and activity.numbers.is_late(pdu):
             self._completeness.disordered(pdu)
-        activity.numbers.answered = max(activity.numbers.answered, pdu.seq)
         call.heard_ns = max(call.sent_ns, pdu.time_ns)
         del activity.calls[pdu.seq]
         answered = self._answered

@@ -22,6 +22,9 @@ _RESPONSE: Final = 2
 _KEPT: Final = 64
 """Holes of one activity, and responses without requests of a pair, that are kept by themselves."""
 
+_RARELY: Final = 8
+"""One of so many calls is none of a habit."""
+
 
 class Hole:
     """Sequence numbers of an activity that are missing between two of its requests.
@@ -63,7 +66,8 @@ class Numbers:
     """The sequence numbers of one activity, as a set: they may come out of order."""
 
     __slots__ = (
-        "anew", "answered", "below", "following", "heard", "highest", "holes", "lowest", "newest", "under",
+        "ahead", "anew", "answered", "below", "following", "heard", "highest", "holes", "lowest", "newest",
+        "under", "waited",
     )  # fmt: skip
 
     def __init__(self, pdu: Pdu) -> None:
@@ -78,6 +82,8 @@ class Numbers:
         """Whether one of its calls was answered,"""
         self.answered = -1
         """and the highest number that was, since its client counts so: it has gone on from those before it."""
+        self.waited = self.ahead = 0
+        """How many calls were answered before the next one was sent, and how many behind that."""
         self.holes: list[Hole] = []
         """In the order of their frames."""
         self.below: list[Hole] = []
@@ -113,6 +119,15 @@ class Numbers:
             self.following, self.answered = number + 1, -1
             if self.lowest < self.highest or not self.anew:  # one number for all calls does not count
                 self.anew = pdu.frame
+
+    def hears(self, number: int) -> None:
+        """A call is answered."""
+        self.heard = True
+        if number < self.highest:
+            self.ahead += 1
+        else:
+            self.waited += 1
+        self.answered = max(self.answered, number)
 
     def is_late(self, pdu: Pdu) -> bool:
         """Whether a message is of a call before the newest one, by its number and by the clock."""
@@ -150,7 +165,7 @@ class Pair:
     """What one station says to another one."""
 
     __slots__ = (
-        "activities", "disorder", "half", "halves", "heard", "lost", "since", "unasked", "unread",
+        "activities", "disorder", "doubled", "half", "halves", "heard", "lost", "since", "unasked", "unread",
     )  # fmt: skip
 
     def __init__(self) -> None:
@@ -167,6 +182,8 @@ class Pair:
         """and the frames of calls without their responses: what was asked is known of those."""
         self.disorder = 0
         """The newest frame that was sent before one that comes before it; 0 for none."""
+        self.doubled = False
+        """Whether a response came twice on the wire, one behind the other."""
         self.half = self.halves = 0
         """The first frame of any call with one half, and how many there are."""
 
@@ -274,6 +291,10 @@ class Completeness:
             pair = self._pair(pdu.client, pdu.server)
             pair.disorder = max(pair.disorder, pdu.frame)
 
+    def doubled(self, response: Pdu) -> None:
+        """A response came once more, later than a mirror port brings one."""
+        self._pair(response.client, response.server).doubled = True
+
     def lost(self, request: Pdu, *, went_on: bool) -> None:
         """A call has no response; where its client went on, the capture lacks one half."""
         pair = self._pair(request.client, request.server)
@@ -324,6 +345,17 @@ class Completeness:
         if not pair.hears:
             return "one_direction"
         return "halves" if across and (pair.lost or pair.unread) else None
+
+    def waits(self, client: str, server: str) -> bool:
+        """Whether a client waits for each response as a rule, on a wire that doubles them.
+
+        Then one that came behind its next call may be the second one, and the first is not in the capture.
+        """
+        pair = self._pairs.get((client, server))
+        if pair is None or not pair.doubled:
+            return False
+        ahead = sum(each.ahead for each in pair.activities)
+        return _RARELY * ahead < sum(each.waited for each in pair.activities)
 
     def spoke_ns(self, client: str, server: str) -> int | None:
         """The time of the newest call of a client to a server, by the numbers; None for none."""
