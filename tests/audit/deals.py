@@ -117,16 +117,27 @@ def _outcome(
     done = sum(
         not block.failed and len(block.raw) == block.size * block.count for block in answer.blocks
     )
-    if deal.short and answer.missing:
-        return ("ok", "partial", "error")  # what stood there is not known
     if answer.unknown is not None:
         return ("partial", "error", "ok")
+    if deal.short and answer.missing:
+        return _as_far_as_there(deal, answer, done)
     request = reading.capture.frame(deal.write or 0)
     if not deal.parameters_asked and request is not None and request.cut:
         return ("ok", "partial", "error")  # how many were asked for is not known
     if done == deal.parameters_asked:
         return ("error",) if (answer.id or 0) & 0x80 else ("ok",)
     return ("partial",) if done else ("error",)
+
+
+def _as_far_as_there(deal: Deal, answer: message.Message, done: int) -> tuple[str, ...]:
+    """By what the capture left of a response: where nothing shows what became of the others, nobody knows it."""
+    failed = sum(block.failed for block in answer.blocks)
+    if not failed and not (answer.id or 0) & 0x80:
+        return ("ok",)
+    if done:
+        return ("partial",)
+    sure = deal.parameters_asked == 1 or 0 < deal.parameters_asked == failed
+    return ("error",) if sure else ("incomplete",)
 
 
 def _displaced(deal: Deal, reading: Reading) -> bool:
@@ -210,6 +221,8 @@ def _block(number: int, told: dict[str, Any], block: message.Block) -> Iterator[
     code = message.NAMES.get(told["format"] or "")
     if code not in (None, block.format, block.format + 0x50):
         yield f"format {told['format']} of parameter {number} is 0x{block.format:02X}"
+    if block.format in message.STRINGS and len(block.raw) < block.count and told["values"]:
+        yield f"value {told['values']} of parameter {number} is a part of a string"
     if told["value_count"] not in (None, block.count) and block.raw:
         yield f"{told['value_count']} values of parameter {number} are {block.count}"
     if block.format not in message.LETTERS or len(block.elements()) != len(told["values"]):

@@ -230,13 +230,10 @@ def _deal(whole: Whole, same: Deal, deal: Deal, cut: Reading, origin: list[int])
         allowed.add("unanswered")
     if same.state == "superseded" and _next_write(whole, same) > max(origin):
         allowed.add("unanswered")  # its connection ended before, as far as the cut shows
-    short = deal.cut or deal.short
-    if _alike(deal, same) and not _same_bytes(deal, same):
-        short = True  # another Read brought more of the same record, or less
     if deal.frames["write_response"] is None and same.state == "refused":
         return  # that it was refused the cut does not show, nor that an old answer was read
-    if short and same.answer is not None:
-        allowed |= {"ok", "partial", "error"}  # which is decided by what is there
+    short = _of_another_length(deal, same)
+    allowed |= short
     if (again := _asked_again(whole, same, origin[deal.read or 0])) is not None:
         alike = (each for each in whole.item.deals if _is_once_more(each, again))
         allowed |= {each.state for each in alike if each is again or _same_bytes(each, deal)}
@@ -252,6 +249,14 @@ def _deal(whole: Whole, same: Deal, deal: Deal, cut: Reading, origin: list[int])
         mine = [_values(each) for each in deal.parameters]
         if mine != [_values(each) for each in same.parameters]:
             yield f"parameters are others than those of #{same.id} of the whole"
+
+
+def _of_another_length(deal: Deal, same: Deal) -> set[str]:
+    """The states of a transaction whose record is not there whole, or of which another Read brought more or less."""
+    if deal.cut or deal.short:
+        return {"incomplete"}
+    other = _alike(deal, same) and not _same_bytes(deal, same)
+    return {"ok", "partial", "error"} if other else set()
 
 
 def _connected_at_last(whole: Whole, same: Deal, origin: list[int]) -> bool:

@@ -33,6 +33,8 @@ NAMES = {
     "TimeOfDay": 0x0C, "Float64": 0x0F, "Integer64": 0x37, "Unsigned64": 0x38, "Zero": 0x40, "Byte": 0x41,
     "Word": 0x42, "DoubleWord": 0x43, "Error": 0x44, "N2": 0x71, "N4": 0x72, "V2": 0x73,
 }  # fmt: skip
+STRINGS = (0x09, 0x0A, 0x0E, 0x6B)
+"""Formats of which a block is one value."""
 Sizes = Mapping[int, int | None]
 CHANGE = 0x02
 CHANGES = (CHANGE, 0x42, 0x52)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from functools import lru_cache
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,8 @@ import pytest
 from tests.audit import cuts, holes, wire
 
 from ds47.analysis import analyze
-from ds47.model import CaptureResult, Finding, Transaction
+from ds47.model import CaptureResult, Finding, Parameter, Report, Transaction
+from ds47.report import descriptions, formatting, text
 
 ROOT = Path(__file__).parents[2]
 STACKS = sorted((ROOT / "captures/real-stacks").glob("*.pcapng"))
@@ -71,8 +73,7 @@ def false(path: Path, length: int, folder: Path) -> Iterator[Any]:
     states = {place(each): each.state for each in true.transactions}
     for item in told.transactions:
         state = states.get(place(item), "orphan")
-        at_last = {"partial"} if item.state == "error" else set()  # P67
-        if item.state not in {state, "incomplete"} and state not in at_last:
+        if item.state not in {state, "incomplete"}:
             yield item.state, state, place(item)
 
 
@@ -95,6 +96,37 @@ def test_what_a_snap_length_cut_off_is_nobodys_fault(length: int, tmp_path: Path
 def test_what_is_left_is_told(length: int, states: dict[str, int], tmp_path: Path) -> None:
     """From 182 on AR and index are there, from 207 on a byte of the record, from 210 on what proves index 47."""
     assert Counter(each.state for each in cut(SMALL, length, tmp_path).transactions) == states
+
+
+def test_that_all_failed_is_said_where_it_is_certain(tmp_path: Path) -> None:
+    """At 210 bytes the header of each response is there, and nothing behind it."""
+    told, true = cut(STACKS[2], 210, tmp_path), whole(STACKS[2])
+    failed = {place(each) for each in told.transactions if each.state == "error"}
+    assert failed <= {place(each) for each in true.transactions if each.state == "error"}
+    states = Counter(each.state for each in told.transactions)
+    assert states == {"ok": 79, "error": 25, "superseded": 4, "incomplete": 56}
+
+
+def test_a_string_that_is_cut_is_no_value(tmp_path: Path) -> None:
+    """Of texts of 48 characters the capture has four, of a description of 46 bytes too."""
+    told = cut(STACKS[0], 216, tmp_path)
+    for number, attribute, count in ((41, "description", 46), (44, "text", 48)):
+        (item,) = told.transactions[number - 1].parameters
+        assert (item.attribute, item.value_count, item.values) == (attribute, count, [])
+        assert told.transactions[number - 1].state == "ok"
+    with StringIO() as stream:
+        text.write(Report([told]), stream)
+        shown = stream.getvalue()
+    assert "Oper" not in shown
+    assert "p0700[1..3].text  4 frames" in shown
+    assert "LEN 54 (10 of them captured)" in shown
+
+
+@pytest.mark.parametrize("attribute", ["value", "text"])
+def test_of_a_list_that_is_cut_the_whole_number_is_told(attribute: str) -> None:
+    item = Parameter(2902, 0, attribute, 10, format="Byte", value_count=10, values=[79, 112])
+    assert descriptions.parts(item) is None
+    assert formatting.parameter(item, False).endswith(" = 79, 112, ... (10 values)")
 
 
 @pytest.mark.slow

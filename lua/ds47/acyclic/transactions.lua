@@ -54,13 +54,13 @@ local function count_failed(blocks)
   return failed
 end
 
--- That of a response whose end the capture cut off, or how many were asked for;
--- what was there nobody knows.
-local function outcome_as_far_as_seen(done, failed, negative)
+-- That of a response whose end the capture cut off, or how many were asked for: the rest nobody knows.
+-- `sure`: whether all parameters failed if none of them is seen to be done.
+local function outcome_as_far_as_seen(done, failed, negative, sure)
   if failed == 0 and not negative then
     return "ok"
   end
-  return done > 0 and "partial" or "error"
+  return done > 0 and "partial" or sure and "error" or "incomplete"
 end
 
 local function outcome(job)
@@ -79,9 +79,9 @@ local function outcome(job)
   if response.cut and blocks[#blocks].error == nil then
     done = done - 1 -- the last value did not arrive whole
   end
-  local asked = parameters_asked(job)
-  if job.read_response.cut or asked == nil then
-    return outcome_as_far_as_seen(done, failed, negative)
+  local asked, cut = parameters_asked(job), job.read_response.cut
+  if cut or asked == nil then
+    return outcome_as_far_as_seen(done, failed, negative, not cut or asked == 1 or asked == failed)
   end
   if done == asked then
     return negative and "error" or "ok"

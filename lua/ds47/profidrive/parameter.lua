@@ -269,7 +269,8 @@ local function block_at(body)
   end
   local size = codec.size
   local raw, whole = take(body, start, count * size)
-  local values = codec.decode(raw, whole and count or floor(#raw / size), size)
+  -- A string of which a part is missing is no string: nobody takes it for one that is whole.
+  local values = codec.decode(raw, whole and count or codec.whole and 0 or floor(#raw / size), size)
   local block = setmetatable({value_count = count, values = values, raw = raw, offset = start}, found.class)
   if codec.scale then block.scaled = codec.scale(values, raw, codec) end
   body.blocks[#body.blocks + 1] = block

@@ -4,6 +4,7 @@
 local description = require("ds47.profidrive.description")
 local formats = require("ds47.profidrive.formats")
 local naming = require("ds47.profidrive.naming")
+local tables = require("ds47.spec.tables")
 
 local format = string.format
 
@@ -18,9 +19,16 @@ function M.of(item)
   return description.describe(item.subindex, item.format, item.values)
 end
 
+--- How many values there are, more than are shown where the end of the record is missing; a string is one.
+function M.stated(item)
+  local row = tables.formats[formats.code_of(item.format)]
+  return row and not row.whole and item.value_count or #item.values
+end
+
 --- The entries of a text array that the values of a parameter are; nil where they are none.
 function M.entries(item)
-  if item.attribute ~= "text" or item.element_count == nil or not item.values[1] then
+  if item.attribute ~= "text" or item.element_count == nil or not item.values[1]
+    or M.stated(item) > #item.values then
     return nil
   end
   return description.texts(item.format, item.values)

@@ -165,8 +165,10 @@ end
 
 --- A list of values, cut where it grows long: `1, 2, 3, ... (40 values)`.
 -- @param lang "zh" for Chinese words, else English
-function M.values(items, format_name, scaled, lang)
-  if #items == 1 then
+-- @param stated nil, or how many there are: more where the end of the record is missing
+function M.values(items, format_name, scaled, lang, stated)
+  stated = stated or #items
+  if stated == 1 and items[1] ~= nil then
     return M.value(items[1], format_name, scaled)
   end
   local shown = {}
@@ -174,7 +176,8 @@ function M.values(items, format_name, scaled, lang)
     shown[i] = M.value(items[i], format_name, scaled)
   end
   local text = concat(shown, ", ")
-  return #items > M.VALUES_SHOWN and M.say(lang, "values_cut", { values = text, n = #items }) or text
+  local short = stated > math.min(#items, M.VALUES_SHOWN)
+  return short and M.say(lang, "values_cut", { values = text, n = stated }) or text
 end
 
 --- `error 0x11: request cannot be executed (info 3)`; `lang` as in `values`.
@@ -197,7 +200,7 @@ function M.with_unit(item, lang)
   if item.scaled and #item.scaled > 0 then
     unit = " (" .. M.values(item.scaled, item.format, true, lang) .. unit .. ")"
   end
-  return M.values(item.values, item.format, false, lang) .. unit
+  return M.values(item.values, item.format, false, lang, descriptions.stated(item)) .. unit
 end
 
 --- `Maximum speed`; as the drive calls it in quotes, `"Max_frequency"`; nil where it has no name.

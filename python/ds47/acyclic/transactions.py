@@ -113,17 +113,21 @@ def _outcome(job: Job) -> str:
         done -= 1  # the last value did not arrive whole
     half, asked = job.read_response, parameters_asked(job)
     if (half is not None and half.cut) or asked is None:
-        return _outcome_as_far_as_seen(done, failed, negative)
+        sure = half is None or not half.cut or asked in (1, failed)
+        return _outcome_as_far_as_seen(done, failed, negative, sure)
     if done == asked:
         return "error" if negative else "ok"
     return "partial" if done else "error"
 
 
-def _outcome_as_far_as_seen(done: int, failed: int, negative: bool) -> str:
-    """That of a response whose end the capture cut off, or how many were asked for: the rest nobody knows."""
+def _outcome_as_far_as_seen(done: int, failed: int, negative: bool, sure: bool) -> str:
+    """That of a response whose end the capture cut off, or how many were asked for: the rest nobody knows.
+
+    `sure`: whether all parameters failed if none of them is seen to be done.
+    """
     if not failed and not negative:
         return "ok"
-    return "partial" if done else "error"
+    return "partial" if done else "error" if sure else "incomplete"
 
 
 def _parameters(job: Job, stray: bool) -> list[Parameter]:

@@ -380,7 +380,8 @@ class _Body:
             self.rest, self.offset = data[start + 2 :], len(data)
             return False
         raw, whole = self._take(start, count * found.size)
-        there = count if whole else len(raw) // found.size
+        # A string of which a part is missing is no string: nobody takes it for one that is whole.
+        there = count if whole else 0 if found.whole else len(raw) // found.size
         exact = raw if whole else raw[: there * found.size]
         values = found.decode(exact, there)
         scaled = found.scale(values, exact) if found.scale else None

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 
+from ds47 import spec
 from ds47.model import Parameter, Value
 from ds47.profidrive.description import Description, describe, texts
 from ds47.profidrive.naming import spelling
@@ -28,7 +29,16 @@ def entries(item: Parameter) -> list[str] | None:
     """The entries of a text array that the values of a parameter are; None where they are none."""
     if item.attribute != "text" or not item.values or item.element_count is None:
         return None
+    if stated(item) > len(item.values):
+        return None
     return texts(item.format, item.values)
+
+
+def stated(item: Parameter) -> int:
+    """How many values there are, more than are shown where the end of the record is missing; a string is one."""
+    row = None if item.format is None else spec.format_named(item.format)
+    there = len(item.values)
+    return there if row is None or row.whole else max(there, item.value_count or 0)
 
 
 def words(item: Parameter) -> Both | None:

@@ -53,12 +53,15 @@ def value(item: Value, format_name: str | None) -> str:
     return str(item)
 
 
-def values(items: Sequence[Value], format_name: str | None, lang: str = "en") -> str:
-    """A list of values, cut where it grows long: `1, 2, 3, ... (40 values)`."""
+def values(
+    items: Sequence[Value], format_name: str | None, lang: str = "en", stated: int = 0
+) -> str:
+    """A list of values, cut where it grows long or the record is cut: `1, 2, 3, ... (40 values)`."""
     shown = ", ".join(value(each, format_name) for each in items[:VALUES_SHOWN])
-    if len(items) <= VALUES_SHOWN:
+    many = max(len(items), stated)
+    if many <= min(len(items), VALUES_SHOWN):
         return shown
-    return say("values_cut", values=shown, n=len(items)).text(lang)
+    return say("values_cut", values=shown, n=many).text(lang)
 
 
 def error(item: ParameterError, lang: str = "en") -> str:
@@ -101,5 +104,5 @@ def _told(item: Parameter, lang: str) -> str:
     unit = f" {escape(item.unit)}" if item.unit else ""
     scaled = f" ({values(item.scaled, item.format, lang)}{unit})" if item.scaled else unit
     meant = meanings.meaning(item)
-    told = values(item.values, item.format, lang) + scaled
+    told = values(item.values, item.format, lang, descriptions.stated(item)) + scaled
     return told if meant is None else say("parameter_meant", value=told, text=meant).text(lang)

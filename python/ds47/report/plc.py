@@ -117,6 +117,10 @@ class Witness:
             return Both.same("")
         return say("plc_line", calls=self.text(item))
 
+    def is_cut(self, item: Transaction) -> bool:
+        """Whether the capture has a part of the record alone."""
+        return self._length(item) > len(item.response or b"")
+
     def _length(self, item: Transaction) -> int:
         """Bytes of the record that was read, of which the capture may have only a part."""
         return self._lengths.get(item.frames.read_response or 0, len(item.response or b""))

@@ -385,7 +385,8 @@ class Writer(_Writer):
         for each in transactions:
             for line in self._transaction_lines(each, table):
                 self._line(line)
-            if each.channel == DS47 and (self.options.plc or each.state != "ok"):
+            shown = self.options.plc or each.state != "ok" or witness.is_cut(each)
+            if each.channel == DS47 and shown:
                 saw = witness.line(each).text(self.options.lang)
                 self._line("      " + self._paint("dim", saw))
 

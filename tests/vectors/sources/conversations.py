@@ -1970,6 +1970,27 @@ def p67_negative_frame_cut(client: Client) -> None:
     tape(client).cut(2)
 
 
+@BOOK.scene("malformed", row(1, par(21), par(27), state="incomplete"), rules="DS106@4")
+def p67_no_block_captured(client: Client) -> None:
+    """The capture has the header alone, which says that something failed: whether all did, nobody knows."""
+    client.exchange(ask(1, 21, 27), tell(1, 1.5, 2.5, identifier=0x81))
+    tape(client).cut(12)
+
+
+@BOOK.scene("malformed", row(1, par(21), state="error"), rules="DS106@4")
+def p67_one_parameter_negative(client: Client) -> None:
+    """The same where one parameter was asked for: that one failed."""
+    client.exchange(ask(1, 21), tell(1, 1.5, identifier=0x81))
+    tape(client).cut(6)
+
+
+@BOOK.scene("malformed", row(1, par(21, "VisibleString")), rules="DS106@4 DS409@4#1")
+def p67_string_cut(client: Client) -> None:
+    """The capture has the begin of a string, which is no value."""
+    client.exchange(ask(1, 21), message.answer(1, 1, 1, message.raw_block(9, 8, b"Terminal")))
+    tape(client).cut(4)
+
+
 @BOOK.scene("malformed", row(1, real(1.5), par(27)), rules="DS106@4")
 def p67_blocks_not_captured(client: Client) -> None:
     """The capture lacks the second block, and the response id says that nothing failed."""

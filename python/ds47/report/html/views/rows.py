@@ -247,7 +247,7 @@ def _parameter(item: Parameter, tables: _Tables) -> list[Any]:
             value(each, item.format) if isinstance(each, str) else each
             for each in item.values[:VALUES]
         ],
-        len(described) if described else len(item.values),
+        len(described) if described else descriptions.stated(item),
     ]
     scaled = None if item.scaled is None else [str(each) for each in item.scaled[:VALUES]]
     if meant := meanings.meaning(item):
