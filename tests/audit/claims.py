@@ -1382,7 +1382,7 @@ def _is_without(case: Case, deal: Deal, write: bool) -> Iterator[str]:
     ]  # fmt: skip
     if not calls or (write and case.args.get("first") != deal.write):
         yield f"no such call is in frame {case.args.get('first')}"
-    elif all(each.answered is not None and not _swapped(case, each) for each in calls):
+    elif all(each.answered is not None and not _disordered(case, each) for each in calls):
         yield f"the call is answered in frame {calls[0].answered}"
     elif calls[0].asked < (deal.write or 0):
         yield "the call came before the request"
@@ -1440,6 +1440,16 @@ def _is_twice(case: Case, deal: Deal) -> Iterator[str]:
     ]  # fmt: skip
     if not any(call.others and (call.again or _doubled(case, call)) for call in calls):
         yield f"no call of it in frame {first} has two responses"
+
+
+def _disordered(case: Case, record: wire.Record) -> bool:
+    """Whether an answer is out of order: by the times, or behind a later call of its client, which had one before."""
+    asked = record.call.request
+    return _swapped(case, record) or any(
+        frame < (record.answered or 0) and number > asked.sequence
+        for frame, client, _, activity, number in case.reading.capture.numbers
+        if (client, activity) == (asked.client, asked.activity)
+    )
 
 
 def _swapped(case: Case, record: wire.Record) -> bool:

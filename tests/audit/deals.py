@@ -132,7 +132,8 @@ def _outcome(
 def _as_far_as_there(deal: Deal, answer: message.Message, done: int) -> tuple[str, ...]:
     """By what the capture left of a response: where nothing shows what became of the others, nobody knows it."""
     failed = sum(block.failed for block in answer.blocks)
-    if not failed and not (answer.id or 0) & 0x80:
+    fewer = answer.count is not None and answer.count < deal.parameters_asked
+    if not failed and not fewer and not (answer.id or 0) & 0x80:
         return ("ok",)
     if done:
         return ("partial",)

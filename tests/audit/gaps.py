@@ -44,10 +44,16 @@ class Gaps:
         for frame, client, server, activity, number in capture.numbers:
             self._seen[client, activity].setdefault(number, frame)
             self._of[client, server].add(activity)
+        self._answered: dict[tuple[str, UUID], set[int]] = defaultdict(set)
+        """The numbers of which a response came behind those of later calls: they are not missing, and part no gap."""
         for stray in capture.strays:
-            seen = self._seen[stray.client, stray.activity]
-            if seen and min(seen.values()) < stray.frame:
-                seen.setdefault(stray.sequence, stray.frame)
+            key, number = (stray.client, stray.activity), stray.sequence
+            seen = self._seen[key]
+            before = [each for each, frame in seen.items() if frame < stray.frame]
+            if before and number > max(before):
+                seen.setdefault(number, stray.frame)
+            elif before:
+                self._answered[key].add(number)
 
     @cached_property
     def heard(self) -> set[tuple[str, str]]:
@@ -69,11 +75,10 @@ class Gaps:
         found = []
         for activity in self._of[client, server]:
             seen = self._seen[client, activity]
-            numbers = sorted(seen)
-            found += [
-                Gap(one + 1, two - 1, seen[one], seen[two])
-                for one, two in pairwise(numbers) if two > one + 1
-            ]  # fmt: skip
+            for one, two in pairwise(sorted(seen)):
+                missing = {*range(one + 1, two)} - self._answered[client, activity]
+                if missing:
+                    found.append(Gap(min(missing), max(missing), seen[one], seen[two]))
         return sorted(found, key=lambda each: each.before)
 
     def began_behind(self, client: str, server: str, frame: int) -> bool:

@@ -90,7 +90,7 @@ class Whole:
             self.told.setdefault((each.rule, each.frame), []).append(each)
         self.by_write = {(each.write, each.place): each for each in item.deals if each.write}
         self.first = _first_frames(item)
-        self.second = {each.frame for each in item.findings if each.rule == "DS111"}
+        self.second = {each.frame for call in item.capture.calls for each in call.others}
         self.by_frame: dict[int, list[Deal]] = {}
         for deal in item.deals:
             for frame in deal.all_frames:
@@ -98,8 +98,11 @@ class Whole:
 
 
 def _first_frames(item: Reading) -> dict[int, int]:
-    """Of each frame of a request that was sent again, or of a fragment, the one that the report tells."""
+    """Of each frame of a request or a response that was sent again, or of a fragment, the one that the report tells."""
     again = {frame: call.request.frame for frame, call in item.call_at.items()}
+    for call in item.capture.calls:
+        if call.response is not None:
+            again |= dict.fromkeys(call.repeated, call.response.frame)
     pieces = ((frame, pdu.frame) for pdu in item.capture.pdus for frame in pdu.frames)
     return {**again, **{frame: again.get(whole, whole) for frame, whole in pieces}}
 
@@ -344,6 +347,8 @@ def _finding(whole: Whole, finding: Finding, cut: Reading, origin: list[int]) ->
         yield from _of_words(whole, finding, cut, origin)
         return
     deal = cut.deal(finding)
+    if deal is not None and deal.write is None and origin[finding.frame] in whole.second:
+        return  # of a second response, of which the whole tells no more than that: `run` looks at its bytes
     same = _same(whole, deal, origin) if deal is not None else None
     args, frame = _moved(finding, origin), origin[finding.frame]
     of_its_bytes = not any(args.get(each) for each in _of_type(finding.rule, "frame", "frames"))

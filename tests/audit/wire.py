@@ -113,6 +113,8 @@ class Call:
     """What answers it once more, with other bytes."""
     again: list[int] = field(default_factory=list)
     copies: list[int] = field(default_factory=list)
+    repeated: list[int] = field(default_factory=list)
+    """Frames in which its response was seen once more, with the same bytes."""
     newest_ns: int = 0
     """When its last datagram was seen."""
 
@@ -465,6 +467,8 @@ def _calls(capture: Capture) -> None:
             capture.copies.add(pdu.frame)
             if known is not None and pdu.kind == REQUEST:
                 known.copies.append(pdu.frame)
+            elif known is not None and known.response and known.response.body == pdu.body:
+                known.repeated.append(pdu.frame)
             continue
         begun = max(anew.get(each, 0) for each in (pdu.key[:2], (pdu.client, pdu.server)))
         over = known is not None and (
@@ -496,7 +500,9 @@ def _answered(capture: Capture, call: Call | None, pdu: Pdu, over: bool) -> None
     elif call.response is None:
         call.response = pdu
         call.newest_ns = max(call.newest_ns, pdu.time_ns)
-    elif call.response.body != pdu.body:
+    elif call.response.body == pdu.body:
+        call.repeated.append(pdu.frame)
+    else:
         call.others.append(pdu)
 
 

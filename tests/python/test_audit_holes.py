@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
+from uuid import UUID
 
 import pytest
 from tests.audit import cuts, holes, seeds, wire
+from tests.audit.gaps import Gaps
 
 from ds47.analysis import analyze
 
 ROOT = Path(__file__).parents[2]
 STACKS = sorted((ROOT / "captures/real-stacks").glob("*.pcapng"))
 SMALL = ROOT / "captures/conversation-superseded-read.pcapng"
-FOLDERS = (".", "profibus", "s7-stacks")
-STORED = sorted(path for each in FOLDERS for path in (ROOT / "captures" / each).glob("*.pcapng"))
+FOLDERS = (".", "field", "profibus", "s7-stacks")
+STORED = sorted(path for each in FOLDERS for path in (ROOT / "captures" / each).glob("*.pcap*"))
 SHARES = 8
 
 
@@ -68,6 +70,41 @@ def test_random_conversations_with_holes(share: int, tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["to devices", "from devices", "hole"])
 def test_a_small_conversation_with_holes(name: str) -> None:
     assert list(map(str, holes.of(SMALL, [name]))) == []
+
+
+LOSSY = [
+    ROOT / f"captures/lossy-stacks/{name}.pcapng"
+    for name in ("l1_replay.device", "l3_once", "l4_harsh")
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", LOSSY, ids=lambda path: path.stem)
+def test_an_answer_that_came_twice_is_that_of_its_call(path: Path) -> None:
+    """Where its request and its first copy are cut out, the second one is all that is left of the call."""
+    assert list(map(str, holes.of(path, ["from devices"]))) == []
+
+
+def test_a_late_answer_parts_no_gap() -> None:
+    """A number of which the response alone is there is not missing, and those on both sides are told as one."""
+    activity = UUID(int=1)
+    capture = wire.Capture(numbers=[(at, "client", "device", activity, at) for at in (1, 12)])
+
+    def told(*numbers: int) -> list[str]:
+        capture.strays = [
+            wire.Pdu(
+                20, 0, "device", "client", wire.RESPONSE, "<", activity, number, wire.READ, b"", [20], 0, False,
+                activity,
+            )
+            for number in numbers
+        ]  # fmt: skip
+        return [each.text for each in Gaps(capture).of("client", "device")]
+
+    assert told() == ["2..11"]
+    assert told(5) == ["2..11"]
+    assert told(11, 2) == ["3..10"]
+    assert told(*range(2, 12)) == []
+    assert told(15) == ["2..11", "13..14"]
 
 
 # The cuts themselves

@@ -81,7 +81,9 @@ local function outcome(job)
   end
   local asked, cut = parameters_asked(job), job.read_response.cut
   if cut or asked == nil then
-    return outcome_as_far_as_seen(done, failed, negative, not cut or asked == 1 or asked == failed)
+    local fewer = asked ~= nil and (response.parameter_count or asked) < asked
+    local sure = not cut or asked == 1 or asked == failed
+    return outcome_as_far_as_seen(done, failed, negative or fewer, sure)
   end
   if done == asked then
     return negative and "error" or "ok"

@@ -114,7 +114,9 @@ def _outcome(job: Job) -> str:
     half, asked = job.read_response, parameters_asked(job)
     if (half is not None and half.cut) or asked is None:
         sure = half is None or not half.cut or asked in (1, failed)
-        return _outcome_as_far_as_seen(done, failed, negative, sure)
+        count = response.parameter_count
+        fewer = count is not None and asked is not None and count < asked
+        return _outcome_as_far_as_seen(done, failed, negative or fewer, sure)
     if done == asked:
         return "error" if negative else "ok"
     return "partial" if done else "error"

@@ -1984,6 +1984,13 @@ def p67_one_parameter_negative(client: Client) -> None:
     tape(client).cut(6)
 
 
+@BOOK.scene("malformed", row(1, real(1.5), par(27), state="partial"), rules="DS106@4 DS407@4#1")
+def p67_fewer_parameters(client: Client) -> None:
+    """A positive response to two parameters says that it has one; its value is there."""
+    client.exchange(ask(1, 21, 27), tell(1, 1.5) + bytes(4))
+    tape(client).cut(2)
+
+
 @BOOK.scene("malformed", row(1, par(21, "VisibleString")), rules="DS106@4 DS409@4#1")
 def p67_string_cut(client: Client) -> None:
     """The capture has the begin of a string, which is no value."""
