@@ -93,7 +93,7 @@ local function with_parameter(text, separator, item, style)
   local described = around.is_described and descriptions.parts(item, words, style.lang)
   if described then
     return text .. separator .. around.before .. concat(described, ", ")
-  elseif values[2] ~= nil or item.scaled then
+  elseif descriptions.stated(item) > 1 or item.scaled then
     return text .. separator .. around.before .. words.with_unit(item)
   end
   local shown = type(value) == "number" and around.number_text(value) or words.value(value, item.format)

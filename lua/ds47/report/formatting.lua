@@ -180,6 +180,8 @@ function M.values(items, format_name, scaled, lang, stated)
   return short and M.say(lang, "values_cut", { values = text, n = stated }) or text
 end
 
+M.stated = descriptions.stated
+
 --- `error 0x11: request cannot be executed (info 3)`; `lang` as in `values`.
 function M.error(item, lang)
   local text = M.say(lang, "parameter_error") .. (item.code and " " .. sentences.error_number(item) or "")
@@ -200,7 +202,7 @@ function M.with_unit(item, lang)
   if item.scaled and #item.scaled > 0 then
     unit = " (" .. M.values(item.scaled, item.format, true, lang) .. unit .. ")"
   end
-  return M.values(item.values, item.format, false, lang, descriptions.stated(item)) .. unit
+  return M.values(item.values, item.format, false, lang, M.stated(item)) .. unit
 end
 
 --- `Maximum speed`; as the drive calls it in quotes, `"Max_frequency"`; nil where it has no name.

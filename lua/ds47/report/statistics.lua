@@ -211,7 +211,8 @@ local function asked(item)
   for i, parameter in ipairs(item.parameters) do
     local text = words.address(parameter)
     if change and #parameter.values > 0 then
-      text = text .. " := " .. words.values(parameter.values, parameter.format)
+      local stated = words.stated(parameter)
+      text = text .. " := " .. words.values(parameter.values, parameter.format, nil, nil, stated)
     end
     parts[i] = text
   end
