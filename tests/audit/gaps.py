@@ -45,7 +45,7 @@ class Gaps:
             self._seen[client, activity].setdefault(number, frame)
             self._of[client, server].add(activity)
         self._answered: dict[tuple[str, UUID], set[int]] = defaultdict(set)
-        """The numbers of which a response came behind those of later calls: they are not missing, and part no gap."""
+        """The numbers of which a response came behind those of later calls: they are not missing."""
         for stray in capture.strays:
             key, number = (stray.client, stray.activity), stray.sequence
             seen = self._seen[key]
@@ -76,9 +76,12 @@ class Gaps:
         for activity in self._of[client, server]:
             seen = self._seen[client, activity]
             for one, two in pairwise(sorted(seen)):
-                missing = {*range(one + 1, two)} - self._answered[client, activity]
-                if missing:
-                    found.append(Gap(min(missing), max(missing), seen[one], seen[two]))
+                known = {one, two} | self._answered[client, activity]
+                inside = sorted(each for each in known if one <= each <= two)
+                found += [
+                    Gap(low + 1, high - 1, seen[one], seen[two])
+                    for low, high in pairwise(inside) if high > low + 1
+                ]  # fmt: skip
         return sorted(found, key=lambda each: each.before)
 
     def began_behind(self, client: str, server: str, frame: int) -> bool:
@@ -95,7 +98,8 @@ class Gaps:
 
     def halves(self, client: str, server: str) -> list[int]:
         """The frames of calls of which one half is there: no request, or no response though its client went on."""
-        found = [each.frame for each in self.strays(client, server)]
+        # One that came twice is of one call.
+        found = [*{each.key: each.frame for each in reversed(self.strays(client, server))}.values()]
         newest = {each.request.key: each.request.frame for each in self._capture.calls}
         for call in self._capture.calls:
             asked = call.request
