@@ -68,6 +68,7 @@ function M.new(listener, limits, numbers, naming)
     drives_ = {}, -- lines of PZD
     without_request = {}, -- relations of PKW in which none was seen
     ignored = {}, -- {relation, job} of what reads as a request and has no response
+    newest = {}, -- {time, counter} of the newest frame, by key of its row and receiver
     mixed = {}, -- {frame, device, sender, frame_id}: it proves that several sequences take turns
     asked = {}, -- places where one was, in a relation that another one may have replaced
     moved = {}, -- ends in which the last frame changed something
@@ -731,17 +732,36 @@ local function take_all(self, ends, frame, at, number, time)
   end
 end
 
+-- The cycle counter of a frame; nil where nobody knows where it is, or the capture cut it.
+local function counter_of(side, frame, at)
+  if not side.status or #frame <= at + side.status then return nil end
+  local high, low = byte(frame, at + side.status - 1, at + side.status)
+  return high * 256 + low
+end
+
+-- Whether a frame stands behind a later one of its sender: what it says is no news. Its cycle counter goes
+-- back, too; of a channel without one the time alone tells it from a clock that was set.
+local function is_late(self, row, side, frame, at, time)
+  local key, counter = row.key .. link.receiver(frame, at - 2), counter_of(side, frame, at)
+  local newest = self.newest[key] or {time = time, counter = counter}
+  local back = newest.time - time
+  local went_on = counter and newest.counter and (counter - newest.counter) % 0x10000 or 0
+  local late = back > 0 and back < self.limits.disorder_ns and (went_on == 0 or went_on >= 0x8000)
+  if not late then self.newest[key] = {time = time, counter = counter} end
+  return late
+end
+
 -- Whether the frames of several sequences take turns: nothing is said of their relations any more.
 local function are_mixed(self, row, ends, frame, at, number, time)
   local side, receiver = ends[1].side, link.receiver(frame, at - 2)
-  if not side.status or side.cycle_ns == 0 or #frame <= at + side.status then return false end
+  local counter = counter_of(side, frame, at)
+  if counter == nil or side.cycle_ns == 0 then return false end
   local found = row.sequences[receiver]
   if found == nil then
     found = sequences.new(side.cycle_ns)
     row.sequences[receiver] = found
   end
-  local high, low = byte(frame, at + side.status - 1, at + side.status)
-  local several = found:are_several(high * 256 + low, time, sub(frame, at + 1), number)
+  local several = found:are_several(counter, time, sub(frame, at + 1), number)
   local doubt = found:are_doubtful()
   for place = 1, #ends do ends[place].doubt = doubt end
   if not several then return false end
@@ -773,7 +793,6 @@ end
 -- @param number, time  of the frame; a time as times.lua has it
 function Channels:frame(row, frame, at, number, time)
   self.moved = {}
-  look(self, number, time)
   local before = row.bytes
   row.period = floor(number / sampled(self, number))
   keep(row, frame, at)
@@ -782,6 +801,8 @@ function Channels:frame(row, frame, at, number, time)
     if row.answered then row.answered.period, row.answered.due = -1, 0 end
   end
   local ends = M.ends_to(row, link.receiver(frame, at - 2))
+  if ends[1] and is_late(self, row, ends[1].side, frame, at, time) then return end
+  look(self, number, time)
   if ends[1] == nil then -- it is to a device whose Connect is not in the capture
     if not row.shared then
       self.strange[row.key] = true

@@ -119,6 +119,7 @@ M.limits = {
   off_asked_ns = 50000000,
   trip_ns = 1000000000,
   deviation_ns = 5000000000,
+  disorder_ns = 1000000000,
   pkw_saved = 10,
   pkw_reads = 100,
   pkw_cycles = 32,

@@ -33,6 +33,7 @@ _ANY = 0x10000
 """More bytes than any frame has."""
 _FRAME_ID = 2
 _COUNTER = 2
+_COUNTERS = 1 << 16
 _MAC = len("00:11:22:33:44:55")
 _VALID, _GOOD = 0x04, 0x80
 """The bit of the status of a frame that says that its data is valid, and that of IOPS."""
@@ -317,6 +318,10 @@ class CyclicChannels:
         """Senders and frame ids of which frames go to receivers that are in no relation, too."""
         self._sequences: dict[tuple[str, int, str], Sequences] = {}
         """By sender, frame id and receiver."""
+        self._newest: dict[tuple[str, int, str], tuple[int, int | None]] = {}
+        """Time and cycle counter of the newest frame, by the same."""
+        self.late = 0, 0
+        """How many frames stand behind a later one of their sender, and the first."""
         self.mixed: list[Mixed] = []
         """Frames in which it is proven that those of several sequences take turns."""
         self._rows: dict[bytes, _Row] = {}
@@ -569,8 +574,10 @@ class CyclicChannels:
     def frame(self, packet: Packet) -> None:
         """A cyclic frame."""
         data, given_up = packet.payload, False
-        self._look(packet.frame, packet.time_ns)
         found = self._ends(packet)
+        if found and self._is_late(packet, found[0][1]):
+            return
+        self._look(packet.frame, packet.time_ns)
         if found and self._are_mixed(packet, found):
             return
         for line, each, sent in found:
@@ -604,17 +611,36 @@ class CyclicChannels:
             return []  # of a device whose Connect is not in the capture
         return to_it or self._sides.get(key, [])
 
+    def _is_late(self, packet: Packet, side: Side) -> bool:
+        """Whether a frame stands behind a later one of its sender: what it says is no news.
+
+        The cycle counter goes back, too; of a channel without one the time alone tells it from a clock that was set.
+        """
+        key = packet.src_mac or "", side.frame_id, packet.dst_mac or ""
+        counter = _counter(packet.payload[_FRAME_ID:], side)
+        time_ns, before = self._newest.get(key, (packet.time_ns, counter))
+        back_ns = time_ns - packet.time_ns
+        went_on = None if counter is None or before is None else (counter - before) % _COUNTERS
+        if 0 < back_ns < self._bounds.disorder_ns and (
+            went_on is None or not 0 < went_on < _COUNTERS // 2
+        ):
+            count, first = self.late
+            self.late = count + 1, first or packet.frame
+            return True
+        self._newest[key] = packet.time_ns, counter
+        return False
+
     def _are_mixed(self, packet: Packet, found: list[tuple[_Line, Side, bool]]) -> bool:
         """Whether the frames of several sequences take turns: nothing is said of their relations any more."""
         line, side, _ = found[0]
         data = packet.payload[_FRAME_ID:]
-        if side.status is None or not side.cycle_ns or len(data) <= side.status:
+        counter = _counter(data, side)
+        if counter is None or not side.cycle_ns:
             return False
         key = packet.src_mac or "", side.frame_id, packet.dst_mac or ""
         sequences = self._sequences.get(key)
         if sequences is None:
             sequences = self._sequences[key] = Sequences(side.cycle_ns)
-        counter = int.from_bytes(data[side.status - _COUNTER : side.status])
         several = sequences.are_several(counter, packet.time_ns, data, packet.frame)
         for each, _, sent in found:
             if isinstance(each, _Requests):
@@ -689,6 +715,13 @@ def _answered(ends: list[tuple[_Line, Side, bool]]) -> tuple[bytes, int] | None:
     """Source and frame id of the drive where requests of PKW are in frames: what it says next is looked at."""
     asked = (line.relation.input for line, _, sent in ends if sent and isinstance(line, _Requests))
     return next(((each.source, each.frame_id) for each in asked), None)
+
+
+def _counter(data: bytes, side: Side) -> int | None:
+    """The cycle counter of a frame; None where nobody knows where it is, or the capture cut it."""
+    if side.status is None or len(data) <= side.status:
+        return None
+    return int.from_bytes(data[side.status - _COUNTER : side.status])
 
 
 def _receiver(end: tuple[_Line, Side, bool]) -> str:

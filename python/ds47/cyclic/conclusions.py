@@ -68,6 +68,9 @@ class Conclusions:
         for each in self._channels.mixed:
             args = {"device": each.device, "sender": each.sender, "frame_id": each.frame_id}
             yield Remark("DS515", each.frame, args)
+        count, first = self._channels.late
+        if count:
+            yield Remark("DS725", first, {"what": "disorder", "count": count})
         for (controller, device), (count, first) in self._incomplete.items():
             who = {"controller": controller, "device": device}
             yield Remark("DS725", first, {"what": "cyclic_gaps", "count": count, **who})

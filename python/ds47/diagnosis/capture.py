@@ -25,7 +25,7 @@ from ds47.profinet.completeness import Completeness, Hole
 from ds47.profinet.completeness import Pair as Lacking
 from ds47.profinet.ip import Cut
 from ds47.profinet.records import Record
-from ds47.spec.semantics import known
+from ds47.spec.semantics import known, limits
 from ds47.spec.statuses import status_hex
 
 CHANGED, CHANGED_IN_PART = 0x02, 0x82
@@ -265,7 +265,7 @@ class WholeCapture:
 
     def steps_back(self, frame: int, milliseconds: float) -> None:
         """The time steps back in a frame of ours: by so little only where frames are not in their order."""
-        if milliseconds < known().disorder:
+        if milliseconds * 1e6 < limits().disorder_ns:
             self._disorder.add(frame)
 
     def finish(self, dropped: int | None, gaps: bool, complete: bool = True) -> Iterator[Remark]:

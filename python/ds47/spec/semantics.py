@@ -29,6 +29,7 @@ class Limits(Row):
     off_asked_ns: int
     trip_ns: int
     deviation_ns: int
+    disorder_ns: int
     s7_split_ns: int
     s7_writers_ns: int
     pkw_saved: int
@@ -101,7 +102,6 @@ class Known(Row):
     held: int
     held_jitter: int
     held_period: int
-    disorder: int
     storm_polls: int
     storm_jobs: int
     storm_total: int
