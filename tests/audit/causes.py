@@ -18,7 +18,7 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
-from tests.audit import message, s7, stations, wire, words
+from tests.audit import cyclic, message, pkw, s7, stations, wire, words
 from tests.audit.claims import Auditor, Case, absent, means, vendor
 from tests.audit.memory import LOCAL, MAYBE, NO_SUCH_AXIS, OF_THE_DEVICE, SURE, Memory, Target
 from tests.audit.reading import NOT_READY, SHORT, Complaint, Deal, Finding, Reading, shown
@@ -1021,7 +1021,7 @@ _SAYS_OF = {
 
 @auditor("DS725")
 def _half(case: Case) -> Iterator[str]:
-    what, capture = str(case.args.get("what")), case.reading.capture
+    what = str(case.args.get("what"))
     kept = {"what", *_SAYS_OF.get(what, ("count", "controller", "device"))}
     for name in sorted(set(case.args) - kept):
         if case.args[name] is not None:
@@ -1034,16 +1034,36 @@ def _half(case: Case) -> Iterator[str]:
         yield from of_line.get(what, stations.unasked)(case)
         return
     pair = str(case.args.get("controller")), str(case.args.get("device"))
-    if what == "cyclic_gaps":
-        mine = [
-            each.write for each in case.reading.deals
-            if each.plain["channel"] == "pkw" and each.state == "incomplete"
-            and (each.controller, each.device) == pair
-        ]  # fmt: skip
-        yield from case.wrong("count", len(mine))
-        if case.frame != min(filter(None, mine), default=None):
-            yield f"the first of them is in frame {min(filter(None, mine), default=None)}"
-        return
+    if what == "disorder" and case.frame in (late := cyclic.late(case.reading)):
+        if not 0 < (case.args.get("count") or 0) <= len(late):
+            yield f"{len(late)} cyclic frames stand behind a later one"
+    elif what == "cyclic_gaps" or (what == "file_ends" and pkw.of_end(case.frame, case.reading)):
+        yield from _of_pkw(case, what, pair)
+    else:
+        yield from _of_calls(case, what, pair)
+
+
+def _of_pkw(case: Case, what: str, pair: tuple[str, str]) -> Iterator[str]:
+    """Requests by PKW of which the response may be missing, or come behind the end."""
+    ends = {
+        each.frame for each in case.reading.findings
+        if each.rule == "DS110" and each.args["what"] == "ends"
+    }  # fmt: skip
+    mine = [
+        each.write for each in case.reading.deals
+        if each.plain["channel"] == "pkw" and each.state == "incomplete"
+        and (each.controller, each.device) == pair
+        and (each.write in ends) is (what == "file_ends")
+    ]  # fmt: skip
+    mine = mine or [case.frame]  # what reads as a request in a channel that nothing proves
+    yield from case.wrong("count", len(mine))
+    if case.frame != min(filter(None, mine), default=None):
+        yield f"the first of them is in frame {min(filter(None, mine), default=None)}"
+
+
+def _of_calls(case: Case, what: str, pair: tuple[str, str]) -> Iterator[str]:
+    """What is missing, cut or out of order of record calls."""
+    capture = case.reading.capture
     if what == "disorder":
         pairs = {(each.request.source, each.request.target) for each in capture.calls}
         steps = [

@@ -28,7 +28,10 @@ def parts(reading: Reading, relation: dict[str, Any], side: str) -> Iterator[Par
     if reading.line is not None:
         yield from _exchanged(reading.line, relation, side)
         return
+    gone = set(late(reading))  # what they say is no news
     for each in reading.capture.rt:
+        if each.frame.number in gone:
+            continue
         if each.is_of(way["mac"], other["mac"], way["frame_id"]) and not each.frame.cut:
             end = way["offset"] + way["length"]
             good = bool(each.data[end] & 0x80 and each.data[-2] & 0x04)
@@ -45,6 +48,18 @@ def _exchanged(line: dp.Line, relation: dict[str, Any], side: str) -> Iterator[P
             continue
         data = heard.du[way["offset"] : way["offset"] + way["length"]]
         yield Part(heard.number, heard.time_ns, data, True)
+
+
+def late(reading: Reading) -> list[int]:
+    """Cyclic frames whose times lie before that of an earlier one of the same sender, frame id and receiver."""
+    newest: dict[tuple[str, str, int], int] = {}
+    found = []
+    for each in reading.capture.rt:
+        key, time_ns = (each.sender, each.receiver, each.frame_id), each.frame.time_ns
+        if time_ns < newest.get(key, 0):
+            found.append(each.frame.number)
+        newest[key] = max(time_ns, newest.get(key, 0))
+    return found
 
 
 def of_mixed(finding: Finding, reading: Reading) -> Iterator[str]:

@@ -21,6 +21,7 @@ ANSWERS = {
     13: (2,), 14: (1,), 15: (15,),
 }  # fmt: skip
 """Request -> what may answer it, apart from 7 and 8."""
+UNREAD_MS = 10_000
 PAGES = ((0x80, 2000), (0x10, 4000), (0x20, 8000), (0x40, 16000), (0x04, 32000), (0x08, 64000))
 Plain = dict[str, Any]
 
@@ -230,8 +231,30 @@ def of_incomplete(finding: Finding, reading: Reading) -> Iterator[str]:
             return
         if not _may_answer(behind[0][1], talk.asked):
             yield f"{behind[0][1].hex()} is no response to it"
+    elif what == "ends":
+        yield from _soon(talk, after)
     else:
         yield f"what {what!r} is nothing"
+
+
+def _soon(talk: Talk, after: list[tuple[int, bytes]]) -> Iterator[str]:
+    """It stands to the end, not much longer than the limit, or than the slowest response took."""
+    reading, behind = talk.reading, after[-1]
+    stood = (reading.time(behind[0]) or 0) - (reading.time(talk.begins) or 0)
+    slowest = max((each.plain["duration_ms"] or 0 for each in talks(reading)), default=0)
+    if stood / 1e6 > max(UNREAD_MS, slowest) + 2 * (talk.relation["cycle_ms"] or 0):
+        yield f"it stood for {stood / 1e6} ms"
+    if behind[1] != talk.asked:
+        yield f"{behind[1].hex()} is asked at the end"
+
+
+def of_end(frame: int, reading: Reading) -> bool:
+    """Whether words of a channel of PKW are in a frame of the controller."""
+    return any(
+        frame == each.frame
+        for relation in reading.plain.get("relations", ()) if relation["channel"] == "pkw"
+        for each in cyclic.parts(reading, relation, "output")
+    )  # fmt: skip
 
 
 def _may_answer(words: bytes, asked: bytes) -> bool:

@@ -64,7 +64,7 @@ function ask.handshake(question)
       odd = job.odd and job.odd.at.frame or json.null, late = or_null(job.late),
       ["end"] = job.ended and job.ended.cycle or json.null,
       cycles = or_null(cycles), duration = or_null(duration), heard = job.heard,
-      hole = job.hole and json.array({job.hole.first, job.hole.last, job.hole.behind or false}) or json.null,
+      hole = job.hole and json.array({job.hole.first, job.hole.last, job.hole.what}) or json.null,
     }
   end)
   for _, step in ipairs(question.steps) do

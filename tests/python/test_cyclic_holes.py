@@ -18,7 +18,7 @@ from ds47.capture import open_capture
 from ds47.capture.writer import PcapngWriter
 from ds47.lab import captured
 from ds47.lab.client import Client
-from ds47.lab.cyclic_scenes import machine
+from ds47.lab.cyclic_scenes import machine, slow_response
 from ds47.lab.machine import IDLE
 from ds47.lab.stage import Stage
 from ds47.model import CaptureResult
@@ -205,10 +205,16 @@ def test_lua_says_the_same(version: str, tmp_path: Path) -> None:
 # What stands when the capture ends
 
 
+ENDED = ["DS110", "DS725"]
+
+
 @pytest.mark.parametrize("version", VERSIONS)
-@pytest.mark.parametrize(("cycles", "said"), [(40, ["DS514"]), (30, [])])
+@pytest.mark.parametrize(
+    ("cycles", "said", "state"),
+    [(700, ["DS514"], "unanswered"), (600, ENDED, "incomplete"), (1, ENDED, "incomplete")],
+)
 def test_a_request_that_stands_to_the_end(
-    cycles: int, said: list[str], version: str, tmp_path: Path
+    cycles: int, said: list[str], state: str, version: str, tmp_path: Path
 ) -> None:
     """Of a proven channel, and the same request had a response before: it is for long, or record longer."""
     stage = Stage()
@@ -218,12 +224,34 @@ def test_a_request_that_stands_to_the_end(
     source = Source("open", captured(stage), False)
     result = analyze(source.open())
     assert [each.rule for each in result.findings] == said
-    assert [each.state for each in result.transactions] == ["ok", "unanswered"]
-    assert [each.transaction for each in result.findings] == [2 for _ in said]
+    assert [each.state for each in result.transactions] == ["ok", state]
+    assert [each.transaction for each in result.findings if each.rule != "DS725"] == [2]
+    assert not verdict(Counts.of(result)).en.startswith("OK")
     path = tmp_path / "open.pcapng"
     path.write_bytes(captured(stage))
     assert run.audit(path) == []
     compare(version, "en", [source], tmp_path)
+
+
+@pytest.mark.parametrize(("share", "said"), [(0.4, []), (0.6, ["DS725"]), (0.9, ["DS725"])])
+def test_a_response_may_come_behind_the_end_of_a_channel_that_nothing_proves(
+    share: float, said: list[str]
+) -> None:
+    """The drive takes 1.6 s: before that nothing is wrong with telegram and addresses."""
+    stage = Stage()
+    slow_response(Client(stage))
+    there = frames(captured(stage))
+    result = analyze(io.BytesIO(written(there[: int(share * len(there))])))
+    assert [each.rule for each in result.findings] == said
+    assert verdict(Counts.of(result)).en.startswith("OK") is not bool(said)
+
+
+def test_what_was_answered_more_slowly_may_come_later() -> None:
+    """The slowest response took longer than what is long for others."""
+    stage = Stage()
+    line = machine(Client(stage), pause=800).start().read(1082, cycles=810)
+    line.ask(READ, 700)
+    assert "DS514" not in {each.rule for each in analyze(io.BytesIO(captured(stage))).findings}
 
 
 # What the file says

@@ -122,8 +122,11 @@ def test_halves_are_a_cycle_apart_wherever_the_words_lie(how: str) -> None:
 
 
 def test_what_stands_in_the_first_exchange_is_asked_there() -> None:
-    for pause, state, rules in ((6, "ok", []), (10_000, "unanswered", ["DS514"])):
-        bus = on_profibus(talk((READ, 40), pause=pause))
+    ended = ["DS110", "DS725"]
+    for pause, cycles, state, rules in (
+        (6, 40, "ok", []), (10_000, 40, "incomplete", ended), (10_000, 2600, "unanswered", ["DS514"]),
+    ):  # fmt: skip
+        bus = on_profibus(talk((READ, cycles), pause=pause))
         assert bus is not None
         assert told(analyze(io.BytesIO(bus))) == ([state], rules)
 
@@ -409,7 +412,7 @@ def test_what_stands_in_the_frames_to_another_makers_drive_is_not_ok(
         text = printed(captured(stage), tmp_path, capsys)
         assert text.splitlines()[1].startswith("LOOK AT IT")
         assert f"DS514 {severity}" in text
-    bus = on_profibus(talk((IDLE, 5), (READ, 40), pause=10_000))
+    bus = on_profibus(talk((IDLE, 5), (READ, 2600), pause=10_000))
     assert bus is not None
     text = printed(bus, tmp_path, capsys)
     assert "LOOK AT IT: 1 drive, 1 transaction, 1 unanswered" in text

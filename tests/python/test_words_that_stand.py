@@ -83,7 +83,7 @@ def request_that_was_refused(it: It) -> None:
 
 def request_that_is_ignored(it: It) -> None:
     it.drive.pause = 999
-    it.start().ask(READ, 60)
+    it.start().ask(READ, 700)
 
 
 def ask(it: It) -> None:

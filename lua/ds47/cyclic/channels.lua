@@ -151,8 +151,8 @@ local function ignored(line, cycles)
   return found
 end
 
-function Requests:finish()
-  self.channel:finish()
+function Requests:finish(within)
+  self.channel:finish(within)
   self.ends = NO_DOUBT
   self:hand_out()
   local owner = self.owner
@@ -896,7 +896,7 @@ end
 --- The capture ends.
 function Channels:finish()
   for _, line in ipairs(self.lines) do
-    line:finish()
+    line:finish(self.limits.unread_ns)
   end
 end
 

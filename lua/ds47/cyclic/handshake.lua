@@ -9,15 +9,15 @@
 -- when the capture began), state, reason, answer {data, at}, settled (no edge told the answer), updates,
 -- newest {data, at}, halves (frame), odd {data, at}, late (frame), ended (moment), heard (whether a frame
 -- of the drive came while it stood), last (the moment in which it was looked at last), hole {first, last,
--- behind} (where its response may be, though the capture has it not: frames are missing behind one and before
--- another; or it is `behind`: in the first frame of the drive, `last`, behind that in which the request
--- ended). A moment: {frame, time, cycle}.
+-- what} (where its response may be, though the capture has it not: frames are missing behind one and before
+-- another; "cyclic_behind": it is in the first frame of the drive, `last`, behind that in which the request
+-- ended; "ends": behind the end of the capture). A moment: {frame, time, cycle}.
 
 local flat = require("ds47.support.flat").copy
 local mapped = require("ds47.support.arrays").mapped
 local tables = require("ds47.spec.tables")
 
-local byte, char, floor, sub = string.byte, string.char, math.floor, string.sub
+local byte, char, floor, max, sub = string.byte, string.char, math.floor, math.max, string.sub
 
 local M = {}
 
@@ -36,9 +36,14 @@ Channel.__index = Channel
 function M.new(closed, owner, fresh)
   return setmetatable({
     _closed = closed, _owner = owner, _echoes = true, _fresh = fresh or false,
+    _slowest = 0, -- time that the slowest response took
     _newest = 0, -- the newest frame of the drive
     _over = {}, -- jobs that wait for the next one, in order
   }, Channel)
+end
+
+local function hole_of(first, last, what)
+  return {first = first, last = last, what = what or "cyclic_frames"}
 end
 
 local function ak_of(data) return floor(byte(data) / 16) end
@@ -129,7 +134,7 @@ function Channel:sent(bytes, at)
   self._previous = last and last.data
   local wanted, job = ak_of(data) ~= 0, self._job
   if job and job.odd and wanted and fits(data, job.odd.data) then
-    job.hole = {first = job.request.at.frame, last = at.frame} -- this was sent before the answer to it
+    job.hole = hole_of(job.request.at.frame, at.frame) -- this was sent before the answer to it
   end
   self:_end(at, not wanted)
   if wanted then
@@ -159,6 +164,7 @@ function Channel:answered(bytes, at)
     self:_update(job)
   elseif self:_counts(job, data) then
     job.answer = self._in
+    self._slowest = max(self._slowest, at.time - job.request.at.time)
     if job.hole and before >= job.hole.last then job.hole = nil end -- it did not stand there yet
     local changed = access(asked) == "change" and sub(asked, 5) ~= NO_VALUE
     if changed and sub(data, 5) == NO_VALUE then self._echoes = false end
@@ -171,7 +177,7 @@ end
 
 --- Frames of the channel are missing between two frames; to be called before `answered` for the latter.
 function Channel:skipped(first, last)
-  local hole, job = {first = first, last = last}, self._job
+  local hole, job = hole_of(first, last), self._job
   for _, each in ipairs(self._over) do
     each.hole = hole
   end
@@ -201,9 +207,15 @@ function Channel:apart(owner)
   return made
 end
 
---- The capture ends.
-function Channel:finish()
-  if self._job then self:_settle(self._job, nil, "end") end
+--- Nothing more comes; `within`: the capture ends, and to what was asked so shortly before, or no longer
+-- before than the slowest response took, a response may come.
+function Channel:finish(within)
+  local job = self._job
+  if job then
+    local stood = (job.last or job.request.at).time - job.request.at.time
+    if within and stood <= max(within, self._slowest) then job.hole = job.hole or {what = "ends"} end
+    self:_settle(job, nil, "end")
+  end
   self._job = nil
   self:_tell(nil)
 end
@@ -233,7 +245,7 @@ end
 function Channel:_close(job, state, reason, at)
   job.state, job.reason, job.ended = state, reason, at
   job.heard = self._in ~= nil and self._newest >= job.request.at.frame
-  if not job.answer and job.hole and job.last and job.last.frame > job.hole.last then
+  if not job.answer and job.hole and job.hole.last and job.last and job.last.frame > job.hole.last then
     job.hole = nil -- it stood there still, without a response
   end
   local over = self._over
@@ -249,7 +261,7 @@ function Channel:_tell(behind)
   for _, job in ipairs(over) do
     if not job.answer and job.reason ~= "io-lost" then
       if behind and job.ended and fits(job.request.data, behind.data) then
-        job.hole = job.hole or {first = job.ended.frame, last = behind.at.frame, behind = true}
+        job.hole = job.hole or hole_of(job.ended.frame, behind.at.frame, "cyclic_behind")
       end
       if job.hole then job.state = "incomplete" end
     end

@@ -4,6 +4,7 @@
 -- The tables are those of one maker; of drives of others only what the profile says is said (docs/cyclic.md
 -- 5). A remark is a finding in the making: {rule, frame, args}.
 
+local flat = require("ds47.support.flat").copy
 local handshake = require("ds47.cyclic.handshake")
 local json = require("ds47.support.json")
 local pkw = require("ds47.cyclic.pkw")
@@ -45,8 +46,7 @@ end
 local function of_end(remarks, job, asked, family)
   local ended, hole = job.ended, job.hole
   if job.state == "incomplete" then
-    local what = hole.behind and "cyclic_behind" or "cyclic_frames"
-    put(remarks, "DS110", job.request.at.frame, {what = what, first = hole.first, last = hole.last})
+    put(remarks, "DS110", job.request.at.frame, flat(hole))
   elseif job.state == "mismatch" then
     local args = {request = pkw.digits(job.request.data), response = pkw.digits(job.odd.data)}
     put(remarks, "DS505", job.odd.at.frame, args)

@@ -78,8 +78,8 @@ class _Line(Protocol):
         """What it says is not valid from a frame on."""
         ...
 
-    def finish(self) -> None:
-        """Nothing more comes."""
+    def finish(self, within_ns: int | None = None, /) -> None:
+        """Nothing more comes; `within_ns` as `Channel.finish` has it."""
         ...
 
 
@@ -132,8 +132,8 @@ class _Requests:
             self.valid.remove(sent)
             self.channel.lost(at, out=sent, answers=not sent)
 
-    def finish(self) -> None:
-        self.channel.finish()
+    def finish(self, within_ns: int | None = None, /) -> None:
+        self.channel.finish(within_ns)
         self.doubt.clear()
         self._hand_out()
 
@@ -143,11 +143,15 @@ class _Requests:
         return self.relation.certainty in (LENGTHS, CONFIGURED) and not self.asked
 
     def unanswered(self, cycles: int) -> PkwJob | None:
-        """What stood for so long, where all reads as requests, nothing has a response, and nothing proves PKW."""
+        """What stood for so long, where all reads as requests, nothing has a response, and nothing proves PKW.
+
+        Where all is incomplete, what stands when the capture ends.
+        """
         waiting = self.waiting if self.relation.certainty == LENGTHS else []
         if not all(each.is_ignored or each.state == INCOMPLETE for each in waiting):
             return None
-        return next((each for each in waiting if each.is_ignored and each.stood >= cycles), None)
+        long = [each for each in waiting if each.stood >= cycles and (each.is_ignored or each.ends)]
+        return min(long, key=lambda each: each.ends, default=None)
 
     def _over(self, job: PkwJob) -> None:
         relation, self.asked = self.relation, True
@@ -212,7 +216,7 @@ class DriveWords:
         """What it says is not valid from a frame on."""
         self.recorder.lost(sent, at.frame, at.time_ns)
 
-    def finish(self) -> None:
+    def finish(self, _: int | None = None, /) -> None:
         """Nothing more comes."""
         self.recorder.operation.finish()
         if self.relation.certainty == NAMED and not self.recorder.has_sense and all(self.looks):
@@ -614,7 +618,7 @@ class CyclicChannels:
     def _is_late(self, packet: Packet, side: Side) -> bool:
         """Whether a frame stands behind a later one of its sender: what it says is no news.
 
-        The cycle counter goes back, too; of a channel without one the time alone tells it from a clock that was set.
+        The cycle counter goes back, too, else somebody set the clock; without one the time alone tells it.
         """
         key = packet.src_mac or "", side.frame_id, packet.dst_mac or ""
         counter = _counter(packet.payload[_FRAME_ID:], side)
@@ -683,10 +687,10 @@ class CyclicChannels:
         """The capture ends."""
         self.identify()
         for line in self._lines:
-            self._end(line)
+            self._end(line, self._bounds.unread_ns)
 
-    def _end(self, line: _Line) -> None:
-        line.finish()
+    def _end(self, line: _Line, within_ns: int | None = None) -> None:
+        line.finish(within_ns)
         if isinstance(line, _Requests):
             job = line.unanswered(self._bounds.pkw_cycles)
             if job is not None:

@@ -39,13 +39,14 @@ class Conclusions:
         self._layout = layout
         self._channels = channels
         self._habits: dict[Place, tuple[Relation, Habits]] = {}
-        self._incomplete: dict[tuple[str, str], tuple[int, int]] = {}
-        """By controller and device: how many requests have responses that may be missing, and the first frame."""
+        self._incomplete: dict[tuple[str, str, str], tuple[int, int]] = {}
+        """By why, controller and device: how many requests may lack their responses, and the first frame."""
 
     def reported(self, relation: Relation, job: PkwJob) -> None:
         """A transaction of PKW that the report has is over: whether the capture lacks a part of it."""
         if job.state == INCOMPLETE:
-            who, frame = (relation.controller, relation.device), job.request.at.frame
+            what, frame = "file_ends" if job.ends else "cyclic_gaps", job.request.at.frame
+            who = what, relation.controller, relation.device
             count, first = self._incomplete.get(who, (0, frame))
             self._incomplete[who] = count + 1, min(first, frame)
 
@@ -71,14 +72,18 @@ class Conclusions:
         count, first = self._channels.late
         if count:
             yield Remark("DS725", first, {"what": "disorder", "count": count})
-        for (controller, device), (count, first) in self._incomplete.items():
+        for relation, job in self._channels.unanswered():
+            self.reported(relation, job)
+        for (what, controller, device), (count, first) in self._incomplete.items():
             who = {"controller": controller, "device": device}
-            yield Remark("DS725", first, {"what": "cyclic_gaps", "count": count, **who})
+            yield Remark("DS725", first, {"what": what, "count": count, **who})
         for drive in self._channels.drives():
             yield from _about(drive.relation, drive.remarks())
         for relation, habits in self._habits.values():
             yield from _about(relation, habits.finish())
         for relation, job in self._channels.unanswered():
+            if job.ends:
+                continue
             ignored = judge.unanswered(relation, job, self._layout(relation.device))
             yield from _about(relation, ignored)
         for relation in self._channels.unused():

@@ -21,6 +21,8 @@ SUPERSEDED, UNANSWERED = "superseded", "unanswered"
 INCOMPLETE = "incomplete"
 END, IO_LOST, WITHDRAWN = "end", "io-lost", "withdrawn"
 """Why there was no answer: the capture ends, the data was not valid any more, the controller gave up."""
+ENDS, _BEHIND = "ends", "cyclic_behind"
+"""Why a response may not be in the capture."""
 _WAITING = 16
 """Transactions that wait for a frame of the drive; it says nothing any more where there are more."""
 
@@ -41,14 +43,15 @@ class Sight(NamedTuple):
 
 
 class Hole(NamedTuple):
-    """Frames are missing behind one and before another, or may be: the response is `behind` the request.
+    """Frames are missing behind one and before another, or may be.
 
-    That is in the first frame of the drive, `last`, behind that in which the request ended.
+    `what` is `_BEHIND` where the response is in the first frame of the drive, `last`, behind that in which the
+    request ended, and `ENDS` where the capture ends so soon that the response may come behind it.
     """
 
-    first: int
-    last: int
-    behind: bool = False
+    first: int | None
+    last: int | None
+    what: str = "cyclic_frames"
 
 
 @dataclass(slots=True)
@@ -88,6 +91,11 @@ class PkwJob:
         asked, standing = self.request.data, self.standing
         open_ = self.state in (UNANSWERED, SUPERSEDED) and _is_request(asked)
         return self.heard and open_ and not (standing and _fits(asked, standing.data))
+
+    @property
+    def ends(self) -> bool:
+        """Whether its response may come behind the end of the capture."""
+        return self.hole is not None and self.hole.what == ENDS
 
     @property
     def stood(self) -> int:
@@ -135,6 +143,8 @@ class Channel:
         self._in: Sight | None = None
         self._job: PkwJob | None = None
         self._before: PkwJob | None = None
+        self._slowest_ns = 0
+        """What the slowest response took."""
         self._newest = 0
         """The newest frame of the drive."""
         self._over: list[PkwJob] = []
@@ -182,7 +192,8 @@ class Channel:
             self._update(job, self._in)
         elif self._counts(job, data):
             job.answer = self._in
-            if job.hole is not None and before >= job.hole.last:
+            self._slowest_ns = max(self._slowest_ns, at.time_ns - job.request.at.time_ns)
+            if job.hole is not None and job.hole.last is not None and before >= job.hole.last:
                 job.hole = None  # it did not stand there yet
             changed = _access(job.request.data) == "change" and any(job.request.data[4:])
             self._echoes = self._echoes and (not changed or any(data[4:]))
@@ -214,10 +225,18 @@ class Channel:
         self._out = None if out else self._out
         self._in = None if answers else self._in
 
-    def finish(self) -> None:
-        """The capture ends."""
-        if self._job is not None:
-            self._settle(self._job, None, END)
+    def finish(self, within_ns: int | None = None) -> None:
+        """Nothing more comes.
+
+        `within_ns`: the capture ends; to what was asked so shortly before, or no longer than the slowest response
+        took, one may come.
+        """
+        job = self._job
+        if job is not None:
+            stood_ns = (job.last or job.request.at).time_ns - job.request.at.time_ns
+            if within_ns is not None and stood_ns <= max(within_ns, self._slowest_ns):
+                job.hole = job.hole or Hole(None, None, ENDS)
+            self._settle(job, None, END)
             self._job = None
         self._tell(None)
 
@@ -246,7 +265,7 @@ class Channel:
         job.state, job.reason, job.ended = state, reason, at
         job.heard = self._in is not None and self._newest >= job.request.at.frame
         hole, seen = job.hole, job.last
-        if job.answer is None and hole is not None and seen is not None and seen.frame > hole.last:
+        if job.answer is None and hole and hole.last and seen and seen.frame > hole.last:
             job.hole = None  # it stood there still, without a response
         self._over.append(job)
         if (job.answer is not None and len(self._over) == 1) or len(self._over) > _WAITING:
@@ -265,7 +284,7 @@ class Channel:
                     and job.ended is not None
                     and _fits(job.request.data, behind.data)
                 ):
-                    job.hole = job.hole or Hole(job.ended.frame, behind.at.frame, behind=True)
+                    job.hole = job.hole or Hole(job.ended.frame, behind.at.frame, _BEHIND)
                 if job.hole is not None:
                     job.state = INCOMPLETE
             self._closed(job)

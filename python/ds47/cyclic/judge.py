@@ -23,9 +23,7 @@ def remarks(relation: Relation, job: PkwJob, layout: str = pkw.CYCLIC) -> Iterat
     if job.answer is not None:
         yield from _response(relation, job.answer, which, layout)
     elif job.state == handshake.INCOMPLETE and job.hole is not None:
-        first, last, behind = job.hole
-        what = "cyclic_behind" if behind else "cyclic_frames"
-        yield Remark("DS110", job.request.at.frame, {"what": what, "first": first, "last": last})
+        yield Remark("DS110", job.request.at.frame, job.hole._asdict())
     elif job.state == handshake.MISMATCH and job.odd is not None:
         words = {"request": _words(job.request.data), "response": _words(job.odd.data)}
         yield Remark("DS505", job.odd.at.frame, words)
