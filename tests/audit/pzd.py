@@ -377,7 +377,12 @@ def _not_taken(finding: Finding, drive: Drive) -> Iterator[str]:
     if finding.args["word"] != now.stw1:
         yield f"the word is {now.stw1}"
     there = drive.while_(finding.frame, LIMITS["DS524"])
-    if any(each.zsw1 is not None and not each.zsw1 & 8 for each in there):
+    edges = (
+        each.frame for last, each in pairwise(there)
+        if (each.stw1 or 0) & 0x480 == 0x480 and not (last.stw1 or 0) & 0x80
+    )  # fmt: skip
+    end = next(edges, there[-1].frame + 1)  # what counts there acknowledges it
+    if any(each.zsw1 is not None and not each.zsw1 & 8 for each in there if each.frame < end):
         yield "the fault goes then"
 
 

@@ -192,6 +192,11 @@ function Drive:is_hopeless()
   return self.looked_at > PATIENCE and not self:is_proven()
 end
 
+function Drive:prove()
+  local relation = self.relation
+  if self.recorder.proven and not self.behind and relation.certainty == LENGTHS then relation.certainty = SEEN end
+end
+
 function Drive:take(sent, words, moment)
   local recorder, relation = self.recorder, self.relation
   self.looked_at = self.looked_at + 1
@@ -200,7 +205,7 @@ function Drive:take(sent, words, moment)
   else
     recorder:answered(words, moment.frame, moment.time)
   end
-  if recorder.proven and not self.behind and relation.certainty == LENGTHS then relation.certainty = SEEN end
+  self:prove()
   if recorder.refuted and relation.certainty == NAMED then relation.certainty = REFUTED end
   if recorder.speed and not self.is_speed then
     self.is_speed = true
@@ -222,6 +227,11 @@ function Drive:apart(relation, owner)
 end
 
 function Drive:finish()
+  local numbers = self.relation.telegrams
+  local function lacks_pkw(number) return not tables.pzd.telegrams[number].pkw end
+  local beside_pkw = numbers[1] ~= nil and not arrays.any(numbers, lacks_pkw)
+  self.recorder:finish(beside_pkw or relations.is_bus(self.relation))
+  self:prove()
   self.recorder.operation:finish()
   local looked = self.ends[1].looks > 0 and self.ends[2].looks > 0
   if self.relation.certainty == NAMED and not self.recorder:has_sense() and looked then

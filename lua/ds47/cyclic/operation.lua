@@ -124,15 +124,16 @@ end
 local function not_taken(self, last, now)
   local left = {}
   if bit(now.zsw1, FAULT) == 1 then
+    local rises = last and bit(now.stw1, ACKNOWLEDGE) == 1 and bit(last.stw1, ACKNOWLEDGE) == 0
+    local counts = rises and bit(now.stw1, CONTROL) == 1 -- before that it would have gone
     for _, each in ipairs(self.unheeded) do
-      if now.time - each.time >= self.limits.acknowledge_ns then
+      if counts or now.time - each.time >= self.limits.acknowledge_ns then
         say(self, "DS532", each.frame, {word = each.stw1})
       else
         left[#left + 1] = each
       end
     end
-    local rises = last and bit(now.stw1, ACKNOWLEDGE) == 1 and bit(last.stw1, ACKNOWLEDGE) == 0
-    if rises and bit(now.stw1, CONTROL) == 0 then left[#left + 1] = now end
+    if rises and not counts then left[#left + 1] = now end
   end
   self.unheeded = left
 end

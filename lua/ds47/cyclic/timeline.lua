@@ -12,7 +12,7 @@ local reader = require("ds47.support.bytes")
 local tables = require("ds47.spec.tables")
 local trips = require("ds47.cyclic.trips")
 
-local bit, u16 = bits.bit, reader.u16
+local bit, floor, u16 = bits.bit, math.floor, reader.u16
 
 local M = {}
 
@@ -57,6 +57,7 @@ function M.new(operation, trusted, speed, fault, most)
     -- Whether a control word has bits that few controllers use, and is none that a drive heeds; or both words
     -- are those of a request of PKW and its response.
     odd = false,
+    failed = 0, ready = false, -- how many faults came, and whether a drive was ready before one
     legal = false, -- whether a status word was seen that shows a state of a drive
     fault_since = nil, -- since when a fault stands in its newest valid data, a frame; nil for none
     stw1 = nil, zsw1 = nil, heeded = nil, -- the words, and the last control word that the drive heeds
@@ -110,10 +111,17 @@ end
 
 local function is_healthy(zsw1) return bit(zsw1, NO_OFF2) == 1 and bit(zsw1, NO_OFF3) == 1 end
 
--- Whether a status word shows one of the states S1 to S4, without OFF2 and OFF3 but in S1.
+-- Whether a status word shows one of the states S1 to S4, or a fault; without OFF2 and OFF3 but in S1.
 local function is_legal(zsw1)
   if bit(zsw1, INHIBITED) == 1 then return bit(zsw1, 1) == 0 and bit(zsw1, 2) == 0 end
-  return LEGAL[zsw1 % 8] ~= nil and is_healthy(zsw1)
+  return (LEGAL[zsw1 % 8] or zsw1 % 16 == 8) and is_healthy(zsw1)
+end
+
+-- Whether a drive that wants to be controlled gets a fault, and is not ready: no more changes.
+local function is_failure(before, zsw1)
+  local comes = bit(before, FAULT) == 0 and zsw1 % 16 == 8
+  local same = bit(before, REQUESTED) == 1 and floor(before / 256) == floor(zsw1 / 256)
+  return comes and same and is_legal(before) and is_legal(zsw1)
 end
 
 --- Whether the words as a whole may be a control and a status word; false before both were seen.
@@ -171,7 +179,12 @@ local function status(self, zsw1, frame, time)
   end
   local standing = running == 0 or bit(zsw1, FAULT) == 1
   self.legal = self.legal or is_legal(zsw1) or standing and is_healthy(zsw1)
-  if before then self.trips:said(before, zsw1, frame, time, not self.lost_in) end
+  if before then
+    self.trips:said(before, zsw1, frame, time, not self.lost_in)
+    if is_failure(before, zsw1) then
+      self.failed, self.ready = self.failed + 1, self.ready or before % 2 == 1
+    end
+  end
   look(self)
   back(self, false, frame, time)
   tell_edges(self, "ZSW1", STATES, before, before, zsw1, frame, time)
@@ -209,6 +222,14 @@ function Recorder:lost(by_controller, frame, time)
   if not by_controller and self.zsw1 then self.trips:lost(self.zsw1, time) end
   self.trips.told = self.operation:lost(frame, by_controller) or self.trips.told
   happened(self, by_controller and "output-lost" or "input-lost", frame, time)
+end
+
+--- Nothing more comes: a fault that came and stays shows a drive, though nobody controls it; one that was not
+-- ready only where that is all that changed, and its telegram is `configured`.
+function Recorder:finish(configured)
+  local comes = self.ready or configured and self.failed == 1
+  local free = self.stw1 == 0 or self.stw1 == 0x80
+  self.proven = self.proven or self.trusted and comes and free and self.fault_since ~= nil
 end
 
 --- Whether an event is told: those of bits that are about a speed only where it is known to be one.

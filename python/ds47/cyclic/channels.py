@@ -203,8 +203,7 @@ class DriveWords:
         self.looked_at += 1
         recorder = self.recorder
         (recorder.sent if sent else recorder.answered)(words, at.frame, at.time_ns)
-        if recorder.proven and not self.behind and self.relation.certainty == LENGTHS:
-            self.relation.certainty = SEEN
+        self._prove()
         if recorder.refuted and self.relation.certainty == NAMED:
             self.relation.certainty = REFUTED
         if recorder.speed and not self.is_speed:
@@ -218,9 +217,17 @@ class DriveWords:
 
     def finish(self, _: int | None = None, /) -> None:
         """Nothing more comes."""
+        numbers = self.relation.telegrams
+        beside_pkw = bool(numbers) and all(telegrams()[each].pkw for each in numbers)
+        self.recorder.finish(beside_pkw or self.relation.is_bus)
+        self._prove()
         self.recorder.operation.finish()
         if self.relation.certainty == NAMED and not self.recorder.has_sense and all(self.looks):
             self.relation.certainty = ODD
+
+    def _prove(self) -> None:
+        if self.recorder.proven and not self.behind and self.relation.certainty == LENGTHS:
+            self.relation.certainty = SEEN
 
     def cut(self, since: Head | None) -> None:
         """From this frame on its frames are of two drives: what was seen in them does not count."""

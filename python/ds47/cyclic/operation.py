@@ -189,12 +189,12 @@ class Operation:
         if not now.zsw1 & _FAULT:
             self._unheeded.clear()
             return
-        for each in list(self._unheeded):
-            if now.time_ns - each.time_ns >= self.bounds.acknowledge_ns:
+        rises = last is not None and bool(now.stw1 & ~last.stw1 & _ACKNOWLEDGE)
+        for each in list(self._unheeded):  # before the next one that counts it would have gone
+            if rises and now.stw1 & _CONTROL or now.time_ns - each.time_ns >= self.bounds.acknowledge_ns:
                 self._unheeded.remove(each)
                 self._say("DS532", each.frame, word=each.stw1)
-        rising = now.stw1 & ~last.stw1 if last is not None else 0
-        if rising & _ACKNOWLEDGE and not now.stw1 & _CONTROL:
+        if rises and not now.stw1 & _CONTROL:
             self._unheeded.append(now)
 
     def _setpoint(self, now: Now) -> None:

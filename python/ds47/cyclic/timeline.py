@@ -34,6 +34,9 @@ FREE = 0xF000
 """Bits of STW1 that most controllers leave at 0; telegram 20, motor potentiometers and some makers use them."""
 _COMPLETE, _SWITCHED = 0x007E, 0x0081
 """Bits of a control word that wants the drive to run, and those that change in it: one that lacks bit 10 alone."""
+_ACKNOWLEDGE = 0x0080
+_OF_DRIVES = 0xFF00
+"""Bits of ZSW1 that a fault leaves as they are."""
 _NUMBER = 0x07FF
 """Bits of PKE that are a parameter number; the response has that of its request."""
 _REACTION_NS = 2_000_000_000
@@ -121,6 +124,8 @@ class Recorder:
     """The last control word that the drive heeds."""
     _on_ns: int | None = None
     """When ON was given to a drive that was ready for it."""
+    _failed: list[bool] = field(default_factory=list)
+    """Of each fault that came whether the drive was ready before."""
     _lost: set[bool] = field(default_factory=set)
     _setpoint: int | None = None
     _actual: int | None = None
@@ -219,6 +224,8 @@ class Recorder:
         self.legal = self.legal or _is_legal(zsw1) or bool(standing)
         if before is not None:
             self.trips.said(before, zsw1, frame, time_ns, seen=False not in self._lost)
+            if _is_failure(before, zsw1):
+                self._failed.append(bool(before & 1))
         self._look()
         self._back(False, frame, time_ns)
         if before is None:
@@ -263,6 +270,15 @@ class Recorder:
         if self.speed is None and (raw & 0x7FFF) > _LAST_TASK:
             self.speed = True
         return bool(self.speed)
+
+    def finish(self, configured: bool) -> None:
+        """Nothing more comes: a fault that came and stays shows a drive, though nobody controls it.
+
+        One that was not ready only where that is all that changed, and its telegram is `configured`.
+        """
+        comes = any(self._failed) or (configured and len(self._failed) == 1)
+        if self.trusted and comes and self.fault_since is not None:
+            self.proven = self.proven or self._stw1 in (0, _ACKNOWLEDGE)
 
     def told(self) -> list[Event]:
         """The events; those of bits that are about a speed only where it is known to be one."""
@@ -328,7 +344,15 @@ def _is_healthy(zsw1: int) -> bool:
 
 
 def _is_legal(zsw1: int) -> bool:
-    """Whether a status word shows one of the states S1 to S4, without OFF2 and OFF3 but in S1."""
+    """Whether a status word shows one of the states S1 to S4, or a fault; without OFF2 and OFF3 but in S1."""
     if zsw1 & _INHIBITED:
         return zsw1 & 6 == 0
-    return zsw1 & 7 in _LEGAL and _is_healthy(zsw1)
+    fails = zsw1 & 7 == 0 and bool(zsw1 & _FAULT)
+    return (fails or zsw1 & 7 in _LEGAL) and _is_healthy(zsw1)
+
+
+def _is_failure(before: int, zsw1: int) -> bool:
+    """Whether a drive that wants to be controlled gets a fault, and is not ready: no more changes."""
+    comes = zsw1 & ~before & _FAULT and not zsw1 & 7
+    same = before >> REQUESTED & 1 and not (before ^ zsw1) & _OF_DRIVES
+    return bool(comes and same) and _is_legal(before) and _is_legal(zsw1)
