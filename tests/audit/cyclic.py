@@ -13,6 +13,10 @@ TICKS, COUNTERS = 32, 0x1_0000
 """Of the cycle counter, in a millisecond and in all."""
 
 
+DISORDER_NS = 1_000_000_000
+"""By more than this nobody disorders frames: the clock was set."""
+
+
 class Part(NamedTuple):
     """What one side says in a frame; `good` where the states beside it say that it is valid."""
 
@@ -51,14 +55,15 @@ def _exchanged(line: dp.Line, relation: dict[str, Any], side: str) -> Iterator[P
 
 
 def late(reading: Reading) -> list[int]:
-    """Cyclic frames whose times lie before that of an earlier one of the same sender, frame id and receiver."""
+    """Cyclic frames whose times lie shortly before that of an earlier one of the same sender, id and receiver."""
     newest: dict[tuple[str, str, int], int] = {}
     found = []
     for each in reading.capture.rt:
         key, time_ns = (each.sender, each.receiver, each.frame_id), each.frame.time_ns
-        if time_ns < newest.get(key, 0):
+        if 0 < newest.get(key, 0) - time_ns < DISORDER_NS:
             found.append(each.frame.number)
-        newest[key] = max(time_ns, newest.get(key, 0))
+        else:
+            newest[key] = time_ns
     return found
 
 

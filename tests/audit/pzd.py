@@ -406,11 +406,16 @@ def _locked(finding: Finding, drive: Drive) -> Iterator[str]:
     bits = [bit for bit in (4, 5, 6) if not there[0].heeded >> bit & 1]
     if finding.args["bits"] != bits:
         yield f"the bits are {bits}"
-    wrong = [each for each in there if not (each.zsw1 or 0) & 4 or each.heeded & 0x70 == 0x70]
-    yield from _long_enough(finding, wrong)
-    setpoints = [each.setpoint for each in there]
+    yield from _long_enough(finding, [each for each in there if not _is_locked(each)])
+    end = there[0].time_ns + round(finding.args["seconds"] * 1e9)
+    last = [each for each in drive.looks if each.time_ns == end and _is_locked(each)]
+    setpoints = [each.setpoint for each in [*there, *last]]  # what stands in the last frame counts
     if max(setpoints) - min(setpoints) < 160:
         yield "the setpoint does not change"
+
+
+def _is_locked(look: Look) -> bool:
+    return bool((look.zsw1 or 0) & 4 and look.heeded & 0x70 != 0x70)
 
 
 def _away(finding: Finding, drive: Drive) -> Iterator[str]:
