@@ -1156,7 +1156,9 @@ def _open_at_the_end(case: Case, pair: tuple[str, str]) -> list[int]:
     found = []
     is_line = case.reading.line is not None  # which has no calls
     newest = case.reading.gaps.newest_call(*pair)
-    deals = {each.id: (each.controller, each.device) for each in case.reading.deals}
+    deals = {
+        each.id: (each.controller, each.device) for each in case.reading.deals if not each.cyclic
+    }
     calls = set()
     for each in case.reading.findings:
         if each.rule != "DS110" or deals.get(each.transaction or 0) != pair:

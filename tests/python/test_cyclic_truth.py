@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -216,15 +217,19 @@ def test_that_a_change_saves_is_said_of_the_maker_whose_table_it_is() -> None:
 
 
 @pytest.mark.parametrize(
-    ("vendor_id", "severity"), [(FOREIGN, "note"), (SIEMENS, "error"), (None, "error")]
-)
+    ("vendor_id", "given", "severity"),
+    [
+        (FOREIGN, None, "note"), (SIEMENS, None, "error"), (None, None, "note"),
+        (None, SIEMENS, "error"), (FOREIGN, SIEMENS, "note"),
+    ],
+)  # fmt: skip
 @pytest.mark.parametrize("first", [True, False])
 def test_a_channel_named_by_hand_is_judged_by_the_vendor_that_the_capture_names(
-    vendor_id: int | None, severity: str, first: bool
+    vendor_id: int | None, given: int | None, severity: str, first: bool
 ) -> None:
-    """DCP says it before the words, or behind them."""
+    """DCP says it before the words, or behind them; else --vendor. Where nothing does, all are notes."""
     content, options = without_connect(of_maker(SIEMENS, error=17), maker=vendor_id, first=first)
-    result = analyze(io.BytesIO(content), options)
+    result = analyze(io.BytesIO(content), replace(options, vendor_id=given))
     assert [each.severity for each in of_rule("DS501", result)] == [severity]
 
 
@@ -241,9 +246,11 @@ def test_lua_says_the_same(version: str, tmp_path: Path) -> None:
     foreign = of_maker(FOREIGN, trips=2, error=107, reads=12)
     plain = [halves, silent, foreign, *filter(None, map(on_profibus, (halves, silent, foreign)))]
     compare(version, "en", [Source(str(n), each, False) for n, each in enumerate(plain)], tmp_path)
-    for content, maker in ((halves, None), (foreign, FOREIGN), (foreign, SIEMENS)):
+    for content, maker in ((halves, None), (foreign, None), (foreign, FOREIGN), (foreign, SIEMENS)):
         named, options = without_connect(content, maker=maker, first=False)
         compare(version, "en", [Source("named", named, False)], tmp_path, options)
+        given = replace(options, vendor_id=SIEMENS)
+        compare(version, "en", [Source("given", named, False)], tmp_path, given)
 
 
 def offered(text: str) -> list[str]:

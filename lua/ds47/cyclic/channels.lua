@@ -193,8 +193,8 @@ function Drive:is_hopeless()
 end
 
 function Drive:prove()
-  local relation = self.relation
-  if self.recorder.proven and not self.behind and relation.certainty == LENGTHS then relation.certainty = SEEN end
+  local is_new = not self.behind and self.relation.certainty == LENGTHS
+  if self.recorder.proven and is_new then self.relation.certainty = SEEN end
 end
 
 function Drive:take(sent, words, moment)

@@ -161,11 +161,8 @@ function M.is_named(relation)
   return certainty == M.NAMED or certainty == M.ODD or certainty == M.REFUTED
 end
 
---- Whether a relation is of another maker than that whose tables are known, or nobody knows and no user named
--- it.
-function M.is_foreign(relation)
-  return relation.vendor_id ~= M.SIEMENS and not (M.is_named(relation) and relation.vendor_id == nil)
-end
+--- Whether a relation is of another maker than that whose tables are known, or nothing says whose it is.
+function M.is_foreign(relation) return relation.vendor_id ~= M.SIEMENS end
 
 --- Whether a relation is one of PROFIBUS: senders are stations, two bytes with the receiver.
 function M.is_bus(relation)

@@ -70,7 +70,7 @@ function Naming:vendor(ip)
   return self.vendor_id, self.vendor_id ~= nil
 end
 
---- Vendor id of the station with a MAC address, as shown up to now; nil where nothing says it.
+--- Vendor id of the station with a MAC address: as shown up to now, else what is assumed.
 function Naming:vendor_of(mac)
   local station = self.stations:get(mac)
   if station and station.vendor_id then
@@ -81,7 +81,7 @@ function Naming:vendor_of(mac)
       return device.vendor_id
     end
   end
-  return nil
+  return self.vendor_id
 end
 
 --- Takes an RPC message: responses come from devices, a Connect names device and controller.

@@ -191,7 +191,8 @@ class Operation:
             return
         rises = last is not None and bool(now.stw1 & ~last.stw1 & _ACKNOWLEDGE)
         for each in list(self._unheeded):  # before the next one that counts it would have gone
-            if rises and now.stw1 & _CONTROL or now.time_ns - each.time_ns >= self.bounds.acknowledge_ns:
+            late = now.time_ns - each.time_ns >= self.bounds.acknowledge_ns
+            if late or (rises and now.stw1 & _CONTROL):
                 self._unheeded.remove(each)
                 self._say("DS532", each.frame, word=each.stw1)
         if rises and not now.stw1 & _CONTROL:

@@ -138,8 +138,8 @@ class Relation:
 
     @property
     def is_foreign(self) -> bool:
-        """Whether it is of no maker whose tables are known; what a user named is, where nothing says another."""
-        return self.vendor_id != SIEMENS and not (self.is_named and self.vendor_id is None)
+        """Whether it is of no maker whose tables are known, as far as anything says whose it is."""
+        return self.vendor_id != SIEMENS
 
     def told(self) -> model.Relation:
         """As the report has it."""

@@ -85,12 +85,12 @@ class Stations:
         return None
 
     def vendor_of(self, mac: str) -> int | None:
-        """Vendor id of the station with a MAC address, as shown up to now; None where nothing says it."""
+        """Vendor id of the station with a MAC address: as shown up to now, else what is assumed."""
         station = self._stations.get(mac)
         if station is not None and station.vendor_id is not None:
             return station.vendor_id
         there = (each.vendor_id for each in self._servers.values() if each.mac == mac)
-        return next((each for each in there if each is not None), None)
+        return next((each for each in there if each is not None), self._vendor_id)
 
     def devices(self) -> list[Device]:
         """Every device that answered or was connected to, in the order of first sight."""
