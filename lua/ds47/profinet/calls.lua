@@ -314,7 +314,7 @@ local function early_response(self, pdu)
   end
   local early = self.early:pop(key_of(pdu))
   local passed = early and early.time_ns - pdu.time_ns
-  return early and passed >= 0 and passed <= self.limits.call_expiry_ns and early or nil
+  return early and passed >= 0 and passed <= self.limits.call_expiry_ns and early or nil, early ~= nil
 end
 
 -- A call is sent again.
@@ -349,8 +349,8 @@ local function request(self, pdu)
   if pdu.opnum == rpc.CONNECT then
     self.connects:keep(pdu.client .. "\0" .. pdu.server, pdu.frame, self.limits.activities)
   end
-  local early = early_response(self, pdu)
-  activity.numbers:add(pdu, early == nil)
+  local early, known = early_response(self, pdu)
+  activity.numbers:add(pdu, not known)
   activity.newest = seq
   call = {request = pdu, response = nil, context = nil, later = nil, again = nil}
   append(activity, seq, call)

@@ -255,7 +255,7 @@ class CallTracker:
             self._connected(pdu)
         early = self._early.pop(key, None) if self._early else None
         late = early is not None and 0 <= early.time_ns - pdu.time_ns <= self._limits.call_expiry_ns
-        activity.numbers.add(pdu, renewed=not late)
+        activity.numbers.add(pdu, renewed=early is None)
         if not calls or pdu.time_ns < activity.oldest_ns:
             activity.oldest_ns = pdu.time_ns
         call = calls[seq] = RpcCall(pdu)
@@ -335,7 +335,9 @@ class CallTracker:
         key = pdu.client, pdu.activity, pdu.seq
         call = self._answered.get(key)
         if call is None and (early := self._early.get(key)) is not None:
-            return pdu.time_ns - early.time_ns <= self._expiry_ns  # of the same call, whose request is missing
+            return (
+                pdu.time_ns - early.time_ns <= self._expiry_ns
+            )  # of the same call, whose request is missing
         if call is None:  # of what is forgotten the number alone is known
             known = self._forgot and key not in self._given_up
             return known and activity is not None and activity.numbers.has(pdu.seq)

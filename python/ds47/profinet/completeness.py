@@ -117,7 +117,9 @@ class Numbers:
             self.under = number
         elif not _fills(self.holes, number) and renewed:
             self.following, self.answered = number + 1, -1
-            if self.lowest < self.highest or not self.anew:  # one number for all calls does not count
+            if (
+                self.lowest < self.highest or not self.anew
+            ):  # one number for all calls does not count
                 self.anew = pdu.frame
 
     def hears(self, number: int) -> None:
@@ -138,7 +140,6 @@ class Numbers:
         return self.lowest <= number <= self.highest and not any(
             each.has(number) for each in self.holes
         )
-
 
     def fills(self, number: int) -> bool:
         """Whether a number was missing up to now; now it is there."""
@@ -286,7 +287,7 @@ class Completeness:
         self.first_late = min(self.first_late or response.frame, response.frame)
 
     def disordered(self, pdu: Pdu) -> None:
-        """A call of records stands behind one that was made later, by its number, and by the clock or an answer."""
+        """A call of records stands behind one made later, by its number, and by the clock or an answer."""
         if pdu.opnum in (RPC_READ, RPC_WRITE, RPC_READ_IMPLICIT):
             pair = self._pair(pdu.client, pdu.server)
             pair.disorder = max(pair.disorder, pdu.frame)
