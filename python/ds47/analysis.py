@@ -569,13 +569,15 @@ class Analysis:
             self._finished(order, transaction, remarks)
 
     def _drive(self, ip: str) -> str | None:
-        """What the capture shows up to now, beside S7 and record calls, that an IP address is a drive."""
+        """What the capture shows up to now, beside S7 and record calls, that an IP address is a drive, or a CPU."""
         if any(each.relation.device == ip for each in self._cyclic.drives()):
             return "cyclic"
         identity, kind = self._stations.identity(ip), self._stations.kind(ip)
         if identity is not None and s7.is_drive_device(*identity):
             return "device"
-        return "station" if kind is not None and s7.is_drive(kind) else None
+        if kind is not None and s7.is_drive(kind):
+            return "station"
+        return s7.CPU if s7.is_cpu(kind, identity) else None
 
     def _communicated(self, job: S7Job, remarks: list[Remark]) -> None:
         """A job of S7 is over."""

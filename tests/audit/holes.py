@@ -56,9 +56,11 @@ ALIKE = {
     "DS714": "the drive reads it as",  # what was read the cut does not have
     "DS917": "no connection is refused in this frame",  # the frame of RST, which stands before that of CR
     # Of an answer, and the cut has not the job.
-    "DS908": tuple(f"area '{n} x unknown address' is" for n in range(1, 5)),
+    "DS908": (
+        *(f"area '{n} x unknown address' is" for n in range(1, 5)),
+        "something else than an element",  # what else is asked for the cut does not show
+    ),
     "DS907": "it is byte",
-    "DS919": "something else than an element",  # what else is asked for the cut does not show
     "DS701": "a STATUS tells of it",  # of the Write, which the cut does not have
     # How many and how slow: that is counted in the cut.
     **dict.fromkeys(("DS508", "DS509", "DS510", "DS511"), ("it is ", "another one is the slowest")),

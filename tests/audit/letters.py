@@ -23,7 +23,8 @@ _SPELLED = re.compile(r"\b([prP])(\d{4,5})\b")
 
 def check(finding: Finding, reading: Reading) -> Iterator[Complaint]:
     """All complaints about the letters in the sentence of a finding."""
-    if "family" not in finding.args:
+    item = finding.rule == "DS908" and finding.args.get("family") is None  # of a CPU
+    if item or "family" not in finding.args:
         return
     for text in _family(finding, reading):
         yield Complaint(finding.rule, f"frame {finding.frame}, family", text)

@@ -17,6 +17,8 @@ from tests.audit.reading import Finding, Reading
 from tests.audit.s7_moment import Happened, was_there
 from tests.audit.s7_wire import Item, Job, Line, Part
 
+ELEMENT = ("pnu", "subindex", "drive_object", "family")
+"""What an element of a drive is."""
 MOST = 60
 """Frames that a finding of many names."""
 SECOND = 10**9
@@ -133,6 +135,8 @@ def _item(case: Case) -> Iterator[str]:
         failed = [i for i in job.items if i.code == case.args.get("code") and i.code != 0xFF]
         yield from case.ends(job.line, job.by_client)
         yield from case.wrong(operation=job.name, area=s7_wire.listed(failed))
+        if any(case.args.get(name) is not None for name in ELEMENT):
+            yield from _seems_a_drive(case, job, failed)
 
     yield from _best(case, [each(job) for job in case.answered()])
 
@@ -158,17 +162,20 @@ def _element(case: Case) -> Iterator[str]:
             return
         yield from case.wrong(bytes=named[0].size)
         lines = case.servers(job.line)
-        seems = not _shares_nothing(lines) and not any(map(_says_drive, lines))
-        if case.args.get("case") == "drive_seems":
-            yield from _seems_a_drive(job, lines)
-        elif case.args.get("case") != "drive_known" or seems:
-            yield f"case {case.args.get('case')!r}: nothing shows a drive"
+        if not _shares_nothing(lines) and not any(map(_says_drive, lines)):
+            yield "nothing shows a drive"
 
     yield from _best(case, [each(job) for job in case.answered()])
 
 
-def _seems_a_drive(job: Job, lines: list[Line]) -> Iterator[str]:
-    """Slot 0, and nothing was read or written up to then but single elements."""
+def _seems_a_drive(case: Case, job: Job, failed: list[Item]) -> Iterator[str]:
+    """Slot 0, nothing was read or written up to then but single elements, and it is one that is refused."""
+    if len(failed) != 1:
+        yield "it is not one item that is refused"
+        return
+    lines = case.servers(job.line)
+    number, index = divmod(failed[0].start // 8, 1024)
+    yield from case.wrong(pnu=failed[0].db, subindex=index, drive_object=number, family="sinamics")
     if job.line.tsap is None or job.line.tsap[-1] & 31:
         yield "its slot is not 0"
     end = job.answered.number if job.answered else 0

@@ -75,6 +75,8 @@ class _Form:
         if name == "parameter":
             unknown = self._args.get("pnu") is None
             return self._clause("parameter_unknown" if unknown else "parameter")
+        if name == "item":
+            return self._clause("item" if self._args.get("pnu") is None else "item_or_element")
         if name == "drive":
             return self.of("{device}" if self._args.get("slot") is None else WORDS["drive"])
         self.named.add(name)

@@ -97,9 +97,21 @@ def drive(client: Client) -> DriveCpu:
 )  # fmt: skip
 def refused_elements(client: Client) -> None:
     """Parameters of a drive, read by S7: data block = parameter, address = 1024 x drive object + index."""
-    link = drive(client).link().open().get(db(2114, 1024, 4))
-    link.get(db(2114, 1024, 5)).get(db(9999, 1024, 4))
+    link = drive(client).link().open()
+    link.szl(0x0011, 0, struct.pack(">H20sHHH", 1, b"6SL3 244-0BB13-1FA0", 0, 0, 0))
+    link.get(db(2114, 1024, 4)).get(db(2114, 1024, 5)).get(db(9999, 1024, 4))
     link.put((db(1120, 2048, 4), struct.pack(">f", 12.5))).close()
+
+
+@BOOK.scene(
+    "Near DS919: the same of a partner that only its addresses make a drive",
+    GET, ("get", "error"), ("get", "error"),
+    rules="DS908",
+)  # fmt: skip
+def refused_by_what_seems_a_drive(client: Client) -> None:
+    """Parameters of a drive, or bytes of data blocks with such numbers: nothing says which."""
+    link = drive(client).link().open().get(db(2114, 1024, 4))
+    link.get(db(2114, 1024, 5)).get(db(9999, 1024, 4)).close()
 
 
 @BOOK.scene(

@@ -116,6 +116,7 @@ def test_messages_are_short_facts(rule: dict[str, Any]) -> None:
         "error",
         "drive",
         "parameter",
+        "item",
     }
     assert "{device} " not in rule["message"] or "{slot}" not in rule["message"], "that is {drive}"
 

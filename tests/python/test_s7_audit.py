@@ -237,7 +237,7 @@ def test_each_word_is_in_a_scene() -> None:
     assert found >= {
         "mixed_split", "mixed_job", "mixed_put", "bsend_open", "bsend_sum", "bsend_sequence", "r_id_open",
         "r_id_refused", "refused_no_confirm", "refused_disconnect", "refused_reset", "refused_setup",
-        "block_chosen", "block_said", "block_order", "drive_known", "drive_seems",
+        "block_chosen", "block_said", "block_order",
     }  # fmt: skip
 
 

@@ -23,6 +23,7 @@ from ds47.lab.s7 import Cpu, DriveCpu, Link, station
 from ds47.lab.s7_wire import Var, db, flags
 from ds47.lab.stage import Stage
 from ds47.model import CaptureResult
+from ds47.report.sentences import message
 from ds47.s7.choices import Choices
 from ds47.s7.drives import DriveElement, element
 from ds47.s7.model import DB, Address
@@ -175,8 +176,63 @@ def test_its_order_number_proves_a_drive() -> None:
     assert elements(found) == [(2, "1120[0] [10.0]")]
 
 
-@pytest.mark.parametrize(("device_id", "shown"), [(0x0507, "device"), (0x010E, "addresses")])
-def test_its_device_id_proves_a_drive(device_id: int, shown: str) -> None:
+def of_cpu(there: DriveCpu) -> None:
+    """Two stations write a data block with the number of a parameter, and one that is missing is read."""
+    one, two = there.link(2).open(), there.link(3).open()
+    one.szl(0x0011, 0, struct.pack(">H20sHHH", 1, b"6ES7 214-1AG40-0XB0", 0, 0, 0))
+    one.get(RAMP).put((RAMP, real(1.0)))
+    two.put((RAMP, real(2.0))).get(db(9999, 1024, 4))
+
+
+def test_the_order_number_of_a_cpu_refutes_what_addresses_suggest() -> None:
+    found = told(of_cpu)
+    assert proof(found) is None
+    assert {each.rule for each in found.findings} == {"DS907", "DS908"}
+    (refused,) = [each for each in found.findings if each.rule == "DS908"]
+    assert "drive" not in message(refused)
+
+
+def test_the_user_who_names_a_cpu_refutes_what_addresses_suggest() -> None:
+    for kinds in ((("", "s7-1500"),), (("192.168.134.1", "s7-400"), ("", "sinamics"))):
+        assert proof(told(reads, cpus=kinds)) is None
+
+
+def test_the_order_number_of_a_cpu_does_not_refute_a_proof() -> None:
+    def act(there: DriveCpu) -> None:
+        rewritten(there)
+        of_cpu(there)
+
+    assert proof(told(act)) == "values"
+
+
+def test_what_addresses_suggest_is_told_with_both_readings() -> None:
+    found = told(lambda there: reads(there).get(db(9999, 1024, 4)))
+    assert proof(found) == "addresses"
+    (refused,) = [each for each in found.findings if each.severity == "error"]
+    assert (refused.rule, refused.args["pnu"], refused.args["drive_object"]) == ("DS908", 9999, 1)
+    both = "GET DB9999.DBB1024..1027 (p9999[0] of drive object 1, if it is a drive) refused by "
+    assert message(refused).startswith(both)
+    assert "若为驱动器，则为驱动对象 1 的 p9999[0]" in message(refused, "zh")
+
+
+def test_values_prove_nothing_where_a_write_is_missing() -> None:
+    """The capture lacks the write by which the value is there again."""
+
+    def act(there: DriveCpu) -> None:
+        link = there.link().open().put((RAMP, real(12.5))).put((NEXT, real(25.0)))
+        there.stage.deaf = True
+        link.put((RAMP, real(12.5)))
+        there.stage.deaf = False
+        link.get(RAMP).get(RAMP)
+
+    assert proof(told(act)) == "addresses"
+
+
+@pytest.mark.parametrize(
+    ("device_id", "shown"), [(0x0507, "device"), (0x010E, None), (0x0301, "addresses")]
+)
+def test_its_device_id_proves_a_drive_or_a_cpu(device_id: int, shown: str | None) -> None:
+    """Class 05 are drives, 01 CPUs; a class that says neither leaves what addresses suggest."""
     stage = Stage()
     there = drive(Client(stage))
     host = replace(there.host, vendor_id=0x002A, device_id=device_id)
@@ -188,11 +244,17 @@ def test_its_device_id_proves_a_drive(device_id: int, shown: str) -> None:
     assert elements(found) == ([(2, "1120[0] [10.0]")] if shown == "device" else [])
 
 
-def test_its_type_of_station_proves_a_drive() -> None:
+@pytest.mark.parametrize(
+    ("station_type", "shown"), [(b"SINAMICS G120C", "station"), (b"S7-1500", None)]
+)
+def test_its_type_of_station_proves_a_drive_or_a_cpu(
+    station_type: bytes, shown: str | None
+) -> None:
     stage = Stage()
     there = drive(Client(stage))
     name = dcp_identify(replace(there.host, vendor_id=0x0123), "press-1")
-    kind = b"\2\1" + struct.pack(">H", 2 + 14) + bytes(2) + b"SINAMICS G120C"
+    kind = b"\2\1" + struct.pack(">H", 2 + len(station_type)) + bytes(2) + station_type
+    kind += bytes(len(kind) % 2)
     length = struct.unpack(">H", name[10:12])[0] + len(kind)
     stage.frame(
         ether.bare(
@@ -204,8 +266,8 @@ def test_its_type_of_station_proves_a_drive() -> None:
     )
     there.link().open().get(RAMP)
     found = analyze(io.BytesIO(captured(stage)))
-    assert proof(found) == "station"
-    assert elements(found) == [(2, "1120[0] [10.0]")]
+    assert proof(found) == shown
+    assert elements(found) == ([(2, "1120[0] [10.0]")] if shown else [])
 
 
 def test_its_parameter_channel_proves_a_drive() -> None:
@@ -354,7 +416,9 @@ def test_the_captures_of_the_field_are_read(
         "DO 2 p1120[0] (Ramp-function generator, ramp-up time) := 10.0 s",
     ):
         assert line in text
-    findings = analyze(path).findings
+    seen = {each.rule for each in analyze(path).findings if each.severity == "error"}
+    assert seen == {"DS908"}  # nothing proves a drive
+    findings = analyze(path, AnalysisOptions(s7=Choices(cpus=(("", "sinamics"),)))).findings
     assert {(each.rule, each.args.get("code")) for each in findings if each.severity == "error"} == {
         ("DS919", 0x05), ("DS919", 0x0A),
     }  # fmt: skip

@@ -575,8 +575,9 @@ def _fact(key: str, parameter: Json) -> Any:
 
 
 def _compared(args: Mapping[str, Any]) -> dict[str, Any]:
-    """The arguments without those that older results lack and that only words need: no result differs by them."""
-    return {name: value for name, value in args.items() if name not in ("family", "among", "asked")}
+    """The arguments that are known, without those that older results lack and that only words need."""
+    left = ("family", "among", "asked")
+    return {key: value for key, value in args.items() if value is not None and key not in left}
 
 
 def _frozen(item: Any) -> Any:

@@ -180,6 +180,9 @@ class _Shown(dict[str, str]):
         elif key == "parameter":
             known = "parameter" if self._args.get("pnu") is not None else "parameter_unknown"
             text = _key_words(known, self._lang, self._many).format_map(self)
+        elif key == "item":
+            known = "item" if self._args.get("pnu") is None else "item_or_element"
+            text = _key_words(known, self._lang, self._many).format_map(self)
         else:
             text = self._shown(key)
         self[key] = text

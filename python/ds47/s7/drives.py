@@ -107,6 +107,8 @@ class _Written:
     """The newest value that was written at an address, and whether one behind it would have changed its bytes."""
 
     data: bytes
+    answered: int
+    """Frame of the answer."""
     changed_in: int = 0
     """Frame of the answer to that one; 0 for none."""
 
@@ -117,7 +119,7 @@ class _Server:
     fits: tuple[str, DriveElement] | None = None
     """The first address that may be that of an element."""
     other: bool = False
-    """Whether something was read or written that is none."""
+    """Whether something was read or written that is none, or it says that it is a CPU."""
     written: OrderedDict[tuple[int, int], _Written] = field(default_factory=OrderedDict)
 
 
@@ -126,26 +128,31 @@ class Drives:
 
     Args:
         kinds: of servers by IP address, as the user says (`spec.s7.cpus`).
-        shown: what else of the capture shows that an IP address is a drive: "cyclic", "device", "station"; None.
+        shown: what else of the capture shows that an IP address is a drive: "cyclic", "device", "station"; `s7.CPU` that
+            it is none; None.
         most: servers that are remembered.
     """
 
     def __init__(
         self, kinds: Mapping[str, str], shown: Callable[[str], str | None], most: int
     ) -> None:
-        self._chosen = {ip for ip, kind in kinds.items() if kind == KIND}
+        self._kinds = kinds
         self._shown, self._most = shown, most
         self._servers: OrderedDict[str, _Server] = OrderedDict()
 
     def proof(self, ip: str) -> str | None:
         """What shows that a server is a drive; None where nothing does."""
-        if ip in self._chosen or ANYBODY in self._chosen:
+        if self._kind(ip) == KIND:
             return CHOSEN
         server = self._servers.get(ip)
-        if server is None:
-            return self._shown(ip)
-        server.proof = server.proof or self._shown(ip)
-        return server.proof
+        if server is not None and server.proof:
+            return server.proof
+        shown = self._shown(ip)
+        if shown == s7.CPU:
+            return None
+        if server is not None:
+            server.proof = shown
+        return shown
 
     def told(self, ip: str) -> tuple[str, tuple[str, DriveElement] | None] | None:
         """The same, or that addresses suggest it, with the first address of an element; None for no drive."""
@@ -153,13 +160,35 @@ class Drives:
         fits = server.fits if server is not None else None
         if proof is not None:
             return proof, fits
-        return (ADDRESSES, fits) if server is not None and fits and not server.other else None
+        if (
+            server is None
+            or fits is None
+            or server.other
+            or self._kind(ip)
+            or self._shown(ip) == s7.CPU
+        ):
+            return None
+        return ADDRESSES, fits
+
+    def _kind(self, ip: str) -> str | None:
+        """What the user says that a server is."""
+        return self._kinds.get(ip) or self._kinds.get(ANYBODY)
 
     def evidence(self, ip: str, found: Evidence) -> None:
         """A server said what it is."""
-        cpu = s7.cpu_of_order(found.value) if isinstance(found.value, str) else None
+        if not isinstance(found.value, str):
+            return
+        cpu = s7.cpu_of_order(found.value)
         if cpu is not None and cpu.id == KIND:
             self._server(ip).proof = ORDER
+        elif s7.is_cpu_order(found.value):
+            self._server(ip).other = True
+
+    def forget(self, ip: str) -> None:
+        """What was written to a server may be something else by now."""
+        server = self._servers.get(ip)
+        if server is not None:
+            server.written.clear()
 
     def records(self, ip: str) -> None:
         """A device has a parameter channel: it is a drive."""
@@ -207,9 +236,15 @@ class Drives:
                 server.proof = server.proof or VALUES
             return
         for (db, start), other in written.items():
-            if db == key[0] and start != key[1] and _differ(other.data, start, data, key[1]):
+            behind = job.asked is not None and job.asked.frame > other.answered
+            if (
+                behind
+                and db == key[0]
+                and start != key[1]
+                and _differ(other.data, start, data, key[1])
+            ):
                 other.changed_in = job.answered.frame
-        written[key] = _Written(data)
+        written[key] = _Written(data, job.answered.frame)
         written.move_to_end(key)
         if len(written) > _KEPT:
             written.popitem(last=False)

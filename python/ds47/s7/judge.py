@@ -84,7 +84,7 @@ class S7Judge(Listener):
         self._bounds, self._remark, self._blocks = bounds, remark, blocks
         self._drives = drives or Drives({}, lambda _: None, bounds.s7_memories)
         self._notes = Notes(bounds.s7_notes)
-        self._moments = Moments(bounds, self._notes, readback)
+        self._moments = Moments(bounds, self._notes, readback, self._drives.forget)
         self._missing: dict[tuple[str, str, str], tuple[int, int]] = {}
         """What the capture lacks of connections of two stations: the first frame, and of how many of them, or of
         their jobs."""
@@ -292,23 +292,26 @@ class S7Judge(Listener):
             if code is None:
                 args = {"count": len(failed), "of": len(job.items)}
                 self._say("DS918", job, at, operation=operation, area=areas(failed), **args)
-            elif code != DONE and not self._elements(failed, job, at, code):
-                self._say("DS908", job, at, operation=operation, area=areas(failed), code=code)
+            elif code != DONE:
+                self._items(failed, job, at, code)
 
-    def _elements(self, failed: list[Item], job: S7Job, at: At, code: int) -> bool:
-        """What a drive refuses of its parameters; False where it is none, or these are none."""
+    def _items(self, failed: list[Item], job: S7Job, at: At, code: int) -> None:
+        """What is refused with one code: parameters of a drive, else items, of which one may be a parameter."""
         told = self._drives.told(job.partner.ip) if job.from_client else None
         named = [(element(each.address), each.address) for each in failed]
-        if told is None or not all(found for found, _ in named):
-            return False
-        for found, address in named:
-            if found and address:
-                self._say(
-                    "DS919", job, at, operation=job.operation.upper(), **found._asdict(), family=SINAMICS,
-                    bytes=address.length, case="drive_seems" if told[0] == ADDRESSES else "drive_known",
-                    code=code,
-                )  # fmt: skip
-        return True
+        elements = [(found, address) for found, address in named if found and address]
+        if told is None or len(elements) < len(failed):
+            elements = []
+        operation = job.operation.upper()
+        if told is None or told[0] == ADDRESSES or not elements:
+            one = {} if len(elements) != 1 else elements[0][0]._asdict() | {"family": SINAMICS}
+            self._say("DS908", job, at, operation=operation, area=areas(failed), **one, code=code)
+            return
+        for found, address in elements:
+            self._say(
+                "DS919", job, at, operation=operation, **found._asdict(), family=SINAMICS,
+                bytes=address.length, code=code,
+            )  # fmt: skip
 
     def _blocked(self, job: S7Job, at: At, operation: str, block: Block) -> None:
         """Items that are larger than what the partner copies at once."""

@@ -7,7 +7,7 @@ DS907 and DS916 of it.
 from __future__ import annotations
 
 from collections import OrderedDict, deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -87,10 +87,18 @@ class Moments:
         bounds: times, and how much is kept.
         notes: what happens again and again.
         readback: whether what is read has to be what was written (DS916).
+        forgotten: is told by its IP address of whom all that was written is forgotten.
     """
 
-    def __init__(self, bounds: Limits, notes: Notes, readback: bool = False) -> None:
+    def __init__(
+        self,
+        bounds: Limits,
+        notes: Notes,
+        readback: bool = False,
+        forgotten: Callable[[str], None] = lambda _: None,
+    ) -> None:
         self._bounds, self._notes, self._readback = bounds, notes, readback
+        self._forgotten = forgotten
         self._places: OrderedDict[tuple[End, int, int], _Place] = OrderedDict()
         self._partners: OrderedDict[End, _Partner] = OrderedDict()
         self._splits: dict[tuple[int, bool], Splits] = {}
@@ -182,6 +190,7 @@ class Moments:
             self._told += self._places.pop(key).told()
 
     def _forget(self, ip: str, time_ns: int) -> None:
+        self._forgotten(ip)
         for (key, _, _), place in self._places.items():
             if key[0] == ip:
                 place.memory.forget(time_ns)

@@ -74,6 +74,8 @@ class Room(Row):
     each: int
 
 
+CPU = "cpu"
+"""What shows that a server of S7 is no drive."""
 _WORDS = Words("s7.toml")
 flaw_ids, flaw_text = _WORDS.flaw_ids, _WORDS.flaw_text
 CODES = ("kind", "function", "return_code", "error_class", "error", "group", "tsap")
@@ -117,6 +119,19 @@ def is_drive(kind: str) -> bool:
 def is_drive_device(vendor_id: int, device_id: int) -> bool:
     """Whether a device of PROFINET is such a drive."""
     return [vendor_id, device_id >> 8] in _load("s7.toml")["drive_devices"]
+
+
+def is_cpu(kind: str | None, identity: tuple[int, int] | None) -> bool:
+    """Whether a type of station, or vendor and device id, are those of a CPU."""
+    named = kind is not None and kind.upper().startswith(tuple(_load("s7.toml")["cpu_stations"]))
+    return named or (
+        identity is not None and [identity[0], identity[1] >> 8] in _load("s7.toml")["cpu_devices"]
+    )
+
+
+def is_cpu_order(number: str) -> bool:
+    """Whether an order number is that of a CPU, its kind known or not."""
+    return number.upper().startswith(tuple(_load("s7.toml")["cpu_orders"]))
 
 
 @cache
