@@ -569,7 +569,7 @@ class Analysis:
             self._finished(order, transaction, remarks)
 
     def _drive(self, ip: str) -> str | None:
-        """What the capture shows up to now, beside S7 and record calls, that an IP address is a drive, or a CPU."""
+        """What the capture shows up to now, beside S7 and record calls, that an IP address is a drive or a CPU."""
         if any(each.relation.device == ip for each in self._cyclic.drives()):
             return "cyclic"
         identity, kind = self._stations.identity(ip), self._stations.kind(ip)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import io
 import random
+import shutil
+import subprocess
+from pathlib import Path
 
 import pytest
 
@@ -176,3 +179,63 @@ def test_decode_takes_a_dump_from_stdin(
     out, err = capsys.readouterr()
     assert "p2900[0] := 10.0" in out
     assert "read as decimal numbers" in err
+
+
+def test_a_number_of_another_width_is_no_offset() -> None:
+    """`01` and `0010` are 15 bytes apart, as these lines are; a dump has its offsets in a column."""
+    text = "01 01 02 01 10 01 0b 54 00 00 08 01 41 20 00 00\n0010  01 02\n"
+    assert read(text).data == bytes.fromhex("010102011001 0b54 00000801 41200000 0102")
+
+
+@pytest.mark.parametrize("behind", ["   .......T....A ..", ""])
+def test_a_dump_may_be_copied_from_its_first_byte_on(behind: str) -> None:
+    first, second = PAIRS, PAIRS[:23]
+    text = f"{first}{behind}\n0010   {second}{behind and '   .......T'}\n"
+    assert read(text).data == CHANGE + CHANGE[:8]
+    with pytest.raises(ValueError, match="does not count"):
+        read(f"{first}{behind}\n0011   {second}")
+
+
+BYTES = (
+    CHANGE,
+    CHANGE + b"\1\2\3\4",
+    CHANGE + bytes(range(1, 90)),
+    b"ABCDEFGHIJKLMNOPQRSTUVWXYZ",
+    bytes(range(1, 20)),
+)
+ORDERED = (
+    "hexdump -C", "hexdump -Cv", "xxd", "xxd -g1", "xxd -u", "xxd -c8", "xxd -p", "od -tx1", "od -Ax -tx1z",
+    "od -Ad -tx1",
+)  # fmt: skip
+OF_A_MACHINE = (
+    "hexdump", "hexdump -x", "hexdump -b", "hexdump -o", "hexdump -d", "hexdump -c", "od", "od -x", "od -tx2",
+    "od -tx4", "od -tx8", "od -b", "od -c", "od -tu1", "od -td1", "od -Ax -x", "od -Ad -x", "xxd -e", "xxd -e -g8",
+)  # fmt: skip
+"""Words in the byte order of the machine, octal and decimal numbers."""
+
+
+def dumped(tool: str, data: bytes, folder: Path) -> str:
+    """What a tool prints of bytes."""
+    name, *options = tool.split()
+    program = shutil.which(name)
+    if program is None:
+        pytest.skip(f"no {name}")
+    path = folder / "bytes"
+    path.write_bytes(data)
+    return subprocess.run(
+        [program, *options, path], capture_output=True, check=True, text=True
+    ).stdout  # fmt: skip
+
+
+@pytest.mark.parametrize("data", BYTES)
+@pytest.mark.parametrize("tool", ORDERED)
+def test_dumps_of_bytes_are_read(tool: str, data: bytes, tmp_path: Path) -> None:
+    assert read(dumped(tool, data, tmp_path)).data == data
+
+
+@pytest.mark.parametrize("data", BYTES)
+@pytest.mark.parametrize("tool", OF_A_MACHINE)
+def test_dumps_of_words_are_refused(tool: str, data: bytes, tmp_path: Path) -> None:
+    """One line says which options give bytes."""
+    with pytest.raises(ValueError, match="dump bytes with hexdump -C, xxd or od -tx1"):
+        read(dumped(tool, data, tmp_path))

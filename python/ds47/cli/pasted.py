@@ -27,6 +27,14 @@ _APART: Final = re.compile(r"\s+\||\s{3,}")
 """What no bytes stand behind, unless they look like some."""
 _LONGEST: Final = 320
 """Signs from the last byte of a line to the end of its column of text, of 64 bytes a line at most."""
+_USUAL: Final = 2
+"""Bytes of a word of xxd."""
+_SPACED: Final = re.compile(r"(?![0-9a-f]{2}(?: \S|\s*$|\s+>))\S", re.IGNORECASE)
+"""How what is no byte in hexadecimal begins: of other width, or wide apart."""
+_WIDTHS: Final = (6, 7)
+"""Digits of the offsets of hexdump and od."""
+_STEP: Final = 64
+"""Bytes of a line of a dump, at most."""
 _WORD: Final = 4
 """Digits from which on a number may be an offset for the blanks behind it alone."""
 
@@ -76,6 +84,23 @@ class _Row(NamedTuple):
                 return self.rest[:at]
         return None if self.rest.strip() or size else ""
 
+    def orders(self) -> set[bool]:
+        """Whether the bytes of words of xxd are the other way round: False and True where its text fits both."""
+        told, swapped, wide = bytearray(), bytearray(), False
+        for token in _TOKEN.finditer(self.rest if ":" in self.between else ""):
+            if not re.fullmatch(r"(?:[0-9a-fA-F]{2})+", token[0]):
+                break
+            word, behind = bytes.fromhex(token[0]), self.rest[token.end() :]
+            told += word
+            swapped += word[::-1]
+            wide |= len(word) > _USUAL
+            if behind.startswith("  ") and told != swapped and _spells(behind, swapped):
+                straight = _spells(behind, told)
+                return {not straight, True} if wide else {not straight}
+            if behind.startswith("  ") and _spells(behind, told):
+                return {False}
+        return set()
+
     def stands_out(self) -> bool:
         """Whether the number in front differs from what is behind it, as offsets do."""
         tokens = list(_TOKEN.finditer(self.content() or self.rest))
@@ -96,11 +121,16 @@ def _is_text(line: str, at: int, data: bytearray) -> bool:
         return False
     if _APART.match(behind) and digits[:1] != [True]:
         return True
-    signs = "".join(behind.split())
+    return _spells(behind, data)
+
+
+def _spells(text: str, data: bytearray) -> bool:
+    """Whether a text is that of bytes."""
+    signs = "".join(text.split())
     if not len(data) - data.count(b" ") <= len(signs) <= len(data) + 2:
         return False
     forms = ("".join(_sign(each, blank) for each in data) for blank in ("", r"\."))
-    return any(re.fullmatch(rf"\|?{form}\|?", signs) for form in forms)
+    return any(re.fullmatch(rf"[|>]?{form}[|<]?", signs) for form in forms)
 
 
 def _sign(byte: int, blank: str) -> str:
@@ -117,11 +147,15 @@ def _without_offsets(lines: list[str]) -> list[str]:
     found = [_LINE.fullmatch(line) for line in lines]
     rows = [_Row(*each.group(2, 3, 4)) if each else None for each in found]
     whole = [row for row in rows if row is not None]
-    if len(whole) == len(rows) > 1:
-        for base in _BASES:
-            contents = list(_counted(whole, base))
+    _refuse_words(whole)
+    behind = [row for row in rows[1:] if row is not None]
+    begun = [_Row("0", " ", lines[0].strip()), *behind]  # copied from the first byte on
+    for counted in (whole, begun if all(row.stands_out() for row in behind) else []):
+        column = len(counted) == len(rows) > 1 and _is_column(counted[counted is begun :])
+        for base in _BASES if column else ():
+            contents = list(_counted(counted, base))
             if len(contents) == len(rows):
-                _refuse_chance(whole)
+                _refuse_chance(counted)
                 return contents
     for number, row in enumerate(rows, 1):
         if row is None or not row.stands_out():
@@ -142,6 +176,13 @@ def _without_offsets(lines: list[str]) -> list[str]:
     return lines
 
 
+def _is_column(rows: list[_Row]) -> bool:
+    """Whether the numbers in front have one width, or count from 0 without zeros in front."""
+    fronts = [row.front for row in rows]
+    plain = fronts[0] == "0" and not any(each[0] == "0" for each in fronts[1:])
+    return plain or len({len(each) for each in fronts}) == 1
+
+
 def _counted(rows: list[_Row], base: int) -> Iterator[str]:
     """What stands behind the offsets, as long as they count the bytes; behind the last one there may be none."""
     for row, later in zip(rows, [*rows[1:], None], strict=True):
@@ -153,6 +194,37 @@ def _counted(rows: list[_Row], base: int) -> Iterator[str]:
         if content is None:
             return
         yield content
+
+
+def _steps(rows: list[_Row], base: int) -> bool:
+    """Whether numbers in front are as wide as those of hexdump and od, blanks behind, and count as these."""
+    if any(len(row.front) not in _WIDTHS or row.between.strip() for row in rows):
+        return False
+    try:
+        fronts = [int(row.front, base) for row in rows]
+    except ValueError:
+        return False
+    if len(fronts) < 2:
+        return fronts == [0]
+    return all(0 < later - each <= _STEP for each, later in pairwise(fronts))
+
+
+def _refuse_words(rows: list[_Row]) -> None:
+    """Raises ValueError for numbers of several bytes in the order of a machine, and for octal ones, by their form.
+
+    hexdump and od have offsets of six or seven digits with blanks behind; of xxd its text tells the order.
+    """
+    orders = [row.orders() for row in rows]
+    swapped = {True} in orders or ({False, True} in orders and {False} not in orders)
+    tool = any(_steps(rows, base) for base in _BASES)
+    told = [
+        row.rest for row in rows if row.rest and (swapped or (tool and _SPACED.match(row.rest)))
+    ]
+    if told:
+        raise ValueError(
+            f"{told[0].split()[0]!r} is no byte in hexadecimal, but a word in the byte order of a machine, octal"
+            " or decimal: dump bytes with hexdump -C, xxd or od -tx1"
+        )
 
 
 def _refuse_chance(rows: list[_Row]) -> None:

@@ -128,8 +128,8 @@ class Drives:
 
     Args:
         kinds: of servers by IP address, as the user says (`spec.s7.cpus`).
-        shown: what else of the capture shows that an IP address is a drive: "cyclic", "device", "station"; `s7.CPU` that
-            it is none; None.
+        shown: what else of the capture shows that an IP address is a drive: "cyclic", "device", "station";
+            `s7.CPU` that it is none; None.
         most: servers that are remembered.
     """
 
