@@ -899,7 +899,22 @@ def test_return_codes_of_items_of_s7(lang: str) -> None:
             assert [(each.kind, each.known) for each in found] == [("s7_item", True)], text
             assert found[0].title.endswith(row.text(lang))
             assert found[0].filter == f"s7comm.data.returncode == 0x{code:02x}"
-    assert "s7_item" not in {each.kind for each in explain("0x0A", lang)}
+        if code:  # as `decode --as s7` prints it, behind what the same byte is for a drive
+            bare = [each.kind for each in explain(f"0x{code:02X}", lang) if each.known]
+            assert bare[-1] == "s7_item", code
+            assert len(bare) > 1 or code not in (0x03, 0x05, 0x0A), code
+
+
+@pytest.mark.parametrize(("lang", "other"), [("en", "tables"), ("zh", "表中")])
+def test_an_error_word_of_s7_that_no_table_has_is_named_one(lang: str, other: str) -> None:
+    """`decode --as s7` prints such a word; it may be another one, too, so that comes first."""
+    for code in ("D6FF", "EF01"):
+        unknown, meaning = explain(code, lang)
+        assert (unknown.kind, meaning.kind, meaning.known) == ("word", "s7_error", False)
+        assert "S7" in meaning.title
+        assert code[:2] in meaning.title.rpartition(other)[2]
+    assert [each.kind for each in explain("D201", lang)] == ["s7_error"]
+    assert "s7_error" not in {each.kind for each in explain("80B5", lang)}
 
 
 @pytest.mark.parametrize("code", ["272", "449", "0x00D2", "s7 9901", "s7 0B", "7123"])

@@ -155,11 +155,14 @@ def _meanings(
         errors = [*_wide_errors(value, kind, lang, vendor), *_s7_error(reading, kind, lang)]
         yield from errors
         if kind in (None, "status", "index"):
-            yield from (each for each in _word(value, kind, lang) if each.known or not errors)
+            told = any(each.known for each in errors)
+            yield from (each for each in _word(value, kind, lang) if each.known or not told)
     elif reading.decimal and kind is None:
         yield from _decimal_byte(value, lang, vendor)
     else:
         yield from _byte(value, kind, lang, vendor)
+        if kind is None and value in s7.codes("return_code"):
+            yield _behind(_s7(value, lang))
 
 
 # Statuses
@@ -477,7 +480,16 @@ def _s7_error(reading: Reading, kind: str | None, lang: str) -> Iterator[Meaning
     """A word with which S7 communication refuses a job, without a word in front of it."""
     if kind is None and not (reading.decimal and reading.value < _NEGATIVE):
         meaning = _s7(reading.value, lang)
-        yield from [meaning] if meaning.known else ()
+        if meaning.known:
+            yield meaning
+        elif not reading.decimal and reading.value >= _NEGATIVE:
+            if not any(each.known for each in _word(reading.value, None, lang)):
+                yield _behind(meaning)
+
+
+def _behind(meaning: Meaning) -> Meaning:
+    """What S7 communication says comes last where it is the less likely meaning."""
+    return replace(meaning, rank=explanations.rank("s7_else"))
 
 
 _NEGATIVE = 0x8000
@@ -489,14 +501,11 @@ def _s7(value: int, lang: str) -> Meaning:
     words, wide = explanations.words(lang), value > 0xFF
     kind, code = (S7_ERROR, f"0x{value:04X}") if wide else (S7_ITEM, f"0x{value:02X}")
     text, entry = _s7_text(value, lang), explanations.of_number(kind, value)
-    title = (
-        words[kind]
-        if text
-        else f"{words[f'plain_{kind}']}{words['separator']}{words['unknown_error_text']}"
-    )
+    unknown = words["unknown_s7" if wide else "unknown_error_text"]
+    title = words[kind] if text else words[f"plain_{kind}"] + words["separator"] + unknown
     meaning = _meaning(
         kind, code, f"{explanations.kind_word(S7_ERROR)} {code}",
-        title.format(code=code, decimal=value, text=text), bool(text),
+        title.format(code=code, decimal=value, text=text, high=f"{value >> 8:02X}"), bool(text),
         entry if entry and text else explanations.of_unknown(), lang,
         rank="s7_class" if wide and value not in s7.codes("error") else kind, filter_name=kind,
         values={"code": code.lower(), "high": f"{value >> 8:02X}", "low": f"{value & 0xFF:02X}"},
