@@ -36,7 +36,7 @@ def test_a_refusal_in_chinese(capsys: Capture) -> None:
 @pytest.mark.parametrize(
     ("vendor", "words"),
     [
-        ((), "Manufacturer-specific error 104 (SINAMICS: Illegal value for this request)"),
+        ((), "Manufacturer-specific error 104"),
         (("--vendor", "sinamics"), "Illegal value for this request"),
         (("--vendor", "0x01BA"), "Manufacturer-specific error 104: see the manual of the device, vendor 0x01BA"),
     ],
@@ -48,6 +48,18 @@ def test_error_numbers_of_pkw_have_the_words_of_their_maker(
     assert f"error number 104: {words} (16#0000_0068)\n" in run(capsys, *asked)[1]
     document = json.loads(run(capsys, *asked, "-f", "json")[1])
     assert document["error"] == {"code": 104, "text": words}
+
+
+def test_the_names_that_are_offered_are_taken(capsys: Capture) -> None:
+    status, _, err = run(
+        capsys, "decode", "--as", "pkw-answer", "--vendor", "KEB", "7023000000000068"
+    )
+    assert status == 2
+    names = err.split("none of: ")[1].strip().split(", ")
+    assert "SINAMICS" in names
+    for name in names:
+        asked = ("decode", "--as", "pkw-answer", "--vendor", name, "7023000000000068")
+        assert run(capsys, *asked)[0] == 0, name
 
 
 def test_an_answer_as_json(capsys: Capture) -> None:

@@ -17,15 +17,15 @@ end
 --- What an error number of PKW means (docs/cyclic.md 2); nil where nobody says.
 -- @param code the number, or nil
 -- @param vendor_id PROFINET vendor id of the device or nil. Numbers behind those of the profile belong to the
---   maker: without an id their meaning on SINAMICS is given as such, another maker's has none
+--   maker: only those of Siemens have words
 function M.error_text(code, lang, vendor_id)
   if code == nil then return nil end
-  local row, usual = tables.pkw.errors[code], tables.vendors[1]
-  local known = row and words(row, lang)
-  if code <= tables.pkw.profile_errors or vendor_id == usual.id then return known end
+  if code <= tables.pkw.profile_errors or vendor_id == tables.vendors[1].id then
+    local row = tables.pkw.errors[code]
+    return row and words(row, lang)
+  end
   local text = lookup.error_fallback(format("%d", code), lang)
-  if vendor_id then return text .. lookup.of_maker(vendor_id, lang) end
-  return known and text .. " (" .. usual.name .. ": " .. known .. ")" or text
+  return vendor_id and text .. lookup.of_maker(vendor_id, lang) or text
 end
 
 local function row_of(id)

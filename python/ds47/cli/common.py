@@ -80,7 +80,7 @@ def vendor_number(text: str) -> int:
     except ValueError:
         number = -1
     if not 0 <= number <= LARGEST_ID:
-        names = ", ".join(sorted(each.name for each in spec.vendors()))
+        names = ", ".join(sorted(each.name for each in spec.vendors() if each.id is not None))
         raise click.BadParameter(
             f"{text!r} is no vendor id, and none of: {names}", param_hint="--vendor"
         )

@@ -483,8 +483,8 @@ def _s7_error(reading: Reading, kind: str | None, lang: str) -> Iterator[Meaning
         if meaning.known:
             yield meaning
         elif not reading.decimal and reading.value >= _NEGATIVE:
-            if not any(each.known for each in _word(reading.value, None, lang)):
-                yield _behind(meaning)
+            others = any(each.known for each in _word(reading.value, None, lang))
+            yield from () if others else (_behind(meaning),)
 
 
 def _behind(meaning: Meaning) -> Meaning:

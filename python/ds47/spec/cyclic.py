@@ -163,17 +163,14 @@ def error_text(code: int, lang: str = "en", vendor_id: int | None = None) -> str
     Args:
         code: the number.
         lang: "en" or "zh".
-        vendor_id: PROFINET vendor id of the device. Numbers behind those of the profile belong to the maker:
-            without an id their meaning on SINAMICS is given as such, another maker's has none.
+        vendor_id: PROFINET vendor id of the device. Numbers behind those of the profile belong to the maker: only
+            those of Siemens have words.
     """
-    row, usual = _errors().get(code), vendors()[0]
-    known = None if row is None else row[lang == "zh"]
-    if is_of_profile(code) or vendor_id == usual.id:
-        return known
+    if is_of_profile(code) or vendor_id == vendors()[0].id:
+        row = _errors().get(code)
+        return None if row is None else row[lang == "zh"]
     text = error_fallback(str(code), lang)
-    if vendor_id is not None:
-        return text + of_maker(vendor_id, lang)
-    return f"{text} ({usual.name}: {known})" if known else text
+    return text if vendor_id is None else text + of_maker(vendor_id, lang)
 
 
 def families() -> tuple[str, ...]:
