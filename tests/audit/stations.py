@@ -715,13 +715,16 @@ def _no_exchange(case: Case, station: Station) -> Iterator[str]:
     """Refused data exchanges of one kind, and what was before the first of them."""
     name, args = case.args.get("answer"), case.args
     kinds: dict[str, list[tuple[int, dict[str, Any]]]] = {}
+    series: dict[str, Any] = {"last": 0}
     for turn in station.turns:
         told = turn.answer
         if turn.asked.service != "exchange" or told is None or not _is_refused(turn):
             continue
         if REFUSED[told.fc & 15] == name:
             true = _before_refusal(station, turn.asked)
-            kinds.setdefault(true["case"], []).append((told.number, true))
+            if true["last"] != series["last"]:
+                series = true  # what is said of a series is what its first one shows
+            kinds.setdefault(series["case"], []).append((told.number, series))
     mine = kinds.get(args.get("case", ""), [])
     yield from _are(case, [frame for frame, _ in mine])
     for key, value in (mine[0][1] if mine else {}).items():

@@ -459,6 +459,22 @@ def test_data_exchange_that_is_refused(wait: float, told: dict[str, Any]) -> Non
     assert (rr.args["answer"], rr.args["count"], rr.frame) == ("RR", 1, rs.frame + 4)
 
 
+def test_refusals_behind_each_other_are_one_series() -> None:
+    """The watchdog runs out behind the first of them: what ended the data exchange, that one shows."""
+    wire = running()
+    wire.exchange(STATION)
+    for _ in range(2):
+        last = wire.exchange(STATION) - 1
+        for _ in range(3):
+            wire.wait(200)
+            wire.ask(STATION, "00" * 12)
+            wire.tell(STATION, code=NOT_ENABLED)
+    finding = one(wire, "DS816")
+    assert (finding.args["case"], finding.args["count"]) == ("exchange_in_time", 6)
+    assert finding.args["last"] < last
+    assert 200 < finding.args["gap"] < 205
+
+
 @pytest.mark.parametrize(("code", "told"), [(NO_RESOURCE, "RR"), (1, "UE"), (NOT_ENABLED, None)])
 def test_a_service_that_is_refused(code: int, told: str | None) -> None:
     wire = running()

@@ -60,6 +60,8 @@ class LineJudge:
     def __init__(self, bounds: Limits) -> None:
         self._bounds = bounds
         self._noted: dict[tuple[Any, ...], _Noted] = {}
+        self._series: dict[tuple[int, str], tuple[int | None, dict[str, Any]]] = {}
+        """Of a station and a refusal the last data exchange before, and what is said of the first one behind it."""
 
     def heard(self, station: Station, exchange: Exchange, answer: Seen) -> None:
         """An exchange with an answer, before the station is what it makes of it."""
@@ -168,11 +170,18 @@ class LineJudge:
 
     def _exchange_refused(self, station: Station, request: Seen, answer: Seen) -> None:
         """Data exchange is over for the station; whether its watchdog may have ended it, the first time shows."""
+        kind = _REFUSALS[answer.item.front.code or 0]
+        last = None if station.last_exchange is None else station.last_exchange.frame
+        since, args = self._series.get((station.address, kind), (-1, {}))
+        if since != last:
+            args = {"answer": kind} | self._before(station, request)
+            self._series[station.address, kind] = last, args
+        self._note("DS816", station.address, answer.frame, args, (kind, args["case"]))
+
+    def _before(self, station: Station, request: Seen) -> dict[str, Any]:
+        """What was before a data exchange that is refused."""
         last, set_up = station.last_exchange, _set_up(station)
-        args: dict[str, Any] = {
-            "answer": _REFUSALS[answer.item.front.code or 0],
-            "case": "exchange_none",
-        }
+        args: dict[str, Any] = {"case": "exchange_none"}
         if last is not None:
             args |= {"case": "exchange_since", "last": last.frame}
             gap_ns = request.time_ns - last.time_ns
@@ -185,8 +194,7 @@ class LineJudge:
                     "watchdog": watchdog,
                     "frame": station.parameters_frame,
                 }
-        key = args["answer"], args["case"]
-        self._note("DS816", station.address, answer.frame, args, key)
+        return args
 
     def _lengths(self, station: Station, outputs: bytes, answer: Seen) -> None:
         """Empty outputs are those of a master that holds its slaves safe; SC has no inputs."""
