@@ -61,7 +61,7 @@ class LineJudge:
         self._bounds = bounds
         self._noted: dict[tuple[Any, ...], _Noted] = {}
         self._series: dict[tuple[int, str], tuple[int | None, dict[str, Any]]] = {}
-        """Of a station and a refusal the last data exchange before, and what is said of the first one behind it."""
+        """Of a station and a refusal the last data exchange before, and what is said of the first one since."""
 
     def heard(self, station: Station, exchange: Exchange, answer: Seen) -> None:
         """An exchange with an answer, before the station is what it makes of it."""
