@@ -95,6 +95,9 @@ def _many(case: Case, frames: list[list[int]], count: int | None = None) -> Iter
 
 def missing(args: dict[str, Any], reading: Reading) -> Iterator[str]:
     """What is not so of DS725 about S7: the capture lacks all that one end sent, or a part."""
+    if args["what"] == "s7_cut":
+        yield from _cut(args, reading)
+        return
     count = 0
     states = {"s7_begins": "orphan", "s7_ends": "incomplete"}
     if args["what"] in states:
@@ -113,6 +116,19 @@ def missing(args: dict[str, Any], reading: Reading) -> Iterator[str]:
         count += ends == tuple(args[name] for name in ("controller", "device", "what"))
     if count < args["count"]:  # of another one nobody knows that it is S7
         yield f"{count} connections or jobs are so, not {args['count']}"
+
+
+def _cut(args: dict[str, Any], reading: Reading) -> Iterator[str]:
+    """How many frames of two ends the capture cut, and to how many bytes."""
+    pair = {args["controller"], args["device"]}
+    cut = [
+        len(frame.data) for frame in reading.capture.frames
+        if frame.cut and s7_wire.ends(frame) == pair
+    ]  # fmt: skip
+    if (len(cut) < args["count"]) or not cut:  # of another connection nobody knows that it is S7
+        yield f"{len(cut)} frames are cut, not {args['count']}"
+    elif args["bytes"] < max(cut):
+        yield f"bytes {args['bytes']} is {max(cut)}"
 
 
 # Jobs

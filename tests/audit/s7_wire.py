@@ -243,6 +243,11 @@ def read(frames: list[Frame], ports: tuple[int, ...] = (PORT,)) -> list[Line]:
 _End = tuple[str, int]
 
 
+def ends(frame: Frame) -> set[str]:
+    """The two IP addresses of a segment of S7."""
+    return {end[0] for segment in _segments(frame, (PORT,)) for end in segment[1:3]}
+
+
 def _segments(
     frame: Frame, ports: tuple[int, ...]
 ) -> Iterator[tuple[Frame, _End, _End, int, int, bytes]]:

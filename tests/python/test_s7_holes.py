@@ -150,6 +150,26 @@ def test_a_part_of_a_connection_begins_or_ends_inside_a_job(
     assert [each.rule for each in result.diagnoses][: len(told)] == ["DS725"] * len(told)
 
 
+@pytest.mark.parametrize("snap", [80, 90, 100, 110, 120, 150])
+@pytest.mark.parametrize("name", ["lossy-stacks/s7connector", "s7-stacks/multi_cpp_cpp"])
+def test_frames_that_a_snap_length_cut(name: str, snap: int, tmp_path: Path) -> None:
+    """What is cut off is not missing on the line: its jobs are incomplete, and all others as in the whole."""
+    path = ROOT / f"captures/{name}.pcapng"
+    frames = frames_of(path)
+    cut = [each for each in frames if len(each.data) > snap]
+    result = analyze(write(tmp_path / "cut.pcapng", frames, frames[0].link_type, snap))
+    (told,) = [each for each in result.findings if each.rule == "DS725"]
+    assert (told.frame, told.args["what"], told.args["count"], told.args["bytes"]) == (
+        cut[0].number, "s7_cut", len(cut), snap,
+    )  # fmt: skip
+    assert f"were cut to {snap} bytes: {len(cut)}" in sentence(told)
+    assert "DS901" not in {each.rule for each in result.findings}
+    whole = {str(each.frames): each.state for each in analyze(path).transactions}
+    for each in result.transactions:
+        if each.state not in ("incomplete", "orphan"):
+            assert whole[str(each.frames)] == each.state
+
+
 @pytest.mark.skipif(not ANSWERS.is_file(), reason="that capture is beside the checkout only")
 def test_a_report_of_answers_alone_begins_with_the_direction_that_is_missing() -> None:
     result = analyze(ANSWERS)

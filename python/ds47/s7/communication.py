@@ -62,7 +62,8 @@ class Communication:
 
     def packet(self, packet: Packet) -> None:
         """The segment of TCP in any other frame."""
-        segment = tcp.parse(packet.src_ip, packet.dst_ip, packet.payload, packet.missing)
+        captured = packet.cut[1] if packet.cut else 0
+        segment = tcp.parse(packet.src_ip, packet.dst_ip, packet.payload, packet.missing, captured)
         if segment is not None:
             self._connections.feed(segment, At(packet.frame, packet.time_ns))
 

@@ -29,7 +29,7 @@ from ds47.s7.model import (
 )
 from ds47.s7.pdu import ACKNOWLEDGE, ANSWER, JOB, SETUP, USER_DATA, Pdu, UserData
 from ds47.s7.tcp import Piece, Segment, Streams, Talk
-from ds47.s7.tpkt import CC, CR, DR, DT, Reader, Whole
+from ds47.s7.tpkt import CC, CR, DR, DT, LEAST, Reader, Whole
 from ds47.s7.transfers import Transfers
 from ds47.spec.semantics import Limits
 
@@ -108,6 +108,8 @@ class Connections:
         reader = line.forward if from_client else line.backward
         before, held = reader.lost, reader.held
         if piece.lost:
+            if not piece.data and reader.held >= LEAST and line.connection is None:
+                self._connection(talk, line, piece.at)  # cut off in its first TPDU
             self._lose(line)
         for whole in reader.take(piece):
             self._tpdu(talk, line, from_client, whole)
@@ -117,7 +119,8 @@ class Connections:
         talk.kept += reader.held - held
 
     def _lose(self, line: _Line) -> None:
-        """Bytes are lost: what its open jobs wait for may be among them."""
+        """Bytes are lost: what its setup and its open jobs wait for may be among them."""
+        line.asked_setup = None
         if line.connection is not None:
             self._jobs.lose(line.connection)
             self._transfers.lose(line.connection)
@@ -140,7 +143,7 @@ class Connections:
         self._jobs.close(connection, since)
         self._transfers.close(connection, since)
         connection.closed = True
-        connection.missing = _missing(talk)
+        connection.missing, connection.cut = _missing(talk), talk.cut
         self._listener.closed(connection)
         talk.owner = None
 

@@ -88,6 +88,8 @@ class S7Judge(Listener):
         self._missing: dict[tuple[str, str, str], tuple[int, int]] = {}
         """What the capture lacks of connections of two stations: the first frame, and of how many of them, or of
         their jobs."""
+        self._cut_at = 0
+        """Bytes of frames that the capture cut, at the most."""
         self._unfinished: dict[int, dict[str, tuple[int, int]]] = {}
         """Jobs of a connection that may go on behind the end of the capture, or began before it."""
         self._without_setup: dict[int, int] = {}
@@ -113,6 +115,8 @@ class S7Judge(Listener):
         """What the capture lacks of the connections of two stations."""
         for (controller, device, what), (frame, count) in self._missing.items():
             args = {"what": what, "count": count, "controller": controller, "device": device}
+            if what == "s7_cut":
+                args["bytes"] = self._cut_at
             yield Remark("DS725", frame, args)
 
     # Connections
@@ -155,9 +159,15 @@ class S7Judge(Listener):
         """A connection is over."""
         self._moments.closed(connection)
         unfinished = self._unfinished.pop(connection.number, {})
-        if connection.missing is not None:
+        cut = connection.cut
+        if cut is not None:
+            self._lacks(connection, "s7_cut", cut.frame, cut.frames)
+            self._cut_at = max(self._cut_at, cut.captured)
+        if connection.missing is not None and (
+            cut is None or connection.missing != "s7_bytes_missing"
+        ):
             self._lacks(connection, connection.missing, connection.opened.frame, 1)
-        elif not connection.disordered:
+        elif cut is None and not connection.disordered:
             for what, (first, count) in unfinished.items():
                 self._lacks(connection, what, first, count)
         frame = self._without_setup.pop(connection.number, None)

@@ -37,6 +37,16 @@ class At(NamedTuple):
     time_ns: int
 
 
+class Cut(NamedTuple):
+    """Frames that the capture cut to a length."""
+
+    frame: int
+    """The first of them."""
+    frames: int
+    captured: int
+    """Bytes of one that the capture has, at the most."""
+
+
 @dataclass(frozen=True, slots=True)
 class Flaw:
     """What is wrong, where, and with which numbers; the words are in `spec.s7`."""
@@ -184,6 +194,8 @@ class Connection:
     """Whether its beginning is in the capture (SYN, or CR)."""
     lacks: Callable[[bool], bool] = lambda _: False
     """Whether the capture lacks what the client, or the server, has sent last, or all of it."""
+    cut: Cut | None = None
+    """Frames of it that the capture cut."""
     missing: str | None = None
     """What the capture lacks of it when it is over: all that one end sent, or a part; a key of diagnoses.toml."""
     client_tsap: bytes | None = None

@@ -17,7 +17,7 @@ from typing import Any, Final
 from ds47.capture import Frame
 from ds47.capture.scan import ETHERNET, IPV4
 from ds47.profinet import ip
-from ds47.s7.model import At, End
+from ds47.s7.model import At, Cut, End
 
 FIN, SYN, RST, ACK = 1, 2, 4, 16
 WINDOW = 1 << 16
@@ -54,6 +54,8 @@ class Segment:
     flags: int
     data: bytes
     length: int
+    cut: int
+    """Bytes of its frame in the capture, where that was cut; else 0."""
 
     def __init__(
         self,
@@ -65,6 +67,7 @@ class Segment:
         flags: int,
         data: bytes,
         length: int,
+        cut: int = 0,
     ) -> None:
         self.source = source
         self.destination = destination
@@ -74,10 +77,16 @@ class Segment:
         self.flags = flags
         self.data = data
         self.length = length
+        self.cut = cut
 
 
-def parse(source: str, destination: str, payload: bytes, missing: int) -> Segment | None:
-    """The segment in the payload of an IP packet of which so many bytes are missing; None where it is none."""
+def parse(
+    source: str, destination: str, payload: bytes, missing: int, captured: int = 0
+) -> Segment | None:
+    """The segment in the payload of an IP packet of which so many bytes are missing; None where it is none.
+
+    `captured`: bytes that the capture has of its frame, if that was cut.
+    """
     if len(payload) < _HEADER.size:
         return None
     from_port, to_port, sequence, acknowledge, offset, flags = _HEADER.unpack_from(payload)
@@ -87,7 +96,8 @@ def parse(source: str, destination: str, payload: bytes, missing: int) -> Segmen
     one, other = End(source, from_port), End(destination, to_port)
     ends = min(one, other), max(one, other)
     length = len(payload) + missing - begin
-    return Segment(one, other, ends, sequence, acknowledge, flags, payload[begin:], length)
+    data = payload[begin:]
+    return Segment(one, other, ends, sequence, acknowledge, flags, data, length, captured)
 
 
 def from_frame(frame: Frame) -> Segment | None:
@@ -111,8 +121,9 @@ def from_frame(frame: Frame) -> Segment | None:
         return None
     known = _ENDS.get(both)
     source, destination, ends = known if known is not None else _ends(both)
+    cut = len(data) if end > len(data) else 0
     return Segment(
-        source, destination, ends, sequence, acknowledge, flags, data[begin:end], end - begin
+        source, destination, ends, sequence, acknowledge, flags, data[begin:end], end - begin, cut
     )
 
 
@@ -207,6 +218,15 @@ class Direction:
             if self.waiting:
                 found += self._drain(0)
         return found
+
+    def cut(self, sequence: int, count: int, at: At) -> list[Piece]:
+        """So many bytes from a number on were sent, and the capture cut them off."""
+        if self.first is None or sequence != self.next:
+            return []
+        self.holes = [*self.holes[1 - _HOLES :], (self.place, self.place + count)]
+        self.lost = True
+        self._pass(count)
+        return [Piece(b"", at, count), *self._drain(0)]
 
     def ahead(self, number: int) -> bool:
         """Whether bytes before this number were not seen; the last one may be that of a FIN."""
@@ -303,6 +323,8 @@ class Talk:
     """Segments that acknowledge what was not seen yet."""
     open_ended: bool
     """Whether the capture ends, or there is no more room, before the connection does."""
+    cut: Cut | None
+    """Frames of it that the capture cut."""
 
     def __init__(self, client: End, server: End, begun: bool) -> None:
         self.client = client
@@ -315,6 +337,7 @@ class Talk:
         self.kept = self.held = 0
         self.early = []
         self.open_ended = False
+        self.cut = None
 
     def lacks(self, from_client: bool) -> bool:
         """Whether the capture lacks what one end has sent last, or all of it."""
@@ -417,9 +440,13 @@ class Streams:
         if flags & ACK:
             for piece in other.acknowledged(segment.acknowledge):
                 self._take(talk, not from_client, piece)
-        if data:
-            for piece in own.feed(sequence, data, at):
-                self._take(talk, from_client, piece)
+        pieces = own.feed(sequence, data, at) if data else []
+        if segment.length > len(data):
+            first, frames, most = talk.cut or Cut(at.frame, 0, 0)
+            talk.cut = Cut(first, frames + 1, max(most, segment.cut))
+            pieces += own.cut((sequence + len(data)) & 0xFFFF_FFFF, segment.length - len(data), at)
+        for piece in pieces:
+            self._take(talk, from_client, piece)
         if flags & FIN:
             own.fin = (sequence + segment.length) & 0xFFFF_FFFF
         if own.fin is not None and _ended(own) and _ended(other):

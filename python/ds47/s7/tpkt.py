@@ -24,7 +24,7 @@ _EOT = 0x80
 _USUAL: Final = bytes((2, DT))
 """How nearly all TPDUs begin."""
 _SIZE, _CALLING, _CALLED = 0xC0, 0xC1, 0xC2
-_LEAST = 7
+LEAST = 7
 """Bytes of the least TPKT that has a TPDU of S7."""
 LONGEST = 1 << 16
 """Bytes of a PDU; more is nobody's."""
@@ -112,7 +112,7 @@ def begins(data: bytes | bytearray, at: int = 0) -> bool:
     if have < HEADER:
         return True
     length = data[at + 2] << 8 | data[at + 3]
-    if length < _LEAST:
+    if length < LEAST:
         return False
     if have > HEADER + 2 and data[at + HEADER] == 2 and data[at + HEADER + 1] == DT:
         return not data[at + HEADER + 2] & ~_EOT
@@ -187,6 +187,8 @@ class Reader:
             return _alone(piece)
         if piece.lost:
             self.lose(piece.lost)
+        if not piece.data:
+            return []
         buffer, at = self._buffer, piece.at
         if not buffer or at.frame > self._at.frame:
             self._at = at
