@@ -590,6 +590,7 @@ def test_a_finding_with_arguments_is_worded_in_both_languages(rule):
         shown = dict(told, text=text, error=error)
         shown["drive"] = sentences.drive(told.get("device", ""), args.get("slot"), lang)
         shown["parameter"] = diagnosis_words(lang)["parameter_unknown"]
+        shown["item"] = diagnosis_words(lang)["item"].format_map({"area": "", **told})
         assert getattr(both, lang) == template.format(**shown)
         assert getattr(both, lang) == sentences.words(rule, args, lang)
 

@@ -103,7 +103,8 @@ def test_from_frame_is_the_segment_of_dissect(
     packet = link.dissect(shot)
     slow = None
     if packet is not None and packet.kind == "tcp":
-        slow = tcp.parse(packet.src_ip, packet.dst_ip, packet.payload, packet.missing)
+        captured = packet.cut[1] if packet.cut else 0
+        slow = tcp.parse(packet.src_ip, packet.dst_ip, packet.payload, packet.missing, captured)
     if quick is not None:
         assert quick == slow
 

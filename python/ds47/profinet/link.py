@@ -145,9 +145,11 @@ def _tcp(datagram: ip.Datagram, frame: Frame) -> Packet | None:
     """A TCP segment; None for anything else, and for a fragment."""
     if datagram.protocol != ip.TCP or not datagram.whole:
         return None
+    have, sent = len(frame.data), frame.original_length
+    cut = (frame.number, have, sent) if sent > have else None
     return Packet(
         "tcp", frame.number, frame.time_ns, datagram.payload,
-        src_ip=datagram.source, dst_ip=datagram.destination, missing=datagram.missing,
+        src_ip=datagram.source, dst_ip=datagram.destination, missing=datagram.missing, cut=cut,
     )  # fmt: skip
 
 

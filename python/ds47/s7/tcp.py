@@ -96,8 +96,8 @@ def parse(
     one, other = End(source, from_port), End(destination, to_port)
     ends = min(one, other), max(one, other)
     length = len(payload) + missing - begin
-    data = payload[begin:]
-    return Segment(one, other, ends, sequence, acknowledge, flags, data, length, captured)
+    data, cut = payload[begin:], captured if missing else 0
+    return Segment(one, other, ends, sequence, acknowledge, flags, data, length, cut)
 
 
 def from_frame(frame: Frame) -> Segment | None:
@@ -121,7 +121,7 @@ def from_frame(frame: Frame) -> Segment | None:
         return None
     known = _ENDS.get(both)
     source, destination, ends = known if known is not None else _ends(both)
-    cut = len(data) if end > len(data) else 0
+    cut = len(data) if end > len(data) < frame.original_length else 0
     return Segment(
         source, destination, ends, sequence, acknowledge, flags, data[begin:end], end - begin, cut
     )
@@ -339,6 +339,12 @@ class Talk:
         self.open_ended = False
         self.cut = None
 
+    def count_cut(self, segment: Segment, at: At) -> None:
+        """Bytes of a segment are not there: because its frame was cut, or for another reason."""
+        if segment.cut:
+            first, frames, most = self.cut or Cut(at.frame, 0, 0)
+            self.cut = Cut(first, frames + 1, max(most, segment.cut))
+
     def lacks(self, from_client: bool) -> bool:
         """Whether the capture lacks what one end has sent last, or all of it."""
         return self.of(from_client).lacks(self.begun)
@@ -442,8 +448,7 @@ class Streams:
                 self._take(talk, not from_client, piece)
         pieces = own.feed(sequence, data, at) if data else []
         if segment.length > len(data):
-            first, frames, most = talk.cut or Cut(at.frame, 0, 0)
-            talk.cut = Cut(first, frames + 1, max(most, segment.cut))
+            talk.count_cut(segment, at)
             pieces += own.cut((sequence + len(data)) & 0xFFFF_FFFF, segment.length - len(data), at)
         for piece in pieces:
             self._take(talk, from_client, piece)
