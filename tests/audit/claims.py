@@ -1432,13 +1432,14 @@ def _is_crossed(case: Case, deal: Deal) -> Iterator[str]:
 
 
 def _is_twice(case: Case, deal: Deal) -> Iterator[str]:
-    """That a call of a transaction has two responses, of which its client may have either."""
+    """That a call of a transaction has two responses: its client may have either, or the device gave a record away."""
     first = case.args.get("first")
     calls = [
         each.call for each in case.reading.asked_at.get(first or 0, [])
         if case.reading.same_place(deal, each) and each.asked >= (deal.write or 0)
     ]  # fmt: skip
-    if not any(call.others and (call.again or _doubled(case, call)) for call in calls):
+    known = [each for each in calls if each.others]
+    if not any(e.request.operation != wire.WRITE or e.again or _doubled(case, e) for e in known):
         yield f"no call of it in frame {first} has two responses"
 
 

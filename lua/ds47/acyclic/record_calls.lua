@@ -393,7 +393,8 @@ function RecordCalls:second_response(call, pdu)
     has = call.again and "has_either" or "has_first",
   }
   self:_about_call(call, {rule = "DS111", frame = pdu.frame, args = args})
-  if call.again then
+  local reads = pdu.opnum == rpc.READ or pdu.opnum == rpc.READ_IMPLICIT
+  if call.again or reads then -- what that brought the device may have given away
     tell_each(self, pdu, call.context, "answered_twice")
   end
 end

@@ -307,14 +307,23 @@ local function answer(self, activity, call, pdu)
   end
 end
 
--- The response that came before the request of a call, by their times the other way round; nil for none.
+-- The response that came before the request of a call, nil for none; and whether it is the other way round by
+-- their times.
 local function early_response(self, pdu)
   if self.early.length == 0 then
     return nil
   end
   local early = self.early:pop(key_of(pdu))
   local passed = early and early.time_ns - pdu.time_ns
-  return early and passed >= 0 and passed <= self.limits.call_expiry_ns and early or nil, early ~= nil
+  return early, passed and passed >= 0 and passed <= self.limits.call_expiry_ns
+end
+
+-- Whether a Read comes again whose first request is missing: its response was there before.
+local function was_read(self, pdu, early)
+  local begun = self.connects:get(pdu.client .. "\0" .. pdu.server) or 0
+  local passed, reads = pdu.time_ns - early.time_ns, pdu.opnum == rpc.READ or pdu.opnum == rpc.READ_IMPLICIT
+  reads = reads and early.opnum == pdu.opnum and begun <= early.frame
+  return reads and passed > 0 and passed <= self.limits.call_expiry_ns
 end
 
 -- A call is sent again.
@@ -349,13 +358,16 @@ local function request(self, pdu)
   if pdu.opnum == rpc.CONNECT then
     self.connects:keep(pdu.client .. "\0" .. pdu.server, pdu.frame, self.limits.activities)
   end
-  local early, known = early_response(self, pdu)
-  activity.numbers:add(pdu, not known)
+  local early, late = early_response(self, pdu)
+  activity.numbers:add(pdu, not early)
   activity.newest = seq
   call = {request = pdu, response = nil, context = nil, later = nil, again = nil}
   append(activity, seq, call)
   self.newest, self.asks_again = call, false
-  if early then
+  if early and not late and was_read(self, pdu, early) then
+    answer(self, activity, call, early)
+    again(self, call, pdu)
+  elseif early and late then
     answer(self, activity, call, early)
     self.completeness:asked_after_all(early)
     if early.ptype == 2 then

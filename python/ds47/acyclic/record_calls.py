@@ -296,7 +296,11 @@ class RecordCalls:
             "has": "has_either" if call.again else "has_first",
         }
         self._about_call(call, Remark("DS111", pdu.frame, args))
-        for access in call.context if call.again else ():
+        reads = pdu.opnum in (
+            RPC_READ,
+            RPC_READ_IMPLICIT,
+        )  # what that brought the device may have given away
+        for access in call.context if call.again or reads else ():
             if access.ours:
                 self._events.pass_on(access, "answered_twice")
 

@@ -13,7 +13,7 @@ from typing import Any, Literal, TypeVar
 
 from ds47.profinet.completeness import Completeness, Numbers
 from ds47.profinet.rpc import Pdu
-from ds47.spec.layouts import RPC_CONNECT
+from ds47.spec.layouts import RPC_CONNECT, RPC_READ, RPC_READ_IMPLICIT
 from ds47.spec.semantics import Limits
 
 
@@ -260,6 +260,11 @@ class CallTracker:
             activity.oldest_ns = pdu.time_ns
         call = calls[seq] = RpcCall(pdu)
         activity.newest = seq
+        if early is not None and not late and self._was_read(pdu, early):
+            self._answer(activity, call, early)
+            self._repeated(activity, call, pdu)
+            told.append(("again", call, pdu))
+            return
         if early is None or not late:
             told.append(("asked", call, pdu))
             return
@@ -270,6 +275,12 @@ class CallTracker:
         self._answer(activity, call, early)
         call.request = pdu  # it is not read before
         self._completeness.asked_after_all(early)
+
+    def _was_read(self, pdu: Pdu, early: Pdu) -> bool:
+        """Whether a Read comes again whose first request is missing: its response was there before."""
+        over = self._connects.get((pdu.client, pdu.server), 0) > early.frame
+        reads = pdu.opnum in (RPC_READ, RPC_READ_IMPLICIT) and early.opnum == pdu.opnum
+        return reads and not over and 0 < pdu.time_ns - early.time_ns <= self._expiry_ns
 
     def _repeated(self, activity: Activity, call: RpcCall, pdu: Pdu) -> None:
         self.counts["retransmissions"] += 1
