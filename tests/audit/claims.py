@@ -402,7 +402,8 @@ def _unproven(case: Case) -> Iterator[str]:
     alone = not any(each.asked for each in left)
     yield from case.wrong("what", "unproven_responses" if alone else "unproven_calls")
     frames = [frame for each in left for frame in (each.asked, each.answered) if frame]
-    if left and case.frame != min(frames):
+    asked = [each.asked or each.answered for each in left]  # an answer may stand before its request
+    if left and case.frame not in (min(frames), min(asked)):
         yield f"the first one is in frame {min(frames)}"
     if any(_is_echo(read, write) for read in left for write in left):
         return  # a store, whatever was written there
@@ -887,6 +888,9 @@ def _orphan(case: Case) -> Iterator[str]:
         its_own = any(not data or each.reference == data[0] for each in unsure)
         for other in here:
             open_still = _is_open(other, case.frame, case.reading) and other.state != "incomplete"
+            open_still = open_still and (other.write or 0) < (
+                deal.plain["frames"]["read_request"] or case.frame
+            )
             # Else it is a wrong one of that, or the one of the other.
             if open_still and not its_own:
                 yield f"the request of frame {other.write} is open"

@@ -105,12 +105,13 @@ def snapped(length: int) -> Callable[[Cut], Cut]:
 
 
 def swapped(step: int) -> Callable[[Cut], Cut]:
-    """Neighbours out of order, each with its own time."""
+    """Neighbours out of order, each with its own time; of those that were not in order the time would not tell."""
 
     def swap(frames: Cut) -> Cut:
         found = list(frames)
         for at in range(step, len(found), step):
-            found[at - 1], found[at] = found[at], found[at - 1]
+            if found[at - 1].time_ns <= found[at].time_ns:
+                found[at - 1], found[at] = found[at], found[at - 1]
         return found
 
     return swap

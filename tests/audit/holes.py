@@ -72,6 +72,8 @@ ALIKE = {
     "DS704": ("a new request was written", "no new request was written"),
 }
 """How complaints begin of what is true of the whole as well."""
+_NEGATIVE = 0x80
+"""Response IDs from here on say that something failed."""
 SHORTLY = 4
 """Frames around one that is lost alone."""
 
@@ -259,7 +261,8 @@ def _deal(whole: Whole, same: Deal, deal: Deal, cut: Reading, origin: list[int])
 def _of_another_length(deal: Deal, same: Deal) -> set[str]:
     """The states of a transaction whose record is not there whole, or of which another Read brought more or less."""
     if deal.cut or deal.short:
-        return {"incomplete"}
+        positive = deal.answer is not None and (deal.answer.id or _NEGATIVE) < _NEGATIVE
+        return {"incomplete", "ok"} if positive else {"incomplete"}  # whatever its blocks say then
     other = _alike(deal, same) and not _same_bytes(deal, same)
     return {"ok", "partial", "error"} if other else set()
 

@@ -866,7 +866,10 @@ local function set_aside(self, channel, job, missing)
 end
 
 local function read(self, channel, job, event, record)
-  local half, phase = record.response, job.phase
+  local half, phase, told, sent = record.response, job.phase, job.write_response, record.request
+  if self.completeness and told and sent and sent.frame < told.frame then
+    job.hasty = self.completeness:waits(job.peer.controller, job.peer.device)
+  end
   if phase == "refused" and event == "read_record" then
     compare(self, channel.last, job, half)
   elseif phase == "asked" and event == "read_cut" then
@@ -916,12 +919,12 @@ end
 -- Whether a Read was sent before the response to the last request that was answered.
 local function was_open(channel, sent)
   local got = channel.last and channel.last.read_response
-  return sent and got and sent.frame < got.frame
+  return sent and got and sent.frame < got.frame and sent.time_ns < got.time_ns
 end
 
 local function reread(self, channel, job, record)
   job.phase = PHASES[job.phase].reread
-  if job.again == "" and not was_open(channel, record.request) then
+  if not job.rereads[1] and not was_open(channel, record.request) then
     job.between = waiting_of(channel)
     local written = math.max(channel.written or 0, channel.unasked)
     local unaccepted = written > job.read_response.frame and "again_unaccepted"

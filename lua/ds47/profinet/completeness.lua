@@ -21,7 +21,7 @@ local M = {}
 -- are as one, and of the others the newest are asked for.
 local KEPT = 64
 -- One of so many calls is none of a habit.
-local RARELY = 8
+local RARELY = 4
 
 -- Sequence numbers: of one activity, as a set, because they may come out of order.
 

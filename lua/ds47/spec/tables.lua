@@ -1376,7 +1376,7 @@ M.diagnosis_words = {
   two_ars = {en = "{controller} wrote in frame {frame} (AR {ar}) while its request of frame {first} (AR {other_ar}) was open: two connections of one station use one channel", zh = "{controller} 在第 {frame} 帧（AR {ar}）写入请求，而它在第 {first} 帧（AR {other_ar}）的请求尚未完成：同一个站的两个连接使用同一通道"},
   one_station = {en = "{controller} wrote in frame {frame} while its own request of frame {first} was open: the response had not been fetched", zh = "{controller} 在第 {frame} 帧写入请求，而它自己在第 {first} 帧的请求尚未完成：应答还没有被取走"},
   unasked = {en = "no request before it on its channel is in the capture, parameter numbers are unknown", zh = "抓包中在它之前其通道上没有请求，参数号未知"},
-  unasked_behind = {en = "no request is known to be open; the newest one on its channel is in frame {first}, parameter numbers are unknown", zh = "没有已知的未完成请求；其通道上最新的请求在第 {first} 帧，参数号未知"},
+  unasked_behind = {en = "no request is known that it answers; the newest one on its channel is in frame {first}, parameter numbers are unknown", zh = "没有已知的与之对应的请求；其通道上最新的请求在第 {first} 帧，参数号未知"},
   unasked_without_ar = {en = "it was read without an AR (ReadImplicit) and which request it belongs to is not known, nor are the parameter numbers", zh = "应答不经 AR 读取（ReadImplicit），属于哪个请求以及参数号均未知"},
   unasked_again = {en = "it was read once more without an AR (ReadImplicit), when its transaction was over already", zh = "应答不经 AR 再次被读取（ReadImplicit），其任务此前已经结束"},
   format_read = {en = "{pnu} is read as {better} ({better_code}) in frame {seen}", zh = "{pnu} 在第 {seen} 帧以 {better}（{better_code}）读取"},

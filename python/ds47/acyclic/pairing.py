@@ -778,7 +778,7 @@ class Pairing:
     def _reread(self, channel: Channel, job: Job, record: Record) -> None:
         assert record.response is not None
         self._step(job, "reread")
-        if not job.again and not _was_open(channel, record.request):
+        if not job.rereads and not _was_open(channel, record.request):
             job.between = channel.waiting()
             read = job.read_response.frame if job.read_response else 0
             written = max(channel.written or 0, channel.unasked)
@@ -1050,8 +1050,10 @@ class Pairing:
         return None if strange else job  # it may be that of the other one all the same
 
     def _read(self, channel: Channel, job: Job, event: str, record: Record) -> None:
-        half = record.response
+        half, told, sent = record.response, job.write_response, record.request
         assert half is not None
+        if told is not None and sent is not None and sent.frame < told.frame:
+            job.hasty = self._waits(job.peer)
         if event == "read_record" and job.phase == "refused":
             self._compare(channel.last, job, half)
         if job.phase == "asked" and event == "read_cut":
@@ -1301,7 +1303,7 @@ def _was_open(channel: Channel, read: Half | None) -> bool:
     last = channel.last
     if read is None or last is None or last.read_response is None:
         return False
-    return read.frame < last.read_response.frame
+    return read.frame < last.read_response.frame and read.time_ns < last.read_response.time_ns
 
 
 def _wrote_behind(channel: Channel, job: Job, record: Record) -> Missing | None:

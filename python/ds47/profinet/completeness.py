@@ -22,7 +22,7 @@ _RESPONSE: Final = 2
 _KEPT: Final = 64
 """Holes of one activity, and responses without requests of a pair, that are kept by themselves."""
 
-_RARELY: Final = 8
+_RARELY: Final = 4
 """One of so many calls is none of a habit."""
 
 
