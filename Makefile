@@ -82,7 +82,8 @@ test-all: system
 audit: $(STAMP)
 	$(BIN)/python -m tests.audit --count $(N) --seed $(SEED) captures/*.pcapng captures/*-stacks/*.pcapng \
 		captures/profibus/*.pcapng
-	$(BIN)/python -m tests.audit --holes --count $(N) --seed $(SEED) captures/real-stacks/*.pcapng captures/field/*.pcap*
+	$(BIN)/python -m tests.audit --holes --count $(N) --seed $(SEED) captures/real-stacks/*.pcapng \
+		captures/lossy-stacks/*.pcapng captures/field/*.pcap*
 
 lint: $(STAMP)
 	@failed=0; run() { echo "$$*"; "$$@" || failed=1; }; \

@@ -99,14 +99,18 @@ class Gaps:
     def halves(self, client: str, server: str) -> list[int]:
         """The frames of calls of which one half is there: no request, or no response though its client went on."""
         # One that came twice is of one call.
-        found = [*{each.key: each.frame for each in reversed(self.strays(client, server))}.values()]
+        strays = {each.key: each.frame for each in reversed(self.strays(client, server))}
+        found = [*strays.values()]
         newest = {each.request.key: each.request.frame for each in self._capture.calls}
         for call in self._capture.calls:
             asked = call.request
             mine = (asked.source, asked.target) == (client, server) and call.response is None
             seen = self._seen[client, asked.activity]
             anew = newest[asked.key] > asked.frame
-            if mine and (asked.sequence < max(seen, default=0) or anew):
+            again = (
+                asked.operation != wire.WRITE and strays.get(asked.key, asked.frame) < asked.frame
+            )
+            if mine and not again and (asked.sequence < max(seen, default=0) or anew):
                 found.append(asked.frame)
         return sorted(found)
 

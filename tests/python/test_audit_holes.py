@@ -14,7 +14,7 @@ from ds47.analysis import analyze
 ROOT = Path(__file__).parents[2]
 STACKS = sorted((ROOT / "captures/real-stacks").glob("*.pcapng"))
 SMALL = ROOT / "captures/conversation-superseded-read.pcapng"
-FOLDERS = (".", "field", "profibus", "s7-stacks")
+FOLDERS = (".", "field", "lossy-stacks", "profibus", "s7-stacks")
 STORED = sorted(path for each in FOLDERS for path in (ROOT / "captures" / each).glob("*.pcap*"))
 SHARES = 8
 
@@ -70,19 +70,6 @@ def test_random_conversations_with_holes(share: int, tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["to devices", "from devices", "hole"])
 def test_a_small_conversation_with_holes(name: str) -> None:
     assert list(map(str, holes.of(SMALL, [name]))) == []
-
-
-LOSSY = [
-    ROOT / f"captures/lossy-stacks/{name}.pcapng"
-    for name in ("l1_replay.device", "l3_once", "l4_harsh")
-]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("path", LOSSY, ids=lambda path: path.stem)
-def test_an_answer_that_came_twice_is_that_of_its_call(path: Path) -> None:
-    """Where its request and its first copy are cut out, the second one is all that is left of the call."""
-    assert list(map(str, holes.of(path, ["from devices"]))) == []
 
 
 def test_the_number_of_a_late_answer_is_not_missing() -> None:

@@ -529,7 +529,10 @@ class Pairing:
         read = self._last_response(access, channel)
         first = read.read_response if read is not None else None
         again = first is not None and _is_same(first, half) and missing is None
-        again = again and first is not None and self._behind(peer, first.frame) is None
+        if (
+            read is not None and first is not None and again
+        ):  # since its Read: frames may be out of order
+            again = self._behind(peer, (read.read_request or first).frame) is None
         if read is not None and again and read.phase != "closed":
             self._reread(channel, read, record)
             return read
