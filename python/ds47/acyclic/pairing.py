@@ -527,18 +527,21 @@ class Pairing:
                 self._nothing(access, channel, missing)
             return None
         read = self._last_response(access, channel)
-        first = read.read_response if read is not None else None
-        again = first is not None and _is_same(first, half) and missing is None
-        if (
-            read is not None and first is not None and again
-        ):  # since its Read: frames may be out of order
-            again = self._behind(peer, (read.read_request or first).frame) is None
-        if read is not None and again and read.phase != "closed":
+        first = self._first_of(access, read) if missing is None else None
+        if read is not None and first is not None and read.phase != "closed":
             self._reread(channel, read, record)
             return read
         if not (late or event == "read_cut" or _is_last(channel, half)):
             channel.pass_over()
-        return self._orphan(access, channel, first.frame if first and again else None)
+        return self._orphan(access, channel, first.frame if first is not None else None)
+
+    def _first_of(self, access: RecordAccess, read: Job | None) -> Half | None:
+        """The last response, if a record is that once more, and no request may be missing since its Read."""
+        first, half = read and read.read_response, access.record.response
+        if read is None or first is None or half is None or not _is_same(first, half):
+            return None
+        since = (read.read_request or first).frame  # frames may be out of order
+        return first if self._behind(access.peer, since) is None else None
 
     def read_untold(self, access: RecordAccess) -> None:
         """The answer to a Read of which the capture cut off what it brought: it is as good as not there (P73)."""
