@@ -499,7 +499,7 @@ class Pairing:
 
     def read_response(self, access: RecordAccess) -> Job | None:
         """The answer to a Read. Returns the job it went to, None where there is none."""
-        peer, record = access.peer, access.record
+        record = access.record
         half = record.response
         assert half is not None
         channel = self._channel(access, half.time_ns)
