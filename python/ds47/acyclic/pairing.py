@@ -537,7 +537,7 @@ class Pairing:
 
     def _first_of(self, access: RecordAccess, read: Job | None) -> Half | None:
         """The last response, if a record is that once more, and no request may be missing since its Read."""
-        first, half = read and read.read_response, access.record.response
+        first, half = None if read is None else read.read_response, access.record.response
         if read is None or first is None or half is None or not _is_same(first, half):
             return None
         since = (read.read_request or first).frame  # frames may be out of order
