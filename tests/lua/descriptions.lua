@@ -18,7 +18,8 @@ local function answer(question)
   local address, block = request.addresses[1], response.blocks[1]
   local item = {
     pnu = address.pnu, subindex = address.subindex, attribute = address.attribute_name,
-    element_count = address.element_count, format = block.format_name, values = block.values,
+    element_count = address.element_count, format = block.format_name, value_count = block.value_count,
+    values = block.values,
     scaled = block.scaled,
   }
   if block.error then

@@ -49,8 +49,10 @@ def test_a_real_stack_out_of_order_charges_nobody(path: Path, name: str, tmp_pat
 @pytest.mark.slow
 @pytest.mark.parametrize("share", range(SHARES))
 def test_stored_captures_with_holes(share: int) -> None:
-    for path in STORED[share::SHARES]:
-        assert list(map(str, holes.of(path))) == [], path.name
+    for number, path in enumerate(STORED[share::SHARES]):
+        small = path.parent.name == "captures"  # each with every second cut: many are alike
+        names = list(cuts.ALL)[number % 2 :: 2] if small else cuts.ALL
+        assert list(map(str, holes.of(path, names))) == [], path.name
 
 
 @pytest.mark.slow

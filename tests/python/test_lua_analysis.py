@@ -406,7 +406,7 @@ def by_ms1(tmp_path_factory: pytest.TempPathFactory) -> list[Source]:
 def test_records_by_ms1_give_the_same_result(
     version: str, by_ms1: list[Source], tmp_path: Path
 ) -> None:
-    compare(version, "en", by_ms1, tmp_path)
+    compare(version, "en", own(version, by_ms1), tmp_path)
 
 
 @cache
@@ -422,7 +422,7 @@ def of_ppo() -> list[Source]:
 
 @pytest.mark.parametrize("version", VERSIONS)
 def test_ppo_gives_the_same_result(version: str, tmp_path: Path) -> None:
-    compare(version, "en", of_ppo(), tmp_path)
+    compare(version, "en", own(version, of_ppo()), tmp_path)
     running = [Source("running", test_profibus_ppo.running(), look=True)]
     for ppos in ((), ((3, 1),), ((3, 2),), ((3, 4), (5, 1))):
         compare(version, "en", running, tmp_path, AnalysisOptions(ppos=ppos))
@@ -459,7 +459,7 @@ def test_lines_of_profibus_give_the_same_result(
     version: str, faulty_lines: list[Source], tmp_path: Path
 ) -> None:
     """In both languages."""
-    compare(version, "en", faulty_lines, tmp_path)
+    compare(version, "en", own(version, faulty_lines), tmp_path)
     compare(version, "zh", faulty_lines[:1], tmp_path)
 
 
@@ -482,7 +482,9 @@ def test_conversation_vectors_give_the_same_result(version: str, tmp_path: Path)
 
 @pytest.mark.parametrize("version", VERSIONS)
 def test_rare_troubles_give_the_same_result(version: str, tmp_path: Path) -> None:
-    sources = [Source(each.__name__, each(), False) for each in troubles.ALL]
+    sources = [
+        Source(each.__name__, each(), False) for each in troubles.ALL[VERSIONS.index(version) :: 3]
+    ]
     compare(version, "en", sources, tmp_path)
 
 

@@ -290,10 +290,10 @@ end
 -- A call is answered: it is remembered as long as its client may repeat it.
 local function answer(self, activity, call, pdu)
   call.response = pdu
-  activity.numbers:hears(pdu.seq)
   if pdu.seq < activity.numbers.answered and activity.numbers:is_late(pdu) then
     self.completeness:disordered(pdu)
   end
+  activity.numbers:hears(pdu.seq)
   self.newest = call
   forget(activity, call)
   local answered = self.answered
@@ -399,7 +399,7 @@ end
 local function answers_again(self, activity, pdu)
   local key = key_of(pdu)
   local call = self.answered:get(key)
-  local before = call == nil and self.early:get(key)
+  local before = call == nil and activity and self.early:get(key)
   if before then
     -- Of the same call, whose request is missing.
     return pdu.time_ns - before.time_ns <= self.limits.call_expiry_ns

@@ -345,7 +345,8 @@ class CallTracker:
         """Whether a response or fault is a second one of a call; tells of it where it is another one."""
         key = pdu.client, pdu.activity, pdu.seq
         call = self._answered.get(key)
-        if call is None and (early := self._early.get(key)) is not None:
+        early = self._early.get(key) if call is None and activity is not None else None
+        if early is not None:
             return (
                 pdu.time_ns - early.time_ns <= self._expiry_ns
             )  # of the same call, whose request is missing
@@ -369,9 +370,15 @@ class CallTracker:
         if call.opnum != RPC_CONNECT:
             call.request = None
         call.answer, call.answer_ns, call.said = pdu.frame, pdu.time_ns, hash(pdu.body)
-        activity.numbers.hears(pdu.seq)
-        if pdu.seq < activity.numbers.answered and activity.numbers.is_late(pdu):
+        numbers = activity.numbers
+        if pdu.seq < numbers.answered and numbers.is_late(pdu):
             self._completeness.disordered(pdu)
+        numbers.heard = True
+        if pdu.seq < numbers.highest:
+            numbers.ahead += 1
+        else:
+            numbers.waited += 1
+        numbers.answered = max(numbers.answered, pdu.seq)
         call.heard_ns = max(call.sent_ns, pdu.time_ns)
         del activity.calls[pdu.seq]
         answered = self._answered

@@ -122,15 +122,6 @@ class Numbers:
             ):  # one number for all calls does not count
                 self.anew = pdu.frame
 
-    def hears(self, number: int) -> None:
-        """A call is answered."""
-        self.heard = True
-        if number < self.highest:
-            self.ahead += 1
-        else:
-            self.waited += 1
-        self.answered = max(self.answered, number)
-
     def is_late(self, pdu: Pdu) -> bool:
         """Whether a message is of a call before the newest one, by its number and by the clock."""
         return pdu.seq < self.highest and pdu.time_ns < self.newest.time_ns
