@@ -137,7 +137,8 @@ def test_a_question_proves_until_too_much_waits_or_an_echo_comes() -> None:
     for number in range(2):
         gate.pass_on(AR, number)
     assert gate.passes(AR, 47)
-    assert gate.echoed(OTHER, place, bytes.fromhex("00 01 00 02 0403")) is None  # may be another's response
+    of_another = bytes.fromhex("00 01 00 02 0403")
+    assert gate.echoed(OTHER, place, of_another) is None
     assert gate.echoed(OTHER, place, bytes(10)) == [OTHER]
     assert not gate.asks(AR[1], place, request)
     assert gate.pass_on(OTHER, "again", asks=True) == ()

@@ -1208,7 +1208,7 @@ function Pairing:read_response(peer, record)
   end
   local last = last_response(self, channel, record)
   local again = last and is_same(last.read_response, half) and missing == nil
-    and behind(self, peer, (last.read_request or last.read_response).frame) == nil
+    and behind(self, peer, (not record.implicit and last.read_request or last.read_response).frame) == nil
   if again and last.phase ~= "closed" then
     reread(self, channel, last, record)
     return last

@@ -540,7 +540,8 @@ class Pairing:
         first, half = None if read is None else read.read_response, access.record.response
         if read is None or first is None or half is None or not _is_same(first, half):
             return None
-        since = (read.read_request or first).frame  # frames may be out of order
+        asked = None if access.record.implicit else read.read_request
+        since = (asked or first).frame  # frames may be out of order
         return first if self._behind(access.peer, since) is None else None
 
     def read_untold(self, access: RecordAccess) -> None:
