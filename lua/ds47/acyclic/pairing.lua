@@ -792,7 +792,7 @@ end
 -- Whether how long a request waited is not known: a Read that brought its record may be missing. So may the
 -- same request once more: then it is that one which waited.
 local function may_be_read(self, job)
-  local asked = job.polls[1] and job:write_request()
+  local asked = (job.polls[1] or job.fetching) and job:write_request()
   return asked and (job.fetching or behind(self, job.peer, asked.frame)) ~= nil or nil
 end
 

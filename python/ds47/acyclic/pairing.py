@@ -1080,7 +1080,7 @@ class Pairing:
     def _answer(self, channel: Channel, job: Job, read: Half | None, half: Half) -> None:
         """A Read that ends the waiting of a job: with the record, or with a refusal."""
         job.read_request, job.read_response = read, half
-        job.read_before = bool(job.polls) and self._may_be_read(job)
+        job.read_before = bool(job.polls or job.fetching) and self._may_be_read(job)
         if job.message is not None:  # before an orphan anything may be missing
             channel.ended = half.frame
             if _is_headless(half) and not job.write_refused:
@@ -1107,7 +1107,7 @@ class Pairing:
         So may the same request once more: then it is that one which waited.
         """
         asked = job.write_request
-        if not job.polls or asked is None:
+        if asked is None:
             return False
         return bool(job.fetching) or self._behind(job.peer, asked.frame) is not None
 
