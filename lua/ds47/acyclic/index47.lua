@@ -26,8 +26,6 @@ M.SHARED_INDEX = SHARED_INDEX
 local NEGATIVE = 0x80
 -- Bytes of a message that a request and its response may have in common.
 local HEADER = 4
--- So many of them a response mirrors, also one that is another's.
-local LEAST = 2
 -- Writes of a place that a Read of it may bring: the newest may be refused, or under way.
 local SENT = 4
 -- Unknown attribute, PNU 0.
@@ -47,22 +45,6 @@ local function is_echo(written, data)
     end
   end
   return false
-end
-
--- Whether a record mirrors at most one byte of the header of each request: that of no response does.
-local function is_strange(written, data)
-  if not (written and written[1]) or #data < HEADER then
-    return false
-  end
-  local reference, kind, axis, count = data:byte(1, HEADER)
-  for _, sent in ipairs(written) do
-    local asked, operation, drive_object, many = sent:byte(1, HEADER)
-    local same = (reference == asked and 1 or 0) + (kind % 0x80 == operation and 1 or 0)
-    if same + (axis == drive_object and 1 or 0) + (count == many and 1 or 0) >= LEAST then
-      return false
-    end
-  end
-  return true
 end
 
 local Index47 = {}
@@ -239,8 +221,7 @@ end
 -- Whoever wrote: a store has one for all. A question proves none of those who wrote there any more.
 function Index47:echoed(ar, place, data)
   local spot, gone = submodule(records.device_of(ar), place.api, place), {}
-  local written = self.sent:get(spot)
-  if not is_echo(written, data) and not is_strange(written, data) then
+  if not is_echo(self.sent:get(spot), data) then
     return nil
   end
   local known = self.drives.values[spot] == false

@@ -29,8 +29,6 @@ NEGATIVE = 0x80
 """The response ids from here on are those of requests that were not done."""
 _HEADER = 4
 """Bytes of a message that a request and its response may have in common."""
-_LEAST = 2
-"""So many of them a response mirrors, also one that is another's."""
 _SENT = 4
 """Writes of a place that a Read of it may bring: the newest may be refused, or under way."""
 _ADDRESSLESS = frozenset({"DS305", "DS306"})
@@ -46,14 +44,6 @@ def _is_echo(sent: bytes, data: bytes) -> bool:
     """Whether a record is what was written once more, of another length too; behind its header no response is."""
     both = min(len(sent), len(data))
     return data == sent or (both > _HEADER and data[:both] == sent[:both])
-
-
-def _is_strange(sent: bytes, data: bytes) -> bool:
-    """Whether a record mirrors at most one byte of the header of a request: that of no response does."""
-    if min(len(sent), len(data)) < _HEADER:
-        return len(data) >= _HEADER
-    kind = data[1] % NEGATIVE == sent[1]
-    return sum((data[0] == sent[0], kind, data[2] == sent[2], data[3] == sent[3])) < _LEAST
 
 
 class _Waiting:
@@ -215,16 +205,12 @@ class Index47:
         return is_question(request) and self._drives.get((device, place)) is not False
 
     def echoed(self, ar: ArKey, place: Place, data: bytes) -> Sequence[ArKey] | None:
-        """A Read brought a record that is no response: the ARs that a question proved (P20).
-
-        It is what was written once more, or has nothing of it.
+        """A Read brought a record: if it is what was written once more, the ARs that a question proved (P20).
 
         Whoever wrote: a store has one for all. A question proves none of those who wrote there any more.
         """
         device, spot = ar[1], (ar[1], place)
-        written = self._sent.get(spot, ())
-        strange = bool(written) and all(_is_strange(sent, data) for sent in written)
-        if not (strange or any(_is_echo(sent, data) for sent in written)):
+        if not any(_is_echo(sent, data) for sent in self._sent.get(spot, ())):
             return None
         known, gone = self._drives.get(spot) is False, list[ArKey]()
         self._put(*spot, drive=False)
