@@ -26,16 +26,18 @@ function M.new(limit_ns)
     frames = {}, -- those in which the faults came; their numbers may come later
     told = false, -- whether something else is said to have stopped it, as long as that lasts
     is_asked = false, -- whether it is asked to run
+    anew = false, -- whether that is so since its last word alone: what was asked before may stop it still
     since = nil, -- since when it does not run, or its data is not valid, though nobody switched it off
   }, Trips)
 end
 
 local function stops(self, zsw1, time)
-  self.since = self.is_asked and not self.told and all(zsw1, UNDER_CONTROL) and time or nil
+  self.since = self.is_asked and not (self.anew or self.told) and all(zsw1, UNDER_CONTROL) and time or nil
 end
 
 --- The control word that the drive heeds, whether or not its own data is valid.
 function Trips:asked(heeded)
+  self.anew = self.anew or not self.is_asked
   self.is_asked = all(heeded, NO_OFF) and any(heeded, ON_OR_JOG)
   if not self.is_asked then self.since = nil end
 end
@@ -55,6 +57,7 @@ function Trips:said(before, zsw1, frame, time, seen)
   if fault and bit(before, FAULT) == 0 and (ran and seen or near) and not self.told then
     self.frames[#self.frames + 1] = frame
   end
+  if bit(zsw1, RUNNING) == 1 then self.anew = false end
   if bit(zsw1, RUNNING) == 1 or fault or not all(zsw1, UNDER_CONTROL) then self.since = nil end
 end
 

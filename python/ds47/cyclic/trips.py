@@ -30,13 +30,16 @@ class Trips:
     """Whether something else is said to have stopped it, as long as that lasts."""
     _asked: bool = False
     """Whether it is asked to run."""
+    _anew: bool = False
+    """Whether it is so since the last word of the drive alone: what was asked before may stop it still."""
     _since_ns: int | None = None
     """Since when it does not run, or its data is not valid, though nobody switched it off."""
 
     def asked(self, heeded: int) -> None:
         """The control word that the drive heeds, whether or not its own data is valid."""
-        self._asked = heeded & _NO_OFF == _NO_OFF and bool(heeded & _ON_OR_JOG)
-        if not self._asked:
+        asked = heeded & _NO_OFF == _NO_OFF and bool(heeded & _ON_OR_JOG)
+        self._asked, self._anew = asked, self._anew or not self._asked
+        if not asked:
             self._since_ns = None
 
     def lost(self, zsw1: int, time_ns: int) -> None:
@@ -55,11 +58,17 @@ class Trips:
         stopped = (ran and seen) or self._is_near(ran, time_ns)
         if zsw1 & ~before & _FAULT and stopped and not self.told:
             self.frames.append(frame)
+        if zsw1 & _RUNNING:
+            self._anew = False
         if zsw1 & (_RUNNING | _FAULT) or zsw1 & _UNDER_CONTROL != _UNDER_CONTROL:
             self._since_ns = None
 
     def _stops(self, zsw1: int, time_ns: int) -> None:
-        free = self._asked and not self.told and zsw1 & _UNDER_CONTROL == _UNDER_CONTROL
+        free = (
+            self._asked
+            and not (self._anew or self.told)
+            and zsw1 & _UNDER_CONTROL == _UNDER_CONTROL
+        )
         self._since_ns = time_ns if free else None
 
     def _is_near(self, ran: bool, time_ns: int) -> bool:
