@@ -34,7 +34,7 @@ local COMMANDS = {
     activity:add(pdu, pdu.renewed == 1)
   end,
   began = function(pdu) found:began(pdu, activities[pdu.activity]) end,
-  heard = function(pdu) activities[pdu.activity].heard = true end,
+  heard = function(pdu) activities[pdu.activity].waited = 1 end,
   unasked = function(pdu) found:unasked(pdu) end,
   cut = function(pdu) found:cut(pdu) end,
   late = function(pdu) found:asked_after_all(pdu) end,

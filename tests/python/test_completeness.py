@@ -311,7 +311,7 @@ def test_activities_of_a_pair_are_bounded_and_it_stays_heard() -> None:
     found = Completeness(64)
     for number in range(66):
         made = Numbers(said(number))
-        made.heard = number == 0
+        made.waited = int(number == 0)
         found.began(said(number, number + 1), made)
     pair = found.lacks(CLIENT, SERVER)
     assert (len(pair.activities), pair.activities[0].lowest, pair.since) == (64, 2, 66)

@@ -574,7 +574,7 @@ def test_one_direction_alone_is_told_with_the_first_frame() -> None:
     jobs = [job(READ, frame=frame, write_response=None) for frame in (3, 5)]
     lacks, numbers = asked(0, 1)
     assert Whole(*jobs, lacks=lacks).end() == [half(3, "only_requests", count=2, **PAIR)]
-    numbers.heard = True
+    numbers.waited = 1
     assert Whole(*jobs, lacks=lacks).end() == []
     alone = Completeness(8)
     alone.unasked(said(3, answered=True))
@@ -603,7 +603,7 @@ def test_the_response_to_a_call_of_the_device_is_none_of_the_device() -> None:
 
 def test_numbers_that_are_missing_are_named() -> None:
     lacks, numbers = asked(5, 6, 8, 9, 12)
-    numbers.heard = True
+    numbers.waited = 1
     told = half(3, "gaps", numbers="7, 10..11", **PAIR)
     assert Whole(job(READ, ANSWER), lacks=lacks).end() == [told]
     numbers.add(said(6, 7))
@@ -613,7 +613,7 @@ def test_numbers_that_are_missing_are_named() -> None:
 
 def test_calls_with_one_half_are_counted() -> None:
     lacks, numbers = asked(5, 6)
-    numbers.heard = True
+    numbers.waited = 1
     lacks.lost(said(2, 6), went_on=False)
     assert Whole(job(READ, ANSWER), lacks=lacks).end() == []  # it was the last one
     lacks.lost(said(1, 5), went_on=True)
@@ -624,7 +624,7 @@ def test_calls_with_one_half_are_counted() -> None:
 
 def test_a_response_before_its_request_is_a_matter_of_the_order() -> None:
     lacks, numbers = asked(5, 6)
-    numbers.heard = True
+    numbers.waited = 1
     lacks.unasked(said(9, 7, answered=True))
     lacks.asked_after_all(said(9, 7, answered=True))
     told = half(9, "disorder", count=1)
@@ -663,7 +663,7 @@ def test_what_was_asked_before_the_first_request_lies_before_the_begin() -> None
 def test_where_more_is_missing_or_out_of_order_it_need_not_lie_before_the_begin() -> None:
     jobs = job(None, ANSWER, frame=3), job(READ, ANSWER, frame=9)
     lacks, numbers = asked(5, 7)
-    numbers.heard = True
+    numbers.waited = 1
     assert [args["what"] for _, _, args in Whole(*jobs, lacks=lacks).end()] == ["gaps"]
     whole = Whole(*jobs)
     whole.capture.steps_back(5, 0.5)
@@ -681,7 +681,7 @@ def open_job(frame: int, missing: Missing) -> Job:
 def test_a_response_that_may_lie_behind_the_end() -> None:
     ends = Missing("ends")
     lacks, numbers = asked(5, 6)
-    numbers.heard = True
+    numbers.waited = 1
     whole = Whole(open_job(5, ends), open_job(3, ends), lacks=lacks)
     assert whole.end() == whole.end() == [half(3, "file_ends", count=2, **PAIR)]
     assert Whole(open_job(3, Missing("halves")), lacks=lacks).end() == []
@@ -694,7 +694,7 @@ def test_a_response_that_may_lie_behind_the_end() -> None:
 @pytest.mark.parametrize("what", ["write_answer", "read_answer"])
 def test_the_last_call_alone_may_have_its_response_behind_the_end(what: str) -> None:
     lacks, numbers = asked(5, 6)
-    numbers.heard = True
+    numbers.waited = 1
     last, other = open_job(2, Missing(what, 2)), open_job(1, Missing(what, 1))
     assert Whole(last, lacks=lacks).end() == [half(2, "file_ends", count=1, **PAIR)]
     assert Whole(other, lacks=lacks).end() == []

@@ -139,7 +139,7 @@ class Python:
         hears: dict[str, Callable[[], None]] = {
             "add": lambda: activity.add(pdu, renewed=flag),
             "began": lambda: found.began(pdu, activity),
-            "heard": lambda: setattr(activity, "heard", True),
+            "heard": lambda: setattr(activity, "waited", 1),
             "unasked": lambda: found.unasked(pdu), "cut": lambda: found.cut(pdu),
             "late": lambda: found.asked_after_all(pdu), "disordered": lambda: found.disordered(pdu),
             "lost": lambda: found.lost(pdu, went_on=False),

@@ -30,16 +30,16 @@ Numbers.__index = Numbers
 
 --- The numbers of an activity.
 -- `lowest` and `highest`: of its numbers; `newest`: the request with the highest one; `following`: the number
--- behind the newest one that was there before, which tells that the client counts anew; `heard`: whether a
--- call was answered; `answered`: the highest number that was, since its client counts so; `holes`: array of
--- {after, before (frames), first, last (numbers), over (true where its client counts anew since: what comes
+-- behind the newest one that was there before, which tells that the client counts anew;
+-- `answered`: the highest number that was answered, since its client counts so; `holes`: array of {after,
+-- before (frames), first, last (numbers), over (true where its client counts anew since: what comes
 -- is none of these)}, in the order of their frames; `below`: the same of numbers below the first one that
 -- was there, which may have come before the capture began; `under`: the newest of those that were there;
 -- `waited` and `ahead`: how many calls were answered before the next one was sent, and behind that.
 -- @param pdu  the first request
 function M.numbers(pdu)
   return setmetatable({
-    lowest = pdu.seq, highest = pdu.seq, newest = pdu, anew = 0, heard = false, answered = -1,
+    lowest = pdu.seq, highest = pdu.seq, newest = pdu, anew = 0, answered = -1,
     holes = {}, below = {}, under = -1, waited = 0, ahead = 0,
   }, Numbers)
 end
@@ -111,7 +111,12 @@ end
 --- A call is answered.
 function Numbers:hears(number)
   local what = number < self.highest and "ahead" or "waited"
-  self.heard, self[what], self.answered = true, self[what] + 1, max(self.answered, number)
+  self[what], self.answered = self[what] + 1, max(self.answered, number)
+end
+
+--- Whether one of its calls was answered.
+function Numbers:heard()
+  return self.waited + self.ahead > 0
 end
 
 --- Whether a message is of a call before the newest one, by its number and by the clock.
@@ -176,7 +181,7 @@ function Completeness:began(pdu, numbers)
   if not has(activities, numbers) then
     activities[#activities + 1], pair.since = numbers, pdu.frame
     if #activities > KEPT then
-      pair.heard = table.remove(activities, 1).heard or pair.heard
+      pair.heard = table.remove(activities, 1):heard() or pair.heard
     end
   end
   local back = self.pairs:get(key_of(pdu.server, pdu.client))
@@ -256,7 +261,7 @@ local function hears(pair)
     return true
   end
   for _, numbers in ipairs(pair.activities) do
-    if numbers.heard then
+    if numbers:heard() then
       return true
     end
   end

@@ -656,9 +656,8 @@ class Pairing:
             if doubtful:
                 return Missing("read_answer", job.fetching[0].frame)
         if not fits and _is_last(channel, half) and channel.last and channel.last.order > job.order:
-            return Missing(
-                "read_answer", read
-            )  # a device that executes a Read once more has the newest response
+            # A device that executes a Read once more has the newest response.
+            return Missing("read_answer", read)
         if channel.asked and _may_be_newer(channel, job, record):
             return Missing("later")
         unknown = not (job.write_told or half.data)  # whether its Write was accepted

@@ -627,7 +627,7 @@ class CyclicChannels:
 
         The cycle counter goes back, too, else somebody set the clock; without one the time alone tells it.
         """
-        key = packet.src_mac or "", side.frame_id, packet.dst_mac or ""
+        key = _way(packet, side)
         counter = _counter(packet.payload[_FRAME_ID:], side)
         time_ns, before = self._newest.get(key, (packet.time_ns, counter))
         back_ns = time_ns - packet.time_ns
@@ -648,7 +648,7 @@ class CyclicChannels:
         counter = _counter(data, side)
         if counter is None or not side.cycle_ns:
             return False
-        key = packet.src_mac or "", side.frame_id, packet.dst_mac or ""
+        key = _way(packet, side)
         sequences = self._sequences.get(key)
         if sequences is None:
             sequences = self._sequences[key] = Sequences(side.cycle_ns)
@@ -733,6 +733,11 @@ def _counter(data: bytes, side: Side) -> int | None:
     if side.status is None or len(data) <= side.status:
         return None
     return int.from_bytes(data[side.status - _COUNTER : side.status])
+
+
+def _way(packet: Packet, side: Side) -> tuple[str, int, str]:
+    """Sender, frame id and receiver of a cyclic frame; "" where a cooked header does not know one."""
+    return packet.src_mac or "", side.frame_id, packet.dst_mac or ""
 
 
 def _receiver(end: tuple[_Line, Side, bool]) -> str:

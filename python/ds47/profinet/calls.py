@@ -278,9 +278,9 @@ class CallTracker:
 
     def _was_read(self, pdu: Pdu, early: Pdu) -> bool:
         """Whether a Read comes again whose first request is missing: its response was there before."""
-        over = self._connects.get((pdu.client, pdu.server), 0) > early.frame
         reads = pdu.opnum in (RPC_READ, RPC_READ_IMPLICIT) and early.opnum == pdu.opnum
-        return reads and not over and 0 < pdu.time_ns - early.time_ns <= self._expiry_ns
+        reads = reads and not self._is_begun_since(pdu, early.frame)
+        return reads and 0 < pdu.time_ns - early.time_ns <= self._expiry_ns
 
     def _repeated(self, activity: Activity, call: RpcCall, pdu: Pdu) -> None:
         self.counts["retransmissions"] += 1
@@ -320,8 +320,11 @@ class CallTracker:
 
     def _is_over(self, activity: Activity | None, call: RpcCall, pdu: Pdu) -> bool:
         """Whether the number of a call may stand for another one: its client repeats it no more."""
-        begun = self._connects.get((pdu.client, pdu.server), 0)
-        return begun > call.frame or self._is_used_anew(activity, call, pdu)
+        return self._is_begun_since(pdu, call.frame) or self._is_used_anew(activity, call, pdu)
+
+    def _is_begun_since(self, pdu: Pdu, frame: int) -> bool:
+        """Whether a Connect of its client to its server lies behind a frame."""
+        return self._connects.get((pdu.client, pdu.server), 0) > frame
 
     def _is_used_anew(self, activity: Activity | None, call: RpcCall, pdu: Pdu) -> bool:
         """Whether the number of a call may stand for another one, also where the same bytes come once more."""
@@ -346,10 +349,8 @@ class CallTracker:
         key = pdu.client, pdu.activity, pdu.seq
         call = self._answered.get(key)
         early = self._early.get(key) if call is None and activity is not None else None
-        if early is not None:
-            return (
-                pdu.time_ns - early.time_ns <= self._expiry_ns
-            )  # of the same call, whose request is missing
+        if early is not None:  # of the same call, whose request is missing
+            return pdu.time_ns - early.time_ns <= self._expiry_ns
         if call is None:  # of what is forgotten the number alone is known
             known = self._forgot and key not in self._given_up
             return known and activity is not None and activity.numbers.has(pdu.seq)
@@ -373,7 +374,6 @@ class CallTracker:
         numbers = activity.numbers
         if pdu.seq < numbers.answered and numbers.is_late(pdu):
             self._completeness.disordered(pdu)
-        numbers.heard = True
         if pdu.seq < numbers.highest:
             numbers.ahead += 1
         else:

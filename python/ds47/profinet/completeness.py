@@ -21,7 +21,6 @@ STATION: Final = "dp"
 _RESPONSE: Final = 2
 _KEPT: Final = 64
 """Holes of one activity, and responses without requests of a pair, that are kept by themselves."""
-
 _RARELY: Final = 4
 """One of so many calls is none of a habit."""
 
@@ -66,7 +65,7 @@ class Numbers:
     """The sequence numbers of one activity, as a set: they may come out of order."""
 
     __slots__ = (
-        "ahead", "anew", "answered", "below", "following", "heard", "highest", "holes", "lowest", "newest",
+        "ahead", "anew", "answered", "below", "following", "highest", "holes", "lowest", "newest",
         "under", "waited",
     )  # fmt: skip
 
@@ -78,10 +77,8 @@ class Numbers:
         """The newest frame from which on a client counts anew: what came up to there nobody knows. 0 for none."""
         self.newest = pdu
         """The request with the highest number."""
-        self.heard = False
-        """Whether one of its calls was answered,"""
         self.answered = -1
-        """and the highest number that was, since its client counts so: it has gone on from those before it."""
+        """The highest one that was answered, since its client counts so: it has gone on from those before it."""
         self.waited = self.ahead = 0
         """How many calls were answered before the next one was sent, and how many behind that."""
         self.holes: list[Hole] = []
@@ -117,10 +114,14 @@ class Numbers:
             self.under = number
         elif not _fills(self.holes, number) and renewed:
             self.following, self.answered = number + 1, -1
-            if (
-                self.lowest < self.highest or not self.anew
-            ):  # one number for all calls does not count
+            # One number for all calls does not count.
+            if self.lowest < self.highest or not self.anew:
                 self.anew = pdu.frame
+
+    @property
+    def heard(self) -> bool:
+        """Whether one of its calls was answered."""
+        return self.waited + self.ahead > 0
 
     def is_late(self, pdu: Pdu) -> bool:
         """Whether a message is of a call before the newest one, by its number and by the clock."""
