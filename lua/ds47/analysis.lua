@@ -438,15 +438,20 @@ function Analysis:pkw_layout(device)
   return options.pkw_layouts and options.pkw_layouts[device] or options.pkw_layout or "cyclic"
 end
 
+-- The newest frame before which something that was said with a station was not seen.
+local function unseen(self, device)
+  local line, station = self.bus.line, tonumber(device:match("%d+$"))
+  return math.max(line.unsure, line:lost(station))
+end
+
 --- A transaction of PKW is over.
 function Analysis:exchanged(relation, job)
   self.cyclic:identify()
   local layout = self:pkw_layout(relation.device)
   job.order = job.order or self.pairing:number()
   if relations.is_bus(relation) then
-    local line, station = self.bus.line, tonumber(relation.device:match("%d+$"))
-    local unseen = math.max(line.unsure, line:lost(station))
-    job.heard = job.heard and unseen < job.request.at.frame -- else its response may be there
+    -- Else its response may be there.
+    job.heard = job.heard and unseen(self, relation.device) < job.request.at.frame
   end
   local item = pkw.build(relation, job, layout)
   self.dictionary:explain(item)
@@ -467,7 +472,7 @@ function Analysis:nothing_to_read(peer, record, missing)
     return
   end
   local args = {status = status.status_hex(half.status)}
-  local never = self.start_ups:seen(device, half.frame, self.bus.line.unsure)
+  local never = peer.station and self.start_ups:seen(device, half.frame, unseen(self, device))
     and not self.ms1:was_written(device, record.index, half.frame)
   if never then -- what the capture shows since the start-up cannot lie before it
     args.device, args.index = device, record.index

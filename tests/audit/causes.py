@@ -549,12 +549,12 @@ def _better(case: Case, deal: Deal) -> Iterator[str]:
     if seen and better not in seen and told != "format_described":
         yield f"the drive reads it as {sorted(seen)}"
     if told == "format_read":
-        there = [each for each in case.reading.deals if each.read == case.args.get("seen")]
+        there = _brought(case.reading, case.args.get("seen"))
         if not any(better in formats(case.memory, case.reading, deal, pnu, each) for each in there):
             yield f"seen {case.args.get('seen')!r}: p{pnu} is not read in this format there"
         return
     if told == "format_described":
-        there = [each for each in case.reading.deals if each.read == case.args.get("seen")]
+        there = _brought(case.reading, case.args.get("seen"))
         if not any(better in described(case.memory, deal, pnu, each) for each in there):
             yield f"seen {case.args.get('seen')!r}: p{pnu} is not described as this there"
         return
@@ -566,6 +566,13 @@ def _better(case: Case, deal: Deal) -> Iterator[str]:
         yield f"the tables of parameters say {sorted(listed)}"
     elif told not in ("format_listed", "format_bits"):
         yield f"case {told!r} is none"
+
+
+def _brought(reading: Reading, frame: object) -> list[Deal]:
+    """The transactions whose response is in a frame, be it once more: a cut has it there alone."""
+    there = [each for each in reading.deals if each.read == frame]
+    records = {each.plain["bytes"]["response"] for each in there} - {None}
+    return there + [each for each in reading.deals if each.plain["bytes"]["response"] in records]
 
 
 def _over(deal: Deal, reading: Reading) -> int:

@@ -865,7 +865,9 @@ def _orphan(case: Case) -> Iterator[str]:
         and last
         and last.state not in ("refused", "mismatch")  # then it says nothing of its request either
         and not any((last.read or 0) < each < case.frame for each in others)
-        and last.operation != "unknown"  # which proves no AR: what was read may be no response yet
+        # Else it proves no AR: what was read may be no response yet.
+        and last.operation != "unknown"
+        and not (last.index == 47 and _is_broken(last, case))
         and not any(each.call.response and each.call.response.cut for each in reads)
         and not any(
             each.asked > (each.answered or 0) for each in reads
@@ -894,6 +896,13 @@ def _orphan(case: Case) -> Iterator[str]:
             # Else it is a wrong one of that, or the one of the other.
             if open_still and not its_own:
                 yield f"the request of frame {other.write} is open"
+
+
+def _is_broken(deal: Deal, case: Case) -> bool:
+    """Whether something is wrong with the messages of a transaction."""
+    return any(
+        each.rule.startswith("DS3") for each in case.reading.findings if each.transaction == deal.id
+    )
 
 
 def _is_forgotten(deal: Deal, written: int, case: Case) -> bool:
@@ -1162,10 +1171,11 @@ def _read_back(case: Case) -> Iterator[str]:
     elif len(values) > 1:
         yield f"written last may be {sorted(each.hex() for each in values if each)}"
     else:
-        # The newest one with this value is told, accepted for sure or not.
-        by = case.args.get("by")
-        told = [each for each in last if each.start == by and each.end < (deal.write or 0)]
-        value = next(each for each in values if each is not None)
+        # The newest one with this value is told, accepted for sure or not; or, where the drive may go by the slot
+        # alone, one through the same slot.
+        by, value = case.args.get("by"), next(each for each in values if each is not None)
+        there = [each for each in case.memory.events if each in last or each.bits == value]
+        told = [each for each in there if each.start == by and each.end < (deal.write or 0)]
         yield from _written(case, value, bits, (told or sure)[-1].start)
 
 

@@ -262,7 +262,9 @@ def _of_another_length(deal: Deal, same: Deal) -> set[str]:
     """The states of a transaction whose record is not there whole, or of which another Read brought more or less."""
     if deal.cut or deal.short:
         positive = deal.answer is not None and (deal.answer.id or _NEGATIVE) < _NEGATIVE
-        return {"incomplete", "ok"} if positive else {"incomplete"}  # whatever its blocks say then
+        # Whatever its blocks say then; a negative one that has all values says what it is at its end.
+        negative = {"partial"} if not any(each["error"] for each in same.parameters) else set()
+        return {"incomplete", *(("ok",) if positive else negative)}
     other = _alike(deal, same) and not _same_bytes(deal, same)
     return {"ok", "partial", "error"} if other else set()
 
@@ -380,6 +382,8 @@ def _finding(whole: Whole, finding: Finding, cut: Reading, origin: list[int]) ->
         return  # of the record itself, of which another Read brought more or less: `run` looks at that
     if deal and _is_free(whole, deal, same, moved.rule, origin):
         return
+    if moved.rule == "DS703" and ("DS110", moved.frame) in whole.told:
+        return  # the whole one does not know it: nothing contradicts
     yield from _untrue(whole, moved, origin)
 
 
@@ -454,10 +458,10 @@ def _are_named(told: list[int], true: list[list[int]]) -> bool:
 
 
 def _saved(whole: Whole, args: dict[str, Any], origin: list[int]) -> Iterator[str]:
-    """Whether all was saved while the cut one ran: what comes behind its end, it cannot show."""
+    """Whether all was saved while the cut one ran: what comes at its end, or behind, it cannot show."""
     for deal in whole.item.deals if args["count"] else ():
         for moment, _, everything, done in causes.saves(whole.item, deal):
-            inside = args["last"] < moment[0] <= max(origin) and deal.device == args["device"]
+            inside = args["last"] < moment[0] < max(origin) and deal.device == args["device"]
             if inside and everything and done:
                 yield f"all was saved in frame {moment[0]}"
 

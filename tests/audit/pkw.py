@@ -178,7 +178,10 @@ def _mismatch(finding: Finding, talk: Talk) -> Iterator[str]:
 
 def _parts(finding: Finding, talk: Talk) -> Iterator[str]:
     there, begun = talk.words("output"), talk.reading.time(finding.frame) or 0
-    place = [frame for frame, _ in there].index(finding.frame)
+    place = next((at for at, (frame, _) in enumerate(there) if frame == finding.frame), None)
+    if place is None:
+        yield "no words of the controller change in this frame"
+        return
     first, before = there[place][1], there[place - 1][1]
     half_ns = (talk.relation["cycle_ms"] or 0) * 5e5  # what comes sooner is seen twice
     later = (at for at in there[place + 1 :] if (talk.reading.time(at[0]) or 0) - begun >= half_ns)

@@ -172,6 +172,9 @@ def test_a_refusal_as_too_short_is_not_the_end_where_the_record_may_have_come() 
 @pytest.mark.parametrize(("phase", "event"), ROWS)
 def test_every_row_of_the_table(phase: str, event: str) -> None:
     channel = Channel()
+    channel.now += 1  # nothing was asked before the capture
+    at = Moment(channel.now, channel.now)
+    channel.pairing.connected(PEER.controller, PEER.device, at, CONTROLLER_AR.bytes)
     job = in_phase(channel, phase)
     cause(channel, job, event)
     ended = phases()[phase][event] == "answered" and event in ("read_refused", "read_cut")

@@ -335,10 +335,12 @@ local function free_since(self, channel, read)
 end
 
 -- What may be missing that is open on a channel where nothing is, as far as the capture shows (P78).
+-- A program goes on reading behind a Connect what it asked for before.
 local function asked_where_free(self, peer, channel, half)
-  local missing = asked_behind(self, peer, channel, free_since(self, channel, half))
+  local since = channel.ended > 0 and channel.ended or free_since(self, channel, half)
+  local missing = asked_behind(self, peer, channel, since)
   for key in self.of_place[channel.place]:newest_first(self.limits.users) do
-    local unseen = self.channels:get(key).unseen > channel.ended -- whoever asked there; a Connect ends none
+    local unseen = self.channels:get(key).unseen > channel.ended -- whoever asked there
     missing = missing or unseen and {what = "requests"} or nil
   end
   return missing
@@ -1136,7 +1138,7 @@ local function of_another(self, channel, job, record)
     return found
   end
   local sure = fits and kind_fits(job.message, data) -- of a record that is too short nothing tells
-  local first = found.what == "begins" and (sure or fits and not job:write_refused())
+  local first = found.what == "begins" and fits and not job:write_refused()
   return not (first or sure and counts(job, record)) and found or nil
 end
 

@@ -120,8 +120,13 @@ function Requests:passes(moment)
   local changed = self.changed
   self.changed = nil
   if changed and self.rate > 0 and moment.time - changed.time >= LATE * self.relation.input.cycle_ns then
-    self.channel:skipped(changed.frame, moment.frame)
+    self:skipped(changed, moment.frame)
   end
+end
+
+--- Frames are missing between the one `before` and another.
+function Requests:skipped(before, last)
+  self.channel:skipped(before.frame, last, before.time - LATE * self.relation.input.cycle_ns)
 end
 
 function Requests:lost(sent, moment)
@@ -698,14 +703,6 @@ function Channels:is_news(row, frame, at, number)
   return bytes_of(row, frame, at) ~= row.bytes
 end
 
--- Half of an even number goes down, as Python rounds.
-local function rounded(number)
-  local whole = floor(number)
-  local rest = number - whole
-  if rest > 0.5 or rest == 0.5 and whole % 2 == 1 then return whole + 1 end
-  return whole
-end
-
 -- One end of a frame that is looked at; true where what it says has changed.
 local function take(each, frame, at, number, time)
   local words, valid = said(each, frame, at)
@@ -715,7 +712,7 @@ local function take(each, frame, at, number, time)
   line.start, relation.frame = line.start or time, relation.frame or number
   each.looks = each.looks + 1
   local cycle = each.looks
-  if each.side.cycle_ns > 0 then cycle = rounded((time - line.start) / each.side.cycle_ns) end
+  if each.side.cycle_ns > 0 then cycle = (time - line.start) / each.side.cycle_ns end
   local moment = {frame = number, time = time, cycle = cycle}
   if line.passes and not each.sent then line:passes(moment) end
   if valid then
@@ -793,7 +790,7 @@ local function look(self, number, time)
   local before, place = self.looked, self.numbers and self.numbers[number] or number
   local passed, there = time - before.time, SLOWER * (place - before.place) + ALLOWED
   for _, line in ipairs(passed * self.busiest > there and self.lines or {}) do
-    if line.rate and passed * line.rate > there then line.channel:skipped(before.frame, number) end
+    if line.rate and passed * line.rate > there then line:skipped(before, number) end
   end
   self.looked = {frame = number, place = place, time = time}
 end

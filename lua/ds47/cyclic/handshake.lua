@@ -81,13 +81,14 @@ local function fits(asked, data)
   return number(asked) == number(data) and sub(asked, 3, 4) == sub(data, 3, 4)
 end
 
-local function cycles_between(first, last) return last.at.cycle - first.at.cycle end
+-- Cycles between two moments.
+local function cycles_between(first, last) return floor(last.cycle - first.cycle + 0.5) end
 
 --- From the request to its answer in frames of one direction, and in the unit of the times; nil where no edge
 -- told, and of the frames where somebody set the clock back meanwhile.
 function M.duration(job)
   if not job.answer or job.settled or not job.began then return nil, nil end
-  local cycles = cycles_between(job.request, job.answer)
+  local cycles = cycles_between(job.request.at, job.answer.at)
   return cycles >= 0 and cycles or nil, job.answer.at.time - job.request.at.time
 end
 
@@ -117,7 +118,7 @@ end
 function M.last_of(job) return job.ended or job.last or job.request.at end
 
 --- Cycles from its first frame to that.
-function M.stood(job) return M.last_of(job).cycle - job.request.at.cycle end
+function M.stood(job) return cycles_between(job.request.at, M.last_of(job)) end
 
 --- The request that stands, nil where there is none.
 function Channel:open_job() return self._job end
@@ -133,7 +134,7 @@ function Channel:sent(bytes, at)
   if self:_is_second_half(data, at) then return true end
   self._previous = last and last.data
   local wanted, job = ak_of(data) ~= 0, self._job
-  if job and job.odd and wanted and fits(data, job.odd.data) then
+  if job and job.odd and job.odd == self._in and wanted and fits(data, job.odd.data) then
     job.hole = hole_of(job.request.at.frame, at.frame) -- this was sent before the answer to it
   end
   self:_end(at, not wanted)
@@ -176,10 +177,11 @@ function Channel:answered(bytes, at)
 end
 
 --- Frames of the channel are missing between two frames; to be called before `answered` for the latter.
-function Channel:skipped(first, last)
+-- @param seen of a request that ended earlier, ns, a frame of the drive was seen behind its end
+function Channel:skipped(first, last, seen)
   local hole, job = hole_of(first, last), self._job
   for _, each in ipairs(self._over) do
-    each.hole = hole
+    if not (seen and each.ended and each.ended.time < seen) then each.hole = hole end
   end
   if job and not job.answer and job.request.at.frame <= first then job.hole = hole end
 end
@@ -277,7 +279,7 @@ function Channel:_is_second_half(data, at)
   local first = job.request.data
   local parameter_first = sub(first, 5) == sub(old, 5) and sub(first, 1, 4) == sub(data, 1, 4)
   local value_first = sub(first, 1, 4) == sub(old, 1, 4) and sub(first, 5) == sub(data, 5)
-  if at.cycle - job.request.at.cycle > 1 or not (parameter_first or value_first) then return false end
+  if cycles_between(job.request.at, at) > 1 or not (parameter_first or value_first) then return false end
   job.halves, job.request = job.request.at.frame, {data = data, at = job.request.at}
   return true
 end

@@ -16,6 +16,7 @@ from ds47.profibus.bus import Bus, Listener
 from ds47.profibus.idents import Idents
 from ds47.profibus.judge import LineJudge
 from ds47.profibus.stations import Stations
+from ds47.profinet.completeness import STATION
 
 if TYPE_CHECKING:
     from ds47.acyclic.pairing import Pairing, Told
@@ -90,5 +91,6 @@ class Lines:
 
     def was_never_written(self, device: str, index: int, frame: int) -> bool:
         """Whether nothing was written to an index of a station since its start-up, which the capture has."""
-        seen = self._start_ups.seen(device, frame, self.line.unsure)
+        unsure = max(self.line.unsure, self.line.lost(int(device.removeprefix(STATION))))
+        seen = self._start_ups.seen(device, frame, unsure)
         return seen and not self._ms1.was_written(device, index, frame)

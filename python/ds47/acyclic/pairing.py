@@ -674,7 +674,7 @@ class Pairing:
             return found
         # Of a record that is too short nothing tells.
         sure = fits and _is_of_kind(job, half) is True
-        first = found.what == "begins" and (fits if not job.write_refused else sure)
+        first = found.what == "begins" and fits and not job.write_refused
         return None if first or (sure and _counts(job, record)) else found
 
     def _of_another_on_line(
@@ -684,7 +684,7 @@ class Pairing:
         half, since = record.response, asked.frame
         assert half is not None
         fits, refused = _mirrors(job, half), job is channel.refused
-        if refused and not fits:  # what a record mirrors may have outlived a start-up
+        if refused:  # what a record brings may have outlived a start-up
             begun = self._started.get(job.peer.device, _NEVER).frame
             sought = record.request or half
             since = channel.ended
@@ -744,9 +744,13 @@ class Pairing:
     def _may_be_open(
         self, peer: Peer, key: ChannelKey, channel: Channel, half: Half
     ) -> Missing | None:
-        """What may be missing that is open on a channel where nothing is, as far as the capture shows (P78)."""
-        missing = self._asked_behind(peer, channel, self._free_since(key, channel, half))
-        if missing is None and self._newest_unseen(key) > channel.ended:  # a Connect ends none
+        """What may be missing that is open on a channel where nothing is, as far as the capture shows (P78).
+
+        A program goes on reading behind a Connect what it asked for before.
+        """
+        since = channel.ended or self._free_since(key, channel, half)
+        missing = self._asked_behind(peer, channel, since)
+        if missing is None and self._newest_unseen(key) > channel.ended:
             return Missing("requests")
         return missing
 

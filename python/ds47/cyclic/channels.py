@@ -125,7 +125,12 @@ class _Requests:
         if since is not None and self.rate:
             waited = at.time_ns - since.time_ns
             if waited >= _LATE * self.relation.input.cycle_ns:
-                self.channel.skipped(since.frame, at.frame)
+                self.skipped(since.frame, since.time_ns, at.frame)
+
+    def skipped(self, first: int, since_ns: int, last: int) -> None:
+        """Frames are missing between two; `since_ns`: the time of the first."""
+        seen_ns = since_ns - _LATE * self.relation.input.cycle_ns
+        self.channel.skipped(first, last, seen_ns)
 
     def lost(self, sent: bool, at: Moment) -> None:
         if sent in self.valid:
@@ -608,7 +613,7 @@ class CyclicChannels:
             return
         for line in self._lines:
             if isinstance(line, _Requests) and passed * line.rate > there:
-                line.channel.skipped(first, frame)
+                line.skipped(first, since, frame)
 
     def _ends(self, packet: Packet) -> list[tuple[_Line, Side, bool]]:
         """The directions of relations that are in a frame: two controllers may have the same frame id."""
@@ -677,9 +682,7 @@ class CyclicChannels:
         if line.relation.frame is None:
             line.relation.frame = frame
         line.looks[sent] += 1
-        cycle = (
-            round((time_ns - line.start_ns) / each.cycle_ns) if each.cycle_ns else line.looks[sent]
-        )
+        cycle = (time_ns - line.start_ns) / each.cycle_ns if each.cycle_ns else line.looks[sent]
         at = Moment(frame, time_ns, cycle)
         if isinstance(line, _Requests) and not sent:
             line.passes(at)

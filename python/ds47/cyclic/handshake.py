@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from math import floor
 from typing import NamedTuple
 
 from ds47.cyclic import pkw
@@ -28,11 +29,15 @@ _WAITING = 16
 
 
 class Moment(NamedTuple):
-    """Where something changed: the frame, its time, and how many frames its direction had before it."""
+    """Where something changed: the frame, its time, and how many cycles its relation had before it."""
 
     frame: int
     time_ns: int
-    cycle: int
+    cycle: float
+
+    def since(self, earlier: Moment) -> int:
+        """Cycles that lie between."""
+        return floor(self.cycle - earlier.cycle + 0.5)
 
 
 class Sight(NamedTuple):
@@ -101,7 +106,7 @@ class PkwJob:
     def stood(self) -> int:
         """Cycles from its first frame to the one that ended it, or the last in which it was looked at."""
         last = self.ended or self.last or self.request.at
-        return last.cycle - self.request.at.cycle
+        return last.since(self.request.at)
 
     @property
     def cycles(self) -> int | None:
@@ -111,7 +116,7 @@ class PkwJob:
         """
         if self.answer is None or self.settled or not self.began:
             return None
-        count = self.answer.at.cycle - self.request.at.cycle
+        count = self.answer.at.since(self.request.at)
         return count if count >= 0 else None
 
     @property
@@ -166,7 +171,8 @@ class Channel:
             return True
         self._previous = b"" if last is None else last.data
         job = self._job
-        if job is not None and job.odd is not None and _ak(data) and _fits(data, job.odd.data):
+        odd = None if job is None or job.odd is not self._in else job.odd
+        if job and odd and _ak(data) and _fits(data, odd.data):
             job.hole = Hole(job.request.at.frame, at.frame)  # this was sent before the answer to it
         self._end(at, withdrawn=not _ak(data))
         if _ak(data):
@@ -202,11 +208,15 @@ class Channel:
         elif not _fits(job.request.data, data):
             job.odd = job.odd or self._in
 
-    def skipped(self, first: int, last: int) -> None:
-        """Frames of the channel are missing between two; call it before `answered` for the latter."""
+    def skipped(self, first: int, last: int, seen_ns: int = 0) -> None:
+        """Frames of the channel are missing between two; call it before `answered` for the latter.
+
+        `seen_ns`: of a request that ended earlier a frame of the drive was seen behind its end.
+        """
         hole, job = Hole(first, last), self._job
         for each in self._over:
-            each.hole = hole
+            if each.ended is None or each.ended.time_ns >= seen_ns:
+                each.hole = hole
         if job is not None and job.answer is None and job.request.at.frame <= first:
             job.hole = hole
 
@@ -297,7 +307,7 @@ class Channel:
         job, old = self._job, self._previous
         if job is None or job.answer is not None or not old or _access(data) != "change":
             return False
-        first, cycles = job.request.data, at.cycle - job.request.at.cycle
+        first, cycles = job.request.data, at.since(job.request.at)
         parameter_first = first[4:] == old[4:] and first[:4] == data[:4]
         value_first = first[:4] == old[:4] and first[4:] == data[4:]
         if cycles > 1 or not (parameter_first or value_first):

@@ -210,7 +210,7 @@ class Line:
             self._last = None
         elif short and over.due:
             over.cut, over.due = True, False
-        elif short and not self._echo:
+        elif short and not (self._echo and self.echoes):
             self._last = None
             self._open = None
             return (over,)
