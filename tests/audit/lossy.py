@@ -142,11 +142,19 @@ class Job:
         return next(there, None)
 
     @property
+    def known(self) -> list[int]:
+        """What its Reads were answered."""
+        return [each.got.status for each in self.reads if each.got]
+
+    @property
+    def ended_short(self) -> bool:
+        """Whether its response was longer than what its Reads asked for, and none brought it."""
+        return self.response is None and SHORT in self.known
+
+    @property
     def polls(self) -> int:
-        """Reads that left it open: it was not ready, or longer than what they asked for; that ends it where no more comes."""
-        known = [each.got.status for each in self.reads if each.got]
-        ended = self.response is None and SHORT in known
-        return sum(each in (NOT_READY, SHORT) for each in known) - ended
+        """Reads that left it open: it was not ready, or longer than what they asked for, but for the one that ended it."""
+        return sum(each in (NOT_READY, SHORT) for each in self.known) - self.ended_short
 
 
 Label = tuple[str, int, bool]
