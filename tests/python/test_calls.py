@@ -57,9 +57,14 @@ def calls(count: int = 1, **settings: object) -> list[Pdu]:
     return pdus(talk, **settings)
 
 
+def other(pdu: Pdu, **changes: object) -> Pdu:
+    """Another datagram."""
+    return replace(pdu, mark=hash((pdu.mark, *changes.items())), **changes)  # type: ignore[arg-type]
+
+
 def later(pdu: Pdu, nanoseconds: int, **changes: object) -> Pdu:
     moved = {"time_ns": pdu.time_ns + nanoseconds, "frame": pdu.frame + 100, "ip_id": pdu.ip_id + 1}
-    return replace(pdu, **(moved | changes))  # type: ignore[arg-type]
+    return other(pdu, **(moved | changes))
 
 
 def test_a_call_and_its_response() -> None:
@@ -74,20 +79,15 @@ def test_a_call_and_its_response() -> None:
 
 def test_a_copy_has_the_ip_id() -> None:
     request = calls()[0]
-    for other, copy in (
+    for again, copy in (
         (replace(request, time_ns=request.time_ns + 28_000_000), True),
         (replace(request, time_ns=request.time_ns + 90 * SECOND), True),  # the file holds it twice
         (replace(request, time_ns=request.time_ns - SECOND), True),
-        (replace(request, ip_id=request.ip_id + 1), False),
-        (replace(request, port=request.port + 1), False),
-        (replace(request, boot=request.boot + 1), False),  # the server was started again
-        (replace(request, body=request.body + b"\0"), False),
-        (replace(request, fragment=1), False),
-        (replace(request, source="192.168.133.9"), False),
+        (replace(request, mark=request.mark + 1), False),
     ):
         tracker = Heard().tracker
         assert not tracker.is_copy(request)
-        assert tracker.is_copy(other) == copy
+        assert tracker.is_copy(again) == copy
         assert tracker.counts["copies"] == copy
 
 
@@ -108,9 +108,9 @@ def test_copies_are_looked_for_among_the_latest_datagrams():
     most = LIMITS.datagrams
     tracker = Heard().tracker
     for ip_id in range(2 * most):
-        assert not tracker.is_copy(replace(request, ip_id=ip_id))
+        assert not tracker.is_copy(other(request, ip_id=ip_id))
     for ip_id, copy in ((0, False), (most - 1, False), (most, True), (2 * most - 1, True)):
-        assert tracker.is_copy(replace(request, ip_id=ip_id)) == copy
+        assert tracker.is_copy(other(request, ip_id=ip_id)) == copy
 
 
 def test_a_retransmission_of_an_unanswered_call_at_any_time_before_it_expires() -> None:

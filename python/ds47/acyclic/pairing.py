@@ -410,6 +410,8 @@ class Pairing:
         """ARs with open requests that a Connect seems to have replaced; until anything is said on them."""
         self._count = 0
         self._newest_ns: int | None = None
+        self._due_ns = 0
+        """Up to then no channel is too old."""
 
     def write_request(self, access: RecordAccess, message: Request) -> Job:
         """A Write that asks for something. Returns the job, for `write_response`."""
@@ -452,7 +454,8 @@ class Pairing:
         channel = self.channels.get(job.key)
         if channel is None:
             return
-        self.goes_on(*job.key[:3])
+        if self.replaced:
+            self.goes_on(*job.key[:3])
         if status == 0 and not fault:
             if not _cross(channel, job):
                 self._accept(channel, job)
@@ -660,7 +663,7 @@ class Pairing:
             return Missing("read_answer", read)
         if channel.asked and _may_be_newer(channel, job, record):
             return Missing("later")
-        unknown = not (job.write_told or half.data)  # whether its Write was accepted
+        unknown = not (half.data or job.write_told)  # whether its Write was accepted
         since = asked.frame
         if (unknown or job is channel.refused) and half.status != STATUS_SHORT:
             since = self._free_since(job.key, channel, record.request or half)
@@ -787,7 +790,7 @@ class Pairing:
 
     def _reread(self, channel: Channel, job: Job, record: Record) -> None:
         assert record.response is not None
-        self._step(job, "reread")
+        job.phase = self._table[job.phase]["reread"]
         if not job.rereads and not _was_open(channel, record.request):
             job.between = channel.waiting()
             read = job.read_response.frame if job.read_response else 0
@@ -898,11 +901,10 @@ class Pairing:
         return self._count
 
     def _channel(self, access: RecordAccess, now: int) -> Channel:
-        key = access.channel
+        key, expiry = access.channel, self._limits.transaction_expiry_ns
         if self.replaced:
             self.goes_on(*key[:3])
-        channel = self.channels.get(key)
-        channels, expiry = self.channels, self._limits.transaction_expiry_ns
+        channel, channels = self.channels.get(key), self.channels
         if channel is not None and now - channel.touched > expiry:
             self._close_channel(key, "expired")
             channel = None
@@ -910,16 +912,25 @@ class Pairing:
             channel = channels[key] = Channel(now)
             self._of_ar.setdefault(key[:3], {})[key] = None
             self._of_place.setdefault(_spot(key), {})[key] = None
+            self._due_ns = now  # there may be too many
+        elif now < channel.touched:
+            self._due_ns = now  # somebody set the clock back
         channel.touched = now
         channels.move_to_end(key)
-        while True:
-            oldest = next(iter(channels.values()))
-            if oldest is channel or (
-                now - oldest.touched <= expiry and len(channels) <= self._limits.channels
-            ):
-                return channel
+        if now >= self._due_ns:
+            self._make_room(now)
+        return channel
+
+    def _make_room(self, now: int) -> None:
+        """Closes the channels of which nothing was heard for long, and the oldest of too many."""
+        channels, expiry = self.channels, self._limits.transaction_expiry_ns
+        while len(channels) > 1:
+            key, oldest = next(iter(channels.items()))
             old = now - oldest.touched > expiry
-            self._close_channel(next(iter(channels)), "expired", limit="" if old else "channels")
+            if not old and len(channels) <= self._limits.channels:
+                break
+            self._close_channel(key, "expired", limit="" if old else "channels")
+        self._due_ns = next(iter(channels.values())).touched + expiry
 
     def _accept(self, channel: Channel, job: Job) -> None:
         """An accepted Write opens; it displaces what was open and ends the grace of a refused one."""
@@ -934,7 +945,7 @@ class Pairing:
                 self._lose(channel.refused, "")
                 channel.refused = None
             channel.open = job
-        self._step(job, "write_accepted")
+        job.phase = self._table[job.phase]["write_accepted"]
 
     def _displace(self, channel: Channel, job: Job, by: Job) -> None:
         """An accepted Write displaces a request without its response; whose response may be missing, too.
@@ -961,7 +972,7 @@ class Pairing:
         """
         if channel.open is not None and channel.open.order > job.order:
             channel.asked.remove(job)
-            self._step(job, "write_accepted")
+            job.phase = self._table[job.phase]["write_accepted"]
         else:
             self._accept(channel, job)
 
@@ -1006,7 +1017,7 @@ class Pairing:
             asked = job.write_request or half
             free = held is None and channel.ended < asked.frame
             job.alone = free and self._may_be_open(job.peer, job.key, channel, asked) is None
-        self._step(job, "write_refused")
+        job.phase = self._table[job.phase]["write_refused"]
         if before == "answered":
             return
         if before == "asked":
@@ -1071,7 +1082,7 @@ class Pairing:
             channel.accepted = max(channel.accepted, job.order)  # no older one waits any more
         elif job.phase == "asked" and event not in ("read_empty", "read_short"):
             self._presume(channel, job)
-        self._step(job, event)
+        job.phase = self._table[job.phase][event]
         if event in ("read_poll", "read_short"):
             self._keep(job.polls, (record.request, half))
         elif event == "read_empty":
@@ -1130,9 +1141,6 @@ class Pairing:
             reads.pop()
         reads.append(read)
 
-    def _step(self, job: Job, event: str) -> None:
-        job.phase = self._table[job.phase][event]
-
     def _lose(self, job: Job, reason: str) -> None:
         if job.polls and job.missing is None:
             self._refused_at_last(job)
@@ -1168,7 +1176,7 @@ class Pairing:
     def _end(self, job: Job, event: str) -> None:
         if job.missing is not None and job.fetching and job.read_request is None:
             job.read_request = job.fetching[0]
-        self._step(job, event)
+        job.phase = self._table[job.phase][event]
         self._told.append(("closed", job, None))
 
     def _push_out(self, job: Job, limit: str) -> None:
@@ -1291,7 +1299,9 @@ def _is_later(job: Job, record: Record) -> bool:
 
 def _mirrors(job: Job, half: Half) -> bool:
     """Whether a record has the reference and the kind of a request."""
-    return bool(half.data) and job.reference == half.data[0] and _is_of_kind(job, half) is not False
+    if not half.data or job.reference != half.data[0]:
+        return False
+    return job.message is None or kind_fits(job.message, half.data) is not False
 
 
 def _counts(job: Job, record: Record) -> bool:

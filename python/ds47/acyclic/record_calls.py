@@ -22,6 +22,7 @@ from ds47.profinet.records import (
     Record,
     connected_ar,
     is_only_ar,
+    parse_answers,
     parse_request,
     parse_response,
     released_ar,
@@ -154,23 +155,22 @@ class RecordCalls:
         if pdu.opnum not in _OPERATIONS:
             self._wait(pdu)
             return
-        body, peer, concerned = parse_request(pdu), self._peer(pdu), self._concerned
+        body, peer, events = parse_request(pdu), self._peer(pdu), self._events
         if pdu.missing and (body.multiple or not body.records):
             self._completeness.cut(pdu)
         if body.multiple:
-            self._events.requests[RECORD_WRITE_MULTIPLE, True] += 1
-        call.context = [
-            RecordAccess(peer, each, ours=each.index in concerned) for each in body.records
-        ]
-        for access in call.context:
-            self._events.requests[access.record.index, access.record.write] += 1
-            if self._pairing.replaced:
-                self._pairing.goes_on(*access.ar)
+            events.requests[RECORD_WRITE_MULTIPLE, True] += 1
         if body.nested:
             self._told.append(("remark", Remark("DS208", pdu.frame), None))
-        for access in call.context:
+        context = call.context = list[RecordAccess]()
+        for record in body.records:
+            access = RecordAccess(peer, record, ours=record.index in self._concerned)
+            context.append(access)
+            events.requests[record.index, record.write] += 1
+            if self._pairing.replaced:
+                self._pairing.goes_on(*access.ar)
             if access.ours:
-                self._events.asked(access, pdu.cut)
+                events.asked(access, pdu.cut)
 
     def _late(self, call: RpcCall, answer: rpc.Pdu) -> None:
         """The request of a response that was heard of already, as one without its request."""
@@ -249,14 +249,13 @@ class RecordCalls:
                 self._told.append(("set_up", call.request, pdu))
         if not call.context:
             return
-        status, answers = parse_response(pdu)
+        status, answers = parse_answers(pdu)
         for number, access in enumerate(call.context):
             record = access.record
             if not access.ours and not record.write:
                 continue
-            half = answers[number].response if number < len(answers) else None
-            if half is None:
-                half = without_block(pdu, status, write=record.write)
+            there = number < len(answers)
+            half = answers[number] if there else without_block(pdu, status, write=record.write)
             record.response = half
             if not access.ours:
                 self._told.append(("foreign", access, None))

@@ -93,17 +93,21 @@ class RecordEvents:
         assert half is not None
         if half.missing:
             self._length(access, half, cut)
-        passes = access.proven = self._index47.passes(access.ar, record.index)
-        if not record.write:
+        message = self.decoded(half.data, cut=half.cut) if record.write else None
+        if self._index47.passes(access.ar, record.index):
+            access.proven = True
+            if message is None:
+                self._read_asked(access, half)
+            else:
+                self._write_asked(access, message)
+            return
+        if message is None:
             self.pass_on(access, "read_asked", half)
         else:
-            message = self.decoded(half.data, cut=half.cut)
-            asks = not passes and self._index47.asks(access.peer.device, access.place, message)
+            asks = self._index47.asks(access.peer.device, access.place, message)
             self.pass_on(access, "write_asked", message, asks=asks)
-            if not passes:
-                self._index47.asked(access.ar, access.place, message, half.data)
-        if not passes:
-            self._index47.heard(access.ar, half.frame, asks=True)
+            self._index47.asked(access.ar, access.place, message, half.data)
+        self._index47.heard(access.ar, half.frame, asks=True)
 
     def answered(self, access: RecordAccess, cut: Cut | None) -> None:
         """The response to a request; arguments as for `asked`."""
@@ -112,9 +116,12 @@ class RecordEvents:
         if not record.write:
             self._read_answered(access, half, cut)
             return
-        if half.untold:
+        if half.cut and half.untold:
             self._length(access, half, cut)
-        self.pass_on(access, "write_answered", half)
+        if access.proven:
+            self._write_answered(access, half)
+        else:
+            self.pass_on(access, "write_answered", half)
 
     def unasked(self, access: RecordAccess, cut: Cut | None) -> None:
         """A response without its request."""
@@ -186,9 +193,12 @@ class RecordEvents:
             self._pairing.write_response(access.job, half, fault=True)
 
     def _read_answered(self, access: RecordAccess, half: Half, cut: Cut | None) -> None:
-        if half.missing or half.untold:
+        if half.missing or (half.cut and half.untold):
             self._length(access, half, cut)
-        ours = access.proven or self._index47.passes(access.ar, access.record.index)
+        if access.proven:
+            self._read(access, half)
+            return
+        ours = self._index47.passes(access.ar, access.record.index)
         proves = False
         if half.data and not (ours or self._is_echo(access, half)) and not half.missing:
             answers = self._index47.answers(access.ar, access.place, half.data, self._codec)
@@ -207,10 +217,11 @@ class RecordEvents:
 
     def _read(self, access: RecordAccess, half: Half) -> None:
         self._clock(access, half)
-        if half.untold:
+        if half.cut and half.untold:
             self._pairing.read_untold(access)
             return
-        _read_over(access)
+        if access.job is not None:
+            _read_over(access)
         if access.record.index in ALWAYS and half.data:
             self._index47.responded(access.peer.device, access.place, half.data, self._codec)
         self._pairing.read_response(access)

@@ -521,25 +521,14 @@ class _Swapped:
         return frozenset(int.from_bytes(value.to_bytes(2), self._order) for value in values)
 
 
-_NONE, _PLAIN, _TELLING = 0, 1, 2
-
-
-def _usual(data: Bytes, start: int, captured: int) -> int:
-    """Whether this is an RPC PDU where nearly all of them are: Ethernet, no tag, no IP option.
-
-    `_PLAIN`: it is no part of a Connect.
-    """
-    if (
-        captured < 112
-        or UUIDS.find(data[start + 66 : start + 82]) % 16
-        or data[start + 23] != UDP
-        or data[start + 42] != 4
-        or data[start + 14] != 0x45
-    ):
-        return _NONE
-    half = data[start + 43] == _REQUEST or data[start + 43] == _RESPONSE
-    plain = not half or data[start + 110] or data[start + 111]
-    return _PLAIN if plain and not (data[start + 20] & 0x3F or data[start + 21]) else _TELLING
+_OPERATION_END = 112  # of the header of an RPC PDU there
+_ANY_UUID = b"|".join(re.escape(UUIDS[at : at + 16]) for at in range(0, len(UUIDS), 16))
+is_plain = re.compile(
+    rb".{14}E.{5}[\x00\x40\x80\xc0]\x00.\x11.{18}\x04"
+    rb"(?:[^\x00\x02].{22}(?:%s)|[\x00\x02].{22}(?:%s).{28}(?!\x00\x00))" % (_ANY_UUID, _ANY_UUID),
+    re.DOTALL,
+).match
+"""Finds a PDU as nearly all are, and none of a Connect: Ethernet, no tag, no IP option, no fragment."""
 
 
 def _is_rt(data: Bytes, start: int, captured: int) -> bool:
@@ -919,16 +908,16 @@ class PcapScan(Scan):
                     continue
             quiet = Runs.STRIDE if due else 0
             seconds, fraction, _captured, original = record(data, start - header)
-            usual = _usual(data, start, captured) if kind == ipv4 and ethernet else _NONE
-            wanted = due or usual or _relevant(data, start, after, link_type, original, ports)
+            plain = (
+                kind == ipv4 and ethernet and captured >= _OPERATION_END and is_plain(data, start)
+            )
+            wanted = due or plain or _relevant(data, start, after, link_type, original, ports)
             if not wanted and senders and (kind in tags or not ethernet):
                 wanted = news(data, start, after, number, link_type)
             if wanted:
                 frame = view[start:after].tobytes()
                 found.append((number, 0, seconds, fraction, original, frame))
-                self.paused = (
-                    not due and usual != _PLAIN and self._sets_up(data, start, after, link_type)
-                )
+                self.paused = not (due or plain) and self._sets_up(data, start, after, link_type)
                 if len(found) == BATCH:
                     break
         self._ended(data, newest, position)
@@ -1064,16 +1053,16 @@ class PcapngScan(Scan):
                     continue
             quiet = Runs.STRIDE if due else 0
             link_type, behind = links[interface], start + captured
-            usual = _usual(data, start, captured) if kind == ipv4 and ethernet else _NONE
-            wanted = due or usual or _relevant(data, start, behind, link_type, original, ports)
+            plain = (
+                kind == ipv4 and ethernet and captured >= _OPERATION_END and is_plain(data, start)
+            )
+            wanted = due or plain or _relevant(data, start, behind, link_type, original, ports)
             if not wanted and senders and (kind in tags or not ethernet):
                 wanted = news(data, start, behind, number, link_type)
             if wanted:
                 frame = view[start:behind].tobytes()
                 found.append((number, interface, high, low, original, frame))
-                self.paused = (
-                    not due and usual != _PLAIN and self._sets_up(data, start, behind, link_type)
-                )
+                self.paused = not (due or plain) and self._sets_up(data, start, behind, link_type)
                 if len(found) == BATCH:
                     break
         if number > self.frames:  # a block says at its end, too, how long it is

@@ -62,8 +62,6 @@ class RpcCall:
 class Activity:
     """The open calls of one RPC activity by their sequence number; the oldest request first."""
 
-    newest: int
-    """Number of the newest call."""
     calls: dict[int, RpcCall]
     """Those without a response."""
     oldest_ns: int
@@ -77,7 +75,6 @@ class Activity:
     """The frame of a response that came again, though no request did: one is missing. 0 for none."""
 
     def __init__(self, pdu: Pdu) -> None:
-        self.newest = pdu.seq
         self.anew = self.doubled = 0
         self.calls = {}
         self.oldest_ns = pdu.time_ns
@@ -106,9 +103,6 @@ Became = tuple[What, RpcCall | None, Pdu | None]
 _T = TypeVar("_T")
 _Key = tuple[str, bytes, int]
 """Client, activity, number."""
-_DatagramKey = object
-"""A hash of all that two copies of a datagram have in common. Not called an `int`: it is no number, and
-compiled it would be unpacked and packed for each use."""
 
 
 class CallTracker:
@@ -126,6 +120,8 @@ class CallTracker:
         """The newest responses without a request."""
         self._answered: OrderedDict[_Key, RpcCall] = OrderedDict()
         """Calls with a response that may still be repeated; the one that was heard of last comes last."""
+        self._due_ns = 0
+        """Up to then none of them is too old."""
         self._forgot = False
         """Whether there were too many of them."""
         self._connects: OrderedDict[tuple[str, str], int] = OrderedDict()
@@ -133,9 +129,9 @@ class CallTracker:
         self._activities: OrderedDict[tuple[str, bytes], Activity] = OrderedDict()
         """By client and activity UUID; the one that spoke last comes last."""
         self._most_datagrams = limits.datagrams
-        self._recent: dict[_DatagramKey, int] = {}
+        self._recent: dict[int, int] = {}
         """The newest ones, and when they came; when they are enough, all that came before them is forgotten."""
-        self._earlier: dict[_DatagramKey, int] = {}
+        self._earlier: dict[int, int] = {}
         """Those before them."""
         self._given_up: OrderedDict[_Key, None] = OrderedDict()
         """The newest requests whose responses did not come in time."""
@@ -151,30 +147,16 @@ class CallTracker:
 
         An IP id of 0 is none. Then it is a copy only within the copy window.
         """
-        key: _DatagramKey = hash(
-            (
-                pdu.source,
-                pdu.destination,
-                pdu.activity,
-                pdu.ptype,
-                pdu.ip_id,
-                pdu.port,
-                pdu.boot,
-                pdu.fragment,
-                pdu.seq,
-                pdu.body,
-            )
-        )
         recent, now = self._recent, pdu.time_ns
-        before = recent.get(key)
+        before = recent.get(pdu.mark)
         if before is None:
-            before = self._earlier.get(key)
+            before = self._earlier.get(pdu.mark)
         if before is not None and (pdu.ip_id or abs(now - before) <= self._limits.copy_ns):
             self.counts["copies"] += 1
             if now - before > self._limits.copy_ns:
                 self._came_again(pdu)
             return True
-        recent[key] = now
+        recent[pdu.mark] = now
         if len(recent) >= self._most_datagrams:
             self._earlier, self._recent = recent, {}
         return False
@@ -236,8 +218,10 @@ class CallTracker:
     def _request(self, pdu: Pdu, told: list[Became]) -> None:
         self.counts["requests"] += 1
         activity, seq = self._activity(pdu, told), pdu.seq
-        key, calls = (pdu.client, pdu.activity, seq), activity.calls
-        if pdu.time_ns - activity.oldest_ns > self._expiry_ns or len(calls) > self._most:
+        key, calls, numbers = (pdu.client, pdu.activity, seq), activity.calls, activity.numbers
+        if calls and (
+            pdu.time_ns - activity.oldest_ns > self._expiry_ns or len(calls) > self._most
+        ):
             self._expire(activity, pdu, told)
         call = calls.get(seq) or self._answered.get(key)
         if call is not None:
@@ -245,21 +229,23 @@ class CallTracker:
                 self._repeated(activity, call, pdu)
                 told.append(("again", call, pdu))
                 return
-            activity.anew, activity.numbers.answered = pdu.frame, -1
+            activity.anew, numbers.answered = pdu.frame, -1
             if not call.answer:
                 self._lose(call, told, went_on=True)
                 del calls[seq]  # the new one goes to the end
-        if activity.numbers.is_late(pdu) or seq < activity.numbers.answered:
+        if seq <= numbers.highest and (numbers.is_late(pdu) or seq < numbers.answered):
             self._completeness.disordered(pdu)
         if pdu.opnum == RPC_CONNECT:
             self._connected(pdu)
         early = self._early.pop(key, None) if self._early else None
         late = early is not None and 0 <= early.time_ns - pdu.time_ns <= self._limits.call_expiry_ns
-        activity.numbers.add(pdu, renewed=early is None)
+        if seq == numbers.highest + 1:
+            numbers.highest, numbers.newest = seq, pdu
+        else:
+            numbers.add(pdu, renewed=early is None)
         if not calls or pdu.time_ns < activity.oldest_ns:
             activity.oldest_ns = pdu.time_ns
         call = calls[seq] = RpcCall(pdu)
-        activity.newest = seq
         if early is not None and not late and self._was_read(pdu, early):
             self._answer(activity, call, early)
             self._repeated(activity, call, pdu)
@@ -292,6 +278,7 @@ class CallTracker:
         else:
             call.heard_ns = max(pdu.time_ns, call.answer_ns)
             self._answered.move_to_end((pdu.client, pdu.activity, pdu.seq))
+            self._due_ns = 0
 
     def _activity(self, pdu: Pdu, told: list[Became]) -> Activity:
         key = (pdu.client, pdu.activity)
@@ -370,27 +357,33 @@ class CallTracker:
         """A call is answered: it is remembered as long as its client may repeat it."""
         if call.opnum != RPC_CONNECT:
             call.request = None
-        call.answer, call.answer_ns, call.said = pdu.frame, pdu.time_ns, hash(pdu.body)
-        numbers = activity.numbers
-        if pdu.seq < numbers.answered and numbers.is_late(pdu):
-            self._completeness.disordered(pdu)
-        if pdu.seq < numbers.highest:
+        seq, now, numbers, answered = pdu.seq, pdu.time_ns, activity.numbers, self._answered
+        call.answer, call.answer_ns, call.said = pdu.frame, now, hash(pdu.body)
+        if seq < numbers.highest:
             numbers.ahead += 1
         else:
             numbers.waited += 1
-        numbers.answered = max(numbers.answered, pdu.seq)
-        call.heard_ns = max(call.sent_ns, pdu.time_ns)
-        del activity.calls[pdu.seq]
-        answered = self._answered
-        key = pdu.client, pdu.activity, pdu.seq
+        if seq > numbers.answered:
+            numbers.answered = seq
+        elif seq < numbers.answered and numbers.is_late(pdu):
+            self._completeness.disordered(pdu)
+        call.heard_ns = max(call.sent_ns, now)
+        del activity.calls[seq]
+        key = pdu.client, pdu.activity, seq
         answered[key] = call
         answered.move_to_end(key)
-        since = pdu.time_ns - self._expiry_ns
-        while next(iter(answered.values())).heard_ns < since:
-            answered.popitem(last=False)
+        if now > self._due_ns:
+            self._forget(now - self._expiry_ns)
         if len(answered) > self._limits.answered_calls:
             answered.popitem(last=False)
             self._forgot = True
+
+    def _forget(self, since_ns: int) -> None:
+        """Of the answered calls those of which nothing was heard since."""
+        answered = self._answered
+        while (oldest := next(iter(answered.values()))).heard_ns < since_ns:
+            answered.popitem(last=False)
+        self._due_ns = oldest.heard_ns + self._expiry_ns
 
     def _unasked(self, pdu: Pdu) -> bool:
         """Hears of a response or fault without its request; whether that certainly is not in the capture."""

@@ -335,7 +335,7 @@ class Completeness:
             return "halves"
         if anew > since:
             return "renewed"
-        if not pair.hears:
+        if not (pair.heard or pair.hears):
             return "one_direction"
         return "halves" if across and (pair.lost or pair.unread) else None
 

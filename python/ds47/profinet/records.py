@@ -8,7 +8,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 from ds47.profinet.rpc import Pdu
 from ds47.spec.layouts import (
@@ -36,6 +36,9 @@ NO_API: Final = -1
 
 _BLOCK: Final = struct.Struct(RECORD_STRUCT)
 """Type, length, version, sequence, AR, API, slot, subslot, padding, index, record data length."""
+_INDEX: Final = 9
+"""Where among them the index is."""
+_Answer = tuple[int, tuple[Any, ...], "Half"]
 _STATUS: Final = {True: struct.Struct("<I"), False: struct.Struct(">I")}
 _REQUEST_BLOCKS: Final = {
     RPC_READ: BLOCK_READ_REQUEST,
@@ -219,50 +222,62 @@ def parse_response(pdu: Pdu) -> tuple[int | None, list[Record]]:
     The blocks carry their own address, so that a response without its request can still be placed.
     An IODWriteMultiple gives its inner responses only.
     """
-    body = pdu.body
+    status, answers = _answers(pdu)
+    write, implicit, records = (
+        pdu.opnum == RPC_WRITE,
+        pdu.opnum == RPC_READ_IMPLICIT,
+        list[Record](),
+    )
+    for position, block, half in answers:
+        (_kind, _length, _version, _seq, ar, api, slot, subslot, _pad, index, _data) = block
+        ar = NIL_UUID if implicit else ar
+        records.append(Record(write, implicit, ar, api, slot, subslot, index, position, None, half))
+    return status, records
+
+
+def parse_answers(pdu: Pdu) -> tuple[int | None, list[Half]]:
+    """The same of a response whose request is known, which tells where the records are."""
+    status, answers = _answers(pdu)
+    return status, [half for _, _, half in answers]
+
+
+def _answers(pdu: Pdu) -> tuple[int | None, list[_Answer]]:
+    """Each response block: its place in an IODWriteMultiple, the fields of its header, what is answered."""
+    body, opnum = pdu.body, pdu.opnum
     if len(body) < NDR_SIZE:
-        status = body[:4]
+        told = body[:4]
         order = "little" if pdu.little else "big"
-        return (int.from_bytes(status, order) if len(status) == 4 else None), []  # type: ignore[arg-type]
-    ndr_status: int = _STATUS[pdu.little].unpack_from(body)[0]
-    records: list[Record] = []
-    if pdu.opnum == RPC_WRITE:
-        offset = NDR_SIZE
-        while (record := _write_response(pdu, offset, ndr_status, len(records))) is not None:
-            records.append(record)
-            offset += RECORD_SIZE
-        if records and records[0].index == RECORD_WRITE_MULTIPLE:
-            outer = records.pop(0).response
-            if not records and outer and outer.status:
-                ndr_status = outer.status
-    elif pdu.opnum in _READS and len(body) >= NDR_SIZE + _BLOCK.size:
-        (kind, _length, _version, _seq, ar, api, slot, subslot, _pad, index,
-         length) = _BLOCK.unpack_from(body, NDR_SIZE)  # fmt: skip
-        if kind == BLOCK_READ_RESPONSE:
-            start = NDR_SIZE + RECORD_SIZE
-            half = _carrying(pdu, body[start : start + length], length, ndr_status)
-            implicit = pdu.opnum == RPC_READ_IMPLICIT
-            if implicit:
-                ar = NIL_UUID
-            records.append(Record(False, implicit, ar, api, slot, subslot, index, 0, None, half))
-    return ndr_status, records
+        return (int.from_bytes(told, order) if len(told) == 4 else None), []  # type: ignore[arg-type]
+    status: int = _STATUS[pdu.little].unpack_from(body)[0]
+    if opnum == RPC_WRITE:
+        return _written(pdu, status)
+    if opnum not in _READS or len(body) < NDR_SIZE + _BLOCK.size:
+        return status, []
+    block = _BLOCK.unpack_from(body, NDR_SIZE)
+    if block[0] != BLOCK_READ_RESPONSE:
+        return status, []
+    start, stated = NDR_SIZE + RECORD_SIZE, block[-1]
+    return status, [(0, block, _carrying(pdu, body[start : start + stated], stated, status))]
 
 
-def _write_response(pdu: Pdu, offset: int, ndr_status: int, position: int) -> Record | None:
-    """The response block at an offset, if there is one; its own status counts if the NDR header's is 0."""
-    body = pdu.body
-    if len(body) < offset + _BLOCK.size:
-        return None
-    (kind, _length, _version, _seq, ar, api, slot, subslot, _pad, index,
-     _data) = _BLOCK.unpack_from(body, offset)  # fmt: skip
-    if kind != BLOCK_WRITE_RESPONSE:
-        return None
-    status: int | None = ndr_status
-    if not ndr_status:
-        own = body[offset + RECORD_STATUS : offset + RECORD_STATUS + 4]
-        status = int.from_bytes(own, "big") if len(own) == 4 else None
-    half = Half(pdu.frame, pdu.time_ns, status=status, cut=status is None and pdu.cut is not None)
-    return Record(True, False, ar, api, slot, subslot, index, position, None, half)
+def _written(pdu: Pdu, status: int) -> tuple[int, list[_Answer]]:
+    """The response blocks of a Write; the own status of a block counts if that of the NDR header is 0."""
+    body, answers = pdu.body, list[_Answer]()
+    for offset in range(NDR_SIZE, len(body) - _BLOCK.size + 1, RECORD_SIZE):
+        block = _BLOCK.unpack_from(body, offset)
+        if block[0] != BLOCK_WRITE_RESPONSE:
+            break
+        told: int | None = status
+        if not status:
+            own = body[offset + RECORD_STATUS : offset + RECORD_STATUS + 4]
+            told = int.from_bytes(own, "big") if len(own) == 4 else None
+        cut = told is None and pdu.cut is not None
+        answers.append((len(answers), block, Half(pdu.frame, pdu.time_ns, status=told, cut=cut)))
+    if answers and answers[0][1][_INDEX] == RECORD_WRITE_MULTIPLE:
+        outer = answers.pop(0)[2]
+        if not answers and outer.status:
+            status = outer.status
+    return status, answers
 
 
 def released_ar(pdu: Pdu) -> bytes | None:

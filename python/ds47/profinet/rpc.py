@@ -15,7 +15,7 @@ from functools import lru_cache
 from typing import Final, NamedTuple
 
 from ds47.capture import Frame
-from ds47.capture.scan import ETHERNET, IPV4, UDP, UUIDS
+from ds47.capture.scan import ETHERNET, UUIDS, is_plain
 from ds47.profinet.ip import Cut, address
 from ds47.profinet.link import Packet, mac
 from ds47.profinet.traces import MOST_COPIES, Trace, Traces
@@ -92,8 +92,8 @@ class Pdu:
     server: str
     """The IP address of the side that was called."""
     cut: Cut | None
-    boot: int
-    """When the server started, as it says itself: tells a datagram of before a restart apart."""
+    mark: int
+    """A hash of what two copies of its datagram have in common."""
 
     def __init__(
         self,
@@ -118,7 +118,7 @@ class Pdu:
         client: str,
         server: str,
         cut: Cut | None = None,
-        boot: int = 0,
+        mark: int = 0,
     ) -> None:
         self.ptype = ptype
         self.little = little
@@ -141,7 +141,7 @@ class Pdu:
         self.client = client
         self.server = server
         self.cut = cut
-        self.boot = boot
+        self.mark = mark
 
 
 def parse(packet: Packet) -> Pdu | None:
@@ -165,21 +165,21 @@ def parse(packet: Packet) -> Pdu | None:
     flags = data[RPC_FLAGS]
     fragmented = flags & RPC_IS_FRAGMENT != 0
     body = data[RPC_SIZE : RPC_SIZE + length]
-    client, server = packet.src_ip, packet.dst_ip
-    if ptype not in _FROM_CLIENT:
-        client, server = server, client
+    source, destination, activity = packet.src_ip, packet.dst_ip, _UUID.pack(a1, a2, a3, a4)
+    client, server = (source, destination) if ptype in _FROM_CLIENT else (destination, source)
+    ip_id, port = packet.ip_id, packet.src_port
+    mark = hash((source, destination, activity, ptype, ip_id, port, boot, fragment, seq, body))
     return Pdu(
-        ptype, little, _UUID.pack(o1, o2, o3, o4), _UUID.pack(a1, a2, a3, a4), seq, opnum,
+        ptype, little, _UUID.pack(o1, o2, o3, o4), activity, seq, opnum,
         fragment, flags & RPC_LAST_FRAGMENT != 0, fragmented, body, length - len(body),
-        packet.frame, packet.time_ns, packet.src_ip, packet.dst_ip, packet.ip_id,
-        packet.src_port, packet.src_mac, client, server, packet.cut if length > len(body) else None,
-        boot,
+        packet.frame, packet.time_ns, source, destination, ip_id,
+        port, packet.src_mac, client, server, packet.cut if length > len(body) else None,
+        mark,
     )  # fmt: skip
 
 
-_USUAL_LITTLE: Final = struct.Struct(f"<BBB5x48s{RPC_STRUCT}")
-_USUAL_BIG: Final = struct.Struct(f">BBB5x48s{RPC_STRUCT}")
-_LOWER: Final = struct.Struct(">12xHBxHHHxBxx8sHxxH")
+_USUAL: Final = struct.Struct("<xBB5x48sI4xIH4xHH"), struct.Struct(">xBB5x48sI4xIH4xHH")
+_LOWER: Final = struct.Struct(">16xHH6x8sHxxH")
 _INTERFACES: Final = {  # the first of each pair in network order, the second of a little-endian sender
     little: frozenset(UUIDS[at : at + 16] for at in range(16 if little else 0, len(UUIDS), 32))
     for little in (True, False)
@@ -195,91 +195,72 @@ def from_frame(frame: Frame) -> Pdu | None:
     None for every other frame: `link.dissect` and `parse` take those, and would give the same.
     """
     data = frame.data
-    if frame.link_type != ETHERNET or len(data) < _BODY_START:
+    if frame.link_type != ETHERNET or len(data) < _BODY_START or not is_plain(data):
         return None
-    kind, version, total, ip_id, flags, protocol, hosts, port, stated = _LOWER.unpack_from(data)
+    total, ip_id, hosts, port, stated = _LOWER.unpack_from(data)
     end = _UDP_START + stated
-    if (
-        kind != IPV4
-        or version != 0x45
-        or flags & 0x3FFF
-        or protocol != UDP
-        or total != stated + 20
-        or end > len(data)
-        or end < _BODY_START
-    ):
+    if total != stated + 20 or not _BODY_START <= end <= len(data):
         return None
     little = data[_RPC_START + RPC_ORDER] & RPC_LITTLE != 0
-    (rpc_version, ptype, rpc_flags, identity,
-     boot, _version, seq, opnum, _ihint, _ahint, length, fragment,
-     ) = (_USUAL_LITTLE if little else _USUAL_BIG).unpack_from(data, _RPC_START)  # fmt: skip
-    uuids = (_LITTLE_UUIDS if little else _BIG_UUIDS).get(identity)
-    if uuids is None:
-        uuids = _uuids(identity, little)
-        if uuids is None:
-            return None
+    (ptype, flags, identity, boot, seq, opnum, length, fragment,
+     ) = _USUAL[not little].unpack_from(data, _RPC_START)  # fmt: skip
+    names = data[6:12], hosts, identity
+    known = _KNOWN[little].get(names) or _learnt(little, *names)
     ptype &= _PTYPE_BITS
-    if rpc_version != RPC_VERSION_4 or ptype not in PTYPES:
+    if known is None or ptype not in PTYPES:
         return None
-    pair = _HOSTS.get(hosts)
-    source, destination = pair if pair is not None else _hosts(hosts)
-    station = _MACS.get(data[6:12])
-    if station is None:
-        station = _mac(data[6:12])
+    object_uuid, activity, station, source, destination = known
     client, server = source, destination
     if ptype not in _FROM_CLIENT:
         client, server = destination, source
-    if _BODY_START + length < end:
-        end = _BODY_START + length
-    body = data[_BODY_START:end]
-    cut = None
-    if length > len(body) and frame.original_length > len(data):
+    missing, cut = _BODY_START + length - end, None
+    if missing < 0:
+        end, missing = end + missing, 0
+    elif missing and frame.original_length > len(data):
         cut = (frame.number, len(data), frame.original_length)
+    body = data[_BODY_START:end]
+    mark = hash((source, destination, activity, ptype, ip_id, port, boot, fragment, seq, body))
     return Pdu(
-        ptype, little, uuids[0], uuids[1], seq, opnum, fragment,
-        rpc_flags & RPC_LAST_FRAGMENT != 0, rpc_flags & RPC_IS_FRAGMENT != 0,
-        body, length - len(body), frame.number, frame.time_ns,
-        source, destination, ip_id, port, station, client, server, cut, boot,
+        ptype, little, object_uuid, activity, seq, opnum, fragment,
+        flags & RPC_LAST_FRAGMENT != 0, flags & RPC_IS_FRAGMENT != 0,
+        body, missing, frame.number, frame.time_ns,
+        source, destination, ip_id, port, station, client, server, cut, mark,
     )  # fmt: skip
 
 
-# What the frames of a capture say again and again, as it is wanted; forgotten when it grows too much.
-_LITTLE_UUIDS: Final[dict[bytes, tuple[bytes, bytes]]] = {}
-_BIG_UUIDS: Final[dict[bytes, tuple[bytes, bytes]]] = {}
-_HOSTS: Final[dict[bytes, tuple[str, str]]] = {}
-_MACS: Final[dict[bytes, str]] = {}
+_Names = tuple[bytes, bytes, str, str, str]
+_KNOWN: Final[tuple[dict[tuple[bytes, bytes, bytes], _Names], ...]] = {}, {}
+"""What the frames of a capture say again and again, as it is wanted; forgotten when it grows too much."""
 _MOST_KNOWN: Final = 4096
 
 
-def _uuids(identity: bytes, little: bool) -> tuple[bytes, bytes] | None:
-    """Object and activity in network order, from object, interface, activity; None for a foreign one."""
+def _learnt(little: bool, station: bytes, hosts: bytes, identity: bytes) -> _Names | None:
+    """Object and activity in network order, MAC address of the sender, and who talks to whom.
+
+    Args:
+        little: the byte order of the UUIDs.
+        station: the MAC address.
+        hosts: the IP addresses of source and destination.
+        identity: object, interface and activity.
+
+    Returns:
+        None for a foreign interface.
+    """
     if identity[16:32] not in _INTERFACES[little]:
         return None
-    known = _LITTLE_UUIDS if little else _BIG_UUIDS
+    known = _KNOWN[little]
     if len(known) >= _MOST_KNOWN:
         known.clear()
-    uuids = (_normalised(identity[:16], little), _normalised(identity[32:], little))
-    known[identity] = uuids
-    return uuids
+    names = (
+        _normalised(identity[:16], little), _normalised(identity[32:], little),
+        mac(station), address(hosts[:4]), address(hosts[4:]),
+    )  # fmt: skip
+    known[station, hosts, identity] = names
+    return names
 
 
 def _normalised(uuid: bytes, little: bool) -> bytes:
     return _UUID.pack(*struct.unpack("<IHH8s", uuid)) if little else uuid
-
-
-def _hosts(addresses: bytes) -> tuple[str, str]:
-    if len(_HOSTS) >= _MOST_KNOWN:
-        _HOSTS.clear()
-    pair = (address(addresses[:4]), address(addresses[4:]))
-    _HOSTS[addresses] = pair
-    return pair
-
-
-def _mac(raw: bytes) -> str:
-    if len(_MACS) >= _MOST_KNOWN:
-        _MACS.clear()
-    text = _MACS[raw] = mac(raw)
-    return text
 
 
 @lru_cache(maxsize=4096)
