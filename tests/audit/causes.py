@@ -1044,6 +1044,10 @@ def _half(case: Case) -> Iterator[str]:
     if what == "disorder" and case.frame in (late := cyclic.late(case.reading)):
         if not 0 < (case.args.get("count") or 0) <= len(late):
             yield f"{len(late)} cyclic frames stand behind a later one"
+    elif what == "cyclic_holes":
+        places = cyclic.pauses(case.reading, pair)
+        if not (0 < (case.args.get("count") or 0) <= len(places) and case.frame > places[0][0]):
+            yield f"no frames of the two are missing but between {places}"
     elif what == "cyclic_gaps" or (what == "file_ends" and pkw.of_end(case.frame, case.reading)):
         yield from _of_pkw(case, what, pair)
     else:

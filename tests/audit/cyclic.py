@@ -89,3 +89,23 @@ def of_mixed(finding: Finding, reading: Reading) -> Iterator[str]:
     least = sides[0]["cycle_ms"] * TICKS / 2
     if sum(step < least or step > COUNTERS / 2 for step in steps) < 2:
         yield "the counters go on by a cycle each"
+
+
+def pauses(reading: Reading, pair: tuple[str, str]) -> list[tuple[int, int]]:
+    """The frames between which nothing of a controller and a drive came for longer than a cycle and a half.
+
+    Where no Connect tells the cycle, for longer than three times what most take.
+    """
+    found = set[tuple[int, int]]()
+    for relation in reading.plain["relations"]:
+        if (relation["controller"], relation["device"]) != pair:
+            continue
+        there = sorted(
+            part[:2] for side in ("output", "input") for part in parts(reading, relation, side)
+        )
+        gaps = [two[1] - one[1] for one, two in pairwise(there)]
+        usual = (
+            (relation["cycle_ms"] or 0) * 1.5e6 or 3 * sorted(gaps)[len(gaps) // 2] if gaps else 0
+        )
+        found |= {(one[0], two[0]) for one, two in pairwise(there) if two[1] - one[1] > usual}
+    return sorted(found)

@@ -37,9 +37,6 @@ OF_LINES = (
     "3rd swapped", "7th swapped", "clock back", "doubled", "twice",
 )  # fmt: skip
 """How a line is cut. Of whole exchanges that are missing two by two nothing tells."""
-OF_MACHINES = tuple(name for name in cuts.ALL if name != "hole")
-"""How cyclic frames are cut. What stands in front of a hole and behind it the report still takes for neighbours, though
-times and cycle counters show it: requests withdrawn in it, and what stood all the time (DS503, DS514, DS520 to DS528)."""
 UNTOLD = ("DS5", "DS811")
 """Rules of which a line with holes is not judged.
 
@@ -146,8 +143,7 @@ def of_cuts(plan: Plan, folder: Path) -> list[Complaint]:
         return [each for each in found if not each.rule.startswith(UNTOLD)]
     other = folder / "other.pcap"
     play(replace(whole(plan), seed=plan.seed + 1)).tape.write(other)
-    names = OF_MACHINES if isinstance(plan, machines.Plan) else cuts.ALL
-    return [*holes.of(path, cuts.two(plan.seed, names)), *holes.merged(path, other)]
+    return [*holes.of(path, cuts.two(plan.seed)), *holes.merged(path, other)]
 
 
 def over(plans: list[Plan], *, cut: bool = False) -> Iterator[tuple[Plan, list[Complaint]]]:

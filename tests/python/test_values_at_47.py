@@ -200,3 +200,16 @@ def test_who_watches_a_drive_hears_in_time() -> None:
     assert sorted(set(told)) == [1, 3, 5, 7, 9, 11, 13]
     result = analyze(io.BytesIO(recorded(client.stage, 1)))
     assert len(result.transactions) == 7
+
+
+def test_one_pair_that_fits_is_enough_however_much_is_malformed_behind_it() -> None:
+    """A program whose LEN is too small for all but one request is told so."""
+    client = Client(Stage())
+    client.exchange(asked(21), message.answer(21, 1, 1, message.real(1.0)))
+    for _ in range(40):
+        client.exchange(message.read(22, 1, message.address(22), message.address(23))[:9], b"")
+    result = analyze(io.BytesIO(recorded(client.stage, 1)))
+    assert (len(result.transactions), result.transactions[0].state) == (41, "ok")
+    told = [each.transaction for each in result.findings if each.rule == "DS711"]
+    assert told == list(range(2, 42))
+    assert "DS209" not in {each.rule for each in result.findings}

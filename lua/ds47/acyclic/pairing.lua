@@ -1138,7 +1138,7 @@ local function of_another(self, channel, job, record)
     return found
   end
   local sure = fits and kind_fits(job.message, data) -- of a record that is too short nothing tells
-  local first = found.what == "begins" and fits and not job:write_refused()
+  local first = found.what == "begins" and (sure or fits and not job:write_refused())
   return not (first or sure and counts(job, record)) and found or nil
 end
 

@@ -36,6 +36,8 @@ local ETHERTYPE, TAG = "\x88\x92", "\x81\x00"
 local DCP = 0xFE -- first byte of frame ids that are not cyclic
 -- What a sender may be slower than its cycle, and how many frames it may be short of: else some are missing.
 local SLOWER, ALLOWED = 1.25, 3
+-- After so many exchanges with a station one that comes so many times as late as any before it shows a hole.
+local HABIT, PAUSE = 32, 4
 local LATE = 2 -- cycles from a change of a request to the next frame of the drive: some between are missing
 local KEPT = 256 -- transactions that wait for the proof
 local PATIENCE = 8192 -- frames of what might be PZD that are looked at without a proof
@@ -73,7 +75,7 @@ function M.new(listener, limits, numbers, naming)
     asked = {}, -- places where one was, in a relation that another one may have replaced
     moved = {}, -- ends in which the last frame changed something
     looked = {frame = 0, place = 0, time = 0}, -- of the last look; `place` is its number before
-    busiest = 0, -- the highest rate of a channel of PKW
+    busiest = 0, -- the highest rate of a channel
   }, Channels)
 end
 
@@ -218,6 +220,11 @@ function Drive:take(sent, words, moment)
   end
 end
 
+--- Frames are missing behind the one `before`, if its own began before.
+function Drive:skipped(before)
+  if self.start and self.start <= before.time then self.recorder:skipped() end
+end
+
 function Drive:lost(sent, moment)
   self.recorder:lost(sent, moment.frame, moment.time)
 end
@@ -294,8 +301,6 @@ local function new_requests(self, relation)
   line.channel = handshake.new(over, line, relations.is_bus(relation) and relation.certainty ~= NAMED)
   line.changed = nil -- when the words of the controller changed first, until a frame of the drive comes
   line.shared = false -- whether other drives have frames of the same id
-  local out, input = relation.output.cycle_ns, relation.input.cycle_ns
-  line.rate = out > 0 and input > 0 and 1 / out + 1 / input or 0 -- frames of both directions in a nanosecond
   return line
 end
 
@@ -309,6 +314,8 @@ local function add(self, relation, behind)
     line = new_drive(self, relation, behind)
     self.drives_[#self.drives_ + 1] = line
   end
+  local out, input = relation.output.cycle_ns, relation.input.cycle_ns
+  line.rate = out > 0 and input > 0 and 1 / out + 1 / input or 0 -- frames of both directions in a nanosecond
   line.ends = {
     {line = line, side = relation.output, sent = true, looks = 0},
     {line = line, side = relation.input, sent = false, looks = 0},
@@ -433,7 +440,7 @@ end
 local function watch(self)
   self.rows, self.senders, self.moved, self.stations, self.busiest = {}, 0, {}, {}, 0
   for _, line in ipairs(self.lines) do
-    self.busiest = max(self.busiest, line.rate or 0)
+    self.busiest = max(self.busiest, line.rate)
     local is_bus = relations.is_bus(line.relation)
     for _, each in ipairs(line.ends) do
       local rows, key, id = self.stations, each.side.source, each.side.frame_id
@@ -441,7 +448,7 @@ local function watch(self)
       if is_bus or floor(id / 256) ~= DCP then
         rows[key] = rows[key] or {
           period = -1, due = 0, -- of the last look, and the frame with which the next begins
-          said = "", count = 0, -- of a station
+          said = "", count = 0, longest = 0, -- of a station; the longest time between two
           follows = false, -- whether the frame behind one that says something new is looked at as well
           sequences = {}, -- by receiver
           key = key,
@@ -790,7 +797,7 @@ local function look(self, number, time)
   local before, place = self.looked, self.numbers and self.numbers[number] or number
   local passed, there = time - before.time, SLOWER * (place - before.place) + ALLOWED
   for _, line in ipairs(passed * self.busiest > there and self.lines or {}) do
-    if line.rate and passed * line.rate > there then line:skipped(before, number) end
+    if passed * line.rate > there then line:skipped(before, number) end
   end
   self.looked = {frame = number, place = place, time = time}
 end
@@ -832,12 +839,25 @@ local function is_news_of_station(row, data)
   return true
 end
 
+-- Where the next data of a master comes much later than any before it, exchanges are missing: nobody tells
+-- their cycle.
+local function pause(row, number, time)
+  local passed = row.newest and time - row.newest.time or 0
+  if row.count > HABIT and row.longest > 0 and passed > PAUSE * row.longest then
+    for _, each in ipairs(row) do each.line:skipped(row.newest, number) end
+  else
+    row.longest = max(row.longest, passed)
+  end
+  row.newest = {frame = number, time = time}
+end
+
 --- Data of a station of PROFIBUS: one side of a relation at a time.
 -- @param source  sender and receiver, two bytes
 -- @param number, time  of the frame; a time as times.lua has it
 function Channels:exchanged(source, data, number, time)
   self.moved = {}
   local row = self.stations[source]
+  if row and row[1] and row[1].sent then pause(row, number, time) end
   if row and is_news_of_station(row, data) then take_all(self, row, data, 0, number, time) end
 end
 

@@ -34,8 +34,9 @@ local Operation = {}
 Operation.__index = Operation
 
 -- What has to stand for so long before it is said, and is said once, when it ends.
+-- `told`: it was, and may stand still behind frames that are missing.
 local function standing(rule, limit_ns)
-  return {rule = rule, limit_ns = limit_ns, begun = nil, newest = nil}
+  return {rule = rule, limit_ns = limit_ns, begun = nil, newest = nil, told = false}
 end
 
 --- What is wrong with the operation of one drive.
@@ -81,25 +82,27 @@ local function args_of(self, stood, begun)
   return {}
 end
 
--- It ends now, whatever holds.
+-- It ends now, whatever holds; true where it stood for long enough.
 local function over(self, stood)
   local begun, newest = stood.begun, stood.newest
   stood.begun, stood.newest = nil, nil
-  if begun == nil or newest == nil or newest.time - begun.time < stood.limit_ns then return end
+  if begun == nil or newest == nil or newest.time - begun.time < stood.limit_ns then return false end
   local args = args_of(self, stood, begun)
   if args then
     args.seconds, args.limit = float((newest.time - begun.time) / 1e9), float(stood.limit_ns / 1e9)
     say(self, stood.rule, begun.frame, args)
   end
+  return true
 end
 
 local function watch(self, stood, holds, now)
   if holds then
-    stood.begun, stood.newest = stood.begun or now, now
+    if not stood.told then stood.begun, stood.newest = stood.begun or now, now end
     return
   end
   if stood.begun then stood.newest = now end -- it stood until this frame
   over(self, stood)
+  stood.told = false
 end
 
 local function not_running(self, now)
@@ -212,6 +215,14 @@ function Operation:lost(frame, by_controller)
   self:finish()
   self.last, self.least, self.most, self.unheeded = nil, nil, nil, {}
   return stops
+end
+
+--- Frames are missing from here on: what stands, stood until here at least, and no edge is one.
+function Operation:skipped()
+  for _, name in ipairs(STANDING) do
+    self[name].told = over(self, self[name]) or self[name].told
+  end
+  self.last, self.least, self.most, self.unheeded, self.off, self.was_equal = nil, nil, nil, {}, {}, false
 end
 
 --- The same operation as one that goes on alone.

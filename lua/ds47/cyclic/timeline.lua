@@ -63,6 +63,7 @@ function M.new(operation, trusted, speed, fault, most)
     stw1 = nil, zsw1 = nil, heeded = nil, -- the words, and the last control word that the drive heeds
     on_time = nil, -- when ON was given to a drive that was ready for it
     lost_out = false, lost_in = false, -- whose data is not valid
+    is_skipped = false, -- whether frames are missing before the next one of the drive
     trips = trips.new(operation.limits.trip_ns),
     setpoint = nil, actual = nil, -- raw, the setpoint as it is effective
   }, Recorder)
@@ -168,7 +169,8 @@ end
 local function status(self, zsw1, frame, time)
   local before, running = self.zsw1, zsw1 % 8
   self.zsw1 = zsw1
-  local since = not self.lost_in and self.fault_since or frame -- what was in between nobody knows
+  local seen = not (self.lost_in or self.is_skipped) -- else nobody knows what was in between
+  local since = seen and self.fault_since or frame
   self.fault_since = bit(zsw1, FAULT) == 1 and since or nil
   if bit(zsw1, FAULT) == 0 and (ILLEGAL[running] or bit(zsw1, INHIBITED) == 1 and running ~= 0) then
     self.refuted = true
@@ -180,7 +182,7 @@ local function status(self, zsw1, frame, time)
   local standing = running == 0 or bit(zsw1, FAULT) == 1
   self.legal = self.legal or is_legal(zsw1) or standing and is_healthy(zsw1)
   if before then
-    self.trips:said(before, zsw1, frame, time, not self.lost_in)
+    self.trips:said(before, zsw1, frame, time, seen)
     if is_failure(before, zsw1) then
       self.failed, self.ready = self.failed + 1, self.ready or before % 2 == 1
     end
@@ -211,8 +213,16 @@ function Recorder:answered(words, frame, time)
     end
   end
   if zsw1 ~= self.zsw1 or self.lost_out or self.lost_in then status(self, zsw1, frame, time) end
+  self.is_skipped = false
   if learnt(self, raw) then self.actual = pzd.signed(raw) end
   tell(self, frame, time)
+end
+
+--- Frames are missing from here on: what became of the words in them nobody knows.
+function Recorder:skipped()
+  self.is_skipped, self.on_time = true, nil
+  self.trips:skipped()
+  self.operation:skipped()
 end
 
 --- Data of one side is not valid from a frame on, as it was before.

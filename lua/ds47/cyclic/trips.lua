@@ -47,6 +47,9 @@ function Trips:lost(zsw1, time)
   if bit(zsw1, RUNNING) == 1 then stops(self, zsw1, time) end
 end
 
+--- Frames are missing from here on.
+function Trips:skipped() self.since = nil end
+
 --- A status word, and the one before it.
 -- @param seen whether its data was valid all the time between
 function Trips:said(before, zsw1, frame, time, seen)

@@ -1407,7 +1407,7 @@ M.diagnosis_words = {
   line = {en = "something that was said with the station behind its request is not in the capture, or out of order", zh = "其请求之后与该站之间的部分报文不在抓包中，或顺序错乱"},
   halves = {en = "of other calls only the request or only the response is in the capture, or they are out of order", zh = "另有调用只有请求或只有应答在抓包中，或顺序颠倒"},
   read_answer = {en = "the response to the Read in frame {first} is not in the capture, or out of order", zh = "第 {first} 帧的读请求的应答不在抓包中，或顺序颠倒"},
-  written_again = {en = "the same Write came again in frame {last}, and was accepted, while this one had no response", zh = "在其写请求没有应答时，同样的写请求在第 {last} 帧再次出现并被接受"},
+  written_again = {en = "the same Write came again in frame {last}, and was accepted; a response to this one is not in the capture", zh = "同样的写请求在第 {last} 帧再次出现并被接受；对这一个的应答不在抓包中"},
   crossed = {en = "the Writes of frames {first} and {last} were accepted in the other order: which came last is not known", zh = "第 {first} 帧和第 {last} 帧的写请求以相反的顺序被接受，无从得知哪一个在后"},
   twice = {en = "its call in frame {first} was answered twice, differently, and which response the client has is not known", zh = "第 {first} 帧中的调用有两个不同的应答，不知道客户端采用的是哪一个"},
   write_answer = {en = "the response to its Write is not in the capture", zh = "其写请求的应答不在抓包中"},

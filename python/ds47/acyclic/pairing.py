@@ -677,7 +677,7 @@ class Pairing:
             return found
         # Of a record that is too short nothing tells.
         sure = fits and _is_of_kind(job, half) is True
-        first = found.what == "begins" and fits and not job.write_refused
+        first = found.what == "begins" and (fits if not job.write_refused else sure)
         return None if first or (sure and _counts(job, record)) else found
 
     def _of_another_on_line(

@@ -44,6 +44,8 @@ _PATIENCE = 8192
 _SLOWER, _ALLOWED = 1.25, 3
 """What a sender may be slower than its cycle, and how many frames it may be short of, before some are missing."""
 _LATE = 2
+_HABIT, _PAUSE = 32, 4
+"""After so many exchanges with a station one that comes so many times as late as any before it shows a hole."""
 """Cycles from a change of a request to the next frame of the drive: of those between some are missing."""
 _DENSE, _RAREST = 1024, 1024
 """Of data exchange that says what was said before all is looked at for so long, and then one of ever more."""
@@ -64,11 +66,13 @@ class _Line(Protocol):
     """One relation at work; `start_ns` is the time of its first frame, from which its cycles are counted.
 
     `looks`: frames of the drive and of the controller that were looked at, which count where no cycle is known.
+    `rate`: frames of both in a nanosecond, 0 where no Connect tells it.
     """
 
     relation: Relation
     start_ns: int | None
     looks: list[int]
+    rate: float
 
     def take(self, sent: bool, words: bytes, at: Moment) -> None:
         """What the controller (`sent`) or the device says from a frame on."""
@@ -76,6 +80,10 @@ class _Line(Protocol):
 
     def lost(self, sent: bool, at: Moment) -> None:
         """What it says is not valid from a frame on."""
+        ...
+
+    def skipped(self, first: int, since_ns: int, last: int, /) -> None:
+        """Frames are missing between two; `since_ns`: the time of the first."""
         ...
 
     def finish(self, within_ns: int | None = None, /) -> None:
@@ -109,8 +117,7 @@ class _Requests:
     def __post_init__(self) -> None:
         relation = self.relation
         self.channel = Channel(self._over, fresh=relation.is_bus and relation.certainty != NAMED)
-        cycles = relation.output.cycle_ns, relation.input.cycle_ns
-        self.rate = sum(1 / each for each in cycles) if all(cycles) else 0.0
+        self.rate = _rate(relation)
 
     def take(self, sent: bool, words: bytes, at: Moment) -> None:
         self.valid.add(sent)
@@ -190,6 +197,14 @@ class DriveWords:
     looks: list[int] = field(default_factory=lambda: [0, 0])
     replaced: int | None = None
     """The frame in which its channel was set up anew, or from which on its frames are of two drives."""
+    rate: float = 0.0
+    """As that of requests."""
+    holes: int = 0
+    first_hole: int = 0
+    """Places where frames of both sides are missing, and the frame behind the first of them."""
+
+    def __post_init__(self) -> None:
+        self.rate = _rate(self.relation)
 
     @property
     def proven(self) -> bool:
@@ -215,6 +230,13 @@ class DriveWords:
             self.is_speed = True
             numbers = self.relation.telegrams
             self.relation.telegrams = tuple(each for each in numbers if _is_speed((each,)))
+
+    def skipped(self, _first: int, since_ns: int, last: int) -> None:
+        """Frames are missing between two, if its own began before; `since_ns`: the time of the first."""
+        if self.start_ns is None or self.start_ns > since_ns:
+            return
+        self.holes, self.first_hole = self.holes + 1, self.first_hole or last
+        self.recorder.skipped()
 
     def lost(self, sent: bool, at: Moment) -> None:
         """What it says is not valid from a frame on."""
@@ -273,10 +295,25 @@ class _Row:
     """The count from which on the next one is looked at, whatever it says: values move in all of them."""
     answered: _Row | None = None
     """Of a master: that of the station whose next data is looked at, too, where this is news."""
+    newest: int = 0
+    newest_ns: int = 0
+    """The frame of the newest data, its time,"""
+    longest_ns: int = 0
+    """and the longest time between two of them."""
 
     def __post_init__(self) -> None:
         self.parts = _apart(each.parts for _, each, _ in self.ends)
         self.first, self.need = self.parts[0][0], sum(self.parts[-1])
+
+    def pause(self, frame: int, time_ns: int) -> None:
+        """Where the next data comes much later than any before it, exchanges are missing: nobody tells their cycle."""
+        passed = time_ns - self.newest_ns
+        if self.count > _HABIT and passed > _PAUSE * self.longest_ns > 0:
+            for line, _, _ in self.ends:
+                line.skipped(self.newest, self.newest_ns, frame)
+        elif self.count:
+            self.longest_ns = max(self.longest_ns, passed)
+        self.newest, self.newest_ns = frame, time_ns
 
     def is_news(self, data: bytes) -> bool:
         """Whether data says something else than the one before it, or is due."""
@@ -327,7 +364,7 @@ class CyclicChannels:
         self._looked = 0, 0
         """Frame and time of the last one that was looked at."""
         self._busiest: float = 0.0
-        """The highest rate of a channel of PKW."""
+        """The highest rate of a channel."""
         self._sides_to: dict[tuple[str, int, str], list[tuple[_Line, Side, bool]]] = {}
         """and by receiver, too."""
         self._shared: set[tuple[str, int]] = set()
@@ -494,7 +531,11 @@ class CyclicChannels:
     def exchanged(self, source: bytes, data: bytes, frame: int, time_ns: int) -> None:
         """Data of a station of PROFIBUS; one side of a relation at a time (`ppo.source`)."""
         row, given_up = self._rows.get(source), False
-        if row is None or not row.is_news(data):
+        if row is None:
+            return
+        if row.ends[0][2]:
+            row.pause(frame, time_ns)
+        if not row.is_news(data):
             return
         for line, each, sent in row.ends:
             if len(data) >= each.offset + each.length:
@@ -563,8 +604,7 @@ class CyclicChannels:
             for line, _, sent in ends:
                 if sent and isinstance(line, _Requests):
                     line.shared = self._is_shared(key, ends)
-        rates = (each.rate for each in self._lines if isinstance(each, _Requests))
-        self._busiest = max(rates, default=0.0)
+        self._busiest = max((each.rate for each in self._lines), default=0.0)
         self._rows = {
             bytes.fromhex(source.replace(":", "")): _Row(found)
             for (source, _), found in self._sides.items() if len(source) < _MAC
@@ -612,7 +652,7 @@ class CyclicChannels:
         if passed * self._busiest <= there:
             return
         for line in self._lines:
-            if isinstance(line, _Requests) and passed * line.rate > there:
+            if passed * line.rate > there:
                 line.skipped(first, since, frame)
 
     def _ends(self, packet: Packet) -> list[tuple[_Line, Side, bool]]:
@@ -723,6 +763,12 @@ def _parts(
         answers = not sent and isinstance(line, _Requests) and line.shared
         if (shared or answers) and each.status is not None:
             yield ((each.status - _COUNTER, _COUNTER),)
+
+
+def _rate(relation: Relation) -> float:
+    """Frames of both directions in a nanosecond; 0 where no Connect tells it."""
+    cycles = relation.output.cycle_ns, relation.input.cycle_ns
+    return sum(1 / each for each in cycles) if all(cycles) else 0.0
 
 
 def _answered(ends: list[tuple[_Line, Side, bool]]) -> tuple[bytes, int] | None:

@@ -78,6 +78,10 @@ class Conclusions:
             who = {"controller": controller, "device": device}
             yield Remark("DS725", first, {"what": what, "count": count, **who})
         for drive in self._channels.drives():
+            if drive.holes:
+                who = {"controller": drive.relation.controller, "device": drive.relation.device}
+                args = {"what": "cyclic_holes", "count": drive.holes, **who}
+                yield Remark("DS725", drive.first_hole, args)
             yield from _about(drive.relation, drive.remarks())
         for relation, habits in self._habits.values():
             yield from _about(relation, habits.finish())

@@ -53,12 +53,16 @@ class _Standing:
     limit_ns: int
     begun: Now | None = None
     newest: Now | None = None
+    told: bool = False
+    """Whether it was said, and may stand still behind frames that are missing."""
 
     def look(self, holds: bool, now: Now) -> tuple[Now, float] | None:
         """Where it began and how many seconds it stood, if it ended and stood for long enough."""
         if holds:
-            self.begun, self.newest = self.begun or now, now
+            if not self.told:
+                self.begun, self.newest = self.begun or now, now
             return None
+        self.told = False
         if self.begun is not None:
             self.newest = now  # it stood until this frame
         return self.ended()
@@ -131,10 +135,24 @@ class Operation:
         self._unheeded.clear()
         return stops
 
+    def skipped(self) -> None:
+        """Frames are missing from here on: what stands, stood until here at least, and no edge is one."""
+        for standing in self._all():
+            stood = standing.ended()
+            standing.told = standing.told or stood is not None
+            self._over(standing, stood)
+        self._last = self._span = None
+        self._was_equal = False
+        self._unheeded.clear()
+        self._off.clear()
+
     def finish(self) -> None:
         """Nothing more comes: what stands, stood until here."""
-        for standing in (self._idle, self._inhibited, self._acknowledged, self._locked, self._away):
+        for standing in self._all():
             self._over(standing, standing.ended())
+
+    def _all(self) -> tuple[_Standing, ...]:
+        return self._idle, self._inhibited, self._acknowledged, self._locked, self._away
 
     # Edges
 

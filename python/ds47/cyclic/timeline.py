@@ -127,6 +127,8 @@ class Recorder:
     _failed: list[bool] = field(default_factory=list)
     """Of each fault that came whether the drive was ready before."""
     _lost: set[bool] = field(default_factory=set)
+    _skipped: bool = False
+    """Whether frames are missing before the next one of the drive."""
     _setpoint: int | None = None
     _actual: int | None = None
 
@@ -157,6 +159,7 @@ class Recorder:
             self._fault(int.from_bytes(data[at : at + 2]), frame)
         if zsw1 != self._zsw1 or self._lost:
             self._status(zsw1, frame, time_ns)
+        self._skipped = False
         raw = int.from_bytes(data[2:4], signed=True)
         if self._learnt(raw):
             self._actual = raw
@@ -170,6 +173,12 @@ class Recorder:
         heeded = stw1 if self._heeded is None else self._heeded
         values = self._setpoint, self._actual
         self.operation.look(Now(frame, self.end_ns, stw1, heeded, zsw1, *values))
+
+    def skipped(self) -> None:
+        """Frames are missing from here on: what became of the words in them nobody knows."""
+        self._skipped, self._on_ns = True, None
+        self.trips.skipped()
+        self.operation.skipped()
 
     def lost(self, by_controller: bool, frame: int, time_ns: int) -> None:
         """Data of one side is not valid from a frame on."""
@@ -213,7 +222,8 @@ class Recorder:
     def _status(self, zsw1: int, frame: int, time_ns: int) -> None:
         before, self._zsw1 = self._zsw1, zsw1
         # What was between two times of valid data nobody knows.
-        since = None if False in self._lost else self.fault_since
+        seen = not (False in self._lost or self._skipped)
+        since = self.fault_since if seen else None
         self.fault_since = (since or frame) if zsw1 & _FAULT else None
         if not zsw1 & _FAULT and (zsw1 & 7 in _ILLEGAL or (zsw1 & _INHIBITED and zsw1 & 7)):
             self.refuted = True
@@ -223,7 +233,7 @@ class Recorder:
         standing = _is_healthy(zsw1) and (zsw1 & 7 == 0 or zsw1 & _FAULT)
         self.legal = self.legal or _is_legal(zsw1) or bool(standing)
         if before is not None:
-            self.trips.said(before, zsw1, frame, time_ns, seen=False not in self._lost)
+            self.trips.said(before, zsw1, frame, time_ns, seen=seen)
             if _is_failure(before, zsw1):
                 self._failed.append(bool(before & 1))
         self._look()

@@ -47,6 +47,10 @@ class Trips:
         if zsw1 & _RUNNING:
             self._stops(zsw1, time_ns)
 
+    def skipped(self) -> None:
+        """Frames are missing from here on."""
+        self._since_ns = None
+
     def said(self, before: int, zsw1: int, frame: int, time_ns: int, *, seen: bool) -> None:
         """A status word, and the one before it.
 

@@ -112,10 +112,9 @@ def advice(
 
 def advice_parts(row: RuleText, args: Mapping[str, Any], lang: str = "en") -> list[str]:
     """The same, what is about an error number apart from the rest; where a key has an advice of its own, that."""
-    own = diagnosis_words(lang).get(f"advice_{args.get('what')}")
-    if own is not None:
-        return [own]
-    text, code = row.advice_zh if lang == "zh" else row.advice, args.get("code")
+    what = _which(args) if "area" in args else args.get("what")
+    own, code = diagnosis_words(lang).get(f"advice_{what}"), args.get("code")
+    text = own or (row.advice_zh if lang == "zh" else row.advice)
     if code is None:
         return [text]
     ends = (":", "：") if args.get("asked") == 1 else (":", "：", *_SEVERAL)
@@ -124,6 +123,11 @@ def advice_parts(row: RuleText, args: Mapping[str, Any], lang: str = "en") -> li
     wanted = [part for part in parts if part.startswith(seen)]
     wanted += [part for part in parts if not _OF_ERROR.match(part)]
     return wanted or parts
+
+
+def _which(args: Mapping[str, Any]) -> str:
+    """How an item of S7 is told that an address only suggests to be an element of a drive, and any other."""
+    return "item" if args.get("pnu") is None else "item_or_element"
 
 
 def at_offset(offset: int | None, text: str, lang: str = "en") -> str:
@@ -181,7 +185,7 @@ class _Shown(dict[str, str]):
             known = "parameter" if self._args.get("pnu") is not None else "parameter_unknown"
             text = _key_words(known, self._lang, self._many).format_map(self)
         elif key == "item":
-            known = "item" if self._args.get("pnu") is None else "item_or_element"
+            known = _which(self._args)
             text = _key_words(known, self._lang, self._many).format_map(self)
         else:
             text = self._shown(key)
