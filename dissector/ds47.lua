@@ -17,9 +17,7 @@ end
 
 -- A newer file was put beside an older one, which goes on working: nobody would notice.
 local function tell_of_two(works, other)
-  if works == other or not (is_installed(works) and is_installed(other)) then
-    return
-  end
+  if works == other or not (is_installed(works) and is_installed(other)) then return end
   local text = "ds47: two copies of the plugin are installed, and only the first works: " .. works
     .. "; not " .. other .. ". Delete the older one and start Wireshark again."
   if gui_enabled() then
@@ -80,9 +78,7 @@ end)
 local bus_info = later("ds47.report.profibus")
 local experts_of = later("ds47_ws.experts")
 local words_of = later("ds47_ws.pkw_tree")
-track.configure(function()
-  return preferences.options(ds47)
-end)
+track.configure(function() return preferences.options(ds47) end)
 
 -- A frame of cyclic data costs one of these, as long as it has no parameter channel: it has no IP.
 local ip_field = Field.new("ip")
@@ -123,9 +119,7 @@ end
 
 -- Finds records in the frame, one behind the other.
 local function next_record(data)
-  if data == "" then
-    return nil
-  end
+  if data == "" then return nil end
   local found = string.find(bytes_shown(), data, shown.from + 1, true)
   if found then
     shown.from = found - 1 + #data
@@ -141,9 +135,7 @@ local function columns_of(pinfo, reading)
   end
   local columns = pinfo.cols
   local found = tostring(columns.info) ~= "(info)"
-  if reading then
-    reading.has_columns = found
-  end
+  if reading then reading.has_columns = found end
   return found and columns or nil
 end
 
@@ -197,9 +189,7 @@ local function is_wanted(tree, dissector, reading)
   local found = reading and reading.protocols[dissector]
   if found == nil then
     found = tree:referenced(dissector)
-    if reading then
-      reading.protocols[dissector] = found
-    end
+    if reading then reading.protocols[dissector] = found end
   end
   return found
 end
@@ -214,9 +204,7 @@ end
 -- Control and status words of drives, which stand in each of their frames, where somebody wants them.
 local function show_words(tvb, number, tree, frame, place, whole)
   local places = track.has_drives and track.words(number, frame, place, whole) or NONE
-  if #places > 0 then
-    tree_of.add_words(tree, tvb, places, track.lang)
-  end
+  if #places > 0 then tree_of.add_words(tree, tvb, places, track.lang) end
 end
 
 -- The words in a frame, whether something happened in it or not.
@@ -245,9 +233,7 @@ local function dissect_cyclic(tvb, pinfo, tree)
   end
   local reading = wanted_fields.reading(tree, number, is_new)
   local looked_at = is_wanted(tree, words_dissector, reading)
-  if not views and not looked_at then
-    return
-  end
+  if not views and not looked_at then return end
   frame = frame or tvb:raw()
   local place = track.cyclic_place(frame)
   if views then
@@ -255,9 +241,7 @@ local function dissect_cyclic(tvb, pinfo, tree)
     local whole = is_wanted(tree, this_dissector, reading)
     show(views, findings, events, tvb, columns, tree, at, whole, reading)
   end
-  if looked_at and place then
-    show_all_words(tvb, number, tree, frame, place, is_new, views)
-  end
+  if looked_at and place then show_all_words(tvb, number, tree, frame, place, is_new, views) end
 end
 
 -- A frame of PROFIBUS with what it shows: views, findings and events; nil of one that is none.
@@ -272,17 +256,13 @@ local function look_at_bus(tvb, pinfo, is_new, wanted)
   clock.set(pinfo)
   local link_type = encapsulations.link_type(pinfo)
   local item = track.feed_bus(number, tvb:raw(), link_type, clock.now, pinfo.len)
-  if item then
-    return item, track.live_cyclic_views(wanted)
-  end
+  if item then return item, track.live_cyclic_views(wanted) end
   return nil
 end
 
 -- What a frame of PROFIBUS says itself.
 local function show_bus(item, tvb, columns, tree)
-  if columns then
-    bus_tree_of.set_columns(columns, item, track.lang)
-  end
+  if columns then bus_tree_of.set_columns(columns, item, track.lang) end
   if tree:referenced(bus_dissector) then
     bus_tree_of.add(tree, tvb, item, track.lang)
   elseif item.flaws[1] then
@@ -294,14 +274,10 @@ end
 -- captured first, which has the message. A copy is no frame of `ds47`: so a filter finds each message once.
 local function show_copy(number, pinfo, tree, reading, whole)
   local original = track.original(number, whole)
-  if not original then
-    return
-  end
+  if not original then return end
   local columns = columns_of(pinfo, reading)
   local text = words.say(track.lang, "duplicate", { frame = words.integer(original) })
-  if columns then
-    columns.protocol, columns.info = "DS47", text
-  end
+  if columns then columns.protocol, columns.info = "DS47", text end
   local root = tree:add(ds47_copy, "DS47 " .. text)
   root:add(fields.duplicate_of, original):set_generated()
 end
@@ -319,9 +295,7 @@ function ds47_bus.dissector(tvb, pinfo, tree)
   on_bus = true
   show_bus(item, tvb, columns, tree)
   local at, place = bus_info.data_start(item), track.bus_place(item)
-  if views then
-    show(views, findings, events, tvb, columns, tree, at, whole, reading)
-  end
+  if views then show(views, findings, events, tvb, columns, tree, at, whole, reading) end
   if place and is_wanted(tree, words_dissector, reading) then
     local data = tvb:raw(0, at + #item.du) -- the check byte is none of it
     show_all_words(tvb, number, tree, data, place, is_new, views)
@@ -349,12 +323,8 @@ function ds47.dissector(tvb, pinfo, tree)
   end
   local ip = ip_field()
   if ip == nil then
-    if track.hears_stations then
-      track.hear_station(pinfo.number, tvb:raw())
-    end
-    if track.watching then
-      dissect_cyclic(tvb, pinfo, tree)
-    end
+    if track.hears_stations then track.hear_station(pinfo.number, tvb:raw()) end
+    if track.watching then dissect_cyclic(tvb, pinfo, tree) end
     return
   end
   local number = pinfo.number
@@ -370,12 +340,8 @@ function ds47.dissector(tvb, pinfo, tree)
     local columns, whole = columns_of(pinfo, reading), is_wanted(tree, this_dissector, reading)
     local views, findings = track.live_views(columns ~= nil or whole)
     show(views, findings, NONE, tvb, columns, tree, offset, whole, reading, frame)
-    if is_copy then
-      show_copy(number, pinfo, tree, reading, false)
-    end
-    if passes.blind == nil then
-      passes.blind = pinfo.visited
-    end
+    if is_copy then show_copy(number, pinfo, tree, reading, false) end
+    if passes.blind == nil then passes.blind = pinfo.visited end
   end
 end
 
@@ -407,15 +373,11 @@ register_postdissector(ds47)
 -- Names of stations. The filter is Wireshark's: other frames do not come here.
 local stations = Listener.new("frame", "pn_dcp || lldp")
 
-function stations.packet(pinfo, tvb)
-  track.station(pinfo.number, tvb:raw())
-end
+function stations.packet(pinfo, tvb) track.station(pinfo.number, tvb:raw()) end
 
 -- All listeners are called when tshark has come to the end.
 function stations.draw()
-  if not WINDOW then
-    passes.finish(track.lang)
-  end
+  if not WINDOW then passes.finish(track.lang) end
 end
 
 require("ds47_ws.stats").register(track, arguments)

@@ -21,25 +21,17 @@ local origin -- seconds since 1970 to which relative times are added, not exact;
 local origin_ns -- the same as the analysis counts, exact
 
 --- Tells where the exact time comes from: an extractor of frame.time_epoch; and whether there is a window.
-function M.configure(extractor, window)
-  field, has_window = extractor, window
-end
+function M.configure(extractor, window) field, has_window = extractor, window end
 
 --- Forgets all times: another analysis counts from another second.
-function M.reset()
-  origin, newest_ns = nil, nil
-end
+function M.reset() origin, newest_ns = nil, nil end
 
 --- Tells which frame is dissected.
 -- @param pinfo what Wireshark knows of it
-function M.set(pinfo)
-  here = pinfo
-end
+function M.set(pinfo) here = pinfo end
 
 --- Whether the time of this frame can be told: in the first of two passes there may be no fields.
-function M.is_ready()
-  return origin ~= nil or field() ~= nil
-end
+function M.is_ready() return origin ~= nil or field() ~= nil end
 
 local function exact(analysis, absolute, relative)
   local found = field()

@@ -51,9 +51,7 @@ function M.called()
   calls = calls + 1
   if calls >= LOOK_EVERY then
     calls = 0
-    if collect("count") >= enough then
-      collect_now()
-    end
+    if collect("count") >= enough then collect_now() end
   end
 end
 

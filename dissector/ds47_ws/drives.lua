@@ -25,9 +25,7 @@ end
 
 -- The complete result
 
-local function is_heeded(word)
-  return bits.bit(word, tables.pzd.stopping.heeded) == 1
-end
+local function is_heeded(word) return bits.bit(word, tables.pzd.stopping.heeded) == 1 end
 
 local function key_of(source, frame_id)
   return source .. string.format("%d", frame_id) -- six bytes, on PROFIBUS two; %s of Lua 5.2 ends at a zero
@@ -96,9 +94,7 @@ end
 -- @param place where its words stand, as track.lua knows it: {at, source, receiver, frame_id}
 function M.live_words(channels, number, frame, place)
   local found, lines = {}, channels:drives()
-  if #lines == 0 then
-    return found
-  end
+  if #lines == 0 then return found end
   local at = place.at
   for _, each in ipairs(channels:ends_in(number, place)) do
     for _, line in ipairs(lines) do
@@ -114,9 +110,7 @@ end
 -- @param complete as `M.complete` gives it
 function M.words(complete, number, frame, place)
   local ends = complete.ends[key_of(place.source, place.frame_id)]
-  if ends == nil then
-    return NONE
-  end
+  if ends == nil then return NONE end
   local found, at = {}, place.at
   for _, each in ipairs(ends_to(ends, place.receiver)) do
     if counts(each.relation, number) and is_whole(each.side, frame, at) then
@@ -130,9 +124,7 @@ end
 --- The state that words of a drive show: its id and the ids of what is shown beside it; nil of a control
 -- word, and where the data is not valid.
 function M.state(place)
-  if place.sent or not place.valid then
-    return nil
-  end
+  if place.sent or not place.valid then return nil end
   return pzd.state(place.word, place.control)
 end
 

@@ -67,9 +67,7 @@ function M.text(result, options)
   for _, timeline in ipairs(result.timelines) do
     add_drive(lines, result.relations[timeline.relation], timeline, result.base_seconds, lang)
   end
-  if #lines == 1 then
-    lines[2] = say(lang, "timeline_none")
-  end
+  if #lines == 1 then lines[2] = say(lang, "timeline_none") end
   return concat(lines, "\n") .. "\n"
 end
 

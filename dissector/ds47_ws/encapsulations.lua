@@ -36,9 +36,7 @@ end
 
 local function give_back(encapsulation, proto)
   local former = before[encapsulation]
-  if former and is_ours(encapsulation, proto) then
-    encapsulations:add(encapsulation, former)
-  end
+  if former and is_ours(encapsulation, proto) then encapsulations:add(encapsulation, former) end
   before[encapsulation] = nil
 end
 
@@ -55,9 +53,7 @@ end
 
 --- The link type of the frame that is dissected, as profibus/bus.lua knows it. Where a user mapped another
 -- one to PROFIBUS, that is as USER0.
-function M.link_type(pinfo)
-  return pinfo.match == UNKNOWN and bus.PROFIBUS_DL or bus.USER0
-end
+function M.link_type(pinfo) return pinfo.match == UNKNOWN and bus.PROFIBUS_DL or bus.USER0 end
 
 --- Shows a frame that is not PROFIBUS as it was before there was this plugin.
 function M.pass_on(tvb, pinfo, tree)

@@ -23,12 +23,8 @@ end
 
 --- Findings and events as expert infos and nothing else: for a frame of which nobody wants fields.
 function M.add(tree, experts, findings, events, lang)
-  for _, each in ipairs(events) do
-    M.add_event(tree, experts, each.event, lang)
-  end
-  for _, finding in ipairs(findings) do
-    M.add_finding(tree, experts, finding, lang)
-  end
+  for _, each in ipairs(events) do M.add_event(tree, experts, each.event, lang) end
+  for _, finding in ipairs(findings) do M.add_finding(tree, experts, finding, lang) end
 end
 
 return M

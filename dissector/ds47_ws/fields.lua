@@ -17,9 +17,7 @@ local M = {}
 -- number: none of numbers that are nothing but reserved.
 local function names(path)
   local result, rows = {}, tables
-  for name in string.gmatch(path, "[^.]+") do
-    rows = rows[name]
-  end
+  for name in string.gmatch(path, "[^.]+") do rows = rows[name] end
   for code, row in pairs(rows) do
     local name = row.name or row.en
     result[code] = name ~= "Reserved" and name or nil

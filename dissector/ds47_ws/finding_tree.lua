@@ -16,9 +16,7 @@ local M = {}
 
 local WIDTH, HANGING = 76, 4 -- columns of a line, and blanks before a further one
 
-local function in_language(row, key, lang)
-  return lang == "zh" and row[key .. "_zh"] or row[key]
-end
+local function in_language(row, key, lang) return lang == "zh" and row[key .. "_zh"] or row[key] end
 
 -- `DS410 error: Negative response for a parameter`.
 local function label(finding, row, lang)
@@ -31,9 +29,7 @@ end
 -- The same with the parameter that it is about, `... for a parameter: p1437[0]`: a response may have several.
 local function label_of_one(finding, row, lang)
   local text, args = label(finding, row, lang), finding.args
-  if type(args.pnu) ~= "number" then
-    return text
-  end
+  if type(args.pnu) ~= "number" then return text end
   local subindex = type(args.subindex) == "number" and args.subindex or nil
   local address = words.address({ pnu = args.pnu, subindex = subindex, family = args.family })
   return words.joined(lang, { text, address }, ": ", "：")
@@ -44,9 +40,7 @@ end
 -- @param word the word of the report that the line has
 local function add_of_rule(put, parent, key, text, word, lang)
   local item = put.derive(parent, "finding." .. key, text)
-  if not item then
-    return
-  end
+  if not item then return end
   local shown = words.say(lang, word, { text = text })
   for number, line in ipairs(words.wrap(shown, WIDTH, HANGING)) do
     if number == 1 then
@@ -59,16 +53,12 @@ end
 
 -- A field that a filter finds and nobody sees.
 local function hide(item)
-  if item then
-    item:set_hidden()
-  end
+  if item then item:set_hidden() end
 end
 
 -- The corrected request. Its bytes are not those of the frame: the window shows them in a tab of their own.
 local function add_instead(put, parent, finding)
-  if not finding.corrected then
-    return
-  end
+  if not finding.corrected then return end
   local item, request = parent, finding.corrected
   if put.wanted("finding.instead") then
     item = put.point(parent, "finding.instead", put.elsewhere(request, "Send instead"))
@@ -87,9 +77,7 @@ local function add_frames(put, parent, finding, request)
       known[frame] = true
     end
   end
-  if request and not known[request] then
-    put.derive(parent, "finding.request_in", request)
-  end
+  if request and not known[request] then put.derive(parent, "finding.request_in", request) end
 end
 
 --- Adds a link to a finding that another frame has.
@@ -110,9 +98,7 @@ end
 function M.add(put, parent, finding, experts, request, lang)
   local row = tables.rules[finding.rule]
   local shown = put.derive(parent, "finding", finding.rule)
-  if shown then
-    shown:set_text(label_of_one(finding, row, lang))
-  end
+  if shown then shown:set_text(label_of_one(finding, row, lang)) end
   shown = shown or parent
   own_experts.add_finding(shown, experts, finding, lang)
   if put.wanted("finding.message") then

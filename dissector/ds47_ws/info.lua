@@ -70,9 +70,7 @@ local function words_of(item, style)
     is_described = descriptions.is_about(item.attribute),
   }
   local class = getmetatable(item)
-  if class then
-    class.words = found
-  end
+  if class then class.words = found end
   return found
 end
 
@@ -81,9 +79,7 @@ end
 -- @param separator what stands between the two
 local function with_parameter(text, separator, item, style)
   local around, values, failed = item.words, item.values, item.error
-  if around == nil or around.style ~= style then
-    around = words_of(item, style)
-  end
+  if around == nil or around.style ~= style then around = words_of(item, style) end
   local value = values[1]
   if failed then
     return text .. separator .. around.address .. ": " .. error_of(failed)
@@ -128,15 +124,11 @@ local function list_asked(view)
   return shared.listed
 end
 
-local function refusal(word)
-  return status.status_hex(word) .. " " .. status.status_text(word)
-end
+local function refusal(word) return status.status_hex(word) .. " " .. status.status_text(word) end
 
 local function asked(view)
   local operation = view.item.operation
-  if operation == "read" or operation == "change" then
-    return operation
-  end
+  if operation == "read" or operation == "change" then return operation end
   local id = view.message and view.message.request_id
   return id and string.format("%s 0x%02X", operation, id) or operation
 end
@@ -162,9 +154,7 @@ function sentences.read_request(view)
   return with_axis("fetch response " .. reference(view.item), view.item)
 end
 
-function sentences.poll(view)
-  return "read poll " .. reference(view.item) .. ": not ready"
-end
+function sentences.poll(view) return "read poll " .. reference(view.item) .. ": not ready" end
 
 -- How a record of the drive is called: where parameters failed by the state that comes of it.
 local function outcome(view)
@@ -177,9 +167,7 @@ end
 function sentences.read_response(view)
   local item = view.item
   local word = item.read_status
-  if word and word ~= 0 then
-    return "read refused " .. reference(item) .. ": " .. refusal(word)
-  end
+  if word and word ~= 0 then return "read refused " .. reference(item) .. ": " .. refusal(word) end
   return with_list(outcome(view), view.parameters, item.operation)
 end
 
@@ -221,16 +209,12 @@ local function names(events, lang)
 end
 
 local function with_state(text, event, lang)
-  if event.state == nil then
-    return text
-  end
+  if event.state == nil then return text end
   return text .. (lang == "zh" and "：" or ": ") .. cyclic.state_text(event.state, event.overlays, lang)
 end
 
 --- Events of one word in one frame, with the state from then on: `running: S4 operation enabled`.
-function M.what(events, lang)
-  return with_state(names(events, lang), events[#events], lang)
-end
+function M.what(events, lang) return with_state(names(events, lang), events[#events], lang) end
 
 --- The word of an event as it was and as it is, `STW1 047E -> 047F`.
 function M.word(event)
@@ -241,9 +225,7 @@ end
 -- The same with the word, `ON (STW1 047E -> 047F)`: the state only where the drive itself says it.
 local function of_word(events, lang)
   local text, event = names(events, lang), events[#events]
-  if event.word == nil then
-    return text
-  end
+  if event.word == nil then return text end
   text = string.format("%s (%s)", text, M.word(event))
   return event.word == "ZSW1" and with_state(text, event, lang) or text
 end
@@ -257,9 +239,7 @@ function M.events(events, lang)
       own[#own + 1] = events[first].event
       first = first + 1
     end
-    for _, same in ipairs(M.together(own)) do
-      texts[#texts + 1] = of_word(same, lang)
-    end
+    for _, same in ipairs(M.together(own)) do texts[#texts + 1] = of_word(same, lang) end
   end
   return "PZD " .. table.concat(texts, "; ")
 end
@@ -267,16 +247,10 @@ end
 --- The Info column of a frame: the sentences of all its views, and what happened to drives. Whose they are
 -- the column Protocol says.
 function M.text(views, events, lang)
-  if #views == 1 and #events == 0 then
-    return M.sentence(views[1], lang)
-  end
+  if #views == 1 and #events == 0 then return M.sentence(views[1], lang) end
   local texts = {}
-  for number = 1, #views do
-    texts[number] = M.sentence(views[number], lang)
-  end
-  if #events > 0 then
-    texts[#texts + 1] = M.events(events, lang)
-  end
+  for number = 1, #views do texts[number] = M.sentence(views[number], lang) end
+  if #events > 0 then texts[#texts + 1] = M.events(events, lang) end
   return table.concat(texts, "; ")
 end
 

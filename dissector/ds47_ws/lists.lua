@@ -13,9 +13,7 @@ local folder, taken
 local complaint -- what is wrong with the file that is taken, nil where nothing is
 
 --- Says where the plugin is.
-function M.configure(place)
-  folder = place
-end
+function M.configure(place) folder = place end
 
 -- One line: in the window as a message, because nobody sees where it was started; else on stderr. The plugin
 -- works without the file.
@@ -38,9 +36,7 @@ local function lists_of(path, named)
   local text = file:read("*a")
   file:close()
   local lists, line = parameters.read(text or "")
-  if not lists then
-    complain(path, ("is no file of lists: line %d"):format(line))
-  end
+  if not lists then complain(path, ("is no file of lists: line %d"):format(line)) end
   return lists
 end
 
@@ -55,9 +51,7 @@ end
 
 --- The file that is used, and what is wrong with it; nil where none is there and no preference names one.
 function M.state()
-  if taken and (complaint or naming.is_used()) then
-    return taken, complaint
-  end
+  if taken and (complaint or naming.is_used()) then return taken, complaint end
   return nil
 end
 

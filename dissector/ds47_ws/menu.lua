@@ -26,9 +26,7 @@ end
 local function count_frames()
   local frames = 0
   local listener = Listener.new("frame")
-  function listener.packet(pinfo)
-    frames = math.max(frames, pinfo.number)
-  end
+  function listener.packet(pinfo) frames = math.max(frames, pinfo.number) end
   retap_packets()
   listener:remove()
   return frames
@@ -38,9 +36,7 @@ end
 local function show_text(track, kind, title)
   local options = stats.options(track)
   local window
-  local function fill()
-    window:set(stats.text(kind, track, options))
-  end
+  local function fill() window:set(stats.text(kind, track, options)) end
   window = TextWindow.new(title)
   fill()
   window:add_button("Refresh", fill)
@@ -48,9 +44,7 @@ end
 
 -- Saving
 
-local function home()
-  return os.getenv("HOME") or os.getenv("USERPROFILE") or "."
-end
+local function home() return os.getenv("HOME") or os.getenv("USERPROFILE") or "." end
 
 local ENDINGS = { report = ".txt", csv = ".csv" }
 
@@ -67,13 +61,9 @@ end
 -- @param lang of the lines
 function M.save(texts, text, lang)
   local wanted = chosen_name(text)
-  if wanted == nil then
-    return { say(lang, "menu_no_name") }
-  end
+  if wanted == nil then return { say(lang, "menu_no_name") } end
   local name, reason = saving.free_name(wanted, { ENDINGS.report, ENDINGS.csv })
-  if name == nil then
-    return { say(lang, "menu_not_saved", { problem = reason }) }
-  end
+  if name == nil then return { say(lang, "menu_not_saved", { problem = reason }) } end
   local lines = {}
   for _, kind in ipairs({ "report", "csv" }) do
     local path = name .. ENDINGS[kind]
@@ -81,9 +71,7 @@ function M.save(texts, text, lang)
     lines[#lines + 1] = saved and say(lang, "menu_saved", { path = path })
       or say(lang, "menu_not_saved", { problem = problem })
   end
-  if name ~= wanted then
-    lines[#lines + 1] = say(lang, "menu_was_there", { path = wanted })
-  end
+  if name ~= wanted then lines[#lines + 1] = say(lang, "menu_was_there", { path = wanted }) end
   return lines
 end
 
@@ -118,17 +106,13 @@ local function about_version(add)
 end
 
 local function same_file(one, other)
-  local function plain(path)
-    return (path:gsub("\\", "/"):gsub("/+", "/"):lower())
-  end
+  local function plain(path) return (path:gsub("\\", "/"):gsub("/+", "/"):lower()) end
   return plain(one) == plain(other)
 end
 
 --- Adds the plugin files of a folder and of its folders, `depth` levels down.
 local function find_plugins(folder, found, depth)
-  if not folder or folder == "" or not Dir.exists(folder) then
-    return
-  end
+  if not folder or folder == "" or not Dir.exists(folder) then return end
   for entry in Dir.open(folder) do
     local path = folder:gsub("[/\\]+$", "") .. "/" .. entry
     if entry:match(NAME) then
@@ -200,9 +184,7 @@ end
 -- @param info {version, path}: of the plugin, and the file it was loaded from
 function M.check(track, info)
   local lines = {}
-  local function add(line)
-    lines[#lines + 1] = line
-  end
+  local function add(line) lines[#lines + 1] = line end
   add("DS47 plugin         " .. (info.version or "?"))
   add("Loaded from         " .. (info.path or "?"))
   about_version(add)
@@ -219,36 +201,24 @@ end
 --- Adds the menu; without a window nothing happens.
 -- @param info nil or {version, path}
 function M.register(track, info)
-  if not gui_enabled() then
-    return
-  end
+  if not gui_enabled() then return end
   info = info or {}
-  local function entry(name, action)
-    register_menu("DS47/" .. name, action, MENU_TOOLS_UNSORTED)
-  end
-  local function statistics()
-    show_text(track, "statistics", "DS47 statistics")
-  end
-  local function drives()
-    show_text(track, "drives", "DS47 drives")
-  end
+  local function entry(name, action) register_menu("DS47/" .. name, action, MENU_TOOLS_UNSORTED) end
+  local function statistics() show_text(track, "statistics", "DS47 statistics") end
+  local function drives() show_text(track, "drives", "DS47 drives") end
   -- Before 4.6 the menu Statistics has no submenus of scripts: a name with a slash stands there as it is.
   register_menu("DS47 Statistics", statistics, MENU_STAT_UNSORTED)
   register_menu("DS47 Drives", drives, MENU_STAT_UNSORTED)
   entry("Statistics", statistics)
   entry(DRIVES, drives)
-  entry("Save report", function()
-    ask_and_save(track)
-  end)
+  entry("Save report", function() ask_and_save(track) end)
   if profile.files() then
     entry("Add profile DS47", function()
       local lang = stats.options(track).lang
       show(say(lang, "menu_profile"), table.concat(profile.add(lang), "\n") .. "\n")
     end)
   end
-  entry("Check installation", function()
-    show("DS47: check installation", M.check(track, info))
-  end)
+  entry("Check installation", function() show("DS47: check installation", M.check(track, info)) end)
   entry("About", function()
     show("About DS47", "DS47 " .. (info.version or "") .. "\n\n" .. tables.about)
   end)

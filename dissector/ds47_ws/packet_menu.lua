@@ -37,9 +37,7 @@ end
 --- The transactions of views, each once.
 function M.transactions(views)
   local items = {}
-  for _, view in ipairs(views) do
-    add_new(items, view.item)
-  end
+  for _, view in ipairs(views) do add_new(items, view.item) end
   return items
 end
 
@@ -53,9 +51,7 @@ end
 -- `FIELD == 7`, `FIELD in {7, 9}`; nil without numbers.
 local function among(field, numbers)
   local texts = mapped(numbers, integer)
-  if #texts < 2 then
-    return texts[1] and field .. " == " .. texts[1]
-  end
+  if #texts < 2 then return texts[1] and field .. " == " .. texts[1] end
   return field .. " in {" .. concat(texts, ", ") .. "}"
 end
 
@@ -80,9 +76,7 @@ end
 -- @param fields of the packet, by their names
 function M.drive_filter(items, fields)
   local terms = {}
-  for _, item in ipairs(items) do
-    add_new(terms, device_term(item, fields))
-  end
+  for _, item in ipairs(items) do add_new(terms, device_term(item, fields)) end
   return terms[1] and alternatives(terms)
 end
 
@@ -90,13 +84,9 @@ end
 local function way_term(item)
   local access, terms = drive_objects.access_of(item), {}
   local function add(field, value)
-    if value then
-      terms[#terms + 1] = format("ds47.%s == %s", field, integer(value))
-    end
+    if value then terms[#terms + 1] = format("ds47.%s == %s", field, integer(value)) end
   end
-  if item.channel == "pkw" then
-    terms[1] = "ds47.pkw"
-  end
+  if item.channel == "pkw" then terms[1] = "ds47.pkw" end
   add("index", item.index)
   add("slot", item.slot)
   add("subslot", item.subslot)
@@ -109,9 +99,7 @@ local function last_of(parameter)
 end
 
 local function overlap(one, other)
-  if one.subindex == nil or other.subindex == nil then
-    return false
-  end
+  if one.subindex == nil or other.subindex == nil then return false end
   return one.subindex <= last_of(other) and other.subindex <= last_of(one)
 end
 
@@ -137,12 +125,8 @@ end
 local function parameter_term(parameter, item, result, shown)
   local ways, subindices = requests_for(parameter, item, result, shown)
   local terms = { "ds47.pnu == " .. integer(parameter.pnu) }
-  if #subindices <= MOST_TERMS then
-    terms[#terms + 1] = among("ds47.subindex", subindices)
-  end
-  if #ways <= MOST_TERMS then
-    terms[#terms + 1] = alternatives(ways)
-  end
+  if #subindices <= MOST_TERMS then terms[#terms + 1] = among("ds47.subindex", subindices) end
+  if #ways <= MOST_TERMS then terms[#terms + 1] = alternatives(ways) end
   return concat(terms, " && ")
 end
 
@@ -156,13 +140,9 @@ function M.parameter_filter(items, fields, result)
   for _, item in ipairs(items) do
     local device, terms = device_term(item, fields), {}
     for _, parameter in ipairs(device and item.parameters or {}) do
-      if parameter.pnu then
-        add_new(terms, parameter_term(parameter, item, result, shown))
-      end
+      if parameter.pnu then add_new(terms, parameter_term(parameter, item, result, shown)) end
     end
-    if terms[1] then
-      add_new(of_drives, device .. " && " .. alternatives(terms))
-    end
+    if terms[1] then add_new(of_drives, device .. " && " .. alternatives(terms)) end
   end
   return of_drives[1] and alternatives(of_drives)
 end
@@ -190,9 +170,7 @@ function M.copied(items, kind, lang)
       end
     end
   end
-  if texts[1] == nil then
-    return nil, problem
-  end
+  if texts[1] == nil then return nil, problem end
   return concat(texts, "\n")
 end
 
@@ -201,13 +179,9 @@ end
 -- @return the text; or nil and what to say instead
 function M.instead(findings, lang)
   local requests = {}
-  for _, finding in ipairs(findings) do
-    add_new(requests, finding.corrected)
-  end
+  for _, finding in ipairs(findings) do add_new(requests, finding.corrected) end
   local texts = mapped(requests, suggest.scl)
-  if texts[1] == nil then
-    return nil, say(lang, "menu_no_instead")
-  end
+  if texts[1] == nil then return nil, say(lang, "menu_no_instead") end
   return concat(texts, "\n")
 end
 
@@ -242,9 +216,7 @@ end
 local function add_outcome(lines, item, lang)
   local before = #lines
   for _, key in ipairs({ "write_status", "read_status" }) do
-    if item[key] and item[key] ~= 0 then
-      add_status(lines, item[key], lang)
-    end
+    if item[key] and item[key] ~= 0 then add_status(lines, item[key], lang) end
   end
   add_errors(lines, item, lang)
   if #lines == before and (item.write_status or item.read_status) then
@@ -278,9 +250,7 @@ end
 -- the highest place or in the lowest one, as the byte order of the call is.
 local function own_status(fields)
   local status, code = fields["pn_io.status"], fields["pn_io.error_code"]
-  if status == nil or code == nil then
-    return nil
-  end
+  if status == nil or code == nil then return nil end
   local bytes = status.source:range(status.offset, 4)
   return code.offset == status.offset and bytes:uint() or bytes:le_uint()
 end
@@ -288,15 +258,11 @@ end
 -- The fields of a packet by their names, the first of each.
 local function by_name(...)
   local fields = {}
-  for _, field in ipairs({ ... }) do
-    fields[field.name] = fields[field.name] or field
-  end
+  for _, field in ipairs({ ... }) do fields[field.name] = fields[field.name] or field end
   return fields
 end
 
-local function show(text)
-  TextWindow.new("DS47"):set(text .. "\n")
-end
+local function show(text) TextWindow.new("DS47"):set(text .. "\n") end
 
 --- Adds the menu.
 function M.register(track)
@@ -322,9 +288,7 @@ function M.register(track)
       apply_filter()
     end)
   end
-  local function copy(name, make)
-    entry(name, make, copy_to_clipboard)
-  end
+  local function copy(name, make) entry(name, make, copy_to_clipboard) end
   filter("Only this transaction", M.transaction_filter)
   filter("Only these parameters on this drive object", function(items, fields)
     return M.parameter_filter(items, fields, track.result())
@@ -338,9 +302,7 @@ function M.register(track)
   end)
   copy("Copy what to send instead as SCL", function(views)
     local findings = {}
-    for _, view in ipairs(views) do
-      append(findings, track.findings_of(view))
-    end
+    for _, view in ipairs(views) do append(findings, track.findings_of(view)) end
     return M.instead(findings, track.lang)
   end)
   entry("Explain this status", function(views, fields)

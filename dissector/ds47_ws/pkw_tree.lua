@@ -33,9 +33,7 @@ end
 -- The words of an error, and its number where there is one.
 local function error_text(told, lang, vendor_id)
   local code = told.error.code
-  if code == nil then
-    return cyclic.meaning(told.ak, true, lang)
-  end
+  if code == nil then return cyclic.meaning(told.ak, true, lang) end
   return format("%d %s", code, cyclic.error_text(code, lang, vendor_id))
 end
 
@@ -43,9 +41,7 @@ end
 local function add_words(put, parent, told, record, lang, vendor_id)
   local uss = told.layout == "uss"
   local ak = put.add(parent, "pkw.ak", told.ak, record, 0, 1)
-  if ak then
-    ak:append_text(format(" (%s)", cyclic.meaning(told.ak, told.answer, lang)))
-  end
+  if ak then ak:append_text(format(" (%s)", cyclic.meaning(told.ak, told.answer, lang))) end
   put.add(parent, "pkw.spm", told.spm, record, 0, 1)
   put.add(parent, "pkw.pnu", told.pnu, record, 0, 2)
   put.add(parent, "pkw.subindex", told.subindex, record, uss and 3 or 2, 1)
@@ -61,9 +57,7 @@ local function add_words(put, parent, told, record, lang, vendor_id)
     end
   elseif told.value then
     local shown = put.add(parent, "pkw.value", types.number(told.value), record, value_place(told))
-    if shown then
-      shown:set_text("Value: " .. value_text(told))
-    end
+    if shown then shown:set_text("Value: " .. value_text(told)) end
   end
 end
 
@@ -77,13 +71,9 @@ end
 -- A value; `told` are the words that it stands in, nil where they are in another frame.
 local function add_value(put, parent, item, told, record)
   local value = item.values[1]
-  if value == nil then
-    return
-  end
+  if value == nil then return end
   local offset, size
-  if told then
-    offset, size = value_place(told)
-  end
+  if told then offset, size = value_place(told) end
   local function one(under, key, what)
     return put.show(under, key, what, told, record, offset, size)
   end
@@ -107,9 +97,7 @@ local function add_error(put, parent, failed, record, lang)
   local text = sentences.error_words(failed, lang)
   if failed.code then
     local shown = put.add(parent, "error.code", failed.code, record, 6, 2)
-    if shown then
-      shown:set_text(format("Error number: %d", failed.code))
-    end
+    if shown then shown:set_text(format("Error number: %d", failed.code)) end
     put.add(parent, "error.text", text, record, 6, 2)
   else
     put.derive(parent, "error.text", text)
@@ -134,9 +122,7 @@ local function add_parameter(put, root, view, told, record, lang)
   put.derive(shown, written and "written.format" or "format", types.format_code(item.format))
   put.derive(shown, written and "written.value_count" or "value_count", item.value_count)
   add_value(put, shown, item, not written and told or nil, record)
-  if answer and item.error then
-    add_error(put, shown, item.error, record, lang)
-  end
+  if answer and item.error then add_error(put, shown, item.error, record, lang) end
 end
 
 --- Adds what the words in this frame say, and the parameter of the transaction.
@@ -148,9 +134,7 @@ function M.add(put, root, view, record, lang)
     local data = record:bytes():raw()
     told = pkw.decode(data, view.role == "read_response", view.item.layout)
     local shown = put.take(root, "pkw", record, 0, pkw.LENGTH)
-    if shown then
-      shown:set_text("PKW: " .. pkw.digits(data))
-    end
+    if shown then shown:set_text("PKW: " .. pkw.digits(data)) end
     add_words(put, shown or root, told, record, lang, view.item.vendor_id)
   end
   add_parameter(put, root, view, told, record, lang)
@@ -159,17 +143,11 @@ end
 -- What words say that stand there unchanged, in one line.
 local function line_of(told, family, lang, vendor_id)
   local text = cyclic.meaning(told.ak, told.answer, lang)
-  if told.ak == 0 then
-    return text
-  end
+  if told.ak == 0 then return text end
   local parameter = format("p?[%d]", told.subindex)
-  if told.pnu then
-    parameter = naming.element(told.pnu, told.subindex, family)
-  end
+  if told.pnu then parameter = naming.element(told.pnu, told.subindex, family) end
   text = format("AK %d %s: %s", told.ak, text, parameter)
-  if told.error then
-    return text .. ": " .. error_text(told, lang, vendor_id)
-  end
+  if told.error then return text .. ": " .. error_text(told, lang, vendor_id) end
   return told.value and text .. " = " .. value_text(told) or text
 end
 

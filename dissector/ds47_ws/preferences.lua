@@ -28,18 +28,14 @@ local function indices(text)
   for first, last in string.gmatch(text or "", "([%dxXa-fA-F]+)%-?([%dxXa-fA-F]*)") do
     local from = tonumber(first)
     local to = last == "" and from or tonumber(last)
-    for index = from or 1, math.min(to or 0, 65535) do
-      set[index] = true
-    end
+    for index = from or 1, math.min(to or 0, 65535) do set[index] = true end
   end
   return set
 end
 
 local function rules(text)
   local list = {}
-  for rule in string.gmatch(text or "", "[%w]+") do
-    list[#list + 1] = string.upper(rule)
-  end
+  for rule in string.gmatch(text or "", "[%w]+") do list[#list + 1] = string.upper(rule) end
   return list
 end
 
@@ -47,9 +43,7 @@ end
 local function layouts(text)
   local by_device = {}
   for device, layout in string.gmatch(text or "", "([^%s,;=]+)=(%a+)") do
-    if layout == "uss" or layout == "cyclic" then
-      by_device[device] = layout
-    end
+    if layout == "uss" or layout == "cyclic" then by_device[device] = layout end
   end
   return by_device
 end
@@ -57,9 +51,7 @@ end
 -- The numbers that frames had in a capture from which others were left out since.
 local function numbers(path)
   local found, file = {}, io.open(path)
-  for line in file and file:lines() or ipairs({}) do
-    found[#found + 1] = tonumber(line)
-  end
+  for line in file and file:lines() or ipairs({}) do found[#found + 1] = tonumber(line) end
   if file then file:close() end
   return found
 end
@@ -69,9 +61,7 @@ function M.options(proto)
   local prefs = proto.prefs
   lists.take(prefs.lists or "")
   local set = indices(prefs.indices)
-  if prefs.index_47 == ALWAYS then
-    set[INDEX_47] = true
-  end
+  if prefs.index_47 == ALWAYS then set[INDEX_47] = true end
   return {
     indices = set,
     forbid_47 = prefs.index_47 == NEVER,

@@ -41,9 +41,7 @@ local language -- of the texts, "en" or "zh"
 
 -- Part of the frame, nil where the recording has not all of it.
 local function part(offset, size)
-  if size == 0 or offset + size > frame:len() then
-    return nil
-  end
+  if size == 0 or offset + size > frame:len() then return nil end
   return frame:range(offset, size)
 end
 
@@ -51,22 +49,16 @@ end
 local function take(parent, key, offset, size, note)
   local range = part(offset, size)
   local item = range and parent:add(fields["profibus." .. key], range)
-  if item and note then
-    item:append_text(format(" (%s)", note))
-  end
+  if item and note then item:append_text(format(" (%s)", note)) end
   return item
 end
 
 -- Adds a field with a value of its own, at its bytes where there are some, else as one that follows from
 -- others.
 local function derive(parent, key, value, offset, size)
-  if value == nil then
-    return nil
-  end
+  if value == nil then return nil end
   local range = offset and part(offset, size)
-  if range then
-    return parent:add(fields["profibus." .. key], range, value)
-  end
+  if range then return parent:add(fields["profibus." .. key], range, value) end
   local item = parent:add(fields["profibus." .. key], value)
   item:set_generated()
   return item
@@ -95,9 +87,7 @@ end
 local function add_addresses(root, item, at)
   local all = words.receiver(item.da, language)
   local shown = derive(root, "da", item.da, at, 1)
-  if shown and all ~= format("%d", item.da) then
-    shown:append_text(format(" (%s)", all))
-  end
+  if shown and all ~= format("%d", item.da) then shown:append_text(format(" (%s)", all)) end
   derive(root, "sa", item.sa, at + 1, 1)
 end
 
@@ -111,12 +101,8 @@ end
 local function add_sap(root, key, bytes, sap, at)
   local name = key == "dsap" and "dae" or "sae"
   local place = bytes:find("[^\64-\127\192-\255]") -- of the SAP: bit 6 is not set there
-  if #bytes > 1 or bytes ~= "" and not place then
-    take(root, name, at, #bytes)
-  end
-  if place then
-    derive(root, key, sap, at + place - 1, 1)
-  end
+  if #bytes > 1 or bytes ~= "" and not place then take(root, name, at, #bytes) end
+  if place then derive(root, key, sap, at + place - 1, 1) end
 end
 
 local function add_service(root, item)
@@ -158,9 +144,7 @@ end
 
 local function add_module(parent, module, at)
   local shown = take(parent, "configuration.module", at, #module.data, words.module_text(module, language))
-  if not shown then
-    return
-  end
+  if not shown then return end
   derive(shown, "configuration.outputs", module.outputs and module.outputs.length)
   derive(shown, "configuration.inputs", module.inputs and module.inputs.length)
   derive(shown, "configuration.role", codes.profibus_roles[module.role])
@@ -172,9 +156,7 @@ function contents.configuration(parent, content, at)
     at = at + #module.data
   end
   local shown = derive(parent, "ppo", content.ppo)
-  if shown then
-    shown:set_text(words.ppo_text(content, language))
-  end
+  if shown then shown:set_text(words.ppo_text(content, language)) end
 end
 
 function contents.control(parent, content, at, size)
@@ -185,9 +167,7 @@ end
 
 function contents.exchange(parent, content, at, size)
   take(parent, content.outputs and "outputs" or "inputs", at, size)
-  if not content.outputs then
-    derive(parent, "wants_diagnosis", content.wants_diagnosis)
-  end
+  if not content.outputs then derive(parent, "wants_diagnosis", content.wants_diagnosis) end
 end
 
 -- Records
@@ -201,21 +181,15 @@ local function add_refusal(parent, message, at)
     shown:append_text(format(" (%s)", status_text(message.status, language)))
     shown:set_generated()
   end
-  if message.not_ready then
-    derive(parent, "ms1.not_ready", true)
-  end
+  if message.not_ready then derive(parent, "ms1.not_ready", true) end
 end
 
 local function add_message(root, item, message, at)
   local shown = derive(root, "ms1", codes.profibus_messages[message.kind], at, #item.du)
   shown:set_text(words.message_text(message, item, language))
-  if not message.code then
-    return
-  end
+  if not message.code then return end
   take(shown, "ms1.function", at, 1)
-  if message.kind == "refusal" then
-    add_refusal(shown, message, at)
-  end
+  if message.kind == "refusal" then add_refusal(shown, message, at) end
   take(shown, "ms1.slot", at + 1, message.slot and 1 or 0)
   take(shown, "ms1.index", at + 2, message.index and 1 or 0)
   take(shown, "ms1.length", at + 3, message.length and 1 or 0)
@@ -249,9 +223,7 @@ end
 local function add_trailer(root, item, at)
   local good = not any(item.flaws, function(flaw) return flaw.kind == "check" end)
   local shown = take(root, "fcs", at, 1)
-  if shown then
-    derive(shown, "fcs.good", good)
-  end
+  if shown then derive(shown, "fcs.good", good) end
   take(root, "ed", at + 1, 1)
   take(root, "rest", at + 2, math.max(frame:len() - at - 2, 0))
 end
@@ -266,9 +238,7 @@ local function add_frame(root, item)
     take(root, "rest", 3, math.max(frame:len() - 3, 0))
   end
   local at = item.kind == "SD2" and add_length(root, item) or 1
-  if not item.fc then
-    return nil
-  end
+  if not item.fc then return nil end
   add_addresses(root, item, at)
   add_function(root, item, at + 2)
   add_sap(root, "dsap", item.dae, item.dsap, at + 3)
@@ -287,9 +257,7 @@ function M.add(tree, tvb, item, lang)
   local root = tree:add(protocol, frame)
   root:set_text("PROFIBUS DP: " .. words.summary(item, lang))
   local content = item.kind ~= "" and add_frame(root, item) or nil
-  for _, flaw in ipairs(item.flaws) do
-    add_flaw(root, flaw, 0, false)
-  end
+  for _, flaw in ipairs(item.flaws) do add_flaw(root, flaw, 0, false) end
   for _, flaw in ipairs(content and content.flaws or {}) do
     add_flaw(root, flaw, words.data_start(item), true)
   end

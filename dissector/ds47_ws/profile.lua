@@ -15,19 +15,13 @@ local CARRIED = "ds47_ws.profile_files" -- a module of the single file: name -> 
 local folder = "profile"
 
 --- Says where the plugin is.
-function M.configure(place)
-  folder = place .. "/profile"
-end
+function M.configure(place) folder = place .. "/profile" end
 
 --- Where the profile belongs.
-function M.path()
-  return Dir.personal_config_path("profiles/" .. NAME)
-end
+function M.path() return Dir.personal_config_path("profiles/" .. NAME) end
 
 --- Whether there is one of this name.
-function M.is_there()
-  return Dir.exists(M.path()) == true
-end
+function M.is_there() return Dir.exists(M.path()) == true end
 
 -- The files of a folder: name -> content.
 local function read(place)
@@ -35,27 +29,21 @@ local function read(place)
   for name in Dir.open(place) do
     local file = io.open(place .. "/" .. name, "rb")
     files[name] = file and file:read("*a") or nil
-    if file then
-      file:close()
-    end
+    if file then file:close() end
   end
   return files
 end
 
 --- The files of the profile by their names; nil where this copy of the plugin has none.
 function M.files()
-  if package.preload[CARRIED] then
-    return require(CARRIED)
-  end
+  if package.preload[CARRIED] then return require(CARRIED) end
   return Dir.exists(folder) and read(folder) or nil
 end
 
 -- Writes all of it or nothing. Gives why it could not.
 local function write(path, files)
   Dir.make(Dir.personal_config_path("profiles"))
-  if not Dir.make(path) then
-    return path
-  end
+  if not Dir.make(path) then return path end
   for name, content in pairs(files) do
     local written, problem = saving.write(path .. "/" .. name, content)
     if not written then
@@ -71,9 +59,7 @@ end
 function M.add(lang)
   local path, there = M.path(), M.is_there()
   local problem = not there and write(path, M.files()) or nil
-  if problem then
-    return { say(lang, "menu_profile_failed", { problem = problem }) }
-  end
+  if problem then return { say(lang, "menu_profile_failed", { problem = problem }) } end
   return {
     say(lang, there and "menu_profile_there" or "menu_profile_added", { path = path }),
     say(lang, "menu_profile_choose"),

@@ -20,9 +20,7 @@ local REVERSE = 11 -- bit of STW1 that turns the sign of the setpoint
 
 -- Setpoint as it is effective, or actual value, in percent; nil where it is none, or not valid.
 local function percent(place, raw)
-  if not raw or not place.valid or not place.speed then
-    return nil
-  end
+  if not raw or not place.valid or not place.speed then return nil end
   local share = raw / tables.pzd.word * 100
   return place.sent and bit_of(place.word, REVERSE) == 1 and -share or share
 end
@@ -31,15 +29,11 @@ end
 local function line_of(place, value, lang)
   local parts = { format("%s 16#%04X", place.sent and "STW1" or "ZSW1", place.word) }
   local state, overlays = drives.state(place)
-  if state then
-    parts[2] = cyclic.state_text(state, overlays, lang)
-  end
+  if state then parts[2] = cyclic.state_text(state, overlays, lang) end
   if value then
     parts[#parts + 1] = format("%s %.1f %%", place.sent and "setpoint" or "actual value", value)
   end
-  if not place.valid then
-    parts[#parts + 1] = "data not valid"
-  end
+  if not place.valid then parts[#parts + 1] = "data not valid" end
   return concat(parts, ", ")
 end
 
@@ -53,9 +47,7 @@ end
 
 local KEYS = { stw1 = {}, zsw1 = {} } -- of the bits of each word
 for name, keys in pairs(KEYS) do
-  for number, row in ipairs(tables.fields[name]) do
-    keys[number] = row[1]
-  end
+  for number, row in ipairs(tables.fields[name]) do keys[number] = row[1] end
 end
 
 -- Bits have their words from the field, which knows those of speed telegrams in English.
@@ -75,16 +67,12 @@ end
 local function add_words(put, parent, place, record)
   local numbers = place.relation.telegrams
   local telegram = #numbers == 1 and tables.pzd.telegrams[numbers[1]]
-  if not telegram then
-    return
-  end
+  if not telegram then return end
   local offset = 2
   local names = place.sent and telegram.out or telegram.inward
   for number = 2, #names do
     local word = tables.fields.telegram_words[names[number]]
-    if word.key then
-      put.take(parent, word.key, record, offset, word.size)
-    end
+    if word.key then put.take(parent, word.key, record, offset, word.size) end
     offset = offset + word.size
   end
 end
@@ -95,9 +83,7 @@ local function add_values(put, parent, place, record, raw, value)
   if shown then
     shown:set_text(format("%s: %.2f %%", place.sent and "Setpoint" or "Actual value", value))
   end
-  if place.speed then
-    put.add(parent, key .. ".raw", raw, record, 2, 2)
-  end
+  if place.speed then put.add(parent, key .. ".raw", raw, record, 2, 2) end
 end
 
 -- The state has a number; what stands beside it is told in words.
@@ -112,9 +98,7 @@ end
 local function add_telegrams(put, parent, numbers)
   for _, number in ipairs(numbers) do
     local shown = put.derive(parent, "pzd.telegram", number)
-    if shown and #numbers > 1 then
-      shown:append_text(format(" (one of %d)", #numbers))
-    end
+    if shown and #numbers > 1 then shown:append_text(format(" (one of %d)", #numbers)) end
   end
 end
 
@@ -129,9 +113,7 @@ function M.add(put, parent, place, record, lang)
     root:set_text("DS47 PZD: " .. line)
   end
   local numbers = place.relation.telegrams
-  if numbers[1] and put.wanted("pzd.telegram") then
-    add_telegrams(put, root, numbers)
-  end
+  if numbers[1] and put.wanted("pzd.telegram") then add_telegrams(put, root, numbers) end
   local word = put.add(root, "pzd." .. name, place.word, record, 0, 2)
   add_bits(put, word or root, name, place, record, lang)
   if put.wanted("pzd.state") then
@@ -150,9 +132,7 @@ function M.add_event(put, root, found, record, lang)
   local event, relation = found.event, found.relation
   local text = cyclic.event_text(event.name, lang)
   local shown = put.add(root, "pzd.event", text, record, 0, 2)
-  if shown then
-    shown:set_text("Event of a drive: " .. info.what({ event }, lang))
-  end
+  if shown then shown:set_text("Event of a drive: " .. info.what({ event }, lang)) end
   local below = shown or root
   put.derive(below, "pzd.event.name", codes.events[event.name])
   put.derive(below, "pzd.event.word", codes.drive_words[event.word])

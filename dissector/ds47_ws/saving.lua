@@ -22,9 +22,7 @@ local function holds_capture(file)
 end
 
 -- Not "rb": that would wait for the writer of a pipe.
-local function open_there(path)
-  return io.open(path, "r+b")
-end
+local function open_there(path) return io.open(path, "r+b") end
 
 -- Nil where nothing of this name is there; else why it cannot be taken, be it a folder or what one may not
 -- read.
@@ -46,12 +44,8 @@ function M.free_name(name, endings)
   for number = 1, MOST_NAMES do
     local tried = number == 1 and name or string.format("%s-%d", name, number)
     problem = nil
-    for _, ending in ipairs(endings) do
-      problem = problem or taken(tried .. ending)
-    end
-    if problem == nil then
-      return tried
-    end
+    for _, ending in ipairs(endings) do problem = problem or taken(tried .. ending) end
+    if problem == nil then return tried end
   end
   return nil, problem
 end
@@ -66,17 +60,11 @@ function M.write(path, text)
     return nil, path .. ": a capture or a packed file, which is not written over: choose another name"
   end
   local file, problem = io.open(path, "wb")
-  if there then
-    there:close()
-  end
-  if not file then
-    return nil, problem
-  end
+  if there then there:close() end
+  if not file then return nil, problem end
   local written, reason = file:write(text)
   local closed, late = file:close()
-  if not (written and closed) then
-    return nil, reason or late
-  end
+  if not (written and closed) then return nil, reason or late end
   return true, size ~= nil and size > 0
 end
 

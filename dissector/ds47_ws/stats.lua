@@ -15,9 +15,7 @@ local KINDS = {
 }
 local USAGE = "statistics[=FILE], report[=FILE], csv[=FILE], drives[=FILE], name=NAME, lang=en or lang=zh"
 
-local function complain(text)
-  io.stderr:write("ds47: ", text, "\n")
-end
+local function complain(text) io.stderr:write("ds47: ", text, "\n") end
 
 --- What the arguments of the script ask for: {outputs = array of {kind, file or nil}, name, lang}.
 -- @return that, and an array of the arguments that mean nothing
@@ -83,20 +81,12 @@ function M.register(track, arguments)
   for _, argument in ipairs(unknown) do
     complain("unknown argument " .. argument .. "; known: " .. USAGE)
   end
-  if #wanted.outputs == 0 or gui_enabled() then
-    return
-  end
+  if #wanted.outputs == 0 or gui_enabled() then return end
   local frames = 0
   local listener = Listener.new("frame")
-  function listener.packet(pinfo)
-    frames = pinfo.number
-  end
-  function listener.reset()
-    frames = 0
-  end
-  function listener.draw()
-    print_all(track, frames, wanted)
-  end
+  function listener.packet(pinfo) frames = pinfo.number end
+  function listener.reset() frames = 0 end
+  function listener.draw() print_all(track, frames, wanted) end
 end
 
 return M

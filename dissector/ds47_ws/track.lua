@@ -65,9 +65,7 @@ end, MOST_TEXTS)
 
 --- Tells where the options of an analysis, and the language of what is shown, come from: a function that is
 -- asked for each new file.
-function M.configure(get_options)
-  options = get_options
-end
+function M.configure(get_options) options = get_options end
 
 --- Forgets everything: another file, other preferences.
 function M.reset()
@@ -84,9 +82,7 @@ M.reset()
 local function the_analysis()
   if current == nil then
     local chosen
-    if options then
-      chosen, M.lang = options()
-    end
+    if options then chosen, M.lang = options() end
     current = analysis.new(chosen)
   end
   return current
@@ -140,22 +136,16 @@ function M.station(number, frame)
   local destination = receiver ~= "" and mac_texts[receiver] or nil
   local key = (source or "") .. (destination or "") .. kind
   local content = kind == "dcp" and sub(payload, 1, 4) .. sub(payload, 9) or payload -- not the transaction id
-  if told[key] == content then
-    return
-  end
+  if told[key] == content then return end
   told[key] = content
   stations[#stations + 1] = { kind, payload, source, destination }
-  if #stations >= MOST_WAITING then
-    hand_over_stations()
-  end
+  if #stations >= MOST_WAITING then hand_over_stations() end
 end
 
 --- The same of a frame without IP while vendors may be assumed: what it says of one counts from now on.
 function M.hear_station(number, frame)
   M.station(number, frame)
-  if #stations > 0 then
-    hand_over_stations()
-  end
+  if #stations > 0 then hand_over_stations() end
 end
 
 -- Feeding
@@ -171,9 +161,7 @@ local the_complete -- below: the complete result by frames
 -- A fragment of a datagram; its data begins at `at`, and ends at `wanted` or where the frame does.
 local function fragment(frame, offset, at, wanted)
   local stop = wanted < #frame and wanted or #frame
-  if at > stop or stop < offset + 20 then
-    return nil
-  end
+  if at > stop or stop < offset + 20 then return nil end
   local i1, i2, f1, f2 = byte(frame, offset + 5, offset + 8)
   local flags, texts = f1 * 256 + f2, address_pairs[sub(frame, offset + 13, offset + 20)]
   return {
@@ -189,9 +177,7 @@ end
 -- fragment, alone; nil when it is none of our business.
 local function dissect(frame, offset)
   local first, _, t1, t2, i1, i2, f1, f2, _, protocol = byte(frame, offset + 1, offset + 10)
-  if protocol ~= UDP or first < 0x45 or first > 0x4F then
-    return nil
-  end
+  if protocol ~= UDP or first < 0x45 or first > 0x4F then return nil end
   local present, total, at = #frame, t1 * 256 + t2, offset + (first - 0x40) * 4
   local stop = total > 0 and offset + total or present
   if f2 ~= 0 or f1 % 0x40 ~= 0 then
@@ -200,16 +186,10 @@ local function dissect(frame, offset)
     stop = present
   end
   local high, low, _, _, version = byte(frame, at + 5, at + 9) -- the length, and the first byte behind UDP
-  if version ~= RPC_VERSION then
-    return nil
-  end
+  if version ~= RPC_VERSION then return nil end
   local length, begin = high * 256 + low, at + UDP_HEADER
-  if length >= UDP_HEADER and at + length < stop then
-    stop = at + length
-  end
-  if stop - begin < RPC_HEADER then
-    return nil
-  end
+  if length >= UDP_HEADER and at + length < stop then stop = at + length end
+  if stop - begin < RPC_HEADER then return nil end
   local texts = address_pairs[sub(frame, offset + 13, offset + 20)]
   return head_of(frame, begin, texts[1], texts[2]), begin, stop, i1 * 256 + i2
 end
@@ -217,9 +197,7 @@ end
 --- Whether a frame is to be fed: it is new. In the first of two passes a frame that a read filter drops
 -- leaves its number to the next one.
 -- @param pinfo what Wireshark knows of the frame
-function M.is_new(number, pinfo)
-  return number > last or (number == last and not pinfo.visited)
-end
+function M.is_new(number, pinfo) return number > last or (number == last and not pinfo.visited) end
 
 --- Feeds a frame. True when it carried PROFINET RPC, or a fragment that might; and of a copy the frame of
 -- which it is one.
@@ -229,30 +207,22 @@ end
 -- @param pinfo what Wireshark knows of the frame
 function M.feed(number, frame, offset, clock, pinfo)
   local found, at, stop, ip_id = dissect(frame, offset)
-  if found == nil then
-    return false
-  end
+  if found == nil then return false end
   local live = current or the_analysis()
   complete, last = nil, number
   if at then
     local pdu = new_pdu(found, frame, at, stop, number, clock(live))
     local p1, p2 = byte(frame, at - UDP_HEADER + 1, at - UDP_HEADER + 2)
     pdu.port = p1 * 256 + p2
-    if pdu.missing ~= 0 then
-      pdu.cut = cut_of(number, frame, pinfo)
-    end
+    if pdu.missing ~= 0 then pdu.cut = cut_of(number, frame, pinfo) end
     live:datagram(pdu, ip_id, source_mac(frame, offset))
   else
     found.frame, found.time_ns, found.cut = number, clock(live), cut_of(number, frame, pinfo)
     live:fragment(found)
   end
   local original, relations = live.original, live.cyclic.all
-  if original then
-    originals[number] = original
-  end
-  if #relations ~= known_relations then
-    note_relations(relations)
-  end
+  if original then originals[number] = original end
+  if #relations ~= known_relations then note_relations(relations) end
   return true, original
 end
 
@@ -271,9 +241,7 @@ end
 
 -- A frame that may be one of PROFIBUS waits until one proves it; of too many the older ones are forgotten.
 local function keep_unproven(number, data, time_ns, cut)
-  if #unproven >= MOST_UNPROVEN then
-    unproven = {}
-  end
+  if #unproven >= MOST_UNPROVEN then unproven = {} end
   unproven[#unproven + 1] = { number, sub(data, 1, LONGEST_ON_BUS), time_ns, cut }
 end
 
@@ -298,9 +266,7 @@ function M.feed_bus(number, data, link_type, clock, length)
   last = number
   if not bus_from then
     if not bus.proves(telegram.decode(data)) then
-      if link_type == bus.PROFIBUS_DL then
-        keep_unproven(number, data, clock(live), cut)
-      end
+      if link_type == bus.PROFIBUS_DL then keep_unproven(number, data, clock(live), cut) end
       return nil
     end
     begin_bus(live, number, link_type)
@@ -342,9 +308,7 @@ end
 -- A view of a transaction that is not complete: what is made of it is made when it is asked for.
 local LIVE = {}
 
-function LIVE.__index(view, key)
-  return key == "parameters" and view.item.parameters or nil
-end
+function LIVE.__index(view, key) return key == "parameters" and view.item.parameters or nil end
 
 local live_views = {} -- those of the newest frame: the same tables for every frame
 
@@ -386,9 +350,7 @@ local SHOWS_NONE = { read_request = true, poll = true, read_response = true }
 function M.live_views(seen)
   local jobs, roles, count = current:touched()
   local there = current.findings:at(last)
-  if count == 0 then
-    return NONE, there
-  end
+  if count == 0 then return NONE, there end
   ours[last % MOST_OURS] = last
   local shown, certain = 0, nil
   for number = 1, count do
@@ -401,12 +363,8 @@ function M.live_views(seen)
       certain = add_certain(certain, job)
     end
   end
-  for number = #live_views, shown + 1, -1 do
-    live_views[number] = nil
-  end
-  if certain then
-    append(certain, there)
-  end
+  for number = #live_views, shown + 1, -1 do live_views[number] = nil end
+  if certain then append(certain, there) end
   return live_views, certain or there
 end
 
@@ -414,13 +372,9 @@ end
 local PKW = {}
 
 function PKW.__index(view, key)
-  if key ~= "parameters" then
-    return nil
-  end
+  if key ~= "parameters" then return nil end
   local found = view.item.parameters
-  if view.role == "write_request" then
-    found = { pkw.asked(found[1], view.item.operation) }
-  end
+  if view.role == "write_request" then found = { pkw.asked(found[1], view.item.operation) } end
   view.parameters = found
   return found
 end
@@ -432,9 +386,7 @@ end
 -- Adds what the words in the frame that was fed last say; gives what happened to drives.
 local function add_cyclic(views, findings, seen)
   for _, each in ipairs(current:cyclic_touched()) do
-    if seen then
-      views[#views + 1] = pkw_view(each.item, each.role, false)
-    end
+    if seen then views[#views + 1] = pkw_view(each.item, each.role, false) end
     append(findings, each.findings)
   end
   return M.has_drives and current.cyclic:happened(last) or NONE
@@ -489,9 +441,7 @@ local PARTS = {}
 
 function PARTS.message(view)
   local item = view.item
-  if item.job then
-    return item.job.message
-  end
+  if item.job then return item.job.message end
   return item.request and current.events.decode_request(item.request)
 end
 
@@ -505,9 +455,7 @@ end
 -- A Write request alone does not know the values of its transaction.
 function PARTS.parameters(view)
   local item = view.item
-  if view.role ~= "write_request" or not item.frames.read_response then
-    return item.parameters
-  end
+  if view.role ~= "write_request" or not item.frames.read_response then return item.parameters end
   local peer = { vendor_id = item.vendor_id, device_id = item.device_id, family = item.family }
   local job = { message = view.message, peer = peer, meanings = item.meanings }
   return transactions.parameters(job)
@@ -529,29 +477,21 @@ function COMPLETE.__index(view, key)
 end
 
 local function complete_view(item, role)
-  if item.job == nil and item.channel == "pkw" then
-    return pkw_view(item, role, true)
-  end
+  if item.job == nil and item.channel == "pkw" then return pkw_view(item, role, true) end
   return setmetatable({ role = role, item = item, complete = true, message = nil }, COMPLETE)
 end
 
 function the_complete()
-  if complete == nil then
-    complete = by_frames(current:ended())
-  end
+  if complete == nil then complete = by_frames(current:ended()) end
   return complete
 end
 
 --- What the complete result says of a frame: views, findings, events. Nil when it says nothing.
 function M.complete_views(number)
-  if current == nil then
-    return nil
-  end
+  if current == nil then return nil end
   local all = the_complete()
   local there, findings, events = all.places[number], all.findings[number], all.drives.events[number]
-  if not (there or findings or events) then
-    return nil
-  end
+  if not (there or findings or events) then return nil end
   local views = {}
   for at = 1, #(there or NONE), 2 do
     views[#views + 1] = complete_view(there[at], there[at + 1])
@@ -565,9 +505,7 @@ function M.findings_of(view)
 end
 
 --- The number of the drive object that a transaction of the complete result reaches; nil where none is sure.
-function M.drive_object(item)
-  return drive_objects.reached(the_complete().result, item)
-end
+function M.drive_object(item) return drive_objects.reached(the_complete().result, item) end
 
 --- The frame with the request of the transaction that a finding is about; nil where there is none, or where
 -- it is not known yet.
@@ -593,9 +531,7 @@ end
 --- The same of a frame of PROFIBUS: nil where it is none of data exchange.
 -- @param item what telegram.lua decoded
 function M.bus_place(item)
-  if item.flaws[1] or dp.service(item) ~= "exchange" then
-    return nil
-  end
+  if item.flaws[1] or dp.service(item) ~= "exchange" then return nil end
   return { at = profibus.data_start(item), source = source_on_bus(item.sa, item.da), frame_id = NO_FRAME_ID }
 end
 
@@ -623,18 +559,14 @@ end
 -- @param place as `cyclic_place` gives it
 -- @param whole whether all frames were fed, and the complete result tells
 function M.words(number, frame, place, whole)
-  if whole then
-    return drives.words(the_complete().drives, number, frame, place)
-  end
+  if whole then return drives.words(the_complete().drives, number, frame, place) end
   return drives.live_words(current.cyclic, number, frame, place)
 end
 
 -- The whole file
 
 --- The second since 1970 that the times of transactions are relative to.
-function M.base_seconds()
-  return current and current.base_seconds or 0
-end
+function M.base_seconds() return current and current.base_seconds or 0 end
 
 --- The complete result of the open file, as ds47.analysis gives it, with the stations that named themselves.
 function M.result()

@@ -59,15 +59,11 @@ local marked -- whether it is seen where a value comes from
 local newest -- the item of the frame that was made last with a value; nil before the first
 
 -- Whether somebody wants a field.
-local function wanted(key)
-  return wants[key]
-end
+local function wanted(key) return wants[key] end
 
 -- Part of a record: `offset` counts in the record. Nil where the record is not in the frame.
 local function part(record, offset, size)
-  if record == nil or size <= 0 or offset + size > record:len() then
-    return nil
-  end
+  if record == nil or size <= 0 or offset + size > record:len() then return nil end
   return record:range(offset, size)
 end
 
@@ -75,13 +71,9 @@ end
 -- they stand at an offset in the record, if that is in the frame.
 local function add(parent, key, value, record, offset, size)
   local field = value ~= nil and wants[key]
-  if not field then
-    return nil
-  end
+  if not field then return nil end
   local range = marked and part(record, offset, size)
-  if range then
-    return add_item(parent, field, range, value)
-  end
+  if range then return add_item(parent, field, range, value) end
   newest = add_item(parent, field, value)
   return newest
 end
@@ -89,21 +81,15 @@ end
 -- The same of a value that stands nowhere in the frame: in brackets.
 local function derive(parent, key, value)
   local field = value ~= nil and wants[key]
-  if not field then
-    return nil
-  end
+  if not field then return nil end
   newest = add_item(parent, field, value)
-  if marked then
-    newest:set_generated()
-  end
+  if marked then newest:set_generated() end
   return newest
 end
 
 -- The same of a value that stands at its bytes where they are in this frame.
 local function show(parent, key, value, here, record, offset, size)
-  if here then
-    return add(parent, key, value, record, offset, size)
-  end
+  if here then return add(parent, key, value, record, offset, size) end
   return derive(parent, key, value)
 end
 
@@ -115,9 +101,7 @@ end
 
 -- The tree of a protocol; that of the frame where nobody wants the protocol itself.
 local function own_tree(tree, owner, record, label)
-  if not wants[owner] then
-    return tree
-  end
+  if not wants[owner] then return tree end
   return record and add_item(tree, owner, record, label) or add_item(tree, owner, label)
 end
 
@@ -128,16 +112,12 @@ local function own_last(tree, owner, record)
   local root = own_tree(newest or tree, owner, record, "DS47")
   if record and wants[owner] == UNKNOWN then
     local is_made = root.len > 0
-    if newest or not is_made then
-      wants[owner] = is_made
-    end
+    if newest or not is_made then wants[owner] = is_made end
   end
 end
 
 local function mark_generated(item)
-  if item and marked then
-    item:set_generated()
-  end
+  if item and marked then item:set_generated() end
   return item
 end
 
@@ -147,9 +127,7 @@ local function point(parent, key, range)
 end
 
 -- Bytes that another frame has, to point at. `name` is what Wireshark shows above them.
-local function elsewhere(data, name)
-  return types.range_of(data, name, find_bytes)
-end
+local function elsewhere(data, name) return types.range_of(data, name, find_bytes) end
 
 -- For the trees of single things: pkw_tree.lua, finding_tree.lua and the like.
 local adding = {
@@ -182,9 +160,7 @@ local typed = {}
 function typed.number(parent, row, value, bytes, record, offset)
   local signed = SIGNED[row.pack]
   local key = signed and "value.signed" or "value.unsigned"
-  if not wants[key] then
-    return
-  end
+  if not wants[key] then return end
   local class = signed and Int64 or UInt64
   local number = #bytes == 8 and class.decode(bytes, false) or class.new(value)
   add(parent, key, number, record, offset, #bytes)
@@ -211,9 +187,7 @@ local NUMBERS = { number = true, float = true } -- all but times, texts and octe
 -- The physical value, which is text for dates and times of day and a number for all others.
 local function physical(parent, kind, item, number)
   local scaled = item.scaled and item.scaled[number]
-  if scaled == nil then
-    return
-  end
+  if scaled == nil then return end
   local shown = parent
   if wants.scaled then
     shown = derive(parent, "scaled", words.value(scaled, item.format, true))
@@ -257,9 +231,7 @@ local function add_value(parent, item, number, row, block, record)
   if wants["value.hex"] then
     text_bytes(shown, item, value, block and record and part(record, offset, size))
   end
-  if item.scaled then
-    physical(shown, kind, item, number)
-  end
+  if item.scaled then physical(shown, kind, item, number) end
 end
 
 -- Parameters
@@ -280,9 +252,7 @@ local function add_error(parent, failed, worded, block, record)
   local text = worded and sentences.error_words(worded, language)
   if failed.code then
     local item = add(parent, "error.code", failed.code, record, at, 2)
-    if item then
-      item:set_text("Error number: " .. spec.error_hex(failed.code))
-    end
+    if item then item:set_text("Error number: " .. spec.error_hex(failed.code)) end
     add(parent, "error.text", text, record, at, 2)
     add(parent, "error.info", failed.info, record, at + 2, 2)
     shown = failed.info and 4 or 2
@@ -294,9 +264,7 @@ end
 
 -- A block that belongs to no parameter of the transaction.
 local function add_loose(parent, block, record)
-  if wants[OF_BLOCK] then
-    add_block(parent, block, record)
-  end
+  if wants[OF_BLOCK] then add_block(parent, block, record) end
   if block.error then
     add_error(parent, block.error, nil, block, record)
   else
@@ -309,9 +277,7 @@ end
 local function owned(view, message)
   local item = view.item
   local bare = item.stray and (item.operation == "change" or item.state == "refused")
-  if bare and view.role ~= "write_request" then
-    return 0
-  end
+  if bare and view.role ~= "write_request" then return 0 end
   return math.min(#view.parameters, #message.blocks)
 end
 
@@ -319,17 +285,11 @@ end
 -- whether these have the values of the transaction: those of a change stand in its request. Blocks are made
 -- of the bytes of a message when they are asked for: not where nobody wants what stands in them alone.
 local function blocks_of(view)
-  if not wants[OF_BLOCKS] then
-    return NONE, 0, false
-  end
+  if not wants[OF_BLOCKS] then return NONE, 0, false end
   local message, change = view.message, view.item.operation == "change"
-  if view.role == "write_request" then
-    return message and message.blocks or NONE, huge, change
-  end
+  if view.role == "write_request" then return message and message.blocks or NONE, huge, change end
   local response = view.response
-  if response then
-    return response.blocks, owned(view, response), not (change and message)
-  end
+  if response then return response.blocks, owned(view, response), not (change and message) end
   return NONE, 0, not (change and message)
 end
 
@@ -355,9 +315,7 @@ end
 local function add_values(_, shown, item, place)
   local count = #item.values
   local row = tables.formats[types.format_code(item.format)]
-  for number = 1, count do
-    add_value(shown, item, number, row, place.values, place.record)
-  end
+  for number = 1, count do add_value(shown, item, number, row, place.values, place.record) end
 end
 
 -- What an address shows. It stands in a request; for a response it is that of its request. `row` says what
@@ -379,9 +337,7 @@ end
 
 local function add_described_in(_, shown, item)
   local frames = item.described and item.described.frames or NONE
-  for number = 1, #frames do
-    derive(shown, "described_in", frames[number])
-  end
+  for number = 1, #frames do derive(shown, "described_in", frames[number]) end
 end
 
 -- The error of a block, or its bytes where nothing else shows them.
@@ -411,9 +367,7 @@ local PARAMETER = wanted_fields.list({
     return words.meaning(item, language)
   end },
   { field = OF_BLOCK, add = function(_, shown, _, place)
-    if place.block then
-      add_block(shown, place.block, place.record)
-    end
+    if place.block then add_block(shown, place.block, place.record) end
   end },
   { field = OF_WRITTEN, add = function(_, shown, item, place) -- by the request of a response
     if not place.here then
@@ -437,9 +391,7 @@ local function add_label(parent, view, item, place)
   local from, size = asked and place.address or block, asked and 6 or block and 2 + #block.raw
   local label = words.parameter(item, view.item.operation == "change", language)
   local shown = add(parent, "parameter", label, from and place.record, from and from.offset, size)
-  if not asked and not place.values then
-    mark_generated(shown)
-  end
+  if not asked and not place.values then mark_generated(shown) end
   return shown
 end
 
@@ -454,9 +406,7 @@ local function add_others(parent, view, message, record)
   for number = owned(view, message) + 1, #message.blocks do
     add_loose(parent, message.blocks[number], record)
   end
-  if record then
-    take(parent, "raw", record, record:len() - #message.rest, #message.rest)
-  end
+  if record then take(parent, "raw", record, record:len() - #message.rest, #message.rest) end
 end
 
 local function add_parameters(parent, view, message, record)
@@ -471,16 +421,12 @@ local function add_parameters(parent, view, message, record)
       row.add(row, shown, item, place)
     end
   end
-  if message and wants[OF_BLOCKS] then
-    add_others(parent, view, message, record)
-  end
+  if message and wants[OF_BLOCKS] then add_others(parent, view, message, record) end
 end
 
 local function add_message(parent, view, record)
   local id = HEADERS[view.role]
-  if id == nil then
-    return
-  end
+  if id == nil then return end
   local message = view.role == "write_request" and view.message or view.response
   if message and wants[OF_HEADER] then
     add(parent, "request_reference", message.request_reference, record, 0, 1)
@@ -488,9 +434,7 @@ local function add_message(parent, view, record)
     add(parent, "axis", message.axis, record, 2, 1)
     add(parent, "parameter_count", message.parameter_count, record, 3, 1)
   end
-  if wants[OF_PARAMETERS] then
-    add_parameters(parent, view, message, record)
-  end
+  if wants[OF_PARAMETERS] then add_parameters(parent, view, message, record) end
 end
 
 -- The other frames, and the transaction
@@ -504,9 +448,7 @@ end
 -- the frames of a transaction are dear to make.
 local function frame_of(view, half)
   local job = view.job
-  if job == nil then
-    return view.item.frames[half]
-  end
+  if job == nil then return view.item.frames[half] end
   local found = job[half]
   return found and found.frame
 end
@@ -526,18 +468,14 @@ end
 -- Whether earlier frames prove the state: one pass does not know how an open transaction ends.
 local function state_is_certain(view)
   local item = view.item
-  if view.complete or frame_of(view, "read_response") then
-    return true
-  end
+  if view.complete or frame_of(view, "read_response") then return true end
   return (item.write_status or 0) ~= 0
 end
 
 -- Says that later frames may say more of a transaction, where somebody wants what they say; in a window every
 -- frame is shown again. Not where earlier frames prove how it ended.
 local function add_second_pass(parent)
-  if WINDOW then
-    return
-  end
+  if WINDOW then return end
   passes.partly = true
   if wants.second_pass then
     derive(parent, "second_pass", words.say(language, "second_pass"))
@@ -580,9 +518,7 @@ local function add_plc(parent, view, lang)
 end
 
 local function add_frames_of_reads(parent, view)
-  if view.item.channel ~= "ds47" or not is_main(view) or not wants[OF_READS] then
-    return
-  end
+  if view.item.channel ~= "ds47" or not is_main(view) or not wants[OF_READS] then return end
   for _, name in ipairs({ "poll", "reread" }) do
     for _, read in ipairs(view.item.frames[name .. "s"]) do
       derive(parent, "frames." .. name .. ".request", read.request)
@@ -601,9 +537,7 @@ end
 
 -- A key of messages: what the message in the frame shows already is not shown again.
 local function of_message(key)
-  return function(item, view)
-    return not HEADERS[view.role] and item[key] or nil
-  end
+  return function(item, view) return not HEADERS[view.role] and item[key] or nil end
 end
 
 -- By its key what is not shown as the transaction has it: a function of it, the view, whether its state is
@@ -675,9 +609,7 @@ local INSTEAD = {
 local function rows_of_transaction()
   local rows = {}
   for _, field in ipairs(tables.transaction_fields) do
-    for _, row in ipairs(INSTEAD[field[1]] or { row_of(field) }) do
-      rows[#rows + 1] = row
-    end
+    for _, row in ipairs(INSTEAD[field[1]] or { row_of(field) }) do rows[#rows + 1] = row end
   end
   return rows
 end
@@ -691,9 +623,7 @@ local function add_transaction(parent, view, certain, record, context)
     local number = view.complete and item.id or (view.job or item).order
     shown = derive(parent, "transaction", number) or parent
   end
-  for number = 1, #list do
-    list[number].add(shown, item, view, certain, record, context)
-  end
+  for number = 1, #list do list[number].add(shown, item, view, certain, record, context) end
 end
 
 -- Drives
@@ -718,9 +648,7 @@ end
 -- The frame
 
 local function of_view(finding, view)
-  if view.complete then
-    return finding.transaction == view.item.id
-  end
+  if view.complete then return finding.transaction == view.item.id end
   return finding.order == view.item.order
 end
 
@@ -729,13 +657,9 @@ end
 -- plugin comes.
 local function add_root(tree, view, record)
   local root, sentence = tree, (marked or wants.info) and info.sentence(view, language)
-  if marked then
-    root = own_tree(tree, protocol, record, "DS47 " .. sentence)
-  end
+  if marked then root = own_tree(tree, protocol, record, "DS47 " .. sentence) end
   local item = sentence and derive(root, "info", sentence)
-  if item then
-    item:set_hidden()
-  end
+  if item then item:set_hidden() end
   return root
 end
 
@@ -743,9 +667,7 @@ end
 -- in its response, and what to send instead may stand at its request.
 local function add_elsewhere(root, view, findings, context)
   local known = {}
-  for _, finding in ipairs(findings) do
-    known[finding] = true
-  end
+  for _, finding in ipairs(findings) do known[finding] = true end
   for _, finding in ipairs(context.findings_of(view)) do
     local key = finding.rule .. finding.frame
     if not known[finding] and not known[key] then
@@ -776,13 +698,9 @@ local function add_view(tree, view, findings, taken, context)
   else
     add_message(root, view, record)
   end
-  if wants[OF_LINKS] then
-    add_links(root, view)
-  end
+  if wants[OF_LINKS] then add_links(root, view) end
   local certain = view.complete or not wants[OF_LATER_FRAMES] or state_is_certain(view)
-  if not certain then
-    add_second_pass(root)
-  end
+  if not certain then add_second_pass(root) end
   add_transaction(root, view, certain, record, context)
   for number = 1, #findings do
     local finding = findings[number]
@@ -791,12 +709,8 @@ local function add_view(tree, view, findings, taken, context)
       finding_tree.add(adding, root, finding, experts, nil, context.lang)
     end
   end
-  if wants["finding.elsewhere"] then
-    add_elsewhere(root, view, findings, context)
-  end
-  if not marked and wants[protocol] then
-    own_last(tree, protocol, record)
-  end
+  if wants["finding.elsewhere"] then add_elsewhere(root, view, findings, context) end
+  if not marked and wants[protocol] then own_last(tree, protocol, record) end
 end
 
 local NONE_TAKEN = {} -- of no findings
@@ -816,12 +730,8 @@ function M.add(tree, views, findings, events, context)
   begin(tree, context.answers, view and view.role or "other", context.lang)
   find_bytes = context.find_bytes
   local taken = findings[1] and {} or NONE_TAKEN
-  for number = 1, #views do
-    add_view(tree, views[number], findings, taken, context)
-  end
-  if #events > 0 then
-    add_events(tree, events, context.find_word, context.lang)
-  end
+  for number = 1, #views do add_view(tree, views[number], findings, taken, context) end
+  if #events > 0 then add_events(tree, events, context.find_word, context.lang) end
   local rest
   for number = 1, #findings do
     local finding = findings[number]

@@ -17,16 +17,12 @@ local KEPT = 256 -- addresses that are remembered
 --- The words of a table of tables.codes by their numbers, for Wireshark to show beside them.
 function M.words(name)
   local found = {}
-  for word, code in pairs(tables.codes[name]) do
-    found[code] = word
-  end
+  for word, code in pairs(tables.codes[name]) do found[code] = word end
   return found
 end
 
 --- The code of a format by its name, which is `0x77` where it has none; nil of nil.
-function M.format_code(name)
-  return name and (code_of(name) or tonumber(name))
-end
+function M.format_code(name) return name and (code_of(name) or tonumber(name)) end
 
 -- Numbers
 
@@ -35,9 +31,7 @@ local FLOAT_WORDS = { NaN = 0 / 0, Infinity = 1 / 0, ["-Infinity"] = -1 / 0 }
 --- A value as a double: integers that have more digits than a double are texts, and lose the last ones.
 -- @return nil where it is no number
 function M.number(value)
-  if type(value) == "number" then
-    return value
-  end
+  if type(value) == "number" then return value end
   return FLOAT_WORDS[value] or tonumber(value)
 end
 
@@ -74,9 +68,7 @@ end, KEPT)
 function M.add_peers(put, parent, about)
   for _, name in ipairs({ "controller", "device" }) do
     local peer = about[name] and PEERS[about[name]]
-    if peer then
-      put.derive(parent, ENDS[name][peer.kind], peer.value)
-    end
+    if peer then put.derive(parent, ENDS[name][peer.kind], peer.value) end
   end
 end
 
@@ -100,13 +92,9 @@ end, KEPT)
 function M.add_uuid(parent, field, text, find_bytes)
   local uuid = UUIDS[text]
   local range = uuid.unique and find_bytes(uuid.big)
-  if range then
-    return parent:add(field, range)
-  end
+  if range then return parent:add(field, range) end
   range = uuid.unique and find_bytes(uuid.little)
-  if range then
-    return parent:add_le(field, range)
-  end
+  if range then return parent:add_le(field, range) end
   return parent:add(field, M.range_of(uuid.big, "AR UUID", find_bytes))
 end
 

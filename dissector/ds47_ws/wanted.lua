@@ -22,9 +22,7 @@ local frame_tree, referenced -- the tree of the frame, and the method of all tre
 local lists = {}
 
 --- Tells the fields, by their keys.
-function M.configure(the_fields)
-  fields = the_fields
-end
+function M.configure(the_fields) fields = the_fields end
 
 --- Makes a list of rows, each {field = a key, or an array of keys, ...}, one that answers have. Of a row that
 -- is `rare` it is asked where there is something to show: in a window each question is one of many.
@@ -49,9 +47,7 @@ local function ask(answers, key)
     return found
   end
   for number = 1, #key do
-    if answers[key[number]] then
-      return true
-    end
+    if answers[key[number]] then return true end
   end
   return false
 end
@@ -88,9 +84,7 @@ end
 local function is_as_before(memory)
   local tree, is_wanted, asked, answers = frame_tree, referenced, memory.fields, memory.answers
   for number = 1, memory.count do
-    if is_wanted(tree, asked[number]) ~= answers[number] then
-      return false
-    end
+    if is_wanted(tree, asked[number]) ~= answers[number] then return false end
   end
   return true
 end
@@ -106,14 +100,10 @@ local function asked_again(kind)
   local answers = kinds[kind] or new_kind(kind)
   local memory, visible = memories[answers], frame_tree.visible
   if visible ~= answers[VISIBLE] or not (visible or is_as_before(memory)) then
-    for key in next, answers do
-      answers[key] = nil
-    end
+    for key in next, answers do answers[key] = nil end
     memory.count = 0
   end
-  for owner in next, memory.owners do
-    answers[owner] = UNKNOWN
-  end
+  for owner in next, memory.owners do answers[owner] = UNKNOWN end
   return answers
 end
 
@@ -121,9 +111,7 @@ end
 local reading, newest = nil, 0
 
 local function is_further(tree, number, is_new)
-  if reading == nil or reading.is_new ~= is_new or number <= newest then
-    return false
-  end
+  if reading == nil or reading.is_new ~= is_new or number <= newest then return false end
   -- behind a gap it may be the frame below the rows
   return number == newest + 1 or tree.visible == reading.is_visible
 end
@@ -147,9 +135,7 @@ function M.reading(tree, number, is_new)
 end
 
 --- A file begins.
-function M.reset()
-  reading, newest = nil, 0
-end
+function M.reset() reading, newest = nil, 0 end
 
 --- The answers of the tree of a frame, which count until the next one.
 -- @param kept those of a reading; nil where each frame is asked

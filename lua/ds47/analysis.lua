@@ -136,9 +136,7 @@ local function tell_given_up(self, parts, kind)
   local given_up = parts.given_up
   if given_up[1] then
     parts.given_up = {}
-    for _, part in ipairs(given_up) do
-      self.records:given_up(part, kind, self.calls)
-    end
+    for _, part in ipairs(given_up) do self.records:given_up(part, kind, self.calls) end
   end
 end
 
@@ -153,9 +151,7 @@ end
 local function joined(self, pdu)
   local whole = self.fragments:feed(pdu)
   tell_given_up(self, self.fragments, "RPC")
-  if whole == nil then
-    begun(self, pdu)
-  end
+  if whole == nil then begun(self, pdu) end
   return whole
 end
 
@@ -166,9 +162,7 @@ function Analysis:datagram(pdu, ip_id, src_mac)
   begin(self, pdu.frame)
   local tracker = self.calls
   if pdu.mapper then
-    if pdu.ptype == 0 then
-      tracker:passes(pdu)
-    end
+    if pdu.ptype == 0 then tracker:passes(pdu) end
     return
   end
   local is_copy, original = tracker:is_copy(pdu, ip_id)
@@ -177,9 +171,7 @@ function Analysis:datagram(pdu, ip_id, src_mac)
     return
   end
   local whole = pdu
-  if pdu.fragmented then
-    whole = joined(self, pdu)
-  end
+  if pdu.fragmented then whole = joined(self, pdu) end
   if whole ~= nil then
     self.naming:message(whole, src_mac)
     tracker:feed(whole)
@@ -209,9 +201,7 @@ function Analysis:fragment(fragment)
     return
   end
   local first = self.reassembly.begun(fragment)
-  if first then
-    begun(self, rpc.parse(first))
-  end
+  if first then begun(self, rpc.parse(first)) end
 end
 
 --- Takes a cyclic frame that is watched and is looked at (`is_news` of channels.lua).
@@ -253,9 +243,7 @@ local function add_asked(self, jobs, roles, count)
   while record do
     if not record.write then
       local job = record.job
-      if peer then
-        job = self:_is_ours(peer, record) and self.pairing:expected(peer, record)
-      end
+      if peer then job = self:_is_ours(peer, record) and self.pairing:expected(peer, record) end
       if job then
         count = count + 1
         jobs[count], roles[count] = job, "read_request"
@@ -309,9 +297,7 @@ end
 -- An answered job has none: those are kept already (`findings:at`).
 function Analysis:peek(job)
   local remarks = job.phase ~= "closed" and not job.remarks and self.judge:certain(job) or NONE
-  if remarks[1] == nil then
-    return NONE
-  end
+  if remarks[1] == nil then return NONE end
   local wanted = arrays.filtered(remarks, function(remark) return self.findings:wanted(remark.rule) end)
   return arrays.mapped(wanted, function(remark) return self.findings:finding(remark) end)
 end
@@ -351,14 +337,10 @@ function Analysis:asked(job)
 end
 
 --- A Write was refused.
-function Analysis:refused(job)
-  self.judge:refused(job)
-end
+function Analysis:refused(job) self.judge:refused(job) end
 
 --- A Connect to a device.
-function Analysis:connected(device, frame)
-  self.judge:connected(device, frame)
-end
+function Analysis:connected(device, frame) self.judge:connected(device, frame) end
 
 --- A job has its response.
 function Analysis:answered(job)
@@ -369,9 +351,7 @@ function Analysis:answered(job)
   local remarks = self.judge:answered(job)
   job.remarks = remarks
   learning.answered(self.dictionary, job)
-  if remarks[1] then
-    self.findings:foresee(remarks)
-  end
+  if remarks[1] then self.findings:foresee(remarks) end
 end
 
 --- Nothing more can come for a job.
@@ -390,18 +370,12 @@ end
 
 --- A job is over: its remarks are kept, and what they were caused by is asked.
 function Analysis:conclude(job, remarks)
-  if job.response == nil then
-    learning.ask(self.dictionary, job)
-  end
+  if job.response == nil then learning.ask(self.dictionary, job) end
   self.findings:keep(remarks)
   local refused = self.judge:closed(job)
-  if refused then
-    self.findings:add(refused)
-  end
+  if refused then self.findings:add(refused) end
   local diagnoses = self.diagnoses:closed(job)
-  for number = 1, #diagnoses do
-    self.findings:add(diagnoses[number])
-  end
+  for number = 1, #diagnoses do self.findings:add(diagnoses[number]) end
   self.finished_jobs:add(job)
   self:_explain(job.order)
 end
@@ -418,19 +392,13 @@ end
 
 --- What a question alone had proved is no drive (docs/pairing.md P20): nothing of it was said.
 -- @param ar  the key of the AR; what is open of it at index 47 is over
-function Analysis:no_drive(ar)
-  self.findings:withdraw(ar, self.finished_jobs:forget(ar))
-end
+function Analysis:no_drive(ar) self.findings:withdraw(ar, self.finished_jobs:forget(ar)) end
 
 --- A closed job is about to change: its transaction stays what it is.
-function Analysis:late(job)
-  self.finished_jobs:late(job)
-end
+function Analysis:late(job) self.finished_jobs:late(job) end
 
 --- A Connect and its response.
-function Analysis:set_up(request, response)
-  self.cyclic:connected(request, response)
-end
+function Analysis:set_up(request, response) self.cyclic:connected(request, response) end
 
 --- The layout of IND in what a device says by PKW.
 function Analysis:pkw_layout(device)

@@ -93,9 +93,7 @@ local function over(job, line)
     relation.certainty = SEEN
     line.owner:proven(relation)
   end
-  if #waiting < KEPT then
-    waiting[#waiting + 1] = job
-  end
+  if #waiting < KEPT then waiting[#waiting + 1] = job end
   line:hand_out()
 end
 
@@ -104,9 +102,7 @@ function Requests:hand_out()
   local waiting, ends = self.waiting, self.ends
   if self.relation.certainty == LENGTHS or ends[1].doubt or ends[2].doubt then return end
   self.waiting = {}
-  for _, each in ipairs(waiting) do
-    self.owner.listener:exchanged(self.relation, each)
-  end
+  for _, each in ipairs(waiting) do self.owner.listener:exchanged(self.relation, each) end
 end
 
 function Requests:take(sent, words, moment)
@@ -131,9 +127,7 @@ function Requests:skipped(before, last)
   self.channel:skipped(before.frame, last, before.time - LATE * self.relation.input.cycle_ns)
 end
 
-function Requests:lost(sent, moment)
-  self.channel:lost(moment, sent and "out" or "in")
-end
+function Requests:lost(sent, moment) self.channel:lost(moment, sent and "out" or "in") end
 
 --- The same line as one that goes on alone, with another relation and owner.
 function Requests:apart(relation, owner)
@@ -195,9 +189,7 @@ function Drive:is_proven()
 end
 
 --- Whether it was looked at for long, and nothing speaks for a drive.
-function Drive:is_hopeless()
-  return self.looked_at > PATIENCE and not self:is_proven()
-end
+function Drive:is_hopeless() return self.looked_at > PATIENCE and not self:is_proven() end
 
 function Drive:prove()
   local is_new = not self.behind and self.relation.certainty == LENGTHS
@@ -225,9 +217,7 @@ function Drive:skipped(before)
   if self.start and self.start <= before.time then self.recorder:skipped() end
 end
 
-function Drive:lost(sent, moment)
-  self.recorder:lost(sent, moment.frame, moment.time)
-end
+function Drive:lost(sent, moment) self.recorder:lost(sent, moment.frame, moment.time) end
 
 --- As that of PKW; events are shared, because no frame adds one.
 function Drive:apart(relation, owner)
@@ -511,9 +501,7 @@ end
 
 --- Of whom the drives are whose channels were named, as far as the capture has shown it.
 function Channels:identify()
-  for _, each in ipairs(self.named) do
-    each.vendor_id = self.naming:vendor_of(each.device)
-  end
+  for _, each in ipairs(self.named) do each.vendor_id = self.naming:vendor_of(each.device) end
 end
 
 local function same_side(one, other)
@@ -550,14 +538,10 @@ end
 -- What there is
 
 --- The proven lines of PZD.
-function Channels:drives()
-  return filtered(self.drives_, Drive.is_proven)
-end
+function Channels:drives() return filtered(self.drives_, Drive.is_proven) end
 
 --- Whether there is one of them.
-function Channels:has_drives()
-  return self.drives_[1] ~= nil and self:drives()[1] ~= nil
-end
+function Channels:has_drives() return self.drives_[1] ~= nil and self:drives()[1] ~= nil end
 
 -- Whether the bytes of what might be PKW turned out to be the words of a drive.
 local function is_pzd(self, pkw)
@@ -922,9 +906,7 @@ end
 
 --- The capture ends.
 function Channels:finish()
-  for _, line in ipairs(self.lines) do
-    line:finish(self.limits.unread_ns)
-  end
+  for _, line in ipairs(self.lines) do line:finish(self.limits.unread_ns) end
 end
 
 return M

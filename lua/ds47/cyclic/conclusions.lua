@@ -44,9 +44,7 @@ end
 -- @param channels those of the capture, which go on alone
 function Conclusions:apart(channels)
   local made = M.new(self.limits, channels)
-  for place, each in self.habits:iterate() do
-    made.habits:set(place, each:apart())
-  end
+  for place, each in self.habits:iterate() do made.habits:set(place, each:apart()) end
   return made
 end
 
@@ -75,9 +73,7 @@ function Conclusions:exchanged(relation, job, layout)
 end
 
 --- Whether the state of its drive explains a transaction of any channel that is over: a remark, or nil.
-function Conclusions:transaction(item)
-  return explanation.explain(item, self.channels:drives())
-end
+function Conclusions:transaction(item) return explanation.explain(item, self.channels:drives()) end
 
 --- Everything else, when the capture is over: array of remarks.
 -- @param layout_of the layout of IND, by the address of a device

@@ -26,9 +26,7 @@ local function same(item, drives)
     local relation = drive.relation
     if relation.device == item.device then
       there = there + 1
-      if relation.slot == item.slot then
-        several, found = found ~= nil, found or drive
-      end
+      if relation.slot == item.slot then several, found = found ~= nil, found or drive end
     end
   end
   local alone = there == 1 or item.index == OF_SUBMODULE or item.index == nil

@@ -32,9 +32,7 @@ function M.new(where, limits, layout, family)
   }, Habits)
 end
 
-local function key_of(asked)
-  return (asked.pnu or "-") .. "[" .. asked.subindex .. "]"
-end
+local function key_of(asked) return (asked.pnu or "-") .. "[" .. asked.subindex .. "]" end
 
 local function has_room(self, list, key)
   return list[key] ~= nil or #self.saved + #self.reads < self.limits.written_values

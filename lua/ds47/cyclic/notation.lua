@@ -20,9 +20,7 @@ local function page_of(pnu)
   for bit, weight in pairs(tables.pkw.weights) do order[#order + 1] = {bit, weight} end
   table.sort(order, function(one, other) return one[2] > other[2] end)
   for _, each in ipairs(order) do
-    if each[2] <= left then
-      left, page = left - each[2], page + 2 ^ each[1]
-    end
+    if each[2] <= left then left, page = left - each[2], page + 2 ^ each[1] end
   end
   return page
 end

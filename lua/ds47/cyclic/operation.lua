@@ -57,9 +57,7 @@ function M.new(where, limits)
 end
 
 --- The key of the words for a state of the drive (tables.diagnosis_words).
-function M.state_key(state)
-  return "pzd_" .. state:gsub(" ", "_")
-end
+function M.state_key(state) return "pzd_" .. state:gsub(" ", "_") end
 
 local function say(self, rule, frame, args)
   args = args or {}
@@ -229,17 +227,13 @@ end
 function Operation:apart()
   local made = flat(self)
   made.remarks = flat(self.remarks)
-  for _, name in ipairs(STANDING) do
-    made[name] = flat(self[name])
-  end
+  for _, name in ipairs(STANDING) do made[name] = flat(self[name]) end
   return made
 end
 
 --- Nothing more comes: what stands, stood until here.
 function Operation:finish()
-  for _, name in ipairs(STANDING) do
-    over(self, self[name])
-  end
+  for _, name in ipairs(STANDING) do over(self, self[name]) end
 end
 
 return M

@@ -79,13 +79,9 @@ function M.decode(data, answer, layout, family)
 end
 
 --- The four words as manuals print them: 143A 0000 0000 0000.
-function M.digits(data)
-  return (reader.hex(data):upper():gsub("%x%x%x%x", "%0 "):sub(1, -2))
-end
+function M.digits(data) return (reader.hex(data):upper():gsub("%x%x%x%x", "%0 "):sub(1, -2)) end
 
 --- Whether the page is one that exists: what is set beyond that speaks for the other layout.
-function M.fits_layout(message)
-  return message.page % 4 == 0 and message.pnu ~= nil
-end
+function M.fits_layout(message) return message.page % 4 == 0 and message.pnu ~= nil end
 
 return M

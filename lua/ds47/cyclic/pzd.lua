@@ -9,9 +9,7 @@ local bit_of = bits.bit
 local M = {}
 
 -- Whether a status word is one of a row: of a state, or of what is shown beside it.
-local function is_of(word, row)
-  return bits.all(word, row.set) and not bits.any(word, row.clear)
-end
+local function is_of(word, row) return bits.all(word, row.set) and not bits.any(word, row.clear) end
 
 -- Whether a control word that the drive heeds asks it to switch off.
 local function is_stopping(stw1, ending)
@@ -23,9 +21,7 @@ end
 -- @return its id, and a list of the ids of what is shown beside it
 function M.state(zsw1, stw1)
   local ending, found = tables.pzd.stopping, nil
-  for _, row in ipairs(tables.pzd.states) do
-    found = found or (is_of(zsw1, row) and row.id)
-  end
+  for _, row in ipairs(tables.pzd.states) do found = found or (is_of(zsw1, row) and row.id) end
   if stw1 and ending.states[found] and is_stopping(stw1, ending) then found = ending.id end
   local overlays = {}
   for _, row in ipairs(tables.pzd.overlays) do
@@ -35,8 +31,6 @@ function M.state(zsw1, stw1)
 end
 
 --- A word as PLC tables print it with a sign.
-function M.signed(word)
-  return word < 0x8000 and word or word - 0x10000
-end
+function M.signed(word) return word < 0x8000 and word or word - 0x10000 end
 
 return M

@@ -165,9 +165,7 @@ end
 function M.is_foreign(relation) return relation.vendor_id ~= M.SIEMENS end
 
 --- Whether a relation is one of PROFIBUS: senders are stations, two bytes with the receiver.
-function M.is_bus(relation)
-  return #relation.output.source == STATIONS
-end
+function M.is_bus(relation) return #relation.output.source == STATIONS end
 
 --- The slave on PROFIBUS; nil elsewhere.
 function M.station(relation)

@@ -63,9 +63,7 @@ local function are_many(self)
 end
 
 --- Whether there was a second one just now: what is found meanwhile may be of both.
-function Sequences:are_doubtful()
-  return #self.heads > 1
-end
+function Sequences:are_doubtful() return #self.heads > 1 end
 
 --- Whether it is proven with this frame that there are several, in turn.
 -- @param time as times.lua has it

@@ -243,9 +243,7 @@ function Recorder:finish(configured)
 end
 
 --- Whether an event is told: those of bits that are about a speed only where it is known to be one.
-function Recorder:is_told(event)
-  return self.speed or not of_speed[event.name]
-end
+function Recorder:is_told(event) return self.speed or not of_speed[event.name] end
 
 --- The events.
 function Recorder:told()

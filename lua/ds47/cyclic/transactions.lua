@@ -17,9 +17,7 @@ local OPERATIONS = {read = "read", description = "read", count = "read", text = 
 local ATTRIBUTES = {description = "description", text = "text"}
 local FORMATS = {[16] = "Word", [32] = "DoubleWord"}
 
-local function access_of(asked)
-  return tables.pkw.requests[asked.ak].access
-end
+local function access_of(asked) return tables.pkw.requests[asked.ak].access end
 
 local function format_of(source)
   if source.float then return "Float32" end

@@ -35,9 +35,7 @@ end
 -- The least length of a request that ends too soon: what is cut, and the shortest form of what follows.
 local function need_of(message, have, more)
   local count = message.parameter_count
-  if count == nil or count == 0 then
-    count = 1
-  end
+  if count == nil or count == 0 then count = 1 end
   local blocks = message.blocks
   local row = tables.request_ids[message.request_id]
   local last, left = blocks[#blocks], row and row.body == "blocks" and count - #blocks or 0
@@ -63,12 +61,8 @@ end
 -- @param refused  the parameters that were refused, by refusal.lua
 function M.request_too_short(remarks, job, refused)
   local half, message = job:write_request(), job.message
-  if half == nil or half.missing then
-    return
-  end
-  if any(refused, function(each) return tables.known.type_errors[each.code] end) then
-    return
-  end
+  if half == nil or half.missing then return end
+  if any(refused, function(each) return tables.known.type_errors[each.code] end) then return end
   local flaw = missing(message.flaws)
   if flaw then
     local have = #half.data
@@ -82,9 +76,7 @@ function M.request_too_short(remarks, job, refused)
 end
 
 local function least_block(address, size_of)
-  if address.attribute ~= VALUE then
-    return BLOCK
-  end
+  if address.attribute ~= VALUE then return BLOCK end
   local size = (size_of(address.pnu) or 1) * max(1, address.element_count)
   return 2 + size + size % 2
 end
@@ -127,28 +119,20 @@ local function without_room(request, blocks, length, most, size_of)
     local failure = blocks[number].error
     if failure then
       refused = true
-      if failure.code == tables.known.too_long then
-        return "too_long", number
-      end
+      if failure.code == tables.known.too_long then return "too_long", number end
     end
   end
-  if refused or #blocks >= count then
-    return nil
-  end
+  if refused or #blocks >= count then return nil end
   local number = #blocks + 1
   local following = least_block(request.addresses[number], size_of)
-  if length + following > most then
-    return "left_out", number
-  end
+  if length + following > most then return "left_out", number end
   return nil
 end
 
 -- The numbers of the parameters that have their values: one response could carry those.
 local function answered(blocks)
   local found = {}
-  for number = 1, #blocks do
-    found[#found + 1] = not blocks[number].error and number or nil
-  end
+  for number = 1, #blocks do found[#found + 1] = not blocks[number].error and number or nil end
   return found
 end
 
@@ -157,12 +141,8 @@ end
 -- @param longest  bytes of the longest response of the device, as far as it is known
 function M.answer_too_long(remarks, job, stated, longest, size_of)
   local half, request, response = job.read_response, job.message, job.response
-  if half == nil or request == nil or response == nil or request.operation ~= "read" then
-    return
-  end
-  if half.missing or rules.is_mismatch(job) then
-    return
-  end
+  if half == nil or request == nil or response == nil or request.operation ~= "read" then return end
+  if half.missing or rules.is_mismatch(job) then return end
   longest = max(longest, #half.data)
   local limit = stated and stated >= longest and stated or nil
   local most = limit or max(longest, tables.known.channel_bytes)

@@ -30,22 +30,16 @@ function Memory:apart()
 end
 
 --- What is known of a first key, for reading only: second key -> value.
-function Memory:of(first)
-  return self.values[first] or NONE
-end
+function Memory:of(first) return self.values[first] or NONE end
 
 --- The value of two keys, nil where there is none.
-function Memory:get(first, second)
-  return self:of(first)[second]
-end
+function Memory:get(first, second) return self:of(first)[second] end
 
 local function forget(self)
   local _, entry = self.order:pop_first()
   local values = self.values[entry[1]]
   values[entry[2]] = nil
-  if next(values) == nil then
-    self.values[entry[1]] = nil
-  end
+  if next(values) == nil then self.values[entry[1]] = nil end
 end
 
 --- Keeps a value (not nil), which is the newest then.
@@ -62,9 +56,7 @@ function Memory:put(first, second, value)
     return
   end
   order:set(key, {first, second})
-  if order.length > self.limit then
-    forget(self)
-  end
+  if order.length > self.limit then forget(self) end
 end
 
 return M

@@ -16,18 +16,14 @@ local STATUS_IN_USE = pairing.STATUS_IN_USE
 -- The first Read request of a job that was seen.
 local function first_read(job)
   for _, poll in ipairs(job.polls) do
-    if poll.request then
-      return poll.request
-    end
+    if poll.request then return poll.request end
   end
   return job.read_request
 end
 
 local function read_too_early(remarks, job)
   local answer = job.write_response
-  if answer == nil or answer.status ~= 0 or job.hasty then
-    return
-  end
+  if answer == nil or answer.status ~= 0 or job.hasty then return end
   local read, asked = first_read(job), job.record.request
   if read == nil or asked and read.time_ns < asked.time_ns then
     return -- the times say another order
@@ -44,9 +40,7 @@ end
 
 local function old_answer(remarks, job)
   local read = job.read_response
-  if read == nil then
-    return
-  end
+  if read == nil then return end
   if job.repeats ~= nil then
     local refused = job:write_request()
     local case = refused and "again_after_refusal" or "again_without_ar"
@@ -68,9 +62,7 @@ local function case_of(held, came)
 end
 
 -- The AR of a request; nil on PROFIBUS, which has none.
-local function ar_of(job)
-  return job.record.ar ~= NIL_UUID and uuid_text(job.record.ar) or nil
-end
+local function ar_of(job) return job.record.ar ~= NIL_UUID and uuid_text(job.record.ar) or nil end
 
 -- `held` is nil where the request of the other one was not seen, and `first` its frame.
 local function clash(remarks, held, came, first, frame)
@@ -85,9 +77,7 @@ end
 -- read what a change is answered. Nor does the same question asked again: that is one user who does not wait.
 local function displaced(remarks, job, asked)
   local later = not job.contested and job.superseding
-  if not later or job.message.operation ~= "read" then
-    return
-  end
+  if not later or job.message.operation ~= "read" then return end
   local other = later:write_request()
   if other and sub(other.data, 2) ~= sub(asked.data, 2) then
     clash(remarks, job, later, asked.frame, other.frame)

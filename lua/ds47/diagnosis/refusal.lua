@@ -37,14 +37,10 @@ M.NO_SUBINDEX = NO_SUBINDEX
 -- request.
 function M.refusals(job)
   local request, response, found = job.message, job.response, {}
-  if request == nil or response == nil or is_mismatch(job) then
-    return found
-  end
+  if request == nil or response == nil or is_mismatch(job) then return found end
   for number, address in ipairs(request.addresses) do
     local block = response.blocks[number]
-    if block == nil then
-      break
-    end
+    if block == nil then break end
     if block.error and block.error.code then
       found[#found + 1] = {
         number = number, code = block.error.code, address = address, answer = block,
@@ -66,9 +62,7 @@ end
 local BOTH = "" -- operations
 
 -- Device and operation, the first key of what is remembered.
-local function head(device, operation)
-  return device .. "\0" .. operation
-end
+local function head(device, operation) return device .. "\0" .. operation end
 
 --- What a refusal says of further requests, as two keys of a memory: device with operation, and of what.
 -- Nil where it says nothing of the parameter.
@@ -93,22 +87,16 @@ function M.is_signed(memory, device, request)
   local whose, both = head(device, request.operation), head(device, BOTH)
   for number, address in ipairs(request.addresses) do
     local found = signs_of(address, request.blocks[number])
-    if memory:get(both, found.pnu) then
-      return true
-    end
+    if memory:get(both, found.pnu) then return true end
     for _, sign in pairs(found) do
-      if memory:get(whose, sign) then
-        return true
-      end
+      if memory:get(whose, sign) then return true end
     end
   end
   return false
 end
 
 --- The subindex behind the last one that is asked for.
-function M.stop(address)
-  return address.subindex + max(1, address.element_count)
-end
+function M.stop(address) return address.subindex + max(1, address.element_count) end
 
 --- Which parameters have an error block, by their place: also one that ends before its error number.
 function M.failed(response)
@@ -120,17 +108,11 @@ end
 -- values it is not known which is meant.
 function M.without_index(job, number)
   local write, message, response = job:write_request(), job.message, job.response
-  if not write or not message or not response then
-    return nil
-  end
+  if not write or not message or not response then return nil end
   local block = message.blocks[number]
-  if block and block.value_count ~= 1 then
-    return nil
-  end
+  if block and block.value_count ~= 1 then return nil end
   local whole = suggest.with_elements(message, write.data, number, 0, 1)
-  if not whole then
-    return nil
-  end
+  if not whole then return nil end
   local others, request = M.failed(response), parameter.decode_request(whole)
   others[number] = nil
   if #response.blocks < #message.addresses or next(others) then
@@ -143,9 +125,7 @@ end
 -- Whether a value was written to what takes the source of a signal.
 local function is_connector(refusal)
   local value = refusal.value
-  if refusal.code == tables.known.connector_error then
-    return true
-  end
+  if refusal.code == tables.known.connector_error then return true end
   return WORD_ERRORS[refusal.code] and tables.known.connectors[refusal.address.pnu]
     and value.format_name ~= UNSIGNED_32
 end
@@ -154,9 +134,7 @@ end
 local function index_and_count(refusal)
   local address, code = refusal.address, refusal.code
   local either = address.subindex > 0 or address.element_count > 1
-  if code == 0x04 or code == 0x18 then
-    return true
-  end
+  if code == 0x04 or code == 0x18 then return true end
   return either and (code == 0x03 or address.pnu ~= 0)
 end
 
@@ -178,17 +156,13 @@ end
 
 local function value_of(block)
   local value = block and block.values[1]
-  if value == nil or type(value) == "string" then
-    return value
-  end
+  if value == nil or type(value) == "string" then return value end
   return json.raw(formats.number_text(value, formats.name_of(block)))
 end
 
 -- The PNU of the source that a connector was given; nil where it was given a number.
 local function source_of(value)
-  if value == nil or value.format_name ~= UNSIGNED_32 or value.values[1] == nil then
-    return nil
-  end
+  if value == nil or value.format_name ~= UNSIGNED_32 or value.values[1] == nil then return nil end
   local pnu = floor(value.values[1] / 65536)
   return pnu > 0 and pnu <= tables.known.source_most and pnu or nil
 end
@@ -211,9 +185,7 @@ local function args_of(job, rule, refusal)
     code = refusal.code,
     vendor_id = job.peer.vendor_id,
   }, {}
-  for name in pairs(tables.rules[rule].args) do
-    args[name] = facts[name]
-  end
+  for name in pairs(tables.rules[rule].args) do args[name] = facts[name] end
   return args
 end
 
@@ -222,9 +194,7 @@ end
 -- @param suggested  a function of a remark and its refusal, which may give it a corrected request
 function M.add(remarks, job, refused, suggested)
   local half, missing = job.read_response, false
-  if half == nil then
-    return
-  end
+  if half == nil then return end
   local siemens = job.peer.vendor_id == SIEMENS
   local change = job.message ~= nil and job.message.operation == "change"
   for _, refusal in ipairs(refused) do
@@ -238,9 +208,7 @@ function M.add(remarks, job, refused, suggested)
   end
 end
 
-local function positive(half)
-  return half == nil or half.status == nil or half.status == 0
-end
+local function positive(half) return half == nil or half.status == nil or half.status == 0 end
 
 --- Adds a refusal that no status tells of, and of which nothing better can be said.
 function M.not_seen(remarks, job)
@@ -249,9 +217,7 @@ function M.not_seen(remarks, job)
   if half == nil or id == nil or id < 0x80 or id == NOT_SUPPORTED or is_mismatch(job) then
     return
   end
-  if half.status ~= 0 or not positive(job.write_response) then
-    return
-  end
+  if half.status ~= 0 or not positive(job.write_response) then return end
   if job.message == nil and job.repeats then
     return -- told of the transaction that it repeats
   end

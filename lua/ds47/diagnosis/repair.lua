@@ -49,18 +49,12 @@ local function digits_of(value)
 end
 
 -- Whether it is no number that a person may have typed.
-local function nobody_types(value)
-  return not digits_of(value)
-end
+local function nobody_types(value) return not digits_of(value) end
 
-local function row_of(block)
-  return tables.formats[block.meaning or block.format]
-end
+local function row_of(block) return tables.formats[block.meaning or block.format] end
 
 -- Bytes per value; of a block that is cut off, with which nothing can be done, fewer.
-local function size_of(block)
-  return floor(#block.raw / max(block.value_count, 1))
-end
+local function size_of(block) return floor(#block.raw / max(block.value_count, 1)) end
 
 local function numbers_of(block)
   local row = row_of(block)
@@ -78,9 +72,7 @@ local function is_absurd(block)
   return false
 end
 
-local function absurd_inside(message)
-  return any(message.blocks, is_absurd)
-end
+local function absurd_inside(message) return any(message.blocks, is_absurd) end
 
 -- The values of a block as an argument of a finding.
 local function values_of(block)

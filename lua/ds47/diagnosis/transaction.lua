@@ -67,9 +67,7 @@ local function way(device, record, axis)
   return device .. "\0" .. (record.slot * 65536 + record.subslot) * 257 + axis
 end
 
-local function way_of(job)
-  return way(job.peer.device, job.record, job.message.axis)
-end
+local function way_of(job) return way(job.peer.device, job.record, job.message.axis) end
 
 local MEMORIES = {
   "formats", -- way, PNU -> {format, frame}: the format in which it was read last, and where first
@@ -89,25 +87,19 @@ Diagnoses.__index = Diagnoses
 -- @param codec  dialects of the messages
 function M.new(codec)
   local diagnoses = setmetatable({codec = codec}, Diagnoses)
-  for _, name in ipairs(MEMORIES) do
-    diagnoses[name] = memory.new(tables.known.history)
-  end
+  for _, name in ipairs(MEMORIES) do diagnoses[name] = memory.new(tables.known.history) end
   return diagnoses
 end
 
 --- The same diagnoses as ones that go on alone.
 function Diagnoses:apart()
   local diagnoses = M.new(self.codec)
-  for _, name in ipairs(MEMORIES) do
-    diagnoses[name] = self[name]:apart()
-  end
+  for _, name in ipairs(MEMORIES) do diagnoses[name] = self[name]:apart() end
   return diagnoses
 end
 
 -- Whether a response has fewer parameters than were asked for.
-local function is_short(request, response)
-  return #places_of(response) < #request.addresses
-end
+local function is_short(request, response) return #places_of(response) < #request.addresses end
 
 -- Whether a job that was answered well may have something to be repaired all the same.
 local function is_odd(job)
@@ -142,9 +134,7 @@ function Diagnoses:closed(job)
   local read, message, response, device = job.read_response, job.message, job.response, job.peer.device
   local longest = self.longest.values[device]
   local bytes = read and (read.cut and read.stated or #read.data) or 0
-  if bytes > (longest and longest[ONLY] or 0) then
-    self.longest:put(device, ONLY, bytes)
-  end
+  if bytes > (longest and longest[ONLY] or 0) then self.longest:put(device, ONLY, bytes) end
   local in_order, well = order.is_usual(job), is_answered_well(job, response)
   local remarks = NONE
   if not (in_order and well) then
@@ -153,9 +143,7 @@ function Diagnoses:closed(job)
       order.add(remarks, job)
       length.read_too_short(remarks, job)
     end
-    if not well and not job.missing then
-      self:_cause(remarks, job)
-    end
+    if not well and not job.missing then self:_cause(remarks, job) end
     for number = 1, #remarks do
       local remark = remarks[number]
       remark.order = job.order
@@ -165,9 +153,7 @@ function Diagnoses:closed(job)
       self:_offer(job, remark)
     end
   end
-  if message and response then
-    self:_learn(job)
-  end
+  if message and response then self:_learn(job) end
   return remarks
 end
 
@@ -182,36 +168,24 @@ function Diagnoses:_cause(remarks, job)
   elseif found then
     refused = self:_retyped(remarks, job, found, refused)
   end
-  local function size_of(pnu)
-    return self:_size(job, pnu)
-  end
+  local function size_of(pnu) return self:_size(job, pnu) end
   length.request_too_short(remarks, job, refused)
   length.answer_cut(remarks, job)
   local stated = self.limits:get(device, PNU_ACCESS_IDENTIFICATION)
   length.answer_too_long(remarks, job, stated, self.longest:get(device, ONLY) or 0, size_of)
-  refusal.add(remarks, job, refused, function(remark, each)
-    self:_suggest(job, remark, each)
-  end)
-  if #remarks == before then
-    refusal.not_seen(remarks, job)
-  end
+  refusal.add(remarks, job, refused, function(remark, each) self:_suggest(job, remark, each) end)
+  if #remarks == before then refusal.not_seen(remarks, job) end
 end
 
 function Diagnoses:_repair(job, refused)
   local half, message = job:write_request(), job.message
-  if half == nil or half.missing then
-    return nil
-  end
+  if half == nil or half.missing then return nil end
   local peer, errors = job.peer, {}
-  for _, each in ipairs(refused) do
-    errors[each.number] = each.code
-  end
+  for _, each in ipairs(refused) do errors[each.number] = each.code end
   local function is_known(pnu)
     return dictionary.is_known(pnu, peer.vendor_id, peer.family) or self.anywhere:get(peer.device, pnu) ~= nil
   end
-  local function format_of(pnu)
-    return self:_format(job, pnu)
-  end
+  local function format_of(pnu) return self:_format(job, pnu) end
   local options = {
     legacy_g120_formats = self.codec.legacy_g120_formats, profile_v3_types = self.codec.profile_v3_types,
     vendor_id = job.peer.vendor_id, family = dictionary.family_of(peer.vendor_id, peer.family),
@@ -228,9 +202,7 @@ function Diagnoses:_repaired(remarks, job, found)
   for number = 1, #request.blocks do
     proven = proven and self:_is_proven(job, request, number)
   end
-  if request.operation == "read" or proven then
-    remarks[#remarks].corrected = found.request
-  end
+  if request.operation == "read" or proven then remarks[#remarks].corrected = found.request end
 end
 
 -- Which of the values under another format are proven: a set, and whether the whole corrected request is,
@@ -242,9 +214,7 @@ function Diagnoses:_sure(job, found, request)
     sure[each.number] = each.bits ~= "number_other" and self:_is_proven(job, request, each.number) or nil
     whole = whole and sure[each.number]
   end
-  for number in pairs(failed) do
-    whole = whole and sure[number]
-  end
+  for number in pairs(failed) do whole = whole and sure[number] end
   return sure, whole and (response and #response.blocks or 0) >= #request.addresses
 end
 
@@ -252,9 +222,7 @@ end
 -- @return the parameters that were refused besides
 function Diagnoses:_retyped(remarks, job, found, refused)
   local frame, told, errors = job:write_request().frame, {}, {}
-  for _, each in ipairs(refused) do
-    errors[each.number] = each.code
-  end
+  for _, each in ipairs(refused) do errors[each.number] = each.code end
   local request, from = parameter.decode_request(found.request, self.codec), way_of(job)
   local sure, whole = self:_sure(job, found, request)
   for _, each in ipairs(found.each) do
@@ -321,9 +289,7 @@ end
 
 --- What of an offer holds at the end of the capture: the bytes of a request, or nil.
 function Diagnoses:offered(offer)
-  if offer.elsewhere then
-    return self:_only_axis(offer)
-  end
+  if offer.elsewhere then return self:_only_axis(offer) end
   return self:_unless_refused(offer, offer.bytes, parameter.decode_request(offer.bytes, self.codec))
 end
 
@@ -332,9 +298,7 @@ function Diagnoses:_axis_of(device)
   local missing, found = self.missing:get(device, ONLY) or NONE, nil
   for axis in pairs(self.axes:get(device, ONLY) or NONE) do
     if not missing[axis] then
-      if found then
-        return nil
-      end
+      if found then return nil end
       found = axis
     end
   end
@@ -344,9 +308,7 @@ end
 -- The request for the only drive object that answered up to now, which read all of it.
 function Diagnoses:_only_axis(offer)
   local axis = self:_axis_of(offer.device)
-  if not axis then
-    return nil
-  end
+  if not axis then return nil end
   local there = suggest.with_axis(offer.bytes, axis)
   local request = parameter.decode_request(there, self.codec)
   if not reader.only_zeros(request.rest, 0) then -- bytes behind its end belong to no request
@@ -354,9 +316,7 @@ function Diagnoses:_only_axis(offer)
   end
   local from = way(offer.device, offer.record, request.axis)
   for _, address in ipairs(request.addresses) do
-    if address.attribute ~= VALUE or not self.formats:get(from, address.pnu) then
-      return nil
-    end
+    if address.attribute ~= VALUE or not self.formats:get(from, address.pnu) then return nil end
   end
   return self:_unless_refused(offer, there, request)
 end
@@ -368,9 +328,7 @@ function Diagnoses:_unless_refused(offer, bytes, request)
     return nil
   end
   for _, address in ipairs(request.addresses) do
-    if refusal.stop(address) >= (self.ends:get(device, address.pnu) or NO_END) then
-      return nil
-    end
+    if refusal.stop(address) >= (self.ends:get(device, address.pnu) or NO_END) then return nil end
   end
   return not parameter.has_one_of(request.flaws, CUT) and bytes or nil
 end
@@ -379,9 +337,7 @@ function Diagnoses:_learn_refused(job, refused)
   local device, request, response = job.peer.device, job.message, job.response
   for _, each in ipairs(refused) do
     local whose, of_what = refusal.sign(device, request, response, each)
-    if whose then
-      self.refused:put(whose, of_what, true)
-    end
+    if whose then self.refused:put(whose, of_what, true) end
     if each.code == refusal.NO_SUBINDEX then
       local pnu, stop = each.address.pnu, refusal.stop(each.address)
       self.ends:put(device, pnu, min(stop, self.ends:get(device, pnu) or stop))
@@ -394,9 +350,7 @@ end
 -- Keeps the axis of a request that was answered where the axis byte counts, or one that does not exist.
 function Diagnoses:_learn_axis(job)
   local device, axis, refused = job.peer.device, job.message.axis, false
-  if job.record.index == LOCAL or axis == nil then
-    return
-  end
+  if job.record.index == LOCAL or axis == nil then return end
   local places = places_of(job.response)
   for number = 1, #places do
     local failure = places[number].error
@@ -404,26 +358,18 @@ function Diagnoses:_learn_axis(job)
   end
   local kept = refused and self.missing or self.axes
   local before = kept:get(device, ONLY)
-  if before and before[axis] or rules.is_mismatch(job) then
-    return
-  end
+  if before and before[axis] or rules.is_mismatch(job) then return end
   local axes = {[axis] = true}
-  for each in pairs(before or NONE) do
-    axes[each] = true
-  end
+  for each in pairs(before or NONE) do axes[each] = true end
   kept:put(device, ONLY, axes)
 end
 
 -- Keeps what an answer tells; nearly every one tells what is known.
 function Diagnoses:_learn(job)
   local request, response = job.message, job.response
-  if not LEARNT[response.response_id] then
-    return
-  end
+  if not LEARNT[response.response_id] then return end
   self:_learn_axis(job)
-  if request.operation == "read" then
-    self:_learn_formats(job)
-  end
+  if request.operation == "read" then self:_learn_formats(job) end
 end
 
 -- One look for each block, and no more.
@@ -436,9 +382,7 @@ function Diagnoses:_learn_formats(job)
     local pnu = address.pnu
     local seen = known[pnu]
     if not seen or seen.format ~= places[number].format or pnu == PNU_ACCESS_IDENTIFICATION then
-      if rules.is_mismatch(job) then
-        return
-      end
+      if rules.is_mismatch(job) then return end
       self:_learn_block(job.peer.device, from, address, response.blocks[number], job.read_response.frame)
     end
   end
@@ -446,9 +390,7 @@ end
 
 function Diagnoses:_learn_block(device, from, address, block, frame)
   local pnu = address.pnu
-  if block.error ~= nil or address.attribute ~= VALUE then
-    return
-  end
+  if block.error ~= nil or address.attribute ~= VALUE then return end
   local seen = self.formats:get(from, pnu)
   if not seen or seen.format ~= block.format then
     self.formats:put(from, pnu, {format = block.format, frame = frame})

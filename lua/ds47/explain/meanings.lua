@@ -23,9 +23,7 @@ local function in_language(row, lang, name)
   return row[(name or "") .. (lang == "zh" and "zh" or "en")]
 end
 
-local function words_in(lang)
-  return in_language(tables.explain.words, lang)
-end
+local function words_in(lang) return in_language(tables.explain.words, lang) end
 
 -- The four bytes of a status, the first one in the highest place.
 local function four(status)

@@ -47,18 +47,14 @@ end
 --- Shows remarks in `at` that `keep` will keep later, when their job is closed.
 function Findings:foresee(remarks)
   for _, remark in ipairs(remarks) do
-    if self:wanted(remark.rule) then
-      arrays.push(self.at_frame, remark.frame, remark)
-    end
+    if self:wanted(remark.rule) then arrays.push(self.at_frame, remark.frame, remark) end
   end
 end
 
 --- Keeps remarks that were foreseen.
 function Findings:keep(remarks)
   for _, remark in ipairs(remarks) do
-    if self:wanted(remark.rule) then
-      self.kept[#self.kept + 1] = remark
-    end
+    if self:wanted(remark.rule) then self.kept[#self.kept + 1] = remark end
   end
 end
 
@@ -112,36 +108,26 @@ end
 -- `owner` is the name of the field that tells the transaction.
 local function sorted(findings, owner)
   local told = {}
-  for number, finding in ipairs(findings) do
-    told[finding] = number
-  end
+  for number, finding in ipairs(findings) do told[finding] = number end
   local fields = {"frame", "rule", owner, "offset"}
   table.sort(findings, function(a, b)
     for _, field in ipairs(fields) do
       local one, other = a[field] or 0, b[field] or 0
-      if one ~= other then
-        return one < other
-      end
+      if one ~= other then return one < other end
     end
     return told[a] < told[b]
   end)
   return findings
 end
 
-local function stands(remark)
-  return not remark.withdrawn
-end
+local function stands(remark) return not remark.withdrawn end
 
 --- What is known so far of a frame: array of findings in the order of a report, without transaction ids.
 function Findings:at(frame)
   local remarks = self.at_frame[frame]
-  if remarks == nil then
-    return NONE
-  end
+  if remarks == nil then return NONE end
   local result = arrays.filtered(remarks, stands)
-  for number, remark in ipairs(result) do
-    result[number] = self:finding(remark)
-  end
+  for number, remark in ipairs(result) do result[number] = self:finding(remark) end
   return sorted(result, "order")
 end
 
@@ -153,9 +139,7 @@ local function add_all(self, remarks, store, result, offers)
     result[#result + 1] = finding
     if owner then
       local rules = owner.findings
-      if not arrays.has(rules, remark.rule) then
-        rules[#rules + 1] = remark.rule
-      end
+      if not arrays.has(rules, remark.rule) then rules[#rules + 1] = remark.rule end
     end
   end
 end
@@ -167,14 +151,10 @@ end
 -- @return findings; those with one have its bytes as `corrected`
 function Findings:result(transactions, store, offers)
   local result = {}
-  if self.kept.below then
-    add_all(self, self.kept.below, store, result, offers)
-  end
+  if self.kept.below then add_all(self, self.kept.below, store, result, offers) end
   add_all(self, self.kept, store, result, offers)
   for _, transaction in ipairs(transactions) do
-    if #transaction.findings > 1 then
-      table.sort(transaction.findings)
-    end
+    if #transaction.findings > 1 then table.sort(transaction.findings) end
   end
   return sorted(result, "transaction")
 end

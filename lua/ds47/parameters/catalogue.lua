@@ -7,9 +7,7 @@ local Catalogue = {}
 Catalogue.__index = Catalogue
 
 --- A catalogue of lists, as table.lua reads them.
-function M.new(lists)
-  return setmetatable({ lists = lists }, Catalogue)
-end
+function M.new(lists) return setmetatable({ lists = lists }, Catalogue) end
 
 local function fits(list, vendor_id, device_id)
   if list.vendor_id and list.vendor_id ~= vendor_id then return false end

@@ -7,14 +7,10 @@ local M = {}
 local catalogue
 
 --- Takes a catalogue (catalogue.lua), or none.
-function M.use(found)
-  catalogue = found
-end
+function M.use(found) catalogue = found end
 
 --- Whether there is one.
-function M.is_used()
-  return catalogue ~= nil
-end
+function M.is_used() return catalogue ~= nil end
 
 local function texts(item, row, vendor_id, device_id)
   local found

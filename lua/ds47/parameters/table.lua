@@ -11,15 +11,11 @@ M.HEAD = "ds47-parameters\t1"
 local UNESCAPED = { ["\\t"] = "\t", ["\\n"] = "\n", ["\\r"] = "\r", ["\\\\"] = "\\" }
 local MOST_LINES = 1000000
 
-local function plain(text)
-  return (text:gsub("\\[tnr\\]", UNESCAPED))
-end
+local function plain(text) return (text:gsub("\\[tnr\\]", UNESCAPED)) end
 
 local function cells(line)
   local found = {}
-  for cell in (line .. "\t"):gmatch("([^\t]*)\t") do
-    found[#found + 1] = cell
-  end
+  for cell in (line .. "\t"):gmatch("([^\t]*)\t") do found[#found + 1] = cell end
   return found
 end
 
@@ -28,9 +24,7 @@ local function number(text, most)
   return found and found <= most and found or nil
 end
 
-local function optional(text)
-  return text ~= "" and plain(text) or nil
-end
+local function optional(text) return text ~= "" and plain(text) or nil end
 
 local add = {}
 
@@ -79,12 +73,8 @@ function M.read(text)
     local cell = cells(line)
     local kind = add[cell[1]]
     local fine = count == 1 and line == M.HEAD
-    if count > 1 then
-      fine = line == "" or kind and kind(lists, cell)
-    end
-    if not fine or count > MOST_LINES then
-      return nil, count
-    end
+    if count > 1 then fine = line == "" or kind and kind(lists, cell) end
+    if not fine or count > MOST_LINES then return nil, count end
   end
   return lists
 end

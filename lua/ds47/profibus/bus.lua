@@ -33,9 +33,7 @@ end
 
 --- Whether a frame proves that PROFIBUS is here: it has the right check byte.
 -- @param item  what telegram.lua decoded
-function M.proves(item)
-  return not item.flaws[1] and PROVES[item.kind] or false
-end
+function M.proves(item) return not item.flaws[1] and PROVES[item.kind] or false end
 
 --- A frame of one of the two link types.
 -- @param cut  true: the recording has not all of it
@@ -44,9 +42,7 @@ function Bus:take(link_type, data, number, time_ns, cut)
   local item = telegram.decode(data)
   if not self.proven then
     self.proven = link_type == M.PROFIBUS_DL or M.proves(item)
-    if not self.proven then
-      return nil
-    end
+    if not self.proven then return nil end
   end
   local seen = {frame = number, time_ns = time_ns, item = item}
   local over = self.line:take(seen, cut)

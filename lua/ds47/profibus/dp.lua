@@ -181,9 +181,7 @@ end
 local REFUSED = {[1] = true, [2] = true, [3] = true} -- codes of answers that refuse a service: UE, RR, RS
 
 --- Whether an answer refuses its service: what the master sent with it does not count then.
-function M.refuses(answer)
-  return REFUSED[answer.code] or false
-end
+function M.refuses(answer) return REFUSED[answer.code] or false end
 
 --- What a frame says, nil for nothing that DP-V0 knows. One with flaws is decoded as far as possible.
 -- @param item what telegram.lua decoded

@@ -11,9 +11,7 @@ local Idents = {}
 Idents.__index = Idents
 
 --- The ident numbers of stations, as they stand in their GSD; the newest of each kind.
-function M.new()
-  return setmetatable({said = {}, sent = {}}, Idents)
-end
+function M.new() return setmetatable({said = {}, sent = {}}, Idents) end
 
 --- An exchange that is over; one without an answer, or that was refused, says nothing.
 function Idents:take(exchange)
@@ -29,18 +27,12 @@ function Idents:take(exchange)
 end
 
 --- The ident number that a station was parameterised with; nil where no frame has said it yet.
-function Idents:sent_to(station)
-  return self.sent[station]
-end
+function Idents:sent_to(station) return self.sent[station] end
 
 --- The ident number of a station; nil where no frame has said it yet.
-function Idents:of(station)
-  return self.said[station] or self.sent[station]
-end
+function Idents:of(station) return self.said[station] or self.sent[station] end
 
 --- Of which family its parameters are (the list of parameters); nil where that is not known.
-function Idents:family(station)
-  return tables.profibus.families[self:of(station) or -1]
-end
+function Idents:family(station) return tables.profibus.families[self:of(station) or -1] end
 
 return M

@@ -140,8 +140,6 @@ end
 
 --- The last frame before which something that was said with a station was not seen; 0 for none.
 -- A master repeats a request without an answer, and turns the FCB round with each new one.
-function Line:lost(station)
-  return self.gone[station] or 0
-end
+function Line:lost(station) return self.gone[station] or 0 end
 
 return M

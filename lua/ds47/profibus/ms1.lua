@@ -7,9 +7,7 @@ local M = {READ = 0x5E, WRITE = 0x5F, MOST_DATA = 240}
 
 local HEAD = 4
 
-local function flaw(kind, offset, args)
-  return {{kind = kind, offset = offset, args = args}}
-end
+local function flaw(kind, offset, args) return {{kind = kind, offset = offset, args = args}} end
 
 -- What does not fit; some manuals print a length that is not that of the data.
 local function flaws_of(data, length, there, carries)

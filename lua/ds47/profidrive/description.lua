@@ -40,9 +40,7 @@ end
 
 function bytes_of.text(value, row)
   local text = type(value) == "string" and reader.from_latin1(value)
-  if not text or (not row.whole and #text > row.size) then
-    return nil
-  end
+  if not text or (not row.whole and #text > row.size) then return nil end
   return row.whole and text or text .. rep(" ", row.size - #text)
 end
 
@@ -59,15 +57,11 @@ end
 local function octets(format_name, values)
   local row = row_of(format_name)
   local make = row and row.size and bytes_of[row.kind]
-  if not make or #values == 0 or row.size > MOST[row.kind] then
-    return nil
-  end
+  if not make or #values == 0 or row.size > MOST[row.kind] then return nil end
   local found = {}
   for number, value in ipairs(values) do
     local raw = make(value, row)
-    if raw == nil then
-      return nil
-    end
+    if raw == nil then return nil end
     found[number] = raw
   end
   return concat(found)
@@ -76,17 +70,13 @@ end
 -- Whether the format says what the value of an element is: a factor or a limit, with more than its size.
 local function says(format_name, element)
   local row, code = row_of(format_name)
-  if not row or not LIMITED[row.kind] or (code >= 0x40 and code <= 0x44) then
-    return false
-  end
+  if not row or not LIMITED[row.kind] or (code >= 0x40 and code <= 0x44) then return false end
   return element == "low" or element == "high" or (element == "factor" and row.kind == "float")
 end
 
 -- Elements
 
-local function text_of(raw)
-  return reader.latin1((gsub(raw, "[\0 ]+$", "")))
-end
+local function text_of(raw) return reader.latin1((gsub(raw, "[\0 ]+$", ""))) end
 
 -- The unit of a variable attribute: `kW`, `10^-1 °C`; nil where the tables do not know it.
 local function unit_of(quantity, conversion)
@@ -107,9 +97,7 @@ end
 -- A limit as a value of the type: in all four bytes, or at their right end behind nothing but its sign.
 local function limit(type_name, raw)
   local row, code = row_of(type_name)
-  if not row or not LIMITED[row.kind] or not row.size or row.size > LIMIT then
-    return nil
-  end
+  if not row or not LIMITED[row.kind] or not row.size or row.size > LIMIT then return nil end
   local front, value = sub(raw, 1, LIMIT - row.size), sub(raw, LIMIT - row.size + 1)
   local negative = find(row.pack or "", "^%l") and value:byte() >= 0x80
   local codec = formats.codec(code)
@@ -132,9 +120,7 @@ function TAKE.identifier(found, raw)
   end
 end
 
-function TAKE.factor(found, raw)
-  found.factor = numbers.float32(raw, 0)
-end
+function TAKE.factor(found, raw) found.factor = numbers.float32(raw, 0) end
 
 function TAKE.variable(found, raw)
   local quantity, conversion = raw:byte(1, 2)
@@ -142,9 +128,7 @@ function TAKE.variable(found, raw)
   found.unit = unit_of(quantity, found.conversion)
 end
 
-function TAKE.name(found, raw)
-  found.name = text_of(raw)
-end
+function TAKE.name(found, raw) found.name = text_of(raw) end
 
 for _, name in ipairs({ "low", "high" }) do
   TAKE[name] = function(found, raw)
@@ -155,23 +139,17 @@ end
 function TAKE.normalisation(found, raw)
   local word, known = reader.u16(raw, 0), tables.descriptions.normalisation
   found.normalisation = word
-  if bit(word, known.valid) == 1 then
-    found.full_scale = 2 ^ (word % known.bits)
-  end
+  if bit(word, known.valid) == 1 then found.full_scale = 2 ^ (word % known.bits) end
 end
 
 for _, name in ipairs({ "elements", "extension", "reference" }) do
-  TAKE[name] = function(found, raw)
-    found[name] = reader.u16(raw, 0)
-  end
+  TAKE[name] = function(found, raw) found[name] = reader.u16(raw, 0) end
 end
 
 -- Whether nothing is known from a description.
 local function is_empty(found)
   for key in pairs(found) do
-    if key ~= "limit_format" then
-      return false
-    end
+    if key ~= "limit_format" then return false end
   end
   return true
 end
@@ -199,26 +177,18 @@ function M.describe(subindex, format_name, values)
       end
     end
   end
-  if is_empty(found) then
-    return nil
-  end
+  if is_empty(found) then return nil end
   return found
 end
 
 --- The entries of a text array without the blanks at their end, nil where these values are no text.
 function M.texts(format_name, values)
   local row, size = row_of(format_name), tables.descriptions.text_length
-  if not row or (row.size ~= 1 and row.size ~= size) then
-    return nil
-  end
+  if not row or (row.size ~= 1 and row.size ~= size) then return nil end
   local raw = octets(format_name, values)
-  if raw == nil or raw == "" then
-    return nil
-  end
+  if raw == nil or raw == "" then return nil end
   local step, found = #raw % size == 0 and size or #raw, {}
-  for at = 1, #raw, step do
-    found[#found + 1] = text_of(sub(raw, at, at + step - 1))
-  end
+  for at = 1, #raw, step do found[#found + 1] = text_of(sub(raw, at, at + step - 1)) end
   return found
 end
 

@@ -50,13 +50,9 @@ end
 
 --- The unit that the tables give to values in a format; nil where the tables say another type.
 function M.unit_of(row, format_name)
-  if row == nil or format_name == nil then
-    return row and row.unit
-  end
+  if row == nil or format_name == nil then return row and row.unit end
   local own = match(row.type, "^[^%[]*")
-  if own == UNKNOWN then
-    own = "Float32"
-  end
+  if own == UNKNOWN then own = "Float32" end
   return (format_name == own or format_name == UNSIGNED[own]) and row.unit or nil
 end
 
@@ -93,9 +89,7 @@ function M.new(objects, most)
   }, Dictionary)
 end
 
-local function place_of(device, pnu)
-  return format("%s %d", device, pnu)
-end
+local function place_of(device, pnu) return format("%s %d", device, pnu) end
 
 local function key_of(access, pnu)
   return format("%s %d %d %s %s %s", access.device, pnu, access.record_index, tostring(access.slot),
@@ -108,9 +102,7 @@ end
 local function is_sensible(found)
   if found.type then
     local code = formats.code_of(found.type)
-    if code == nil or NO_TYPES[code] then
-      return false
-    end
+    if code == nil or NO_TYPES[code] then return false end
   end
   local name = found.name
   return not (name and (find(name, "[\0-\31\127]") or find(name, "\194[\128-\160]")))
@@ -138,9 +130,7 @@ function Dictionary:_forget(key)
   local entry = self.all:pop(key)
   local ways = self.ways[entry.place]
   arrays.take_out(ways, entry)
-  if #ways == 0 then
-    self.ways[entry.place] = nil
-  end
+  if #ways == 0 then self.ways[entry.place] = nil end
 end
 
 --- A description was read, whole or one element of it; one that is not sensible is not believed.
@@ -150,9 +140,7 @@ end
 -- @param frame       of the response
 function Dictionary:learn(access, pnu, subindex, format_name, values, frame)
   local found = description.describe(subindex, format_name, values)
-  if found == nil or not is_sensible(found) then
-    return
-  end
+  if found == nil or not is_sensible(found) then return end
   local key, place = key_of(access, pnu), place_of(access.device, pnu)
   local before = self.all:get(key)
   -- Never changed but made anew: of an older result it stays what it was.
@@ -163,9 +151,7 @@ function Dictionary:learn(access, pnu, subindex, format_name, values, frame)
     for name, each in pairs(before and before.said or NONE) do said[name] = each end
   end
   take(said, found, frame)
-  if next(said) == nil then
-    return
-  end
+  if next(said) == nil then return end
   self.is_empty = false
   if before then
     self:_forget(key)
@@ -176,9 +162,7 @@ function Dictionary:learn(access, pnu, subindex, format_name, values, frame)
   local ways = self.ways[place] or {}
   ways[#ways + 1], self.ways[place] = entry, ways
   self.all:set(key, entry)
-  if self.all.length > self.most then
-    self:_forget((self.all:first()))
-  end
+  if self.all.length > self.most then self:_forget((self.all:first())) end
 end
 
 -- Asking
@@ -203,9 +187,7 @@ local function in_order(frames)
   local found = {}
   table.sort(frames)
   for _, frame in ipairs(frames) do
-    if frame ~= found[#found] then
-      found[#found + 1] = frame
-    end
+    if frame ~= found[#found] then found[#found + 1] = frame end
   end
   return found
 end
@@ -223,9 +205,7 @@ local function measure_of(kind, said)
   end
   local quantity, power, unit = variable.value[1], variable.value[2], variable.value[3]
   local known = tables.descriptions.quantities[quantity]
-  if unit == nil or known == nil or (factor and not agrees(factor.value, power)) then
-    return nil
-  end
+  if unit == nil or known == nil or (factor and not agrees(factor.value, power)) then return nil end
   local frames = in_order({ kind.frame, variable.frame, factor and factor.frame })
   if not find(unit, "^10%^") then
     return { power = 0, unit = unit, frames = frames }
@@ -245,19 +225,13 @@ end
 function Dictionary:meaning(access, pnu, vendor_id, last, family)
   local meaning, said = { listed = M.listed(pnu, vendor_id, family) }, {}
   for _, entry in ipairs(self.ways[place_of(access.device, pnu)] or NONE) do
-    if self.objects:same(access, entry.access, pnu) then
-      add_newer(said, entry.said, last)
-    end
+    if self.objects:same(access, entry.access, pnu) then add_newer(said, entry.said, last) end
   end
   local whole = said.whole
   for name, each in pairs(said) do
-    if whole and each.frame < whole.frame then
-      said[name] = nil
-    end
+    if whole and each.frame < whole.frame then said[name] = nil end
   end
-  for _, name in ipairs({ "name", "type", "low", "high" }) do
-    meaning[name] = said[name]
-  end
+  for _, name in ipairs({ "name", "type", "low", "high" }) do meaning[name] = said[name] end
   meaning.measure = said.type and measure_of(said.type, said)
   return meaning, (meaning.name or meaning.type or meaning.low or meaning.high) ~= nil
 end
@@ -272,14 +246,10 @@ end
 
 -- Integers times a power of ten; nil where one of them is none.
 local function scaled(values, power)
-  if power == 0 or #values == 0 then
-    return nil
-  end
+  if power == 0 or #values == 0 then return nil end
   local times, found = tonumber("1e" .. abs(power)), {}
   for number, value in ipairs(values) do
-    if type(value) ~= "number" then
-      return nil
-    end
+    if type(value) ~= "number" then return nil end
     found[number] = power > 0 and value * times or value / times
   end
   return found
@@ -303,17 +273,13 @@ function M.explained(item, meaning)
   elseif meaning.type and not is_listed_as(meaning.listed, meaning.type.value) then
     told.unit = nil -- that of the list belongs to another parameter
   end
-  if #frames > 0 then
-    told.described = { name = name and name.value, frames = frames }
-  end
+  if #frames > 0 then told.described = { name = name and name.value, frames = frames } end
   return told
 end
 
 --- Puts into the parameters of a transaction of PKW what the drive has said of them up to its response.
 function Dictionary:explain(item)
-  if self.is_empty then
-    return
-  end
+  if self.is_empty then return end
   local access, last = drive_objects.access_of(item), item.frames.read_response
   local maker = not item.station and item.vendor_id or nil -- on PROFIBUS the family says it
   for _, each in ipairs(item.parameters) do

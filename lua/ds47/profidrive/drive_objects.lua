@@ -32,25 +32,19 @@ function M.new()
   }, DriveObjects)
 end
 
-local function put(memory, key, value)
-  memory:keep(key, value, tables.known.history)
-end
+local function put(memory, key, value) memory:keep(key, value, tables.known.history) end
 
 local function submodule(access)
   return format("%s %s %s", access.device, tostring(access.slot), tostring(access.subslot))
 end
 
-local function axis_of(device, number)
-  return format("%s %d", device, number)
-end
+local function axis_of(device, number) return format("%s %d", device, number) end
 
 --- A parameter has a negative response with this error number.
 function DriveObjects:refused(access, code)
   if code == tables.known.axis_error and access.record_index ~= LOCAL then
     put(self.distinguishing, access.device, true)
-    if access.axis then
-      put(self.missing, axis_of(access.device, access.axis), true)
-    end
+    if access.axis then put(self.missing, axis_of(access.device, access.axis), true) end
   end
 end
 
@@ -70,15 +64,11 @@ end
 
 --- The DO-ID of the drive object that a request reaches; nil where it is not proved. 0 names none.
 function DriveObjects:number(access)
-  if access.record_index == LOCAL then
-    return self.submodules:get(submodule(access)) or nil
-  end
+  if access.record_index == LOCAL then return self.submodules:get(submodule(access)) or nil end
   return access.axis ~= 0 and access.axis or nil
 end
 
-local function is_local(access)
-  return access.record_index == LOCAL
-end
+local function is_local(access) return access.record_index == LOCAL end
 
 --- False where the device has said that there is no such drive object.
 function DriveObjects:exists(device, number)
@@ -110,9 +100,7 @@ end
 
 --- Whether they reach two drive objects, whatever is not known.
 function DriveObjects:other(one, other, pnu)
-  if one.device ~= other.device then
-    return true
-  end
+  if one.device ~= other.device then return true end
   local mine, theirs = self:number(one), self:number(other)
   if tables.known.global_pnus[pnu] or mine == nil or theirs == nil or mine == theirs then
     return false
@@ -158,9 +146,7 @@ end
 --- All that a whole capture shows.
 function M.of(transactions)
   local shown = M.new()
-  for _, each in ipairs(transactions) do
-    shown:transaction(each)
-  end
+  for _, each in ipairs(transactions) do shown:transaction(each) end
   return shown
 end
 

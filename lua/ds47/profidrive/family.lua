@@ -30,9 +30,7 @@ end
 -- @param data     the bytes of the response
 function M.kind_fits(request, data)
   local asked, count = request.request_id, request.parameter_count
-  if asked == nil or count == nil or #data < MESSAGE_SIZE then
-    return nil
-  end
+  if asked == nil or count == nil or #data < MESSAGE_SIZE then return nil end
   local _, id, axis, got = data:byte(1, MESSAGE_SIZE)
   return M.family_fits(asked, id) and axis == request.axis and (got == count or id == NOT_SUPPORTED)
 end

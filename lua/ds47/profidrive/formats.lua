@@ -28,9 +28,7 @@ local function each(one)
   end
 end
 
-local function bytes(raw, count)
-  return {byte(raw, 1, count)}
-end
+local function bytes(raw, count) return {byte(raw, 1, count)} end
 
 local function i8(raw, at)
   local value = byte(raw, at + 1)
@@ -54,25 +52,15 @@ local decode = { -- by `pack`
 }
 local integers = each(numbers.unsigned)
 
-local texts = each(function(raw, at, size)
-  return reader.latin1(sub(raw, at + 1, at + size))
-end)
+local texts = each(function(raw, at, size) return reader.latin1(sub(raw, at + 1, at + size)) end)
 
-local octets = each(function(raw, at, size)
-  return reader.hex(sub(raw, at + 1, at + size))
-end)
+local octets = each(function(raw, at, size) return reader.hex(sub(raw, at + 1, at + size)) end)
 
-local function one_text(raw, count)
-  return count > 0 and {reader.latin1(raw)} or {}
-end
+local function one_text(raw, count) return count > 0 and {reader.latin1(raw)} or {} end
 
-local function one_octets(raw, count)
-  return count > 0 and {reader.hex(raw)} or {}
-end
+local function one_octets(raw, count) return count > 0 and {reader.hex(raw)} or {} end
 
-local function nothing()
-  return {}
-end
+local function nothing() return {} end
 
 -- scale(values, raw, codec) -> physical values, one for each value: one(codec, value, raw, offset) -> value.
 local function scaling(one)
@@ -83,9 +71,7 @@ local function scaling(one)
   end
 end
 
-local ratio = scaling(function(codec, value)
-  return value * codec.multiply / codec.divide
-end)
+local ratio = scaling(function(codec, value) return value * codec.multiply / codec.divide end)
 
 local without_status = scaling(function(codec, _, raw, at)
   return codec.scaled_float and float32(raw, at) or byte(raw, at + 1)
@@ -168,9 +154,7 @@ function M.code_of(name)
 end
 
 local function whole_or_float(number)
-  if number % 1 ~= 0 then
-    return float_text(number)
-  end
+  if number % 1 ~= 0 then return float_text(number) end
   return whole_text(number)
 end
 

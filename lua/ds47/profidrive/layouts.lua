@@ -17,17 +17,13 @@ local M = {}
 local MOST_LAYOUTS, LONGEST = 4, 240 -- of one question; bytes of a response
 local MAGIC = "[%^%$%(%)%%%.%[%]%*%+%-%?]"
 
-local function literal(bytes)
-  return (gsub(bytes, MAGIC, "%%%0"))
-end
+local function literal(bytes) return (gsub(bytes, MAGIC, "%%%0")) end
 
 -- What the blocks at one place of a layout have in common, the metatable of each: nil where the bytes of the
 -- block do not tell all.
 local function place_of(block)
   local format = getmetatable(block)
-  if block.error or not format or not block.sound_codec then
-    return nil
-  end
+  if block.error or not format or not block.sound_codec then return nil end
   local place = flat(format)
   place.value_count, place.offset, place.pad = block.value_count, block.offset, block.pad
   place.at, place.last = block.offset + 2, block.offset + 2 + #block.raw
@@ -60,9 +56,7 @@ local function layout_of(data, response)
   local places, pattern = {}, "^." .. literal(sub(data, 2, 4))
   for number, block in ipairs(response.blocks) do
     local place = place_of(block)
-    if not place then
-      return nil
-    end
+    if not place then return nil end
     places[number] = place
     local head = literal(sub(data, block.offset + 1, block.offset + 2))
     pattern = pattern .. head .. rep(".", #block.raw) .. block.pad
@@ -84,9 +78,7 @@ end
 
 --- A question without layouts: what requests share that differ in reference and values alone.
 -- @param options the dialects in which its responses are read
-function M.question(options)
-  return {options = options, layouts = {}}
-end
+function M.question(options) return {options = options, layouts = {}} end
 
 --- A response to a question in one of its layouts: as parameter.decode_response gives it, with `layout`. Nil
 -- where it has none of them.
@@ -103,13 +95,9 @@ end
 
 --- Keeps the layout of a response that was decoded; of too many the oldest goes.
 function M.learn(question, data, response)
-  if #data > LONGEST or response.flaws[1] or response.cut or not response.shaped then
-    return
-  end
+  if #data > LONGEST or response.flaws[1] or response.cut or not response.shaped then return end
   local last = response.blocks[#response.blocks]
-  if (last and last.offset + 2 + #last.raw + #last.pad or 4) ~= #data then
-    return
-  end
+  if (last and last.offset + 2 + #last.raw + #last.pad or 4) ~= #data then return end
   local layout, layouts = layout_of(data, response), question.layouts
   if layout then
     table.insert(layouts, 1, layout)

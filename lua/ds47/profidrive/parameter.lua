@@ -100,9 +100,7 @@ local function dialect_of(options)
 end
 
 --- The codec of a format code in a dialect, nil where the length of its values cannot be known.
-function M.codec(code, options)
-  return dialect_of(options).usual[code].codec
-end
+function M.codec(code, options) return dialect_of(options).usual[code].codec end
 
 -- Flaws -------------------------------------------------------------------------------------------------
 

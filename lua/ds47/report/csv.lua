@@ -24,9 +24,7 @@ local FULL_WIDTH = { ["\239\188\157"] = true, ["\239\188\139"] = true, ["\239\18
 --- A text that no spreadsheet takes for a formula and no terminal for a command.
 -- Blanks in front are skipped by some spreadsheets; tabs and line ends are escapes here.
 function M.guarded(text)
-  if not text then
-    return nil
-  end
+  if not text then return nil end
   local shown = words.escape(text)
   local begin = gsub(shown, "^ +", "")
   return (find(begin, "^[=+%-@]") or FULL_WIDTH[sub(begin, 1, 3)]) and "'" .. shown or shown
@@ -46,15 +44,11 @@ function M.timestamp(base_seconds, time_ns)
     seconds % 60, nanoseconds)
 end
 
-local function visible(character)
-  return (gsub(words.escape(character), "^\\x", "\\u00"))
-end
+local function visible(character) return (gsub(words.escape(character), "^\\x", "\\u00")) end
 
 local function json_text(text)
   text = json.quoted(text)
-  if words.escape(text) ~= text then
-    text = gsub(text, words.CHARACTER, visible)
-  end
+  if words.escape(text) ~= text then text = gsub(text, words.CHARACTER, visible) end
   return text
 end
 
@@ -64,9 +58,7 @@ local function values(list, format_name, scaled)
     return nil
   elseif #list == 1 then
     local value = list[1]
-    if type(value) ~= "string" then
-      return words.number(value, format_name, scaled)
-    end
+    if type(value) ~= "string" then return words.number(value, format_name, scaled) end
     return words.is_text(format_name) and M.guarded(value) or value
   end
   local parts = mapped(list, function(value)
@@ -87,9 +79,7 @@ local function cell(content)
   return content
 end
 
-local function status(word)
-  return word and format("%08X", word)
-end
+local function status(word) return word and format("%08X", word) end
 
 -- What reads each of these columns: a function of `own`, by column, of the object and what comes with it; of
 -- another column the object has the value, a dot between a key and the one inside it.
@@ -98,9 +88,7 @@ local function readers(columns, own)
   for number, column in ipairs(columns) do
     local outer, inner = match(column, "^(%w+)%.(.+)$")
     reads[number] = own[column] or function(item)
-      if outer then
-        return item[outer] and item[outer][inner]
-      end
+      if outer then return item[outer] and item[outer][inner] end
       return item[column]
     end
   end
@@ -157,9 +145,7 @@ function M.report(result, options)
       rows[#rows + 1] = left .. cells(of_parameter, parameter, options.lang) .. ","
         .. no_job
     end
-    if #item.parameters == 0 then
-      rows[#rows + 1] = left .. nothing .. no_job
-    end
+    if #item.parameters == 0 then rows[#rows + 1] = left .. nothing .. no_job end
   end
   rows[#rows + 1] = ""
   return concat(rows, "\n")

@@ -36,18 +36,14 @@ end
 
 --- A limit or a factor as a report shows it; `format_name` of it.
 function M.number(value, format_name)
-  if value == nil then
-    return ""
-  end
+  if value == nil then return "" end
   return type(value) == "string" and value or formats.number_text(value, format_name)
 end
 
 -- What needs no words of a language.
 local function plain(item, family, quoted)
   local found = {}
-  local function add(text)
-    found[#found + 1] = text
-  end
+  local function add(text) found[#found + 1] = text end
   if item.name then add(quoted(item.name)) end
   if item.type then
     add(item.type .. (item.elements and item.elements > 0 and format("[%d]", item.elements) or ""))
@@ -79,21 +75,15 @@ end
 function M.parts(item, words, lang)
   local found = {}
   local entries, described = M.entries(item), M.of(item)
-  for number, each in ipairs(entries or {}) do
-    found[number] = words.quoted(each)
-  end
+  for number, each in ipairs(entries or {}) do found[number] = words.quoted(each) end
   if described then
     found = plain(described, item.family, words.quoted)
-    for _, key in ipairs(marks(described)) do
-      found[#found + 1] = words.say(lang, key)
-    end
+    for _, key in ipairs(marks(described)) do found[#found + 1] = words.say(lang, key) end
   end
   return found[1] and found or nil
 end
 
 --- Whether an attribute is one of these two.
-function M.is_about(attribute)
-  return attribute == "description" or attribute == "text"
-end
+function M.is_about(attribute) return attribute == "description" or attribute == "text" end
 
 return M

@@ -38,22 +38,16 @@ end
 --- The code point of one UTF-8 character, nil where the bytes are none.
 local function code_point(character)
   local first, lead = character:byte(), LEADS[#character]
-  if not lead or first < lead[1] or first > lead[2] then
-    return nil
-  end
+  if not lead or first < lead[1] or first > lead[2] then return nil end
   local point = first % lead[3]
-  for i = 2, #character do
-    point = point * 64 + character:byte(i) - 0x80
-  end
+  for i = 2, #character do point = point * 64 + character:byte(i) - 0x80 end
   return point
 end
 
 local function escape_character(character)
   local point = code_point(character)
   if not point then
-    return (gsub(character, ".", function(byte)
-      return format("\\x%02x", byte:byte())
-    end))
+    return (gsub(character, ".", function(byte) return format("\\x%02x", byte:byte()) end))
   elseif not within(HIDDEN, point) then
     return character
   elseif SHORT_ESCAPES[point] then
@@ -64,9 +58,7 @@ end
 
 --- The text with everything a terminal might obey, or nobody could see, as an escape.
 function M.escape(text)
-  if not find(text, "[^ -~]") then
-    return text
-  end
+  if not find(text, "[^ -~]") then return text end
   return (gsub(gsub(text, "^[\128-\191]+", ""), M.CHARACTER, escape_character))
 end
 
@@ -85,9 +77,7 @@ end
 
 --- A whole number without a decimal point in every Lua version.
 -- ("%d" of Lua 5.2 holds only 32 bits on Windows.)
-function M.integer(number)
-  return format("%.0f", number)
-end
+function M.integer(number) return format("%.0f", number) end
 
 --- A whole number in groups of three digits: `12,000`.
 function M.grouped(number)
@@ -104,9 +94,7 @@ function M.say(lang, key, values)
   local known = tables.report_words[key]
   local text = lang == "zh" and known.zh or known.en
   local one, several = text:match("^(.*)|(.*)$")
-  if one then
-    text = values.n == 1 and one or several
-  end
+  if one then text = values.n == 1 and one or several end
   return (gsub(text, "{([%w_]+)}", function(name)
     local value = values[name]
     return type(value) == "number" and M.grouped(value) or tostring(value)
@@ -114,9 +102,7 @@ function M.say(lang, key, values)
 end
 
 --- The name of a state of a transaction: one and the same in every report.
-function M.state(lang, word)
-  return M.say(lang, "state_" .. word)
-end
+function M.state(lang, word) return M.say(lang, "state_" .. word) end
 
 --- Texts in a row, with the commas of their language where no separators are given.
 function M.joined(lang, parts, en, zh)
@@ -125,9 +111,7 @@ end
 
 --- `p50303[0]`, `p2902[2..5]`, `p944[0].text`; `p?` where no request names it.
 function M.address(item)
-  if not item.pnu then
-    return "p?"
-  end
+  if not item.pnu then return "p?" end
   local first, elements, index = item.subindex, item.element_count or 0, ""
   if first and elements > 1 then
     index = format("[%d..%d]", first, first + elements - 1)
@@ -151,15 +135,11 @@ end
 M.number = formats.number_text
 
 --- Text from the drive in quotes.
-function M.quoted(text)
-  return '"' .. gsub(M.escape(text), '"', '\\"') .. '"'
-end
+function M.quoted(text) return '"' .. gsub(M.escape(text), '"', '\\"') .. '"' end
 
 --- One value; text from the drive in quotes.
 function M.value(item, format_name, scaled)
-  if type(item) ~= "string" then
-    return M.number(item, format_name, scaled)
-  end
+  if type(item) ~= "string" then return M.number(item, format_name, scaled) end
   return M.is_text(format_name) and M.quoted(item) or M.escape(item)
 end
 
@@ -168,9 +148,7 @@ end
 -- @param stated nil, or how many there are: more where the end of the record is missing
 function M.values(items, format_name, scaled, lang, stated)
   stated = stated or #items
-  if stated == 1 and items[1] ~= nil then
-    return M.value(items[1], format_name, scaled)
-  end
+  if stated == 1 and items[1] ~= nil then return M.value(items[1], format_name, scaled) end
   local shown = {}
   for i = 1, math.min(#items, M.VALUES_SHOWN) do
     shown[i] = M.value(items[i], format_name, scaled)
@@ -186,12 +164,8 @@ M.stated = descriptions.stated
 function M.error(item, lang)
   local text = M.say(lang, "parameter_error") .. (item.code and " " .. sentences.error_number(item) or "")
   local told = sentences.error_words(item, lang)
-  if told ~= "" then
-    text = M.joined(lang, { text, told }, ": ", "：")
-  end
-  if not item.info or item.info == 0 then
-    return text
-  end
+  if told ~= "" then text = M.joined(lang, { text, told }, ": ", "：") end
+  if not item.info or item.info == 0 then return text end
   local info = M.say(lang, "parameter_error_info", { info = M.integer(item.info) })
   return M.joined(lang, { text, info }, " ", "")
 end
@@ -215,9 +189,7 @@ function M.name(item, lang)
 end
 
 --- Whose parameter it is, where the vendor does not say it: "micromaster", else nil.
-function M.family(item)
-  return item.family == MICROMASTER and item.family or nil
-end
+function M.family(item) return item.family == MICROMASTER and item.family or nil end
 
 --- What the values of a parameter mean; nil where they say it themselves.
 function M.meaning(item, lang)
@@ -229,9 +201,7 @@ end
 -- `lang` as in `values`.
 function M.parameter(item, written, lang)
   local text, name = M.address(item), M.name(item, lang)
-  if name then
-    text = text .. " (" .. name .. ")"
-  end
+  if name then text = text .. " (" .. name .. ")" end
   local described = descriptions.is_about(item.attribute) and item.values
     and descriptions.parts(item, M, lang)
   if described then
@@ -254,9 +224,7 @@ end
 -- Lines of a terminal
 
 local STAYS = {} -- characters that do not begin a line
-for character in ("，。；：、）”"):gmatch(M.CHARACTER) do
-  STAYS[character] = true
-end
+for character in ("，。；：、）”"):gmatch(M.CHARACTER) do STAYS[character] = true end
 
 -- The text in pieces that stay whole: a word with the blanks behind it, or a wide character.
 local function pieces(text)
@@ -267,9 +235,7 @@ local function pieces(text)
     if not find(text, "[^ ]$") then found[#found + 1] = "" end
     return found
   end
-  for character in text:gmatch(M.CHARACTER) do
-    characters[#characters + 1] = character
-  end
+  for character in text:gmatch(M.CHARACTER) do characters[#characters + 1] = character end
   for place, character in ipairs(characters) do
     local following = characters[place + 1] or ""
     piece = piece .. character
@@ -285,9 +251,7 @@ local function pieces(text)
 end
 
 --- The text without blanks at its end.
-function M.stripped(text)
-  return (gsub(text, " +$", ""))
-end
+function M.stripped(text) return (gsub(text, " +$", "")) end
 
 --- Lines of at most so many columns, all but the first behind `hanging` blanks (Python: ds47.report.wrap).
 function M.wrap(text, width, hanging)

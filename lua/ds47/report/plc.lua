@@ -69,24 +69,18 @@ end
 -- The frames of a transaction, and of the findings about its calls.
 local function frames_of(item, found)
   local list = all_frames(item.frames)
-  for _, each in ipairs(found or NONE) do
-    list[#list + 1] = each.frame
-  end
+  for _, each in ipairs(found or NONE) do list[#list + 1] = each.frame end
   return list
 end
 
 local function newest_of(item, found)
   local newest = 0
-  for _, frame in ipairs(frames_of(item, found)) do
-    newest = math.max(newest, frame)
-  end
+  for _, frame in ipairs(frames_of(item, found)) do newest = math.max(newest, frame) end
   return newest
 end
 
 local function sort(entries)
-  table.sort(entries, function(a, b)
-    return a[1] < b[1]
-  end)
+  table.sort(entries, function(a, b) return a[1] < b[1] end)
 end
 
 -- Whether no Read brought a record, and none was given up.
@@ -139,9 +133,7 @@ local function say_followed(transactions, calls, loose, waits)
     local channel = channel_of(item)
     newest[channel] = math.max(newest[channel] or 0, newest_of(item))
   end
-  for _, entry in ipairs(loose) do
-    stray = math.max(stray, entry[1])
-  end
+  for _, entry in ipairs(loose) do stray = math.max(stray, entry[1]) end
   for _, item in ipairs(transactions) do
     local own = item.state == "unanswered" and newest_of(item, calls[item.id])
     if own and math.max(stray, newest[channel_of(item)]) > own then
@@ -160,9 +152,7 @@ local function say_beside(transactions, calls, loose, waits)
     if begin then
       local channel = channel_of(item)
       local read = math.min(after(loose, begin), after(reads[channel], begin, item.id))
-      if read < after(accepted[channel], begin) then
-        waits[item.id] = "beside"
-      end
+      if read < after(accepted[channel], begin) then waits[item.id] = "beside" end
     end
   end
 end
@@ -204,12 +194,8 @@ function M.witness_of(item, job)
   local function add(rule, frame, args)
     findings[#findings + 1] = { rule = rule, frame = frame, transaction = item.id, args = args }
   end
-  for _, call in ipairs(job.calls) do
-    add(call.rule, call.frame)
-  end
-  for _, half in ipairs(job.empty_reads) do
-    add("DS207", half.frame)
-  end
+  for _, call in ipairs(job.calls) do add(call.rule, call.frame) end
+  for _, half in ipairs(job.empty_reads) do add("DS207", half.frame) end
   for _, read in ipairs(job:too_short()) do
     add("DS201", read.response.frame, { status = status_hex(read.response.status) })
   end
@@ -218,9 +204,7 @@ function M.witness_of(item, job)
     add(CUT, read.frame, { completed = read.frame, length = read.stated })
   end
   local answer = job.write_response
-  if answer and answer.cut then
-    add(CUT, answer.frame, { completed = answer.frame })
-  end
+  if answer and answer.cut then add(CUT, answer.frame, { completed = answer.frame }) end
   return M.witness({ transactions = { item }, findings = findings })
 end
 
@@ -253,21 +237,13 @@ local function in_order(item, left_out, wait)
   local function add(frame, outcome, status)
     all[#all + 1] = { frame = frame, outcome = outcome, status = status, order = #all }
   end
-  for _, each in ipairs(left_out) do
-    told[each.frame] = true
-  end
+  for _, each in ipairs(left_out) do told[each.frame] = true end
   for _, poll in ipairs(frames.polls or NONE) do
-    if not told[poll.response] then
-      add(poll.response or 0, "polled", NOT_READY)
-    end
+    if not told[poll.response] then add(poll.response or 0, "polled", NOT_READY) end
   end
-  for _, each in ipairs(left_out) do
-    add(each.frame, each.outcome, each.status)
-  end
+  for _, each in ipairs(left_out) do add(each.frame, each.outcome, each.status) end
   local waits = frames.read_request and not frames.read_response
-  if waits then
-    add(frames.read_request, item.station and "nothing" or "unseen")
-  end
+  if waits then add(frames.read_request, item.station and "nothing" or "unseen") end
   table.sort(all, function(a, b)
     return a.frame < b.frame or a.frame == b.frame and a.order < b.order
   end)
@@ -364,9 +340,7 @@ local function not_mirrored(item, lang)
   local request, response, parts = item.request or "", item.response or "", {}
   for _, row in ipairs(HEADER) do
     local sent, got = byte(request, row[2]), byte(response, row[2])
-    if sent and got and sent ~= got then
-      parts[#parts + 1] = say(lang, row[1])
-    end
+    if sent and got and sent ~= got then parts[#parts + 1] = say(lang, row[1]) end
   end
   local sent, got = byte(request, 2), byte(response, 2)
   if sent and got and not family_fits(sent, got) then
@@ -385,9 +359,7 @@ function M.remark(item, lang)
     return say(lang, "plc_other", { what = not_mirrored(item, lang) })
   end
   local id = byte(response, 2) or 0
-  if id < NEGATIVE then
-    return nil
-  end
+  if id < NEGATIVE then return nil end
   local key = item.state == "partial" and "plc_negative_partial" or "plc_negative"
   return say(lang, key, { id = format("%02X", id) })
 end
@@ -404,9 +376,7 @@ function Witness:text(item, lang)
   end
   local text = words.joined(lang, parts, "; ", "；")
   local more = M.remark(item, lang)
-  if more then
-    text = text .. (lang == "zh" and "，" or " - ") .. more
-  end
+  if more then text = text .. (lang == "zh" and "，" or " - ") .. more end
   return text
 end
 

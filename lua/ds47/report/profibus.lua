@@ -24,21 +24,15 @@ local ALL_STATIONS = require("ds47.profibus.telegram").ALL_STATIONS
 --- The message of MS1 or MS2 that a frame carries; nil for none.
 -- @param item what telegram.lua decoded
 function M.record(item)
-  if item.request == nil or not RECORDS[dp.service(item)] then
-    return nil
-  end
+  if item.request == nil or not RECORDS[dp.service(item)] then return nil end
   return ms1.decode(item.du, item.request)
 end
 
 -- Where the addresses begin.
-local function head(item)
-  return item.kind == "SD2" and 4 or 1
-end
+local function head(item) return item.kind == "SD2" and 4 or 1 end
 
 --- Where the data of a frame begins.
-function M.data_start(item)
-  return head(item) + 3 + #item.dae + #item.sae
-end
+function M.data_start(item) return head(item) + 3 + #item.dae + #item.sae end
 
 -- Parts of a frame
 
@@ -50,9 +44,7 @@ end
 --- What the first byte of MS1 says, and the status of a refusal.
 function M.function_text(message, item, lang)
   local name = told.function_text(message.code, item.request, lang)
-  if message.kind ~= "refusal" then
-    return name
-  end
+  if message.kind ~= "refusal" then return name end
   local why = message.status and status_text(message.status, lang) or say(lang, "dp_cut_data")
   return joined(lang, { name, why }, ": ", "：")
 end
@@ -66,9 +58,7 @@ local function flag_words(content, lang)
 end
 
 --- The kind of a block of extended diagnosis: `of the device`.
-function M.block_kind(block, lang)
-  return of_row(tables.profibus.block[block.kind], lang)
-end
+function M.block_kind(block, lang) return of_row(tables.profibus.block[block.kind], lang) end
 
 --- `parameterised by master 2`.
 function M.master_text(address, lang)
@@ -85,9 +75,7 @@ end
 -- @param none the key of the words for no bit
 function M.groups_text(groups, none, lang)
   local bits = ""
-  for bit = 7, 0, -1 do
-    bits = bits .. format("%d", floor(groups / 2 ^ bit) % 2)
-  end
+  for bit = 7, 0, -1 do bits = bits .. format("%d", floor(groups / 2 ^ bit) % 2) end
   return groups ~= 0 and say(lang, "dp_groups", { bits = bits }) or say(lang, none)
 end
 
@@ -133,9 +121,7 @@ end
 --- The head of a message of MS1 in one line: `DS_Write, slot 0, index 47, length 10`. Without any byte it
 -- says that the master asks for the answer, or that there is none yet.
 function M.message_text(message, item, lang)
-  if not message.code then
-    return say(lang, "ms1_" .. message.kind)
-  end
+  if not message.code then return say(lang, "ms1_" .. message.kind) end
   local carries = message.code == ms1.READ or message.code == ms1.WRITE
   if message.kind == "refusal" or not carries or not message.length then
     return M.function_text(message, item, lang)
@@ -147,9 +133,7 @@ function M.message_text(message, item, lang)
   })
 end
 
-local function sap(number)
-  return number and format("%d", number) or "-"
-end
+local function sap(number) return number and format("%d", number) or "-" end
 
 --- The SAPs of a frame, with the service that they stand for.
 function M.saps_text(item, lang)
@@ -162,9 +146,7 @@ end
 
 --- A token, which has stations and nothing else; nil where the frame is none.
 function M.token_text(item, lang)
-  if item.kind ~= "SD4" or not item.da or not item.sa then
-    return nil
-  end
+  if item.kind ~= "SD4" or not item.da or not item.sa then return nil end
   return say(lang, "dp_token", { sa = format("%d", item.sa), da = format("%d", item.da) })
 end
 
@@ -216,18 +198,14 @@ end
 -- A frame with a function code: its service, or else what the code says.
 local function control_and_service(item, lang)
   local control, service = told.control_text(item.fc, lang), service_text(item, lang)
-  if not service then
-    return control
-  end
+  if not service then return control end
   return is_usual(item) and service or joined(lang, { service, control }, "; ", "；")
 end
 
 --- A frame in one line: `set parameters: watchdog 300 ms, ident number 80B5`.
 function M.summary(item, lang)
   local row, damage = tables.profibus.start[item.data:byte(1)], M.damage(item, lang)
-  if not row then
-    return damage
-  end
+  if not row then return damage end
   local text = item.fc and control_and_service(item, lang) or M.token_text(item, lang) or of_row(row, lang)
   return damage and joined(lang, { text, damage }, "; ", "；") or text
 end

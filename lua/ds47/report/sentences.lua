@@ -21,9 +21,7 @@ local LINE = 100
 
 local ABSENT = {code = true, pkw = true, info = true, status = true, value = true, values = true}
 
-local function integer(number)
-  return format("%d", number)
-end
+local function integer(number) return format("%d", number) end
 
 local function plain(value)
   if type(value) == "table" then
@@ -36,16 +34,12 @@ end
 
 local function list(items, most)
   local shown = {}
-  for number = 1, math.min(#items, most or #items) do
-    shown[number] = plain(items[number])
-  end
+  for number = 1, math.min(#items, most or #items) do shown[number] = plain(items[number]) end
   shown[#shown + 1] = #items > #shown and "..." or nil
   return concat(shown, ", ")
 end
 
-local function tenths(number)
-  return format("%.1f", tonumber(plain(number)))
-end
+local function tenths(number) return format("%.1f", tonumber(plain(number))) end
 
 local SHOW = {
   hex = spec.error_hex,
@@ -63,15 +57,11 @@ local SHOW = {
 local shown -- forward: the words of a key have arguments too
 
 local function fill(template, rule, args, lang)
-  return (template:gsub("{([^}]*)}", function(name)
-    return shown(name, rule, args, lang)
-  end))
+  return (template:gsub("{([^}]*)}", function(name) return shown(name, rule, args, lang) end))
 end
 
 -- The words of a key.
-local function key_words(key, lang)
-  return spec.words(tables.diagnosis_words[key], lang)
-end
+local function key_words(key, lang) return spec.words(tables.diagnosis_words[key], lang) end
 
 -- The error number that the rule is about, and what it means.
 local function error_of(rule, args, lang)
@@ -179,9 +169,7 @@ end
 function M.advice(row, args, lang)
   local zh = lang == "zh"
   local text, colon = zh and row.advice_zh or row.advice, zh and "：" or ":"
-  if not args.code then
-    return text
-  end
+  if not args.code then return text end
   local several = zh and "，多个参数" or ", several parameters" -- of requests of one there is nothing to say
   local seen, parts, wanted = spec.error_hex(args.code), {}, 0
   -- What is about a number begins a line.

@@ -29,18 +29,14 @@ local OPEN = { unanswered = true, superseded = true, incomplete = true }
 
 local COLUMNS, RIGHT = tables.statistics.columns, tables.statistics.right
 
-local function word(lang, key, values)
-  return say(lang, "statistics_" .. key, values)
-end
+local function word(lang, key, values) return say(lang, "statistics_" .. key, values) end
 
 -- From a second on nobody looks at microseconds.
 local function milliseconds(nanoseconds)
   return nanoseconds and format(nanoseconds < 1e9 and "%.3f" or "%.1f", nanoseconds / 1e6) or "-"
 end
 
-local function number(value)
-  return value and integer(value) or "-"
-end
+local function number(value) return value and integer(value) or "-" end
 
 -- Rows: tables of texts and counts by the keys of their columns
 
@@ -63,9 +59,7 @@ local function groups_of(transactions)
       groups[#groups + 1] = items and { device = device, operation = operation, items = items }
     end
   end
-  if #groups > 1 then
-    groups[#groups + 1] = { items = transactions }
-  end
+  if #groups > 1 then groups[#groups + 1] = { items = transactions } end
   return groups
 end
 
@@ -166,9 +160,7 @@ local function slowest(transactions)
   sort(list, function(a, b)
     return a.duration_ns > b.duration_ns or a.duration_ns == b.duration_ns and a.id < b.id
   end)
-  for i = #list, SLOWEST + 1, -1 do
-    list[i] = nil
-  end
+  for i = #list, SLOWEST + 1, -1 do list[i] = nil end
   return list
 end
 
@@ -191,15 +183,11 @@ end
 
 --- Cuts a text to a number of columns.
 local function shortened(text, columns)
-  if words.width(text) <= columns then
-    return text
-  end
+  if words.width(text) <= columns then return text end
   local parts, width = {}, 3
   for character in text:gmatch(words.CHARACTER) do
     width = width + words.width(character)
-    if width > columns then
-      break
-    end
+    if width > columns then break end
     parts[#parts + 1] = character
   end
   return concat(parts) .. "..."
@@ -285,9 +273,7 @@ local function add_table(add, lines, rows)
         add_line(add, line == 1 and 2 or INDENT, keys, widths, row)
       end
     end
-    if place == 1 then
-      add("  " .. ("-"):rep(math.min(most, M.WIDTH) - 2))
-    end
+    if place == 1 then add("  " .. ("-"):rep(math.min(most, M.WIDTH) - 2)) end
   end
 end
 
@@ -302,18 +288,14 @@ local function section(add, lang, name, list, row_of)
   end
   local titles = {}
   for _, keys in ipairs(COLUMNS[name]) do
-    for _, key in ipairs(keys) do
-      titles[key] = word(lang, key)
-    end
+    for _, key in ipairs(keys) do titles[key] = word(lang, key) end
   end
   local rows = { titles }
   for place = 1, math.min(#list, ROWS) do
     rows[place + 1] = shown(row_of and row_of(list[place]) or list[place])
   end
   add_table(add, COLUMNS[name], rows)
-  if #list > ROWS then
-    add("  " .. word(lang, "more", { n = integer(#list - ROWS) }))
-  end
+  if #list > ROWS then add("  " .. word(lang, "more", { n = integer(#list - ROWS) })) end
 end
 
 -- How often the clock was set back, as the rows that are shown have it.
@@ -322,9 +304,7 @@ local function add_negative(add, lang, rows)
   for place = 1, math.min(#rows, ROWS) do
     negative = math.max(negative, rows[place].negative or 0)
   end
-  if negative > 0 then
-    add("  " .. word(lang, "negative", { n = integer(negative) }))
-  end
+  if negative > 0 then add("  " .. word(lang, "negative", { n = integer(negative) })) end
 end
 
 -- The numbers are given as text: they stand without commas here.
@@ -332,9 +312,7 @@ local function heading(add, lang, result, options)
   local named = options.path and options.path ~= "-" -- "-": a file whose name nobody knows
   add(word(lang, "title") .. (named and ": " .. escape(options.path) or ""))
   local parts = {}
-  if options.frames then
-    parts[1] = say(lang, "frames", { n = integer(options.frames) })
-  end
+  if options.frames then parts[1] = say(lang, "frames", { n = integer(options.frames) }) end
   local jobs = say(lang, "transactions", { n = integer(#result.transactions) })
   local states = report_text.by_state(result.transactions, lang)
   parts[#parts + 1] = #states > 0 and jobs .. " (" .. concat(states, ", ") .. ")" or jobs

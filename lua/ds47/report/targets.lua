@@ -21,9 +21,7 @@ end
 --- `DO 2`, `axis 0`; empty where only the submodule is known.
 function Targets:words(item)
   local number, axis = self.shown:reached(item), drive_objects.access_of(item).axis
-  if number then
-    return format("DO %d", number)
-  end
+  if number then return format("DO %d", number) end
   return axis and format("axis %d", axis) or ""
 end
 

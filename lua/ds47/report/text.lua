@@ -21,13 +21,9 @@ local RANK = { error = 1, warning = 2, note = 3 }
 -- How many of these have each word of a key, as `told` says it: array of texts, in the order of the words.
 local function parts_of(list, key, order, told)
   local counts, parts = {}, {}
-  for _, each in ipairs(list) do
-    counts[each[key]] = (counts[each[key]] or 0) + 1
-  end
+  for _, each in ipairs(list) do counts[each[key]] = (counts[each[key]] or 0) + 1 end
   for _, word in ipairs(order) do
-    if counts[word] then
-      parts[#parts + 1] = told(counts[word], word)
-    end
+    if counts[word] then parts[#parts + 1] = told(counts[word], word) end
   end
   return parts
 end
@@ -45,9 +41,7 @@ function M.by_rule(findings)
   for _, each in ipairs(findings) do
     local about = each.rule .. each.severity
     arrays.push(rules, about, each)
-    if #rules[about] == 1 then
-      groups[#groups + 1] = rules[about]
-    end
+    if #rules[about] == 1 then groups[#groups + 1] = rules[about] end
   end
   table.sort(groups, function(a, b)
     local left, right = RANK[a[1].severity], RANK[b[1].severity]
@@ -101,16 +95,12 @@ end
 function M.report(result, options)
   options = options or {}
   local lang, lines = options.lang or "en", {}
-  local function add(text, hanging)
-    append(lines, words.wrap(text, WIDTH, hanging))
-  end
+  local function add(text, hanging) append(lines, words.wrap(text, WIDTH, hanging)) end
   local frames = say(lang, "frames", { n = options.frames or 0 })
   add(options.path and words.escape(options.path) .. ": " .. frames or frames)
   add(total("transactions", result.transactions, M.by_state(result.transactions, lang), lang), 2)
   add(total("findings", result.findings, by_severity(result.findings, lang), lang), 2)
-  for _, group in ipairs(M.by_rule(result.findings)) do
-    add_group(add, group, lang)
-  end
+  for _, group in ipairs(M.by_rule(result.findings)) do add_group(add, group, lang) end
   return concat(lines, "\n") .. "\n"
 end
 

@@ -44,8 +44,6 @@ function M.state_text(id, overlays, lang)
 end
 
 --- An event of a drive, in "en" or "zh".
-function M.event_text(id, lang)
-  return words(tables.pzd.events[id], lang)
-end
+function M.event_text(id, lang) return words(tables.pzd.events[id], lang) end
 
 return M

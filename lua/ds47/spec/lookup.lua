@@ -44,14 +44,10 @@ function M.fill(template, args)
 end
 
 --- An error number as people write it: `0x11`, and above one byte `0x0811`.
-function M.error_hex(code)
-  return format(code <= 0xFF and "0x%02X" or "0x%04X", code)
-end
+function M.error_hex(code) return format(code <= 0xFF and "0x%02X" or "0x%04X", code) end
 
 --- The words of a row, in "en" or "zh".
-function M.words(row, lang)
-  return lang == "zh" and row.zh or row.en
-end
+function M.words(row, lang) return lang == "zh" and row.zh or row.en end
 
 local function words(entry, code, lang)
   return M.fill(M.words(entry, lang), {code = M.error_hex(code), above = code - (entry.code or code)})
@@ -89,9 +85,7 @@ end
 
 --- What an error number of a vendor means, in words.
 -- @param vendor a row of tables.vendors that has the number
-function M.vendor_text(vendor, code, lang)
-  return words(vendor.errors[code], code, lang)
-end
+function M.vendor_text(vendor, code, lang) return words(vendor.errors[code], code, lang) end
 
 --- What error value 2 means for an error number: "none", "subindex" or "unknown".
 function M.error_info_meaning(code)

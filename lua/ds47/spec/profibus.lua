@@ -20,9 +20,7 @@ function M.flaw_text(flaw, lang)
 end
 
 --- What a service is called.
-function M.service_text(id, lang)
-  return words(tables.profibus.services[id], lang)
-end
+function M.service_text(id, lang) return words(tables.profibus.services[id], lang) end
 
 --- What a function code says: `SRD high, FCB 1`, `OK, slave`.
 function M.control_text(fc, lang)

@@ -11,13 +11,9 @@ local ACCESS, PROTOCOL = 0x80, 0x81
 
 --- A status as engineers know it, ErrorCode first: "DE80B500".
 -- @param status 32 bits, ErrorCode in the highest byte, whatever the byte order on the wire was
-function M.status_hex(status)
-  return format("%08X", status)
-end
+function M.status_hex(status) return format("%08X", status) end
 
-local function filled(template, value)
-  return spec.fill(template, {value = value})
-end
+local function filled(template, value) return spec.fill(template, {value = value}) end
 
 local function name(column, value, lang, words)
   local entry = tables.status[column][value]

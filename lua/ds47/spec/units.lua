@@ -12,8 +12,6 @@ local uuids = entries(function(raw)
 end, 1024)
 
 --- An AR UUID, 16 bytes, as text.
-function M.uuid_text(raw)
-  return uuids[raw]
-end
+function M.uuid_text(raw) return uuids[raw] end
 
 return M

@@ -30,15 +30,11 @@ function M.first(array, wanted)
 end
 
 --- Whether `wanted` is true for one of the items.
-function M.any(array, wanted)
-  return M.first(array, wanted) ~= nil
-end
+function M.any(array, wanted) return M.first(array, wanted) ~= nil end
 
 --- Adds the items of another array.
 function M.append(array, more)
-  for place = 1, #more do
-    array[#array + 1] = more[place]
-  end
+  for place = 1, #more do array[#array + 1] = more[place] end
 end
 
 --- A new array of what is made of each item.

@@ -5,9 +5,7 @@ local floor = math.floor
 local M = {}
 
 --- A bit of a word: 0 or 1.
-function M.bit(word, number)
-  return floor(word / 2 ^ number) % 2
-end
+function M.bit(word, number) return floor(word / 2 ^ number) % 2 end
 
 local bit = M.bit
 

@@ -40,9 +40,7 @@ function M.of_number(number, size)
 end
 
 --- All bytes as hexadecimal digits, lower case, nothing between them.
-function M.hex(data)
-  return (gsub(data, ".", HEX))
-end
+function M.hex(data) return (gsub(data, ".", HEX)) end
 
 --- The bytes that hexadecimal digits (an even number, nothing else) stand for.
 function M.unhex(text)
@@ -50,9 +48,7 @@ function M.unhex(text)
 end
 
 --- Latin-1 text as UTF-8, which is what a value that is text is kept as.
-function M.latin1(data)
-  return (gsub(data, "[\128-\255]", UTF8))
-end
+function M.latin1(data) return (gsub(data, "[\128-\255]", UTF8)) end
 
 --- The Latin-1 bytes of such a text; nil where it has other characters.
 function M.from_latin1(text)
@@ -63,8 +59,6 @@ function M.from_latin1(text)
 end
 
 --- Whether no byte from an offset on is anything but zero.
-function M.only_zeros(data, offset)
-  return not find(data, "[^\0]", offset + 1)
-end
+function M.only_zeros(data, offset) return not find(data, "[^\0]", offset + 1) end
 
 return M

@@ -5,9 +5,7 @@ local M = {}
 --- A flat copy.
 function M.copy(original)
   local made = setmetatable({}, getmetatable(original))
-  for key, value in next, original do
-    made[key] = value
-  end
+  for key, value in next, original do made[key] = value end
   return made
 end
 

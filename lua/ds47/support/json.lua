@@ -14,14 +14,10 @@ M.null = setmetatable({}, {__tostring = function() return "null" end})
 local Array, Raw = {}, {}
 
 --- Marks a table as an array, so that it stays one when it is empty. Returns the table.
-function M.array(items)
-  return setmetatable(items, Array)
-end
+function M.array(items) return setmetatable(items, Array) end
 
 --- A text that is JSON already and is written as it stands, such as a float with its point.
-function M.raw(text)
-  return setmetatable({text = text}, Raw)
-end
+function M.raw(text) return setmetatable({text = text}, Raw) end
 
 --- A float as JSON: 10.0 is not 10. Strings (NaN and the infinities) pass.
 function M.float(number)
@@ -38,9 +34,7 @@ for character, escape in pairs({
 end
 
 --- A text as a string of JSON.
-function M.quoted(text)
-  return '"' .. gsub(text, '[%z\1-\31\\"]', M.ESCAPES) .. '"'
-end
+function M.quoted(text) return '"' .. gsub(text, '[%z\1-\31\\"]', M.ESCAPES) .. '"' end
 
 local put -- forward: values nest
 

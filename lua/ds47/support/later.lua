@@ -13,9 +13,7 @@ function M.entries(make, most)
   local count = 0
   return setmetatable({}, { __index = function(entries, key)
     if count == most then
-      for known in pairs(entries) do
-        entries[known] = nil
-      end
+      for known in pairs(entries) do entries[known] = nil end
       count = 0
     end
     local value = make(key)

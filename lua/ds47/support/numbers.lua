@@ -19,12 +19,8 @@ local SMALLEST_NORMAL = 2.2250738585072014e-308
 -- POWER[e] is 2^e, by doubling and halving, because pow() need not be exact. Made when it is asked for.
 local POWER = entries(function(exponent)
   local value = 1.0
-  for _ = 1, exponent do
-    value = value * 2
-  end
-  for _ = -1, exponent, -1 do
-    value = value / 2
-  end
+  for _ = 1, exponent do value = value * 2 end
+  for _ = -1, exponent, -1 do value = value / 2 end
   return value
 end)
 

@@ -19,9 +19,7 @@ function M.new()
 end
 
 --- The value of a key, nil where there is none.
-function Ordered:get(key)
-  return self.values[key]
-end
+function Ordered:get(key) return self.values[key] end
 
 --- Sets a value (not nil). A new key goes last, a known one keeps its place.
 function Ordered:set(key, value)
@@ -43,9 +41,7 @@ end
 --- Puts a key that is there behind all others.
 function Ordered:move_to_end(key)
   local newest = self.newest
-  if key == newest then
-    return
-  end
+  if key == newest then return end
   local newer, older = self.newer, self.older
   local before, after = older[key], newer[key]
   if before == nil then
@@ -63,9 +59,7 @@ end
 --- Removes a key; its value, nil where the key was not there.
 function Ordered:pop(key)
   local value = self.values[key]
-  if value == nil then
-    return nil
-  end
+  if value == nil then return nil end
   local newer, older = self.newer, self.older
   local before, after = older[key], newer[key]
   if before == nil then
@@ -88,17 +82,13 @@ end
 --- The oldest key and its value; nil when empty.
 function Ordered:first()
   local key = self.oldest
-  if key ~= nil then
-    return key, self.values[key]
-  end
+  if key ~= nil then return key, self.values[key] end
 end
 
 --- Removes the oldest key; the key and its value, nil when empty.
 function Ordered:pop_first()
   local key = self.oldest
-  if key ~= nil then
-    return key, self:pop(key)
-  end
+  if key ~= nil then return key, self:pop(key) end
 end
 
 --- Keeps a value as the newest one; of more keys than `most` the oldest goes.
@@ -106,15 +96,11 @@ function Ordered:keep(key, value, most)
   local values = self.values
   if values[key] == nil then
     self:set(key, value)
-    if self.length > most then
-      self:pop_first()
-    end
+    if self.length > most then self:pop_first() end
     return
   end
   values[key] = value
-  if self.newest ~= key then
-    self:move_to_end(key)
-  end
+  if self.newest ~= key then self:move_to_end(key) end
 end
 
 local function following(self, key)
@@ -123,15 +109,11 @@ local function following(self, key)
   else
     key = self.newer[key]
   end
-  if key ~= nil then
-    return key, self.values[key]
-  end
+  if key ~= nil then return key, self.values[key] end
 end
 
 --- For a `for` loop: keys and values, the oldest first. No key may be removed or moved meanwhile.
-function Ordered:iterate()
-  return following, self, nil
-end
+function Ordered:iterate() return following, self, nil end
 
 --- For a `for` loop: the newest keys, the newest first, `most` of them at the most. None may be removed or
 -- moved meanwhile.

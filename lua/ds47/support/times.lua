@@ -17,9 +17,7 @@ local Far = {}
 
 --- Seconds and nanoseconds of a time.
 function M.split(time)
-  if type(time) == "table" then
-    return time.seconds, time.nanoseconds
-  end
+  if type(time) == "table" then return time.seconds, time.nanoseconds end
   local seconds = floor(time / 1000000000)
   return seconds, time - seconds * 1000000000
 end
@@ -29,26 +27,18 @@ function Far.__sub(later, earlier)
   local seconds, nanoseconds = M.split(later)
   local less_seconds, less = M.split(earlier)
   local difference = (seconds - less_seconds) * 1e9 + (nanoseconds - less)
-  if difference <= EXACT and difference >= -EXACT then
-    return whole(difference)
-  end
+  if difference <= EXACT and difference >= -EXACT then return whole(difference) end
   return difference
 end
 
-function Far.__lt(one, other)
-  return one - other < 0
-end
+function Far.__lt(one, other) return one - other < 0 end
 
-function Far.__le(one, other)
-  return one - other <= 0
-end
+function Far.__le(one, other) return one - other <= 0 end
 
 --- A time.
 -- @param seconds, nanoseconds  whole numbers, 0 to 999999999 nanoseconds
 function M.new(seconds, nanoseconds)
-  if seconds < NEAR and seconds > -NEAR then
-    return seconds * 1000000000 + nanoseconds
-  end
+  if seconds < NEAR and seconds > -NEAR then return seconds * 1000000000 + nanoseconds end
   return setmetatable({seconds = seconds, nanoseconds = nanoseconds}, Far)
 end
 
@@ -72,8 +62,6 @@ function M.date(days)
 end
 
 --- Whether a time is a plain number.
-function M.is_near(time)
-  return type(time) == "number"
-end
+function M.is_near(time) return type(time) == "number" end
 
 return M
