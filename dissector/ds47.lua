@@ -38,9 +38,7 @@ package.loaded[GUARD] = { path = source }
 
 -- The modules stand beside this file (an installed copy), or in ../lua (a checkout).
 local folder = source:match("^(.*)[/\\]") or "."
-package.path = table.concat({
-  folder .. "/?.lua", folder .. "/../lua/?.lua", package.path,
-}, ";")
+package.path = table.concat({ folder .. "/?.lua", folder .. "/../lua/?.lua", package.path }, ";")
 
 local clock = require("ds47_ws.clock")
 local collector = require("ds47_ws.collector")

@@ -19,11 +19,8 @@ local BYTES = { quantity = 0, conversion = 1 } -- of `variable`: fields of one b
 local DOUBLES = { factor = true, low = true, high = true }
 
 local function value_of(name, value)
-  if DOUBLES[name] then
-    return types.number(value)
-  elseif type(value) == "string" then
-    return words.escape(value)
-  end
+  if DOUBLES[name] then return types.number(value) end
+  if type(value) == "string" then return words.escape(value) end
   return value
 end
 

@@ -81,11 +81,8 @@ local function with_parameter(text, separator, item, style)
   local around, values, failed = item.words, item.values, item.error
   if around == nil or around.style ~= style then around = words_of(item, style) end
   local value = values[1]
-  if failed then
-    return text .. separator .. around.address .. ": " .. error_of(failed)
-  elseif value == nil then
-    return text .. separator .. around.address
-  end
+  if failed then return text .. separator .. around.address .. ": " .. error_of(failed) end
+  if value == nil then return text .. separator .. around.address end
   local described = around.is_described and descriptions.parts(item, words, style.lang)
   if described then
     return text .. separator .. around.before .. concat(described, ", ")
@@ -142,11 +139,8 @@ end
 function sentences.write_response(view)
   local item = view.item
   local word = item.write_status
-  if word == nil then
-    return "write failed " .. reference(item)
-  elseif word == 0 then
-    return "write accepted " .. reference(item)
-  end
+  if word == nil then return "write failed " .. reference(item) end
+  if word == 0 then return "write accepted " .. reference(item) end
   return "write refused " .. reference(item) .. ": " .. refusal(word)
 end
 

@@ -62,11 +62,8 @@ end
 
 -- One drive: a station, or an address in the field that the packet has for it.
 local function device_term(item, fields)
-  if item.station then
-    return "ds47.station == " .. integer(item.station)
-  elseif not item.device then
-    return nil
-  end
+  if item.station then return "ds47.station == " .. integer(item.station) end
+  if not item.device then return nil end
   local mac = item.device:find(":", 1, true) and fields["ds47.device.mac"]
   local name = mac and "ds47.device.mac" or "ds47.device"
   return name .. " == " .. item.device

@@ -73,10 +73,7 @@ function M.options(proto)
     cyclic = named.list(prefs.cyclic or ""),
     ppos = ppo.list(prefs.ppos or ""),
     frame_numbers = prefs.frame_numbers ~= "" and numbers(prefs.frame_numbers) or nil,
-    codec = {
-      legacy_g120_formats = prefs.legacy_g120_formats,
-      profile_v3_types = prefs.profile_v3_types,
-    },
+    codec = { legacy_g120_formats = prefs.legacy_g120_formats, profile_v3_types = prefs.profile_v3_types },
   }, prefs.language == CHINESE and "zh" or "en"
 end
 

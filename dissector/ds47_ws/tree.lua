@@ -397,9 +397,7 @@ end
 
 -- The message in the frame
 
-local HEADERS = {
-  write_request = "request_id", read_response = "response_id", reread = "response_id",
-}
+local HEADERS = { write_request = "request_id", read_response = "response_id", reread = "response_id" }
 
 -- What belongs to no parameter.
 local function add_others(parent, view, message, record)

@@ -53,11 +53,8 @@ end
 
 -- Who the two are, as far as the capture shows it; a key of tables.diagnosis_words.
 local function case_of(held, came)
-  if held == nil then
-    return "unseen_user"
-  elseif held.peer.controller ~= came.peer.controller then
-    return "two_stations"
-  end
+  if held == nil then return "unseen_user" end
+  if held.peer.controller ~= came.peer.controller then return "two_stations" end
   return held.record.ar == came.record.ar and "one_station" or "two_ars"
 end
 

@@ -72,13 +72,9 @@ function M.sign(device, request, response, refused)
     return nil
   end
   local found, whose = signs_of(refused.address, refused.value), head(device, request.operation)
-  if code == NO_PARAMETER then
-    return head(device, BOTH), found.pnu
-  elseif known.type_errors[code] or code == WRONG_COUNT then
-    return whose, found.whole
-  elseif NO_SUCH_ATTRIBUTE[code] then
-    return whose, found.attribute
-  end
+  if code == NO_PARAMETER then return head(device, BOTH), found.pnu end
+  if known.type_errors[code] or code == WRONG_COUNT then return whose, found.whole end
+  if NO_SUCH_ATTRIBUTE[code] then return whose, found.attribute end
   return whose, known.index_errors[code] and found.place or found.pnu
 end
 

@@ -468,9 +468,7 @@ local function type_repair(job, changed, data)
     if changed[number] then each[#each + 1] = described(job, number, changed[number]) end
   end
   local first = each[1]
-  return {
-    rule = "DS714", what = "", request = data, number = first.number, args = first.args, each = each,
-  }
+  return {rule = "DS714", what = "", request = data, number = first.number, args = first.args, each = each}
 end
 
 -- The values that are absurd, or of a type that was refused, under another format.

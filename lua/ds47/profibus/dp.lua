@@ -90,9 +90,7 @@ end
 
 local function area(head, range)
   local words = bit_of(head, 6) == 1
-  return {
-    length = (head % range + 1) * (words and 2 or 1), words = words, consistent = bit_of(head, 7) == 1,
-  }
+  return {length = (head % range + 1) * (words and 2 or 1), words = words, consistent = bit_of(head, 7) == 1}
 end
 
 -- One byte: consistency, words or bytes, in and out, length.
@@ -155,9 +153,7 @@ end
 -- @return table {kind = "configuration", modules (list of {data, special, inputs, outputs, maker, role}),
 -- ppo, pkw_consistent, input_length, output_length, flaws}; inputs, outputs: {length, words, consistent}
 function M.configuration(data)
-  local found = {
-    kind = "configuration", modules = {}, flaws = {}, input_length = 0, output_length = 0,
-  }
+  local found = {kind = "configuration", modules = {}, flaws = {}, input_length = 0, output_length = 0}
   local at = 0
   while at < #data do
     local head = data:byte(at + 1)

@@ -114,11 +114,8 @@ end
 
 -- Whether an answer is one to a request: SC names nobody, others have stations and SAPs turned round.
 local function fits(request, answer)
-  if answer.kind == "SC" then
-    return true
-  elseif answer.sa ~= request.da or answer.da ~= request.sa then
-    return false
-  end
+  if answer.kind == "SC" then return true end
+  if answer.sa ~= request.da or answer.da ~= request.sa then return false end
   return answer.ssap == request.dsap and answer.dsap == request.ssap or not answer.ssap and not answer.dsap
 end
 

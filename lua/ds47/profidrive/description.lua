@@ -45,11 +45,8 @@ function bytes_of.text(value, row)
 end
 
 function bytes_of.octets(value, row)
-  if type(value) ~= "string" or find(value, "%X") or #value % 2 == 1 then
-    return nil
-  elseif not row.whole and #value ~= 2 * row.size then
-    return nil
-  end
+  if type(value) ~= "string" or find(value, "%X") or #value % 2 == 1 then return nil end
+  if not row.whole and #value ~= 2 * row.size then return nil end
   return reader.unhex(value)
 end
 
@@ -83,13 +80,9 @@ local function unit_of(quantity, conversion)
   local known = tables.descriptions
   local own = known.units[quantity] and known.units[quantity][conversion]
   local row = known.quantities[quantity]
-  if row == nil or own then
-    return own
-  elseif conversion > known.powers or conversion < -known.powers - 1 then
-    return nil
-  elseif conversion == 0 then
-    return row.unit
-  end
+  if row == nil or own then return own end
+  if conversion > known.powers or conversion < -known.powers - 1 then return nil end
+  if conversion == 0 then return row.unit end
   local letter = row.prefix and known.prefixes[conversion]
   return letter and letter .. row.unit or format("10^%d %s", conversion, row.unit)
 end

@@ -207,11 +207,8 @@ local function measure_of(kind, said)
   local known = tables.descriptions.quantities[quantity]
   if unit == nil or known == nil or (factor and not agrees(factor.value, power)) then return nil end
   local frames = in_order({ kind.frame, variable.frame, factor and factor.frame })
-  if not find(unit, "^10%^") then
-    return { power = 0, unit = unit, frames = frames }
-  elseif not is_integer(code) or abs(power) > POWERS then
-    return nil
-  end
+  if not find(unit, "^10%^") then return { power = 0, unit = unit, frames = frames } end
+  if not is_integer(code) or abs(power) > POWERS then return nil end
   return { power = power, unit = known.unit, frames = frames }
 end
 

@@ -89,11 +89,8 @@ end
 
 --- Whether two requests for a parameter reach the same drive object, whatever is not known.
 function DriveObjects:same(one, other, pnu)
-  if one.device ~= other.device then
-    return false
-  elseif tables.known.global_pnus[pnu] or is_same_way(one, other) then
-    return true
-  end
+  if one.device ~= other.device then return false end
+  if tables.known.global_pnus[pnu] or is_same_way(one, other) then return true end
   local mine = self:number(one)
   return mine ~= nil and mine == self:number(other) and counts(self, one, other)
 end

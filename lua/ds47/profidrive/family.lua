@@ -15,11 +15,8 @@ local NOT_SUPPORTED, MESSAGE_SIZE = M.NOT_SUPPORTED, tables.layouts.MESSAGE_SIZE
 --- Whether a response id belongs to a request id (docs/protocol.md A.3).
 function M.family_fits(request_id, response_id)
   local known = tables.request_ids[request_id]
-  if response_id == NOT_SUPPORTED then
-    return true
-  elseif known == nil then
-    return response_id % 128 == request_id % 128
-  end
+  if response_id == NOT_SUPPORTED then return true end
+  if known == nil then return response_id % 128 == request_id % 128 end
   return response_id == known.positive or response_id == known.negative
 end
 

@@ -69,13 +69,9 @@ end
 
 --- A cell as it stands in the file: quoted only where it must be.
 local function cell(content)
-  if content == nil then
-    return ""
-  elseif type(content) == "number" then
-    return integer(content)
-  elseif find(content, '[,"\r\n]') then
-    return '"' .. gsub(content, '"', '""') .. '"'
-  end
+  if content == nil then return "" end
+  if type(content) == "number" then return integer(content) end
+  if find(content, '[,"\r\n]') then return '"' .. gsub(content, '"', '""') .. '"' end
   return content
 end
 

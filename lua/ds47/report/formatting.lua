@@ -26,11 +26,8 @@ local SHORT_ESCAPES = { [9] = "\\t", [10] = "\\n", [13] = "\\r" }
 
 local function within(ranges, point)
   for i = 1, #ranges, 2 do
-    if point < ranges[i] then
-      return false
-    elseif point <= ranges[i + 1] then
-      return true
-    end
+    if point < ranges[i] then return false end
+    if point <= ranges[i + 1] then return true end
   end
   return false
 end

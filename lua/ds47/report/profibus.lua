@@ -176,11 +176,8 @@ end
 -- The service of a frame and what it says; nil where it has none.
 local function service_text(item, lang)
   local message = M.record(item)
-  if message then
-    return M.message_text(message, item, lang)
-  elseif dp.service(item) then
-    return M.data_text(item, lang)
-  end
+  if message then return M.message_text(message, item, lang) end
+  if dp.service(item) then return M.data_text(item, lang) end
   return (item.dae ~= "" or item.sae ~= "") and M.saps_text(item, lang) or nil
 end
 

@@ -24,11 +24,8 @@ local ABSENT = {code = true, pkw = true, info = true, status = true, value = tru
 local function integer(number) return format("%d", number) end
 
 local function plain(value)
-  if type(value) == "table" then
-    return value.text
-  elseif type(value) == "number" and value == floor(value) then
-    return integer(value)
-  end
+  if type(value) == "table" then return value.text end
+  if type(value) == "number" and value == floor(value) then return integer(value) end
   return tostring(value)
 end
 
@@ -120,17 +117,11 @@ function shown(name, rule, args, lang)
     return drive(args, lang)
   end
   local kind, value = rule.args and rule.args[name] or "text", args[name]
-  if value == nil then
-    return ABSENT[kind] and "-" or "?"
-  elseif kind == "reason" then
-    return reason(args, lang)
-  elseif kind == "key" then
-    return fill(key_words(value, lang), rule, args, lang)
-  elseif kind == "text" and type(value) == "string" then
-    return part(value, lang)
-  elseif kind == "pnu" then
-    return naming.spelling(value, args.family)
-  end
+  if value == nil then return ABSENT[kind] and "-" or "?" end
+  if kind == "reason" then return reason(args, lang) end
+  if kind == "key" then return fill(key_words(value, lang), rule, args, lang) end
+  if kind == "text" and type(value) == "string" then return part(value, lang) end
+  if kind == "pnu" then return naming.spelling(value, args.family) end
   return (SHOW[kind] or plain)(value)
 end
 
