@@ -6,7 +6,7 @@
 -- Not here: fields and trees (tree.lua), and the analysis itself (ds47.analysis).
 
 local analysis = require("ds47.analysis")
-local append = require("ds47.support.arrays").append
+local arrays = require("ds47.support.arrays")
 local bus = require("ds47.profibus.bus")
 local dp = require("ds47.profibus.dp")
 local drive_objects = require("ds47.profidrive.drive_objects")
@@ -23,6 +23,7 @@ local source_on_bus = require("ds47.cyclic.ppo").source
 local telegram = require("ds47.profibus.telegram")
 local transactions = require("ds47.acyclic.transactions")
 
+local append, mapped, push = arrays.append, arrays.mapped, arrays.push
 local byte, format, sub = string.byte, string.format, string.sub
 
 local M = {}
@@ -403,32 +404,24 @@ function M.live_cyclic_views(seen)
   return views, findings, events
 end
 
--- Adds items to the list of a key; nothing where there is no key.
-local function put(lists, key, ...)
-  if key ~= nil then
-    lists[key] = lists[key] or {}
-    append(lists[key], { ... })
-  end
-end
-
--- The complete result by frames: `places` has transactions, each with its role, {transaction, role, ...}.
+-- The complete result by frames: `places` has transactions, each with its role, {transaction, role}.
 local function by_frames(result)
   local places, findings, of_transactions = {}, {}, {}
   for _, item in ipairs(result.transactions) do
     local frames = item.frames
     for _, role in ipairs({ "write_request", "write_response", "read_request", "read_response" }) do
-      put(places, frames[role], item, role)
+      push(places, frames[role], { item, role })
     end
     for _, role in ipairs({ "poll", "reread" }) do
       for _, read in ipairs(frames[role .. "s"]) do
-        put(places, read.request, item, "read_request")
-        put(places, read.response, item, role)
+        push(places, read.request, { item, "read_request" })
+        push(places, read.response, { item, role })
       end
     end
   end
   for _, finding in ipairs(result.findings) do
-    put(findings, finding.frame, finding)
-    put(of_transactions, finding.transaction, finding)
+    push(findings, finding.frame, finding)
+    push(of_transactions, finding.transaction, finding)
   end
   return {
     places = places, findings = findings, of_transactions = of_transactions, result = result, witness = nil,
@@ -476,7 +469,8 @@ function COMPLETE.__index(view, key)
   return value
 end
 
-local function complete_view(item, role)
+local function complete_view(place)
+  local item, role = place[1], place[2]
   if item.job == nil and item.channel == "pkw" then return pkw_view(item, role, true) end
   return setmetatable({ role = role, item = item, complete = true, message = nil }, COMPLETE)
 end
@@ -492,11 +486,7 @@ function M.complete_views(number)
   local all = the_complete()
   local there, findings, events = all.places[number], all.findings[number], all.drives.events[number]
   if not (there or findings or events) then return nil end
-  local views = {}
-  for at = 1, #(there or NONE), 2 do
-    views[#views + 1] = complete_view(there[at], there[at + 1])
-  end
-  return views, findings or NONE, events or NONE
+  return mapped(there or NONE, complete_view), findings or NONE, events or NONE
 end
 
 --- The findings of the transaction of a view, wherever they stand; none before all of the file is known.

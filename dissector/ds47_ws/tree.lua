@@ -28,7 +28,7 @@ local sentences = require("ds47.report.sentences")
 local types = require("ds47_ws.types")
 local wanted_fields = require("ds47_ws.wanted")
 
-local find, format, match, sub = string.find, string.format, string.match, string.sub
+local find, format, sub = string.find, string.format, string.sub
 local floor, huge = math.floor, math.huge
 local VISIBLE, UNKNOWN = wanted_fields.VISIBLE, wanted_fields.UNKNOWN
 
@@ -551,23 +551,12 @@ local VALUES = {
   end,
 }
 
--- The row of a key with one value; a dot stands between a key and the one inside it.
+-- The row of a key with one value.
 local function row_of(field)
   local key, names = field[1], field[3] == "code" and codes[field[4]]
-  local outer, inner = match(key, "^(%w+)%.(.+)$")
-  local value = VALUES[key]
+  local value = VALUES[key] or names and function(item) return names[item[key]] end or csv.reader(key)
   return { field = key, add = function(shown, item, view, certain, _, context)
-    local found
-    if value then
-      found = value(item, view, certain, context)
-    elseif names then
-      found = names[item[key]]
-    elseif outer then
-      found = item[outer][inner]
-    else
-      found = item[key]
-    end
-    derive(shown, key, found)
+    derive(shown, key, value(item, view, certain, context))
   end }
 end
 

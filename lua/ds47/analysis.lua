@@ -266,26 +266,34 @@ function Analysis:touched()
   return jobs, roles, add_asked(self, jobs, roles, count)
 end
 
+-- A transaction of PKW as far as it has got, with what the drive and the lists of a user say of it.
+local function exchange(self, relation, job, layout)
+  job.order = job.order or self.pairing:number()
+  local item = pkw.build(relation, job, layout)
+  self.dictionary:explain(item)
+  lists.explain(item)
+  return item
+end
+
+-- The findings of those remarks that are wanted, none of them kept.
+local function findings_of(self, remarks)
+  local wanted = arrays.filtered(remarks, function(remark) return self.findings:wanted(remark.rule) end)
+  return arrays.mapped(wanted, function(remark) return self.findings:finding(remark) end)
+end
+
 --- The transactions of PKW that the last cyclic frame began or responded to, as far as they are proven:
 -- array of {item = transaction as far as it has got, role, findings that are certain on that frame}.
 function Analysis:cyclic_touched()
-  local found = {}
-  for number, each in ipairs(self.cyclic:touched(self.pairing.frame)) do
-    local job, layout = each.job, self:pkw_layout(each.relation.device)
-    job.order = job.order or self.pairing:number()
-    local certain = {}
+  local newest = self.pairing.frame
+  return arrays.mapped(self.cyclic:touched(newest), function(each)
+    local job, layout, certain = each.job, self:pkw_layout(each.relation.device), {}
+    local item = exchange(self, each.relation, job, layout)
     for _, remark in ipairs(job.state and NONE or pkw_judge.remarks(each.relation, job, layout)) do
       remark.order, remark.of = job.order, each.relation
-      if remark.frame == self.pairing.frame and self.findings:wanted(remark.rule) then
-        certain[#certain + 1] = self.findings:finding(remark)
-      end
+      if remark.frame == newest then certain[#certain + 1] = remark end
     end
-    local item = pkw.build(each.relation, job, layout)
-    self.dictionary:explain(item)
-    lists.explain(item)
-    found[number] = {item = item, role = each.role, findings = certain}
-  end
-  return found
+    return {item = item, role = each.role, findings = findings_of(self, certain)}
+  end)
 end
 
 function Analysis:_is_ours(peer, record)
@@ -297,9 +305,7 @@ end
 -- An answered job has none: those are kept already (`findings:at`).
 function Analysis:peek(job)
   local remarks = job.phase ~= "closed" and not job.remarks and self.judge:certain(job) or NONE
-  if remarks[1] == nil then return NONE end
-  local wanted = arrays.filtered(remarks, function(remark) return self.findings:wanted(remark.rule) end)
-  return arrays.mapped(wanted, function(remark) return self.findings:finding(remark) end)
+  return remarks[1] and findings_of(self, remarks) or NONE
 end
 
 -- The end
@@ -416,15 +422,11 @@ end
 function Analysis:exchanged(relation, job)
   self.cyclic:identify()
   local layout = self:pkw_layout(relation.device)
-  job.order = job.order or self.pairing:number()
   if relations.is_bus(relation) then
     -- Else its response may be there.
     job.heard = job.heard and unseen(self, relation.device) < job.request.at.frame
   end
-  local item = pkw.build(relation, job, layout)
-  self.dictionary:explain(item)
-  lists.explain(item)
-  self.finished_jobs:add_made(item)
+  self.finished_jobs:add_made(exchange(self, relation, job, layout))
   for _, remark in ipairs(self.conclusions:exchanged(relation, job, layout)) do
     remark.order = job.order
     self.findings:add(remark)

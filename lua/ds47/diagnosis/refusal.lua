@@ -25,12 +25,12 @@ local M = {}
 local SIEMENS = dictionary.SIEMENS
 local WORD_ERRORS = {[0x05] = true, [0x17] = true} -- data type, format: a number where a connector belongs
 local UNSIGNED_32 = "Unsigned32"
-local NO_PARAMETER, NO_SUBINDEX = 0x00, 0x03
+local NO_PARAMETER = 0x00
 local WRONG_COUNT = 0x18 -- of the errors of index and count the one that depends on the values, too
 local NONE = {}
 local NO_SUCH_ATTRIBUTE = {[0x09] = true, [0x0F] = true} -- no description, no text
 
-M.NO_SUBINDEX = NO_SUBINDEX
+M.NO_SUBINDEX = 0x03
 
 --- The parameters of a job that the drive refused: array of {number, code, address, answer, value}.
 -- `value` is the block that was to be written, nil for a read. Empty where the response is that of another
@@ -168,18 +168,10 @@ local function args_of(job, rule, refusal)
   local address, value = refusal.address, refusal.value
   local source = source_of(value)
   local facts, args = {
-    axis = job.message.axis,
-    device = job.peer.device,
-    pnu = address.pnu,
-    subindex = address.subindex,
-    elements = address.element_count,
-    format = value and value.format_name,
-    value = value_of(value),
-    case = source and "source_refused" or "no_source",
-    source = source,
-    state = tables.known.commissioning[refusal.code],
-    code = refusal.code,
-    vendor_id = job.peer.vendor_id,
+    axis = job.message.axis, device = job.peer.device, vendor_id = job.peer.vendor_id, code = refusal.code,
+    pnu = address.pnu, subindex = address.subindex, elements = address.element_count,
+    format = value and value.format_name, value = value_of(value), source = source,
+    case = source and "source_refused" or "no_source", state = tables.known.commissioning[refusal.code],
   }, {}
   for name in pairs(tables.rules[rule].args) do args[name] = facts[name] end
   return args

@@ -26,7 +26,6 @@ local abs, min = math.abs, math.min
 
 local M = {}
 
-local SIEMENS = dictionary.SIEMENS
 local VALUE = tables.layouts.ADDRESS_VALUE
 local PNU_ACCESS_IDENTIFICATION = rules.PNU_ACCESS_IDENTIFICATION
 -- Float32 and Float64: what is nearer to zero is no number that anybody typed, nor is what is farther away
@@ -42,12 +41,6 @@ local SEVERAL = -1 -- in place of a format: a PNU is read in several
 local NONE = {}
 local ONLY = 0 -- second key of a memory that needs none
 local NO_END = 2 ^ 17 -- behind every subindex
-
--- The format of a parameter by the list of parameters; nil where the list says nothing of this device.
-local function listed(pnu, siemens, family)
-  local row = dictionary.listed(pnu, siemens and SIEMENS or nil, family)
-  return row and code_of((row.type:gsub("%[%]$", "")))
-end
 
 -- As which type the drive has described a parameter of a request, and where: {format, frame}.
 local function described(job, pnu)
@@ -177,11 +170,17 @@ function Diagnoses:_cause(remarks, job)
   if #remarks == before then refusal.not_seen(remarks, job) end
 end
 
+-- The error numbers of what was refused, by the numbers of the parameters.
+local function errors_of(refused)
+  local errors = {}
+  for _, each in ipairs(refused) do errors[each.number] = each.code end
+  return errors
+end
+
 function Diagnoses:_repair(job, refused)
   local half, message = job:write_request(), job.message
   if half == nil or half.missing then return nil end
-  local peer, errors = job.peer, {}
-  for _, each in ipairs(refused) do errors[each.number] = each.code end
+  local peer = job.peer
   local function is_known(pnu)
     return dictionary.is_known(pnu, peer.vendor_id, peer.family) or self.anywhere:get(peer.device, pnu) ~= nil
   end
@@ -190,7 +189,7 @@ function Diagnoses:_repair(job, refused)
     legacy_g120_formats = self.codec.legacy_g120_formats, profile_v3_types = self.codec.profile_v3_types,
     vendor_id = job.peer.vendor_id, family = dictionary.family_of(peer.vendor_id, peer.family),
   }
-  return repair.find(half.data, message, errors, is_known, format_of, options)
+  return repair.find(half.data, message, errors_of(refused), is_known, format_of, options)
 end
 
 -- Adds that a request was meant as a whole in another way (DS715, DS716).
@@ -221,8 +220,7 @@ end
 -- Adds the values under a format that is not that of the parameter, each by itself (DS714).
 -- @return the parameters that were refused besides
 function Diagnoses:_retyped(remarks, job, found, refused)
-  local frame, told, errors = job:write_request().frame, {}, {}
-  for _, each in ipairs(refused) do errors[each.number] = each.code end
+  local frame, told, errors = job:write_request().frame, {}, errors_of(refused)
   local request, from = parameter.decode_request(found.request, self.codec), way_of(job)
   local sure, whole = self:_sure(job, found, request)
   for _, each in ipairs(found.each) do
@@ -417,7 +415,8 @@ end
 
 -- The format by the list of parameters, where nothing that was read of the device differs from it.
 function Diagnoses:_listed(job, pnu)
-  local code = listed(pnu, job.peer.vendor_id == SIEMENS, job.peer.family)
+  local row = dictionary.listed(pnu, job.peer.vendor_id, job.peer.family)
+  local code = row and code_of((row.type:gsub("%[%]$", "")))
   return code and self:_agrees(job, pnu, code) and code or nil
 end
 

@@ -8,8 +8,8 @@ local spec = require("ds47.spec.lookup")
 local statuses = require("ds47.spec.statuses")
 local tables = require("ds47.spec.tables")
 
-local floor, format, gsub, upper = math.floor, string.format, string.gsub, string.upper
-local fill, has = spec.fill, arrays.has
+local format, gsub, upper = string.format, string.gsub, string.upper
+local fill, four, has = spec.fill, statuses.four, arrays.has
 
 local M = {}
 
@@ -24,11 +24,6 @@ local function in_language(row, lang, name)
 end
 
 local function words_in(lang) return in_language(tables.explain.words, lang) end
-
--- The four bytes of a status, the first one in the highest place.
-local function four(status)
-  return floor(status / 16777216), floor(status / 65536) % 256, floor(status / 256) % 256, status % 256
-end
 
 -- What is said about a status
 

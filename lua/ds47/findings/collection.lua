@@ -70,16 +70,11 @@ end
 -- All frames that a finding is about, sorted, each once: the one that it stands on, and those that its
 -- arguments name.
 local function frames_of(rule, frame, args)
-  local seen, frames = {[frame] = true}, {frame}
+  local frames = {frame}
   for name, kind in pairs(tables.rules[rule].args or NONE) do
-    local number = kind == "frame" and args and args[name]
-    if number and not seen[number] then
-      seen[number] = true
-      frames[#frames + 1] = number
-    end
+    frames[#frames + 1] = kind == "frame" and args and args[name] or nil
   end
-  table.sort(frames)
-  return frames
+  return arrays.in_order(frames)
 end
 
 --- The finding of a remark: {rule, severity, frame, frames, transaction (id or nil), order, offset, args}.

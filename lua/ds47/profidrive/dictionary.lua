@@ -182,16 +182,6 @@ local function agrees(factor, power)
   return factor == 1 or factor == tonumber("1e" .. power) or factor == tonumber("1e" .. -power)
 end
 
--- Frames in their order, each once.
-local function in_order(frames)
-  local found = {}
-  table.sort(frames)
-  for _, frame in ipairs(frames) do
-    if frame ~= found[#found] then found[#found + 1] = frame end
-  end
-  return found
-end
-
 local function is_integer(code)
   return code ~= nil and code >= FIRST_INTEGER and code <= LAST_INTEGER
 end
@@ -206,7 +196,7 @@ local function measure_of(kind, said)
   local quantity, power, unit = variable.value[1], variable.value[2], variable.value[3]
   local known = tables.descriptions.quantities[quantity]
   if unit == nil or known == nil or (factor and not agrees(factor.value, power)) then return nil end
-  local frames = in_order({ kind.frame, variable.frame, factor and factor.frame })
+  local frames = arrays.in_order({ kind.frame, variable.frame, factor and factor.frame })
   if not find(unit, "^10%^") then return { power = 0, unit = unit, frames = frames } end
   if not is_integer(code) or abs(power) > POWERS then return nil end
   return { power = power, unit = known.unit, frames = frames }
@@ -266,7 +256,7 @@ function M.explained(item, meaning)
   if fits and measure and item.scaled == nil then
     told.unit, told.scaled = measure.unit, scaled(item.values, measure.power)
     arrays.append(frames, measure.frames)
-    frames = in_order(frames)
+    frames = arrays.in_order(frames)
   elseif meaning.type and not is_listed_as(meaning.listed, meaning.type.value) then
     told.unit = nil -- that of the list belongs to another parameter
   end

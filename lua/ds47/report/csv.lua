@@ -77,18 +77,17 @@ end
 
 local function status(word) return word and format("%08X", word) end
 
+--- What reads a key of an object, with a dot between a key and the one inside it: a function of the object.
+function M.reader(key)
+  local outer, inner = match(key, "^(%w+)%.(.+)$")
+  if outer then return function(item) return item[outer] and item[outer][inner] end end
+  return function(item) return item[key] end
+end
+
 -- What reads each of these columns: a function of `own`, by column, of the object and what comes with it; of
--- another column the object has the value, a dot between a key and the one inside it.
+-- another column the object has the value.
 local function readers(columns, own)
-  local reads = {}
-  for number, column in ipairs(columns) do
-    local outer, inner = match(column, "^(%w+)%.(.+)$")
-    reads[number] = own[column] or function(item)
-      if outer then return item[outer] and item[outer][inner] end
-      return item[column]
-    end
-  end
-  return reads
+  return mapped(columns, function(column) return own[column] or M.reader(column) end)
 end
 
 local function cells(reads, item, about)

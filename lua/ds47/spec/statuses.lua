@@ -13,6 +13,11 @@ local ACCESS, PROTOCOL = 0x80, 0x81
 -- @param status 32 bits, ErrorCode in the highest byte, whatever the byte order on the wire was
 function M.status_hex(status) return format("%08X", status) end
 
+--- The four bytes of a status, ErrorCode first.
+function M.four(status)
+  return floor(status / 16777216), floor(status / 65536) % 256, floor(status / 256) % 256, status % 256
+end
+
 local function filled(template, value) return spec.fill(template, {value = value}) end
 
 local function name(column, value, lang, words)
@@ -27,8 +32,7 @@ function M.status_text(status, lang)
   lang = lang == "zh" and "zh" or "en"
   local words = tables.status.words[lang]
   if status == 0 then return words.ok end
-  local code, decode = floor(status / 16777216), floor(status / 65536) % 256
-  local first, second = floor(status / 256) % 256, status % 256
+  local code, decode, first, second = M.four(status)
   local parts, detail = {name("error_code", code, lang, words)}, "detail"
   if decode == ACCESS then
     parts[2], detail = name("access", first, lang, words), "user"

@@ -44,8 +44,9 @@ function M.mapped(array, make)
   return made
 end
 
---- Puts an item behind those of a key.
+--- Puts an item behind those of a key; nothing where there is no key.
 function M.push(lists, key, item)
+  if key == nil then return end
   lists[key] = lists[key] or {}
   table.insert(lists[key], item)
 end
@@ -55,6 +56,16 @@ function M.filtered(array, wanted)
   local found = {}
   for _, item in ipairs(array) do
     if wanted(item) then found[#found + 1] = item end
+  end
+  return found
+end
+
+--- Numbers in their order, each once; the array itself is sorted, too.
+function M.in_order(numbers)
+  local found = {}
+  table.sort(numbers)
+  for _, number in ipairs(numbers) do
+    if number ~= found[#found] then found[#found + 1] = number end
   end
   return found
 end

@@ -29,8 +29,7 @@ function Ordered:set(key, value)
     if newest == nil then
       self.oldest = key
     else
-      self.newer[newest] = key
-      self.older[key] = newest
+      self.newer[newest], self.older[key] = key, newest
     end
     self.newest = key
     self.length = self.length + 1
@@ -65,14 +64,12 @@ function Ordered:pop(key)
   if before == nil then
     self.oldest = after
   else
-    newer[before] = after
-    older[key] = nil
+    newer[before], older[key] = after, nil
   end
   if after == nil then
     self.newest = before
   else
-    older[after] = before
-    newer[key] = nil
+    older[after], newer[key] = before, nil
   end
   self.values[key] = nil
   self.length = self.length - 1
