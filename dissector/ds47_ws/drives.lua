@@ -23,8 +23,6 @@ function M.among(relations)
   return arrays.any(relations, function(relation) return relation.channel == PZD end)
 end
 
--- The complete result
-
 local function is_heeded(word) return bits.bit(word, tables.pzd.stopping.heeded) == 1 end
 
 local function key_of(source, frame_id)
@@ -65,8 +63,6 @@ function M.complete(result, channels)
   end
   return found
 end
-
--- Words
 
 -- Whether the frame has all of an end: the capture may have cut it.
 local function is_whole(side, frame, at)

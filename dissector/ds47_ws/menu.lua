@@ -58,7 +58,6 @@ end
 -- say what became of it.
 -- @param texts a function that gives the text of "report" and of "csv"
 -- @param text what the user wrote
--- @param lang of the lines
 function M.save(texts, text, lang)
   local wanted = chosen_name(text)
   if wanted == nil then return { say(lang, "menu_no_name") } end
@@ -136,11 +135,8 @@ local function about_copies(add, info)
       add("ANOTHER COPY        " .. path)
     end
   end
-  if others > 0 then
-    add("                    Only the first one that is loaded works: remove the others.")
-  else
-    add("Other copies        none")
-  end
+  local only = "                    Only the first one that is loaded works: remove the others."
+  add(others > 0 and only or "Other copies        none")
 end
 
 local function about_superuser(add)
@@ -155,11 +151,8 @@ end
 
 -- The profile, and the user's lists of parameters where there are some.
 local function about_settings(add)
-  if profile.is_there() then
-    add("Profile DS47        " .. profile.path())
-  else
-    add("Profile DS47        none: Tools > DS47 > Add profile DS47 puts it there")
-  end
+  local none = "none: Tools > DS47 > Add profile DS47 puts it there"
+  add("Profile DS47        " .. (profile.is_there() and profile.path() or none))
   local path, problem = lists.state()
   if path then
     add("Lists               " .. path)

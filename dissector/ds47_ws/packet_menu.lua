@@ -25,7 +25,6 @@ local WIDTH = 80 -- columns of the window
 local MOST_TERMS = 32
 local NEEDED = "ds47.transaction" -- what a packet needs for an entry
 
--- Adds what is not there yet.
 local function add_new(list, item)
   list.has = list.has or {}
   if item ~= nil and not list.has[item] then
@@ -172,7 +171,6 @@ function M.copied(items, kind, lang)
 end
 
 --- What to send instead of the requests of transactions, as SCL, where their findings prove something.
--- @param findings of these transactions
 -- @return the text; or nil and what to say instead
 function M.instead(findings, lang)
   local requests = {}
@@ -241,8 +239,6 @@ function M.explained(views, own, lang)
   return concat(lines, "\n") .. "\n"
 end
 
--- The menu
-
 -- What the built-in says of the status of the frame: nil where it is switched off. Its first byte stands in
 -- the highest place or in the lowest one, as the byte order of the call is.
 local function own_status(fields)
@@ -261,7 +257,6 @@ end
 
 local function show(text) TextWindow.new("DS47"):set(text .. "\n") end
 
---- Adds the menu.
 function M.register(track)
   -- `make` is a function of the views, and of the fields by their names. It gives a text for `take`, or nil
   -- and what to say instead.

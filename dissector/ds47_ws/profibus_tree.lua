@@ -28,8 +28,6 @@ function M.configure(the_protocol, the_fields, the_experts)
   protocol, fields, experts = the_protocol, the_fields, the_experts
 end
 
--- Small things
-
 -- The expert info of a flaw; `of_data` says whether it is one of the data of a frame.
 local function expert_of(flaw, of_data)
   local kind = of_data and "data" or flaw.kind == "check" and "check" or "damaged"
@@ -74,8 +72,6 @@ local function add_flags(parent, name, flags, at, size)
     end
   end
 end
-
--- The head
 
 local function add_length(root, item)
   take(root, "le", 1, 1)
@@ -269,8 +265,6 @@ function M.add_experts(tree, item, lang)
     tree:add_proto_expert_info(expert_of(flaw, false), spec.flaw_text(flaw, lang))
   end
 end
-
--- Columns
 
 local function station(address, lang)
   local text = words.receiver(address, lang)

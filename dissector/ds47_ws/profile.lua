@@ -17,10 +17,8 @@ local folder = "profile"
 --- Says where the plugin is.
 function M.configure(place) folder = place .. "/profile" end
 
---- Where the profile belongs.
 function M.path() return Dir.personal_config_path("profiles/" .. NAME) end
 
---- Whether there is one of this name.
 function M.is_there() return Dir.exists(M.path()) == true end
 
 -- The files of a folder: name -> content.

@@ -49,8 +49,6 @@ end
 
 local codes = tables.codes
 
--- Small things
-
 local find_bytes -- what finds bytes in the frame
 local add_item -- a method of all trees: looking it up costs a quarter of what it does
 local wants -- what somebody wants of the tree of the frame (wanted.lua)
@@ -58,7 +56,6 @@ local language -- of its texts, "en" or "zh"
 local marked -- whether it is seen where a value comes from
 local newest -- the item of the frame that was made last with a value; nil before the first
 
--- Whether somebody wants a field.
 local function wanted(key) return wants[key] end
 
 -- Part of a record: `offset` counts in the record. Nil where the record is not in the frame.
@@ -612,8 +609,6 @@ local function add_transaction(parent, view, certain, record, context)
   end
   for number = 1, #list do list[number].add(shown, item, view, certain, record, context) end
 end
-
--- Drives
 
 local function add_events(tree, events, find_word, lang)
   local root = own_tree(tree, of_drives, nil, marked and "DS47 " .. info.events(events, lang) or "DS47 PZD")

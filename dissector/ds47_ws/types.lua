@@ -12,8 +12,6 @@ local M = {}
 
 local KEPT = 256 -- addresses that are remembered
 
--- Words
-
 --- The words of a table of tables.codes by their numbers, for Wireshark to show beside them.
 function M.words(name)
   local found = {}
@@ -23,8 +21,6 @@ end
 
 --- The code of a format by its name, which is `0x77` where it has none; nil of nil.
 function M.format_code(name) return name and (code_of(name) or tonumber(name)) end
-
--- Numbers
 
 local FLOAT_WORDS = { NaN = 0 / 0, Infinity = 1 / 0, ["-Infinity"] = -1 / 0 }
 
@@ -40,8 +36,6 @@ function M.picture(number, bit, width)
   local dots = rep(".", width - 1 - bit) .. bit_of(number, bit) .. rep(".", bit)
   return (gsub(dots, "....", "%0 "):sub(1, -2))
 end
-
--- Addresses
 
 -- Of both ends the field of each kind of address.
 local ENDS = {
@@ -71,8 +65,6 @@ function M.add_peers(put, parent, about)
     if peer then put.derive(parent, ENDS[name][peer.kind], peer.value) end
   end
 end
-
--- Bytes
 
 --- Bytes that this frame does not have, as a source of data beside it: a tab below the bytes of the frame.
 -- @param find_bytes a function that finds bytes in the frame

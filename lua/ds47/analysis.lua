@@ -342,13 +342,10 @@ function Analysis:asked(job)
   learning.ask(self.dictionary, job) -- what is known when only the request is there
 end
 
---- A Write was refused.
 function Analysis:refused(job) self.judge:refused(job) end
 
---- A Connect to a device.
 function Analysis:connected(device, frame) self.judge:connected(device, frame) end
 
---- A job has its response.
 function Analysis:answered(job)
   local half = job.read_response
   if half ~= nil and half.data ~= "" then

@@ -522,9 +522,7 @@ local function is_set_up_so(self, found, output)
 end
 
 --- A station of PROFIBUS gets its configuration: the channels in its data, in place of those before.
--- @param found  array of relations
--- @param output  the sources of both sides: there may be no channel any more
--- @param input
+-- @param output, input  the sources of both sides: there may be no channel any more
 -- @param frame  of the configuration
 function Channels:configured(found, output, input, frame)
   if is_set_up_so(self, found, output) then return end
@@ -540,7 +538,6 @@ end
 --- The proven lines of PZD.
 function Channels:drives() return filtered(self.drives_, Drive.is_proven) end
 
---- Whether there is one of them.
 function Channels:has_drives() return self.drives_[1] ~= nil and self:drives()[1] ~= nil end
 
 -- Whether the bytes of what might be PKW turned out to be the words of a drive.
@@ -904,7 +901,6 @@ function Channels:ends_in(number, place)
   return M.ends_to(found, place.receiver)
 end
 
---- The capture ends.
 function Channels:finish()
   for _, line in ipairs(self.lines) do line:finish(self.limits.unread_ns) end
 end

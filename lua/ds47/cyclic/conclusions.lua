@@ -32,7 +32,6 @@ end
 
 --- What is kept of transactions until the capture is over.
 -- @param limits the flat table of tables.lua
--- @param channels those of the capture
 function M.new(limits, channels)
   return setmetatable({
     limits = limits, channels = channels,

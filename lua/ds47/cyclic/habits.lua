@@ -19,7 +19,6 @@ Habits.__index = Habits
 --- The requests of one drive, as far as they are remembered.
 -- @param where arguments of findings about the drive: {device, slot}
 -- @param limits the flat table of tables.lua
--- @param layout of IND
 -- @param family whose parameters it has
 function M.new(where, limits, layout, family)
   return setmetatable({
@@ -103,8 +102,7 @@ end
 
 --- The same habits as ones that go on alone.
 function Habits:apart()
-  local made = flat(self)
-  made.double = flat(self.double)
+  local made = flat(self, {"double"})
   made.saved, made.reads = entries_apart(self.saved), entries_apart(self.reads)
   return made
 end

@@ -81,7 +81,6 @@ local function fits(asked, data)
   return number(asked) == number(data) and sub(asked, 3, 4) == sub(data, 3, 4)
 end
 
--- Cycles between two moments.
 local function cycles_between(first, last) return floor(last.cycle - first.cycle + 0.5) end
 
 --- From the request to its answer in frames of one direction, and in the unit of the times; nil where no edge

@@ -225,9 +225,8 @@ end
 
 --- The same operation as one that goes on alone.
 function Operation:apart()
-  local made = flat(self)
+  local made = flat(self, STANDING)
   made.remarks = flat(self.remarks)
-  for _, name in ipairs(STANDING) do made[name] = flat(self[name]) end
   return made
 end
 

@@ -245,7 +245,6 @@ end
 --- Whether an event is told: those of bits that are about a speed only where it is known to be one.
 function Recorder:is_told(event) return self.speed or not of_speed[event.name] end
 
---- The events.
 function Recorder:told()
   if self.speed then return self.events end
   return filtered(self.events, function(event) return self:is_told(event) end)

@@ -65,10 +65,6 @@ function Trips:said(before, zsw1, frame, time, seen)
 end
 
 --- The same as one that goes on alone.
-function Trips:apart()
-  local made = flat(self)
-  made.frames = flat(self.frames)
-  return made
-end
+function Trips:apart() return flat(self, {"frames"}) end
 
 return M

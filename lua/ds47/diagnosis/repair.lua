@@ -48,7 +48,6 @@ local function digits_of(value)
   return count <= known.plausible_digits and count or nil
 end
 
--- Whether it is no number that a person may have typed.
 local function nobody_types(value) return not digits_of(value) end
 
 local function row_of(block) return tables.formats[block.meaning or block.format] end

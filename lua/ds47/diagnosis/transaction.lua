@@ -77,7 +77,6 @@ local Diagnoses = {}
 Diagnoses.__index = Diagnoses
 
 --- Takes jobs as they are closed.
--- @param codec  dialects of the messages
 function M.new(codec)
   local diagnoses = setmetatable({codec = codec}, Diagnoses)
   for _, name in ipairs(MEMORIES) do diagnoses[name] = memory.new(tables.known.history) end

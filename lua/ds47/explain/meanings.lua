@@ -215,7 +215,6 @@ local function makers(code, vendor_id)
 end
 
 --- What an error number means: of the profile, and of the vendors that have one of their own.
--- @param code 0..0xFFFF
 -- @param lang "en" or "zh"; anything else gives English
 -- @param vendor_id PROFINET vendor id of the device, nil where nobody knows it
 -- @return array of meanings, the likeliest first

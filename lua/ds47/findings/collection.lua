@@ -97,8 +97,6 @@ function Findings:finding(remark, transaction)
   }
 end
 
--- Results
-
 -- Sorts findings by frame, rule, transaction and offset; of equals the one that was told first comes first.
 -- `owner` is the name of the field that tells the transaction.
 local function sorted(findings, owner)

@@ -9,7 +9,6 @@ local catalogue
 --- Takes a catalogue (catalogue.lua), or none.
 function M.use(found) catalogue = found end
 
---- Whether there is one.
 function M.is_used() return catalogue ~= nil end
 
 local function texts(item, row, vendor_id, device_id)
@@ -31,7 +30,6 @@ local function texts(item, row, vendor_id, device_id)
 end
 
 --- What lists say of a parameter: {unit, described, told} as they are then; nil where they say nothing.
--- @param item a parameter of a transaction
 -- @param device_id of PROFINET; nil where it is not known
 function M.explained(item, vendor_id, device_id)
   if catalogue == nil or item.pnu == nil then return nil end

@@ -27,8 +27,6 @@ local function row_of(format_name)
   return code and tables.formats[code], code
 end
 
--- The bytes of values
-
 local MOST = { number = 4, text = 16, octets = 16 } -- bytes of a value
 
 -- What gives the bytes of one value, by kind of format; nil where the value is none of it.
@@ -70,8 +68,6 @@ local function says(format_name, element)
   if not row or not LIMITED[row.kind] or (code >= 0x40 and code <= 0x44) then return false end
   return element == "low" or element == "high" or (element == "factor" and row.kind == "float")
 end
-
--- Elements
 
 local function text_of(raw) return reader.latin1((gsub(raw, "[\0 ]+$", ""))) end
 
@@ -150,7 +146,6 @@ end
 --- The description that these values are, nil where they are none: the keys of the JSON report, and
 -- `limit_format`, the name of the format of its limits.
 -- @param subindex    0 for all elements, else the number of one
--- @param format_name of the values
 -- @param values      as the decoder shows them
 function M.describe(subindex, format_name, values)
   local raw, found = octets(format_name, values), {}

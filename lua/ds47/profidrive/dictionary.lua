@@ -136,7 +136,6 @@ end
 --- A description was read, whole or one element of it; one that is not sensible is not believed.
 -- @param access      how it was asked for (drive_objects.access)
 -- @param subindex    0 for all elements, else the number of one
--- @param format_name of the values
 -- @param frame       of the response
 function Dictionary:learn(access, pnu, subindex, format_name, values, frame)
   local found = description.describe(subindex, format_name, values)
@@ -205,7 +204,6 @@ end
 --- What is known of a parameter: {listed (its row in the list), and, each nil where the drive has not said
 -- it, name, type, low, high, measure = {power (of ten, that an integer is multiplied with), unit, frames}}.
 -- @param access    how it is asked for
--- @param vendor_id of the device
 -- @param last      the last frame whose description counts; nil: all that came up to now
 -- @param family    of its parameters, where PROFIBUS says it
 -- @return the meaning, and whether the drive has said anything

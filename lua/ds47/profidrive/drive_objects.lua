@@ -49,7 +49,6 @@ function DriveObjects:refused(access, code)
 end
 
 --- PNU 975 was read, from element `first` on.
--- @param values  numbers or texts
 function DriveObjects:identified(access, first, values)
   local value = values[DO_ID - first + 1]
   if access.record_index ~= LOCAL or first > DO_ID or type(value) ~= "number" or value % 1 ~= 0

@@ -23,8 +23,6 @@ end
 --- Whether a response is of the family of a request, of its axis, and has as many parameters.
 -- nil where either lacks a part of its header. What stands behind the id 0x80 is not documented, and its
 -- number says nothing.
--- @param request  what was asked
--- @param data     the bytes of the response
 function M.kind_fits(request, data)
   local asked, count = request.request_id, request.parameter_count
   if asked == nil or count == nil or #data < MESSAGE_SIZE then return nil end

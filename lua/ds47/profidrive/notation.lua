@@ -79,7 +79,6 @@ local function is_whole(request)
 end
 
 --- The readable line of a request.
--- @param request a decoded Request
 -- @param family whose parameters the drive has; nil where no drive is named
 -- @return string, or nil where no line gives the same bytes: cut, bytes left over, odd in its pads, dialects
 function M.request_line(request, family)

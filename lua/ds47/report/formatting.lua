@@ -131,7 +131,6 @@ end
 --- A number as Python shows it.
 M.number = formats.number_text
 
---- Text from the drive in quotes.
 function M.quoted(text) return '"' .. gsub(M.escape(text), '"', '\\"') .. '"' end
 
 --- One value; text from the drive in quotes.

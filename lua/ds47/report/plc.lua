@@ -157,8 +157,6 @@ local function say_beside(transactions, calls, loose, waits)
   end
 end
 
--- Witnesses
-
 local Witness = {}
 Witness.__index = Witness
 

@@ -28,13 +28,8 @@ function M.record(item)
   return ms1.decode(item.du, item.request)
 end
 
--- Where the addresses begin.
-local function head(item) return item.kind == "SD2" and 4 or 1 end
-
---- Where the data of a frame begins.
-function M.data_start(item) return head(item) + 3 + #item.dae + #item.sae end
-
--- Parts of a frame
+--- Where the data of a frame begins: behind addresses and function code, and the head of an SD2.
+function M.data_start(item) return (item.kind == "SD2" and 7 or 4) + #item.dae + #item.sae end
 
 --- A station as its frame names it: the address, or that all are meant.
 function M.receiver(address, lang)

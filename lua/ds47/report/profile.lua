@@ -116,7 +116,6 @@ local function address(pnu, value, quoted)
 end
 
 --- What the values of a parameter of the profile mean: an array of texts; nil where they say it.
--- @param item  a parameter with values
 -- @param words the module formatting.lua
 function M.parts(item, words, lang)
   local pnu, values = item.pnu, item.values

@@ -57,7 +57,6 @@ local function fill(template, rule, args, lang)
   return (template:gsub("{([^}]*)}", function(name) return shown(name, rule, args, lang) end))
 end
 
--- The words of a key.
 local function key_words(key, lang) return spec.words(tables.diagnosis_words[key], lang) end
 
 -- The error number that the rule is about, and what it means.

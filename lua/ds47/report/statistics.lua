@@ -223,8 +223,6 @@ local function transaction_row(item, frame, names, lang)
   }
 end
 
--- Printing
-
 -- The cells of a row as texts.
 local function shown(row)
   local cells = {}

@@ -13,7 +13,6 @@ local Targets = {}
 Targets.__index = Targets
 
 --- The names in one capture.
--- @param transactions  all of it
 function M.new(transactions)
   return setmetatable({ shown = drive_objects.of(transactions) }, Targets)
 end

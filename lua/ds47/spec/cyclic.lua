@@ -15,7 +15,6 @@ function M.meaning(ak, answer, lang)
 end
 
 --- What an error number of PKW means (docs/cyclic.md 2); nil where nobody says.
--- @param code the number, or nil
 -- @param vendor_id PROFINET vendor id of the device or nil. Numbers behind those of the profile belong to the
 --   maker: only those of Siemens have words
 function M.error_text(code, lang, vendor_id)

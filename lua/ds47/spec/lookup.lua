@@ -37,7 +37,6 @@ end
 
 --- A template with its {names} filled in, {name:02X} as hexadecimal digits.
 -- @param template string; a name that `args` lacks stays as it is
--- @param args table of strings and numbers
 function M.fill(template, args)
   filling = args
   return (gsub(template, "{([%w_]+):?0?(%d*)X?}", field))

@@ -19,7 +19,6 @@ function M.flaw_text(flaw, lang)
   return fill(words(tables.profibus.flaws[flaw.kind], lang), flaw.args)
 end
 
---- What a service is called.
 function M.service_text(id, lang) return words(tables.profibus.services[id], lang) end
 
 --- What a function code says: `SRD high, FCB 1`, `OK, slave`.

@@ -26,7 +26,6 @@ local function name(column, value, lang, words)
 end
 
 --- A status in words: "read: access: state conflict".
--- @param status 32 bits
 -- @param lang "en" or "zh"; anything else gives English
 function M.status_text(status, lang)
   lang = lang == "zh" and "zh" or "en"

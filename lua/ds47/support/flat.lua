@@ -2,10 +2,14 @@
 
 local M = {}
 
+local NONE = {}
+
 --- A flat copy.
-function M.copy(original)
+-- @param own nil, or keys of tables that are copied, too: an array
+function M.copy(original, own)
   local made = setmetatable({}, getmetatable(original))
   for key, value in next, original do made[key] = value end
+  for _, key in ipairs(own or NONE) do made[key] = M.copy(made[key]) end
   return made
 end
 

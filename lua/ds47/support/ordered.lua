@@ -18,7 +18,6 @@ function M.new()
   }, Ordered)
 end
 
---- The value of a key, nil where there is none.
 function Ordered:get(key) return self.values[key] end
 
 --- Sets a value (not nil). A new key goes last, a known one keeps its place.
