@@ -95,9 +95,7 @@ local RECORD_HEADER, INDEX_IN_HEADER = 64, 34 -- bytes of a record block (docs/p
 local function find_reassembled(data)
   for _, found in ipairs({ index_field() }) do
     local at, tvb = found.offset - INDEX_IN_HEADER + RECORD_HEADER, found.source
-    if at >= 0 and tvb:len() >= at + #data and tvb:raw(at, #data) == data then
-      return tvb:range(at, #data)
-    end
+    if at >= 0 and tvb:len() >= at + #data and tvb:raw(at, #data) == data then return tvb:range(at, #data) end
   end
   return nil
 end
@@ -128,9 +126,7 @@ end
 
 -- The columns of a frame; nil where nobody sees them, as when a file is loaded or in the first of two passes.
 local function columns_of(pinfo, reading)
-  if reading and reading.has_columns ~= nil then
-    return reading.has_columns and pinfo.cols or nil
-  end
+  if reading and reading.has_columns ~= nil then return reading.has_columns and pinfo.cols or nil end
   local columns = pinfo.cols
   local found = tostring(columns.info) ~= "(info)"
   if reading then reading.has_columns = found end
@@ -145,9 +141,7 @@ end
 
 -- The record that a view has, or its words of PKW.
 local function record_of(data, view)
-  if view.item.channel == "pkw" then
-    return shown.tvb:range(shown.at + view.item.places[view.role], 8)
-  end
+  if view.item.channel == "pkw" then return shown.tvb:range(shown.at + view.item.places[view.role], 8) end
   return next_record(data)
 end
 

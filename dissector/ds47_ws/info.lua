@@ -43,9 +43,7 @@ local function error_of(failed)
   elseif failed.ak then
     text = error_texts.error_words(failed, language)
   end
-  if failed.info and failed.info ~= 0 then
-    text = string.format("%s (info %d)", text, failed.info)
-  end
+  if failed.info and failed.info ~= 0 then text = string.format("%s (info %d)", text, failed.info) end
   return text
 end
 

@@ -214,9 +214,7 @@ local function add_outcome(lines, item, lang)
     if item[key] and item[key] ~= 0 then add_status(lines, item[key], lang) end
   end
   add_errors(lines, item, lang)
-  if #lines == before and (item.write_status or item.read_status) then
-    add_status(lines, 0, lang)
-  end
+  if #lines == before and (item.write_status or item.read_status) then add_status(lines, 0, lang) end
 end
 
 --- What the statuses and error numbers of views mean, as `ds47 explain` has it.

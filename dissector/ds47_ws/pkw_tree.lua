@@ -74,9 +74,7 @@ local function add_value(put, parent, item, told, record)
   if value == nil then return end
   local offset, size
   if told then offset, size = value_place(told) end
-  local function one(under, key, what)
-    return put.show(under, key, what, told, record, offset, size)
-  end
+  local function one(under, key, what) return put.show(under, key, what, told, record, offset, size) end
   local shown = one(parent, "value", words.value(value, item.format)) or parent
   one(shown, "value.number", types.number(value))
   if item.format == "Float32" then

@@ -89,9 +89,7 @@ end
 -- The state has a number; what stands beside it is told in words.
 local function derive_state(put, parent, key, state, overlays, lang)
   local shown = state and put.derive(parent, key, codes.drive_states[state])
-  if shown then
-    shown:set_text("State of the drive: " .. cyclic.state_text(state, overlays, lang))
-  end
+  if shown then shown:set_text("State of the drive: " .. cyclic.state_text(state, overlays, lang)) end
 end
 
 -- The telegrams that it may be.

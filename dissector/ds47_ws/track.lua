@@ -100,9 +100,7 @@ local STATIONS = { [0x8892] = "dcp", [0x88CC] = "lldp" }
 -- two passes they come while frames are drawn from it.
 local function hand_over_stations()
   local live = the_analysis()
-  for _, station in ipairs(stations) do
-    live:station(station[1], station[2], station[3], station[4])
-  end
+  for _, station in ipairs(stations) do live:station(station[1], station[2], station[3], station[4]) end
   stations = {}
 end
 
@@ -117,9 +115,7 @@ end
 --- A file begins: whether there are cyclic frames that are looked at, because a user named them.
 function M.begin()
   local chosen = options and options()
-  if chosen and chosen.cyclic and #chosen.cyclic > 0 then
-    note_relations(the_analysis().cyclic.all)
-  end
+  if chosen and chosen.cyclic and #chosen.cyclic > 0 then note_relations(the_analysis().cyclic.all) end
   M.hears_stations = chosen ~= nil and chosen.vendor_id ~= nil
 end
 
@@ -249,9 +245,7 @@ end
 -- A frame proves that it is PROFIBUS, and so are those that wait.
 local function begin_bus(live, number, link_type)
   bus_from = unproven[1] and unproven[1][1] or number
-  for _, each in ipairs(unproven) do
-    live:bus_frame(link_type, each[2], each[1], each[3], each[4])
-  end
+  for _, each in ipairs(unproven) do live:bus_frame(link_type, each[2], each[1], each[3], each[4]) end
   unproven = {}
 end
 

@@ -119,9 +119,7 @@ local function mark_generated(item)
 end
 
 -- Adds a field whose value is that of bytes, which need not be in the frame.
-local function point(parent, key, range)
-  return mark_generated(add_item(parent, fields[key], range))
-end
+local function point(parent, key, range) return mark_generated(add_item(parent, fields[key], range)) end
 
 -- Bytes that another frame has, to point at. `name` is what Wireshark shows above them.
 local function elsewhere(data, name) return types.range_of(data, name, find_bytes) end
@@ -186,9 +184,7 @@ local function physical(parent, kind, item, number)
   local scaled = item.scaled and item.scaled[number]
   if scaled == nil then return end
   local shown = parent
-  if wants.scaled then
-    shown = derive(parent, "scaled", words.value(scaled, item.format, true))
-  end
+  if wants.scaled then shown = derive(parent, "scaled", words.value(scaled, item.format, true)) end
   if TIMES[kind] then
     derive(parent, "value.time", tostring(scaled))
   else
@@ -236,9 +232,7 @@ end
 -- Format and number of values of a block, as they stand in the frame.
 local function add_block(parent, block, record)
   local shown = add(parent, "format", block.meaning or block.format, record, block.offset, 1)
-  if shown and block.meaning then
-    shown:append_text(format(", 0x%02X in the frame", block.format))
-  end
+  if shown and block.meaning then shown:append_text(format(", 0x%02X in the frame", block.format)) end
   add(parent, "value_count", block.value_count, record, block.offset + 1, 1)
 end
 
@@ -472,9 +466,7 @@ end
 local function add_second_pass(parent)
   if WINDOW then return end
   passes.partly = true
-  if wants.second_pass then
-    derive(parent, "second_pass", words.say(language, "second_pass"))
-  end
+  if wants.second_pass then derive(parent, "second_pass", words.say(language, "second_pass")) end
 end
 
 -- Whether a view shows all of its transaction.
@@ -525,9 +517,7 @@ end
 -- A status with its words, as the Info column has them.
 local function add_status(parent, key, word)
   local shown = word and derive(parent, key, word)
-  if shown and marked then
-    shown:append_text(format(" (%s)", status.status_text(word, language)))
-  end
+  if shown and marked then shown:append_text(format(" (%s)", status.status_text(word, language))) end
 end
 
 -- A key of messages: what the message in the frame shows already is not shown again.

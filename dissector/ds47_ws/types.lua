@@ -91,8 +91,6 @@ function M.add_uuid(parent, field, text, find_bytes)
 end
 
 --- `Request in frame 4`, of bytes that stand in another frame.
-function M.source_name(what, frame)
-  return frame and format("%s in frame %d", what, frame) or what
-end
+function M.source_name(what, frame) return frame and format("%s in frame %d", what, frame) or what end
 
 return M

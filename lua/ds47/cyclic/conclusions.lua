@@ -82,9 +82,7 @@ function Conclusions:finish(layout_of)
     local args = {device = each.device, sender = link.mac_text(each.sender), frame_id = each.frame_id}
     found[#found + 1] = {rule = "DS515", frame = each.frame, args = args}
   end
-  for _, drive in ipairs(self.channels:drives()) do
-    add_of(found, drive.relation, drive:remarks())
-  end
+  for _, drive in ipairs(self.channels:drives()) do add_of(found, drive.relation, drive:remarks()) end
   for _, each in self.habits:iterate() do add_of(found, each.relation, each:finish()) end
   for _, each in ipairs(self.channels:unanswered()) do
     local relation = each.relation

@@ -113,9 +113,7 @@ end
 --- An exchange that is over; one without an answer, or that was refused, says nothing.
 function Ppo:take(exchange)
   local item, answer = exchange.request.item, exchange.answer
-  if not answer or not item.request or not item.sa or not item.da or dp.refuses(answer.item) then
-    return
-  end
+  if not answer or not item.request or not item.sa or not item.da or dp.refuses(answer.item) then return end
   local name, frame = dp.service(item), exchange.request.frame
   if name == "exchange" then
     if self.named[item.da] and not fits(self, item.sa, item.da, item.du, answer.item.du) then return end

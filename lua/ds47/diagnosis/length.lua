@@ -89,9 +89,7 @@ end
 --- MLEN of RDREC is too small: the response was cut to it.
 function M.answer_cut(remarks, job)
   local asked, answer = job.read_request, job.read_response
-  if asked == nil or asked.stated == 0 or job.response == nil or #answer.data ~= asked.stated then
-    return
-  end
+  if asked == nil or asked.stated == 0 or job.response == nil or #answer.data ~= asked.stated then return end
   local flaw = missing(job.response.flaws)
   if flaw and not answer.missing then
     local need = #answer.data + pads_missing(job.response.flaws, flaw.offset) + flaw.args.need

@@ -111,9 +111,7 @@ function M.without_index(job, number)
   if not whole then return nil end
   local others, request = M.failed(response), parameter.decode_request(whole)
   others[number] = nil
-  if #response.blocks < #message.addresses or next(others) then
-    return suggest.only(request, {number})
-  end
+  if #response.blocks < #message.addresses or next(others) then return suggest.only(request, {number}) end
   -- bytes behind its end belong to no request
   return reader.only_zeros(request.rest, 0) and whole or suggest.without_rest(request)
 end
@@ -202,9 +200,7 @@ local function positive(half) return half == nil or half.status == nil or half.s
 function M.not_seen(remarks, job)
   local half, response = job.read_response, job.response
   local id = response and response.response_id
-  if half == nil or id == nil or id < 0x80 or id == NOT_SUPPORTED or is_mismatch(job) then
-    return
-  end
+  if half == nil or id == nil or id < 0x80 or id == NOT_SUPPORTED or is_mismatch(job) then return end
   if half.status ~= 0 or not positive(job.write_response) then return end
   if job.message == nil and job.repeats then
     return -- told of the transaction that it repeats

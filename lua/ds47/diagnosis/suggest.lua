@@ -25,9 +25,7 @@ local BITS_16 = 0xFFFF
 --- The 16-bit words as a watch table takes them, the odd last byte on its own: array of `16#0301`.
 function M.plc_words(data)
   local found = {}
-  for at = 1, #data, 2 do
-    found[#found + 1] = "16#" .. reader.hex(sub(data, at, at + 1)):upper()
-  end
+  for at = 1, #data, 2 do found[#found + 1] = "16#" .. reader.hex(sub(data, at, at + 1)):upper() end
   return found
 end
 

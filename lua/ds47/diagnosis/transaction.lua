@@ -197,9 +197,7 @@ function Diagnoses:_repaired(remarks, job, found)
   rules.put(remarks, found.rule, job:write_request().frame, found.args)
   local request = parameter.decode_request(found.request, self.codec)
   local proven = found.what ~= "values"
-  for number = 1, #request.blocks do
-    proven = proven and self:_is_proven(job, request, number)
-  end
+  for number = 1, #request.blocks do proven = proven and self:_is_proven(job, request, number) end
   if request.operation == "read" or proven then remarks[#remarks].corrected = found.request end
 end
 
@@ -321,9 +319,7 @@ end
 function Diagnoses:_unless_refused(offer, bytes, request)
   local device = offer.device
   local missing = offer.record.index ~= LOCAL and self.missing:get(device, ONLY) or NONE
-  if missing[request.axis or -1] or refusal.is_signed(self.refused, device, request) then
-    return nil
-  end
+  if missing[request.axis or -1] or refusal.is_signed(self.refused, device, request) then return nil end
   for _, address in ipairs(request.addresses) do
     if refusal.stop(address) >= (self.ends:get(device, address.pnu) or NO_END) then return nil end
   end

@@ -58,9 +58,7 @@ end
 
 --- Whether a drive may change a parameter itself: by any table, of another make by that of the profile.
 function M.changes_itself(pnu, vendor_id, family)
-  if vendor_id == nil or vendor_id == M.SIEMENS or family then
-    return tables.changing[pnu] ~= nil
-  end
+  if vendor_id == nil or vendor_id == M.SIEMENS or family then return tables.changing[pnu] ~= nil end
   local row = lookup.parameter(pnu, "profile")
   return row ~= nil and row.volatile
 end
@@ -189,9 +187,7 @@ end
 local function measure_of(kind, said)
   local variable, factor = said.variable, said.factor
   local code = formats.code_of(kind.value)
-  if variable == nil or not (is_integer(code) or FLOATS[code]) or not said.relevant.value then
-    return nil
-  end
+  if variable == nil or not (is_integer(code) or FLOATS[code]) or not said.relevant.value then return nil end
   local quantity, power, unit = variable.value[1], variable.value[2], variable.value[3]
   local known = tables.descriptions.quantities[quantity]
   if unit == nil or known == nil or (factor and not agrees(factor.value, power)) then return nil end

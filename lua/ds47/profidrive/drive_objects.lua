@@ -70,9 +70,7 @@ end
 local function is_local(access) return access.record_index == LOCAL end
 
 --- False where the device has said that there is no such drive object.
-function DriveObjects:exists(device, number)
-  return self.missing:get(axis_of(device, number)) == nil
-end
+function DriveObjects:exists(device, number) return self.missing:get(axis_of(device, number)) == nil end
 
 -- The same submodule, and where it counts the same axis byte: the same request twice.
 local function is_same_way(one, other)
@@ -98,9 +96,7 @@ end
 function DriveObjects:other(one, other, pnu)
   if one.device ~= other.device then return true end
   local mine, theirs = self:number(one), self:number(other)
-  if tables.known.global_pnus[pnu] or mine == nil or theirs == nil or mine == theirs then
-    return false
-  end
+  if tables.known.global_pnus[pnu] or mine == nil or theirs == nil or mine == theirs then return false end
   return counts(self, one, other)
 end
 
@@ -124,9 +120,7 @@ end
 
 --- What a finished transaction shows; the response to another request proves nothing.
 function DriveObjects:transaction(item)
-  if item.state == "mismatch" or item.operation ~= "read" and item.operation ~= "change" then
-    return
-  end
+  if item.state == "mismatch" or item.operation ~= "read" and item.operation ~= "change" then return end
   local access = M.access_of(item)
   for _, each in ipairs(item.parameters) do
     if each.error then

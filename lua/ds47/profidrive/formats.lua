@@ -181,8 +181,6 @@ function M.text_of(format_name, scaled)
 end
 
 --- A number as Python shows it.
-function M.number_text(number, format_name, scaled)
-  return M.text_of(format_name, scaled)(number)
-end
+function M.number_text(number, format_name, scaled) return M.text_of(format_name, scaled)(number) end
 
 return M

@@ -18,9 +18,7 @@ local OPERATIONS = {[READ] = "read", [CHANGE] = "change"}
 local NAN = {f = "\127\192\0\0", d = "\127\248\0\0\0\0\0\0"} -- the one that is written as "NaN"
 
 -- Latin-1 as JSON writes it, in ASCII.
-local function quoted(text)
-  return '"' .. gsub(text, '[\0-\31\127-\255"\\]', json.ESCAPES) .. '"'
-end
+local function quoted(text) return '"' .. gsub(text, '[\0-\31\127-\255"\\]', json.ESCAPES) .. '"' end
 
 local function value_text(value, float)
   if type(value) == "string" then return quoted(value) end

@@ -13,9 +13,7 @@ local M = {}
 --- The description that the values of a parameter are; nil where they are none.
 -- The elements of PKW, which has no number of elements, are those of an older profile.
 function M.of(item)
-  if item.attribute ~= "description" or item.element_count == nil or not item.values[1] then
-    return nil
-  end
+  if item.attribute ~= "description" or item.element_count == nil or not item.values[1] then return nil end
   return description.describe(item.subindex, item.format, item.values)
 end
 

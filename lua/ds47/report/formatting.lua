@@ -146,9 +146,7 @@ function M.values(items, format_name, scaled, lang, stated)
   stated = stated or #items
   if stated == 1 and items[1] ~= nil then return M.value(items[1], format_name, scaled) end
   local shown = {}
-  for i = 1, math.min(#items, M.VALUES_SHOWN) do
-    shown[i] = M.value(items[i], format_name, scaled)
-  end
+  for i = 1, math.min(#items, M.VALUES_SHOWN) do shown[i] = M.value(items[i], format_name, scaled) end
   local text = concat(shown, ", ")
   local short = stated > math.min(#items, M.VALUES_SHOWN)
   return short and M.say(lang, "values_cut", { values = text, n = stated }) or text

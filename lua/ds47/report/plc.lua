@@ -84,9 +84,7 @@ local function sort(entries)
 end
 
 -- Whether no Read brought a record, and none was given up.
-local function is_unread(item)
-  return not item.frames.read_request and not item.frames.read_response
-end
+local function is_unread(item) return not item.frames.read_request and not item.frames.read_response end
 
 -- Where Reads came between the accepted Writes, by channel: entries {frame, id of the transaction} in the
 -- order of their frames. Whose they are is not always known. Channels on which nobody asks have none.
@@ -136,9 +134,7 @@ local function say_followed(transactions, calls, loose, waits)
   for _, entry in ipairs(loose) do stray = math.max(stray, entry[1]) end
   for _, item in ipairs(transactions) do
     local own = item.state == "unanswered" and newest_of(item, calls[item.id])
-    if own and math.max(stray, newest[channel_of(item)]) > own then
-      waits[item.id] = "unseen"
-    end
+    if own and math.max(stray, newest[channel_of(item)]) > own then waits[item.id] = "unseen" end
   end
 end
 
@@ -198,9 +194,7 @@ function M.witness_of(item, job)
     add("DS201", read.response.frame, { status = status_hex(read.response.status) })
   end
   local read = job.read_response
-  if read and read.cut then
-    add(CUT, read.frame, { completed = read.frame, length = read.stated })
-  end
+  if read and read.cut then add(CUT, read.frame, { completed = read.frame, length = read.stated }) end
   local answer = job.write_response
   if answer and answer.cut then add(CUT, answer.frame, { completed = answer.frame }) end
   return M.witness({ transactions = { item }, findings = findings })
@@ -341,9 +335,7 @@ local function not_mirrored(item, lang)
     if sent and got and sent ~= got then parts[#parts + 1] = say(lang, row[1]) end
   end
   local sent, got = byte(request, 2), byte(response, 2)
-  if sent and got and not family_fits(sent, got) then
-    parts[#parts + 1] = say(lang, "mirror_id")
-  end
+  if sent and got and not family_fits(sent, got) then parts[#parts + 1] = say(lang, "mirror_id") end
   return words.joined(lang, #parts > 0 and parts or { say(lang, "mirror_count") })
 end
 

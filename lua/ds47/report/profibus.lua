@@ -88,9 +88,7 @@ end
 -- What goes in and out.
 local function sides_text(module, lang)
   local inputs, outputs, parts = module.inputs, module.outputs, {}
-  if inputs and outputs and is_same(inputs, outputs) then
-    return area_text(inputs, "dp_in_out", lang)
-  end
+  if inputs and outputs and is_same(inputs, outputs) then return area_text(inputs, "dp_in_out", lang) end
   parts[1] = outputs and area_text(outputs, "dp_out", lang)
   parts[#parts + 1] = inputs and area_text(inputs, "dp_in", lang)
   return parts[1] and joined(lang, parts, "; ", "；") or say(lang, "dp_empty_slot")
@@ -177,9 +175,7 @@ local function service_text(item, lang)
 end
 
 --- What is wrong with a frame, in words; nil for nothing.
-function M.damage(item, lang)
-  return item.flaws[1] and told.flaw_text(item.flaws[1], lang) or nil
-end
+function M.damage(item, lang) return item.flaws[1] and told.flaw_text(item.flaws[1], lang) or nil end
 
 -- Whether a frame asks, or brings data as usual: its function code says nothing that a reader wants.
 local function is_usual(item)

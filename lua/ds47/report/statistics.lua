@@ -78,9 +78,7 @@ local function distribution(items, key)
   end
   sort(ordered)
   local timed = #ordered
-  local function percentile(percent)
-    return milliseconds(ordered[math.ceil(percent * timed / 100)])
-  end
+  local function percentile(percent) return milliseconds(ordered[math.ceil(percent * timed / 100)]) end
   return {
     count = #items, timed = timed, negative = negative, min = milliseconds(ordered[1]),
     mean = milliseconds(timed > 0 and sum / timed or nil), p50 = percentile(50), p95 = percentile(95),
@@ -116,9 +114,7 @@ local function counted(rows, columns)
     end
     first.count = first.count + 1
   end
-  sort(found, function(a, b)
-    return a.count > b.count or a.count == b.count and a.order < b.order
-  end)
+  sort(found, function(a, b) return a.count > b.count or a.count == b.count and a.order < b.order end)
   return found
 end
 
@@ -256,9 +252,7 @@ local function add_table(add, lines, rows)
     local width = line == 1 and 0 or INDENT - 2
     for _, key in ipairs(keys) do
       widths[key] = 0
-      for _, row in ipairs(rows) do
-        widths[key] = math.max(widths[key], words.width(row[key] or ""))
-      end
+      for _, row in ipairs(rows) do widths[key] = math.max(widths[key], words.width(row[key] or "")) end
       width = width + widths[key] + 2
     end
     most = math.max(most, width)
@@ -267,9 +261,7 @@ local function add_table(add, lines, rows)
     if row.heading then
       add("  " .. row.heading)
     else
-      for line, keys in ipairs(lines) do
-        add_line(add, line == 1 and 2 or INDENT, keys, widths, row)
-      end
+      for line, keys in ipairs(lines) do add_line(add, line == 1 and 2 or INDENT, keys, widths, row) end
     end
     if place == 1 then add("  " .. ("-"):rep(math.min(most, M.WIDTH) - 2)) end
   end
@@ -299,9 +291,7 @@ end
 -- How often the clock was set back, as the rows that are shown have it.
 local function add_negative(add, lang, rows)
   local negative = 0
-  for place = 1, math.min(#rows, ROWS) do
-    negative = math.max(negative, rows[place].negative or 0)
-  end
+  for place = 1, math.min(#rows, ROWS) do negative = math.max(negative, rows[place].negative or 0) end
   if negative > 0 then add("  " .. word(lang, "negative", { n = integer(negative) })) end
 end
 

@@ -60,9 +60,7 @@ end
 local function buffer(row, first, values, told, words, lang)
   local kind, column = row.buffer, row.entry and row.entry[2]
   local found, active, situation, entries, gone = {}, false, nil, nil, {}
-  local function add(what, list)
-    found[#found + 1] = words.joined(lang, { what, list }, ": ", "：")
-  end
+  local function add(what, list) found[#found + 1] = words.joined(lang, { what, list }, ": ", "：") end
   local function close()
     if entries == nil then return end
     local list = words.joined(lang, entries)
