@@ -186,24 +186,14 @@ local function is_wanted(tree, dissector, reading)
   return found
 end
 
--- Words of PKW in a frame in which none of them changed, where somebody looks at it.
-local function show_standing(tvb, number, tree, frame, place)
+-- The words in a frame, whether something happened in it or not: control and status words of drives, which
+-- stand in each of their frames; and where somebody looks at it those of PKW in which nothing changed.
+local function show_words(tvb, number, tree, frame, place, is_new, views)
+  local places = track.has_drives and track.words(number, frame, place, not is_new) or NONE
+  if places[1] then tree_of.add_words(tree, tvb, places, track.lang) end
+  if not tree.visible or views and views[1] then return end
   for _, each in ipairs(track.standing(number, frame, place)) do
     words_of.standing(tree, tvb:range(each.offset, 8), each, track.lang)
-  end
-end
-
--- Control and status words of drives, which stand in each of their frames, where somebody wants them.
-local function show_words(tvb, number, tree, frame, place, whole)
-  local places = track.has_drives and track.words(number, frame, place, whole) or NONE
-  if #places > 0 then tree_of.add_words(tree, tvb, places, track.lang) end
-end
-
--- The words in a frame, whether something happened in it or not.
-local function show_all_words(tvb, number, tree, frame, place, is_new, views)
-  show_words(tvb, number, tree, frame, place, not is_new)
-  if tree.visible and (views == nil or #views == 0) then
-    show_standing(tvb, number, tree, frame, place)
   end
 end
 
@@ -233,7 +223,7 @@ local function dissect_cyclic(tvb, pinfo, tree)
     local whole = is_wanted(tree, this_dissector, reading)
     show(views, findings, events, tvb, columns, tree, at, whole, reading)
   end
-  if looked_at and place then show_all_words(tvb, number, tree, frame, place, is_new, views) end
+  if looked_at and place then show_words(tvb, number, tree, frame, place, is_new, views) end
 end
 
 -- A frame of PROFIBUS with what it shows: views, findings and events; nil of one that is none.
@@ -290,7 +280,7 @@ function ds47_bus.dissector(tvb, pinfo, tree)
   if views then show(views, findings, events, tvb, columns, tree, at, whole, reading) end
   if place and is_wanted(tree, words_dissector, reading) then
     local data = tvb:raw(0, at + #item.du) -- the check byte is none of it
-    show_all_words(tvb, number, tree, data, place, is_new, views)
+    show_words(tvb, number, tree, data, place, is_new, views)
   end
   return tvb:len()
 end

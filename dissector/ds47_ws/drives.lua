@@ -23,8 +23,6 @@ function M.among(relations)
   return arrays.any(relations, function(relation) return relation.channel == PZD end)
 end
 
-local function is_heeded(word) return bits.bit(word, tables.pzd.stopping.heeded) == 1 end
-
 local function key_of(source, frame_id)
   return source .. string.format("%d", frame_id) -- six bytes, on PROFIBUS two; %s of Lua 5.2 ends at a zero
 end
@@ -32,7 +30,7 @@ end
 -- The control words that a drive heeds, each behind the frame from which on it stands.
 local function controls_of(events)
   local heeded = arrays.filtered(events, function(event)
-    return event.word == "STW1" and is_heeded(event.after)
+    return event.word == "STW1" and bits.bit(event.after, tables.pzd.stopping.heeded) == 1
   end)
   return arrays.mapped(heeded, function(event) return { event.frame, event.after } end)
 end

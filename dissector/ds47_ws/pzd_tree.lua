@@ -45,17 +45,12 @@ local function bit_text(name, word, bit, family, lang)
   return row[(value == 1 and "set" or "clear") .. (lang == "zh" and "_zh" or "")] or tostring(value)
 end
 
-local KEYS = { stw1 = {}, zsw1 = {} } -- of the bits of each word
-for name, keys in pairs(KEYS) do
-  for number, row in ipairs(tables.fields[name]) do keys[number] = row[1] end
-end
-
 -- Bits have their words from the field, which knows those of speed telegrams in English.
 local function add_bits(put, parent, name, place, record, lang)
   local family = place.speed == false and "positioning" or nil
-  local keys = KEYS[name]
-  for number = 1, #keys do
-    local shown, bit = put.take(parent, keys[number], record, 0, 2), number - 1
+  local rows = tables.fields[name] -- from bit 0 on
+  for number = 1, #rows do
+    local shown, bit = put.take(parent, rows[number][1], record, 0, 2), number - 1
     if shown and (family or lang == "zh") then
       shown:set_text(format("%s = %s bit %d: %s", types.picture(place.word, bit, 16), name:upper(), bit,
         bit_text(name, place.word, bit, family, lang)))

@@ -138,11 +138,6 @@ end
 -- What stands together (spec/wireshark.toml): of an array of keys it is asked at once whether one of them is
 -- wanted.
 local of = tables.fields.together
-local OF_HEADER, OF_BLOCK, OF_WRITTEN, OF_TYPED = of.header, of.block, of.written, of.typed
-local OF_VALUES, OF_BLOCKS, OF_PLACES, OF_REST = of.values, of.blocks, of.places, of.rest
-local OF_PARAMETERS, OF_DESCRIPTION, OF_RECORD = of.parameters, of.description, of.record
-local OF_LATER_FRAMES, OF_LINKS, OF_READS = of.later_frames, of.links, of.reads
-local OF_BYTES, OF_PEERS = of.bytes, of.peers
 
 -- Values with the type of their format
 
@@ -215,7 +210,7 @@ local function add_value(parent, item, number, row, block, record)
     local text = item.shown or words.value(value, item.format)
     shown = show(parent, "value", text, block, record, offset, size)
   end
-  if block and typed[kind] and wants[OF_TYPED] then
+  if block and typed[kind] and wants[of.typed] then
     typed[kind](shown, row, value, sub(block.raw, (number - 1) * size + 1, number * size), record, offset)
   end
   if NUMBERS[kind] and wants["value.number"] then
@@ -255,7 +250,7 @@ end
 
 -- A block that belongs to no parameter of the transaction.
 local function add_loose(parent, block, record)
-  if wants[OF_BLOCK] then add_block(parent, block, record) end
+  if wants[of.block] then add_block(parent, block, record) end
   if block.error then
     add_error(parent, block.error, nil, block, record)
   else
@@ -276,7 +271,7 @@ end
 -- whether these have the values of the transaction: those of a change stand in its request. Blocks are made
 -- of the bytes of a message when they are asked for: not where nobody wants what stands in them alone.
 local function blocks_of(view)
-  if not wants[OF_BLOCKS] then return NONE, 0, false end
+  if not wants[of.blocks] then return NONE, 0, false end
   local message, change = view.message, view.item.operation == "change"
   if view.role == "write_request" then return message and message.blocks or NONE, huge, change end
   local response = view.response
@@ -357,23 +352,23 @@ local PARAMETER = wanted_fields.list({
   { field = "meaning", add = add_of_address, value = function(item)
     return words.meaning(item, language)
   end },
-  { field = OF_BLOCK, add = function(_, shown, _, place)
+  { field = of.block, add = function(_, shown, _, place)
     if place.block then add_block(shown, place.block, place.record) end
   end },
-  { field = OF_WRITTEN, add = function(_, shown, item, place) -- by the request of a response
+  { field = of.written, add = function(_, shown, item, place) -- by the request of a response
     if not place.here then
       derive(shown, "written.format", types.format_code(item.format))
       derive(shown, "written.value_count", item.value_count)
     end
   end },
-  { field = OF_VALUES, add = add_values },
-  { field = OF_DESCRIPTION, rare = true, add = function(_, shown, item, place)
+  { field = of.values, add = add_values },
+  { field = of.description, rare = true, add = function(_, shown, item, place)
     local attribute = item.attribute
-    if (attribute == "description" or attribute == "text") and wants[OF_DESCRIPTION] then
+    if (attribute == "description" or attribute == "text") and wants[of.description] then
       description_tree.add(adding, shown, item, place.values, place.record)
     end
   end },
-  { field = OF_REST, add = add_rest },
+  { field = of.rest, add = add_rest },
 })
 
 -- The line of a parameter, below which all else of it stands.
@@ -399,7 +394,7 @@ local function add_others(parent, view, message, record)
 end
 
 local function add_parameters(parent, view, message, record)
-  local parameters, place_of = view.parameters, wants[OF_PLACES] and places(view, record)
+  local parameters, place_of = view.parameters, wants[of.places] and places(view, record)
   local list, has_label = wants[PARAMETER], wants.parameter
   for number = 1, #parameters do
     local item = parameters[number]
@@ -410,20 +405,20 @@ local function add_parameters(parent, view, message, record)
       row.add(row, shown, item, place)
     end
   end
-  if message and wants[OF_BLOCKS] then add_others(parent, view, message, record) end
+  if message and wants[of.blocks] then add_others(parent, view, message, record) end
 end
 
 local function add_message(parent, view, record)
   local id = HEADERS[view.role]
   if id == nil then return end
   local message = view.role == "write_request" and view.message or view.response
-  if message and wants[OF_HEADER] then
+  if message and wants[of.header] then
     add(parent, "request_reference", message.request_reference, record, 0, 1)
     add(parent, id, message[id], record, 1, 1)
     add(parent, "axis", message.axis, record, 2, 1)
     add(parent, "parameter_count", message.parameter_count, record, 3, 1)
   end
-  if wants[OF_PARAMETERS] then add_parameters(parent, view, message, record) end
+  if wants[of.parameters] then add_parameters(parent, view, message, record) end
 end
 
 -- The other frames, and the transaction
@@ -481,9 +476,12 @@ local function add_bytes_of(parent, key, data, record, name)
   point(parent, key, here and record or elsewhere(data, name))
 end
 
+-- What adds something of a transaction is a function of the tree, the transaction, the view, whether its
+-- state is certain, the record, and the context.
+
 -- The messages: one is the record of this frame, the other one stands in another frame.
-local function add_bytes(parent, view, record)
-  local item, main, asked = view.item, is_main(view), view.role == "write_request"
+local function add_bytes(parent, item, view, _, record)
+  local main, asked = is_main(view), view.role == "write_request"
   if (main or asked) and item.request and wants["bytes.request"] then
     local name = types.source_name("Request", item.frames.write_request)
     add_bytes_of(parent, "bytes.request", item.request, asked and record, name)
@@ -495,29 +493,41 @@ local function add_bytes(parent, view, record)
 end
 
 -- What WRREC and RDREC showed, once it is known how the transaction ended.
-local function add_plc(parent, view, lang)
-  local item = view.item
+local function add_plc(parent, item, view)
   local over = view.complete or frame_of(view, "read_response")
   if item.channel == "ds47" and over and is_main(view) and wants.plc then
     local witness = view.witness or plc.witness_of(item, view.job)
-    derive(parent, "plc", witness:text(item, lang))
+    derive(parent, "plc", witness:text(item, language))
   end
 end
 
-local function add_frames_of_reads(parent, view)
-  if view.item.channel ~= "ds47" or not is_main(view) or not wants[OF_READS] then return end
+local function add_frames_of_reads(parent, item, view)
+  if item.channel ~= "ds47" or not is_main(view) or not wants[of.reads] then return end
   for _, name in ipairs({ "poll", "reread" }) do
-    for _, read in ipairs(view.item.frames[name .. "s"]) do
+    for _, read in ipairs(item.frames[name .. "s"]) do
       derive(parent, "frames." .. name .. ".request", read.request)
       derive(parent, "frames." .. name .. ".response", read.response)
     end
   end
 end
 
--- A status with its words, as the Info column has them.
-local function add_status(parent, key, word)
-  local shown = word and derive(parent, key, word)
-  if shown and marked then shown:append_text(format(" (%s)", status.status_text(word, language))) end
+local function add_peers(parent, item) types.add_peers(adding, parent, item) end
+
+local function add_uuid(parent, item)
+  if item.ar and wants.ar then mark_generated(types.add_uuid(parent, fields.ar, item.ar, find_bytes)) end
+end
+
+local function add_drive_object(parent, item, view, _, _, context)
+  if view.complete and wants.drive_object then derive(parent, "drive_object", context.drive_object(item)) end
+end
+
+-- The row of a status with its words, as the Info column has them.
+local function row_of_status(key, name)
+  return { field = key, add = function(parent, item)
+    local word = item[name]
+    local shown = word and derive(parent, key, word)
+    if shown and marked then shown:append_text(format(" (%s)", status.status_text(word, language))) end
+  end }
 end
 
 -- A key of messages: what the message in the frame shows already is not shown again.
@@ -550,33 +560,16 @@ end
 -- By their names the keys that have no such row, with those that they have instead.
 local INSTEAD = {
   transaction = {}, -- below which all others stand
-  controller = { { field = OF_PEERS, rare = true, add = function(shown, item)
-    types.add_peers(adding, shown, item)
-  end } },
-  device = {}, station = {}, -- of which OF_PEERS has both
-  ar = { { field = "ar", add = function(shown, item)
-    if item.ar and wants.ar then
-      mark_generated(types.add_uuid(shown, fields.ar, item.ar, find_bytes))
-    end
-  end }, row_of({ "vendor_assumed" }) },
-  drive_object = { { field = "drive_object", rare = true, add = function(shown, item, view, _, _, context)
-    if view.complete and wants.drive_object then
-      derive(shown, "drive_object", context.drive_object(item))
-    end
-  end } },
-  ["status.write"] = { { field = "status.write", add = function(shown, item)
-    add_status(shown, "status.write", item.write_status)
-  end } },
-  ["status.read"] = { { field = "status.read", add = function(shown, item)
-    add_status(shown, "status.read", item.read_status)
-  end }, { field = OF_BYTES, rare = true, add = function(shown, _, view, _, record)
-    add_bytes(shown, view, record)
-  end }, { field = "plc", rare = true, add = function(shown, _, view, _, _, context)
-    add_plc(shown, view, context.lang)
-  end } },
-  polls = { row_of({ "polls" }), { field = OF_READS, rare = true, add = function(shown, _, view)
-    add_frames_of_reads(shown, view)
-  end } },
+  controller = { { field = of.peers, rare = true, add = add_peers } },
+  device = {}, station = {}, -- of which of.peers has both
+  ar = { { field = "ar", add = add_uuid }, row_of({ "vendor_assumed" }) },
+  drive_object = { { field = "drive_object", rare = true, add = add_drive_object } },
+  ["status.write"] = { row_of_status("status.write", "write_status") },
+  ["status.read"] = {
+    row_of_status("status.read", "read_status"), { field = of.bytes, rare = true, add = add_bytes },
+    { field = "plc", rare = true, add = add_plc },
+  },
+  polls = { row_of({ "polls" }), { field = of.reads, rare = true, add = add_frames_of_reads } },
 }
 
 -- What is shown of a transaction, in its order.
@@ -652,7 +645,7 @@ end
 -- The record of a view in the frame, where somebody sees, or asks for, what is made of it.
 local function record_of(view, context)
   local item, data = view.item, nil
-  if item.channel == "ds47" and not wants[protocol] and not wants[OF_RECORD] then
+  if item.channel == "ds47" and not wants[protocol] and not wants[of.record] then
     return nil
   elseif view.role == "write_request" then
     data = item.request
@@ -670,8 +663,8 @@ local function add_view(tree, view, findings, taken, context)
   else
     add_message(root, view, record)
   end
-  if wants[OF_LINKS] then add_links(root, view) end
-  local certain = view.complete or not wants[OF_LATER_FRAMES] or state_is_certain(view)
+  if wants[of.links] then add_links(root, view) end
+  local certain = view.complete or not wants[of.later_frames] or state_is_certain(view)
   if not certain then add_second_pass(root) end
   add_transaction(root, view, certain, record, context)
   for number = 1, #findings do

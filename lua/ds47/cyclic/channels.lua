@@ -559,15 +559,12 @@ end
 
 --- What happened to each drive: array of {relation (its place in `relations`), events, left_out}.
 function Channels:timelines()
-  local places, found = {}, {}
+  local places = {}
   for place, each in ipairs(self:relations()) do places[each] = place end
-  for _, drive in ipairs(self:drives()) do
+  return mapped(self:drives(), function(drive)
     local recorder = drive.recorder
-    found[#found + 1] = {
-      relation = places[drive.relation], events = recorder:told(), left_out = recorder.left_out,
-    }
-  end
-  return found
+    return {relation = places[drive.relation], events = recorder:told(), left_out = recorder.left_out}
+  end)
 end
 
 -- The places of drives, as a set.

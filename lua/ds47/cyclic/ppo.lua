@@ -82,9 +82,8 @@ function M.relations(master, station, told, vendor_id, frame, family, agreed)
       local is_pkw = module.role == "PKW"
       local channel = is_pkw and relations.PKW or relations.PZD
       found[#found + 1] = {
-        channel = channel, controller = format("dp%d", master),
-        device = format("dp%d", station), vendor_id = vendor_id, family = family,
-        telegrams = telegrams,
+        channel = channel, controller = format("dp%d", master), device = format("dp%d", station),
+        vendor_id = vendor_id, family = family, telegrams = telegrams,
         output = relations.bare_side(M.source(master, station), 0, output, out, channel),
         input = relations.bare_side(M.source(station, master), 0, input, in_, channel),
         frame = frame, certainty = certainty_of(is_pkw, vendor_id, frame, agreed),

@@ -194,14 +194,13 @@ function M.add(remarks, job, refused, suggested)
   end
 end
 
-local function positive(half) return half == nil or half.status == nil or half.status == 0 end
-
 --- Adds a refusal that no status tells of, and of which nothing better can be said.
 function M.not_seen(remarks, job)
   local half, response = job.read_response, job.response
   local id = response and response.response_id
   if half == nil or id == nil or id < 0x80 or id == NOT_SUPPORTED or is_mismatch(job) then return end
-  if half.status ~= 0 or not positive(job.write_response) then return end
+  local write = job.write_response
+  if half.status ~= 0 or write and (write.status or 0) ~= 0 then return end
   if job.message == nil and job.repeats then
     return -- told of the transaction that it repeats
   end

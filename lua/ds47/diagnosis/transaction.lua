@@ -90,9 +90,6 @@ function Diagnoses:apart()
   return diagnoses
 end
 
--- Whether a response has fewer parameters than were asked for.
-local function is_short(request, response) return #places_of(response) < #request.addresses end
-
 -- Whether a job that was answered well may have something to be repaired all the same.
 local function is_odd(job)
   local message = job.message
@@ -101,7 +98,7 @@ local function is_odd(job)
   elseif message.flaws[1] then
     return true
   elseif message.operation == "read" then -- the response may have been too long
-    return is_short(message, job.response)
+    return #places_of(job.response) < #message.addresses
   end
   for _, block in ipairs(message.blocks) do
     local least = LEAST_NORMAL[block.format]

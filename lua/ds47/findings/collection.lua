@@ -119,9 +119,8 @@ local function stands(remark) return not remark.withdrawn end
 function Findings:at(frame)
   local remarks = self.at_frame[frame]
   if remarks == nil then return NONE end
-  local result = arrays.filtered(remarks, stands)
-  for number, remark in ipairs(result) do result[number] = self:finding(remark) end
-  return sorted(result, "order")
+  local function finding(remark) return self:finding(remark) end
+  return sorted(arrays.mapped(arrays.filtered(remarks, stands), finding), "order")
 end
 
 local function add_all(self, remarks, store, result, offers)

@@ -60,8 +60,6 @@ local function one_text(raw, count) return count > 0 and {reader.latin1(raw)} or
 
 local function one_octets(raw, count) return count > 0 and {reader.hex(raw)} or {} end
 
-local function nothing() return {} end
-
 -- scale(values, raw, codec) -> physical values, one for each value: one(codec, value, raw, offset) -> value.
 local function scaling(one)
   return function(values, raw, codec)
@@ -114,7 +112,7 @@ local make = {
   date = function() return {decode = integers, scale = date_and_time} end,
   time_of_day = function() return {decode = integers, scale = time_of_day} end,
   duration = function() return {decode = integers, scale = duration, scaled_float = true} end,
-  zero = function() return {decode = nothing} end,
+  zero = function() return {decode = function() return {} end} end,
   number = function(row)
     return {decode = decode[row.pack], scale = row.divide and ratio, scaled_float = row.divide ~= nil}
   end,

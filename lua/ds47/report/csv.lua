@@ -137,8 +137,7 @@ function M.report(result, options)
   for _, item in ipairs(result.transactions) do
     local left = cells(of_transaction, item, about) .. ","
     for _, parameter in ipairs(item.parameters) do
-      rows[#rows + 1] = left .. cells(of_parameter, parameter, options.lang) .. ","
-        .. no_job
+      rows[#rows + 1] = left .. cells(of_parameter, parameter, options.lang) .. "," .. no_job
     end
     if #item.parameters == 0 then rows[#rows + 1] = left .. nothing .. no_job end
   end

@@ -1,12 +1,13 @@
 -- Descriptions and texts of parameters in words: what stands in a line instead of their 46 bytes.
 -- Python: ds47.report.descriptions. What the bytes mean is in ds47.profidrive.description.
 
+local arrays = require("ds47.support.arrays")
 local description = require("ds47.profidrive.description")
 local formats = require("ds47.profidrive.formats")
 local naming = require("ds47.profidrive.naming")
 local tables = require("ds47.spec.tables")
 
-local format = string.format
+local append, mapped, format = arrays.append, arrays.mapped, string.format
 
 local M = {}
 
@@ -71,13 +72,13 @@ end
 --- What a description or a text says: an array of texts; nil where the values say it themselves.
 -- @param words the module formatting.lua, which has the language
 function M.parts(item, words, lang)
-  local found = {}
-  local entries, described = M.entries(item), M.of(item)
-  for number, each in ipairs(entries or {}) do found[number] = words.quoted(each) end
-  if described then
-    found = plain(described, item.family, words.quoted)
-    for _, key in ipairs(marks(described)) do found[#found + 1] = words.say(lang, key) end
+  local described = M.of(item)
+  if not described then
+    local entries = M.entries(item)
+    return entries and mapped(entries, words.quoted)
   end
+  local found = plain(described, item.family, words.quoted)
+  append(found, mapped(marks(described), function(key) return words.say(lang, key) end))
   return found[1] and found or nil
 end
 

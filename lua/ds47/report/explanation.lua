@@ -1,12 +1,13 @@
 -- What a status or an error number means, as text: the layout of `ds47 explain` (Python:
 -- ds47.report.explanation). The meanings are those of ds47.explain.meanings.
 
-local filtered = require("ds47.support.arrays").filtered
+local arrays = require("ds47.support.arrays")
 local formatting = require("ds47.report.formatting")
 local spec = require("ds47.spec.lookup")
 local tables = require("ds47.spec.tables")
 
 local concat, fill, format = table.concat, spec.fill, string.format
+local filtered, mapped = arrays.filtered, arrays.mapped
 
 local M = {}
 
@@ -59,8 +60,7 @@ end
 
 local function full(out, meaning, words)
   out.wrapped(meaning.title)
-  local parts = {}
-  for number, part in ipairs(meaning.parts) do parts[number] = part_text(part) end
+  local parts = mapped(meaning.parts, part_text)
   if parts[1] then out.labelled(words.parts, concat(parts, words.part_separator)) end
   for number, block in ipairs(meaning.plc) do
     out.labelled(number == 1 and words.plc or "", block_text(block, words), 2)

@@ -42,8 +42,7 @@ end
 local function channel_of(item)
   return concat({
     item.controller, item.device, item.ar or "", item.api and words.integer(item.api) or "",
-    item.slot or "", item.subslot or "",
-    item.index,
+    item.slot or "", item.subslot or "", item.index,
   }, "\0")
 end
 
