@@ -105,12 +105,8 @@ end
 local shown = { tvb = nil, bytes = nil, at = 0, from = 0 }
 
 local function bytes_shown()
-  local bytes = shown.bytes
-  if bytes == nil then
-    bytes = shown.tvb:raw()
-    shown.bytes = bytes
-  end
-  return bytes
+  shown.bytes = shown.bytes or shown.tvb:raw()
+  return shown.bytes
 end
 
 -- Finds records in the frame, one behind the other.

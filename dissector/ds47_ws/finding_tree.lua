@@ -51,11 +51,6 @@ local function add_of_rule(put, parent, key, text, word, lang)
   end
 end
 
--- A field that a filter finds and nobody sees.
-local function hide(item)
-  if item then item:set_hidden() end
-end
-
 -- The corrected request. Its bytes are not those of the frame: the window shows them in a tab of their own.
 local function add_instead(put, parent, finding)
   if not finding.corrected then return end
@@ -101,11 +96,11 @@ function M.add(put, parent, finding, experts, request, lang)
   if shown then shown:set_text(label_of_one(finding, row, lang)) end
   shown = shown or parent
   own_experts.add_finding(shown, experts, finding, lang)
-  if put.wanted("finding.message") then
-    hide(put.derive(shown, "finding.message", words.escape(sentences.sentence(finding, lang))))
+  if put.wanted("finding.message") then -- which a filter finds and nobody sees, as the next one
+    put.derive(shown, "finding.message", words.escape(sentences.sentence(finding, lang))):set_hidden()
   end
   if put.wanted("finding.args") then
-    hide(put.derive(shown, "finding.args", json.encode(finding.args)))
+    put.derive(shown, "finding.args", json.encode(finding.args)):set_hidden()
   end
   add_of_rule(put, shown, "cause", in_language(row, "cause", lang), "finding_cause", lang)
   add_of_rule(put, shown, "advice", sentences.advice(row, finding.args, lang), "finding_advice", lang)

@@ -181,11 +181,8 @@ end
 -- The table is not kept.
 function Analysis:packet(packet)
   local pdu = parse(packet)
-  if pdu ~= nil then
-    self:datagram(pdu, packet.ip_id, packet.src_mac)
-  else
-    begin(self, packet.frame)
-  end
+  if pdu == nil then return begin(self, packet.frame) end
+  self:datagram(pdu, packet.ip_id, packet.src_mac)
 end
 
 --- Takes one IP fragment: {frame, time_ns, src_ip, dst_ip, ip_id, offset, more, data, cut}, see ip.lua.
@@ -314,12 +311,8 @@ end
 -- may change it, and of an older result only numbers may differ from a newer one: transactions that were
 -- finished before are the same tables, with their newest `id` and `findings`.
 function Analysis:ended()
-  local result = self.result
-  if result == nil then
-    result = ending.result(self)
-    self.result = result
-  end
-  return result
+  self.result = self.result or ending.result(self)
+  return self.result
 end
 
 -- What pairing and the record calls tell

@@ -746,11 +746,8 @@ local function are_mixed(self, row, ends, frame, at, number, time)
   local side, receiver = ends[1].side, link.receiver(frame, at - 2)
   local counter = counter_of(side, frame, at)
   if counter == nil or side.cycle_ns == 0 then return false end
-  local found = row.sequences[receiver]
-  if found == nil then
-    found = sequences.new(side.cycle_ns)
-    row.sequences[receiver] = found
-  end
+  local found = row.sequences[receiver] or sequences.new(side.cycle_ns)
+  row.sequences[receiver] = found
   local several = found:are_several(counter, time, sub(frame, at + 1), number)
   local doubt = found:are_doubtful()
   for place = 1, #ends do ends[place].doubt = doubt end

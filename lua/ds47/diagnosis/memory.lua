@@ -44,12 +44,8 @@ end
 
 --- Keeps a value (not nil), which is the newest then.
 function Memory:put(first, second, value)
-  local values = self.values[first]
-  if values == nil then
-    values = {}
-    self.values[first] = values
-  end
-  values[second] = value
+  local values = self.values[first] or {}
+  self.values[first], values[second] = values, value
   local order, key = self.order, first .. "\0" .. second
   if order:get(key) then
     order:move_to_end(key)

@@ -86,17 +86,12 @@ local function new_dialect(legacy_g120, v3_types)
   return {usual = usual, other = other}
 end
 
-local dialects = {} -- by the sum of the flags below; made when first asked for
+-- By the sum of the flags below.
+local dialects = entries(function(flags) return new_dialect(flags % 2 == 1, flags >= 2) end)
 
 local function dialect_of(options)
   local legacy_g120, v3_types = options and options.legacy_g120_formats, options and options.profile_v3_types
-  local key = (legacy_g120 and 1 or 0) + (v3_types and 2 or 0)
-  local dialect = dialects[key]
-  if not dialect then
-    dialect = new_dialect(legacy_g120, v3_types)
-    dialects[key] = dialect
-  end
-  return dialect
+  return dialects[(legacy_g120 and 1 or 0) + (v3_types and 2 or 0)]
 end
 
 --- The codec of a format code in a dialect, nil where the length of its values cannot be known.
@@ -187,12 +182,8 @@ local function choice_for(body, code, at)
   if not other then return usual end
   if body.cut_off then return {class = usual.class, undecided = true} end
   body.chosen = body.chosen or {}
-  local found = body.chosen[code]
-  if not found then
-    found = choose_size(body, code, at, usual, other)
-    body.chosen[code] = found
-  end
-  return found
+  body.chosen[code] = body.chosen[code] or choose_size(body, code, at, usual, other)
+  return body.chosen[code]
 end
 
 -- The value bytes of a block, and whether all are there.
