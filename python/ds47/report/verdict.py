@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from ds47.acyclic.index47 import ALWAYS
+from ds47.acyclic.index47 import ALWAYS, SHARED_INDEX
 from ds47.model import DS47, PKW, S7, STATES, CaptureResult, Transaction
 from ds47.report.bilingual import Both, joined, say, state
 from ds47.report.todo import is_lowered
@@ -221,10 +221,12 @@ def _accepted(item: Transaction) -> bool:
 def _other_records(result: CaptureResult) -> int:
     """Record calls on indices that carried no parameter channel, and are not there for one.
 
-    An IODWriteMultiple is none: it is opened, and what is in it counts by its own index.
+    Those at index 47 that nothing shows to be ours DS209 counts. An IODWriteMultiple is none: it is opened, and what is in it counts by its own index.
     """
     ours = {str(each.index) for each in result.transactions}
     ours |= {str(index) for index in (RECORD_WRITE_MULTIPLE, *ALWAYS)}
+    if any(each.rule == "DS209" for each in result.findings):
+        ours.add(str(SHARED_INDEX))
     return sum(
         number
         for index, kinds in result.records.items()

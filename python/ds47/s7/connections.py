@@ -308,6 +308,7 @@ def count(counts: Counts, job: S7Job) -> None:
     state, operation = job.state, job.operation
     if state == ORPHAN:
         counts.orphans += 1
+        counts.refused += any(item.code not in (DONE, None) for item in job.items)
     else:
         counts.jobs += 1
         counts.refused += state in (ERROR, PARTIAL, REFUSED)
