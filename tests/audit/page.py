@@ -347,6 +347,7 @@ def _blind(lines: list[str], reading: Reading) -> Iterator[str]:
             yield f"{found[0] if found else 'nothing'}: {true} have no request"
     found = re.search(r"(\d+) other record requests?", text)
     ours = {each.index for each in reading.deals} | {0xB02E, 0xB02F}
+    ours |= {47} if any(each.rule == "DS209" for each in reading.findings) else set()
     others = sum(
         1 for each in reading.capture.records if each.index not in ours and each.asked and not each.nested
     )  # fmt: skip

@@ -78,7 +78,7 @@ def test_what_from_frame_remembers_is_bounded() -> None:
             data[11] = data[29] = number  # MAC and IP address
             data[50] = number  # object UUID
             assert rpc.from_frame(Frame(1, 2, 1, bytes(data), 200)) is not None
-    assert max(map(len, (rpc._MACS, rpc._HOSTS, rpc._LITTLE_UUIDS))) <= max(8, rpc._MOST_KNOWN)
+        assert len(rpc._KNOWN[True]) <= 8
 
 
 @settings(max_examples=500)

@@ -304,8 +304,9 @@ local function add(self, relation, behind)
     line = new_drive(self, relation, behind)
     self.drives_[#self.drives_ + 1] = line
   end
+  -- Frames of both directions in a nanosecond, of PZD half of them: what is a little out of order is no hole.
   local out, input = relation.output.cycle_ns, relation.input.cycle_ns
-  line.rate = out > 0 and input > 0 and 1 / out + 1 / input or 0 -- frames of both directions in a nanosecond
+  line.rate = out > 0 and input > 0 and (1 / out + 1 / input) / (line.recorder and 2 or 1) or 0
   line.ends = {
     {line = line, side = relation.output, sent = true, looks = 0},
     {line = line, side = relation.input, sent = false, looks = 0},

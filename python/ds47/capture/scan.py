@@ -524,7 +524,7 @@ class _Swapped:
 _OPERATION_END = 112  # of the header of an RPC PDU there
 _ANY_UUID = b"|".join(re.escape(UUIDS[at : at + 16]) for at in range(0, len(UUIDS), 16))
 is_plain = re.compile(
-    rb".{14}E.{5}[\x00\x40\x80\xc0]\x00.\x11.{18}\x04"
+    rb".{12}\x08\x00E.{5}[\x00\x40\x80\xc0]\x00.\x11.{18}\x04"
     rb"(?:[^\x00\x02].{22}(?:%s)|[\x00\x02].{22}(?:%s).{28}(?!\x00\x00))" % (_ANY_UUID, _ANY_UUID),
     re.DOTALL,
 ).match

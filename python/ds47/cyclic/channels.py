@@ -198,13 +198,13 @@ class DriveWords:
     replaced: int | None = None
     """The frame in which its channel was set up anew, or from which on its frames are of two drives."""
     rate: float = 0.0
-    """As that of requests."""
+    """Half of that of requests: frames that are a little out of order are no hole."""
     holes: int = 0
     first_hole: int = 0
     """Places where frames of both sides are missing, and the frame behind the first of them."""
 
     def __post_init__(self) -> None:
-        self.rate = _rate(self.relation)
+        self.rate = _rate(self.relation) / 2
 
     @property
     def proven(self) -> bool:
@@ -306,7 +306,7 @@ class _Row:
         self.first, self.need = self.parts[0][0], sum(self.parts[-1])
 
     def pause(self, frame: int, time_ns: int) -> None:
-        """Where the next data comes much later than any before it, exchanges are missing: nobody tells their cycle."""
+        """Where the next data comes much later than any before it, exchanges are missing."""
         passed = time_ns - self.newest_ns
         if self.count > _HABIT and passed > _PAUSE * self.longest_ns > 0:
             for line, _, _ in self.ends:

@@ -221,7 +221,8 @@ def _accepted(item: Transaction) -> bool:
 def _other_records(result: CaptureResult) -> int:
     """Record calls on indices that carried no parameter channel, and are not there for one.
 
-    Those at index 47 that nothing shows to be ours DS209 counts. An IODWriteMultiple is none: it is opened, and what is in it counts by its own index.
+    DS209 counts those at index 47 that nothing shows to be ours. An IODWriteMultiple is none: it is opened, and
+    what is in it counts by its own index.
     """
     ours = {str(each.index) for each in result.transactions}
     ours |= {str(index) for index in (RECORD_WRITE_MULTIPLE, *ALWAYS)}
