@@ -465,15 +465,12 @@ class Analysis:
             remark.job = None  # handed out already
         self._findings.add(remark)
 
-    def _decode(self, job: Job) -> None:
+    def _answered(self, job: Job) -> None:
         half = job.read_response
         if half is not None and half.data:
             job.response = decode_response(
                 half.data, job.message, self._options.codec, cut=half.cut
             )
-
-    def _answered(self, job: Job) -> None:
-        self._decode(job)
         self._answers[job] = self._judge.answered(job)
         described = job.message is not None and job.message.describes
         if described or not self._dictionary.is_empty:
@@ -616,9 +613,12 @@ class Analysis:
         self, order: int, transaction: Transaction, remarks: list[Remark], to: OnTransaction
     ) -> None:
         transaction.id, transaction.drive_object = order, self._objects.reached(transaction)
-        remarks = [remark for remark in remarks if self._findings.wanted(remark.rule)]
-        transaction.findings = sorted({remark.rule for remark in remarks})
-        to(transaction, [self._findings.told(remark, order) for remark in remarks])
+        findings: list[Finding] = []
+        if remarks:
+            remarks = [remark for remark in remarks if self._findings.wanted(remark.rule)]
+            transaction.findings = sorted({remark.rule for remark in remarks})
+            findings = [self._findings.told(remark, order) for remark in remarks]
+        to(transaction, findings)
 
     def _nothing_to_read(self, access: RecordAccess, missing: Missing | None) -> None:
         half = access.record.response

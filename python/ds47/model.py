@@ -228,9 +228,9 @@ class Frames(_Plain):
 
     def all(self) -> list[int]:
         """Every frame of the transaction, sorted, each once."""
-        single = [self.write_request, self.write_response, self.read_request, self.read_response]
-        pairs = [frame for pair in self.polls + self.rereads for frame in pair]
-        return sorted({frame for frame in single + pairs if frame is not None})
+        found = {self.write_request, self.write_response, self.read_request, self.read_response}
+        found.update(*self.polls, *self.rereads)
+        return sorted(frame for frame in found if frame is not None)
 
 
 class Status(NamedTuple):

@@ -226,7 +226,7 @@ def test_the_line_of_a_transaction_is_its_dictionary(item: Transaction, lang: st
 def test_a_value_that_is_no_json_is_an_error() -> None:
     item = Parameter(1, 0, "value", 1, format="Float32", value_count=1, values=[float("nan")])
     with pytest.raises(ValueError, match="JSON"):
-        json._parameter_text(item, "en")
+        json._parameters([item], "en")
 
 
 def test_stored_captures_take_the_short_way(captures: Any) -> None:

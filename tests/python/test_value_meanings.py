@@ -136,7 +136,7 @@ def test_json_says_it_and_keeps_what_lists_say() -> None:
             assert found is not None
             plain = report_json.parameter(item, lang)
             assert plain["meaning"] == found.text(lang)
-            assert json.loads(report_json._parameter_text(item, lang)) == plain
+            assert json.loads(report_json._parameters([item], lang)) == [plain]
             again = contract.PARAMETER.load(plain, 0x002A)
             assert values.meaning(again) in (found, (found.text(lang),) * 2)
             assert report_json.parameter(again, lang) == plain

@@ -11,11 +11,11 @@ from itertools import zip_longest
 
 from ds47.acyclic.judge import parameters_asked
 from ds47.acyclic.pairing import Job
-from ds47.model import Frames, Parameter, ParameterError, Read, Transaction
+from ds47.model import Frames, Parameter, ParameterError, Read, Transaction, Value
 from ds47.profidrive import Address, Block
-from ds47.profidrive.dictionary import explain, unit_of
+from ds47.profidrive.dictionary import explain, family_of, unit_of
 from ds47.profidrive.family import NOT_SUPPORTED
-from ds47.profidrive.model import attribute_name
+from ds47.profidrive.model import attribute_name, format_name
 from ds47.profinet.records import NIL_UUID, NO_API, Half
 from ds47.spec import Pnu, parameter, request_ids, response_ids
 from ds47.spec.units import uuid_text
@@ -34,29 +34,39 @@ def build(job: Job) -> Transaction:
         reference, axis = response.request_reference, response.axis
     answer = (read.data or None) if read else None
     took = read.time_ns - write.time_ns if answer and read and write else None
-    stray = job.stray
-    parameters_ = _parameters(job, stray)
+    accepted, asked = job.write_response, job.read_request
+    refused = job.write_fault or bool(accepted and accepted.status) or bool(read and read.status)
+    parameters_ = _parameters(job, refused)
     for item, meaning in zip(parameters_, job.meanings, strict=False):
         if meaning is not None and item.pnu is not None:
             explain(item, meaning)
+    frames = Frames(
+        write.frame if write else None,
+        accepted.frame if accepted else None,
+        asked.frame if asked else None,
+        read.frame if read else None,
+        _pairs(job.polls) if job.polls else None,
+        _pairs(job.rereads) if job.rereads else None,
+    )
+    nowhere = record.api == NO_API
     return Transaction(
-        operation(job),
-        _state(job, stray),
+        _operation(job) if message is None else message.operation,
+        _state(job, refused),
         peer.controller,
         peer.device,
         None if record.ar == NIL_UUID else uuid_text(record.ar),
-        None if record.api == NO_API else record.api,
+        None if nowhere else record.api,
         record.slot,
-        None if record.api == NO_API else record.subslot,
+        None if nowhere else record.subslot,
         record.index,
         reference,
         axis,
-        _frames(job),
+        frames,
         first.time_ns,
         took,
         write.data if write else None,
         answer,
-        job.write_response.status if job.write_response else None,
+        accepted.status if accepted else None,
         read.status if read else None,
         parameters_,
         record.position,
@@ -64,10 +74,8 @@ def build(job: Job) -> Transaction:
     )
 
 
-def operation(job: Job) -> str:
-    """What was asked; for an orphan what its response id says."""
-    if job.message is not None:
-        return job.message.operation
+def _operation(job: Job) -> str:
+    """What the response id of an orphan says that was asked."""
     response_id = job.response.response_id if job.response else None
     for known in request_ids().values():
         if response_id in (known.positive, known.negative):
@@ -75,12 +83,12 @@ def operation(job: Job) -> str:
     return "unknown"
 
 
-def _state(job: Job, stray: bool) -> str:
+def _state(job: Job, refused: bool) -> str:
     """The state of a closed job: the first of docs/pairing.md, P39 to P46, that applies."""
     read = job.read_response
     if job.message is None:
         return "orphan"
-    if _refused(job):
+    if refused:
         return "refused"
     if job.missing is not None:
         return "incomplete"
@@ -88,13 +96,7 @@ def _state(job: Job, stray: bool) -> str:
         return "superseded"
     if read is None:
         return "unanswered"
-    if stray:
-        return "mismatch"
-    return _outcome(job)
-
-
-def _refused(job: Job) -> bool:
-    return job.write_refused or bool(job.read_response and job.read_response.status)
+    return "mismatch" if job.stray else _outcome(job)
 
 
 def _outcome(job: Job) -> str:
@@ -132,62 +134,56 @@ def _outcome_as_far_as_seen(done: int, failed: int, negative: bool, sure: bool) 
     return "partial" if done else "error" if sure else "incomplete"
 
 
-def _parameters(job: Job, stray: bool) -> list[Parameter]:
-    request, response = job.message, job.response
+def _parameters(job: Job, refused: bool) -> list[Parameter]:
+    request, response, stray = job.message, job.response, job.stray
     blocks: list[Block] = response.blocks if response else []
     change = request is not None and request.operation == "change"
     if stray and request is not None and change:
         blocks = request.blocks
-    if request is None or (stray and not _refused(job)):
-        return [_parameter(job, None, None, block, block) for block in blocks]
-    family, addresses = job.peer.drives, request.addresses
+    peer = job.peer
+    if request is None or (stray and not refused):
+        return [_parameter(None, block, block, None, peer.vendor_id) for block in blocks]
+    family, addresses = family_of(peer.vendor_id, peer.family), request.addresses
     answers: Sequence[Block] = () if stray else blocks
     values = request.blocks if change else answers
     rows = zip_longest(addresses, values[: len(addresses)], answers[: len(addresses)])
-    return [_parameter(job, family, *row) for row in rows]
+    return [_parameter(*row, family, peer.vendor_id) for row in rows]
 
 
 def _parameter(
-    job: Job, family: str | None, address: Address | None, value: Block | None, answer: Block | None
+    address: Address | None,
+    value: Block | None,
+    answer: Block | None,
+    family: str | None,
+    vendor_id: int | None,
 ) -> Parameter:
-    pnu = subindex = attribute = elements = known = None
-    if address is not None and family is not None:
-        pnu, subindex, elements = address.pnu, address.subindex, address.element_count
-        attribute, known = _listed(pnu, address.attribute, family)
-    result = Parameter(pnu, subindex, attribute, elements, known, family=family)
+    pnu = subindex = elements = attribute = count = scaled = None
+    values: list[Value] = []
+    code = meaning = None
     if value is not None and value.error is None:
-        result.format = value.format_name
-        result.value_count = value.value_count
-        result.values = list(value.values)
-        result.scaled = value.scaled
-    if known is not None:
-        result.unit = unit_of(known, result.format)
-    if answer is not None and answer.error is not None:
-        failed = answer.error
-        result.error = ParameterError(failed.code, failed.info, job.peer.vendor_id)
-    return result
+        code, meaning = value.format, value.meaning
+        values, count, scaled = list(value.values), value.value_count, value.scaled
+    if address is not None:
+        pnu, subindex, elements = address.pnu, address.subindex, address.element_count
+        attribute = address.attribute
+    failed = None if answer is None else answer.error
+    error = None if failed is None else ParameterError(failed.code, failed.info, vendor_id)
+    told = None if code is None else format_name(code, meaning)
+    name, listed, unit = _listed(pnu, attribute, family, told)
+    return Parameter(
+        pnu, subindex, name, elements, listed, unit, told, count, values, scaled, error, None, None, family
+    )  # fmt: skip
 
 
 @lru_cache(maxsize=4096)
-def _listed(pnu: int, attribute: int, family: str) -> tuple[str, Pnu | None]:
-    """The name of an attribute, and what the tables say of the PNU on this family of drives."""
-    return attribute_name(attribute), parameter(pnu, family)
-
-
-def _frames(job: Job) -> Frames:
-    asked, accepted = job.write_request, job.write_response
-    read, answered = job.read_request, job.read_response
-    frames = Frames(
-        asked.frame if asked else None,
-        accepted.frame if accepted else None,
-        read.frame if read else None,
-        answered.frame if answered else None,
-    )
-    if job.polls:
-        frames.polls = _pairs(job.polls)
-    if job.rereads:
-        frames.rereads = _pairs(job.rereads)
-    return frames
+def _listed(
+    pnu: int | None, attribute: int | None, family: str | None, told: str | None
+) -> tuple[str | None, Pnu | None, str | None]:
+    """The name of an attribute, and what the tables say of the PNU on this family, and of the unit of a format."""
+    if pnu is None or attribute is None or family is None:
+        return None, None, None
+    listed = parameter(pnu, family)
+    return attribute_name(attribute), listed, None if listed is None else unit_of(listed, told)
 
 
 def _pairs(reads: list[tuple[Half | None, Half]]) -> list[Read]:

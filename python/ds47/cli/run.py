@@ -92,7 +92,8 @@ class Run:
         writer = self._writer
 
         def finished(transaction: Transaction, findings: Sequence[Finding]) -> None:
-            self._note(findings)
+            if findings:
+                self._note(findings)
             writer.transaction(task.path, transaction, findings)
 
         collect()

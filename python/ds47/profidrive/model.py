@@ -133,7 +133,7 @@ class Block:
     @property
     def format_name(self) -> str | None:
         """Name of the format, "0x7F" where it has none, None for an error."""
-        return None if self.error is not None else _format_name(self.format, self.meaning)
+        return None if self.error is not None else format_name(self.format, self.meaning)
 
 
 @dataclass(slots=True, init=False)
@@ -269,7 +269,8 @@ def attribute_name(code: int) -> str:
 
 
 @lru_cache(maxsize=1024)
-def _format_name(code: int, meaning: int | None) -> str:
+def format_name(code: int, meaning: int | None) -> str:
+    """The name of a format, or its code as "0x7F"; `meaning` as that of a block."""
     known = spec.formats().get(code if meaning is None else meaning)
     return known.name if known else f"0x{code:02X}"
 

@@ -70,6 +70,8 @@ def _named(key: str, word: str) -> Both:
 
 def joined(parts: Sequence[Both], en: str = ", ", zh: str = "，") -> Both:
     """Texts in a row."""
+    if len(parts) == 1:
+        return parts[0]
     return Both(en.join(part.en for part in parts), zh.join(part.zh for part in parts))
 
 

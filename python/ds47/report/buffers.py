@@ -97,8 +97,9 @@ def _take(item: Transaction, seen: dict[tuple[Identity, str], _Seen], targets: T
 
 def _is_part(item: Parameter) -> bool:
     row = item.listed
-    whole = item.attribute == "value" and item.subindex is not None and item.error is None
-    return whole and row is not None and row.entry is not None and bool(item.values)
+    if row is None or row.entry is None or not item.values:
+        return False
+    return item.attribute == "value" and item.subindex is not None and item.error is None
 
 
 def _column(item: Parameter) -> str:

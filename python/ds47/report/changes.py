@@ -19,7 +19,7 @@ from ds47.report.json import timestamp
 from ds47.report.parameters import plain
 from ds47.report.selection import Selection, Wanted
 from ds47.report.targets import Targets, slot
-from ds47.report.trail import Change, trail
+from ds47.report.trail import Change, changes
 from ds47.report.wrap import columns, padded
 from ds47.report.zones import UNIVERSAL, Zone
 from ds47.spec.semantics import known
@@ -45,7 +45,7 @@ def _chosen(result: CaptureResult, selection: Selection) -> tuple[list[dict[str,
     stations = {each.ip: each.station for each in result.devices}
     whole = known().global_pnus  # of the device, whatever drive object is asked
     found, unproved = [], 0
-    for change in trail(result).changes:
+    for change in changes(result):
         item = change.transaction
         if selection.pnus and change.pnu not in selection.pnus:
             continue

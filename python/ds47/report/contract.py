@@ -786,6 +786,19 @@ CAPTURE_HEAD = Shape("", HEAD)
 CAPTURE = Shape("capture", (*HEAD, *LISTS, SUMMARY), model.CaptureResult)
 
 
+ABOUT = (
+    "pnu", "subindex", "attribute", "element_count", "listed", "unit", "format", "described", "family",
+)  # fmt: skip
+"""What tells which parameter it is, and in which form its values are."""
+about: Callable[[model.Parameter], tuple[Any, ...]] = attrgetter(*ABOUT)
+"""All of it at once: writers remember what they make of it."""
+
+
+def told(known: tuple[Any, ...], value_count: int | None = None) -> model.Parameter:
+    """A parameter of which that is known, and no values."""
+    return model.Parameter(**dict(zip(ABOUT, known, strict=True)), value_count=value_count)
+
+
 # Tables
 
 
@@ -839,7 +852,8 @@ S7_COLUMNS = (
 _PATHS = {"transaction": "id", "polls": "frames.polls"}
 _get_cells = attrgetter(*[_PATHS.get(each.name, each.name) for each in TRANSACTION_COLUMNS])
 _POLLS = [each.name for each in TRANSACTION_COLUMNS].index("polls")
-_NOTHING: list[Any] = [None] * len(S7_COLUMNS)
+NOTHING: list[Any] = [None] * len(S7_COLUMNS)
+"""The cells of S7_COLUMNS of any other transaction."""
 _get_head = attrgetter(*[each.name for each in HEAD_COLUMNS])
 _NAME = [each.name for each in HEAD_COLUMNS].index("name")
 
@@ -855,7 +869,7 @@ def transaction_cells(item: model.Transaction) -> list[Any]:
 def rows(item: model.Transaction) -> Iterator[tuple[model.Parameter | None, list[Any]]]:
     """A row for each parameter, of S7 for each item: the parameter, if any, and the cells of S7_COLUMNS."""
     if item.channel != model.S7:
-        yield from ((each, _NOTHING) for each in item.parameters or (None,))
+        yield from ((each, NOTHING) for each in item.parameters or (None,))
         return
     left = [item.connection, item.r_id, item.error]
     if not item.items:

@@ -13,14 +13,17 @@ numbers, negative ones too. The columns with type and meaning: schema/table-1.sc
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Sequence
+from functools import cache, lru_cache
 from json import dumps
-from typing import ClassVar, TextIO
+from typing import Any, ClassVar, Final, TextIO
 
 from ds47.model import Finding, Parameter, Report, Transaction, Value
 from ds47.report import Options, contract, is_text, json, write_all
 from ds47.report import Writer as _Writer
 from ds47.report.formatting import escape
+from ds47.spec.units import timestamp
 
 TRANSACTION_COLUMNS = tuple(each.name for each in contract.TRANSACTION_COLUMNS)
 PARAMETER_COLUMNS = (
@@ -32,11 +35,6 @@ PARAMETER_COLUMNS = (
 S7_COLUMNS = tuple(each.name for each in contract.S7_COLUMNS)
 COLUMNS = ("path", *TRANSACTION_COLUMNS, *PARAMETER_COLUMNS, *S7_COLUMNS)
 """The header."""
-_OF_DEVICES = [
-    number
-    for number, each in enumerate(contract.TRANSACTION_COLUMNS)
-    if each.key.schema is contract.TEXT
-]
 _OF_LISTS = [
     number
     for number, each in enumerate(contract.HEAD_COLUMNS)
@@ -80,13 +78,16 @@ class Writer(Table):
     header: ClassVar[Sequence[str]] = COLUMNS
 
     def transaction(self, path: str, transaction: Transaction, findings: Sequence[Finding]) -> None:
-        left = _transaction_cells(path, transaction)
+        left, lang = f"{_guarded(path)},{_left()(transaction)}", self.options.lang
         for parameter, right in contract.rows(transaction):
-            told = _EMPTY if parameter is None else _parameter_cells(parameter, self.options.lang)
-            self._csv.writerow(left + told + right)
+            told = _EMPTY if parameter is None else _parameter(parameter, lang)
+            more = _NO_S7 if right is contract.NOTHING else ",".join(map(_cell, right))
+            self.stream.write(f"{left},{told},{more}\n")
 
 
-_EMPTY: list[Cell] = [None] * len(PARAMETER_COLUMNS)
+_EMPTY = "," * (len(PARAMETER_COLUMNS) - 1)
+_NO_S7 = "," * (len(S7_COLUMNS) - 1)
+_quotes = re.compile('[",\r\n]').search
 _FORMULA = "=+-@＝＋－＠"
 """What a formula begins with, also in full width."""
 
@@ -102,32 +103,83 @@ def guarded(text: str | None) -> str | None:
     return "'" + shown if shown.lstrip()[:1] in _FORMULA and not shown.isspace() else shown
 
 
-def _transaction_cells(path: str, item: Transaction) -> list[Cell]:
-    cells = contract.transaction_cells(item)
-    for number in _OF_DEVICES:
-        cells[number] = guarded(cells[number])
-    return [guarded(path), *cells]
+def _cell(value: Cell) -> str:
+    """A cell as `csv` writes it: in quotes where it has to be."""
+    if value is None:
+        return ""
+    text = str(value)
+    return text if _quotes(text) is None else '"' + text.replace('"', '""') + '"'
 
 
-def _parameter_cells(item: Parameter, lang: str) -> list[Cell]:
-    cells = contract.head_cells(item, lang)
+_text = lru_cache(maxsize=4096)(_cell)
+"""The same of a text that comes again."""
+
+
+@lru_cache(maxsize=4096)
+def _guarded(text: str | None) -> str:
+    return _cell(guarded(text))
+
+
+_LOADED: Final[dict[contract.Take | None, str]] = {
+    contract.take_ns: "{} / 1e6",
+    contract.take_status: "f'{{{}:08X}}'",
+    contract.take_time: "timestamp({})",
+}
+"""How a key is loaded -> code for its cell, from the attribute that it is loaded into."""
+_TOLD: Final = {"polls": "{len(item.frames.polls)}", "findings": "{text(' '.join(item.findings))}"}
+
+
+@cache
+def _left() -> Callable[[Transaction], str]:
+    """What writes the cells of a transaction: the f-string that one would write by hand, as that of JSON."""
+    names: dict[str, Any] = {"text": _text, "guarded": _guarded, "timestamp": timestamp}
+    cells = [_TOLD.get(each.name) or _code(each) for each in contract.TRANSACTION_COLUMNS]
+    exec(f"def left(item): return f'''{','.join(cells)}'''", names)
+    left: Callable[[Transaction], str] = names["left"]
+    return left
+
+
+def _code(column: contract.Column) -> str:
+    key = column.key
+    owner = "item.frames" if column.name.startswith("frames.") else "item"
+    kind = "guarded({})" if key.schema is contract.TEXT else "text({})"
+    code = _LOADED.get(key.take, "{}" if "integer" in key.schema.get("type", ()) else kind)
+    attribute = f"{owner}.{key.into or key.name}"
+    return f"{{'' if (value := {attribute}) is None else {code.format('value')}}}"
+
+
+def _parameter(item: Parameter, lang: str) -> str:
+    head = _head(contract.about(item), item.value_count, lang)
+    values, scaled = _values(item.values, item.format), _values(item.scaled, item.format)
+    if item.error is None:
+        return f"{head},{values},{scaled},,,"
+    code, text, info = contract.error_cells(item, lang)
+    return f"{head},{values},{scaled},{_cell(code)},{_guarded(text)},{_cell(info)}"
+
+
+@lru_cache(maxsize=4096)
+def _head(about: tuple[Any, ...], value_count: int | None, lang: str) -> str:
+    """The cells of a parameter up to its values."""
+    cells = contract.head_cells(contract.told(about, value_count), lang)
     for number in _OF_LISTS:
         cells[number] = guarded(cells[number])
-    code, text, info = contract.error_cells(item, lang)
-    values, scaled = _values(item.values, item.format), _values(item.scaled or [], item.format)
-    return [*cells, values, scaled, code, guarded(text), info]
+    return ",".join(map(_cell, cells))
 
 
-def _values(values: Sequence[Value], format_name: str | None) -> Cell:
-    if len(values) != 1:
-        return _array(values) if values else None
+def _values(values: list[Value] | None, format_name: str | None) -> str:
+    if not values:
+        return ""
+    if len(values) > 1:
+        return _cell(_array(values))
     value = values[0]
-    return guarded(value) if isinstance(value, str) and is_text(format_name) else value
+    if isinstance(value, str):
+        return _cell(guarded(value) if is_text(format_name) else value)
+    return str(value)
 
 
-def _array(values: Sequence[Value]) -> str:
+def _array(values: list[Value]) -> str:
     """Several values as JSON; an escape in it is one of JSON."""
-    text = json.text(values)
+    text = json.list_text(values)
     if text.isprintable():
         return text
     return "".join(each if each.isprintable() else dumps(each)[1:-1] for each in text)

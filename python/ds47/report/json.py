@@ -29,7 +29,6 @@ from ds47.model import (
 from ds47.report import SCHEMA, Options, contract, write_all
 from ds47.report import Writer as _Writer
 from ds47.report import values as meanings
-from ds47.spec import Pnu
 from ds47.spec.units import milliseconds as milliseconds
 from ds47.spec.units import status as status
 from ds47.spec.units import timestamp as timestamp
@@ -68,18 +67,19 @@ _Write = Callable[[Any, str], str]
 def _writer(shape: contract.Shape, channel: str = "") -> _Write:
     """What writes an object, with the keys that its channel has, as text."""
     names: dict[str, Any] = {
-        "none": "[]", "null": _NULL, "quoted": _quoted, "status": status, "text": text, "timestamp": timestamp,
+        "none": "[]", "null": _NULL, "quoted": _quoted, "text": text, "timestamp": timestamp,
     }  # fmt: skip
-    exec(f"def write(item, lang): return f'{{{{{_code(shape, 'item', channel, names)}}}}}'", names)
+    code = _code(shape, "item", channel, names)
+    exec(f"def write(item, lang): return f'''{{{{{code}}}}}'''", names)
     write: _Write = names["write"]
     return write
 
 
 _LOADED: Final[dict[contract.Take | None, str]] = {
-    contract.take_hex: "quoted({}.hex())",
+    contract.take_hex: "f'\"{{{}.hex()}}\"'",
     contract.take_ns: "{} / 1e6",
-    contract.take_status: "quoted(status({}))",
-    contract.take_time: "quoted(timestamp({}))",
+    contract.take_status: "f'\"{{{}:08X}}\"'",
+    contract.take_time: "f'\"{{timestamp({})}}\"'",
 }
 """How a key is loaded -> code for its text, from the attribute that it is loaded into."""
 
@@ -117,7 +117,9 @@ def _listed(shape: contract.Shape | None) -> Callable[[list[Any], str], str]:
     """What writes a list: of texts, or of objects of this shape."""
     if shape is None:
         return lambda items, _: text(items)
-    write = _parameter_text if shape is contract.PARAMETER else _or_plain(shape)
+    if shape is contract.PARAMETER:
+        return _parameters
+    write = _or_plain(shape)
     return lambda items, lang: f"[{', '.join([write(each, lang) for each in items])}]"
 
 
@@ -141,52 +143,35 @@ def _or_plain(shape: contract.Shape) -> _Write:
 _NULL: Final = "null"
 
 
-def _parameter_text(item: Parameter, lang: str) -> str:
-    if item.attribute not in _PLAIN or item.described is not None:
-        return text(contract.PARAMETER.plain(item, lang))
-    error = item.error
-    failed = _NULL
-    if error is not None:
-        failed = text(contract.ERROR.plain(error, lang))
-    scaled = _NULL if item.scaled is None else list_text(item.scaled)
-    head, values = parameter_head(item, lang), list_text(item.values)
-    meant = contract.meaning(item, lang) if meanings.may_mean(item) else None
-    tail = "" if meant is None else f', "meaning": {_quoted(meant)}'
-    return f'{head}, "values": {values}, "scaled": {scaled}, "error": {failed}{tail}}}'
+def _parameters(items: list[Parameter], lang: str) -> str:
+    """What `text` gives of a list of them: there are more of these than of anything else."""
+    texts = []
+    for item in items:
+        if item.attribute not in _PLAIN or item.described is not None:
+            texts.append(text(contract.PARAMETER.plain(item, lang)))
+            continue
+        error, scaled = item.error, item.scaled
+        failed = _NULL if error is None else text(contract.ERROR.plain(error, lang))
+        head, may_mean = _parameter_head(contract.about(item), item.value_count, lang)
+        meant = contract.meaning(item, lang) if may_mean or item.told else None
+        tail = "" if meant is None else f', "meaning": {_quoted(meant)}'
+        values, other = list_text(item.values), _NULL if scaled is None else list_text(scaled)
+        texts.append(f'{head}, "values": {values}, "scaled": {other}, "error": {failed}{tail}}}')
+    return f"[{', '.join(texts)}]"
 
 
 _PLAIN: Final = ("value", None)
 """Attributes of most parameters: they describe nothing, and have rare keys only where they are described."""
 
 
-def parameter_head(item: Parameter, lang: str) -> str:
-    """A parameter up to its values."""
-    return _parameter_head(
-        item.pnu, item.subindex, item.attribute, item.element_count, item.listed, item.unit,
-        item.format, item.value_count, item.family, lang,
-    )  # fmt: skip
-
-
 @lru_cache(maxsize=4096)
-def _parameter_head(
-    pnu: int | None,
-    subindex: int | None,
-    attribute: str | None,
-    element_count: int | None,
-    listed: Pnu | None,
-    unit: str | None,
-    format_: str | None,
-    value_count: int | None,
-    family: str | None,
-    lang: str,
-) -> str:
-    about = Parameter(
-        pnu, subindex, attribute, element_count, listed, unit, format_, value_count, family=family
-    )
-    head = parameter(about, lang)
+def _parameter_head(about: tuple[Any, ...], value_count: int | None, lang: str) -> tuple[str, bool]:
+    """A parameter up to its values, and whether the tables may say what these mean."""
+    item = contract.told(about, value_count)
+    head = parameter(item, lang)
     for key in ("values", "scaled", "error"):
         del head[key]
-    return text(head)[:-1]
+    return text(head)[:-1], meanings.may_mean(item)
 
 
 def list_text(values: list[Value]) -> str:

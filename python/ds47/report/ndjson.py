@@ -12,6 +12,7 @@ line before. Holds nothing between two lines. The objects themselves come from `
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import ClassVar, TextIO
 
 from ds47.model import CaptureResult, Finding, Report, Transaction
@@ -24,20 +25,23 @@ def write(report: Report, stream: TextIO, options: Options | None = None) -> Non
     write_all(Writer(stream, options), report)
 
 
+@lru_cache(maxsize=16)
+def _path(path: str) -> str:
+    return json.text(path)
+
+
 class Writer(_Writer):
     """Writes lines as things are finished."""
 
     streams: ClassVar[bool] = True
 
     def transaction(self, path: str, transaction: Transaction, findings: Sequence[Finding]) -> None:
-        line = json.transaction_line(transaction, self.options.lang)
-        about = (
-            json.text([json.finding(each, self.options.lang) for each in findings])
-            if findings
-            else "[]"
+        lang = self.options.lang
+        line = json.transaction_line(transaction, lang)
+        about = json.text([json.finding(each, lang) for each in findings]) if findings else "[]"
+        self.stream.write(
+            f'{{"path": {_path(path)}, "transaction": {line}, "findings": {about}}}\n'
         )
-        head = f'{{"path": {json.text(path)}, "transaction": '
-        self.stream.write(f'{head}{line}, "findings": {about}}}\n')
 
     def capture(self, result: CaptureResult) -> None:
         whole = json.capture(result, self.options.lang)

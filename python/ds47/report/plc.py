@@ -100,7 +100,7 @@ class Witness:
             length = self._length(item)
             return [BlockCall("RDREC", "implicit", item.read_status, length=length)]
         found = self._calls.get(item.id, [])
-        left_out, in_part = _left_out(item, found)
+        left_out, in_part = _left_out(item, found) if found else ([], False)
         wait = "unseen" if in_part else self._waits.get(item.id, "unseen")
         write = _write(item, found, left_out, wait)
         if item.write_status is None and item.frames.write_response in self._cut:
@@ -115,7 +115,7 @@ class Witness:
         """The same with `PLC: ` in front; nothing of a channel that no block is called for."""
         if item.channel != DS47:
             return Both.same("")
-        return say("plc_line", calls=self.text(item))
+        return _line(self.text(item))
 
     def is_cut(self, item: Transaction) -> bool:
         """Whether the capture has a part of the record alone."""
@@ -159,7 +159,8 @@ def _waits(transactions: Sequence[Transaction]) -> dict[int, str]:
     end = max((each.start_ns + (each.duration_ns or 0) for each in transactions), default=0)
     after: dict[_Channel, int] = {}
     waits: dict[int, str] = {}
-    for item in reversed(transactions):
+    waiting = any(each.state in _OPEN for each in transactions)
+    for item in reversed(transactions) if waiting else ():
         channel = _channel(item)
         following = after.get(channel)
         after[channel] = item.start_ns
@@ -178,16 +179,16 @@ def _followed(
     loose: Sequence[int],
 ) -> Iterator[int]:
     """The ids of those behind whose last frame a Read came that may be of their channel."""
-    newest: dict[_Channel, int] = {}
-    for item in transactions:
+    waiting = [each for each in transactions if each.state in _OPEN]
+    newest = dict.fromkeys(map(_channel, waiting), max(loose, default=0))
+    for item in transactions if waiting else ():
         channel = _channel(item)
-        newest[channel] = max(newest.get(channel, 0), item.frames.all()[-1])
-    stray = max(loose, default=0)
-    for item in transactions:
-        if item.state in _OPEN:
-            about = (each.frame for each in calls.get(item.id, ()))
-            if max(stray, newest[_channel(item)]) > max(item.frames.all()[-1], *about, 0):
-                yield item.id
+        if channel in newest:
+            newest[channel] = max(newest[channel], item.frames.all()[-1])
+    for item in waiting:
+        about = (each.frame for each in calls.get(item.id, ()))
+        if newest[_channel(item)] > max(item.frames.all()[-1], *about, 0):
+            yield item.id
 
 
 class _Channels:
@@ -372,6 +373,11 @@ def remark(item: Transaction) -> Both | None:
         return None
     key = "plc_negative_partial" if item.state == "partial" else "plc_negative"
     return say(key, id=f"{response[1]:02X}")
+
+
+@lru_cache(maxsize=4096)
+def _line(calls: Both) -> Both:
+    return say("plc_line", calls=calls)
 
 
 @lru_cache(maxsize=4096)

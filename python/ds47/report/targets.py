@@ -8,6 +8,7 @@ that is known.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Final
 
 from ds47.model import DS47, Transaction
 from ds47.profidrive.drive_objects import DriveObjects, Identity, access_of
@@ -17,15 +18,22 @@ ANSWERED = ("ok", "partial", "error")
 """States of a transaction that has its response."""
 
 
+_Way = tuple[str, int | None, int | None, int | None, int | None, int | None]
+_WAYS: Final = 4096
+
+
 class Targets:
     """The names in one capture."""
 
     def __init__(self, transactions: Iterable[Transaction]) -> None:
         self._shown = DriveObjects.of(transactions)
+        self._identities: dict[_Way, Identity] = {}
+        """Of the ways that were asked for, until something more is shown."""
 
     def transaction(self, item: Transaction) -> None:
         """One more transaction, and what it shows."""
         self._shown.transaction(item)
+        self._identities.clear()
 
     def drive_object(self, item: Transaction) -> int | None:
         """The number of the drive object that a request reaches; None where it is not known or does not exist."""
@@ -46,7 +54,13 @@ class Targets:
 
     def identity(self, item: Transaction, pnu: int | None = None) -> Identity:
         """What two transactions have in common that reach the same drive object; for a PNU, if it is given."""
-        return self._shown.identity(access_of(item), pnu)
+        way = item.device, item.index, item.slot, item.subslot, item.axis, pnu
+        found = self._identities.get(way)
+        if found is None:
+            if len(self._identities) >= _WAYS:
+                self._identities.clear()
+            found = self._identities[way] = self._shown.identity(access_of(item), pnu)
+        return found
 
     def labels(self, transactions: Sequence[Transaction]) -> dict[Identity, str]:
         """A name for each drive object of the page, on one device never the same for two."""

@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass, field
+from itertools import zip_longest
+from operator import itemgetter
 from typing import Final, NamedTuple
 
 from ds47.model import S7, CaptureResult, Frames, Parameter, Transaction, Value
@@ -110,18 +112,41 @@ def trail(result: CaptureResult) -> Trail:
     return _Walk(result).run()
 
 
+def changes(result: CaptureResult) -> list[Change]:
+    """Its changes alone: what was read of parameters that nobody wrote does not matter for them."""
+    walk = _Walk(result)
+    walk.written_alone()
+    return walk.run().changes
+
+
 class _Walk:
     """Goes through requests and responses in the order of their frames."""
 
     def __init__(self, result: CaptureResult) -> None:
-        self._items = [part for each in result.evidence for part in _requests(each)]
+        self._items: list[Transaction] = []
+        for each in result.evidence:
+            self._items += _requests(each) if each.channel == S7 else (each,)
         self._connects = [(each.device, each.frame) for each in result.relations if each.frame]
         self._objects = DriveObjects.of(self._items)
         self._devices: dict[str, _Device] = {}
         self._vendors = {each.ip: each.vendor_id for each in result.devices}
-        self._ars: dict[str, set[str]] = {}
+        self._ars: set[tuple[str, str]] = set()
         self._pending: dict[int, list[tuple[Change, Cell]]] = {}
         self._found = Trail()
+        self._wanted: set[int | None] | None = None
+        """The PNUs of parameters whose reads matter; None for all."""
+
+    def written_alone(self) -> None:
+        """Follows only what a request writes."""
+        self._wanted = {
+            parameter.pnu
+            for item in self._items if item.operation == "change"
+            for parameter, _ in _written(item)
+        }  # fmt: skip
+
+    def _matters(self, item: Transaction) -> bool:
+        wanted = self._wanted
+        return wanted is None or not wanted.isdisjoint([each.pnu for each in item.parameters])
 
     def run(self) -> Trail:
         """All of it. At one frame a request counts before a response, which leaves more unknown."""
@@ -130,8 +155,9 @@ class _Walk:
             steps.append((frame, 0, number, device))
         for number, item in enumerate(self._items):
             steps.append((_first(item), 1, number, item))
-            steps.append((_last(item), 2, number, item))
-        for frame, kind, _, what in sorted(steps, key=lambda step: step[:3]):
+            if item.operation != "read" or self._matters(item):
+                steps.append((_last(item), 2, number, item))
+        for frame, kind, _, what in sorted(steps, key=itemgetter(0, 1, 2)):
             if isinstance(what, str):
                 self._forget(what, frame)
             elif kind == 1:
@@ -151,9 +177,9 @@ class _Walk:
         state.forgotten = max(state.forgotten, frame)
 
     def _asked(self, item: Transaction, frame: int) -> None:
-        seen = self._ars.setdefault(item.device, set())
-        if item.ar is not None and item.ar not in seen:
-            seen.add(item.ar)  # the drive may have been switched off and on before its Connect
+        if item.ar is not None and (item.device, item.ar) not in self._ars:
+            # The drive may have been switched off and on before its Connect.
+            self._ars.add((item.device, item.ar))
             self._forget(item.device, frame - 1)  # what it asks itself comes after it
         if item.operation != "change" or item.state == "orphan":
             return
@@ -196,7 +222,7 @@ class _Walk:
             self._device(item.device).open -= 1
             self._forget(item.device, frame)
         for change, cell in self._pending.pop(id(item)):
-            near = list(self._near(change, cell))
+            near = self._near(change, cell)
             for each in near:
                 each.open -= 1
             if change.outcome in (NEGATIVE, REFUSED):
@@ -212,9 +238,11 @@ class _Walk:
                 cell.certain = sure
 
     def _read(self, item: Transaction, frame: int) -> None:
-        state = self._device(item.device)
+        state, wanted = self._device(item.device), self._wanted
         for parameter in item.parameters:
             if parameter.pnu is None or parameter.attribute != "value":
+                continue
+            if wanted is not None and parameter.pnu not in wanted:
                 continue
             for subindex, value in _elements(parameter):
                 cell = self._cell(item, parameter, subindex)
@@ -229,26 +257,28 @@ class _Walk:
 
     def _cell(self, item: Transaction, parameter: Parameter, subindex: int) -> Cell:
         assert parameter.pnu is not None
-        access = access_of(item)
         there = self._found.cells.setdefault((item.device, parameter.pnu, subindex), {})
-        cell = there.setdefault(self._objects.identity(access, parameter.pnu), Cell(item, access))
+        access = access_of(item)
+        identity = self._objects.identity(access, parameter.pnu)
+        cell = there.get(identity)
+        if cell is None:
+            cell = there[identity] = Cell(item, access)
         cell.name = parameter.name or cell.name
         cell.unit = parameter.unit or cell.unit
         return cell
 
-    def _near(self, change: Change, cell: Cell) -> Iterator[Cell]:
+    def _near(self, change: Change, cell: Cell) -> list[Cell]:
         """The cells that a change reaches, or may reach."""
-        key = change.transaction.device, change.pnu, change.subindex
-        for each in self._found.cells[key].values():
-            if each is cell or not self._objects.other(cell.access, each.access, change.pnu):
-                yield each
+        there = self._found.cells[change.transaction.device, change.pnu, change.subindex].values()
+        return [
+            each
+            for each in there
+            if each is cell or not self._objects.other(cell.access, each.access, change.pnu)
+        ]
 
 
 def _requests(item: Transaction) -> Iterator[Transaction]:
-    """The requests that a transaction is; a job of S7 is one for each drive object whose elements it has."""
-    if item.channel != S7:
-        yield item
-        return
+    """The requests that a job of S7 is: one for each drive object whose elements it has."""
     for accepted in (True, False):
         found = [
             each for each in item.items
@@ -288,8 +318,9 @@ def _last(item: Transaction) -> int:
 
 def _recomputes(item: Transaction) -> bool:
     """Whether a change may change parameters that it does not name."""
-    broken = any(rule in item.findings for rule in _DOUBTFUL)
-    return broken or any(each.pnu in known().recomputing for each in item.parameters)
+    if not _DOUBTFUL.isdisjoint(item.findings):
+        return True
+    return not known().recomputing.isdisjoint([each.pnu for each in item.parameters])
 
 
 def _written(item: Transaction) -> Iterator[tuple[Parameter, str]]:
@@ -326,16 +357,18 @@ def _outcome(item: Transaction, position: int, parameter: Parameter) -> str:
     return ACCEPTED if len(response) > 3 and position < response[3] else SENT
 
 
-def _elements(parameter: Parameter) -> Iterator[tuple[int, Value | None]]:
+def _elements(parameter: Parameter) -> list[tuple[int, Value | None]]:
     """Subindex and value of each element that was asked for."""
-    values, first = split(parameter.values, parameter.format), parameter.subindex or 0
-    for step in range(
-        max(1, parameter.element_count or 0, len(values) if is_whole(parameter.format) else 0)
-    ):
-        yield first + step, values[step] if step < len(values) else None
+    values, first = parameter.values, parameter.subindex or 0
+    count = max(1, parameter.element_count or 0)
+    if is_whole(parameter.format):
+        values = split(values, parameter.format)
+        count = max(count, len(values))
+    return list(zip_longest(range(first, first + count), values[:count]))
 
 
 def _scaled(parameter: Parameter, subindex: int) -> Value | None:
-    at = subindex - (parameter.subindex or 0)
-    scaled = parameter.scaled or []
-    return None if is_whole(parameter.format) or at >= len(scaled) else scaled[at]
+    at, scaled = subindex - (parameter.subindex or 0), parameter.scaled
+    if not scaled or at >= len(scaled) or is_whole(parameter.format):
+        return None
+    return scaled[at]

@@ -7,6 +7,7 @@ neither says is left out. docs/protocol.md D has the layouts. lua/ds47/report/va
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from typing import Final
 
 from ds47 import spec
@@ -38,13 +39,13 @@ def meaning(item: Parameter) -> Both | None:
     """
     if item.attribute != "value" or item.pnu is None or item.subindex is None or not item.values:
         return None
-    if item.error is not None:
+    if item.error is not None or not may_mean(item):
         return None
     told, row = item.told or {}, item.listed
     if None in told:
         return Both.same(escape(told[None]))
     found = profile.meaning(item)
-    if found is not None or not all(map(_is_whole, item.values)):
+    if found is not None or set(map(type, item.values)) != {int}:
         return found
     if row is not None and row.buffer is not None:
         return _buffer(row, item.subindex, item.values, told)
@@ -56,7 +57,7 @@ def meaning(item: Parameter) -> Both | None:
 def may_mean(item: Parameter) -> bool:
     """Whether there may be anything to say of the values of a parameter."""
     row = item.listed
-    if item.told or item.pnu in profile.NUMBERS or _signed(item) is not None:
+    if item.told or item.pnu in profile.NUMBERS or item.element_count is None:
         return True
     return row is not None and bool(row.values_en or row.connects or row.buffer)
 
@@ -76,10 +77,6 @@ def _signed(item: Parameter) -> Both | None:
     ):
         return None
     return say("value_signed", value=str(value - 2 * half))
-
-
-def _is_whole(value: Value) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)
 
 
 def _texts(
@@ -127,30 +124,34 @@ def _buffer(
     row: spec.Pnu, first: int, values: list[Value], told: Mapping[int | None, str]
 ) -> Both | None:
     """The entries of a buffer that are not 0, by what they belong to: eight places each."""
-    places: dict[int, list[Both]] = {}
+    places: dict[int, list[str]] = {}
     for place, value in enumerate(values, first):
         if value:
-            places.setdefault(place // PLACES, []).append(_entry(int(value), told))
+            entry = escape(told[int(value)]) if value in told else str(value)
+            places.setdefault(place // PLACES, []).append(entry)
     found = list(_situations(row, first, places))
     return joined(found, "; ", "；") if found else None
 
 
-def _entry(value: int, told: Mapping[int | None, str]) -> Both:
-    return Both.same(escape(told[value]) if value in told else str(value))
-
-
-def _situations(row: spec.Pnu, first: int, places: Mapping[int, list[Both]]) -> Iterator[Both]:
+def _situations(row: spec.Pnu, first: int, places: Mapping[int, list[str]]) -> Iterator[Both]:
     """What belongs together; only a number or a code says that there is no fault, as a value may be 0."""
     kind = row.buffer
     if 0 not in places and first == 0 and row.entry is not None and row.entry[1] in LEADING:
         yield say("value_no_faults" if kind == _FAULTS else "value_no_alarms")
-    gone: list[Both] = []
+    gone: list[str] = []
     for situation, entries in places.items():
-        if situation == 0:
-            yield say("value_active").joined(joined(entries), ": ", "：")
-        elif kind == _FAULTS:
-            yield say("value_acknowledged", n=str(situation)).joined(joined(entries), ": ", "：")
+        if situation == 0 or kind == _FAULTS:
+            yield _situation(situation).joined(_row(entries), ": ", "：")
         else:
             gone += entries
     if gone:
-        yield say("value_gone").joined(joined(gone), ": ", "：")
+        yield say("value_gone").joined(_row(gone), ": ", "：")
+
+
+def _row(entries: list[str]) -> Both:
+    return Both(", ".join(entries), "，".join(entries))
+
+
+@lru_cache(maxsize=64)
+def _situation(number: int) -> Both:
+    return say("value_acknowledged", n=str(number)) if number else say("value_active")

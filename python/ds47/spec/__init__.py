@@ -252,6 +252,7 @@ def _format_names() -> Mapping[str, Format]:
     return {name.lower(): row for name, row in [*named, *((row.name, row) for row in rows)]}
 
 
+@lru_cache(maxsize=1024)
 def format_named(name: str) -> Format | None:
     """The format of that name: ours, Wireshark's or a PLC's (REAL), in any case; None where there is none."""
     return _format_names().get(name.lower())

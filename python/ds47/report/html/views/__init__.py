@@ -25,6 +25,7 @@ from ds47.report.html.views.drives import DriveView, drives
 from ds47.report.html.views.elements import elements
 from ds47.report.html.views.events import events
 from ds47.report.html.views.findings import Group, groups
+from ds47.report.html.views.links import Links
 from ds47.report.html.views.problems import Problem, first_screen, problems
 from ds47.report.html.views.rows import packed_rows
 from ds47.report.html.views.s7 import S7View
@@ -170,7 +171,8 @@ def capture_view(
     """
     clock = Clock.of(result, zone)
     moments = Moments(result, clock)
-    found = groups(result, moments)
+    links = Links(result)
+    found = groups(result, moments, links)
     targets = Targets(result.evidence)
     table, left_out = elements(result, targets)
     data = packed_rows(result, most_rows, targets)
@@ -184,7 +186,7 @@ def capture_view(
     data["events"] = events(result, targets)
     remarks = quality(result)
     worst = max((LEVELS.index(each.level) for each in remarks), default=0)
-    wrong = problems(result, targets, moments)
+    wrong = problems(result, targets, moments, links)
     told = first_screen(wrong)
     durations = sorted(
         each.duration_ns

@@ -6,6 +6,7 @@ The words of cyclic events are those of `ds47.report.timelines`; the pictures of
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import islice
 
 from ds47.model import CaptureResult, Parameter, Transaction
 from ds47.profidrive.drive_objects import Identity
@@ -29,7 +30,7 @@ Told = list[int | str]
 def events(result: CaptureResult, targets: Targets | None = None) -> list[Told]:
     """All of a capture: first those of cyclic frames, then those of fault buffers."""
     buffers = _buffers(result, targets or Targets(result.evidence))
-    return [*_of_timelines(result), *buffers[:SHOWN]]
+    return [*_of_timelines(result), *islice(buffers, SHOWN)]
 
 
 def _of_timelines(result: CaptureResult) -> Iterator[Told]:
@@ -49,16 +50,14 @@ def _told(
     return [(time_ns - (result.start_ns or 0)) // 1000, kind, *words, where, frame]
 
 
-def _buffers(result: CaptureResult, targets: Targets) -> list[Told]:
+def _buffers(result: CaptureResult, targets: Targets) -> Iterator[Told]:
     """Reads that show a fault which the read before did not show, and the first that shows none any more."""
     known: dict[tuple[Identity, int], dict[int, int]] = {}
-    found: list[Told] = []
     for item in result.transactions:
         if item.operation != "read" or item.state not in ("ok", "partial", "error"):
             continue
         for each in item.parameters:
-            now = _present(each)
-            if not now or each.pnu is None:
+            if each.pnu not in _BUFFERS or not (now := _present(each)):
                 continue
             before = known.setdefault((targets.identity(item, each.pnu), each.pnu), {})
             words = _news(spelling(each.pnu, each.family), before, now)
@@ -66,13 +65,12 @@ def _buffers(result: CaptureResult, targets: Targets) -> list[Told]:
             if words is not None:
                 where = " ".join(filter(None, (item.device, targets.words(item))))
                 kind = "fault" if any(now.values()) else "state"
-                found.append(_told(result, _answered(item), kind, words, where, _frame(item)))
-    return found
+                yield _told(result, _answered(item), kind, words, where, _frame(item))
 
 
 def _present(item: Parameter) -> dict[int, int]:
     """Faults that are not acknowledged, by subindex: 0 where there is none."""
-    if item.pnu not in _BUFFERS or item.attribute != "value" or item.error is not None:
+    if item.attribute != "value" or item.error is not None:
         return {}
     placed = enumerate(item.values, item.subindex or 0)
     return {at: each for at, each in placed if at in _PRESENT and isinstance(each, int)}

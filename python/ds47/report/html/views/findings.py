@@ -62,12 +62,14 @@ class Group:
         return f'ds47.finding == "{self.rule}"'
 
 
-def groups(result: CaptureResult, moments: Moments | None = None) -> list[Group]:
+def groups(
+    result: CaptureResult, moments: Moments | None = None, links: Links | None = None
+) -> list[Group]:
     """The findings of a capture by rule, the serious rules first."""
     found: dict[str, list[Finding]] = {}
     for finding in result.findings:
         found.setdefault(finding.rule, []).append(finding)
-    links = Links(result)
+    links = links or Links(result)
     moments = moments or Moments(result, Clock.of(result, UNIVERSAL))
     made = [_group(rule, items, links, moments) for rule, items in found.items()]
     return sorted(made, key=lambda group: (-SEVERITIES.index(group.severity), group.rule))

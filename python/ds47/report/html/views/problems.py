@@ -130,10 +130,13 @@ class Problem:
 
 
 def problems(
-    result: CaptureResult, targets: Targets | None = None, moments: Moments | None = None
+    result: CaptureResult,
+    targets: Targets | None = None,
+    moments: Moments | None = None,
+    links: Links | None = None,
 ) -> list[Problem]:
     """The problems of a capture, with their times where `moments` has these; findings that are notes are none."""
-    told, links = [], Links(result)
+    told, links = [], links or Links(result)
     for each in result.diagnoses:
         problem = _diagnosed(result, each, links)
         if axes := answering(result, each):

@@ -5,6 +5,7 @@ The order of a row is that of ROW; templates/report/data.js reads it by the same
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Hashable, Mapping
 from typing import Any
 
@@ -14,14 +15,13 @@ from ds47.model import (
     S7,
     STATES,
     CaptureResult,
-    Described,
     Item,
     Parameter,
     ParameterError,
     Transaction,
 )
 from ds47.profidrive.drive_objects import Identity
-from ds47.report import descriptions, plc, s7
+from ds47.report import contract, descriptions, plc, s7
 from ds47.report import values as meanings
 from ds47.report.bilingual import LANGUAGES
 from ds47.report.clock import Clock
@@ -81,6 +81,14 @@ def _chosen(items: list[Transaction], most: int) -> list[Transaction]:
     return sorted(ranked[:most], key=lambda each: each.id)
 
 
+class _Places(dict[Hashable, int]):
+    """Where an item stands in a table; one that does not comes at its end."""
+
+    def __missing__(self, item: Hashable) -> int:
+        number = self[item] = len(self)
+        return number
+
+
 class _Tables:
     """What repeats from row to row, each once, by its place in a list."""
 
@@ -95,16 +103,11 @@ class _Tables:
         self.targets = targets
         self._labels = labels
         self._stations = stations
-        self._places: dict[str, dict[Hashable, int]] = {}
-
-    def place(self, table: str, item: Hashable) -> int:
-        """Where the item stands in a table."""
-        places = self._places.setdefault(table, {})
-        return places.setdefault(item, len(places))
+        self.places: defaultdict[str, _Places] = defaultdict(_Places)
 
     def lists(self) -> dict[str, list[Any]]:
         """The tables for the page, in words."""
-        found: dict[str, list[Any]] = {name: list(places) for name, places in self._places.items()}
+        found: dict[str, list[Any]] = {name: list(places) for name, places in self.places.items()}
         found["devices"] = [
             [ip, escape(self._stations.get(ip) or "")] for ip in found.get("devices", [])
         ]
@@ -117,7 +120,7 @@ class _Tables:
             for rule in found.get("rules", [])
         ]
         found["addresses"] = [
-            _of_item(each) if isinstance(each, str) else _address(*each)
+            _of_item(each) if isinstance(each, str) else _address(contract.told(each))
             for each in found.get("addresses", [])
         ]
         found["errors"] = [
@@ -144,10 +147,10 @@ def _item(name: str, item: Item, tables: _Tables) -> list[Any]:
     if (told := item.parameter) is not None:
         name = f"DO {item.drive_object} {address(told)}"
         shown = [value(each, told.format) for each in told.values] or shown
-    row: list[Any] = [tables.place("addresses", name), shown, len(shown)]
+    row: list[Any] = [tables.places["addresses"][name], shown, len(shown)]
     if item.code in (None, s7.OK):
         return row
-    return [*row, 0, tables.place("errors", item.code)]
+    return [*row, 0, tables.places["errors"][item.code]]
 
 
 def _channel(item: Transaction, connections: Mapping[int, str]) -> Hashable:
@@ -162,36 +165,23 @@ def _failed(error: ParameterError) -> list[Any]:
     return [error.number, *messages.error(error), error.info]
 
 
-def _address(
-    pnu: int | None, subindex: int | None, attribute: str | None, count: int | None,
-    listed: spec.Pnu | None, unit: str | None, format_name: str | None, described: Described | None,
-    family: str | None,
-) -> list[Any]:  # fmt: skip
-    item = Parameter(
-        pnu,
-        subindex,
-        attribute,
-        count,
-        listed,
-        unit,
-        format_name,
-        described=described,
-        family=family,
-    )
-    row = [address(item), pnu, subindex, attribute, count, *messages.name(item), unit, format_name]
-    return [*row, list(described.frames)] if described is not None and described.frames else row
+def _address(item: Parameter) -> list[Any]:
+    row = [
+        address(item), item.pnu, item.subindex, item.attribute, item.element_count,
+        *messages.name(item), item.unit, item.format,
+    ]  # fmt: skip
+    return [*row, item.described_in] if item.described_in else row
 
 
 def _row(item: Transaction, clock: Clock, tables: _Tables, witness: plc.Witness) -> list[Any]:
-    place = tables.place
-    frames = item.frames
+    places, frames = tables.places, item.frames
     return [
         item.id,
         OPERATIONS.index(item.operation),
         STATES.index(item.state),
-        place("controllers", item.controller),
-        place("devices", item.device),
-        place("channels", _channel(item, tables.connections)),
+        places["controllers"][item.controller],
+        places["devices"][item.device],
+        places["channels"][_channel(item, tables.connections)],
         item.axis,
         item.request_reference,
         _microseconds(clock.elapsed_ns(item.start_ns)),
@@ -202,14 +192,14 @@ def _row(item: Transaction, clock: Clock, tables: _Tables, witness: plc.Witness)
         frames.read_response,
         item.segments or frames.polls or 0,
         frames.rereads or 0,
-        None if item.write_status is None else place("statuses", item.write_status),
-        None if item.read_status is None else place("statuses", item.read_status),
+        None if item.write_status is None else places["statuses"][item.write_status],
+        None if item.read_status is None else places["statuses"][item.read_status],
         _hex(item.request),
         _hex(item.response),
         _asked(item, tables),
-        [place("rules", rule) for rule in item.findings],
-        place("plc", witness.line(item)),
-        place("objects", tables.targets.identity(item)),
+        [places["rules"][rule] for rule in item.findings],
+        places["plc"][witness.line(item)],
+        places["objects"][tables.targets.identity(item)],
     ]
 
 
@@ -234,19 +224,13 @@ def _hex(data: bytes | None) -> str | None:
 
 def _parameter(item: Parameter, tables: _Tables) -> list[Any]:
     """Address, values, how many there are; then, where there are any, scaled values, error and meaning."""
-    known = (
-        item.pnu, item.subindex, item.attribute, item.element_count, item.listed, item.unit, item.format,
-        item.described, item.family,
-    )  # fmt: skip
-    described = descriptions.parts(item)
+    described = None if item.attribute == "value" else descriptions.parts(item)
+    shown: list[Any] = (described or item.values)[:VALUES]
+    if str in map(type, shown) and not described:
+        shown = [value(each, item.format) if isinstance(each, str) else each for each in shown]
     row: list[Any] = [
-        tables.place("addresses", known),
-        described[:VALUES]
-        if described
-        else [
-            value(each, item.format) if isinstance(each, str) else each
-            for each in item.values[:VALUES]
-        ],
+        tables.places["addresses"][contract.about(item)],
+        shown,
         len(described) if described else descriptions.stated(item),
     ]
     scaled = None if item.scaled is None else [str(each) for each in item.scaled[:VALUES]]
@@ -255,5 +239,5 @@ def _parameter(item: Parameter, tables: _Tables) -> list[Any]:
     if item.error is not None:
         of = item.error
         error = (of.code, of.info, of.vendor_id, of.said, of.ak)
-        return [*row, scaled or 0, tables.place("errors", error)]
+        return [*row, scaled or 0, tables.places["errors"][error]]
     return [*row, scaled] if scaled else row

@@ -7,17 +7,19 @@ transactions, so here are only their numbers; templates/report/trail.js reads ro
 from __future__ import annotations
 
 from collections.abc import Collection, Hashable
+from functools import lru_cache
 from typing import Any
 
 from ds47.model import CaptureResult
 from ds47.profidrive.drive_objects import Identity
 from ds47.profidrive.naming import spelling
+from ds47.report import contract
 from ds47.report.changes import way
 from ds47.report.formatting import value
 from ds47.report.html import messages
 from ds47.report.html.texts import Both
 from ds47.report.targets import Targets
-from ds47.report.trail import ACCEPTED, NEGATIVE, REFUSED, SENT, Change, Known, trail
+from ds47.report.trail import ACCEPTED, NEGATIVE, REFUSED, SENT, Change, Known, changes
 from ds47.spec import error_hex
 
 MOST = 20_000
@@ -58,10 +60,10 @@ class TrailView:
         self.unproved = 0
         self.written: set[tuple[str, int]] = set()
         here = {each.id for each in result.transactions}
-        changes = [each for each in trail(result).changes if each.transaction.id in here]
-        shown = [each for each in changes if each.transaction.id in listed][:MOST]
+        found = [each for each in changes(result) if each.transaction.id in here]
+        shown = [each for each in found if each.transaction.id in listed][:MOST]
         rows = [self._row(each) for each in shown]
-        self.left_out = len(changes) - len(shown)
+        self.left_out = len(found) - len(shown)
         self.data: dict[str, Any] = {
             "row": ROW, "outcomes": OUTCOMES, "rows": rows,
             **{name: list(places) for name, places in self._tables.items()},
@@ -73,11 +75,10 @@ class TrailView:
 
     def _row(self, change: Change) -> list[Any]:
         item, parameter = change.transaction, change.parameter
-        unit = parameter.unit if parameter.scaled is None else None
-        number, reason = spelling(change.pnu, parameter.family), _reason(change)
+        name, reason = _name(contract.about(parameter), parameter.scaled is None), _reason(change)
         return [
             item.id, self._place("objects", self._object(change)), self._place("ways", way(change)),
-            change.pnu, change.subindex, self._place("names", (*messages.name(parameter), unit, number)),
+            change.pnu, change.subindex, self._place("names", name),
             None if change.old is None else value(change.old.value, change.old.format),
             _from(change.old),
             None if change.new is None else value(change.new, parameter.format),
@@ -97,6 +98,14 @@ class TrailView:
         else:
             self.written.add((item.device, number))
         return item.device, self._labels.get(identity, ""), number
+
+
+@lru_cache(maxsize=4096)
+def _name(about: tuple[Any, ...], plain: bool) -> tuple[str, str, str | None, str]:
+    """The name of a parameter in both languages, its unit and its number; no unit where values are scaled."""
+    item = contract.told(about)
+    number = spelling(item.pnu or 0, item.family)
+    return (*messages.name(item), item.unit if plain else None, number)
 
 
 def _from(old: Known | None) -> int:
