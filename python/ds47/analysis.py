@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
@@ -24,14 +24,6 @@ from ds47.acyclic.record_events import RecordEvents
 from ds47.acyclic.transactions import build, summarise
 from ds47.capture import Capture, CaptureError, Series, open_capture, sha256
 from ds47.capture.scan import Watch
-from ds47.cyclic import CYCLIC
-from ds47.cyclic.channels import CyclicChannels
-from ds47.cyclic.conclusions import Conclusions
-from ds47.cyclic.handshake import PkwJob
-from ds47.cyclic.named import Name
-from ds47.cyclic.relations import Relation
-from ds47.cyclic.senders import senders
-from ds47.cyclic.transactions import build as build_pkw
 from ds47.diagnosis import Diagnoses
 from ds47.findings.collection import Findings
 from ds47.findings.grouping import OF_THE_RECORDING
@@ -56,8 +48,14 @@ from ds47.spec.statuses import status_hex
 
 if TYPE_CHECKING:
     from ds47.acyclic.lines import Lines
+    from ds47.cyclic.channels import CyclicChannels
+    from ds47.cyclic.conclusions import Conclusions
+    from ds47.cyclic.handshake import PkwJob
+    from ds47.cyclic.named import Name
+    from ds47.cyclic.relations import Relation
     from ds47.parameters.catalogue import Catalogue
     from ds47.parameters.lists import ParameterList
+    from ds47.profinet.link import Packet
     from ds47.s7.communication import Communication
     from ds47.s7.model import S7Job
 
@@ -77,8 +75,7 @@ class Early(NamedTuple):
     found: Callable[[Finding], None]
 
 
-@dataclass(frozen=True, slots=True)
-class AnalysisOptions:
+class AnalysisOptions(NamedTuple):
     """What a user may choose.
 
     Attributes:
@@ -102,23 +99,15 @@ class AnalysisOptions:
     slow_ms: float | None = None
     select: tuple[str, ...] = ()
     ignore: tuple[str, ...] = ()
-    codec: Options = field(default_factory=Options)
+    codec: Options = Options()
     digest: bool = False
     pkw_layouts: tuple[tuple[str, str], ...] = ()
     channels: tuple[str, ...] = CHANNELS
     cyclic: tuple[Name, ...] = ()
     ppos: tuple[tuple[int, int], ...] = ()
-    s7: Choices = field(default_factory=Choices)
+    s7: Choices = Choices()
     vendor_id: int | None = None
     lists: tuple[ParameterList, ...] = ()
-
-    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
-        """To another process, compiled too: pickle itself cannot fill in what is frozen."""
-        return type(self), (
-            self.indices, self.slow_ms, self.select, self.ignore, self.codec, self.digest,
-            self.pkw_layouts, self.channels, self.cyclic, self.ppos, self.s7,
-            self.vendor_id, self.lists,
-        )  # fmt: skip
 
 
 def analyze(
@@ -156,6 +145,8 @@ def _told(
     result = analysis.run(capture)
     alone = isinstance(capture, Capture) and Path(capture.path).is_file()
     if alone and result.frames and analysis.lacks_connect:
+        from ds47.cyclic.senders import senders
+
         with suppress(CaptureError), open_capture(capture.path) as again:
             result.senders = senders(again.everything())
     return result
@@ -203,11 +194,6 @@ def _name_elements(transaction: Transaction) -> None:
     name_elements(transaction)
 
 
-def _layout(layouts: dict[str, str], device: str) -> str:
-    """The layout of IND of a device: its own, that of all, or that of cyclic transfer."""
-    return layouts.get(device, layouts.get("", CYCLIC))
-
-
 class Analysis:
     """One run over one capture; most want `analyze`.
 
@@ -250,13 +236,13 @@ class Analysis:
         self._diagnoses = Diagnoses(options.codec, self._completeness)
         self._pairing = Pairing(bounds, self._told, self._completeness)
         self._stations = Names(bounds.stations, options.vendor_id)
-        vendor = self._stations.vendor if options.vendor_id is not None else None
-        self._cyclic = CyclicChannels(
-            self._exchanged, self._watch, bounds, options.channels, vendor, self._stations.vendor_of
-        )
+        self._vendor = self._stations.vendor if options.vendor_id is not None else None
+        self._layouts = dict(options.pkw_layouts)
+        self._cyclic: Conclusions | None = None
+        """What is in cyclic frames, once anybody has set it up or named it."""
         self._events = RecordEvents(index47, self._pairing, options.codec, self._told)
         self._records = RecordCalls(
-            self._events, self._pairing, self._told, self._completeness, bounds, vendor
+            self._events, self._pairing, self._told, self._completeness, bounds, self._vendor
         )
         self._calls = CallTracker(bounds, self._completeness)
         ports = options.s7.every_port if S7 in options.channels else ()
@@ -267,7 +253,7 @@ class Analysis:
             self._stations,
             self._records,
             self._diagnoses.cut,
-            self._cyclic.frame,
+            self._cyclic_frame,
             self._s7,
         )
         self._lines: Lines | None = None
@@ -286,14 +272,12 @@ class Analysis:
         self._capture: Capture | Series | None = None
         self._untimed = False
         """Whether its frames have no times, as those of a log of PROFIBUS may have none."""
-        layouts = dict(options.pkw_layouts)
-        self._layout = partial(_layout, layouts)
-        self._conclusions = Conclusions(bounds, self._layout, self._cyclic)
 
     def run(self, capture: Capture | Series) -> CaptureResult:
         """Reads the capture to its end and sums up."""
         self._capture = capture
-        self._cyclic.name(self._options.cyclic)
+        if self._options.cyclic:
+            self._channels().name(self._options.cyclic)
         capture.tcp(self._s7.ports)
         self._frames(capture)
         self._findings.frames_dropped = capture.gaps
@@ -308,7 +292,6 @@ class Analysis:
         self._records.finish()
         self._events.finish()
         self._hear()
-        self._cyclic.finish()
         self._operation()
         self._proven_late()
         self._diagnose(capture)
@@ -333,7 +316,7 @@ class Analysis:
             diagnoses=self._findings.diagnoses(),
             summary=self._summary,
             relations=self._relations(),
-            timelines=self._cyclic.timelines(),
+            timelines=[] if self._cyclic is None else self._channels().timelines(),
             bus=None if self._lines is None else self._lines.told(capture.timed),
             connections=self._s7.told(),
             connections_left_out=self._s7.left_out,
@@ -343,12 +326,14 @@ class Analysis:
     def lacks_connect(self) -> bool:
         """Whether nobody told what is in cyclic frames: no Connect was seen, and nothing was named."""
         wanted = {PKW, PZD} & set(self._options.channels)
-        return bool(wanted) and not (self._options.cyclic or self._cyclic.is_set_up)
+        told = self._cyclic is not None and self._channels().is_set_up
+        return bool(wanted) and not (self._options.cyclic or told)
 
     def _relations(self) -> list[ToldRelation]:
         """The channels in cyclic frames, where any is reported: timelines count in all of them."""
-        cyclic = {PKW, PZD} & set(self._options.channels)
-        return [each.told() for each in self._cyclic.relations()] if cyclic else []
+        if self._cyclic is None or not {PKW, PZD} & set(self._options.channels):
+            return []
+        return [each.told() for each in self._channels().relations()]
 
     def _frames(self, frames: Capture | Series) -> None:
         note, take, record = self._times.note, self._transport.take_frame, self._records.take
@@ -394,7 +379,7 @@ class Analysis:
             elif what == "connected":
                 self._judge.connected(about, more)
             elif what == "set_up":
-                self._cyclic.connected(about, more)
+                self._channels().connected(about, more)
             elif what == "foreign":
                 self._diagnoses.foreign(about)
             else:
@@ -440,7 +425,7 @@ class Analysis:
         from ds47.acyclic.lines import Lines  # few captures have one
 
         return Lines(
-            limits(), self._events, self._pairing, self._told, self._cyclic,
+            limits(), self._events, self._pairing, self._told, self._channels(),
             dict(self._options.ppos),
         )  # fmt: skip
 
@@ -506,8 +491,8 @@ class Analysis:
         transaction = self._built(job)
         if self._untimed:
             transaction.duration_ns = None
-        if response is not None and response.failed:
-            for remark in self._conclusions.transaction(transaction):
+        if response is not None and response.failed and self._cyclic is not None:
+            for remark in self._cyclic.transaction(transaction):
                 remark.job = job
                 remarks.append(remark)
         refused = transaction.state == "refused"
@@ -542,6 +527,30 @@ class Analysis:
 
         return naming.explain(transaction, self._catalogue, vendor_id, device_id)
 
+    def _channels(self) -> CyclicChannels:
+        if self._cyclic is None:
+            from ds47.cyclic.channels import (
+                CyclicChannels,
+            )  # long to import, and few captures have any
+            from ds47.cyclic.conclusions import Conclusions
+
+            channels = CyclicChannels(
+                self._exchanged, self._watch, limits(), self._options.channels, self._vendor,
+                self._stations.vendor_of,
+            )  # fmt: skip
+            self._cyclic = Conclusions(limits(), self._layout, channels)
+        return self._cyclic.channels
+
+    def _layout(self, device: str) -> str:
+        """The layout of IND of a device: its own, that of all, or that of cyclic transfer."""
+        from ds47.cyclic.pkw import CYCLIC
+
+        return self._layouts.get(device, self._layouts.get("", CYCLIC))
+
+    def _cyclic_frame(self, packet: Packet) -> None:
+        if self._cyclic is not None:
+            self._cyclic.channels.frame(packet)
+
     def _watch(self, watches: Sequence[Watch]) -> None:
         """Cyclic frames that matter from the next frame on."""
         if self._capture is not None:
@@ -549,7 +558,10 @@ class Analysis:
 
     def _exchanged(self, relation: Relation, job: PkwJob) -> None:
         """A transaction of PKW is over."""
-        self._cyclic.identify()
+        from ds47.cyclic.transactions import build as build_pkw
+
+        assert self._cyclic is not None
+        self._cyclic.channels.identify()
         transaction = build_pkw(relation, job, self._layout(relation.device))
         explain_transaction(self._dictionary, transaction, relation.maker, relation.family)
         self._named(transaction, relation.vendor_id, None)
@@ -559,15 +571,16 @@ class Analysis:
             unseen = max(unsure, self._completeness.newest(relation.device))
             if unseen >= job.request.at.frame:
                 job.heard = False  # its response may be among what was not seen of the line
-        order, remarks = self._pairing.number(), self._conclusions.exchanged(relation, job)
-        remarks += self._conclusions.transaction(transaction)
+        order, remarks = self._pairing.number(), self._cyclic.exchanged(relation, job)
+        remarks += self._cyclic.transaction(transaction)
         if PKW in self._options.channels:
-            self._conclusions.reported(relation, job)
+            self._cyclic.reported(relation, job)
             self._finished(order, transaction, remarks)
 
     def _drive(self, ip: str) -> str | None:
         """What the capture shows up to now, beside S7 and record calls, that an IP address is a drive or a CPU."""
-        if any(each.relation.device == ip for each in self._cyclic.drives()):
+        drives = () if self._cyclic is None else self._cyclic.channels.drives()
+        if any(each.relation.device == ip for each in drives):
             return "cyclic"
         identity, kind = self._stations.identity(ip), self._stations.kind(ip)
         if identity is not None and s7.is_drive_device(*identity):
@@ -604,8 +617,10 @@ class Analysis:
 
     def _operation(self) -> None:
         """What the cyclic channels, and the stations of PROFIBUS, show when the capture is over."""
-        for remark in self._conclusions.finish():
-            self._findings.add(remark)
+        if self._cyclic is not None:
+            self._cyclic.channels.finish()
+            for remark in self._cyclic.finish():
+                self._findings.add(remark)
         for remark in self._lines.remarks() if self._lines is not None else ():
             self._findings.add(remark)
 

@@ -104,7 +104,14 @@ def _whole(data: bytes, seal: str) -> bool:
 def _made_of(task: Task, options: AnalysisOptions, lang: str) -> dict[str, Any]:
     """What a result depends on, besides the version: when it is the same, so is the result."""
     options = options_for(task.path, options)
-    chosen = asdict(options) | {"indices": sorted(options.indices), "lang": lang}
+    chosen = options._asdict() | {
+        "indices": sorted(options.indices),
+        "codec": options.codec._asdict(),
+        "cyclic": [each._asdict() for each in options.cyclic],
+        "s7": options.s7._asdict(),
+        "lists": [asdict(each) for each in options.lists],
+        "lang": lang,
+    }
     sources = [
         {"path": each.name, "size": each.size, "mark": each.mark, "missing_before": each.missing}
         for each in task.sources

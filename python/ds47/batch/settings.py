@@ -10,15 +10,12 @@ Everything else in the file is about comparing results (`ds47.regression.config`
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from ds47.analysis import AnalysisOptions
 from ds47.capture import CaptureError
-from ds47.cyclic import CYCLIC, USS, named
-from ds47.cyclic.named import Name
 from ds47.model import SIEMENS
 from ds47.report import heading
 from ds47.report.heading import Heading
@@ -26,19 +23,21 @@ from ds47.report.zones import Zone, zone
 from ds47.s7 import choices
 from ds47.s7.choices import Choices
 
+if TYPE_CHECKING:
+    from ds47.cyclic.named import Name
+
 FILE: Final = "ds47.toml"
 
 
-@dataclass(frozen=True, slots=True)
-class Settings:
+class Settings(NamedTuple):
     """`[cyclic]`: channels that are named, and layouts of IND by the address of a device; and the other tables."""
 
     channels: tuple[Name, ...] = ()
     pkw_layouts: tuple[tuple[str, str], ...] = ()
     ppos: tuple[tuple[int, int], ...] = ()
-    s7: Choices = field(default_factory=Choices)
+    s7: Choices = Choices()
     vendor_id: int | None = None
-    heading: Heading = field(default_factory=Heading)
+    heading: Heading = Heading()
     zone: Zone | None = None
     """That of times of day."""
 
@@ -49,6 +48,8 @@ def parse(table: Any) -> Settings:
     Raises:
         ValueError: the key and what is allowed.
     """
+    from ds47.cyclic import named  # most folders have no settings
+
     if not isinstance(table, dict):
         raise ValueError("cyclic: write it as a table, [cyclic]")
     unknown = set(table) - {"channels", "pkw_layout", "ppo"}
@@ -122,6 +123,8 @@ def layout(text: str) -> tuple[str, str]:
     Raises:
         ValueError: it is none.
     """
+    from ds47.cyclic.pkw import CYCLIC, USS
+
     device, _, name = text.rpartition("=")
     if name not in (CYCLIC, USS):
         raise ValueError(f"{text!r}: cyclic or uss, for one device 192.168.0.5=uss")
@@ -152,8 +155,7 @@ def options_for(place: str, options: AnalysisOptions) -> AnalysisOptions:
     settings = _nearest(path.resolve().parent)
     if settings == Settings():
         return options
-    return replace(
-        options,
+    return options._replace(
         cyclic=options.cyclic or settings.channels,
         pkw_layouts=(*settings.pkw_layouts, *options.pkw_layouts),
         ppos=(*settings.ppos, *options.ppos),
@@ -203,8 +205,7 @@ def _read(path: Path) -> Settings:
         table = tomllib.loads(path.read_text(encoding="utf-8-sig"))
         report = table.get("report", {})
         tz = report.pop("tz", None) if isinstance(report, dict) else None
-        return replace(
-            parse(table.get("cyclic", {})),
+        return parse(table.get("cyclic", {}))._replace(
             s7=parse_s7(table.get("s7", {})),
             vendor_id=parse_names(table.get("names", {})),
             heading=heading.parse(report),

@@ -13,10 +13,13 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
-from queue import SimpleQueue
+from typing import TYPE_CHECKING
 
 from .scan import BATCH, COMPILED, Found, Scan
 from .stream import Window
+
+if TYPE_CHECKING:
+    from queue import SimpleQueue
 
 FROM = 1 << 24
 """Bytes of a file for which a thread pays."""
@@ -73,6 +76,8 @@ class _Thread:
     """One run of a scan through a file. While it lasts, scan, window and file are its own."""
 
     def __init__(self, scan: Scan, window: Window, descriptor: int) -> None:
+        from queue import SimpleQueue  # few captures are large, and fewer scans compiled
+
         self._scan = scan
         self._found: SimpleQueue[list[Found] | BaseException | None] = SimpleQueue()
         self._room: SimpleQueue[None] = SimpleQueue()

@@ -6,7 +6,6 @@ Nothing that only one command needs, and nothing about captures or messages.
 from __future__ import annotations
 
 import os
-import shlex
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -130,7 +129,9 @@ def shell_word(text: str) -> str:
         from subprocess import list2cmdline
 
         return list2cmdline([text])
-    return shlex.quote(text)
+    from shlex import quote
+
+    return quote(text)
 
 
 def warn(text: str) -> None:

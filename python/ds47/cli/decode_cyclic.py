@@ -53,7 +53,8 @@ def _parts(data: bytes, kind: str) -> tuple[bytes, int, bytes]:
 
 
 def _document(data: bytes, kind: str, layout: str, vendor_id: int | None) -> dict[str, Any]:
-    from ds47.cyclic import decode, percent
+    from ds47.cyclic.pkw import decode
+    from ds47.cyclic.pzd import percent
     from ds47.report import cyclic
 
     first, _, words = _parts(data, kind)
@@ -69,7 +70,7 @@ def _document(data: bytes, kind: str, layout: str, vendor_id: int | None) -> dic
 
 
 def _lines(data: bytes, kind: str, layout: str, lang: str, vendor_id: int | None) -> Iterator[str]:
-    from ds47.cyclic import decode
+    from ds47.cyclic.pkw import decode
     from ds47.report import cyclic
     from ds47.report.bilingual import say
 

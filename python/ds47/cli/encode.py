@@ -116,8 +116,8 @@ def _unquoted(line: str) -> str:
 
 def _pkw(line: str, layout: str, eeprom: bool, lang: str) -> bytes:
     """The bytes of a PKW request, with a word where a drive may want another AK."""
-    from ds47.cyclic import decode
     from ds47.cyclic.notation import encode_line
+    from ds47.cyclic.pkw import decode
     from ds47.report.bilingual import say
 
     try:

@@ -242,7 +242,11 @@ def _lists(names: Sequence[str], kept: bool) -> tuple[ParameterList, ...]:
     """The lists that were taken in, then those that were named: of equals these count."""
     if not names and not kept:
         return ()
-    from ds47.parameters import lists, store
+    from ds47.parameters import store
+
+    if not names and not store.files():
+        return ()
+    from ds47.parameters import lists
 
     try:
         own = [found for _, found in store.kept()] if kept else []
@@ -264,6 +268,8 @@ def _channels(names: str) -> tuple[str, ...]:
 
 def _named(texts: Sequence[str]) -> tuple[Name, ...]:
     """The channels that are named by hand."""
+    if not texts:
+        return ()
     from ds47.cyclic import named
 
     try:
@@ -276,6 +282,8 @@ def _named(texts: Sequence[str]) -> tuple[Name, ...]:
 
 def _ppos(texts: Sequence[str]) -> tuple[tuple[int, int], ...]:
     """The PPO of stations that are named by hand."""
+    if not texts:
+        return ()
     from ds47.cyclic import named
 
     try:

@@ -7,7 +7,6 @@ are `ds47.batch`, how a run goes `ds47.cli.run`, the formats `ds47.report`.
 from __future__ import annotations
 
 import re
-import shutil
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TextIO
@@ -231,7 +230,9 @@ def _columns(output_name: str) -> int:
     """Of the terminal (or COLUMNS) where text goes to it, but no fewer than a report needs."""
     if output_name != STDIN or not sys.stdout.isatty():
         return Options().width
-    return max(LEAST_WIDTH, shutil.get_terminal_size((Options().width, 24)).columns)
+    from shutil import get_terminal_size  # takes its time: it knows archives, too
+
+    return max(LEAST_WIDTH, get_terminal_size((Options().width, 24)).columns)
 
 
 def _reference(text: str) -> Reference:

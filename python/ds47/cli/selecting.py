@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
 from datetime import datetime, timedelta, timezone
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import click
 
@@ -89,16 +88,14 @@ def selection_options(function: Function) -> Function:
     return function
 
 
-@dataclass(frozen=True, slots=True)
-class _Moment:
+class _Moment(NamedTuple):
     """A point in time: nanoseconds since 1970, since the first frame, or since midnight."""
 
     ns: int
     kind: str
 
 
-@dataclass(frozen=True, slots=True)
-class Choice:
+class Choice(NamedTuple):
     """What the options choose, in the times of any capture."""
 
     selection: Selection
@@ -119,7 +116,7 @@ class Choice:
     def of(self, first_ns: int | None, last_ns: int | None = None) -> Selection:
         """The selection in a capture whose first and last frames have these times."""
         start, end = (self._time(each, first_ns or 0, last_ns) for each in (self.start, self.end))
-        return replace(self.selection, start=start, end=end)
+        return self.selection._replace(start=start, end=end)
 
     def _time(self, moment: _Moment | None, first_ns: int, last_ns: int | None) -> int | None:
         if moment is None or moment.kind == "absolute":

@@ -3,11 +3,3 @@
 Here are words and what they say (docs/cyclic.md): `pkw` the four words of a request or an answer, `pzd`
 the control and the status word. Frames, and which bytes of them are a channel, are not known here.
 """
-
-from ds47.cyclic.pkw import CYCLIC, LENGTH, USS, Error, PkwMessage, decode, encode
-from ds47.cyclic.pzd import Status, missing, percent, signed, state
-
-__all__ = [
-    "CYCLIC", "LENGTH", "USS", "Error", "PkwMessage", "Status", "decode", "encode", "missing",
-    "percent", "signed", "state",
-]  # fmt: skip

@@ -37,7 +37,7 @@ class Conclusions:
     ) -> None:
         self._bounds = bounds
         self._layout = layout
-        self._channels = channels
+        self.channels = channels
         self._habits: dict[Place, tuple[Relation, Habits]] = {}
         self._incomplete: dict[tuple[str, str, str], tuple[int, int]] = {}
         """By why, controller and device: how many requests may lack their responses, and the first frame."""
@@ -61,23 +61,23 @@ class Conclusions:
     def transaction(self, item: Transaction) -> list[Remark]:
         """A transaction of any channel that is over: whether the state of its drive explains it."""
         found = turned_down(item)
-        remark = found and explain(found, self._channels.drives())
+        remark = found and explain(found, self.channels.drives())
         return [remark] if remark else []
 
     def finish(self) -> Iterator[Remark]:
         """Everything else."""
-        for each in self._channels.mixed:
+        for each in self.channels.mixed:
             args = {"device": each.device, "sender": each.sender, "frame_id": each.frame_id}
             yield Remark("DS515", each.frame, args)
-        count, first = self._channels.late
+        count, first = self.channels.late
         if count:
             yield Remark("DS725", first, {"what": "disorder", "count": count})
-        for relation, job in self._channels.unanswered():
+        for relation, job in self.channels.unanswered():
             self.reported(relation, job)
         for (what, controller, device), (count, first) in self._incomplete.items():
             who = {"controller": controller, "device": device}
             yield Remark("DS725", first, {"what": what, "count": count, **who})
-        for drive in self._channels.drives():
+        for drive in self.channels.drives():
             if drive.holes:
                 who = {"controller": drive.relation.controller, "device": drive.relation.device}
                 args = {"what": "cyclic_holes", "count": drive.holes, **who}
@@ -85,12 +85,12 @@ class Conclusions:
             yield from _about(drive.relation, drive.remarks())
         for relation, habits in self._habits.values():
             yield from _about(relation, habits.finish())
-        for relation, job in self._channels.unanswered():
+        for relation, job in self.channels.unanswered():
             if job.ends:
                 continue
             ignored = judge.unanswered(relation, job, self._layout(relation.device))
             yield from _about(relation, ignored)
-        for relation in self._channels.unused():
+        for relation in self.channels.unused():
             if not relation.is_foreign and relation.frame is not None:
                 where = {"device": relation.device, "slot": relation.slot}
                 yield Remark("DS512", relation.frame, where)

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from ds47.cyclic.pkw import LENGTH
 from ds47.cyclic.relations import Relation, Side
@@ -48,8 +47,7 @@ def parse_ppo(text: str) -> tuple[int, int]:
     return int(found[1]), int(found[2])
 
 
-@dataclass(frozen=True, slots=True)
-class Name:
+class Name(NamedTuple):
     """One direction of a channel: the sender's MAC address and frame id, and where it is behind the frame id."""
 
     mac: str

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import math
 import struct
-from dataclasses import dataclass
-from typing import cast
+from typing import NamedTuple, cast
 
 from ds47.profidrive.formats import float32_value
 from ds47.spec import cyclic
@@ -28,15 +27,13 @@ _PAGE = 2000
 _MOST_PNU = 0xFFFF
 
 
-@dataclass(frozen=True, slots=True)
-class Error:
+class Error(NamedTuple):
     """Why a request was not executed; `code` is None where no word of the answer is an error number."""
 
     code: int | None
 
 
-@dataclass(frozen=True, slots=True)
-class PkwMessage:
+class PkwMessage(NamedTuple):
     """A request (`answer` False) or an answer; the attributes have the names of the JSON.
 
     `pnu` is None where page and number together are none that exists. `value` is a whole number or a

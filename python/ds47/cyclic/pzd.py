@@ -5,13 +5,12 @@ One word, or one pair of words, at a time. Edges, times and who sent what are no
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from ds47.spec import cyclic
 
 
-@dataclass(frozen=True, slots=True)
-class Status:
+class Status(NamedTuple):
     """What a status word says: the state, and what is shown beside it (ids of spec/pzd.toml)."""
 
     state: str

@@ -30,8 +30,7 @@ _LONGEST = 1440
 """Bytes of data that a cyclic frame has at the most."""
 
 
-@dataclass(frozen=True, slots=True)
-class Side:
+class Side(NamedTuple):
     """One direction: the sender's MAC address and frame id, and where the channel is behind the frame id.
 
     Of `length` bytes only the first `watched` matter when they change. `iops` is where the state of the data

@@ -7,12 +7,11 @@ tried in `search`.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from itertools import islice
+from itertools import islice, starmap
 from typing import Final
 
 from ds47.capture.frame import Frame
 from ds47.capture.scan import ETHERNET, PROFINET, network_layer
-from ds47.cyclic.search import Image, offsets
 from ds47.model import Sender
 
 FRAMES: Final = 2000
@@ -25,12 +24,13 @@ _STATES = 6
 _ID = 2
 
 _Key = tuple[bytes, int]
+_Images = list[tuple[int, bytes]]
 
 
 def senders(frames: Iterable[Frame]) -> list[Sender]:
     """The senders of cyclic frames among the first frames, in the order in which they are met."""
     found: dict[_Key, Sender] = {}
-    images: dict[_Key, list[Image]] = {}
+    images: dict[_Key, _Images] = {}
     for frame in islice(frames, FRAMES):
         data = frame.data
         if frame.link_type != ETHERNET:
@@ -44,16 +44,18 @@ def senders(frames: Iterable[Frame]) -> list[Sender]:
         if key not in found and len(found) < _MOST:
             found[key] = Sender(data[6:12].hex(":"), data[:6].hex(":"), frame_id, length)
         if key in found:
-            said = Image(frame.time_ns, data[at + _ID : at + _ID + length])
+            said = frame.time_ns, data[at + _ID : at + _ID + length]
             images.setdefault(key, []).append(said)
     _look(found, images)
     return list(found.values())
 
 
-def _look(found: dict[_Key, Sender], images: dict[_Key, list[Image]]) -> None:
+def _look(found: dict[_Key, Sender], images: dict[_Key, _Images]) -> None:
     """Says of two that send to each other where control and status word stand, where their frames show it."""
     for one, other in [(a, b) for a in found for b in found if found[a].is_answered_by(found[b])]:
-        places = offsets(images[one], images[other])
+        from ds47.cyclic.search import Image, offsets  # few captures have any without their Connect
+
+        places = offsets(*(list(starmap(Image, images[each])) for each in (one, other)))
         if places is not None and found[one].word is None and found[other].word is None:
             found[one] = found[one]._replace(word="STW1", offset=places[0])
             found[other] = found[other]._replace(word="ZSW1", offset=places[1])

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Iterator
-from dataclasses import replace
 from functools import cache, partial
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -163,7 +162,7 @@ class Diagnoses:
         errors = {each.number: each.code for each in refused}
         return repair.find(
             half.data, message, errors, partial(self._is_known, job.peer),
-            partial(self._format, job), replace(self._codec, vendor_id=job.peer.vendor_id),
+            partial(self._format, job), self._codec._replace(vendor_id=job.peer.vendor_id),
             job.peer.drives,
         )  # fmt: skip
 

@@ -15,15 +15,13 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from ds47 import spec
 from ds47.diagnosis.suggest import as_format, with_blocks
 from ds47.model import SIEMENS
 from ds47.profidrive import Block, Options, Request, Value, decode_request
 from ds47.profidrive.formats import codec
-from ds47.profidrive.notation import format_request_line
 from ds47.profidrive.parameter import codecs
 from ds47.spec.layouts import MESSAGE_SIZE
 from ds47.spec.semantics import known
@@ -43,8 +41,7 @@ _MARGIN: Final = 2
 """Of two readings of the same bytes one is meant if it has so many significant digits fewer."""
 
 
-@dataclass(frozen=True, slots=True)
-class Retyped:
+class Retyped(NamedTuple):
     """One parameter under another format (DS714).
 
     Attributes:
@@ -58,8 +55,7 @@ class Retyped:
     bits: str
 
 
-@dataclass(frozen=True, slots=True)
-class Repair:
+class Repair(NamedTuple):
     """The one change that makes sense of a request.
 
     Attributes:
@@ -118,7 +114,7 @@ def find(
 def _read(found: Repair, options: Options, family: str | None) -> Repair:
     """A repair of a whole request with its readable line."""
     line = _line(found.request, decode_request(found.request, options), family)
-    return replace(found, args={"meant": line})
+    return found._replace(args={"meant": line})
 
 
 # Numbers ----------------------------------------------------------------------------------------
@@ -206,6 +202,8 @@ def _settled(data: bytes, options: Options) -> tuple[bytes, Request] | None:
 
 def _line(data: bytes, message: Request, family: str | None) -> str:
     """The readable line; the bytes where there is none, as with dialects, which it does not know."""
+    from ds47.profidrive.notation import format_request_line  # most requests have no repair
+
     try:
         if any(block.meaning is not None for block in message.blocks):
             raise ValueError("a dialect has no line")
@@ -333,8 +331,7 @@ class _Spread:
 # Values -----------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class _Guess:
+class _Guess(NamedTuple):
     """A repair of values, and how many significant digits its longest number has."""
 
     repair: Repair

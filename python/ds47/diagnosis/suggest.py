@@ -5,7 +5,6 @@ Which correction a request needs is decided elsewhere (`repair`, `refusal`, `len
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
@@ -21,7 +20,6 @@ from ds47.profidrive import (
     encode_request,
     make_block,
 )
-from ds47.profidrive.notation import format_request_line, parse_request_line
 from ds47.spec.semantics import never_written
 
 _PER_ROW: Final = 4
@@ -82,12 +80,16 @@ def scl(data: bytes) -> str:
 
 def encode_command(data: bytes, family: str | None = None) -> str | None:
     """The `ds47 encode` line that gives exactly these bytes, for a POSIX shell; None if none does."""
+    from shlex import quote
+
+    from ds47.profidrive.notation import format_request_line, parse_request_line
+
     try:
         line = format_request_line(decode_request(data), family)
         same = encode_request(parse_request_line(line)) == data
     except ValueError:
         return None
-    return f"ds47 encode {shlex.quote(line)}" if same else None
+    return f"ds47 encode {quote(line)}" if same else None
 
 
 def with_blocks(message: Request, blocks: Mapping[int, Block]) -> bytes:

@@ -8,15 +8,17 @@ from __future__ import annotations
 import os
 import re
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import click
 
 from ds47.parameters.file_names import is_device
-from ds47.parameters.lists import ListError, ParameterList, read, write
+
+if TYPE_CHECKING:
+    from ds47.parameters.lists import ParameterList
 
 VARIABLE: Final = "DS47_PARAMS"
-_NAME = re.compile(r"[^\w.+-]+")
+_NO_NAME: Final = r"[^\w.+-]+"
 
 
 def folder() -> Path:
@@ -31,6 +33,8 @@ def save(found: ParameterList) -> tuple[Path, bool]:
     Raises:
         ListError: the folder cannot be written.
     """
+    from ds47.parameters.lists import ListError, write
+
     path = folder() / f"{file_name(found.name)}.toml"
     replaced = path.exists()
     try:
@@ -43,18 +47,25 @@ def save(found: ParameterList) -> tuple[Path, bool]:
 
 def file_name(name: str) -> str:
     """The name of a list as that of a file that every system takes."""
-    plain = _NAME.sub("-", name).strip("-. ") or "list"
+    plain = re.sub(_NO_NAME, "-", name).strip("-. ") or "list"
     stem, dot, rest = plain.partition(".")
     return f"{stem}-{dot}{rest}" if is_device(plain) else plain
 
 
+def files() -> list[Path]:
+    """Those of all lists that are kept; nearly always none, and what reads them takes its time to import."""
+    return sorted(folder().glob("*.toml"))
+
+
 def kept() -> list[tuple[Path, ParameterList]]:
-    """All lists that are kept, in the order of their file names.
+    """All lists that are kept, in the order of `files`.
 
     Raises:
         ListError: one of them cannot be read.
     """
-    return [(path, read(path)) for path in sorted(folder().glob("*.toml"))]
+    from ds47.parameters.lists import read
+
+    return [(path, read(path)) for path in files()]
 
 
 def remove(name: str) -> Path:
@@ -63,6 +74,8 @@ def remove(name: str) -> Path:
     Raises:
         ListError: there is none, or it cannot be removed.
     """
+    from ds47.parameters.lists import ListError
+
     for path, found in kept():
         if name in (found.name, path.stem, path.name):
             try:

@@ -9,10 +9,9 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from datetime import date, timedelta
 from functools import cache
-from typing import Final
+from typing import Final, NamedTuple
 
 from ds47 import spec
 from ds47.profidrive.model import Value
@@ -29,8 +28,7 @@ _MS_MASK = 0x0FFFFFFF
 """Times of day use 28 of their 32 bits."""
 
 
-@dataclass(frozen=True, slots=True)
-class Codec:
+class Codec(NamedTuple):
     """How the values of one format are read, written and scaled.
 
     decode: (bytes of whole values, how many) -> values.  encode: the reverse, raises ValueError, with

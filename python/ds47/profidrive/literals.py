@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import re
-from difflib import get_close_matches
 from typing import Final
 
 from ds47 import spec
@@ -37,6 +36,8 @@ def format_code(name: str) -> int:
         return known.code
     if _CODE.fullmatch(name):
         return int(name, 16 if name[:2].lower() == "0x" else 10)
+    from difflib import get_close_matches
+
     own = {row.name.lower(): row.name for row in spec.formats().values()}
     plc = {row.plc.lower(): row.plc for row in spec.formats().values() if row.plc}
     near = get_close_matches(name.lower(), own | plc, n=_NEAR)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from ds47 import spec
 
@@ -21,8 +21,7 @@ ZERO: Final = 0x40
 ERROR: Final = 0x44
 
 
-@dataclass(frozen=True, slots=True)
-class Options:
+class Options(NamedTuple):
     """Known dialects (docs/protocol.md A.6) and the vendor whose error numbers apply (B)."""
 
     legacy_g120_formats: bool = False
@@ -30,10 +29,6 @@ class Options:
     profile_v3_types: bool = False
     """0x21 to 0x2C are N2, N4, V2 ... as profile V3 numbers them."""
     vendor_id: int | None = None
-
-    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
-        """To another process, compiled too: pickle itself cannot fill in what is frozen."""
-        return type(self), (self.legacy_g120_formats, self.profile_v3_types, self.vendor_id)
 
 
 @dataclass(slots=True)

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from ds47 import spec
 from ds47.profidrive import literals
@@ -78,8 +78,7 @@ def _hex_token(token: str) -> bytes:
     return bytes.fromhex(digits.rjust(width, "0"))
 
 
-@dataclass(frozen=True, slots=True)
-class RequestLine:
+class RequestLine(NamedTuple):
     """A request as a line asks for it, and what the line left out.
 
     Attributes:

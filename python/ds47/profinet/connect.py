@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from ds47.profinet.rpc import Pdu
 from ds47.spec.layouts import (
@@ -36,8 +36,7 @@ _BOTH = 3
 """Properties of a submodule that has input and output."""
 
 
-@dataclass(frozen=True, slots=True)
-class Data:
+class Data(NamedTuple):
     """Where the data of a submodule lies in cyclic frames, in one direction.
 
     `offset` counts from the byte behind the frame id; IOPS stands behind the data, `iops` bytes of it.
@@ -54,8 +53,7 @@ class Data:
     frame_length: int
 
 
-@dataclass(frozen=True, slots=True)
-class Submodule:
+class Submodule(NamedTuple):
     """A submodule that a Connect expects, with its data in either direction; None where it has none."""
 
     api: int
@@ -66,8 +64,7 @@ class Submodule:
     output: Data | None
 
 
-@dataclass(frozen=True, slots=True)
-class Connect:
+class Connect(NamedTuple):
     """What a Connect request asks for: the AR, the MAC address of the controller, and the submodules with data."""
 
     ar: bytes
@@ -77,10 +74,10 @@ class Connect:
     def answered(self, frame_ids: Mapping[int, int]) -> Connect:
         """The same with the frame ids that the device gave, by the reference of their relation."""
         submodules = (
-            replace(each, input=_with(each.input, frame_ids), output=_with(each.output, frame_ids))
+            each._replace(input=_with(each.input, frame_ids), output=_with(each.output, frame_ids))
             for each in self.submodules
         )
-        return replace(self, submodules=tuple(submodules))
+        return self._replace(submodules=tuple(submodules))
 
     def frame_lengths(self) -> dict[int, int]:
         """Of each frame id the bytes of data of all submodules."""
@@ -91,11 +88,10 @@ class Connect:
 def _with(data: Data | None, frame_ids: Mapping[int, int]) -> Data | None:
     if data is None:
         return None
-    return replace(data, frame_id=frame_ids.get(data.reference, data.frame_id))
+    return data._replace(frame_id=frame_ids.get(data.reference, data.frame_id))
 
 
-@dataclass(frozen=True, slots=True)
-class _Relation:
+class _Relation(NamedTuple):
     """One IOCRBlockReq: where which submodule lies in its frames."""
 
     kind: int

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from ds47.analysis import AnalysisOptions
@@ -101,7 +101,7 @@ def result_of(task: Task, options: AnalysisOptions | None = None) -> CaptureResu
     Raises:
         ds47.capture.CaptureError: nothing of it can be read.
     """
-    return readable(task, replace(options or AnalysisOptions(), digest=True))
+    return readable(task, (options or AnalysisOptions())._replace(digest=True))
 
 
 def readable(task: Task, options: AnalysisOptions) -> CaptureResult:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, NamedTuple
 
 LONGEST = 200
 """Characters of one entry."""
 
 
-@dataclass(frozen=True, slots=True)
-class Heading:
+class Heading(NamedTuple):
     """What a person says of a report."""
 
     title: str = ""
@@ -28,7 +26,7 @@ class Heading:
         )  # fmt: skip
 
 
-NAMES = tuple(each.name for each in fields(Heading))
+NAMES = Heading._fields
 
 
 def parse(table: Any) -> Heading:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any, TextIO
 
 from ds47.model import DIAGNOSIS, OPERATIONS, SEVERITIES, STATES, CaptureResult, Report
-from ds47.report import Options, causes, json, write_all
+from ds47.report import Options, causes, write_all
 from ds47.report import Writer as _Writer
 from ds47.report.bilingual import Both, joined, numbered, say
 from ds47.report.clock import Clock, beginning
@@ -187,6 +187,8 @@ def total(rows: Sequence[CaptureRow]) -> dict[str, Any]:
 
 def document(rows: Sequence[CaptureRow]) -> Iterator[str]:
     """The overview as pieces of JSON text, the worst capture first, one a line."""
+    from ds47.report import json  # text needs none of the contract
+
     head = {
         "schema": SCHEMA,
         "tool": {"name": "ds47", "version": __version__},

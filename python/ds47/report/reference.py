@@ -5,11 +5,10 @@ Where it is looked for and how it is told is in `ds47.report.timelines`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 
-@dataclass(frozen=True, slots=True)
-class Reference:
+class Reference(NamedTuple):
     """What 100 % is: values with their units, and the frame that said so; None where a person did."""
 
     values: tuple[tuple[float, str], ...]

@@ -7,7 +7,7 @@ of the command line are `ds47.cli.selecting`.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from ds47.model import S7, CaptureResult, Finding, Transaction
 from ds47.report.formatting import escape
@@ -20,8 +20,7 @@ class SelectionError(Exception):
     """Something is asked for that this capture does not have; the message says what it has."""
 
 
-@dataclass(frozen=True, slots=True)
-class Selection:
+class Selection(NamedTuple):
     """What somebody asked for: all criteria must apply, of each criterion one value is enough.
 
     Attributes:

@@ -31,7 +31,6 @@ from ds47.model import (
 from ds47.report import Options, buffers, causes, plc, timelines, write_all
 from ds47.report import Writer as _Writer
 from ds47.report import bus as stations
-from ds47.report import json as contract
 from ds47.report import s7 as communication
 from ds47.report.bilingual import Both, counted, joined, operation, say, state
 from ds47.report.clock import Clock
@@ -560,7 +559,7 @@ def _traffic(result: CaptureResult) -> Both:
     """What a capture without transactions has instead, so that nobody doubts it was read."""
     calls = [
         say("record_index", index=index, kind=kind, number=str(number))
-        for index, kinds in contract.capture_head(result)["records"].items()
+        for index, kinds in sorted(result.records.items(), key=_by_number)
         for kind, number in kinds.items()
         if number
     ]
@@ -571,6 +570,10 @@ def _traffic(result: CaptureResult) -> Both:
         calls[6:] = [say("more", number=str(len(calls) - 6))]
     told = Both.same("RPC").joined(joined(rpc), ": ", "：")
     return told.joined(say("record_calls", calls=joined(calls)), zh="", en="") if calls else told
+
+
+def _by_number(item: tuple[str, object]) -> tuple[int, str]:
+    return len(item[0]), item[0]
 
 
 def _serious_first(group: list[Finding]) -> tuple[int, str]:

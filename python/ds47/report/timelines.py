@@ -10,12 +10,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from ds47.cyclic.timeline import HEEDED
 from ds47.model import CaptureResult, Event, Timeline
 from ds47.report.bilingual import Both, joined, say
 from ds47.report.formatting import duration
 from ds47.report.reference import Reference
-from ds47.spec.cyclic import edges, event_text, state_text
+from ds47.spec.cyclic import edges, event_text, state_text, stopping
 from ds47.spec.semantics import limits
 
 _CAUSES = {
@@ -99,7 +98,7 @@ def rows(timeline: Timeline) -> list[EventRow]:
         newest |= {each.name: each for each in row.events}
         # The word before may have taken a command back, which is no event.
         for word in (row.last.before or 0, row.last.after or 0) if row.last.word == "STW1" else ():
-            heeded = word if word >> HEEDED & 1 else heeded
+            heeded = word if word >> stopping().heeded & 1 else heeded
         causes = (_cause(each, newest, heeded) for each in row.events if is_caused(each))
         row.cause = next(filter(None, causes), None)
     return found

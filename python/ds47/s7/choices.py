@@ -6,8 +6,7 @@ From the words of the command line, of `ds47.toml` and of Python to values; what
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 from ds47.capture.scan import MOST_PORTS
 from ds47.spec import s7
@@ -17,8 +16,7 @@ PORT = 102
 _MOST_BYTES = 0xFFFF
 
 
-@dataclass(frozen=True, slots=True)
-class Choices:
+class Choices(NamedTuple):
     """What a user may choose.
 
     Attributes:
@@ -32,10 +30,6 @@ class Choices:
     blocks: tuple[tuple[str, int], ...] = ()
     cpus: tuple[tuple[str, str], ...] = ()
     readback: bool = False
-
-    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
-        """To another process, as the options around it."""
-        return type(self), (self.ports, self.blocks, self.cpus, self.readback)
 
     @property
     def every_port(self) -> tuple[int, ...]:
