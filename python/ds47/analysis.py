@@ -152,7 +152,7 @@ def _told(
     return result
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(slots=True, eq=False, repr=False)
 class _Over:
     """A transaction of PKW that is over, as its findings know it."""
 
@@ -529,9 +529,8 @@ class Analysis:
 
     def _channels(self) -> CyclicChannels:
         if self._cyclic is None:
-            from ds47.cyclic.channels import (
-                CyclicChannels,
-            )  # long to import, and few captures have any
+            # long to import, and captures of record calls alone have none
+            from ds47.cyclic.channels import CyclicChannels
             from ds47.cyclic.conclusions import Conclusions
 
             channels = CyclicChannels(

@@ -41,8 +41,8 @@ DIAGNOSIS = "DS7"
 """What the id of every diagnosis begins with."""
 
 
-class _Plain:
-    """What all classes here have: they can be compared, shown, copied and sent to another process.
+class Plain:
+    """What the classes here have, and many others: they can be compared, shown, copied, sent to another process.
 
     One method for all instead of one that `dataclass` writes for each: writing them takes longer than a
     small capture, and nobody compares two transactions in a hurry.
@@ -70,7 +70,7 @@ class _Plain:
 
 
 @dataclass(slots=True, repr=False, eq=False)
-class ParameterError(_Plain):
+class ParameterError(Plain):
     """What the drive answered instead of a value (docs/protocol.md A.7, B).
 
     It has no words but those in English: `ds47.report.sentences` has them in either language.
@@ -120,7 +120,7 @@ class Described(NamedTuple):
 
 
 @dataclass(slots=True, init=False, repr=False, eq=False)
-class Parameter(_Plain):
+class Parameter(Plain):
     """One parameter of a transaction; `pnu` and its address are None where no request names them."""
 
     pnu: int | None
@@ -195,7 +195,7 @@ class Read(NamedTuple):
 
 
 @dataclass(slots=True, init=False, repr=False, eq=False)
-class Frames(_Plain):
+class Frames(Plain):
     """Frame numbers of a transaction, as Wireshark shows them for the same file."""
 
     write_request: int | None
@@ -248,7 +248,7 @@ class Messages(NamedTuple):
 
 
 @dataclass(slots=True, init=False, repr=False, eq=False)
-class Item(_Plain):
+class Item(Plain):
     """One variable of a job of S7, or data that a program sends; what the capture does not have is None."""
 
     address: str | None
@@ -297,7 +297,7 @@ class Item(_Plain):
 
 
 @dataclass(slots=True, repr=False, eq=False)
-class Transaction(_Plain):
+class Transaction(Plain):
     """One parameter request with all that came of it (docs/pairing.md), or a job of S7 (docs/s7.md)."""
 
     operation: str
@@ -369,7 +369,7 @@ class Transaction(_Plain):
 
 
 @dataclass(slots=True, init=False, repr=False, eq=False)
-class Finding(_Plain):
+class Finding(Plain):
     """A rule that applies, where it shows, to which transaction it belongs, and the facts that it rests on.
 
     It has no words: `ds47.report.sentences` has them, in either language.
@@ -429,7 +429,7 @@ class Finding(_Plain):
 
 
 @dataclass(slots=True, repr=False, eq=False)
-class Diagnosis(_Plain):
+class Diagnosis(Plain):
     """One cause (DS7xx) with all that it explains (docs/diagnoses.md)."""
 
     rule: str
@@ -456,7 +456,7 @@ class Diagnosis(_Plain):
 
 
 @dataclass(slots=True, repr=False, eq=False)
-class Device(_Plain):
+class Device(Plain):
     """A device as the capture names it (RPC object UUID, Connect, DCP, LLDP)."""
 
     ip: str
@@ -492,7 +492,7 @@ class Side(NamedTuple):
 
 
 @dataclass(slots=True, repr=False, eq=False)
-class Relation(_Plain):
+class Relation(Plain):
     """A channel in cyclic frames, as a Connect sets it up, or as it was named by hand (docs/cyclic.md 5).
 
     `telegrams` are those that the lengths allow, `frame` is that of the response to the Connect. `certainty` is
@@ -563,7 +563,7 @@ class Point(NamedTuple):
 
 
 @dataclass(slots=True, repr=False, eq=False)
-class Timeline(_Plain):
+class Timeline(Plain):
     """What happened to a drive, as its control and status word say it (docs/cyclic.md 6).
 
     `relation` counts from 1 in the relations of the capture.
@@ -655,7 +655,7 @@ class BusStation(NamedTuple):
 
 
 @dataclass(slots=True, repr=False, eq=False)
-class Bus(_Plain):
+class Bus(Plain):
     """The line of PROFIBUS of a capture. `stray` answers are those that nobody asked for."""
 
     frames: int
@@ -690,7 +690,7 @@ class Drive(NamedTuple):
 
 
 @dataclass(slots=True, repr=False, eq=False)
-class Connection(_Plain):
+class Connection(Plain):
     """A connection of S7 (docs/s7.md 4); what the capture does not have of it is None."""
 
     id: int
@@ -740,7 +740,7 @@ class Connection(_Plain):
 
 
 @dataclass(slots=True, repr=False, eq=False)
-class CaptureFile(_Plain):
+class CaptureFile(Plain):
     """A file of a series that was read as one capture; frames are numbered through all of them.
 
     `missing_before` files of the series are not there: before the first those that a ring buffer has
@@ -758,7 +758,7 @@ class CaptureFile(_Plain):
 
 
 @dataclass(slots=True, repr=False, eq=False)
-class Narrowed(_Plain):
+class Narrowed(Plain):
     """Of how much a result shows a part only, and which (`ds47.report.narrowing`)."""
 
     criteria: str
@@ -772,7 +772,7 @@ class Narrowed(_Plain):
 
 
 @dataclass(slots=True, repr=False, eq=False)
-class CaptureResult(_Plain):
+class CaptureResult(Plain):
     """All that one capture says. `files` only for a series, `relations` where cyclic frames have channels.
 
     `timelines` are those of the drives among them. `senders` are those of cyclic frames whose Connect is missing.
@@ -847,7 +847,7 @@ class CaptureResult(_Plain):
 
 
 @dataclass(slots=True, repr=False, eq=False)
-class Report(_Plain):
+class Report(Plain):
     """The results of one run."""
 
     captures: list[CaptureResult] = field(default_factory=list)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any, Final, Literal, NamedTuple, TypeVar
 
+from ds47.model import Plain
 from ds47.profidrive import Request, Response
 from ds47.profidrive.dictionary import Meaning, family_of
 from ds47.profidrive.family import kind_fits
@@ -117,7 +118,7 @@ class RecordAccess:
         return self.channel[3:6]
 
 
-@dataclass(slots=True, eq=False, init=False)
+@dataclass(slots=True, eq=False, init=False, repr=False)
 class Job:
     """A transaction in the making: the halves of its record calls and what pairing learnt of it."""
 
@@ -285,8 +286,8 @@ class Job:
         return [read for read in self.polls if read[1].status == STATUS_SHORT]
 
 
-@dataclass(slots=True, init=False)
-class Channel:
+@dataclass(slots=True, init=False, repr=False, eq=False)
+class Channel(Plain):
     """The jobs of a channel."""
 
     touched: int

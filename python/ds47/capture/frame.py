@@ -7,9 +7,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from ds47.model import Plain
 
-@dataclass(slots=True, init=False)
-class Frame:
+
+@dataclass(slots=True, init=False, repr=False, eq=False)
+class Frame(Plain):
     """One captured frame.
 
     `number` counts from 1 as Wireshark does for the same file. `time_ns` is in nanoseconds since
@@ -39,7 +41,7 @@ class Frame:
         self.original_length = original_length
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(slots=True, eq=False, repr=False)
 class Interface:
     """What a file says of an interface; `options` are those for a person, as (code, value).
 

@@ -12,6 +12,7 @@ read the output left.
 from __future__ import annotations
 
 import errno
+import gc
 import os
 import sys
 from collections.abc import Iterator, Sequence
@@ -19,9 +20,11 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import Any, cast
 
-import click
+gc.disable()  # until a command is imported: no import leaves garbage, and looking for it takes long
 
-from ds47.version import __version__
+import click  # noqa: E402
+
+from ds47.version import __version__  # noqa: E402
 
 COMMANDS = (
     "report", "check", "baseline", "accept", "diff", "trail", "watch", "export", "decode", "encode",
@@ -48,7 +51,10 @@ class _Commands(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
         if cmd_name not in COMMANDS:
             return None
-        return cast(click.Command, import_module(f"ds47.cli.{cmd_name}").command)
+        command = import_module(f"ds47.cli.{cmd_name}").command
+        gc.freeze()
+        gc.enable()
+        return cast(click.Command, command)
 
     def make_context(
         self,

@@ -9,6 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+from ds47.model import Plain
+
 
 class AnyJob(Protocol):
     """The transaction in the making that a remark is about, of whatever channel."""
@@ -39,8 +41,8 @@ class Subject(Protocol):
 Corrected = bytes | Callable[[], bytes | None] | None
 
 
-@dataclass(slots=True)
-class Remark:
+@dataclass(slots=True, repr=False, eq=False)
+class Remark(Plain):
     """A finding in the making: the rule, where it shows, and what spec/rules.toml says that it carries."""
 
     rule: str

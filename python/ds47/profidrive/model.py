@@ -10,6 +10,7 @@ from functools import cache, lru_cache
 from typing import Any, Final, NamedTuple
 
 from ds47 import spec
+from ds47.model import Plain
 
 Value = int | float | str
 """One value as JSON shows it: whole numbers beyond 2^53, NaN and infinities are strings."""
@@ -31,8 +32,8 @@ class Options(NamedTuple):
     vendor_id: int | None = None
 
 
-@dataclass(slots=True)
-class Flaw:
+@dataclass(slots=True, repr=False, eq=False)
+class Flaw(Plain):
     """What is wrong in a message: the rule, the byte, and what the rule's message names."""
 
     rule: str
@@ -40,8 +41,8 @@ class Flaw:
     args: dict[str, Any]
 
 
-@dataclass(slots=True, init=False)
-class Address:
+@dataclass(slots=True, init=False, repr=False, eq=False)
+class Address(Plain):
     """One parameter address of a request (docs/protocol.md A.1, A.4)."""
 
     attribute: int
@@ -70,8 +71,8 @@ class Address:
         return attribute_name(self.attribute)
 
 
-@dataclass(slots=True)
-class ErrorValue:
+@dataclass(slots=True, repr=False, eq=False)
+class ErrorValue(Plain):
     """The words of an error block (docs/protocol.md A.7).
 
     `code` is the whole first word, 0..0xFFFF. `code` and `info` are None where the block has no such
@@ -84,8 +85,8 @@ class ErrorValue:
     words: list[int]
 
 
-@dataclass(slots=True, init=False)
-class Block:
+@dataclass(slots=True, init=False, repr=False, eq=False)
+class Block(Plain):
     """One value block (docs/protocol.md A.5 to A.7).
 
     `raw` and `pad` are the bytes of the wire and what encoding writes; `values` and `scaled` are
@@ -131,8 +132,8 @@ class Block:
         return None if self.error is not None else format_name(self.format, self.meaning)
 
 
-@dataclass(slots=True, init=False)
-class Request:
+@dataclass(slots=True, init=False, repr=False, eq=False)
+class Request(Plain):
     """A parameter request: the data of a Write record (docs/protocol.md A.1).
 
     Header fields are None where the message ends before them. `rest` holds the bytes that could
@@ -207,8 +208,8 @@ def failed(blocks: list[Block]) -> int:
     return found
 
 
-@dataclass(slots=True, init=False)
-class Response:
+@dataclass(slots=True, init=False, repr=False, eq=False)
+class Response(Plain):
     """A parameter response: the data of a Read record (docs/protocol.md A.2). See `Request`."""
 
     request_reference: int | None

@@ -11,13 +11,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypeVar
 
+from ds47.model import Plain
 from ds47.profinet.completeness import Completeness, Numbers
 from ds47.profinet.rpc import Pdu
 from ds47.spec.layouts import RPC_CONNECT, RPC_READ, RPC_READ_IMPLICIT
 from ds47.spec.semantics import Limits
 
 
-@dataclass(slots=True, eq=False, init=False)
+@dataclass(slots=True, eq=False, init=False, repr=False)
 class RpcCall:
     """One RPC call; `context` is what it carries, for the layer above."""
 
@@ -58,8 +59,8 @@ class RpcCall:
         self.context = ()
 
 
-@dataclass(slots=True, init=False)
-class Activity:
+@dataclass(slots=True, init=False, repr=False, eq=False)
+class Activity(Plain):
     """The open calls of one RPC activity by their sequence number; the oldest request first."""
 
     calls: dict[int, RpcCall]

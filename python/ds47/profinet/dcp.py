@@ -14,6 +14,8 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from ds47.model import Plain
+
 from .ip import address
 from .link import Packet
 
@@ -26,8 +28,8 @@ _IP, _IP_SUITE = (1, 2), (1, 3)
 _KIND, _NAME, _DEVICE_ID = (2, 1), (2, 2), (2, 3)
 
 
-@dataclass(slots=True)
-class Station:
+@dataclass(slots=True, repr=False, eq=False)
+class Station(Plain):
     """What one frame says about a station; None where it says nothing."""
 
     mac: str | None

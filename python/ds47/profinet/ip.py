@@ -11,6 +11,7 @@ from collections import OrderedDict
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
 
+from ds47.model import Plain
 from ds47.profinet.traces import Piece, Trace, Traces
 
 TCP, UDP = 6, 17
@@ -21,8 +22,8 @@ Cut = tuple[int, int, int]
 _HEADER = struct.Struct(">BxHHHxBxx4s4s")
 
 
-@dataclass(slots=True)
-class Datagram:
+@dataclass(slots=True, repr=False, eq=False)
+class Datagram(Plain):
     """An IPv4 datagram or a fragment of one.
 
     `offset` is where `payload` lies in the whole datagram, in bytes; `more` is the flag that more
@@ -85,8 +86,8 @@ def address(data: bytes) -> str:
     return "{}.{}.{}.{}".format(*data)
 
 
-@dataclass(slots=True)
-class Unfinished:
+@dataclass(slots=True, repr=False, eq=False)
+class Unfinished(Plain):
     """Fragments of one datagram, so far; `total` is None until the last fragment was seen.
 
     `pieces` maps an offset to the captured bytes and the length on the wire. There is no hole up to

@@ -25,6 +25,7 @@ from ds47.capture.scan import (
     is_pnio,
     network_layer,
 )
+from ds47.model import Plain
 
 from . import ip
 from .traces import Piece
@@ -34,8 +35,8 @@ GROUP = 0x01
 Kind = Literal["udp", "tcp", "dcp", "lldp", "rt"]
 
 
-@dataclass(slots=True)
-class Packet:
+@dataclass(slots=True, repr=False, eq=False)
+class Packet(Plain):
     """What one frame, or the last of several fragments, brings.
 
     * "udp": `payload` is that of the UDP datagram, a PROFINET RPC PDU (docs/protocol.md E.2);

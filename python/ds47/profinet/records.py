@@ -10,6 +10,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, Final
 
+from ds47.model import Plain
 from ds47.profinet.rpc import Pdu
 from ds47.spec.layouts import (
     BLOCK_AR,
@@ -54,8 +55,8 @@ _AR_END: Final = NDR_SIZE + BLOCK_AR + 16
 """Where the AR of a Connect or Release ends, which stands in its first block."""
 
 
-@dataclass(slots=True, init=False)
-class Half:
+@dataclass(slots=True, init=False, repr=False, eq=False)
+class Half(Plain):
     """The request or the response of a record call: where it stands, what it carries."""
 
     frame: int
@@ -95,8 +96,8 @@ class Half:
         return self.cut and not (self.status or self.missing)
 
 
-@dataclass(slots=True, init=False)
-class Record:
+@dataclass(slots=True, init=False, repr=False, eq=False)
+class Record(Plain):
     """One record call: where it goes, its request and its response."""
 
     write: bool
@@ -137,8 +138,8 @@ class Record:
         self.response = response
 
 
-@dataclass(slots=True, init=False)
-class RequestBody:
+@dataclass(slots=True, init=False, repr=False, eq=False)
+class RequestBody(Plain):
     """The records of one RPC request, in order."""
 
     records: list[Record]

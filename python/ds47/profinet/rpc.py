@@ -16,6 +16,7 @@ from typing import Final, NamedTuple
 
 from ds47.capture import Frame
 from ds47.capture.scan import ETHERNET, UUIDS, is_plain
+from ds47.model import Plain
 from ds47.profinet.ip import Cut, address
 from ds47.profinet.link import Packet, mac
 from ds47.profinet.traces import MOST_COPIES, Trace, Traces
@@ -59,8 +60,8 @@ NO_OPERATION: Final = -1
 """`Pdu.opnum` of what is said to the endpoint mapper."""
 
 
-@dataclass(slots=True, init=False)
-class Pdu:
+@dataclass(slots=True, init=False, repr=False, eq=False)
+class Pdu(Plain):
     """One DCE/RPC PDU, or one message put together from its fragments.
 
     `body` is what follows the 80-byte header, `missing` the bytes of it that are not there, and `cut` the
@@ -272,8 +273,8 @@ def device_identity(object_uuid: bytes) -> tuple[int, int] | None:
     return vendor_id, device_id
 
 
-@dataclass(slots=True)
-class Partial:
+@dataclass(slots=True, repr=False, eq=False)
+class Partial(Plain):
     """A fragmented RPC message so far; `traces` are those of each fragment, where frames are kept."""
 
     first: Pdu

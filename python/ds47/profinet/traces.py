@@ -24,7 +24,7 @@ class Piece(NamedTuple):
     length: int
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(slots=True, eq=False, repr=False)
 class Trace:
     """The pieces of one IPv4 UDP datagram, in the order of the capture.
 
