@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, Protocol, cast
+from typing import BinaryIO, ClassVar, Protocol, cast
 
 from ds47.analysis import AnalysisOptions, OnTransaction
 from ds47.batch.tasks import Task, read
@@ -32,6 +32,10 @@ _ABOUT_ALL = frozenset(
 class Product(Protocol):
     """Analyses a task and writes what came of it. Goes to other processes: plain data only."""
 
+    @property
+    def is_kept(self) -> bool:
+        """Whether it stays in its place; else nobody needs it once it was taken."""
+
     def __call__(self, task: Task, stream: BinaryIO) -> None:
         """Raises ds47.capture.CaptureError where nothing of the task can be read."""
 
@@ -47,6 +51,7 @@ class Spool:
     options: AnalysisOptions
     streams: bool
     """As in the report's writer (`ds47.report.Writer`)."""
+    is_kept: ClassVar[bool] = False
 
     def __call__(self, task: Task, stream: BinaryIO) -> None:
         """Writes lists of transactions with their findings, and the result last."""
@@ -65,16 +70,15 @@ class Spool:
         pickle.dump(result, stream, pickle.HIGHEST_PROTOCOL)
 
 
-def replay(path: Path, finished: OnTransaction | None) -> CaptureResult:
+def replay(stream: BinaryIO, finished: OnTransaction | None) -> CaptureResult:
     """Tells what a `Spool` holds, in its order."""
-    with path.open("rb") as stream:
-        while True:
-            told = pickle.load(stream)
-            if not isinstance(told, list):
-                return cast(CaptureResult, told)
-            for transaction, findings in told:
-                assert finished is not None
-                finished(transaction, findings)
+    while True:
+        told = pickle.load(stream)
+        if not isinstance(told, list):
+            return cast(CaptureResult, told)
+        for transaction, findings in told:
+            assert finished is not None
+            finished(transaction, findings)
 
 
 @contextmanager

@@ -14,7 +14,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any, BinaryIO, cast
+from typing import Any, BinaryIO, ClassVar, cast
 
 from ds47.analysis import AnalysisOptions
 from ds47.batch.products import discard, draft_of, whole
@@ -48,6 +48,7 @@ class Result:
 
     options: AnalysisOptions
     lang: str = "en"
+    is_kept: ClassVar[bool] = True
 
     def __call__(self, task: Task, stream: BinaryIO) -> None:
         """Writes `ds47.report/2` with the key `run`, which stands in the first line."""

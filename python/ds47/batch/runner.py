@@ -19,8 +19,8 @@ from ds47.batch.products import Product, draft_of, kept_from, whole
 from ds47.batch.tasks import Task
 from ds47.capture import CaptureError
 
-Outcome = Path | CaptureError
-"""Where the product of a task is, or why there is none."""
+Outcome = Path | bytes | CaptureError
+"""Where the product of a task is, or itself where it is short, or why there is none."""
 Place = Callable[[Task], Path]
 """Where the product of a task goes."""
 Handle = TypeVar("Handle")

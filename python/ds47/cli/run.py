@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
+from io import BytesIO
 from typing import TYPE_CHECKING
 
 from ds47.batch.endings import Lost
@@ -226,6 +227,9 @@ def _taken(outcome: Outcome, _task: Task, finished: OnTransaction | None) -> Cap
 
     if isinstance(outcome, CaptureError):
         raise outcome
-    result = replay(outcome, finished)
+    if isinstance(outcome, bytes):
+        return replay(BytesIO(outcome), finished)
+    with outcome.open("rb") as stream:
+        result = replay(stream, finished)
     outcome.unlink()
     return result
