@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -17,6 +18,7 @@ from contextlib import contextmanager
 from io import BytesIO
 from multiprocessing import active_children, get_context, parent_process
 from pathlib import Path
+from types import ModuleType
 from typing import Final
 
 from ds47.batch.endings import Failed
@@ -92,7 +94,7 @@ class Local(Window[Future[Products]]):
             here.set_result(_work(self._make, work))
             return here
         try:
-            with _uninterrupted():
+            with _uninterrupted(), _without_main():
                 return self._pool.submit(_work, self._make, work)
         except BrokenProcessPool as problem:
             future = Future[Products]()
@@ -174,6 +176,17 @@ def _uninterrupted() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _without_main() -> Iterator[None]:
+    """What is started in here does not import the command again, of which it needs nothing."""
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
 
 
 def _work(make: Product, work: list[tuple[Task, Path, Path]]) -> Products:
