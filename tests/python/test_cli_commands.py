@@ -48,16 +48,39 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_version_imports_next_to_nothing():
-    code = (
-        "import sys; from ds47.cli import main; main(['--version']);"
-        "print(sorted(name for name in sys.modules if name.startswith('ds47')))"
-    )
+def imported(*arguments):
+    """The modules that a command imports, by itself."""
+    code = f"import sys; from ds47.cli import main; main({arguments!r}); print(*sys.modules)"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert shown.stdout.splitlines() == [
-        f"ds47 {__version__}",
-        "['ds47', 'ds47.cli', 'ds47.version']",
-    ]
+    return set(shown.stdout.splitlines()[-1].split())
+
+
+def test_version_imports_next_to_nothing():
+    ours = {name for name in imported("--version") if name.split(".")[0] == "ds47"}
+    assert ours == {"ds47", "ds47.cli", "ds47.version"}
+
+
+RARE = (
+    "argparse", "csv", "difflib", "email", "http", "logging", "multiprocessing", "queue", "random",
+    "shlex", "shutil", "socket", "subprocess", "tempfile", "tomllib", "urllib.request", "xml",
+    "ds47.cyclic.channels", "ds47.cyclic.named", "ds47.cyclic.pkw", "ds47.cyclic.search",
+    "ds47.diagnosis.repair", "ds47.explain", "ds47.export", "ds47.lab", "ds47.library",
+    "ds47.parameters.lists", "ds47.profidrive.notation", "ds47.profibus.telegram",
+    "ds47.profinet.connect", "ds47.profinet.traces", "ds47.regression", "ds47.report.bus",
+    "ds47.report.contract", "ds47.report.html", "ds47.report.json", "ds47.report.narrowing",
+    "ds47.report.timelines", "ds47.s7.communication", "ds47.s7.model", "ds47.scapy",
+    "ds47.spec.profibus", "ds47.watch", "ds47.wireshark",
+)  # fmt: skip
+"""What a capture of a few record calls does not need."""
+
+
+def test_a_plain_report_imports_what_it_needs(repository):
+    """Importing is most of what a small capture takes, 0.2 to 1 ms a module."""
+    capture = repository / "captures" / "conversation-late-read.pcapng"
+    loaded = imported("report", str(capture))
+    assert not loaded.intersection(RARE)
+    ours = [name for name in loaded if name.split(".")[0] == "ds47"]
+    assert len(ours) <= 130, "more than there were: import the new one where it is needed"
 
 
 def test_module_runs():

@@ -10,9 +10,12 @@ import struct
 from collections import OrderedDict
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
+from typing import TYPE_CHECKING
 
 from ds47.model import Plain
-from ds47.profinet.traces import Piece, Trace, Traces
+
+if TYPE_CHECKING:
+    from ds47.profinet.traces import Trace, Traces
 
 TCP, UDP = 6, 17
 
@@ -236,6 +239,8 @@ class Reassembler:
     ) -> bool:
         """Keeps the frame of a fragment with its datagram. False where it goes no further."""
         assert self.traces is not None
+        from ds47.profinet.traces import Piece, Trace  # only an export wants them
+
         piece = Piece(frame, self._now_ns, part.at, part.offset, len(part.payload))
         if entry is None:
             trace = self.traces.begin(piece, None if before is None else before.trace)

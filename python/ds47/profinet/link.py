@@ -28,7 +28,6 @@ from ds47.capture.scan import (
 from ds47.model import Plain
 
 from . import ip
-from .traces import Piece
 
 GROUP = 0x01
 """The bit of the first byte of a MAC address that several stations have."""
@@ -88,6 +87,8 @@ def dissect(
             packet = None if reassembler is None else _joined(datagram, frame, reassembler, begun)
         else:
             if reassembler is not None and reassembler.traces is not None:
+                from .traces import Piece  # only an export wants them
+
                 piece = Piece(frame.number, frame.time_ns, datagram.at, 0, len(datagram.payload))
                 reassembler.traces.begin(piece).close(datagram.payload)
             packet = _udp(datagram, frame.number, frame.time_ns)

@@ -12,14 +12,13 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from ds47.capture import Frame
 from ds47.capture.scan import ETHERNET, UUIDS, is_plain
 from ds47.model import Plain
 from ds47.profinet.ip import Cut, address
 from ds47.profinet.link import Packet, mac
-from ds47.profinet.traces import MOST_COPIES, Trace, Traces
 from ds47.spec.layouts import (
     RPC_FLAGS,
     RPC_IS_FRAGMENT,
@@ -33,6 +32,9 @@ from ds47.spec.layouts import (
     RPC_VERSION,
     RPC_VERSION_4,
 )
+
+if TYPE_CHECKING:
+    from ds47.profinet.traces import Trace, Traces
 
 PTYPES: Final = {
     0: "request",
@@ -306,6 +308,8 @@ class Partial(Plain):
         known = self.parts.setdefault(pdu.fragment, pdu)
         if trace is not None:
             traces = self.traces.setdefault(pdu.fragment, [])
+            from ds47.profinet.traces import MOST_COPIES  # only an export wants them
+
             if len(traces) == MOST_COPIES:
                 return [*none_of_this, trace]
             traces.append(trace)

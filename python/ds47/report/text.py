@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from itertools import islice
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from ds47.model import (
     DS47,
@@ -28,16 +28,14 @@ from ds47.model import (
     Sender,
     Transaction,
 )
-from ds47.report import Options, buffers, causes, plc, timelines, write_all
+from ds47.report import Options, buffers, causes, plc, write_all
 from ds47.report import Writer as _Writer
-from ds47.report import bus as stations
 from ds47.report import s7 as communication
 from ds47.report.bilingual import Both, counted, joined, operation, say, state
 from ds47.report.clock import Clock
 from ds47.report.filters import display_filter
 from ds47.report.formatting import duration, escape, parameter
 from ds47.report.latency import Latency
-from ds47.report.narrowing import narrowed_words
 from ds47.report.overview import CaptureRow, table, total
 from ds47.report.places import Places, name
 from ds47.report.sentences import at_offset, sentence
@@ -46,6 +44,9 @@ from ds47.report.targets import Targets
 from ds47.report.verdict import Counts
 from ds47.report.wrap import aligned, columns, fitted, wrap
 from ds47.spec.cyclic import telegrams
+
+if TYPE_CHECKING:
+    from ds47.report.timelines import EventRow
 
 FINDINGS_PER_RULE = 12
 RELATIONS_LISTED = 20
@@ -194,6 +195,8 @@ class Writer(_Writer):
         if span := self._clock.span(result):
             self._line("  " + span.text(self.options.lang))
         if result.narrowed is not None:
+            from ds47.report.narrowing import narrowed_words
+
             self._line("  " + narrowed_words(result).text(self.options.lang))
         self._files(result.files)
         if not result.complete or result.problem:
@@ -210,6 +213,8 @@ class Writer(_Writer):
 
     def _bus(self, bus: Bus, relations: Sequence[Relation]) -> None:
         """The stations of PROFIBUS."""
+        from ds47.report import bus as stations  # few captures have any
+
         lang = self.options.lang
         self._line()
         self._title(self._say("bus_head"))
@@ -285,6 +290,8 @@ class Writer(_Writer):
     def _timelines(self, result: CaptureResult) -> None:
         """What happened to each drive, a line for each word and frame."""
         for timeline in result.timelines:
+            from ds47.report import timelines  # few captures have any
+
             relation = result.relations[timeline.relation - 1]
             self._line()
             self._title(self._say("timeline_head", where=_where(relation)))
@@ -300,7 +307,9 @@ class Writer(_Writer):
             if timeline.events_left_out:
                 self._line("  " + self._say("timeline_left_out", n=timeline.events_left_out))
 
-    def _event(self, row: timelines.EventRow) -> list[str]:
+    def _event(self, row: EventRow) -> list[str]:
+        from ds47.report import timelines
+
         lang = self.options.lang
         standing = timelines.standing(row).text(lang)
         return [
