@@ -11,6 +11,7 @@ read the output left.
 
 from __future__ import annotations
 
+import atexit
 import errno
 import gc
 import os
@@ -21,6 +22,7 @@ from importlib import import_module
 from typing import Any, cast
 
 gc.disable()  # until a command is imported: no import leaves garbage, and looking for it takes long
+atexit.register(gc.freeze)  # or the interpreter looks through all of it when it ends
 
 import click  # noqa: E402
 
