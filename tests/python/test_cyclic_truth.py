@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import io
 import struct
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -229,7 +228,7 @@ def test_a_channel_named_by_hand_is_judged_by_the_vendor_that_the_capture_names(
 ) -> None:
     """DCP says it before the words, or behind them; else --vendor. Where nothing does, all are notes."""
     content, options = without_connect(of_maker(SIEMENS, error=17), maker=vendor_id, first=first)
-    result = analyze(io.BytesIO(content), replace(options, vendor_id=given))
+    result = analyze(io.BytesIO(content), options._replace(vendor_id=given))
     assert [each.severity for each in of_rule("DS501", result)] == [severity]
 
 
@@ -249,7 +248,7 @@ def test_lua_says_the_same(version: str, tmp_path: Path) -> None:
     for content, maker in ((halves, None), (foreign, None), (foreign, FOREIGN), (foreign, SIEMENS)):
         named, options = without_connect(content, maker=maker, first=False)
         compare(version, "en", [Source("named", named, False)], tmp_path, options)
-        given = replace(options, vendor_id=SIEMENS)
+        given = options._replace(vendor_id=SIEMENS)
         compare(version, "en", [Source("given", named, False)], tmp_path, given)
 
 

@@ -6,7 +6,6 @@ frames, jumping times, IP fragments in any order. tests/lua/transport.lua holds 
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import operator
 import os
@@ -170,13 +169,12 @@ class Ear:
             return
         ar, mac, ids = told
         place = operator.attrgetter("api", "slot", "subslot")
-        found = [
-            dataclasses.asdict(each) for each in sorted(asked.answered(ids).submodules, key=place)
-        ]
+        found = [each._asdict() for each in sorted(asked.answered(ids).submodules, key=place)]
         for each in found:
             for key in ("input", "output"):
-                if each[key] is None:
-                    del each[key]
+                data = each.pop(key)
+                if data is not None:
+                    each[key] = data._asdict()
         self.tell(
             "set_up", asked=asked.ar.hex(), told=ar.hex(), device_mac=mac.replace(":", ""),
             controller_mac=asked.controller_mac.replace(":", ""), submodules=found,
