@@ -45,7 +45,8 @@ class Plain:
     """What the classes here have, and many others: they can be compared, shown, copied, sent to another process.
 
     One method for all instead of one that `dataclass` writes for each: writing them takes longer than a
-    small capture, and nobody compares two transactions in a hurry.
+    small capture, and nobody compares two transactions in a hurry. Only for modules that are compiled, too
+    (RECORD_PATH in hatch_build.py): what is not compiled cannot inherit from what is.
     """
 
     __slots__ = ()

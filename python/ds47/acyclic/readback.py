@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from ds47.acyclic.pairing import Job, Peer
-from ds47.model import Plain
 from ds47.profidrive import Address, Block, Request, Response
 from ds47.profidrive.dictionary import changes_itself
 from ds47.profidrive.drive_objects import DO_IDENTIFICATION, DriveAccess, DriveObjects, access
@@ -54,8 +53,8 @@ class Written:
     """Whether a value that is forgotten was in force before it: a read that was open then may mean that one."""
 
 
-@dataclass(slots=True, repr=False, eq=False)
-class _Device(Plain):
+@dataclass(slots=True)
+class _Device:
     """What is known of all parameters of a device at once."""
 
     forgotten: int = 0

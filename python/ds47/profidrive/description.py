@@ -14,7 +14,6 @@ from dataclasses import dataclass, fields
 from typing import Final
 
 from ds47 import spec
-from ds47.model import Plain
 from ds47.profidrive.formats import codec, float32_value
 from ds47.profidrive.model import Value
 from ds47.spec import descriptions
@@ -29,8 +28,8 @@ _LIMITED: Final = frozenset(("number", "float", "duration", "time_of_day"))
 """Kinds of formats whose values have limits."""
 
 
-@dataclass(slots=True, repr=False, eq=False)
-class Description(Plain):
+@dataclass(slots=True)
+class Description:
     """A description as far as a message has it; None where it has not, or no table knows what it is.
 
     Attributes:

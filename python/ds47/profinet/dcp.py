@@ -14,8 +14,6 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from ds47.model import Plain
-
 from .ip import address
 from .link import Packet
 
@@ -28,8 +26,8 @@ _IP, _IP_SUITE = (1, 2), (1, 3)
 _KIND, _NAME, _DEVICE_ID = (2, 1), (2, 2), (2, 3)
 
 
-@dataclass(slots=True, repr=False, eq=False)
-class Station(Plain):
+@dataclass(slots=True)
+class Station:
     """What one frame says about a station; None where it says nothing."""
 
     mac: str | None

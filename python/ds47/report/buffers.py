@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
-from ds47.model import CaptureResult, Parameter, Plain, Transaction, Value
+from ds47.model import CaptureResult, Parameter, Transaction, Value
 from ds47.profidrive.drive_objects import Identity
 from ds47.report.bilingual import Both, joined, say
 from ds47.report.escaping import escape
@@ -49,8 +49,8 @@ class Buffer(NamedTuple):
     entries: list[BufferEntry]
 
 
-@dataclass(slots=True, repr=False, eq=False)
-class _Seen(Plain):
+@dataclass(slots=True)
+class _Seen:
     """What was read of one buffer up to now."""
 
     sample: Transaction

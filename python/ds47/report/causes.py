@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from ds47.model import SEVERITIES, CaptureResult, Plain
+from ds47.model import SEVERITIES, CaptureResult
 from ds47.report import Options
 from ds47.report.bilingual import Both, say
 from ds47.report.formatting import escape
@@ -20,8 +20,8 @@ from ds47.report.summary import WIDTH
 from ds47.report.wrap import wrap
 
 
-@dataclass(slots=True, repr=False, eq=False)
-class Told(Plain):
+@dataclass(slots=True)
+class Told:
     """What a capture says of one rule DS7xx.
 
     `frame` is the first one, numbered as in the report; of a series `file` has it, as its `file_frame`.

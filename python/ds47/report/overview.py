@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, TextIO
 
-from ds47.model import DIAGNOSIS, OPERATIONS, SEVERITIES, STATES, CaptureResult, Plain, Report
+from ds47.model import DIAGNOSIS, OPERATIONS, SEVERITIES, STATES, CaptureResult, Report
 from ds47.report import Options, causes, write_all
 from ds47.report import Writer as _Writer
 from ds47.report.bilingual import Both, joined, numbered, say
@@ -30,8 +30,8 @@ _CYCLIC = "DS5"
 """How the rules begin that are notes for drives of makers whose tables are not known."""
 
 
-@dataclass(slots=True, repr=False, eq=False)
-class CaptureRow(Plain):
+@dataclass(slots=True)
+class CaptureRow:
     """One capture; the names are those of the report.
 
     `readable` is False where nothing of it could be read, and `problem` says why. `findings` counts

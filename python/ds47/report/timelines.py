@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from ds47.model import CaptureResult, Event, Plain, Timeline
+from ds47.model import CaptureResult, Event, Timeline
 from ds47.report.bilingual import Both, joined, say
 from ds47.report.formatting import duration
 from ds47.report.reference import Reference
@@ -62,8 +62,8 @@ def reference_words(found: Reference) -> Both:
     return say("reference_read", value=found.shown(100), frame=str(found.frame))
 
 
-@dataclass(slots=True, repr=False, eq=False)
-class EventRow(Plain):
+@dataclass(slots=True)
+class EventRow:
     """Events of one word in one frame.
 
     `cause` is the command before it that brought about one of them, `after_ns` how long before that was.
