@@ -62,7 +62,7 @@ def test_version_imports_next_to_nothing():
 
 RARE = (
     "argparse", "csv", "difflib", "email", "http", "logging", "multiprocessing", "queue", "random",
-    "shlex", "shutil", "socket", "subprocess", "tempfile", "tomllib", "urllib.request", "xml",
+    "shlex", "shutil", "socket", "subprocess", "tempfile", "urllib.request", "xml",
     "ds47.cyclic.channels", "ds47.cyclic.named", "ds47.cyclic.pkw", "ds47.cyclic.search",
     "ds47.diagnosis.repair", "ds47.explain", "ds47.export", "ds47.lab", "ds47.library",
     "ds47.parameters.lists", "ds47.profidrive.notation", "ds47.profibus.telegram",
