@@ -210,7 +210,9 @@ def of_incomplete(finding: Finding, reading: Reading) -> Iterator[str]:
     if what == "cyclic_frames" and talk.relation["cycle_ms"] is None:  # nothing counts the frames
         asked = dict(talk.words("output"))[last]
         said = [words for frame, words in talk.words("input") if frame < last][-1]
-        if not _may_answer(said, asked):
+        pair = talk.relation["controller"], talk.relation["device"]
+        paused = any(first <= one < two <= last for one, two in cyclic.pauses(reading, pair))
+        if not (paused or _may_answer(said, asked)):
             yield f"{said.hex()} is no answer to what is asked in frame {last} only"
     elif what == "cyclic_frames":
         there = [

@@ -6,7 +6,7 @@ import errno
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, ClassVar
 
 from ds47.batch.tasks import Task
 from ds47.capture import CaptureError
@@ -17,6 +17,7 @@ class Names:
     """Writes the name of the task; some kill their process, always or the first time."""
 
     folder: Path
+    is_kept: ClassVar[bool] = False
 
     def __call__(self, task: Task, stream: BinaryIO) -> None:
         if task.path.startswith("broken"):

@@ -1098,17 +1098,14 @@ local function of_another(self, channel, job, record)
   end
   local fits, other = mirrors(job, data), open ~= nil and open ~= job
   if job.peer.station then
-    local strange = job == channel.refused and not fits
-    local since = asked.frame
-    if strange then -- what a record mirrors may have outlived a start-up
+    local since, refused = asked.frame, job == channel.refused
+    if refused then -- what a record brings may have outlived a start-up
       local begun = self.starts:get(job.peer.device)
       local due = not has_data and begun and begun.frame < (record.request or half).frame
       since = due and math.max(channel.ended, begun.frame) or channel.ended
     end
     local found = asked_behind(self, job.peer, channel, since)
-    if strange and has_data then
-      found = found or behind(self, job.peer, 0)
-    end
+    if refused and not fits and has_data then found = found or behind(self, job.peer, 0) end
     return not (fits and kind_fits(job.message, data) and counts(job, record)) and found or nil
   end
   local rival = job.refused_behind and mirrors(job.refused_behind, data)

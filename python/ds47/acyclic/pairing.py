@@ -412,7 +412,10 @@ class Pairing:
         self._count = 0
         self._newest_ns: int | None = None
         self._due_ns = 0
-        """Up to then no channel is too old."""
+        """Up to then no channel is too old,"""
+        self._touched_ns = 0
+        self._set_back = False
+        """unless the clock went back since the last one was touched."""
 
     def write_request(self, access: RecordAccess, message: Request) -> Job:
         """A Write that asks for something. Returns the job, for `write_response`."""
@@ -914,11 +917,11 @@ class Pairing:
             self._of_ar.setdefault(key[:3], {})[key] = None
             self._of_place.setdefault(_spot(key), {})[key] = None
             self._due_ns = now  # there may be too many
-        elif now < channel.touched:
-            self._due_ns = now  # somebody set the clock back
-        channel.touched = now
+        # Once the clock was set back the oldest by its place need not be so by its time.
+        self._set_back = self._set_back or now < self._touched_ns
+        channel.touched = self._touched_ns = now
         channels.move_to_end(key)
-        if now >= self._due_ns:
+        if now >= self._due_ns or self._set_back:
             self._make_room(now)
         return channel
 

@@ -371,13 +371,15 @@ class CallTracker:
         call.heard_ns = max(call.sent_ns, now)
         del activity.calls[seq]
         key = pdu.client, pdu.activity, seq
+        if key in answered:
+            self._due_ns = 0
         answered[key] = call
         answered.move_to_end(key)
         if now > self._due_ns:
             self._forget(now - self._expiry_ns)
         if len(answered) > self._limits.answered_calls:
             answered.popitem(last=False)
-            self._forgot = True
+            self._forgot, self._due_ns = True, 0
 
     def _forget(self, since_ns: int) -> None:
         """Of the answered calls those of which nothing was heard since."""
