@@ -136,6 +136,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     def is_due(item: pytest.Item) -> bool:
         key = item.path, getattr(item, "originalname", item.name)
         seen[key] += 1
+        if item.path.name == "test_readme.py":  # a command may need what one before it made
+            return True
         return seen[key] % every == 1 % every
 
     items[:] = filter(is_due, items)

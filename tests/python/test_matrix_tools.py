@@ -236,7 +236,7 @@ def test_a_run_of_a_part_takes_its_tests(repository: Path) -> None:
         "no:cacheprovider",
         file,
     ]
-    environment = os.environ | {"DS47_SHARE": "1/3"}
+    environment = os.environ | {"DS47_SHARE": "1/3", "DS47_EVERY": "1"}
     run = subprocess.run(
         command, cwd=repository, env=environment, capture_output=True, text=True, check=True
     )
