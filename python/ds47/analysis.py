@@ -566,8 +566,7 @@ class Analysis:
         self._named(transaction, relation.vendor_id, None)
         self._objects.transaction(transaction)
         if relation.is_bus:
-            unsure = 0 if self._lines is None else self._lines.line.unsure
-            unseen = max(unsure, self._completeness.newest(relation.device))
+            unseen = 0 if self._lines is None else self._lines.unseen(relation.device)
             if unseen >= job.request.at.frame:
                 job.heard = False  # its response may be among what was not seen of the line
         order, remarks = self._pairing.number(), self._cyclic.exchanged(relation, job)

@@ -89,8 +89,11 @@ class Lines:
         """As the result has it; `timed`: whether the recording has times."""
         return self._stations.told(self.line.stray, self.line.echoes, timed)
 
+    def unseen(self, device: str) -> int:
+        """The newest frame before which something that was said with a station was not seen; 0 for none."""
+        return max(self.line.unsure, self.line.lost(int(device.removeprefix(STATION))))
+
     def was_never_written(self, device: str, index: int, frame: int) -> bool:
         """Whether nothing was written to an index of a station since its start-up, which the capture has."""
-        unsure = max(self.line.unsure, self.line.lost(int(device.removeprefix(STATION))))
-        seen = self._start_ups.seen(device, frame, unsure)
+        seen = self._start_ups.seen(device, frame, self.unseen(device))
         return seen and not self._ms1.was_written(device, index, frame)

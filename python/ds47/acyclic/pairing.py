@@ -794,7 +794,7 @@ class Pairing:
 
     def _reread(self, channel: Channel, job: Job, record: Record) -> None:
         assert record.response is not None
-        job.phase = self._table[job.phase]["reread"]
+        self._step(job, "reread")
         if not job.rereads and not _was_open(channel, record.request):
             job.between = channel.waiting()
             read = job.read_response.frame if job.read_response else 0
@@ -949,7 +949,7 @@ class Pairing:
                 self._lose(channel.refused, "")
                 channel.refused = None
             channel.open = job
-        job.phase = self._table[job.phase]["write_accepted"]
+        self._step(job, "write_accepted")
 
     def _displace(self, channel: Channel, job: Job, by: Job) -> None:
         """An accepted Write displaces a request without its response; whose response may be missing, too.
@@ -976,7 +976,7 @@ class Pairing:
         """
         if channel.open is not None and channel.open.order > job.order:
             channel.asked.remove(job)
-            job.phase = self._table[job.phase]["write_accepted"]
+            self._step(job, "write_accepted")
         else:
             self._accept(channel, job)
 
@@ -1021,7 +1021,7 @@ class Pairing:
             asked = job.write_request or half
             free = held is None and channel.ended < asked.frame
             job.alone = free and self._may_be_open(job.peer, job.key, channel, asked) is None
-        job.phase = self._table[job.phase]["write_refused"]
+        self._step(job, "write_refused")
         if before == "answered":
             return
         if before == "asked":
@@ -1086,7 +1086,7 @@ class Pairing:
             channel.accepted = max(channel.accepted, job.order)  # no older one waits any more
         elif job.phase == "asked" and event not in ("read_empty", "read_short"):
             self._presume(channel, job)
-        job.phase = self._table[job.phase][event]
+        self._step(job, event)
         if event in ("read_poll", "read_short"):
             self._keep(job.polls, (record.request, half))
         elif event == "read_empty":
@@ -1145,6 +1145,9 @@ class Pairing:
             reads.pop()
         reads.append(read)
 
+    def _step(self, job: Job, event: str) -> None:
+        job.phase = self._table[job.phase][event]
+
     def _lose(self, job: Job, reason: str) -> None:
         if job.polls and job.missing is None:
             self._refused_at_last(job)
@@ -1180,7 +1183,7 @@ class Pairing:
     def _end(self, job: Job, event: str) -> None:
         if job.missing is not None and job.fetching and job.read_request is None:
             job.read_request = job.fetching[0]
-        job.phase = self._table[job.phase][event]
+        self._step(job, event)
         self._told.append(("closed", job, None))
 
     def _push_out(self, job: Job, limit: str) -> None:
@@ -1303,9 +1306,7 @@ def _is_later(job: Job, record: Record) -> bool:
 
 def _mirrors(job: Job, half: Half) -> bool:
     """Whether a record has the reference and the kind of a request."""
-    if not half.data or job.reference != half.data[0]:
-        return False
-    return job.message is None or kind_fits(job.message, half.data) is not False
+    return bool(half.data) and job.reference == half.data[0] and _is_of_kind(job, half) is not False
 
 
 def _counts(job: Job, record: Record) -> bool:
