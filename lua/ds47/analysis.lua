@@ -142,7 +142,7 @@ end
 
 -- A part of a message that is not whole yet; that of a response belongs to its call.
 local function begun(self, pdu)
-  if pdu ~= nil and (pdu.ptype ~= 0 or self.records:first_record(pdu)) then self.calls:begun(pdu) end
+  if pdu ~= nil then self.calls:begun(pdu) end
 end
 
 -- The message that an RPC fragment completes, nil where it completes none.

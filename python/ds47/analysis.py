@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 from ds47.acyclic import learning
 from ds47.acyclic.index47 import SHARED_INDEX, ArKey, Index47
 from ds47.acyclic.judge import Judge
-from ds47.acyclic.pairing import ChannelKey, Job, Missing, Pairing, RecordAccess, Told
-from ds47.acyclic.record_calls import RecordCalls
+from ds47.acyclic.pairing import Job, Missing, Pairing, Told
+from ds47.acyclic.record_calls import OPERATIONS, RecordCalls
 from ds47.acyclic.record_events import RecordEvents
 from ds47.acyclic.transactions import build, summarise
 from ds47.capture import Capture, CaptureError, Series, open_capture, sha256
@@ -35,9 +35,10 @@ from ds47.profibus import LINK_TYPES
 from ds47.profidrive import Options, decode_response
 from ds47.profidrive.dictionary import Dictionary, explain_transaction
 from ds47.profidrive.drive_objects import DriveObjects
-from ds47.profinet.calls import Became, CallTracker
+from ds47.profinet.calls import CallTracker
 from ds47.profinet.completeness import Completeness
-from ds47.profinet.records import Half
+from ds47.profinet.records import ChannelKey, Half, Record
+from ds47.profinet.rpc import from_frame
 from ds47.profinet.stations import Stations as Names
 from ds47.profinet.transport import Transport
 from ds47.s7.choices import Choices
@@ -56,6 +57,7 @@ if TYPE_CHECKING:
     from ds47.parameters.catalogue import Catalogue
     from ds47.parameters.lists import ParameterList
     from ds47.profinet.link import Packet
+    from ds47.profinet.rpc import Pdu
     from ds47.s7.communication import Communication
     from ds47.s7.model import S7Job
 
@@ -242,7 +244,13 @@ class Analysis:
         """What is in cyclic frames, once anybody has set it up or named it."""
         self._events = RecordEvents(index47, self._pairing, options.codec, self._told)
         self._records = RecordCalls(
-            self._events, self._pairing, self._told, self._completeness, bounds, self._vendor
+            self._events,
+            self._pairing,
+            self._told,
+            self._completeness,
+            bounds,
+            self._stations,
+            self._vendor,
         )
         self._calls = CallTracker(bounds, self._completeness)
         ports = options.s7.every_port if S7 in options.channels else ()
@@ -284,7 +292,9 @@ class Analysis:
         self._transport.finish()
         self._hear()
         self._s7.finish()
-        self.take(self._calls.finish())
+        for became in self._calls.finish():
+            self._records.take(became)
+        self._hear()
         if self._lines is not None:
             self._lines.finish()
         self._pairing.finish(self._events.newest_ns)
@@ -336,12 +346,13 @@ class Analysis:
         return [each.told() for each in self._channels().relations()]
 
     def _frames(self, frames: Capture | Series) -> None:
-        note, take, record = self._times.note, self._transport.take_frame, self._records.take
+        note, datagram = self._times.note, self._transport.datagram
         for frame in frames:
             if frame.link_type not in LINK_TYPES:
                 note(frame.number, frame.time_ns)
-                for became in take(frame):
-                    record(became)
+                pdu = from_frame(frame) or datagram(frame)
+                if pdu is not None:
+                    self.call(pdu)
                 if self._told:
                     self._hear()
                 continue
@@ -353,11 +364,12 @@ class Analysis:
             self._lines.take(frame)
             self._hear()
 
-    def take(self, became: Sequence[Became]) -> None:
-        """What became of calls."""
-        for each in became:
-            self._records.take(each)
-        self._hear()
+    def call(self, pdu: Pdu) -> None:
+        """The next PDU: what becomes of calls, and of the records in them."""
+        if pdu.cut is not None and pdu.opnum in OPERATIONS:
+            self._diagnoses.cut(pdu.cut)
+        for became in self._calls.take(pdu):
+            self._records.take(became)
 
     def _hear(self) -> None:
         """What became of jobs, in the order in which it did."""
@@ -633,24 +645,24 @@ class Analysis:
             findings = [self._findings.told(remark, order) for remark in remarks]
         to(transaction, findings)
 
-    def _nothing_to_read(self, access: RecordAccess, missing: Missing | None) -> None:
-        half = access.record.response
+    def _nothing_to_read(self, record: Record, missing: Missing | None) -> None:
+        half = record.response
         if half is None or half.status is None:
             return  # it is DS108, the cause
-        remark = self._not_asked(access, half)
+        remark = self._not_asked(record, half)
         if remark.rule == "DS808":
             missing = None
         elif missing is not None:
             remark = Remark("DS110", half.frame, missing._asdict())
-        self._diagnoses.nothing_to_read(access, missing)
+        self._diagnoses.nothing_to_read(record, missing)
         self._findings.add(remark)
 
-    def _not_asked(self, access: RecordAccess, half: Half) -> Remark:
+    def _not_asked(self, record: Record, half: Half) -> Remark:
         """Of a Read that found nothing; what the capture shows since the start-up cannot lie before it."""
         status, device, index = (
             status_hex(half.status or 0),
-            access.peer.device,
-            access.record.index,
+            record.peer.device,
+            record.index,
         )
         if self._lines is not None and self._lines.was_never_written(device, index, half.frame):
             args = {"device": device, "index": index, "status": status}

@@ -207,6 +207,8 @@ local function feed(run, packet)
     tell_records(whole)
     run.naming:message(whole, packet.src_mac)
     run.calls:feed(whole)
+  else
+    run.calls:begun(pdu)
   end
 end
 

@@ -10,14 +10,14 @@ from dataclasses import dataclass, field
 from itertools import count
 
 from ds47.acyclic.judge import is_mismatch
-from ds47.acyclic.pairing import Job, Peer, RecordAccess
+from ds47.acyclic.pairing import Job
 from ds47.lab.client import Client
 from ds47.lab.ether import Host
 from ds47.lab.stage import Stage
 from ds47.profidrive import decode_request, decode_response
 from ds47.profinet import rpc
 from ds47.profinet.link import Packet
-from ds47.profinet.records import Half, Record
+from ds47.profinet.records import Half, Peer, Record
 
 
 @dataclass(slots=True)
@@ -68,7 +68,7 @@ def job(
     record = Record(True, False, bytes(range(16)), 0, *at, 0)
     message = None if asked is None else decode_request(asked)
     record.request = None if asked is None else half(0, asked)
-    made = Job(RecordAccess(Peer("c", device, vendor, 0x0501), record), message, phase="closed")
+    made = Job(record.belongs(Peer("c", device, vendor, 0x0501)), message, phase="closed")
     if asked is not None:
         made.write_response = half(1, status=0)
     if answer is not None:

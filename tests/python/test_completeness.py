@@ -264,7 +264,7 @@ def test_one_of_two_activities_is_heard(turns: int) -> None:
     """A response in either shows that the server is heard; the newest call is that of the one that spoke last."""
     second = [each for each in pdus(three) if each.ptype == 0]
     for each in second:
-        each.activity = bytes(16)
+        each.activity, each.mark = bytes(16), each.mark + 1
     calls = [pdus(three), second][::turns]
     for each in calls[1]:
         each.frame += 12
@@ -334,7 +334,7 @@ def test_numbers_of_two_activities_say_nothing_of_each_other() -> None:
     second = pdus(three)
     for each in second:
         each.frame += 12
-        each.activity = bytes(16)
+        each.activity, each.mark = bytes(16), each.mark + 1
     found = heard([*first, *second])
     assert isinstance(found.behind(CLIENT, SERVER, 8), Hole)
     assert found.behind(CLIENT, SERVER, 13) is None

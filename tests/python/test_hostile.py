@@ -19,7 +19,7 @@ import jsonschema
 import pytest
 
 from ds47 import analysis, report
-from ds47.acyclic.pairing import Pairing, Peer, RecordAccess
+from ds47.acyclic.pairing import Pairing
 from ds47.analysis import Analysis, AnalysisOptions, analyze
 from ds47.capture import CaptureError, PcapngWriter, open_capture
 from ds47.cli import main
@@ -28,7 +28,7 @@ from ds47.model import Report
 from ds47.profidrive import decode_request
 from ds47.profinet import ip, rpc
 from ds47.profinet.link import Packet
-from ds47.profinet.records import Half, Record
+from ds47.profinet.records import Half, Peer, Record
 from ds47.spec.semantics import limits
 from ds47.spec.units import uuid_text
 
@@ -395,7 +395,7 @@ def kept(run):
     calls = run._calls._activities.values()
     places = run._pairing.channels.values()
     held = run._events._index47._held.values()
-    partial = run._transport._fragments._partial.values()
+    partial = run._calls._fragments._partial.values()
     return {
         "activities": len(calls),
         "calls": max((len(each.calls) for each in calls), default=0),
@@ -411,7 +411,7 @@ def kept(run):
         "held": sum(len(each.events) for each in held),
         "messages": len(partial),
         "fragments": sum(len(each.parts) for each in partial),
-        "given up": len(run._transport._fragments.given_up),
+        "given up": len(run._calls._fragments.given_up),
         "written": len(run._judge._written._written),
         "longest": len(run._judge._longest),
         "servers": len(run._stations._servers),
@@ -425,15 +425,23 @@ def small(monkeypatch):
     monkeypatch.setattr(analysis, "limits", lambda: SMALL)
 
 
+def feed(run: Analysis, packet: Packet) -> None:
+    """What an analysis does with a packet."""
+    pdu = run._transport.packet(packet)
+    if pdu is not None:
+        run.call(pdu)
+    run._hear()
+
+
 @pytest.mark.parametrize("stream", STREAMS, ids=lambda each: each.__name__)
 @pytest.mark.usefixtures("small")
 def test_an_endless_stream_stays_within_the_limits(stream):
     run = Analysis(AnalysisOptions(), lambda transaction, findings: None)
-    run._transport._fragments = rpc.Fragments(SMALL.fragment_expiry_ns, limit=16, fragments=300)
+    run._calls._fragments = rpc.Fragments(SMALL.fragment_expiry_ns, limit=16, fragments=300)
     wire_ = Wire()
     for number in range(1500):
         for packet in stream(wire_, number):
-            run.take(run._transport._packet(packet))
+            feed(run, packet)
     most = {
         "activities": 32, "calls": 8 + 1, "answered": 32, "connects": 32, "datagrams": 2 * 256,
         "channels": 32, "asked": 8,
@@ -459,7 +467,7 @@ def growth(stream, first, then, options=None):
                 gc.collect()
                 before = tracemalloc.get_traced_memory()[0]
             for packet in stream(wire_, number):
-                run.take(run._transport._packet(packet))
+                feed(run, packet)
         gc.collect()
         return (tracemalloc.get_traced_memory()[0] - before) / then
     finally:
@@ -530,13 +538,15 @@ def test_a_transport_finding_holds_no_finished_transaction():
     wire_ = Wire()
     for number in range(20):
         for packet in lost_writes(wire_, number):
-            run.take(run._transport._packet(packet))
+            feed(run, packet)
     assert run._remarks
     assert not any(remark.job for remark in run._findings._remarks)
     assert not any(job.over for job in run._remarks)
-    run.take(run._calls.finish())
+    for became in run._calls.finish():
+        run._records.take(became)
+    run._hear()
     run._pairing.finish()
-    run.take(())
+    run._hear()
     assert not run._remarks
 
 
@@ -629,7 +639,7 @@ def test_a_stream_costs_its_length(stream):
         wire_ = Wire()
         for number in range(size):
             for packet in stream(wire_, number):
-                run.take(run._transport._packet(packet))
+                feed(run, packet)
         run._calls.finish()
         run._pairing.finish()
 
@@ -646,7 +656,7 @@ def test_a_full_analysis_costs_the_length_of_its_stream():
         for number in range(size):
             for stream in (channels, foreign_records, activities, unanswered_writes):
                 for packet in stream(wire_, number):
-                    run.take(run._transport._packet(packet))
+                    feed(run, packet)
 
     assert is_linear(work, 150)
 
@@ -660,7 +670,7 @@ def test_a_release_looks_at_its_own_channels():
         for number in range(size):
             key = number.to_bytes(16, "big")
             record = Record(True, False, key, 0, 1, 1, 47, 0, Half(1, START))
-            pairing.write_request(RecordAccess(peer, record), request)
+            pairing.write_request(record.belongs(peer), request)
         for number in range(size):
             pairing.release(CONTROLLER, DEVICE, number.to_bytes(16, "big"))
         assert not pairing.channels
@@ -702,7 +712,7 @@ def nasty_result(text):
     stream = io.BytesIO(make.section())
     with open_capture(stream, name=text) as capture:
         for packet in packets:
-            run.take(run._transport._packet(packet))
+            feed(run, packet)
         return run.run(capture)
 
 

@@ -22,13 +22,13 @@ import test_profibus_calls as by_hand
 from lua_program import LUAS, lua_program
 from test_profibus_calls import MS, NOT_READY, SHORT, Talk
 
-from ds47.acyclic.pairing import Job, Pairing, Peer, RecordAccess, Told
+from ds47.acyclic.pairing import Job, Pairing, Told
 from ds47.acyclic.services import Became, CallTracker, ServiceCall
 from ds47.profibus import telegram
 from ds47.profibus.line import Exchange, Line, Seen
 from ds47.profidrive import decode_request
 from ds47.profidrive.model import Options
-from ds47.profinet.records import Half, Record
+from ds47.profinet.records import Half, Peer, Record
 from ds47.spec.semantics import limits
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -156,8 +156,8 @@ class Ear:
         )  # fmt: skip
 
     @staticmethod
-    def _access(call: ServiceCall) -> RecordAccess:
-        return RecordAccess(Peer(str(call.master), str(call.station)), call.record)
+    def _access(call: ServiceCall) -> Record:
+        return call.record.belongs(Peer(str(call.master), str(call.station)))
 
 
 # Lines by chance

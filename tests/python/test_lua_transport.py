@@ -13,7 +13,7 @@ import random
 import shutil
 import struct
 import subprocess
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -22,7 +22,7 @@ from typing import Any
 import pytest
 
 from ds47.acyclic.index47 import Index47
-from ds47.acyclic.pairing import Moment, Peer, RecordAccess
+from ds47.acyclic.pairing import Moment
 from ds47.acyclic.record_calls import RecordCalls
 from ds47.acyclic.record_events import RecordEvents
 from ds47.capture import Frame, open_capture
@@ -33,8 +33,9 @@ from ds47.profinet import connect, dcp, ip, lldp, rpc
 from ds47.profinet.calls import Became, CallTracker
 from ds47.profinet.completeness import Completeness
 from ds47.profinet.link import Packet, Packets, dissect, mac
-from ds47.profinet.records import Half, Record, parse_request, parse_response, released_ar
+from ds47.profinet.records import Half, Peer, Record, parse_request, parse_response, released_ar
 from ds47.profinet.stations import Stations
+from ds47.spec.layouts import RECORD_WRITE_MULTIPLE
 from ds47.spec.semantics import limits
 
 TESTS = Path(__file__).resolve().parent.parent
@@ -132,28 +133,26 @@ class Ear:
     def tell(self, kind: str, **content: Any) -> None:
         self.told.append(_known(event=kind, **content))
 
-    def write_request(self, access: RecordAccess, message: Any) -> int:
+    def write_request(self, record: Record, message: Any) -> int:
         self.jobs += 1
-        self.tell("write_request", job=self.jobs, peer=_peer(access.peer), record=_record(access.record),
+        self.tell("write_request", job=self.jobs, peer=_peer(record.peer), record=_record(record),
                   shaped=message.shaped)  # fmt: skip
         return JobNumber(self.jobs)
 
     def write_response(self, job: int, half: Half | None, *, fault: bool = False) -> None:
         self.tell("write_response", job=job, half=_half(half), fault=fault)
 
-    def read_response(self, access: RecordAccess) -> None:
-        self.tell("read_response", peer=_peer(access.peer), record=_record(access.record))
+    def read_response(self, record: Record) -> None:
+        self.tell("read_response", peer=_peer(record.peer), record=_record(record))
 
-    def expected(self, access: RecordAccess) -> None:
+    def expected(self, record: Record) -> None:
         return None
 
-    def read_lost(self, access: RecordAccess) -> None:
-        self.tell("read_lost", peer=_peer(access.peer), record=_record(access.record))
+    def read_lost(self, record: Record) -> None:
+        self.tell("read_lost", peer=_peer(record.peer), record=_record(record))
 
-    def read_asked_late(self, access: RecordAccess, answer: int) -> None:
-        self.tell(
-            "read_asked_late", peer=_peer(access.peer), record=_record(access.record), answer=answer
-        )
+    def read_asked_late(self, record: Record, answer: int) -> None:
+        self.tell("read_asked_late", peer=_peer(record.peer), record=_record(record), answer=answer)
 
     def release(
         self, controller: str, device: str, ar: bytes, at: Moment, index: int | None = None
@@ -191,10 +190,10 @@ class Ear:
     ) -> None:
         self.tell("connected", controller=controller, device=device, frame=at.frame, only=only)
 
-    def write_unasked(self, access: RecordAccess) -> None:
-        self.tell("write_unasked", peer=_peer(access.peer), record=_record(access.record))
+    def write_unasked(self, record: Record) -> None:
+        self.tell("write_unasked", peer=_peer(record.peer), record=_record(record))
 
-    def is_again(self, access: RecordAccess) -> bool:
+    def is_again(self, record: Record) -> bool:
         return False
 
     def goes_on(self, controller: str, device: str, ar: bytes) -> None:
@@ -216,12 +215,13 @@ class Ear:
         )  # fmt: skip
 
     def records(self, pdu: rpc.Pdu) -> None:
-        body = parse_request(pdu)
+        requests, multiple = parse_request(pdu)
         status, answers = parse_response(pdu)
         released = released_ar(pdu)
         self.tell(
-            "records", multiple=body.multiple, nested=body.nested, status=status,
-            requests=[*map(_record, body.records)], answers=[*map(_record, answers)],
+            "records", multiple=multiple, status=status,
+            nested=any(each.index == RECORD_WRITE_MULTIPLE for each in requests if multiple),
+            requests=[*map(_record, requests)], answers=[*map(_record, answers)],
             released=released.hex() if released else None,
         )  # fmt: skip
 
@@ -255,21 +255,21 @@ class Run:
     def __init__(self, gate: Index47) -> None:
         self.ear = Ear()
         self.naming = Stations()
-        self.fragments = rpc.Fragments(limits().fragment_expiry_ns)
         told = Told(self.ear)
         self.events = RecordEvents(gate, self.ear, Options(), told)  # type: ignore[arg-type]
         missing = Completeness(limits().activities)
-        self.records = RecordCalls(self.events, self.ear, told, missing, limits())  # type: ignore[arg-type]
-        self.calls = CallTracker(limits(), missing)
+        self.records = RecordCalls(self.events, self.ear, told, missing, limits(), Stations())  # type: ignore[arg-type]
+        self.calls = Messages(missing, self)
+        self.given_up: list[Became] = []
 
     def run(self, frames: Iterable[Frame]) -> list[dict[str, Any]]:
         source = Packets()
         for packet in source.of(frames):
             self.packet(packet)
-        for first, have, limit in self.fragments.given_up:
-            self.records.incomplete(first, have, "RPC", limit)
-        for first, have in self.fragments.unfinished():
-            self.records.incomplete(first, have, "RPC")
+        told = self.calls.finish()
+        for each in (*self.given_up, *told):
+            if each[0] == "incomplete":
+                self.records.take(each)
         for packet, have, limit in [
             *source.given_up(),
             *((*each, "") for each in source.unfinished()),
@@ -277,8 +277,8 @@ class Run:
             pdu = rpc.parse(packet)
             if pdu is not None:
                 self.ear.pdu("unfinished", pdu)
-                self.records.incomplete(pdu, have, "IP", limit)
-        self.tell(self.calls.finish())
+                self.records.incomplete(rpc.GivenUp(pdu, have, limit), "IP")
+        self.tell([each for each in told if each[0] != "incomplete"])
         self.records.finish()
         asked = self.events.requests
         counts = {
@@ -304,18 +304,38 @@ class Run:
         if pdu is None:
             return
         self.ear.pdu("pdu", pdu)
-        fragmented = pdu.fragmented
-        whole = None if self.calls.is_copy(pdu) else self.fragments.feed(pdu)
-        if whole is not None:
-            if fragmented:
-                self.ear.pdu("whole", whole)
-            self.ear.records(whole)
-            self.naming.message(whole)
-            self.tell(self.calls.take(whole))
+        self.tell(self.calls.take(pdu))
 
-    def tell(self, told: list[Became]) -> None:
+    def message(self, whole: rpc.Pdu, *, joined: bool) -> None:
+        if joined:
+            self.ear.pdu("whole", whole)
+        self.ear.records(whole)
+        self.naming.message(whole)
+
+    def tell(self, told: Sequence[Became]) -> None:
+        """What became of calls; the other one tells of messages that do not become whole when all is read."""
         for became in told:
-            self.records.take(became)
+            if became[0] == "incomplete":
+                self.given_up.append(became)
+            else:
+                self.records.take(became)
+
+
+class Messages(CallTracker):
+    """Tells of whole messages."""
+
+    def __init__(self, missing: Completeness, run: Run) -> None:
+        super().__init__(limits(), missing)
+        self._run = run
+        self._fragmented = False
+
+    def take(self, pdu: rpc.Pdu) -> Sequence[Became]:
+        self._fragmented = pdu.fragmented
+        return super().take(pdu)
+
+    def _message(self, pdu: rpc.Pdu, told: list[Became]) -> None:
+        self._run.message(pdu, joined=self._fragmented)
+        super()._message(pdu, told)
 
 
 # Where frames come from

@@ -9,11 +9,11 @@ from uuid import UUID
 import pytest
 from talk import request
 
-from ds47.acyclic.pairing import STATUS_SHORT, Job, Moment, Pairing, Peer, RecordAccess, Told
+from ds47.acyclic.pairing import STATUS_SHORT, Job, Moment, Pairing, Told
 from ds47.lab import message
 from ds47.lab.client import BUSY, CONTROLLER_AR
 from ds47.profinet.completeness import Completeness
-from ds47.profinet.records import Half, Record
+from ds47.profinet.records import Half, Peer, Record
 from ds47.spec.semantics import Limits, limits, phases
 
 PEER = Peer("192.168.133.2", "192.168.133.33", 0x002A, 0x0501)
@@ -46,7 +46,7 @@ class Channel:
         return self.heard("closed")
 
     @property
-    def nothing(self) -> list[RecordAccess]:
+    def nothing(self) -> list[Record]:
         return self.heard("nothing")
 
     def half(self, data: bytes = b"", status: int | None = None) -> Half:
@@ -60,7 +60,7 @@ class Channel:
         data = message.read(reference, 1, message.address(21))
         record = self.record(True, slot=slot)
         record.request = self.half(data)
-        return self.pairing.write_request(RecordAccess(PEER, record), request(data))
+        return self.pairing.write_request(record.belongs(PEER), request(data))
 
     def written(self, job: Job, status: int | None = 0, fault: bool = False) -> None:
         self.pairing.write_response(job, self.half(status=status), fault=fault)
@@ -77,7 +77,7 @@ class Channel:
         record = self.record(False, slot=slot)
         record.request, record.response = self.half(), self.half(data, status)
         record.response.missing, record.response.cut = missing, missing > 0
-        return self.pairing.read_response(RecordAccess(PEER, record))
+        return self.pairing.read_response(record.belongs(PEER))
 
     def bring(self, reference: int = 1, value: float = 1.0) -> Job | None:
         return self.read(message.answer(reference, 1, 1, message.real(value)))
@@ -152,7 +152,7 @@ def test_of_a_station_is_missing_what_its_line_shows(lost: int, what: str) -> No
     data = message.read(1, 1, message.address(21))
     record = Record(True, False, bytes(16), -1, 1, 0, 47, 0, Half(1, 1, data, len(data)))
     peer = Peer("dp1", "dp3", station=3)
-    job = pairing.write_request(RecordAccess(peer, record), request(data))
+    job = pairing.write_request(record.belongs(peer), request(data))
     pairing.finish()
     assert job.missing is not None
     assert job.missing.what == what
@@ -295,9 +295,9 @@ def test_a_lost_read_leaves_its_request_to_the_open_job() -> None:
     job = channel.open()
     record = channel.record(False)
     record.request = channel.half()
-    assert channel.pairing.read_lost(RecordAccess(PEER, record)) is job
+    assert channel.pairing.read_lost(record.belongs(PEER)) is job
     assert job.read_request is record.request
-    assert channel.pairing.read_lost(RecordAccess(PEER, channel.record(False, slot=9))) is None
+    assert channel.pairing.read_lost(channel.record(False, slot=9).belongs(PEER)) is None
 
 
 def test_a_lost_read_belongs_to_no_request_that_came_after_it() -> None:
@@ -305,7 +305,7 @@ def test_a_lost_read_belongs_to_no_request_that_came_after_it() -> None:
     record = channel.record(False)
     record.request = channel.half()
     job = channel.open()
-    assert channel.pairing.read_lost(RecordAccess(PEER, record)) is None
+    assert channel.pairing.read_lost(record.belongs(PEER)) is None
     assert job.read_request is None
 
 

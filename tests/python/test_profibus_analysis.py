@@ -71,7 +71,7 @@ def calls(path: Path) -> list[tuple[rpc.Pdu, rpc.Pdu | None]]:
     with open_capture(path) as capture:
         for packet in Packets().of(capture):
             pdu = rpc.parse(packet) if packet.kind == "udp" else None
-            if pdu is not None and not tracker.is_copy(pdu):
+            if pdu is not None:
                 for what, call, said in tracker.take(pdu):
                     if call is not None and said is not None and what == "asked":
                         found[call] = said, None
@@ -89,10 +89,10 @@ def reframed(path: Path) -> Records | None:
         if response is None or request.frame < busy:
             return None
         busy = response.frame
-        asked, (_, told) = parse_request(request), parse_response(response)
-        if len(asked.records) != 1 or len(told) != 1 or asked.multiple:
+        (asked, multiple), (_, told) = parse_request(request), parse_response(response)
+        if len(asked) != 1 or len(told) != 1 or multiple:
             return None
-        record = asked.records[0]
+        record = asked[0]
         record.response = told[0].response
         both = framed(record)
         if both is None:

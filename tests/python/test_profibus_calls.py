@@ -9,12 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ds47.acyclic.pairing import Job, Pairing, Peer, RecordAccess, Told
+from ds47.acyclic.pairing import Job, Pairing, Told
 from ds47.acyclic.services import MOST_OPEN, MOST_POLLS, Became, CallTracker, ServiceCall
 from ds47.profibus import telegram
 from ds47.profibus.line import MOST_RETRIES, Exchange, Line, Seen
 from ds47.profidrive import decode_request, decode_response
 from ds47.profidrive.model import Options
+from ds47.profinet.records import Peer, Record
 from ds47.spec.semantics import limits
 
 MS = 1_000_000
@@ -335,10 +336,9 @@ def paired(frames: Iterable[bytes]) -> list[Job]:
     told: list[Told] = []
     pairing = Pairing(limits(), told)
 
-    def access(call: ServiceCall) -> RecordAccess:
-        return RecordAccess(
-            Peer(str(call.master), str(call.station), station=call.station), call.record
-        )
+    def access(call: ServiceCall) -> Record:
+        who = Peer(str(call.master), str(call.station), station=call.station)
+        return call.record.belongs(who)
 
     def asked(call: ServiceCall) -> None:
         half = call.record.request

@@ -52,9 +52,8 @@ def place(record: Record) -> tuple[bytes, int, int, int, int]:
 @ORDERS
 def test_write(order: wire.Order) -> None:
     asked, answered = pdus(write, order=order)
-    body = parse_request(asked)
-    assert (body.multiple, body.nested) == (False, False)
-    (record,) = body.records
+    (record,), multiple = parse_request(asked)
+    assert not multiple
     assert place(record) == (CONTROLLER_AR.bytes, 0x3A00, 2, 3, 0xB02F)
     assert (record.write, record.implicit, record.position) == (True, False, 0)
     assert record.request is not None
@@ -70,7 +69,7 @@ def test_write(order: wire.Order) -> None:
 @ORDERS
 def test_read(order: wire.Order) -> None:
     asked, answered = pdus(read, order=order)
-    (record,) = parse_request(asked).records
+    (record,) = parse_request(asked)[0]
     assert record.request is not None
     assert (record.write, record.request.data, record.request.stated) == (False, b"", 4096)
     assert record.request.missing == 0  # a Read request states the most that is wanted
@@ -88,7 +87,7 @@ def test_implicit_has_no_ar_and_reads() -> None:
         client.accept_read(call, DATA)
 
     asked, answered = pdus(talk)
-    (record,), (answer,) = parse_request(asked).records, parse_response(answered)[1]
+    (record,), (answer,) = parse_request(asked)[0], parse_response(answered)[1]
     assert (record.implicit, record.write, record.ar) == (True, False, NIL_UUID)
     assert (answer.implicit, answer.ar) == (True, NIL_UUID)
     assert answer.response is not None
@@ -128,11 +127,11 @@ def test_status_in_the_block_of_a_write(order: wire.Order) -> None:
 @ORDERS
 def test_multiple_with_pads(order: wire.Order) -> None:
     asked, answered = pdus(multiple, order=order)
-    body = parse_request(asked)
-    assert (body.multiple, body.nested) == (True, False)
-    assert [record.slot for record in body.records] == [1, 2, 3]
-    assert [record.position for record in body.records] == [1, 2, 3]
-    assert [r.request and r.request.data for r in body.records] == [DATA, DATA[:5], DATA[:6]]
+    records, several = parse_request(asked)
+    assert several
+    assert [record.slot for record in records] == [1, 2, 3]
+    assert [record.position for record in records] == [1, 2, 3]
+    assert [r.request and r.request.data for r in records] == [DATA, DATA[:5], DATA[:6]]
     status, answers = parse_response(answered)
     assert status == 0
     assert [answer.slot for answer in answers] == [1, 2, 3]
@@ -141,19 +140,20 @@ def test_multiple_with_pads(order: wire.Order) -> None:
 
 def test_nested_is_told_and_not_opened() -> None:
     inside = wire.write_request(0, CHANNEL, DATA)
-    body = parse_request(pdus(lambda client: client.write_multiple([(OUTER, inside, OK)]))[0])
-    assert (body.multiple, body.nested) == (True, True)
-    assert [record.index for record in body.records] == [RECORD_WRITE_MULTIPLE]
+    records, multiple = parse_request(
+        pdus(lambda client: client.write_multiple([(OUTER, inside, OK)]))[0]
+    )
+    assert multiple
+    assert [record.index for record in records] == [RECORD_WRITE_MULTIPLE]
 
 
 def test_an_empty_multiple() -> None:
-    body = parse_request(pdus(lambda client: client.write_multiple([]))[0])
-    assert (body.multiple, body.records) == (True, [])
+    assert parse_request(pdus(lambda client: client.write_multiple([]))[0]) == ([], True)
 
 
 def test_stated_length_beyond_the_body_is_missing() -> None:
     asked = pdus(lambda client: client.ask_write(DATA, stated=12))[0]
-    (record,) = parse_request(asked).records
+    (record,) = parse_request(asked)[0]
     assert record.request is not None
     assert (record.request.data, record.request.stated, record.request.missing) == (DATA, 12, 5)
 
@@ -166,7 +166,7 @@ def test_stated_length_beyond_the_body_is_missing() -> None:
 
 
 def test_stated_length_within_the_body_counts() -> None:
-    (record,) = parse_request(pdus(lambda client: client.ask_write(DATA, stated=3))[0]).records
+    (record,) = parse_request(pdus(lambda client: client.ask_write(DATA, stated=3))[0])[0]
     assert record.request is not None
     assert (record.request.data, record.request.missing) == (DATA[:3], 0)
 
@@ -175,9 +175,9 @@ def test_stated_length_within_the_body_counts() -> None:
 @pytest.mark.parametrize("play", [write, read, multiple])
 def test_a_body_cut_at_every_byte(play: object, order: wire.Order) -> None:
     asked, answered = pdus(play, order=order)  # type: ignore[arg-type]
-    whole = [record.request for record in parse_request(asked).records]
+    whole = [record.request for record in parse_request(asked)[0]]
     for cut in range(len(asked.body)):
-        found = parse_request(replace(asked, body=asked.body[:cut])).records
+        found = parse_request(replace(asked, body=asked.body[:cut]))[0]
         assert len(found) <= len(whole)
         for record, other in zip(found, whole, strict=False):
             assert record.request is not None
@@ -206,7 +206,7 @@ def test_what_the_capture_cut_is_told_from_what_was_never_sent() -> None:
         (cut_to(asked, whole - 7), True),
         (replace(asked, body=asked.body[:-7]), False),
     ):
-        (record,) = parse_request(pdu).records
+        (record,) = parse_request(pdu)[0]
         assert record.request is not None
         assert (record.request.data, record.request.missing, record.request.cut) == (b"", 7, cut)
         assert not record.request.untold
@@ -254,7 +254,7 @@ def test_a_status_without_the_rest_of_the_ndr_header(order: wire.Order) -> None:
 def test_a_block_of_another_kind_is_absent() -> None:
     asked, answered = pdus(read)
     for opnum in (RPC_WRITE, RPC_CONNECT, 9):
-        assert parse_request(replace(asked, opnum=opnum)).records == []
+        assert parse_request(replace(asked, opnum=opnum))[0] == []
         assert parse_response(replace(answered, opnum=opnum)) == (0, [])
 
 

@@ -11,14 +11,14 @@ from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any, Final, TypeVar
 
-from ds47.acyclic.pairing import Job, Peer
+from ds47.acyclic.pairing import Job
 from ds47.acyclic.readback import ReadBack
 from ds47.findings.remark import Remark
 from ds47.profidrive import Address, Block, Flaw, Request, Response
 from ds47.profidrive.drive_objects import DriveObjects
 from ds47.profidrive.family import NOT_SUPPORTED, family_fits
 from ds47.profidrive.model import VALUE
-from ds47.profinet.records import Half
+from ds47.profinet.records import Half, Peer
 from ds47.spec.semantics import Limits
 from ds47.spec.statuses import status_hex
 

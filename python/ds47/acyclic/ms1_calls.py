@@ -10,7 +10,7 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import ClassVar
 
-from ds47.acyclic.pairing import Moment, Peer, RecordAccess, Told
+from ds47.acyclic.pairing import Moment, Told
 from ds47.acyclic.record_events import RecordEvents
 from ds47.acyclic.services import Became, ServiceCall
 from ds47.findings.remark import Remark
@@ -20,6 +20,7 @@ from ds47.profibus.judge import LineJudge
 from ds47.profibus.line import Exchange
 from ds47.profibus.ms1 import MOST_DATA
 from ds47.profinet.completeness import STATION
+from ds47.profinet.records import Peer, Record
 
 
 class Ms1Calls:
@@ -45,7 +46,7 @@ class Ms1Calls:
         self._judge = judge
         self._written: dict[tuple[str, int], int] = {}
         """Stations and indices that were written there, with the frame of the first time."""
-        self._open: dict[ServiceCall, RecordAccess] = {}
+        self._open: dict[ServiceCall, Record] = {}
         """The services that are open."""
 
     def take(self, became: Became) -> None:
@@ -66,22 +67,21 @@ class Ms1Calls:
         """Whether a record was written to an index of a station before a frame."""
         return self._written.get((device, index), before) < before
 
-    def _access(self, call: ServiceCall) -> RecordAccess:
+    def _whose(self, call: ServiceCall) -> Record:
         who = peer(call.master, call.station, self._idents.family(call.station))
-        return RecordAccess(who, call.record, ours=call.record.index in self._events.concerned)
+        return call.record.belongs(who, ours=call.record.index in self._events.concerned)
 
     def _asked(self, call: ServiceCall) -> None:
-        record, access = call.record, self._access(call)
+        record = self._whose(call)
         if record.write:
-            self._writing(access)
+            self._writing(record)
         self._events.requests[record.index, record.write] += 1
-        if access.ours:
-            self._open[call] = access
-            self._events.asked(access, None)
+        if record.ours:
+            self._open[call] = record
+            self._events.asked(record, None)
 
-    def _writing(self, access: RecordAccess) -> None:
-        record, device = access.record, access.peer.device
-        half = record.request
+    def _writing(self, record: Record) -> None:
+        device, half = record.peer.device, record.request
         if half is None:
             return
         self._written.setdefault((device, record.index), half.frame)
@@ -101,34 +101,34 @@ class Ms1Calls:
             )
 
     def _answered(self, call: ServiceCall) -> None:
-        access = self._open.pop(call, None)
-        self._judged(call, access is not None)
-        if access is not None:
-            self._events.answered(access, None)
+        record = self._open.pop(call, None)
+        self._judged(call, record is not None)
+        if record is not None:
+            self._events.answered(record, None)
         elif call.record.write:
-            self._told.append(("foreign", self._access(call), None))
+            self._told.append(("foreign", self._whose(call), None))
 
     def _failed(self, call: ServiceCall) -> None:
-        access, half = self._open.pop(call, None), call.record.response
-        if access is None or half is None:
+        record, half = self._open.pop(call, None), call.record.response
+        if record is None or half is None:
             return
-        if access.record.write:
-            self._events.pass_on(access, "write_failed", half)
+        if record.write:
+            self._events.pass_on(record, "write_failed", half)
         else:
-            self._events.pass_on(access, "read_over")
-            self._events.pass_on(access, "read_lost")
+            self._events.pass_on(record, "read_over")
+            self._events.pass_on(record, "read_lost")
 
     def _lost(self, call: ServiceCall) -> None:
-        access = self._open.pop(call, None)
-        if access is not None and not access.record.write:
-            self._events.pass_on(access, "read_lost")
+        record = self._open.pop(call, None)
+        if record is not None and not record.write:
+            self._events.pass_on(record, "read_lost")
 
     def _unasked(self, call: ServiceCall) -> None:
-        access = self._access(call)
+        record = self._whose(call)
         if call.record.write:
-            self._told.append(("foreign", access, None))
-        if access.ours:
-            self._events.unasked(access, None)
+            self._told.append(("foreign", record, None))
+        if record.ours:
+            self._events.unasked(record, None)
 
 
 class StartUps:

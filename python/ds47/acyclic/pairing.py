@@ -15,10 +15,10 @@ from typing import Any, Final, Literal, NamedTuple, TypeVar
 
 from ds47.model import Plain
 from ds47.profidrive import Request, Response
-from ds47.profidrive.dictionary import Meaning, family_of
+from ds47.profidrive.dictionary import Meaning
 from ds47.profidrive.family import kind_fits
 from ds47.profinet.completeness import Completeness, Hole
-from ds47.profinet.records import Half, Record
+from ds47.profinet.records import ChannelKey, Half, Peer, Record
 from ds47.spec.semantics import Limits, phases
 
 STATUS_NOT_READY: Final = 0xDE80B500
@@ -34,24 +34,6 @@ _KIND_END: Final = 2
 
 _T = TypeVar("_T")
 _K = TypeVar("_K")
-
-
-class Peer(NamedTuple):
-    """Who talks to whom, and what is known of the device."""
-
-    controller: str
-    device: str
-    vendor_id: int | None = None
-    device_id: int | None = None
-    station: int | None = None
-    """The address of the device on PROFIBUS; None on PROFINET."""
-    family: str | None = None
-    """Of its parameters, where PROFIBUS says it (`ds47.profibus.idents`)."""
-
-    @property
-    def drives(self) -> str:
-        """Whose parameters it has, as far as is known."""
-        return family_of(self.vendor_id, self.family)
 
 
 class Moment(NamedTuple):
@@ -80,42 +62,6 @@ class Missing(NamedTuple):
     first: int | None = None
     last: int | None = None
     numbers: str | None = None
-
-
-ChannelKey = tuple[str, str, bytes, int, int, int, int]
-"""A DS47 channel (docs/pairing.md, record level): controller, device, AR, API, slot, subslot, index."""
-
-
-class RecordAccess:
-    """A record call that may be ours: who asks whom for which record, and what comes of it.
-
-    Attributes:
-        peer: who asks whom.
-        record: what is asked for.
-        ar: controller, device and AR.
-        channel: these, and where the record is.
-        ours: whether its index may carry the parameter channel.
-        proven: whether its AR had proved itself when it was asked for.
-        job: of a Write its own, of a Read the one whose response it is to fetch; None as long as none is known.
-    """
-
-    __slots__ = ("ar", "channel", "job", "ours", "peer", "proven", "record")
-
-    def __init__(self, peer: Peer, record: Record, *, ours: bool = True) -> None:
-        controller, device, uuid = peer.controller, peer.device, record.ar
-        self.peer = peer
-        self.record = record
-        self.ar = controller, device, uuid
-        self.channel: ChannelKey = (
-            controller, device, uuid, record.api, record.slot, record.subslot, record.index,
-        )  # fmt: skip
-        self.ours, self.proven = ours, False
-        self.job: Job | None = None
-
-    @property
-    def place(self) -> tuple[int, int, int]:
-        """API, slot and subslot."""
-        return self.channel[3:6]
 
 
 @dataclass(slots=True, eq=False, init=False, repr=False)
@@ -199,7 +145,7 @@ class Job:
 
     def __init__(
         self,
-        access: RecordAccess,
+        record: Record,
         message: Request | None,
         phase: str = "asked",
         write_response: Half | None = None,
@@ -216,8 +162,7 @@ class Job:
         reason: str = "",
         order: int = 0,
     ) -> None:
-        record = access.record
-        self.peer, self.record, self.key = access.peer, record, access.channel
+        self.peer, self.record, self.key = record.peer, record, record.channel
         self.message = message
         self.reference = None if message is None else message.request_reference
         self.write_request = None if message is None else record.request
@@ -366,10 +311,10 @@ Told = tuple[What, Any, Any]
     refused     a job whose Write was refused: what comes after that is seldom of interest
     answered    a job that has its response, once
     closed      a job of which nothing more can come, once; `Job.forget` is for whoever takes it
-    nothing     the access of a Read without record where no request is open; what may be missing, or None
+    nothing     the Read without a record where no request is open; what may be missing, or None
     connected   the device of a Connect, or a station that got its parameters; the frame
-    remark      a finding of the steps before (`ds47.findings.remark`); the access of which it is, or None
-    foreign     the access of a Write that was answered, to an index that cannot be ours, or without its request
+    remark      a finding of the steps before (`ds47.findings.remark`); the record that it is about, or None
+    foreign     a Write that was answered, to an index that cannot be ours, or without its request
     set_up      the request of a Connect; its response
     questions   an AR of which a question is the proof; all that is told of it at index 47 is not sure until
     proven      it is one of DS47, or
@@ -417,20 +362,20 @@ class Pairing:
         self._set_back = False
         """unless the clock went back since the last one was touched."""
 
-    def write_request(self, access: RecordAccess, message: Request) -> Job:
+    def write_request(self, record: Record, message: Request) -> Job:
         """A Write that asks for something. Returns the job, for `write_response`."""
-        asked = access.record.request
+        asked = record.request
         assert asked is not None
-        channel = self._channel(access, asked.time_ns)
-        job = Job(access, message, order=self.number())
+        channel = self._channel(record, asked.time_ns)
+        job = Job(record, message, order=self.number())
         if asked.cut and message.request_id is None:
             job.untold = asked.frame
         before = job.previous = channel.written
-        missing = None if before is None else self._behind(access.peer, before)
+        missing = None if before is None else self._behind(record.peer, before)
         if missing is None or missing.what == "one_direction":
             job.previous_reference = channel.reference
         if before is None:
-            others = self._of_ar[access.ar]
+            others = self._of_ar[record.relation]
             last = (self.channels[each].reference for each in others)
             job.uncounted = message.request_reference in last
         channel.reference, channel.written = message.request_reference, asked.frame
@@ -473,17 +418,17 @@ class Pairing:
         known = self._completeness
         return known is not None and known.waits(peer.controller, peer.device)
 
-    def write_unasked(self, access: RecordAccess) -> None:
+    def write_unasked(self, record: Record) -> None:
         """The answer to a Write whose request is not in the capture.
 
         It came after the refused one of its channel: no Read is for that one any more. One that was accepted asks
         for something that nobody knows: what is read from now on may be its response, also where that has the
         bytes of an earlier one.
         """
-        half = access.record.response
+        half = record.response
         if half is None:
             return
-        channel = self._channel(access, half.time_ns)
+        channel = self._channel(record, half.time_ns)
         channel.unasked = half.frame
         given_up = half.time_ns - self._limits.call_expiry_ns
         asked = (job.record.request for job in channel.asked)
@@ -504,12 +449,11 @@ class Pairing:
             self._lose(channel.last, "")
             channel.last = None
 
-    def read_response(self, access: RecordAccess) -> Job | None:
+    def read_response(self, record: Record) -> Job | None:
         """The answer to a Read. Returns the job it went to, None where there is none."""
-        record = access.record
         half = record.response
         assert half is not None
-        channel = self._channel(access, half.time_ns)
+        channel = self._channel(record, half.time_ns)
         event = _read_event(half)
         if event in ("read_record", "read_cut"):
             channel.heard = half.frame
@@ -531,31 +475,31 @@ class Pairing:
             return job
         if event not in ("read_record", "read_cut"):
             if not late:
-                self._nothing(access, channel, missing)
+                self._nothing(record, channel, missing)
             return None
-        read = self._last_response(access, channel)
-        first = self._first_of(access, read) if missing is None else None
+        read = self._last_response(record, channel)
+        first = self._first_of(record, read) if missing is None else None
         if read is not None and first is not None and read.phase != "closed":
             self._reread(channel, read, record)
             return read
         if not (late or event == "read_cut" or _is_last(channel, half)):
             channel.pass_over()
-        return self._orphan(access, channel, first.frame if first is not None else None)
+        return self._orphan(record, channel, first.frame if first is not None else None)
 
-    def _first_of(self, access: RecordAccess, read: Job | None) -> Half | None:
+    def _first_of(self, record: Record, read: Job | None) -> Half | None:
         """The last response, if a record is that once more, and no request may be missing since its Read."""
-        first, half = None if read is None else read.read_response, access.record.response
+        first, half = None if read is None else read.read_response, record.response
         if read is None or first is None or half is None or not _is_same(first, half):
             return None
-        asked = None if access.record.implicit else read.read_request
+        asked = None if record.implicit else read.read_request
         since = (asked or first).frame  # frames may be out of order
-        return first if self._behind(access.peer, since) is None else None
+        return first if self._behind(record.peer, since) is None else None
 
-    def read_untold(self, access: RecordAccess) -> None:
+    def read_untold(self, record: Record) -> None:
         """The answer to a Read of which the capture cut off what it brought: it is as good as not there (P73)."""
-        job, half = access.job, access.record.response
+        job, half = record.job, record.response
         assert half is not None
-        self._channel(access, half.time_ns)
+        self._channel(record, half.time_ns)
         if job is not None and not job.over:
             job.untold = half.frame
 
@@ -569,14 +513,14 @@ class Pairing:
         self._lose(refused, "")
         channel.refused = None
 
-    def _orphan(self, access: RecordAccess, channel: Channel, repeats: int | None) -> Job:
+    def _orphan(self, record: Record, channel: Channel, repeats: int | None) -> Job:
         """A record whose request is not known; `repeats`: the frame in which its bytes were read first."""
-        job = Job(access, None, order=self.number())
+        job = Job(record, None, order=self.number())
         job.phase, job.certain, job.previous = "open", not self._pushed_out, channel.written
         job.repeats = repeats
-        half = access.record.response
+        half = record.response
         assert half is not None
-        self._read(channel, job, _read_event(half), access.record)
+        self._read(channel, job, _read_event(half), record)
         return job
 
     # What is not in the capture (P73)
@@ -731,18 +675,18 @@ class Pairing:
             return Missing("requests")
         return self._behind(peer, since, ordered=ordered) if since else Missing("begins")
 
-    def _nothing(self, access: RecordAccess, channel: Channel, missing: Missing | None) -> None:
+    def _nothing(self, record: Record, channel: Channel, missing: Missing | None) -> None:
         """A Read that brought nothing, where no request is open as far as is known."""
-        half = access.record.response
+        half = record.response
         assert half is not None
         known = missing is None
-        if known and _was_open(channel, access.record.request):
+        if known and _was_open(channel, record.request):
             return  # its response is behind that to a later Read
         if known:
             missing = self._may_be_open(
-                access.peer, access.channel, channel, access.record.request or half
+                record.peer, record.channel, channel, record.request or half
             )
-        self._told.append(("nothing", access, missing))
+        self._told.append(("nothing", record, missing))
         if half.status is not None and known:
             channel.pass_over()
             if missing is None:
@@ -768,25 +712,24 @@ class Pairing:
             (self.channels[each].unseen for each in islice(keys, self._limits.users)), default=0
         )
 
-    def is_again(self, access: RecordAccess) -> bool:
+    def is_again(self, record: Record) -> bool:
         """Whether a ReadImplicit brings the bytes of the last response of its place (P55). Changes nothing."""
-        return access.record.implicit and self._repeated(access) is not None
+        return record.implicit and self._repeated(record) is not None
 
-    def _repeated(self, access: RecordAccess) -> Job | None:
+    def _repeated(self, record: Record) -> Job | None:
         """The last response of a place, where a record has its bytes and came behind it (P22)."""
-        delivered, half = self._delivered.get(_spot(access.channel)), access.record.response
+        delivered, half = self._delivered.get(_spot(record.channel)), record.response
         before = None if delivered is None else delivered.read_response
         if half is None or before is None or half.frame <= before.frame:
             return None
         return delivered if _is_same(before, half) else None
 
-    def _last_response(self, access: RecordAccess, channel: Channel) -> Job | None:
+    def _last_response(self, record: Record, channel: Channel) -> Job | None:
         """Whose response a Read without a request may bring once more.
 
         That of its channel; without an AR that of the place, whoever asked there.
         """
-        record = access.record
-        delivered = self._repeated(access) if record.implicit else None
+        delivered = self._repeated(record) if record.implicit else None
         if delivered is None or record.response is None:
             return channel.last
         again = delivered.phase == "closed" and _bytes(channel.last) == record.response.data
@@ -804,14 +747,14 @@ class Pairing:
                 job.again = "again_without_ar"
         self._keep(job.rereads, (record.request, record.response))
 
-    def expected(self, access: RecordAccess) -> Job | None:
+    def expected(self, record: Record) -> Job | None:
         """The job whose response a Read will fetch, as far as is known. Changes nothing."""
-        channel = self.channels.get(access.channel)
+        channel = self.channels.get(record.channel)
         return None if channel is None else channel.expected()
 
-    def read_lost(self, access: RecordAccess) -> Job | None:
+    def read_lost(self, record: Record) -> Job | None:
         """A Read that never got its RPC response."""
-        channel, read = self.channels.get(access.channel), access.record.request
+        channel, read = self.channels.get(record.channel), record.request
         if channel is None or read is None:
             return None
         job = channel.open or channel.waiting() or channel.refused
@@ -824,13 +767,13 @@ class Pairing:
             job.read_request = read
         return job
 
-    def read_asked_late(self, access: RecordAccess, answer: int) -> None:
+    def read_asked_late(self, record: Record, answer: int) -> None:
         """The request of a Read whose response was in an earlier frame."""
-        channel = self.channels.get(access.channel)
+        channel = self.channels.get(record.channel)
         last = channel.last if channel is not None else None
         read = last.read_response if last is not None else None
         if last is not None and read is not None and read.frame == answer:
-            last.read_request = access.record.request
+            last.read_request = record.request
 
     def release(
         self,
@@ -904,8 +847,8 @@ class Pairing:
         self._count += 1
         return self._count
 
-    def _channel(self, access: RecordAccess, now: int) -> Channel:
-        key, expiry = access.channel, self._limits.transaction_expiry_ns
+    def _channel(self, record: Record, now: int) -> Channel:
+        key, expiry = record.channel, self._limits.transaction_expiry_ns
         if self.replaced:
             self.goes_on(*key[:3])
         channel, channels = self.channels.get(key), self.channels

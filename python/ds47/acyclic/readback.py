@@ -13,11 +13,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from ds47.acyclic.pairing import Job, Peer
+from ds47.acyclic.pairing import Job
 from ds47.profidrive import Address, Block, Request, Response
 from ds47.profidrive.dictionary import changes_itself
 from ds47.profidrive.drive_objects import DO_IDENTIFICATION, DriveAccess, DriveObjects, access
 from ds47.profidrive.model import VALUE, Value
+from ds47.profinet.records import Peer
 from ds47.spec.semantics import known
 
 _NEGATIVE: Final = 0x80

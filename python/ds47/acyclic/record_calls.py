@@ -11,7 +11,7 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Final
 
-from ds47.acyclic.pairing import Moment, Pairing, Peer, RecordAccess, Told
+from ds47.acyclic.pairing import Moment, Pairing, Told
 from ds47.acyclic.record_events import RecordEvents
 from ds47.findings.remark import Remark
 from ds47.profinet import rpc
@@ -19,6 +19,7 @@ from ds47.profinet.calls import Became, RpcCall
 from ds47.profinet.completeness import Completeness
 from ds47.profinet.records import (
     Half,
+    Peer,
     Record,
     connected_ar,
     is_only_ar,
@@ -28,6 +29,7 @@ from ds47.profinet.records import (
     released_ar,
     without_block,
 )
+from ds47.profinet.stations import Stations
 from ds47.spec.layouts import (
     RECORD_WRITE_MULTIPLE,
     RPC_CONNECT,
@@ -38,7 +40,7 @@ from ds47.spec.layouts import (
 )
 from ds47.spec.semantics import Limits
 
-_OPERATIONS: Final = {RPC_READ: "Read", RPC_WRITE: "Write", RPC_READ_IMPLICIT: "ReadImplicit"}
+OPERATIONS: Final = {RPC_READ: "Read", RPC_WRITE: "Write", RPC_READ_IMPLICIT: "ReadImplicit"}
 _OF_REQUESTS: Final = ("calls", "activities", "pending_writes")
 """Limits that push out requests of which only the response may still come."""
 
@@ -52,6 +54,7 @@ class RecordCalls:
         told: gets the transport findings, what is foreign, and what a Connect sets up.
         completeness: hears of Writes of which the capture cut off where they go.
         limits: the numbers of spec/limits.toml.
+        stations: take what names a device.
         vendor: gives the vendor id of the device at an IP address whose calls do not say it; None: nobody does.
     """
 
@@ -62,9 +65,11 @@ class RecordCalls:
         told: list[Told],
         completeness: Completeness,
         limits: Limits,
+        stations: Stations,
         vendor: Callable[[str], int | None] | None = None,
     ) -> None:
         self._vendor = vendor
+        self._stations = stations
         self._limits = limits
         self._events = events
         self._concerned = events.concerned
@@ -83,15 +88,21 @@ class RecordCalls:
     def take(self, became: Became) -> None:
         """What became of a call."""
         what, call, pdu = became
-        if call is None:
-            if pdu is not None:
-                self._unasked(pdu, certain=what == "unasked")
-        elif pdu is None:
-            self._lost(call)
-        elif what == "answered":
-            self._answered(call, pdu)
-        elif what == "asked":
+        if what == "asked":
             self._asked(call, pdu)
+            return
+        if what == "incomplete":
+            self.incomplete(pdu, "RPC", call)
+            return
+        if pdu is None:
+            self._lost(call)
+            return
+        if pdu.ptype == 2 and pdu.source not in self._stations.known:
+            self._stations.message(pdu)
+        if what == "answered":
+            self._answered(call, pdu)
+        elif call is None:
+            self._unasked(pdu, certain=what == "unasked")
         elif what == "failed":
             self._failed(call, pdu)
         elif what == "again":
@@ -112,65 +123,68 @@ class RecordCalls:
             args = {"limit": name, "most": getattr(self._limits, name), "count": count}
             self._told.append(("remark", Remark("DS109", frame, args), None))
 
-    def incomplete(
-        self, pdu: rpc.Pdu, have: int, kind: str, limit: str = "", call: RpcCall | None = None
-    ) -> None:
+    def incomplete(self, given_up: rpc.GivenUp, kind: str, call: RpcCall | None = None) -> None:
         """A message whose fragments did not become whole.
 
         Args:
-            pdu: its beginning, or the first that was seen of it.
-            have: number of its fragments.
+            given_up: its beginning, or the first that was seen of it, and why.
             kind: "RPC" or "IP".
-            limit: name of the limit that pushed it out: the others may have come later.
             call: the call that it answers, as far as that is known.
         """
+        pdu, have, limit = given_up
         asked = next((each for each in call.context if each.ours), None) if call else None
-        record = self.first_record(pdu) or (asked and asked.record)
+        record = self._first_record(pdu) or asked
         if record is None:
             return
-        if asked is None or record.write:
-            asked = self._access(pdu, record)
+        if asked is not None and not record.write:
+            record = asked
         if limit:
-            self._events.pass_on(asked, "pushed_out", (limit, pdu.frame))
+            self._events.pass_on(record, "pushed_out", (limit, pdu.frame))
             self._forgot_requests |= pdu.ptype == 0
         else:
             remark = Remark("DS105", pdu.frame, {"have": have, "kind": kind})
-            self._events.pass_on(asked, "about", remark)
+            self._events.pass_on(record, "remark" if record.write else "about", remark)
 
-    def first_record(self, pdu: rpc.Pdu) -> Record | None:
+    def _first_record(self, pdu: rpc.Pdu) -> Record | None:
         """The first record in the beginning of a message; None where that tells of none that can be ours."""
         if pdu.fragment or pdu.ptype not in (0, 2):
             return None
-        records = parse_request(pdu).records if pdu.ptype == 0 else parse_response(pdu)[1]
-        return records[0] if records and records[0].index in self._concerned else None
+        records = parse_request(pdu)[0] if pdu.ptype == 0 else parse_response(pdu)[1]
+        record = self._whose(pdu, records[0]) if records else None
+        return record if record is not None and record.ours else None
 
-    def _access(self, pdu: rpc.Pdu, record: Record) -> RecordAccess:
-        return RecordAccess(self._peer(pdu), record, ours=record.index in self._concerned)
+    def _whose(self, pdu: rpc.Pdu, record: Record) -> Record:
+        return record.belongs(self._peer(pdu), ours=record.index in self._concerned)
 
     # Requests
 
     def _asked(self, call: RpcCall, pdu: rpc.Pdu) -> None:
         if self._connections:
             self._goes_on(pdu)
-        if pdu.opnum not in _OPERATIONS:
+        if pdu.opnum not in OPERATIONS:
             self._wait(pdu)
             return
-        body, peer, events = parse_request(pdu), self._peer(pdu), self._events
-        if pdu.missing and (body.multiple or not body.records):
-            self._completeness.cut(pdu)
-        if body.multiple:
-            events.requests[RECORD_WRITE_MULTIPLE, True] += 1
-        if body.nested:
-            self._told.append(("remark", Remark("DS208", pdu.frame), None))
-        context = call.context = list[RecordAccess]()
-        for record in body.records:
-            access = RecordAccess(peer, record, ours=record.index in self._concerned)
-            context.append(access)
+        records, multiple = parse_request(pdu)
+        peer, events, concerned = self._peer(pdu), self._events, self._concerned
+        if multiple or not records:
+            self._several(pdu, records, multiple)
+        call.context = records
+        for record in records:
+            record.belongs(peer, ours=record.index in concerned)
             events.requests[record.index, record.write] += 1
             if self._pairing.replaced:
-                self._pairing.goes_on(*access.ar)
-            if access.ours:
-                events.asked(access, pdu.cut)
+                self._pairing.goes_on(*record.relation)
+            if record.ours:
+                events.asked(record, pdu.cut)
+
+    def _several(self, pdu: rpc.Pdu, records: list[Record], multiple: bool) -> None:
+        """A request of not just one record: an IODWriteMultiple, or what does not parse."""
+        if pdu.missing:
+            self._completeness.cut(pdu)
+        if multiple:
+            self._events.requests[RECORD_WRITE_MULTIPLE, True] += 1
+        if any(each.index == RECORD_WRITE_MULTIPLE for each in records):
+            self._told.append(("remark", Remark("DS208", pdu.frame), None))
 
     def _late(self, call: RpcCall, answer: rpc.Pdu) -> None:
         """The request of a response that was heard of already, as one without its request."""
@@ -180,20 +194,20 @@ class RecordCalls:
             alone.withdrawn = True
         answers = parse_response(answer)[1]
         for record in answers:
-            if record.index in self._concerned:
-                self._events.not_unasked(self._access(pdu, record))
+            if self._whose(pdu, record).ours:
+                self._events.not_unasked(record)
         if pdu.opnum not in (RPC_READ, RPC_READ_IMPLICIT) or not answers:
             self._asked(call, pdu)
             self._answered(call, answer)
             return
-        for record in parse_request(pdu).records:
+        for record in parse_request(pdu)[0]:
             self._events.requests[record.index, False] += 1
-            if record.index in self._concerned:
-                self._events.asked_late(self._access(pdu, record), answer.frame)
+            if self._whose(pdu, record).ours:
+                self._events.asked_late(record, answer.frame)
 
     def _again(self, call: RpcCall, pdu: rpc.Pdu) -> None:
         self._goes_on(pdu)
-        args = {"operation": _OPERATIONS.get(pdu.opnum, "?"), "first": call.frame}
+        args = {"operation": OPERATIONS.get(pdu.opnum, "?"), "first": call.frame}
         self._about_call(call, Remark("DS103", pdu.frame, args))
 
     def _lost(self, call: RpcCall) -> None:
@@ -203,14 +217,16 @@ class RecordCalls:
                 self._forgot_requests = True
                 self._events.pass_on(first, "pushed_out", (call.limit, pdu.frame))
             elif not call.in_part:  # DS105 says what there is
-                args = {"operation": _OPERATIONS[call.opnum]}
+                args = {"operation": OPERATIONS[call.opnum]}
                 self._events.pass_on(first, "about", Remark("DS101", pdu.frame, args))
-        for access in call.context:
-            if access.ours and not access.record.write:
-                self._events.pass_on(access, "read_lost")
+        for record in call.context:
+            if record.ours and not record.write:
+                self._events.pass_on(record, "read_lost")
 
     def _wait(self, pdu: rpc.Pdu) -> None:
         """A request that begins or ends an AR waits; of more than a limit the oldest does no more."""
+        if pdu.opnum == RPC_CONNECT:
+            self._stations.message(pdu)
         key = pdu.client, pdu.server
         if key in self._connections:
             self._connection(pdu)  # sent before the one that waits
@@ -243,30 +259,30 @@ class RecordCalls:
     # Responses
 
     def _answered(self, call: RpcCall, pdu: rpc.Pdu) -> None:
-        if pdu.opnum not in _OPERATIONS:
+        if pdu.opnum not in OPERATIONS:
             self._goes_on(pdu)
             if call.opnum == RPC_CONNECT and call.request is not None:
                 self._told.append(("set_up", call.request, pdu))
         if not call.context:
             return
         status, answers = parse_answers(pdu)
-        for number, access in enumerate(call.context):
-            record = access.record
-            if not access.ours and not record.write:
+        for number, record in enumerate(call.context):
+            ours = record.ours
+            if not ours and not record.write:
                 continue
             there = number < len(answers)
-            half = answers[number] if there else without_block(pdu, status, write=record.write)
+            half = answers[number][0] if there else without_block(pdu, status, write=record.write)
             record.response = half
-            if not access.ours:
-                self._told.append(("foreign", access, None))
+            if not ours:
+                self._told.append(("foreign", record, None))
                 continue
             self._newest = pdu.frame
             if half.status is None and not half.cut:
-                self._events.pass_on(access, "about", Remark("DS108", pdu.frame))
-            self._events.answered(access, pdu.cut)
+                self._events.pass_on(record, "about", Remark("DS108", pdu.frame))
+            self._events.answered(record, pdu.cut)
 
     def _unasked(self, pdu: rpc.Pdu, *, certain: bool) -> None:
-        if pdu.opnum not in _OPERATIONS:
+        if pdu.opnum not in OPERATIONS:
             self._goes_on(pdu)
             self._connection(pdu)
             return
@@ -274,23 +290,23 @@ class RecordCalls:
         if not records:
             self._completeness.cut(pdu)
         for record in records:
-            if record.index not in self._concerned or record.response is None:
+            if not self._whose(pdu, record).ours:
                 continue
-            self._newest, access = pdu.frame, self._access(pdu, record)
+            self._newest = pdu.frame
             if certain and not self._forgot_requests:
-                args = {"operation": _OPERATIONS[pdu.opnum]}
+                args = {"operation": OPERATIONS[pdu.opnum]}
                 remark = Remark("DS102", pdu.frame, args)
                 self._alone.setdefault(pdu.frame, []).append(remark)
                 if len(self._alone) > self._limits.calls:
                     self._alone.popitem(last=False)
-                self._events.pass_on(access, "about", remark)
+                self._events.pass_on(record, "about", remark)
             if record.write:
-                self._told.append(("foreign", access, None))
-            self._events.unasked(access, pdu.cut)
+                self._told.append(("foreign", record, None))
+            self._events.unasked(record, pdu.cut)
 
     def _twice(self, call: RpcCall, pdu: rpc.Pdu) -> None:
         args = {
-            "operation": _OPERATIONS.get(pdu.opnum, "?"),
+            "operation": OPERATIONS.get(pdu.opnum, "?"),
             "first": call.answer,
             "has": "has_either" if call.again else "has_first",
         }
@@ -299,21 +315,21 @@ class RecordCalls:
             RPC_READ,
             RPC_READ_IMPLICIT,
         )  # what that brought the device may have given away
-        for access in call.context if call.again or reads else ():
-            if access.ours:
-                self._events.pass_on(access, "answered_twice")
+        for record in call.context if call.again or reads else ():
+            if record.ours:
+                self._events.pass_on(record, "answered_twice")
 
     def _failed(self, call: RpcCall, pdu: rpc.Pdu) -> None:
         code = int.from_bytes(pdu.body[:4], "little" if pdu.little else "big")
         args = {"kind": rpc.PTYPES[pdu.ptype], "fault": code}
         self._about_call(call, Remark("DS104", pdu.frame, args))
-        if call.opnum not in _OPERATIONS:
+        if call.opnum not in OPERATIONS:
             self._goes_on(pdu)
             return
-        for access in call.context:
-            if access.ours:
-                what = "write_failed" if access.record.write else "read_over"
-                self._events.pass_on(access, what, Half(pdu.frame, pdu.time_ns))
+        for record in call.context:
+            if record.ours:
+                what = "write_failed" if record.write else "read_over"
+                self._events.pass_on(record, what, Half(pdu.frame, pdu.time_ns))
 
     def _peer(self, pdu: rpc.Pdu) -> Peer:
         """Who talks to whom, by the addresses and the object UUID, and whose the device is."""
@@ -326,9 +342,9 @@ class RecordCalls:
 
     def _about_call(self, call: RpcCall, remark: Remark) -> None:
         """A finding about an RPC call: once, and with the first job that it carries."""
-        for access in call.context:
-            if access.ours:
-                self._events.pass_on(access, "about", remark)
+        for record in call.context:
+            if record.ours:
+                self._events.pass_on(record, "about", remark)
                 return
 
 

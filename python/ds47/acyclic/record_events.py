@@ -12,11 +12,11 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from ds47.acyclic.index47 import ALWAYS, SHARED_INDEX, ArKey, Index47
-from ds47.acyclic.pairing import Moment, Pairing, RecordAccess, Told
+from ds47.acyclic.pairing import Moment, Pairing, Told
 from ds47.findings.remark import Remark
 from ds47.profidrive import Options, Request, decode_request
 from ds47.profinet.ip import Cut
-from ds47.profinet.records import Half
+from ds47.profinet.records import Half, Record
 
 _MOST_SHARED: Final = 4_096
 """Decoded requests that are kept to be used again,"""
@@ -43,9 +43,9 @@ class RecordEvents:
         self._told = told
         self._happens: dict[str, Callable[[Any, Any], object]] = {
             "write_asked": self._write_asked, "write_answered": self._write_answered,
-            "write_failed": self._write_failed, "write_unasked": lambda access, _: pairing.write_unasked(access),
+            "write_failed": self._write_failed, "write_unasked": lambda record, _: pairing.write_unasked(record),
             "read_asked": self._read_asked, "read_answered": self._read, "read_over": _read_over,
-            "read_lost": lambda access, _: pairing.read_lost(access), "read_asked_late": pairing.read_asked_late,
+            "read_lost": lambda record, _: pairing.read_lost(record), "read_asked_late": pairing.read_asked_late,
             "answered_twice": _answered_twice,
             "pushed_out": lambda _, what: self.push_out(*what), "remark": self._remark, "about": self._about,
             "release": lambda ar, at: pairing.release(ar[0], ar[1], ar[2], at, SHARED_INDEX),
@@ -65,7 +65,7 @@ class RecordEvents:
 
     def pass_on(
         self,
-        access: RecordAccess,
+        record: Record,
         what: str,
         about: Any = None,
         *,
@@ -73,12 +73,12 @@ class RecordEvents:
         asks: bool = False,
     ) -> None:
         """Lets something happen now, or once the AR has proved itself; `proves`, `asks`: see `Index47`."""
-        ar, index = access.ar, access.record.index
-        if access.proven or self._index47.passes(ar, index):
-            self._happens[what](access, about)
+        ar, index = record.relation, record.index
+        if record.proven or self._index47.passes(ar, index):
+            self._happens[what](record, about)
             return
-        proves = proves or self._index47.is_of_drive(access.peer.device, access.place)
-        now = what, access, about
+        proves = proves or self._index47.is_of_drive(record.peer.device, record.place)
+        now = what, record, about
         for event in self._index47.pass_on(ar, now, proves=proves, asks=asks):
             self._happens[event[0]](*event[1:])
 
@@ -87,63 +87,63 @@ class RecordEvents:
         self._pairing.release(*ar, at)
         self._index47.follow(ar, ("release", ar, at))
 
-    def asked(self, access: RecordAccess, cut: Cut | None) -> None:
+    def asked(self, record: Record, cut: Cut | None) -> None:
         """A request; its index concerns us. `cut`: where the capture cut the message; None where it did not."""
-        record, half = access.record, access.record.request
+        half = record.request
         assert half is not None
         if half.missing:
-            self._length(access, half, cut)
+            self._length(record, half, cut)
         message = self.decoded(half.data, cut=half.cut) if record.write else None
-        if self._index47.passes(access.ar, record.index):
-            access.proven = True
+        if self._index47.passes(record.relation, record.index):
+            record.proven = True
             if message is None:
-                self._read_asked(access, half)
+                self._read_asked(record, half)
             else:
-                self._write_asked(access, message)
+                self._write_asked(record, message)
             return
         if message is None:
-            self.pass_on(access, "read_asked", half)
+            self.pass_on(record, "read_asked", half)
         else:
-            asks = self._index47.asks(access.peer.device, access.place, message)
-            self.pass_on(access, "write_asked", message, asks=asks)
-            self._index47.asked(access.ar, access.place, message, half.data)
-        self._index47.heard(access.ar, half.frame, asks=True)
+            asks = self._index47.asks(record.peer.device, record.place, message)
+            self.pass_on(record, "write_asked", message, asks=asks)
+            self._index47.asked(record.relation, record.place, message, half.data)
+        self._index47.heard(record.relation, half.frame, asks=True)
 
-    def answered(self, access: RecordAccess, cut: Cut | None) -> None:
+    def answered(self, record: Record, cut: Cut | None) -> None:
         """The response to a request; arguments as for `asked`."""
-        record, half = access.record, access.record.response
+        half = record.response
         assert half is not None
         if not record.write:
-            self._read_answered(access, half, cut)
+            self._read_answered(record, half, cut)
             return
         if half.cut and half.untold:
-            self._length(access, half, cut)
-        if access.proven:
-            self._write_answered(access, half)
+            self._length(record, half, cut)
+        if record.proven:
+            self._write_answered(record, half)
         else:
-            self.pass_on(access, "write_answered", half)
+            self.pass_on(record, "write_answered", half)
 
-    def unasked(self, access: RecordAccess, cut: Cut | None) -> None:
+    def unasked(self, record: Record, cut: Cut | None) -> None:
         """A response without its request."""
-        record, half = access.record, access.record.response
+        half = record.response
         assert half is not None
         if record.write:
-            self.pass_on(access, "write_unasked")
+            self.pass_on(record, "write_unasked")
         else:
-            self._read_answered(access, half, cut)
+            self._read_answered(record, half, cut)
         if record.index == SHARED_INDEX:
-            self._index47.heard(access.ar, half.frame, asks=False)
+            self._index47.heard(record.relation, half.frame, asks=False)
 
-    def asked_late(self, access: RecordAccess, answer: int) -> None:
+    def asked_late(self, record: Record, answer: int) -> None:
         """The request of a Read whose response was in an earlier frame, with that frame."""
-        self.pass_on(access, "read_asked_late", answer)
-        if access.record.index == SHARED_INDEX:
-            self._index47.heard(access.ar, answer, asks=True)
+        self.pass_on(record, "read_asked_late", answer)
+        if record.index == SHARED_INDEX:
+            self._index47.heard(record.relation, answer, asks=True)
 
-    def not_unasked(self, access: RecordAccess) -> None:
+    def not_unasked(self, record: Record) -> None:
         """A response was no one without its request: that came late, and is told next."""
-        if access.record.index == SHARED_INDEX:
-            self._index47.unheard(access.ar)
+        if record.index == SHARED_INDEX:
+            self._index47.unheard(record.relation)
 
     def decoded(self, data: bytes, *, cut: bool = False) -> Request:
         """The request; the same question is asked again and again, often with a reference that counts.
@@ -171,67 +171,67 @@ class RecordEvents:
 
     # What happens once it is ours
 
-    def _read_asked(self, access: RecordAccess, half: Half) -> None:
-        self._clock(access, half)
-        job = access.job = self._pairing.expected(access)
+    def _read_asked(self, record: Record, half: Half) -> None:
+        self._clock(record, half)
+        job = record.job = self._pairing.expected(record)
         if job is not None:
             job.fetching.append(half)
 
-    def _write_asked(self, access: RecordAccess, message: Request) -> None:
-        half = access.record.request
+    def _write_asked(self, record: Record, message: Request) -> None:
+        half = record.request
         assert half is not None
-        self._clock(access, half)
-        access.job = self._pairing.write_request(access, message)
+        self._clock(record, half)
+        record.job = self._pairing.write_request(record, message)
 
-    def _write_answered(self, access: RecordAccess, half: Half) -> None:
-        self._clock(access, half)
-        if access.job is not None:
-            self._pairing.write_response(access.job, half)
+    def _write_answered(self, record: Record, half: Half) -> None:
+        self._clock(record, half)
+        if record.job is not None:
+            self._pairing.write_response(record.job, half)
 
-    def _write_failed(self, access: RecordAccess, half: Half) -> None:
-        if access.job is not None:
-            self._pairing.write_response(access.job, half, fault=True)
+    def _write_failed(self, record: Record, half: Half) -> None:
+        if record.job is not None:
+            self._pairing.write_response(record.job, half, fault=True)
 
-    def _read_answered(self, access: RecordAccess, half: Half, cut: Cut | None) -> None:
+    def _read_answered(self, record: Record, half: Half, cut: Cut | None) -> None:
         if half.missing or (half.cut and half.untold):
-            self._length(access, half, cut)
-        if access.proven:
-            self._read(access, half)
+            self._length(record, half, cut)
+        if record.proven:
+            self._read(record, half)
             return
-        ours = self._index47.passes(access.ar, access.record.index)
+        ours = self._index47.passes(record.relation, record.index)
         proves = False
-        if half.data and not (ours or self._is_echo(access, half)) and not half.missing:
-            answers = self._index47.answers(access.ar, access.place, half.data, self._codec)
-            proves = answers or self._pairing.is_again(access)
-        self.pass_on(access, "read_answered", half, proves=proves)
+        if half.data and not (ours or self._is_echo(record, half)) and not half.missing:
+            answers = self._index47.answers(record.relation, record.place, half.data, self._codec)
+            proves = answers or self._pairing.is_again(record)
+        self.pass_on(record, "read_answered", half, proves=proves)
 
-    def _is_echo(self, access: RecordAccess, half: Half) -> bool:
+    def _is_echo(self, record: Record, half: Half) -> bool:
         """Whether a Read shows a store: nothing of that is judged, and its ARs wait again (P20)."""
-        index47, place = self._index47, access.place
-        drive = index47.is_of_drive(access.peer.device, place)
-        ars = None if drive else index47.echoed(access.ar, place, half.data)
+        index47, place = self._index47, record.place
+        drive = index47.is_of_drive(record.peer.device, place)
+        ars = None if drive else index47.echoed(record.relation, place, half.data)
         for ar in ars or ():
             self._pairing.release(*ar, index=SHARED_INDEX)
             self._told.append(("no_drive", ar, None))
         return ars is not None
 
-    def _read(self, access: RecordAccess, half: Half) -> None:
-        self._clock(access, half)
+    def _read(self, record: Record, half: Half) -> None:
+        self._clock(record, half)
         if half.cut and half.untold:
-            self._pairing.read_untold(access)
+            self._pairing.read_untold(record)
             return
-        if access.job is not None:
-            _read_over(access)
-        if access.record.index in ALWAYS and half.data:
-            self._index47.responded(access.peer.device, access.place, half.data, self._codec)
-        self._pairing.read_response(access)
+        if record.job is not None:
+            _read_over(record)
+        if record.index in ALWAYS and half.data:
+            self._index47.responded(record.peer.device, record.place, half.data, self._codec)
+        self._pairing.read_response(record)
 
-    def _about(self, access: RecordAccess, remark: Remark) -> None:
-        remark.job = access.job
-        self._remark(access, remark)
+    def _about(self, record: Record, remark: Remark) -> None:
+        remark.job = record.job
+        self._remark(record, remark)
 
-    def _remark(self, access: RecordAccess | None, remark: Remark) -> None:
-        self._told.append(("remark", remark, access))
+    def _remark(self, record: Record | None, remark: Remark) -> None:
+        self._told.append(("remark", remark, record))
 
     def push_out(self, limit: str, frame: int) -> None:
         """A limit (spec/limits.toml) pushed out something of ours that began in this frame."""
@@ -239,7 +239,7 @@ class RecordEvents:
 
     # Small things
 
-    def _length(self, access: RecordAccess, half: Half, cut: Cut | None) -> None:
+    def _length(self, record: Record, half: Half, cut: Cut | None) -> None:
         if cut is not None:
             frame, captured, original = cut
             args = {
@@ -250,26 +250,26 @@ class RecordEvents:
         else:
             args = {"stated": half.stated, "present": len(half.data)}
             remark = Remark("DS202", half.frame, args)
-        self.pass_on(access, "remark", remark)
+        self.pass_on(record, "remark", remark)
 
-    def _clock(self, access: RecordAccess, half: Half) -> None:
+    def _clock(self, record: Record, half: Half) -> None:
         newest, before = self.newest_ns, self.newest_frame
         if half.frame < before:  # that of an AR that proved itself late
             return
         if newest is not None and half.time_ns < newest:
             args = {"milliseconds": (newest - half.time_ns) / 1e6, "first": before}
-            self._remark(access, Remark("DS107", half.frame, args))
+            self._remark(record, Remark("DS107", half.frame, args))
         self.newest_ns, self.newest_frame = half.time_ns, half.frame
 
 
-def _read_over(access: RecordAccess, _: object = None) -> None:
+def _read_over(record: Record, _: object = None) -> None:
     """A Read is over, to whomever its response goes."""
-    job = access.job
-    if job is not None and access.record.request in job.fetching:
-        job.fetching.remove(access.record.request)
+    job = record.job
+    if job is not None and record.request in job.fetching:
+        job.fetching.remove(record.request)
 
 
-def _answered_twice(access: RecordAccess, _: object) -> None:
-    asked = access.record.request
-    if access.job is not None and asked is not None:
-        access.job.twice = asked.frame
+def _answered_twice(record: Record, _: object) -> None:
+    asked = record.request
+    if record.job is not None and asked is not None:
+        record.job.twice = asked.frame

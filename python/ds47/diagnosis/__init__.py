@@ -14,7 +14,7 @@ from functools import cache, partial
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from ds47.acyclic.judge import PNU_ACCESS_IDENTIFICATION
-from ds47.acyclic.pairing import Job, Missing, Peer, RecordAccess
+from ds47.acyclic.pairing import Job, Missing
 from ds47.diagnosis import length, order, refusal
 from ds47.diagnosis.capture import WholeCapture
 from ds47.diagnosis.targets import Reach, reach_of
@@ -26,6 +26,7 @@ from ds47.profidrive.drive_objects import LOCAL, put
 from ds47.profidrive.model import VALUE, Block
 from ds47.profinet.completeness import Completeness
 from ds47.profinet.ip import Cut
+from ds47.profinet.records import Peer, Record
 from ds47.spec import formats
 from ds47.spec.semantics import known
 
@@ -100,13 +101,13 @@ class Diagnoses:
                 remark.corrected = self._offer(job, remark.corrected)
         return remarks
 
-    def nothing_to_read(self, access: RecordAccess, missing: Missing | None) -> None:
+    def nothing_to_read(self, record: Record, missing: Missing | None) -> None:
         """A Read without record on a channel that has no request, as far as none is missing."""
-        self._whole.nothing_to_read(access, missing)
+        self._whole.nothing_to_read(record, missing)
 
-    def foreign(self, access: RecordAccess) -> None:
+    def foreign(self, record: Record) -> None:
         """A Write to an index that is not ours has been answered."""
-        self._whole.foreign(access)
+        self._whole.foreign(record)
 
     def cut(self, cut: Cut) -> None:
         """A frame of ours was cut by the capture."""

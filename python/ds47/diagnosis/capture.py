@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any, Generic, NamedTuple, TypeVar
 
-from ds47.acyclic.pairing import STATUS_NOT_READY, Job, Missing, RecordAccess
+from ds47.acyclic.pairing import STATUS_NOT_READY, Job, Missing
 from ds47.diagnosis.repetition import Repetition, place_args
 from ds47.diagnosis.saving import Unsaved
 from ds47.diagnosis.targets import target_of
@@ -214,9 +214,9 @@ class WholeCapture:
         if job.polls or self._repetition.storms:
             self._repetition.closed(job, place)
 
-    def nothing_to_read(self, access: RecordAccess, missing: Missing | None) -> None:
+    def nothing_to_read(self, record: Record, missing: Missing | None) -> None:
         """A Read without record on a channel that has no request, as far as none is missing."""
-        peer, record = access.peer, access.record
+        peer = record.peer
         half = record.response
         if half is None or half.status is None:
             return
@@ -232,9 +232,9 @@ class WholeCapture:
         else:
             self._refusal(peer.device, place, half.status, half.frame)
 
-    def foreign(self, access: RecordAccess) -> None:
+    def foreign(self, record: Record) -> None:
         """A Write that is no job has been answered: its index is not ours, or its request is missing."""
-        peer, record = access.peer, access.record
+        peer = record.peer
         asked, answer = record.request, record.response
         if asked is None:
             spot = _place(record)[1:]

@@ -313,7 +313,7 @@ def _description(message: TrackedMessage) -> str:
     operation = _OPERATIONS.get(pdu.opnum, f"operation {pdu.opnum}")
     index = ""
     if pdu.opnum in (RPC_READ, RPC_WRITE, RPC_READ_IMPLICIT):
-        records = parse_request(pdu).records if pdu.ptype == 0 else []
+        records = parse_request(pdu)[0] if pdu.ptype == 0 else []
         if pdu.ptype == 2:
             records = parse_response(pdu)[1]
         if records:

@@ -1,7 +1,7 @@
 """RPC calls: which response belongs to which request (docs/pairing.md, RPC level).
 
-Tells copies, retransmissions and reused numbers apart and gives each call exactly once. What a call
-carries is `records`' business; what it means for the parameter channel is `ds47.acyclic.pairing`'s.
+Leaves out copies, joins fragments, tells retransmissions and reused numbers apart. Gives each call exactly once.
+What a call carries is the business of `records`, what it means for the parameter channel that of `acyclic`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any, Literal, TypeVar
 
 from ds47.model import Plain
 from ds47.profinet.completeness import Completeness, Numbers
-from ds47.profinet.rpc import Pdu
+from ds47.profinet.rpc import NO_OPERATION, Fragments, GivenUp, Pdu
 from ds47.spec.layouts import RPC_CONNECT, RPC_READ, RPC_READ_IMPLICIT
 from ds47.spec.semantics import Limits
 
@@ -27,9 +27,11 @@ class RpcCall:
     frame: int
     """That of the request,"""
     opnum: int
-    """and its operation."""
+    """its operation,"""
+    port: int
+    """the UDP port of its client,"""
     asked: int
-    """A hash of what the request and its repetitions have in common."""
+    """and a hash of what it says: its repetitions have the same."""
     answer: int
     """The frame of the response or the fault; 0 as long as there is none,"""
     answer_ns: int
@@ -50,7 +52,7 @@ class RpcCall:
 
     def __init__(self, request: Pdu) -> None:
         self.request, self.frame, self.opnum = request, request.frame, request.opnum
-        self.asked = _asked(request)
+        self.port, self.asked = request.port, hash(request.body)
         self.answer = self.answer_ns = self.said = 0
         self.in_part = False
         self.limit = ""
@@ -84,10 +86,11 @@ class Activity(Plain):
 
 
 What = Literal[
-    "asked", "answered", "failed", "again", "late", "twice", "unasked", "unasked_in_part", "lost", "pushed_out"
+    "asked", "answered", "failed", "again", "late", "twice", "unasked", "unasked_in_part", "lost", "pushed_out",
+    "incomplete",
 ]  # fmt: skip
-Became = tuple[What, RpcCall | None, Pdu | None]
-"""What became of a call, and the message by which it did:
+Became = tuple[What, Any, Any]
+"""What became of a call (`RpcCall` or None), and the message by which it did (`Pdu` or None):
 
     asked             a request that was not there before
     answered, failed  its response; its fault or reject
@@ -98,6 +101,7 @@ Became = tuple[What, RpcCall | None, Pdu | None]
     unasked_in_part   or of which fragments are, perhaps
     lost              nobody waits for its response any more
     pushed_out        the same for a limit: it may still come
+    incomplete        a message that nobody waits for any more (`GivenUp`), and the open call that it answers
 """
 
 
@@ -107,7 +111,7 @@ _Key = tuple[str, bytes, int]
 
 
 class CallTracker:
-    """Feeds on whole RPC messages in the order of the capture.
+    """Takes PDUs in the order of the capture.
 
     Memory is bounded by `Limits`; a call without response is lost when it expires or at `finish`, and pushed
     out when there are too many. What is missing is told to `completeness`.
@@ -129,6 +133,10 @@ class CallTracker:
         """Of client and server the frame of the newest Connect."""
         self._activities: OrderedDict[tuple[str, bytes], Activity] = OrderedDict()
         """By client and activity UUID; the one that spoke last comes last."""
+        self._fragments = Fragments(
+            limits.fragment_expiry_ns, limits.rpc_messages, limits.rpc_fragments,
+            limits.fragment_bytes,
+        )  # fmt: skip
         self._most_datagrams = limits.datagrams
         self._recent: dict[int, int] = {}
         """The newest ones, and when they came; when they are enough, all that came before them is forgotten."""
@@ -137,30 +145,42 @@ class CallTracker:
         self._given_up: OrderedDict[_Key, None] = OrderedDict()
         """The newest requests whose responses did not come in time."""
         self._begun: OrderedDict[_Key, None] = OrderedDict()
-        """Requests of which fragments were seen, as far as is known."""
+        """Requests of which fragments were seen."""
         self.counts = dict.fromkeys(
             ("requests", "responses", "faults", "rejects", "pings", "working", "others",
              "copies", "retransmissions", "unanswered"), 0,
         )  # fmt: skip
 
-    def is_copy(self, pdu: Pdu) -> bool:
-        """Whether the same datagram with the same IP id was here: it came twice, or the file holds it twice.
+    def take(self, pdu: Pdu) -> Sequence[Became]:
+        """What becomes of calls by the next PDU, in the order in which it does.
 
+        Nothing becomes of a copy: the same datagram with the same IP id came twice, or the file holds it twice.
         An IP id of 0 is none. Then it is a copy only within the copy window.
         """
-        recent, now = self._recent, pdu.time_ns
-        before = recent.get(pdu.mark)
+        told: list[Became] = []
+        if pdu.opnum == NO_OPERATION:
+            if pdu.ptype == 0:
+                self._activity(pdu, told).numbers.add(
+                    pdu
+                )  # of a call that is none of PROFINET its number counts
+            return told
+        recent, mark, now = self._recent, pdu.mark, pdu.time_ns
+        before = recent.get(mark)
         if before is None:
-            before = self._earlier.get(pdu.mark)
+            before = self._earlier.get(mark)
         if before is not None and (pdu.ip_id or abs(now - before) <= self._limits.copy_ns):
             self.counts["copies"] += 1
             if now - before > self._limits.copy_ns:
                 self._came_again(pdu)
-            return True
-        recent[pdu.mark] = now
+            return told
+        recent[mark] = now
         if len(recent) >= self._most_datagrams:
             self._earlier, self._recent = recent, {}
-        return False
+        if not pdu.fragmented:
+            self._message(pdu, told)
+        elif (whole := self._joined(pdu, told)) is not None:
+            self._message(whole, told)
+        return told
 
     def _came_again(self, pdu: Pdu) -> None:
         """The wire doubled a message; without a memory of its responses a device executes a request once more."""
@@ -174,33 +194,38 @@ class CallTracker:
         if call is not None:
             call.again = pdu.frame
 
-    def take(self, pdu: Pdu) -> list[Became]:
-        """What becomes of calls by a whole message (not a copy, see `is_copy`), in the order in which it does."""
-        told: list[Became] = []
+    def _message(self, pdu: Pdu, told: list[Became]) -> None:
+        """A whole message that is no copy."""
         if pdu.ptype == 0:
             self._request(pdu, told)
         elif pdu.ptype == 2:
-            self.counts["responses"] += 1
             self._response(pdu, told)
         elif pdu.ptype in (3, 6):
             self.counts["faults" if pdu.ptype == 3 else "rejects"] += 1
             self._fault(pdu, told)
         else:
             self.counts[{1: "pings", 4: "working"}.get(pdu.ptype, "others")] += 1
-        return told
+
+    def _joined(self, pdu: Pdu, told: list[Became]) -> Pdu | None:
+        """The message that an RPC fragment completes."""
+        fragments = self._fragments
+        whole = fragments.feed(pdu)
+        if fragments.given_up:
+            told += [("incomplete", self.open_call(each.pdu), each) for each in fragments.given_up]
+            fragments.given_up = []
+        if whole is None:
+            self.begun(pdu)
+        return whole
 
     def begun(self, pdu: Pdu) -> None:
         """Takes a fragment that completes no message: its call is not without request or response."""
-        key = (pdu.client, pdu.activity)
         if pdu.ptype == 0:
             begun = self._begun
-            begun[*key, pdu.seq] = None
+            begun[pdu.client, pdu.activity, pdu.seq] = None
             if len(begun) > self._limits.rpc_messages:
                 begun.popitem(last=False)
-        elif pdu.ptype == 2 and (activity := self._activities.get(key)) is not None:
-            call = activity.calls.get(pdu.seq)
-            if call is not None:
-                call.in_part = True
+        elif (call := self.open_call(pdu)) is not None:
+            call.in_part = True
 
     def open_call(self, pdu: Pdu) -> RpcCall | None:
         """The call without a response to which a part of one belongs; None for none."""
@@ -208,8 +233,11 @@ class CallTracker:
         return activity.calls.get(pdu.seq) if activity is not None else None
 
     def finish(self) -> list[Became]:
-        """The capture is over: every open call is lost."""
-        told: list[Became] = []
+        """The capture is over: nobody waits for fragments any more, and every open call is lost."""
+        told: list[Became] = [
+            ("incomplete", self.open_call(pdu), GivenUp(pdu, have, ""))
+            for pdu, have in self._fragments.unfinished()
+        ]
         while self._activities:
             activity = self._activities.popitem(last=False)[1]
             for seq, call in activity.calls.items():
@@ -226,7 +254,8 @@ class CallTracker:
             self._expire(activity, pdu, told)
         call = calls.get(seq) or self._answered.get(key)
         if call is not None:
-            if call.asked == _asked(pdu) and not self._is_over(activity, call, pdu):
+            same = call.asked == hash(pdu.body) and call.port == pdu.port
+            if same and call.opnum == pdu.opnum and not self._is_over(activity, call, pdu):
                 self._repeated(activity, call, pdu)
                 told.append(("again", call, pdu))
                 return
@@ -293,12 +322,6 @@ class CallTracker:
             self._completeness.began(pdu, activity.numbers)
         return activity
 
-    def passes(self, pdu: Pdu) -> list[Became]:
-        """Takes a call that is none of PROFINET: only its number counts."""
-        told: list[Became] = []
-        self._activity(pdu, told).numbers.add(pdu)
-        return told
-
     def _connected(self, pdu: Pdu) -> None:
         pair = pdu.client, pdu.server
         self._connects[pair] = pdu.frame
@@ -320,6 +343,7 @@ class CallTracker:
         return anew or pdu.time_ns - call.heard_ns > self._expiry_ns
 
     def _response(self, pdu: Pdu, told: list[Became]) -> None:
+        self.counts["responses"] += 1
         activity = self._activities.get((pdu.client, pdu.activity))
         call = None
         if activity is not None and (calls := activity.calls):
@@ -379,7 +403,10 @@ class CallTracker:
             self._forget(now - self._expiry_ns)
         if len(answered) > self._limits.answered_calls:
             answered.popitem(last=False)
-            self._forgot, self._due_ns = True, 0
+            oldest = next(
+                iter(answered.values())
+            )  # not so by its time, once the clock was set back
+            self._forgot, self._due_ns = True, min(self._due_ns, oldest.heard_ns + self._expiry_ns)
 
     def _forget(self, since_ns: int) -> None:
         """Of the answered calls those of which nothing was heard since."""
@@ -449,7 +476,3 @@ class CallTracker:
 def _push_out(call: RpcCall, limit: str, told: list[Became]) -> None:
     call.limit = limit
     told.append(("pushed_out", call, None))
-
-
-def _asked(pdu: Pdu) -> int:
-    return hash((pdu.opnum, pdu.port, pdu.body))

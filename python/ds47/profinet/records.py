@@ -8,9 +8,10 @@ from __future__ import annotations
 import struct
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from ds47.model import Plain
+from ds47.profidrive.dictionary import family_of
 from ds47.profinet.rpc import Pdu
 from ds47.spec.layouts import (
     BLOCK_AR,
@@ -37,9 +38,9 @@ NO_API: Final = -1
 
 _BLOCK: Final = struct.Struct(RECORD_STRUCT)
 """Type, length, version, sequence, AR, API, slot, subslot, padding, index, record data length."""
+_FIRST_END: Final = NDR_SIZE + _BLOCK.size
 _INDEX: Final = 9
 """Where among them the index is."""
-_Answer = tuple[int, tuple[Any, ...], "Half"]
 _STATUS: Final = {True: struct.Struct("<I"), False: struct.Struct(">I")}
 _REQUEST_BLOCKS: Final = {
     RPC_READ: BLOCK_READ_REQUEST,
@@ -96,9 +97,43 @@ class Half(Plain):
         return self.cut and not (self.status or self.missing)
 
 
+class Peer(NamedTuple):
+    """Who talks to whom, and what is known of the device."""
+
+    controller: str
+    device: str
+    vendor_id: int | None = None
+    device_id: int | None = None
+    station: int | None = None
+    """The address of the device on PROFIBUS; None on PROFINET."""
+    family: str | None = None
+    """Of its parameters, where PROFIBUS says it (`ds47.profibus.idents`)."""
+
+    @property
+    def drives(self) -> str:
+        """Whose parameters it has, as far as is known."""
+        return family_of(self.vendor_id, self.family)
+
+
+Relation = tuple[str, str, bytes]
+"""An application relation: controller, device, AR UUID (nil for ReadImplicit)."""
+ChannelKey = tuple[str, str, bytes, int, int, int, int]
+"""A DS47 channel (docs/pairing.md, record level): controller, device, AR, API, slot, subslot, index."""
+
+
+_NOBODY: Final = Peer("", "")
+_NOBODYS: Final[Relation] = ("", "", NIL_UUID)
+_NOWHERE: Final[ChannelKey] = (*_NOBODYS, 0, 0, 0, 0)
+Answer = tuple[Half, int, tuple[Any, ...]]
+"""What a response block answers, its place in an IODWriteMultiple (0 outside), the fields of its header."""
+
+
 @dataclass(slots=True, init=False, repr=False, eq=False)
 class Record(Plain):
-    """One record call: where it goes, its request and its response."""
+    """One record call: where it goes, its request and its response.
+
+    From `peer` on it has what the steps behind this one find out: `belongs` says whose it is.
+    """
 
     write: bool
     implicit: bool
@@ -112,6 +147,16 @@ class Record(Plain):
     """0, or the place inside an IODWriteMultiple."""
     request: Half | None
     response: Half | None
+    peer: Peer
+    """Who asks whom."""
+    relation: Relation
+    channel: ChannelKey
+    ours: bool
+    """Whether its index may carry the parameter channel,"""
+    proven: bool
+    """and whether its AR had proved itself when it was asked for."""
+    job: Any
+    """Of a Write its own transaction, of a Read the one whose response it is to fetch; None: none is known."""
 
     def __init__(
         self,
@@ -136,67 +181,65 @@ class Record(Plain):
         self.position = position
         self.request = request
         self.response = response
+        self.peer, self.relation, self.channel = _NOBODY, _NOBODYS, _NOWHERE
+        self.ours = self.proven = False
+        self.job = None
+
+    def belongs(self, peer: Peer, *, ours: bool = True) -> Record:
+        """Says who asks whom for it, and whether it may be ours. Returns itself."""
+        controller, device, ar = peer.controller, peer.device, self.ar
+        self.peer, self.ours = peer, ours
+        self.relation = controller, device, ar
+        self.channel = controller, device, ar, self.api, self.slot, self.subslot, self.index
+        return self
+
+    @property
+    def place(self) -> tuple[int, int, int]:
+        """API, slot and subslot."""
+        return self.api, self.slot, self.subslot
 
 
-@dataclass(slots=True, init=False, repr=False, eq=False)
-class RequestBody(Plain):
-    """The records of one RPC request, in order."""
+def parse_request(pdu: Pdu) -> tuple[list[Record], bool]:
+    """The records of a Read, Write or ReadImplicit request. Never raises: what does not parse is absent.
 
-    records: list[Record]
-    multiple: bool
-    nested: bool
-    """An IODWriteMultiple stands inside another: its records are not opened."""
-
-    def __init__(
-        self,
-        records: list[Record] | None = None,
-        multiple: bool = False,
-        nested: bool = False,
-    ) -> None:
-        self.records = [] if records is None else records
-        self.multiple = multiple
-        self.nested = nested
-
-
-def parse_request(pdu: Pdu) -> RequestBody:
-    """The records of a Read, Write or ReadImplicit request. Never raises: what does not parse is absent."""
-    expected = _REQUEST_BLOCKS.get(pdu.opnum)
-    record = _request(pdu, pdu.body, NDR_SIZE, expected, 0)
-    if record is None:
-        return RequestBody()
-    if not record.write or record.index != RECORD_WRITE_MULTIPLE:
-        return RequestBody([record])
-    assert record.request is not None
-    result = RequestBody(multiple=True)
-    inner, offset = record.request.data, 0
-    while (record := _request(pdu, inner, offset, expected, len(result.records) + 1)) is not None:
-        assert record.request is not None
-        if record.index == RECORD_WRITE_MULTIPLE:
-            result.nested = True
-        result.records.append(record)
-        offset += RECORD_SIZE + record.request.stated + -record.request.stated % 4
-    return result
+    Returns:
+        The records in their order, and whether it is an IODWriteMultiple. One inside another is a record of
+        it that is not opened.
+    """
+    body = pdu.body
+    if pdu.opnum not in _REQUEST_BLOCKS or len(body) < _FIRST_END:
+        return [], False
+    record = _request(pdu, body, NDR_SIZE, 0)
+    if record is None or record.request is None:
+        return [], False
+    if record.index != RECORD_WRITE_MULTIPLE or not record.write:
+        return [record], False
+    records, inner, offset = list[Record](), record.request.data, 0
+    while len(inner) >= offset + _BLOCK.size:
+        found = _request(pdu, inner, offset, len(records) + 1)
+        if found is None or found.request is None:
+            break
+        records.append(found)
+        offset += RECORD_SIZE + found.request.stated + -found.request.stated % 4
+    return records, True
 
 
-def _request(
-    pdu: Pdu, data: bytes, offset: int, expected: int | None, position: int
-) -> Record | None:
+def _request(pdu: Pdu, data: bytes, offset: int, position: int) -> Record | None:
     """The record whose request block stands at an offset, None where none does."""
-    if expected is None or len(data) < offset + _BLOCK.size:
-        return None
+    opnum = pdu.opnum
     (kind, _length, _version, _seq, ar, api, slot, subslot, _pad, index,
      stated) = _BLOCK.unpack_from(data, offset)  # fmt: skip
-    if kind != expected:
+    if kind != _REQUEST_BLOCKS[opnum]:
         return None
-    if pdu.opnum == RPC_WRITE:
+    if opnum == RPC_WRITE:
         start = offset + RECORD_SIZE
         half = _carrying(pdu, data[start : start + stated], stated, None)
         return Record(True, False, ar, api, slot, subslot, index, position, half)
     half = Half(pdu.frame, pdu.time_ns, b"", stated)
-    implicit = pdu.opnum == RPC_READ_IMPLICIT
-    if implicit:
-        ar = NIL_UUID
-    return Record(False, implicit, ar, api, slot, subslot, index, position, half)
+    implicit = opnum == RPC_READ_IMPLICIT
+    return Record(
+        False, implicit, NIL_UUID if implicit else ar, api, slot, subslot, index, position, half
+    )
 
 
 def _carrying(pdu: Pdu, data: bytes, stated: int, status: int | None) -> Half:
@@ -223,27 +266,24 @@ def parse_response(pdu: Pdu) -> tuple[int | None, list[Record]]:
     The blocks carry their own address, so that a response without its request can still be placed.
     An IODWriteMultiple gives its inner responses only.
     """
-    status, answers = _answers(pdu)
+    status, answers = parse_answers(pdu)
     write, implicit, records = (
         pdu.opnum == RPC_WRITE,
         pdu.opnum == RPC_READ_IMPLICIT,
         list[Record](),
     )
-    for position, block, half in answers:
+    for half, position, block in answers:
         (_kind, _length, _version, _seq, ar, api, slot, subslot, _pad, index, _data) = block
         ar = NIL_UUID if implicit else ar
         records.append(Record(write, implicit, ar, api, slot, subslot, index, position, None, half))
     return status, records
 
 
-def parse_answers(pdu: Pdu) -> tuple[int | None, list[Half]]:
-    """The same of a response whose request is known, which tells where the records are."""
-    status, answers = _answers(pdu)
-    return status, [half for _, _, half in answers]
+def parse_answers(pdu: Pdu) -> tuple[int | None, list[Answer]]:
+    """The status of a response, and of each block what is answered, its place, and the fields of its header.
 
-
-def _answers(pdu: Pdu) -> tuple[int | None, list[_Answer]]:
-    """Each response block: its place in an IODWriteMultiple, the fields of its header, what is answered."""
+    The request, where it is known, tells where the records are.
+    """
     body, opnum = pdu.body, pdu.opnum
     if len(body) < NDR_SIZE:
         told = body[:4]
@@ -252,18 +292,18 @@ def _answers(pdu: Pdu) -> tuple[int | None, list[_Answer]]:
     status: int = _STATUS[pdu.little].unpack_from(body)[0]
     if opnum == RPC_WRITE:
         return _written(pdu, status)
-    if opnum not in _READS or len(body) < NDR_SIZE + _BLOCK.size:
+    if opnum not in _READS or len(body) < _FIRST_END:
         return status, []
     block = _BLOCK.unpack_from(body, NDR_SIZE)
     if block[0] != BLOCK_READ_RESPONSE:
         return status, []
     start, stated = NDR_SIZE + RECORD_SIZE, block[-1]
-    return status, [(0, block, _carrying(pdu, body[start : start + stated], stated, status))]
+    return status, [(_carrying(pdu, body[start : start + stated], stated, status), 0, block)]
 
 
-def _written(pdu: Pdu, status: int) -> tuple[int, list[_Answer]]:
+def _written(pdu: Pdu, status: int) -> tuple[int, list[Answer]]:
     """The response blocks of a Write; the own status of a block counts if that of the NDR header is 0."""
-    body, answers = pdu.body, list[_Answer]()
+    body, answers = pdu.body, list[Answer]()
     for offset in range(NDR_SIZE, len(body) - _BLOCK.size + 1, RECORD_SIZE):
         block = _BLOCK.unpack_from(body, offset)
         if block[0] != BLOCK_WRITE_RESPONSE:
@@ -273,9 +313,10 @@ def _written(pdu: Pdu, status: int) -> tuple[int, list[_Answer]]:
             own = body[offset + RECORD_STATUS : offset + RECORD_STATUS + 4]
             told = int.from_bytes(own, "big") if len(own) == 4 else None
         cut = told is None and pdu.cut is not None
-        answers.append((len(answers), block, Half(pdu.frame, pdu.time_ns, status=told, cut=cut)))
-    if answers and answers[0][1][_INDEX] == RECORD_WRITE_MULTIPLE:
-        outer = answers.pop(0)[2]
+        half = Half(pdu.frame, pdu.time_ns, b"", 0, 0, told, cut=cut)
+        answers.append((half, len(answers), block))
+    if answers and answers[0][2][_INDEX] == RECORD_WRITE_MULTIPLE:
+        outer = answers.pop(0)[0]
         if not answers and outer.status:
             status = outer.status
     return status, answers

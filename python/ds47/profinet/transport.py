@@ -1,44 +1,33 @@
-"""Frames to whole RPC messages: datagrams and fragments put together, copies left out, stations named.
+"""Frames to datagrams: what is not simply one PDU in one frame goes where it belongs.
 
-Each step is a module of its own (`link`, `ip`, `rpc`, `calls`); here they are only joined. What a message
-carries, and whose it is, is the business of the listeners.
+IP fragments are put together and stations named; cyclic frames and segments of TCP are handed on. Each step is a
+module of its own (`link`, `ip`, `stations`). Nearly every PDU is one that `rpc.from_frame` takes, and never comes
+here.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Protocol
 
 from ds47.capture import Frame
 from ds47.profinet import rpc
-from ds47.profinet.calls import Became, CallTracker, RpcCall
+from ds47.profinet.calls import CallTracker, RpcCall
 from ds47.profinet.ip import Cut, Reassembler
 from ds47.profinet.link import Packet, Packets
-from ds47.profinet.records import Record
 from ds47.profinet.stations import Stations
-from ds47.spec.layouts import RPC_CONNECT, RPC_READ, RPC_READ_IMPLICIT, RPC_WRITE
 from ds47.spec.semantics import Limits
-
-_RECORD_CALLS = (RPC_READ, RPC_WRITE, RPC_READ_IMPLICIT)
 
 
 class Listener(Protocol):
     """Hears of messages that do not become whole."""
 
-    def first_record(self, pdu: rpc.Pdu) -> Record | None:
-        """The first record in the beginning of a message; None where that tells of none that can be ours."""
-        ...
-
-    def incomplete(
-        self, pdu: rpc.Pdu, have: int, kind: str, limit: str = "", call: RpcCall | None = None
-    ) -> None:
+    def incomplete(self, given_up: rpc.GivenUp, kind: str, call: RpcCall | None = None) -> None:
         """A message that nobody waits for any more.
 
         Args:
-            pdu: it, as far as it goes.
-            have: number of fragments that were seen.
+            given_up: its beginning, or the first that was seen of it, and why.
             kind: "IP" or "RPC".
-            limit: the number of spec/limits.toml that pushed it out; "" where its time was over.
             call: the open call to which it belongs, if there is one.
         """
         ...
@@ -57,14 +46,14 @@ class Segments(Protocol):
 
 
 class Transport:
-    """Feeds a call tracker with the messages of a capture, in the order of its frames.
+    """Takes the frames of a capture that are no whole PDU by themselves, in their order.
 
     Args:
         limits: numbers of spec/limits.toml.
-        calls: takes the messages.
+        calls: hears of messages that begin and do not end.
         stations: takes what names a device.
         listener: hears of messages that do not become whole.
-        cut: is told of each frame that the capture cut inside a record call.
+        cut: is told of each frame that the capture cut before it tells of which call it is.
         cyclic: takes cyclic frames,
         tcp: and segments of TCP.
     """
@@ -80,44 +69,29 @@ class Transport:
         tcp: Segments,
     ) -> None:
         self._calls = calls
-        self._stations, self._known = stations, stations.known
+        self._stations = stations
         self._listener = listener
         self._cut = cut
         self._cyclic = cyclic
         self._tcp = tcp
-        self._fragments = rpc.Fragments(
-            limits.fragment_expiry_ns, limits.rpc_messages, limits.rpc_fragments,
-            limits.fragment_bytes,
-        )  # fmt: skip
         self._datagrams = Reassembler(
             limits.fragment_expiry_ns, limits.ip_datagrams, limits.ip_fragments,
             limits.fragment_bytes,
         )  # fmt: skip
         self._packets = Packets(self._datagrams, self._begun)
 
-    def take_frame(self, frame: Frame) -> Sequence[Became]:
-        """What becomes of calls by the next frame of a capture."""
-        pdu = rpc.from_frame(frame)
-        if pdu is not None:
-            return self._pdu(pdu)
+    def datagram(self, frame: Frame) -> rpc.Pdu | None:
+        """The PDU that the next frame of a capture has or completes; None where it is anything else."""
         if self._tcp.frame(frame):
-            return ()
+            return None
         packet = self._packets.packet(frame)
         if self._datagrams.given_up:
-            self._tell_given_up()
-        return () if packet is None else self._packet(packet)
+            for whole, have, limit in self._packets.given_up():
+                self._incomplete(whole, have, limit)
+        return None if packet is None else self.packet(packet)
 
-    def finish(self) -> None:
-        """The capture is over: nobody waits any more."""
-        for pdu, have in self._fragments.unfinished():
-            self._incomplete(pdu, have, "RPC")
-        for packet, have in self._packets.unfinished():
-            part = rpc.parse(packet)
-            if part is not None:
-                self._incomplete(part, have, "IP")
-
-    def _packet(self, packet: Packet) -> Sequence[Became]:
-        """Takes what one frame or several brought: a whole datagram, or what names a station."""
+    def packet(self, packet: Packet) -> rpc.Pdu | None:
+        """The same of what one frame or several brought: a whole datagram, or what names a station."""
         if packet.kind == "rt":
             self._cyclic(packet)
         elif packet.kind == "tcp":
@@ -125,52 +99,24 @@ class Transport:
         elif packet.kind != "udp":
             self._stations.station(packet)
         elif (pdu := rpc.parse(packet)) is not None:
-            return self._pdu(pdu)
+            return pdu
         elif packet.missing and packet.cut is not None:
             self._cut(packet.cut)
-        return ()
+        return None
 
-    def _pdu(self, pdu: rpc.Pdu) -> Sequence[Became]:
-        if pdu.opnum == rpc.NO_OPERATION:
-            return self._calls.passes(pdu) if pdu.ptype == 0 else ()
-        if pdu.missing and pdu.cut is not None and pdu.opnum in _RECORD_CALLS:
-            self._cut(pdu.cut)  # a copy, too: it counts frames
-        if self._calls.is_copy(pdu):
-            return ()
-        whole = self._joined(pdu) if pdu.fragmented else pdu
-        if whole is None:
-            return ()
-        if (whole.ptype == 2 and whole.source not in self._known) or whole.opnum == RPC_CONNECT:
-            self._stations.message(whole)
-        return self._calls.take(whole)
-
-    def _joined(self, pdu: rpc.Pdu) -> rpc.Pdu | None:
-        """The message that an RPC fragment completes."""
-        fragments = self._fragments
-        whole = fragments.feed(pdu)
-        if fragments.given_up:
-            given_up, fragments.given_up = fragments.given_up, []
-            for beginning, have, limit in given_up:
-                self._incomplete(beginning, have, "RPC", limit)
-        if whole is None:
-            self._begins(pdu)
-        return whole
+    def finish(self) -> None:
+        """The capture is over: nobody waits any more."""
+        for packet, have in self._packets.unfinished():
+            self._incomplete(packet, have)
 
     def _begun(self, packet: Packet) -> None:
         """The first IP fragment of a message."""
         pdu = rpc.parse(packet)
         if pdu is not None:
-            self._begins(pdu)
-
-    def _begins(self, pdu: rpc.Pdu) -> None:
-        if pdu.ptype or self._listener.first_record(pdu) is not None:
             self._calls.begun(pdu)
 
-    def _tell_given_up(self) -> None:
-        for packet, have, limit in self._packets.given_up():
-            pdu = rpc.parse(packet)
-            if pdu is not None:
-                self._incomplete(pdu, have, "IP", limit)
-
-    def _incomplete(self, pdu: rpc.Pdu, have: int, kind: str, limit: str = "") -> None:
-        self._listener.incomplete(pdu, have, kind, limit, self._calls.open_call(pdu))
+    def _incomplete(self, packet: Packet, have: int, limit: str = "") -> None:
+        pdu = rpc.parse(packet)
+        if pdu is not None:
+            call = self._calls.open_call(pdu)
+            self._listener.incomplete(rpc.GivenUp(pdu, have, limit), "IP", call)
