@@ -119,8 +119,6 @@ class Ear:
         if call.record.write:
             message = decode_request(half.data, Options())
             self._jobs[id(call)] = self.pairing.write_request(access, message)
-        else:
-            self.pairing.expected(access)
 
     def _answered(self, call: ServiceCall) -> None:
         self._call("answered", call)

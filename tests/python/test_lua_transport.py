@@ -145,8 +145,11 @@ class Ear:
     def read_response(self, record: Record) -> None:
         self.tell("read_response", peer=_peer(record.peer), record=_record(record))
 
-    def expected(self, record: Record) -> None:
-        return None
+    def read_request(self, record: Record) -> None:
+        pass
+
+    def read_over(self, record: Record) -> None:
+        pass
 
     def read_lost(self, record: Record) -> None:
         self.tell("read_lost", peer=_peer(record.peer), record=_record(record))
@@ -327,15 +330,19 @@ class Messages(CallTracker):
     def __init__(self, missing: Completeness, run: Run) -> None:
         super().__init__(limits(), missing)
         self._run = run
-        self._fragmented = False
+        self._whole: rpc.Pdu | None = None
 
     def take(self, pdu: rpc.Pdu) -> Sequence[Became]:
-        self._fragmented = pdu.fragmented
-        return super().take(pdu)
+        before, fragmented = self.counts["copies"], pdu.fragmented
+        self._whole = None if fragmented else pdu
+        told = super().take(pdu)
+        if self._whole is not None and self.counts["copies"] == before:
+            self._run.message(self._whole, joined=fragmented)
+        return told
 
-    def _message(self, pdu: rpc.Pdu, told: list[Became]) -> None:
-        self._run.message(pdu, joined=self._fragmented)
-        super()._message(pdu, told)
+    def _joined(self, pdu: rpc.Pdu, told: list[Became]) -> rpc.Pdu | None:
+        self._whole = super()._joined(pdu, told)
+        return self._whole
 
 
 # Where frames come from

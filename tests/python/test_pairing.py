@@ -194,11 +194,11 @@ def test_what_the_table_does_not_list_is_an_error(phase: str, event: str) -> Non
     job = channel.ask()
     job.phase = phase
     if event in phases().get(phase, {}):
-        channel.pairing._step(job, event)
+        channel.pairing._end(job, event)
         assert job.phase == phases()[phase][event]
     else:
         with pytest.raises(KeyError):
-            channel.pairing._table[job.phase][event]
+            channel.pairing._end(job, event)
 
 
 def test_the_life_of_a_read() -> None:

@@ -347,7 +347,7 @@ def paired(frames: Iterable[bytes]) -> list[Job]:
             message = decode_request(half.data, Options())
             jobs[id(call)] = pairing.write_request(access(call), message)
         else:
-            pairing.expected(access(call))
+            pairing.read_request(access(call))
 
     def answered(call: ServiceCall) -> None:
         if call.record.write:

@@ -15,9 +15,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ds47 import spec
-from ds47.acyclic.index47 import Index47
-from ds47.acyclic.pairing import Pairing
-from ds47.acyclic.record_events import RecordEvents
 from ds47.capture import Frame, open_capture
 from ds47.lab import message
 from ds47.model import S7, Frames, Item, Parameter, ParameterError, Read, Transaction
@@ -26,7 +23,6 @@ from ds47.profinet import link, rpc
 from ds47.report import json
 from ds47.report.bilingual import LANGUAGES
 from ds47.s7 import tcp
-from ds47.spec.semantics import limits
 
 HEADERS = 130
 OVERWRITTEN = st.lists(st.tuples(st.integers(0, HEADERS), st.integers(0, 255)), max_size=3)
@@ -160,19 +156,13 @@ def test_sound_blocks_are_what_the_careful_decoder_gives(
             assert decode_response(data, request, options) == quick
 
 
-def _events() -> RecordEvents:
-    pairing = Pairing(limits(), [])
-    return RecordEvents(Index47(frozenset(), 16), pairing, Options(), [])
-
-
 @given(st.lists(st.tuples(st.integers(0, 3), st.binary(max_size=30)), max_size=12))
 def test_a_shared_request_is_a_fresh_one(requests: list[tuple[int, bytes]]) -> None:
-    events = _events()
     asked = message.read(1, 1, message.address(27))[1:]
     for reference, data in [*requests, (1, asked), (2, asked), (0, asked), (2, asked + b"\0\0\0")]:
         whole = bytes((reference,)) + data
-        assert events.decoded(whole) == decode_request(whole)
-    assert events.decoded(b"") == decode_request(b"")
+        assert parameter.shared_request(whole) == decode_request(whole)
+    assert parameter.shared_request(b"") == decode_request(b"")
 
 
 numbers = st.one_of(st.none(), st.integers(0, 1 << 40))

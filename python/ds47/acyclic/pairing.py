@@ -213,7 +213,8 @@ class Job:
     @property
     def write_refused(self) -> bool:
         """Whether the Write was answered with a negative status or an RPC fault."""
-        return self.write_fault or bool(self.write_response and self.write_response.status)
+        response = self.write_response
+        return self.write_fault or (response is not None and bool(response.status))
 
     @property
     def write_told(self) -> bool:
@@ -236,6 +237,9 @@ class Channel(Plain):
     """The jobs of a channel."""
 
     touched: int
+    """When anything was said on it last."""
+    spot: tuple[str, int, int, int, int]
+    """Its place, whoever asks there."""
     asked: list[Job]
     open: Job | None
     refused: Job | None
@@ -257,13 +261,14 @@ class Channel(Plain):
     def __init__(
         self,
         touched: int,
+        spot: tuple[str, int, int, int, int],
         asked: list[Job] | None = None,
         open: Job | None = None,  # noqa: A002
         refused: Job | None = None,
         last: Job | None = None,
         reference: int | None = None,
     ) -> None:
-        self.touched = touched
+        self.touched, self.spot = touched, spot
         self.asked = [] if asked is None else asked
         self.open = open
         self.refused = refused
@@ -290,10 +295,6 @@ class Channel(Plain):
     def is_free(self) -> bool:
         """Whether nothing waits for a response or for the end of its grace."""
         return not (self.asked or self.open or self.refused)
-
-    def expected(self) -> Job | None:
-        """The job that a Read request asks for, as far as is known before its response."""
-        return self.open or self.waiting() or self.refused
 
     def jobs(self) -> list[Job]:
         """All of them."""
@@ -367,7 +368,8 @@ class Pairing:
         asked = record.request
         assert asked is not None
         channel = self._channel(record, asked.time_ns)
-        job = Job(record, message, order=self.number())
+        self._count += 1
+        job = Job(record, message, order=self._count)
         if asked.cut and message.request_id is None:
             job.untold = asked.frame
         before = job.previous = channel.written
@@ -395,7 +397,7 @@ class Pairing:
             return  # who waits had another response before, and the device executed the call once more
         job.write_response = response
         job.write_fault = fault
-        if response is not None and response.untold:
+        if response is not None and response.cut and response.untold:
             job.untold = response.frame
         status = response.status if response else None
         if job.phase == "closed" or (status is None and not fault):
@@ -454,25 +456,38 @@ class Pairing:
         half = record.response
         assert half is not None
         channel = self._channel(record, half.time_ns)
-        event = _read_event(half)
+        self.read_over(record)
+        event = "read_record" if half.data and not half.status else _read_event(half)
         if event in ("read_record", "read_cut"):
             channel.heard = half.frame
-        job = self._sought(channel, event, record)
-        late = job is not None and _is_later(job, record)
-        if late:
-            job = None  # what the Read asked for is over: its response came late
+        job = self._addressee(channel, event, record)
+        if job is not None and channel.refused is not None:
+            job = self._sought(channel, job, event, record)
+        late = job is not None and _is_later(job, record)  # what the Read asked for is over
         if channel.refused is not None:
-            self._leave_refused(channel, job)
+            self._leave_refused(channel, None if late else job)
+        if job is None or late:
+            return self._of_nobody(record, channel, event, None, late=late)
         missing = None
-        if job is not None and event not in ("read_poll", "read_empty"):
+        if event not in ("read_poll", "read_empty"):
             missing = self._of_another(channel, job, record)
-        if job is not None and missing is not None:
-            self._set_aside(channel, job, missing)
-            if channel.open is not None:  # whosever this is, it ends what was asked before it
-                self._set_aside(channel, channel.open, Missing("later"))
-        elif job is not None:
+        if missing is None:
             self._read(channel, job, event, record)
             return job
+        self._set_aside(channel, job, missing)
+        if channel.open is not None:  # whosever this is, it ends what was asked before it
+            self._set_aside(channel, channel.open, Missing("later"))
+        return self._of_nobody(record, channel, event, missing, late=False)
+
+    def _of_nobody(
+        self, record: Record, channel: Channel, event: str, missing: Missing | None, *, late: bool
+    ) -> Job | None:
+        """The answer to a Read that is for no job, as far as the capture shows.
+
+        `missing`: why nobody knows for which one; `late`: the job that its Read asked for is over.
+        """
+        half = record.response
+        assert half is not None
         if event not in ("read_record", "read_cut"):
             if not late:
                 self._nothing(record, channel, missing)
@@ -737,7 +752,7 @@ class Pairing:
 
     def _reread(self, channel: Channel, job: Job, record: Record) -> None:
         assert record.response is not None
-        self._step(job, "reread")
+        job.phase = self._table[job.phase]["reread"]
         if not job.rereads and not _was_open(channel, record.request):
             job.between = channel.waiting()
             read = job.read_response.frame if job.read_response else 0
@@ -747,10 +762,20 @@ class Pairing:
                 job.again = "again_without_ar"
         self._keep(job.rereads, (record.request, record.response))
 
-    def expected(self, record: Record) -> Job | None:
-        """The job whose response a Read will fetch, as far as is known. Changes nothing."""
-        channel = self.channels.get(record.channel)
-        return None if channel is None else channel.expected()
+    def read_request(self, record: Record) -> None:
+        """A Read that asks: for the response of a job, as far as is known before its own."""
+        channel, asked = self.channels.get(record.channel), record.request
+        if channel is None or asked is None:
+            return
+        job = record.job = channel.open or channel.waiting() or channel.refused
+        if job is not None:
+            job.fetching.append(asked)
+
+    def read_over(self, record: Record) -> None:
+        """A Read is over, to whichever job its response goes."""
+        job, asked = record.job, record.request
+        if job is not None and asked in job.fetching:
+            job.fetching.remove(asked)
 
     def read_lost(self, record: Record) -> Job | None:
         """A Read that never got its RPC response."""
@@ -856,9 +881,9 @@ class Pairing:
             self._close_channel(key, "expired")
             channel = None
         if channel is None:
-            channel = channels[key] = Channel(now)
+            channel = channels[key] = Channel(now, _spot(key))
             self._of_ar.setdefault(key[:3], {})[key] = None
-            self._of_place.setdefault(_spot(key), {})[key] = None
+            self._of_place.setdefault(channel.spot, {})[key] = None
             self._due_ns = now  # there may be too many
         # Once the clock was set back the oldest by its place need not be so by its time.
         self._set_back = self._set_back or now < self._touched_ns
@@ -892,7 +917,7 @@ class Pairing:
                 self._lose(channel.refused, "")
                 channel.refused = None
             channel.open = job
-        self._step(job, "write_accepted")
+        job.phase = self._table[job.phase]["write_accepted"]
 
     def _displace(self, channel: Channel, job: Job, by: Job) -> None:
         """An accepted Write displaces a request without its response; whose response may be missing, too.
@@ -919,7 +944,7 @@ class Pairing:
         """
         if channel.open is not None and channel.open.order > job.order:
             channel.asked.remove(job)
-            self._step(job, "write_accepted")
+            job.phase = self._table[job.phase]["write_accepted"]
         else:
             self._accept(channel, job)
 
@@ -964,7 +989,7 @@ class Pairing:
             asked = job.write_request or half
             free = held is None and channel.ended < asked.frame
             job.alone = free and self._may_be_open(job.peer, job.key, channel, asked) is None
-        self._step(job, "write_refused")
+        job.phase = self._table[job.phase]["write_refused"]
         if before == "answered":
             return
         if before == "asked":
@@ -1003,15 +1028,12 @@ class Pairing:
             return None if old_answer else waiting
         return channel.refused
 
-    def _sought(self, channel: Channel, event: str, record: Record) -> Job | None:
-        """The same, where a request that may be over is set aside."""
-        job, half = self._addressee(channel, event, record), record.response
-        if job is None or channel.refused is None:
-            return job
-        over = _wrote_behind(channel, job, record)
+    def _sought(self, channel: Channel, found: Job, event: str, record: Record) -> Job | None:
+        """The same, where a request was refused: one that may be over is set aside."""
+        half, over = record.response, _wrote_behind(channel, found, record)
         if over is None:
-            return job
-        self._set_aside(channel, job, over)
+            return found
+        self._set_aside(channel, found, over)
         self._forget_last(channel)  # the missing one is newer
         job = self._addressee(channel, event, record)
         strange = job is not None and half is not None and half.data and not _mirrors(job, half)
@@ -1029,7 +1051,7 @@ class Pairing:
             channel.accepted = max(channel.accepted, job.order)  # no older one waits any more
         elif job.phase == "asked" and event not in ("read_empty", "read_short"):
             self._presume(channel, job)
-        self._step(job, event)
+        job.phase = self._table[job.phase][event]
         if event in ("read_poll", "read_short"):
             self._keep(job.polls, (record.request, half))
         elif event == "read_empty":
@@ -1044,7 +1066,7 @@ class Pairing:
         job.read_before = bool(job.polls or job.fetching) and self._may_be_read(job)
         if job.message is not None:  # before an orphan anything may be missing
             channel.ended = half.frame
-            if _is_headless(half) and not job.write_refused:
+            if half.cut and _is_headless(half) and not job.write_refused:
                 job.missing = Missing("cut_off", half.frame)
         if channel.open is job:
             channel.open = None
@@ -1060,7 +1082,7 @@ class Pairing:
             self._lose(channel.last, "")
         channel.last = job
         if job.message is not None and not job.write_refused:
-            self._put(self._delivered, _spot(job.key), job)
+            self._put(self._delivered, channel.spot, job)
 
     def _may_be_read(self, job: Job) -> bool:
         """Whether how long a request waited is not known: a Read that brought its record may be missing.
@@ -1088,10 +1110,8 @@ class Pairing:
             reads.pop()
         reads.append(read)
 
-    def _step(self, job: Job, event: str) -> None:
-        job.phase = self._table[job.phase][event]
-
     def _lose(self, job: Job, reason: str) -> None:
+        """Nothing more comes of a job."""
         if job.polls and job.missing is None:
             self._refused_at_last(job)
         job.reason = reason
@@ -1100,7 +1120,7 @@ class Pairing:
             if connect is not None:
                 job.ended = connect.frame
             job.missing = job.missing or self._lacks(job, reason)
-        self._end(job, "lost")
+        self._end(job)
 
     def _refused_at_last(self, job: Job) -> None:
         """Where a Read was too short for a response, and none brought it, that refusal is the end (P34)."""
@@ -1123,10 +1143,10 @@ class Pairing:
             return None
         return connect if before is None or connect.frame < before.frame else None
 
-    def _end(self, job: Job, event: str) -> None:
+    def _end(self, job: Job, event: str = "lost") -> None:
         if job.missing is not None and job.fetching and job.read_request is None:
             job.read_request = job.fetching[0]
-        self._step(job, event)
+        job.phase = self._table[job.phase][event]
         self._told.append(("closed", job, None))
 
     def _push_out(self, job: Job, limit: str) -> None:
@@ -1249,7 +1269,10 @@ def _is_later(job: Job, record: Record) -> bool:
 
 def _mirrors(job: Job, half: Half) -> bool:
     """Whether a record has the reference and the kind of a request."""
-    return bool(half.data) and job.reference == half.data[0] and _is_of_kind(job, half) is not False
+    data, message = half.data, job.message
+    if not data or job.reference != data[0]:
+        return False
+    return message is None or kind_fits(message, data) is not False
 
 
 def _counts(job: Job, record: Record) -> bool:
@@ -1333,7 +1356,7 @@ def _read_event(half: Half) -> str:
 
 def _is_headless(half: Half) -> bool:
     """Whether a record came of which the capture cut off even what kind of response it is."""
-    return half.cut and not half.status and len(half.data) < _KIND_END
+    return not half.status and len(half.data) < _KIND_END
 
 
 def _is_same(one: Half, other: Half) -> bool:

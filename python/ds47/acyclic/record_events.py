@@ -15,13 +15,12 @@ from ds47.acyclic.index47 import ALWAYS, SHARED_INDEX, ArKey, Index47
 from ds47.acyclic.pairing import Moment, Pairing, Told
 from ds47.findings.remark import Remark
 from ds47.profidrive import Options, Request, decode_request
+from ds47.profidrive.parameter import shared_request
 from ds47.profinet.ip import Cut
 from ds47.profinet.records import Half, Record
 
-_MOST_SHARED: Final = 4_096
-"""Decoded requests that are kept to be used again,"""
 _LONGEST_SHARED: Final = 512
-"""and how many bytes each of them may have."""
+"""Bytes of a request that is remembered in its decoded form."""
 
 
 class RecordEvents:
@@ -44,7 +43,8 @@ class RecordEvents:
         self._happens: dict[str, Callable[[Any, Any], object]] = {
             "write_asked": self._write_asked, "write_answered": self._write_answered,
             "write_failed": self._write_failed, "write_unasked": lambda record, _: pairing.write_unasked(record),
-            "read_asked": self._read_asked, "read_answered": self._read, "read_over": _read_over,
+            "read_asked": self._read_asked, "read_answered": self._read,
+            "read_over": lambda record, _: pairing.read_over(record),
             "read_lost": lambda record, _: pairing.read_lost(record), "read_asked_late": pairing.read_asked_late,
             "answered_twice": _answered_twice,
             "pushed_out": lambda _, what: self.push_out(*what), "remark": self._remark, "about": self._about,
@@ -59,7 +59,6 @@ class RecordEvents:
         """The time of the newest frame of a call that is ours,"""
         self.newest_frame = 0
         """and its number."""
-        self._requests: dict[bytes, Request] = {}
         self.requests: Counter[tuple[int, bool]] = Counter()
         """Record requests, ours or not, by index and whether they write."""
 
@@ -89,12 +88,17 @@ class RecordEvents:
 
     def asked(self, record: Record, cut: Cut | None) -> None:
         """A request; its index concerns us. `cut`: where the capture cut the message; None where it did not."""
-        half = record.request
+        half, message, index47 = record.request, None, self._index47
         assert half is not None
         if half.missing:
             self._length(record, half, cut)
-        message = self.decoded(half.data, cut=half.cut) if record.write else None
-        if self._index47.passes(record.relation, record.index):
+        if record.write:
+            shared = len(half.data) <= _LONGEST_SHARED and not half.cut
+            message = (
+                shared_request(half.data, self._codec) if shared
+                else decode_request(half.data, self._codec, cut=half.cut)
+            )  # fmt: skip
+        if index47.passes(record.relation, record.index):
             record.proven = True
             if message is None:
                 self._read_asked(record, half)
@@ -104,24 +108,26 @@ class RecordEvents:
         if message is None:
             self.pass_on(record, "read_asked", half)
         else:
-            asks = self._index47.asks(record.peer.device, record.place, message)
+            asks = index47.asks(record.peer.device, record.place, message)
             self.pass_on(record, "write_asked", message, asks=asks)
-            self._index47.asked(record.relation, record.place, message, half.data)
-        self._index47.heard(record.relation, half.frame, asks=True)
+            index47.asked(record.relation, record.place, message, half.data)
+        index47.heard(record.relation, half.frame, asks=True)
 
     def answered(self, record: Record, cut: Cut | None) -> None:
-        """The response to a request; arguments as for `asked`."""
-        half = record.response
+        """The response to a request, or one without; arguments as for `asked`."""
+        half, write = record.response, record.write
         assert half is not None
-        if not record.write:
-            self._read_answered(record, half, cut)
-            return
-        if half.cut and half.untold:
+        if (half.missing and not write) or (half.cut and half.untold):
             self._length(record, half, cut)
         if record.proven:
-            self._write_answered(record, half)
-        else:
+            if write:
+                self._write_answered(record, half)
+            else:
+                self._read(record, half)
+        elif write:
             self.pass_on(record, "write_answered", half)
+        else:
+            self.pass_on(record, "read_answered", half, proves=self._proves(record, half))
 
     def unasked(self, record: Record, cut: Cut | None) -> None:
         """A response without its request."""
@@ -130,7 +136,7 @@ class RecordEvents:
         if record.write:
             self.pass_on(record, "write_unasked")
         else:
-            self._read_answered(record, half, cut)
+            self.answered(record, cut)
         if record.index == SHARED_INDEX:
             self._index47.heard(record.relation, half.frame, asks=False)
 
@@ -145,23 +151,6 @@ class RecordEvents:
         if record.index == SHARED_INDEX:
             self._index47.unheard(record.relation)
 
-    def decoded(self, data: bytes, *, cut: bool = False) -> Request:
-        """The request; the same question is asked again and again, often with a reference that counts.
-
-        So the messages that differ in nothing else share their addresses and blocks, which nobody
-        changes.
-        """
-        if cut or not data or not data[0]:  # reference 0 is a flaw
-            return decode_request(data, self._codec, cut=cut)
-        known = self._requests.get(data[1:])
-        if known is None:
-            known = decode_request(data, self._codec)
-            if len(data) <= _LONGEST_SHARED:
-                if len(self._requests) >= _MOST_SHARED:
-                    self._requests.clear()
-                self._requests[data[1:]] = known
-        return known.asked_as(data[0])
-
     def finish(self) -> None:
         """The capture is over: what still waits is not known to be ours (DS209)."""
         for device, (first, records, asks) in self._index47.unproven():
@@ -173,14 +162,11 @@ class RecordEvents:
 
     def _read_asked(self, record: Record, half: Half) -> None:
         self._clock(record, half)
-        job = record.job = self._pairing.expected(record)
-        if job is not None:
-            job.fetching.append(half)
+        self._pairing.read_request(record)
 
     def _write_asked(self, record: Record, message: Request) -> None:
-        half = record.request
-        assert half is not None
-        self._clock(record, half)
+        assert record.request is not None
+        self._clock(record, record.request)
         record.job = self._pairing.write_request(record, message)
 
     def _write_answered(self, record: Record, half: Half) -> None:
@@ -192,18 +178,25 @@ class RecordEvents:
         if record.job is not None:
             self._pairing.write_response(record.job, half, fault=True)
 
-    def _read_answered(self, record: Record, half: Half, cut: Cut | None) -> None:
-        if half.missing or (half.cut and half.untold):
-            self._length(record, half, cut)
-        if record.proven:
-            self._read(record, half)
+    def _read(self, record: Record, half: Half) -> None:
+        self._clock(record, half)
+        if half.cut and half.untold:
+            self._pairing.read_untold(record)
             return
-        ours = self._index47.passes(record.relation, record.index)
-        proves = False
-        if half.data and not (ours or self._is_echo(record, half)) and not half.missing:
-            answers = self._index47.answers(record.relation, record.place, half.data, self._codec)
-            proves = answers or self._pairing.is_again(record)
-        self.pass_on(record, "read_answered", half, proves=proves)
+        if record.index in ALWAYS and half.data:
+            self._index47.responded(record.peer.device, record.place, half.data, self._codec)
+        self._pairing.read_response(record)
+
+    def _proves(self, record: Record, half: Half) -> bool:
+        """Whether what a Read brought shows that its AR uses the parameter channel."""
+        index47 = self._index47
+        if not half.data or index47.passes(record.relation, record.index):
+            return False
+        if self._is_echo(record, half) or half.missing:
+            return False
+        place = record.place
+        answers = index47.answers(record.relation, place, half.data, self._codec)
+        return answers or self._pairing.is_again(record)
 
     def _is_echo(self, record: Record, half: Half) -> bool:
         """Whether a Read shows a store: nothing of that is judged, and its ARs wait again (P20)."""
@@ -214,17 +207,6 @@ class RecordEvents:
             self._pairing.release(*ar, index=SHARED_INDEX)
             self._told.append(("no_drive", ar, None))
         return ars is not None
-
-    def _read(self, record: Record, half: Half) -> None:
-        self._clock(record, half)
-        if half.cut and half.untold:
-            self._pairing.read_untold(record)
-            return
-        if record.job is not None:
-            _read_over(record)
-        if record.index in ALWAYS and half.data:
-            self._index47.responded(record.peer.device, record.place, half.data, self._codec)
-        self._pairing.read_response(record)
 
     def _about(self, record: Record, remark: Remark) -> None:
         remark.job = record.job
@@ -260,13 +242,6 @@ class RecordEvents:
             args = {"milliseconds": (newest - half.time_ns) / 1e6, "first": before}
             self._remark(record, Remark("DS107", half.frame, args))
         self.newest_ns, self.newest_frame = half.time_ns, half.frame
-
-
-def _read_over(record: Record, _: object = None) -> None:
-    """A Read is over, to whomever its response goes."""
-    job = record.job
-    if job is not None and record.request in job.fetching:
-        job.fetching.remove(record.request)
 
 
 def _answered_twice(record: Record, _: object) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterable, Mapping
-from functools import cache
+from functools import cache, lru_cache
 from typing import Final
 
 from ds47 import spec
@@ -63,6 +63,17 @@ def decode_request(data: bytes, options: Options = _DEFAULTS, *, cut: bool = Fal
         if known and known.operation == "change":
             _value_counts(request)
     return request
+
+
+@lru_cache(maxsize=4096)
+def shared_request(data: bytes, options: Options = _DEFAULTS) -> Request:
+    """The same, remembered: of a program that asks again and again. Nobody changes what all of them share.
+
+    Requests that differ in their reference alone share addresses and blocks. Reference 0 is a flaw.
+    """
+    if data[:1] in (b"", b"\x00", b"\x01"):
+        return decode_request(data, options)
+    return shared_request(b"\x01" + data[1:], options).asked_as(data[0])
 
 
 def decode_response(

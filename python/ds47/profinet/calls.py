@@ -176,10 +176,18 @@ class CallTracker:
         recent[mark] = now
         if len(recent) >= self._most_datagrams:
             self._earlier, self._recent = recent, {}
-        if not pdu.fragmented:
-            self._message(pdu, told)
-        elif (whole := self._joined(pdu, told)) is not None:
-            self._message(whole, told)
+        whole = self._joined(pdu, told) if pdu.fragmented else pdu
+        if whole is None:
+            return told
+        ptype = whole.ptype
+        if ptype == 0:
+            self._request(whole, told)
+        elif ptype == 2:
+            self._response(whole, told)
+        elif ptype in (3, 6):
+            self._fault(whole, told)
+        else:
+            self.counts[{1: "pings", 4: "working"}.get(ptype, "others")] += 1
         return told
 
     def _came_again(self, pdu: Pdu) -> None:
@@ -193,18 +201,6 @@ class CallTracker:
             call = activity.calls.get(pdu.seq)
         if call is not None:
             call.again = pdu.frame
-
-    def _message(self, pdu: Pdu, told: list[Became]) -> None:
-        """A whole message that is no copy."""
-        if pdu.ptype == 0:
-            self._request(pdu, told)
-        elif pdu.ptype == 2:
-            self._response(pdu, told)
-        elif pdu.ptype in (3, 6):
-            self.counts["faults" if pdu.ptype == 3 else "rejects"] += 1
-            self._fault(pdu, told)
-        else:
-            self.counts[{1: "pings", 4: "working"}.get(pdu.ptype, "others")] += 1
 
     def _joined(self, pdu: Pdu, told: list[Became]) -> Pdu | None:
         """The message that an RPC fragment completes."""
@@ -246,8 +242,13 @@ class CallTracker:
 
     def _request(self, pdu: Pdu, told: list[Became]) -> None:
         self.counts["requests"] += 1
-        activity, seq = self._activity(pdu, told), pdu.seq
-        key, calls, numbers = (pdu.client, pdu.activity, seq), activity.calls, activity.numbers
+        seq, client, of = pdu.seq, pdu.client, pdu.activity
+        activity = self._activities.get((client, of))
+        if activity is None or activity.server is not pdu.server:
+            activity = self._activity(pdu, told)
+        else:
+            self._activities.move_to_end((client, of))
+        key, calls, numbers = (client, of, seq), activity.calls, activity.numbers
         if calls and (
             pdu.time_ns - activity.oldest_ns > self._expiry_ns or len(calls) > self._most
         ):
@@ -268,7 +269,6 @@ class CallTracker:
         if pdu.opnum == RPC_CONNECT:
             self._connected(pdu)
         early = self._early.pop(key, None) if self._early else None
-        late = early is not None and 0 <= early.time_ns - pdu.time_ns <= self._limits.call_expiry_ns
         if seq == numbers.highest + 1:
             numbers.highest, numbers.newest = seq, pdu
         else:
@@ -276,21 +276,29 @@ class CallTracker:
         if not calls or pdu.time_ns < activity.oldest_ns:
             activity.oldest_ns = pdu.time_ns
         call = calls[seq] = RpcCall(pdu)
-        if early is not None and not late and self._was_read(pdu, early):
+        if early is None:
+            told.append(("asked", call, pdu))
+        else:
+            self._behind(early, activity, call, pdu, told)
+
+    def _behind(
+        self, early: Pdu, activity: Activity, call: RpcCall, pdu: Pdu, told: list[Became]
+    ) -> None:
+        """A request stands behind a response with its number: the two may be one call."""
+        if 0 <= early.time_ns - pdu.time_ns <= self._expiry_ns:
+            if early.ptype == 2:
+                told.append(("late", call, early))
+            else:
+                told += (("asked", call, pdu), ("failed", call, early))
+            self._answer(activity, call, early)
+            call.request = pdu  # it is not read before
+            self._completeness.asked_after_all(early)
+        elif self._was_read(pdu, early):
             self._answer(activity, call, early)
             self._repeated(activity, call, pdu)
             told.append(("again", call, pdu))
-            return
-        if early is None or not late:
-            told.append(("asked", call, pdu))
-            return
-        if early.ptype == 2:
-            told.append(("late", call, early))
         else:
-            told += (("asked", call, pdu), ("failed", call, early))
-        self._answer(activity, call, early)
-        call.request = pdu  # it is not read before
-        self._completeness.asked_after_all(early)
+            told.append(("asked", call, pdu))
 
     def _was_read(self, pdu: Pdu, early: Pdu) -> bool:
         """Whether a Read comes again whose first request is missing: its response was there before."""
@@ -311,6 +319,7 @@ class CallTracker:
             self._due_ns = 0
 
     def _activity(self, pdu: Pdu, told: list[Became]) -> Activity:
+        """That of a call; it may have begun, or called another server before."""
         key = (pdu.client, pdu.activity)
         activity = self._activities.get(key)
         if activity is None:
@@ -429,6 +438,7 @@ class CallTracker:
         return not begun
 
     def _fault(self, pdu: Pdu, told: list[Became]) -> None:
+        self.counts["faults" if pdu.ptype == 3 else "rejects"] += 1
         activity = self._activities.get((pdu.client, pdu.activity))
         call = activity.calls.get(pdu.seq) if activity else None
         if activity is not None and call is not None:

@@ -206,47 +206,31 @@ def parse_request(pdu: Pdu) -> tuple[list[Record], bool]:
         The records in their order, and whether it is an IODWriteMultiple. One inside another is a record of
         it that is not opened.
     """
-    body = pdu.body
-    if pdu.opnum not in _REQUEST_BLOCKS or len(body) < _FIRST_END:
-        return [], False
-    record = _request(pdu, body, NDR_SIZE, 0)
-    if record is None or record.request is None:
-        return [], False
-    if record.index != RECORD_WRITE_MULTIPLE or not record.write:
-        return [record], False
-    records, inner, offset = list[Record](), record.request.data, 0
-    while len(inner) >= offset + _BLOCK.size:
-        found = _request(pdu, inner, offset, len(records) + 1)
-        if found is None or found.request is None:
+    opnum, data, offset, records, multiple = pdu.opnum, pdu.body, NDR_SIZE, list[Record](), False
+    expected = _REQUEST_BLOCKS.get(opnum)
+    while len(data) >= offset + _BLOCK.size:
+        (kind, _length, _version, _seq, ar, api, slot, subslot, _pad, index,
+         stated) = _BLOCK.unpack_from(data, offset)  # fmt: skip
+        if kind != expected:
             break
-        records.append(found)
-        offset += RECORD_SIZE + found.request.stated + -found.request.stated % 4
-    return records, True
-
-
-def _request(pdu: Pdu, data: bytes, offset: int, position: int) -> Record | None:
-    """The record whose request block stands at an offset, None where none does."""
-    opnum = pdu.opnum
-    (kind, _length, _version, _seq, ar, api, slot, subslot, _pad, index,
-     stated) = _BLOCK.unpack_from(data, offset)  # fmt: skip
-    if kind != _REQUEST_BLOCKS[opnum]:
-        return None
-    if opnum == RPC_WRITE:
+        if opnum != RPC_WRITE:
+            half = Half(pdu.frame, pdu.time_ns, b"", stated)
+            implicit = opnum == RPC_READ_IMPLICIT
+            ar = NIL_UUID if implicit else ar
+            return [Record(False, implicit, ar, api, slot, subslot, index, 0, half)], False
         start = offset + RECORD_SIZE
-        half = _carrying(pdu, data[start : start + stated], stated, None)
-        return Record(True, False, ar, api, slot, subslot, index, position, half)
-    half = Half(pdu.frame, pdu.time_ns, b"", stated)
-    implicit = opnum == RPC_READ_IMPLICIT
-    return Record(
-        False, implicit, NIL_UUID if implicit else ar, api, slot, subslot, index, position, half
-    )
-
-
-def _carrying(pdu: Pdu, data: bytes, stated: int, status: int | None) -> Half:
-    """A half with what is there of its record."""
-    missing = stated - len(data)
-    cut = missing > 0 and pdu.cut is not None
-    return Half(pdu.frame, pdu.time_ns, data, stated, missing, status, cut=cut)
+        carried = data[start : start + stated]
+        if index == RECORD_WRITE_MULTIPLE and not multiple:
+            data, offset, multiple = carried, 0, True
+            continue
+        missing, position = stated - len(carried), len(records) + 1 if multiple else 0
+        cut = missing > 0 and pdu.cut is not None
+        half = Half(pdu.frame, pdu.time_ns, carried, stated, missing, cut=cut)
+        records.append(Record(True, False, ar, api, slot, subslot, index, position, half))
+        if not multiple:
+            break
+        offset = start + stated + -stated % 4
+    return records, multiple
 
 
 def without_block(pdu: Pdu, status: int | None, *, write: bool) -> Half:
@@ -298,7 +282,12 @@ def parse_answers(pdu: Pdu) -> tuple[int | None, list[Answer]]:
     if block[0] != BLOCK_READ_RESPONSE:
         return status, []
     start, stated = NDR_SIZE + RECORD_SIZE, block[-1]
-    return status, [(_carrying(pdu, body[start : start + stated], stated, status), 0, block)]
+    data = body[start : start + stated]
+    missing = stated - len(data)
+    cut = missing > 0 and pdu.cut is not None
+    return status, [
+        (Half(pdu.frame, pdu.time_ns, data, stated, missing, status, cut=cut), 0, block)
+    ]
 
 
 def _written(pdu: Pdu, status: int) -> tuple[int, list[Answer]]:
