@@ -221,9 +221,9 @@ class Recorder:
 
     def _status(self, zsw1: int, frame: int, time_ns: int) -> None:
         before, self._zsw1 = self._zsw1, zsw1
-        # What was between two times of valid data nobody knows.
-        seen = not (False in self._lost or self._skipped)
-        since = self.fault_since if seen else None
+        # What was between two times of valid data nobody knows; behind frames that are missing the fault was seen.
+        lost = False in self._lost
+        seen, since = not (lost or self._skipped), None if lost else self.fault_since
         self.fault_since = (since or frame) if zsw1 & _FAULT else None
         if not zsw1 & _FAULT and (zsw1 & 7 in _ILLEGAL or (zsw1 & _INHIBITED and zsw1 & 7)):
             self.refuted = True
