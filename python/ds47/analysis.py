@@ -57,7 +57,6 @@ if TYPE_CHECKING:
     from ds47.parameters.catalogue import Catalogue
     from ds47.parameters.lists import ParameterList
     from ds47.profinet.link import Packet
-    from ds47.profinet.rpc import Pdu
     from ds47.s7.communication import Communication
     from ds47.s7.model import S7Job
 
@@ -346,13 +345,16 @@ class Analysis:
         return [each.told() for each in self._channels().relations()]
 
     def _frames(self, frames: Capture | Series) -> None:
-        note, datagram = self._times.note, self._transport.datagram
+        note, datagram, records = self._times.note, self._transport.datagram, self._records.take
         for frame in frames:
             if frame.link_type not in LINK_TYPES:
                 note(frame.number, frame.time_ns)
                 pdu = from_frame(frame) or datagram(frame)
                 if pdu is not None:
-                    self.call(pdu)
+                    if pdu.cut is not None and pdu.opnum in OPERATIONS:
+                        self._diagnoses.cut(pdu.cut)
+                    for became in self._calls.take(pdu):
+                        records(became)
                 if self._told:
                     self._hear()
                 continue
@@ -363,13 +365,6 @@ class Analysis:
                 self._lines = self._made_lines()
             self._lines.take(frame)
             self._hear()
-
-    def call(self, pdu: Pdu) -> None:
-        """The next PDU: what becomes of calls, and of the records in them."""
-        if pdu.cut is not None and pdu.opnum in OPERATIONS:
-            self._diagnoses.cut(pdu.cut)
-        for became in self._calls.take(pdu):
-            self._records.take(became)
 
     def _hear(self) -> None:
         """What became of jobs, in the order in which it did."""

@@ -428,8 +428,8 @@ def small(monkeypatch):
 def feed(run: Analysis, packet: Packet) -> None:
     """What an analysis does with a packet."""
     pdu = run._transport.packet(packet)
-    if pdu is not None:
-        run.call(pdu)
+    for became in () if pdu is None else run._calls.take(pdu):
+        run._records.take(became)
     run._hear()
 
 

@@ -68,7 +68,8 @@ class RecordCalls:
         stations: Stations,
         vendor: Callable[[str], int | None] | None = None,
     ) -> None:
-        self._vendor = vendor
+        self._who = _who if vendor is None else lambda *about: _named(_who(*about), vendor)
+        """Who talks to whom, by the addresses and the object UUID, and whose the device is."""
         self._stations = stations
         self._limits = limits
         self._events = events
@@ -154,7 +155,8 @@ class RecordCalls:
         return record if record is not None and record.ours else None
 
     def _whose(self, pdu: rpc.Pdu, record: Record) -> Record:
-        return record.belongs(self._peer(pdu), ours=record.index in self._concerned)
+        peer = self._who(pdu.client, pdu.server, pdu.object_uuid)
+        return record.belongs(peer, ours=record.index in self._concerned)
 
     # Requests
 
@@ -165,7 +167,8 @@ class RecordCalls:
             self._wait(pdu)
             return
         records, multiple = parse_request(pdu)
-        peer, events, concerned = self._peer(pdu), self._events, self._concerned
+        peer = self._who(pdu.client, pdu.server, pdu.object_uuid)
+        events, concerned = self._events, self._concerned
         if multiple or not records:
             self._several(pdu, records, multiple)
         call.context = records
@@ -331,13 +334,6 @@ class RecordCalls:
                 what = "write_failed" if record.write else "read_over"
                 self._events.pass_on(record, what, Half(pdu.frame, pdu.time_ns))
 
-    def _peer(self, pdu: rpc.Pdu) -> Peer:
-        """Who talks to whom, by the addresses and the object UUID, and whose the device is."""
-        found = _who(pdu.client, pdu.server, pdu.object_uuid)
-        if found.vendor_id is None and self._vendor is not None:
-            return found._replace(vendor_id=self._vendor(found.device))
-        return found
-
     # Findings
 
     def _about_call(self, call: RpcCall, remark: Remark) -> None:
@@ -352,3 +348,8 @@ class RecordCalls:
 def _who(client: str, server: str, object_uuid: bytes) -> Peer:
     identity = rpc.device_identity(object_uuid) or (None, None)
     return Peer(client, server, *identity)
+
+
+def _named(peer: Peer, vendor: Callable[[str], int | None]) -> Peer:
+    """Whose the device is, where its calls do not say it."""
+    return peer if peer.vendor_id is not None else peer._replace(vendor_id=vendor(peer.device))
