@@ -38,7 +38,7 @@ RECORD_PATH = (
     "model", "analysis", "spec/units", "capture/frame", "capture/walk", "capture/pcap",
     "capture/pcapng",
     "profinet/rpc", "profinet/link", "profinet/ip", "profinet/calls", "profinet/records",
-    "profinet/stations", "profinet/transport", "profidrive/model", "profidrive/parameter",
+    "profinet/stations", "profidrive/model", "profidrive/parameter",
     "profidrive/formats", "report/json",
     "profibus/telegram", "profibus/dp", "profibus/line", "profibus/bus", "profibus/stations",
     "profibus/judge", "cyclic/ppo", "cyclic/channels", "cyclic/timeline", "cyclic/operation", "cyclic/trips",

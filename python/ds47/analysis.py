@@ -22,7 +22,7 @@ from ds47.acyclic.pairing import Job, Missing, Pairing, Told
 from ds47.acyclic.record_calls import OPERATIONS, RecordCalls
 from ds47.acyclic.record_events import RecordEvents
 from ds47.acyclic.transactions import build, summarise
-from ds47.capture import Capture, CaptureError, Series, open_capture, sha256
+from ds47.capture import Capture, CaptureError, Frame, Series, open_capture, sha256
 from ds47.capture.scan import Watch
 from ds47.diagnosis import Diagnoses
 from ds47.findings.collection import Findings
@@ -37,10 +37,11 @@ from ds47.profidrive.dictionary import Dictionary, explain_transaction
 from ds47.profidrive.drive_objects import DriveObjects
 from ds47.profinet.calls import CallTracker
 from ds47.profinet.completeness import Completeness
+from ds47.profinet.ip import Reassembler
+from ds47.profinet.link import Packets
 from ds47.profinet.records import ChannelKey, Half, Record
-from ds47.profinet.rpc import from_frame
+from ds47.profinet.rpc import GivenUp, from_frame, parse
 from ds47.profinet.stations import Stations as Names
-from ds47.profinet.transport import Transport
 from ds47.s7.choices import Choices
 from ds47.s7.late import LateCommunication
 from ds47.spec import rules, s7
@@ -57,6 +58,7 @@ if TYPE_CHECKING:
     from ds47.parameters.catalogue import Catalogue
     from ds47.parameters.lists import ParameterList
     from ds47.profinet.link import Packet
+    from ds47.profinet.rpc import Pdu
     from ds47.s7.communication import Communication
     from ds47.s7.model import S7Job
 
@@ -254,15 +256,12 @@ class Analysis:
         self._calls = CallTracker(bounds, self._completeness)
         ports = options.s7.every_port if S7 in options.channels else ()
         self._s7 = LateCommunication(ports, self._made_s7, bounds.s7_memories)
-        self._transport = Transport(
-            bounds,
-            self._calls,
-            self._stations,
-            self._records,
-            self._diagnoses.cut,
-            self._cyclic_frame,
-            self._s7,
-        )
+        self._packets = Packets(
+            Reassembler(
+                bounds.fragment_expiry_ns, bounds.ip_datagrams, bounds.ip_fragments,
+                bounds.fragment_bytes,
+            )
+        )  # fmt: skip
         self._lines: Lines | None = None
         """What PROFIBUS adds, once a frame of it came."""
         self._answers: dict[Job, list[Remark]] = {}
@@ -288,7 +287,8 @@ class Analysis:
         capture.tcp(self._s7.ports)
         self._frames(capture)
         self._findings.frames_dropped = capture.gaps
-        self._transport.finish()
+        for packet, have in self._packets.unfinished():
+            self._given_up(packet, have)
         self._hear()
         self._s7.finish()
         for became in self._calls.finish():
@@ -345,11 +345,11 @@ class Analysis:
         return [each.told() for each in self._channels().relations()]
 
     def _frames(self, frames: Capture | Series) -> None:
-        note, datagram, records = self._times.note, self._transport.datagram, self._records.take
+        note, other, records = self._times.note, self._other, self._records.take
         for frame in frames:
             if frame.link_type not in LINK_TYPES:
                 note(frame.number, frame.time_ns)
-                pdu = from_frame(frame) or datagram(frame)
+                pdu = from_frame(frame) or other(frame)
                 if pdu is not None:
                     if pdu.cut is not None and pdu.opnum in OPERATIONS:
                         self._diagnoses.cut(pdu.cut)
@@ -365,6 +365,42 @@ class Analysis:
                 self._lines = self._made_lines()
             self._lines.take(frame)
             self._hear()
+
+    def _other(self, frame: Frame) -> Pdu | None:
+        """The PDU that a frame has or completes which is not simply one PDU; None for none.
+
+        Whatever else it brings goes where it belongs.
+        """
+        if self._s7.frame(frame):
+            return None
+        packet = self._packets.packet(frame)
+        for each in self._packets.given_up():
+            self._given_up(*each)
+        for first in self._packets.begun():
+            if (begun := parse(first)) is not None:
+                self._calls.begun(begun)
+        return None if packet is None else self._brought(packet)
+
+    def _brought(self, packet: Packet) -> Pdu | None:
+        """The same of a packet."""
+        if packet.kind == "rt":
+            if self._cyclic is not None:
+                self._cyclic.channels.frame(packet)
+        elif packet.kind == "tcp":
+            self._s7.packet(packet)
+        elif packet.kind != "udp":
+            self._stations.station(packet)
+        elif (pdu := parse(packet)) is not None:
+            return pdu
+        elif packet.missing and packet.cut is not None:
+            self._diagnoses.cut(packet.cut)
+        return None
+
+    def _given_up(self, packet: Packet, have: int, limit: str = "") -> None:
+        """An IP datagram that nobody waits for any more."""
+        pdu = parse(packet)
+        if pdu is not None:
+            self._records.incomplete(GivenUp(pdu, have, limit), "IP", self._calls.open_call(pdu))
 
     def _hear(self) -> None:
         """What became of jobs, in the order in which it did."""
@@ -552,10 +588,6 @@ class Analysis:
         from ds47.cyclic.pkw import CYCLIC
 
         return self._layouts.get(device, self._layouts.get("", CYCLIC))
-
-    def _cyclic_frame(self, packet: Packet) -> None:
-        if self._cyclic is not None:
-            self._cyclic.channels.frame(packet)
 
     def _watch(self, watches: Sequence[Watch]) -> None:
         """Cyclic frames that matter from the next frame on."""

@@ -427,7 +427,7 @@ def small(monkeypatch):
 
 def feed(run: Analysis, packet: Packet) -> None:
     """What an analysis does with a packet."""
-    pdu = run._transport.packet(packet)
+    pdu = run._brought(packet)
     for became in () if pdu is None else run._calls.take(pdu):
         run._records.take(became)
     run._hear()

@@ -8,7 +8,7 @@ here: which frames are worth it (ds47.capture.scan), fragments (ip.py), what is 
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -66,12 +66,12 @@ class Packet(Plain):
 def dissect(
     frame: Frame,
     reassembler: ip.Reassembler | None = None,
-    begun: Callable[[Packet], None] | None = None,
+    begun: list[Packet] | None = None,
 ) -> Packet | None:
     """Return what the frame brings; None when it is none of our business or not whole yet.
 
-    A fragment goes into `reassembler`; without one it brings nothing. `begun` is told of one that
-    begins a datagram and does not complete it. Never raises on any bytes.
+    A fragment goes into `reassembler`; without one it brings nothing. `begun` gets what begins a
+    datagram and does not complete it. Never raises on any bytes.
     """
     data = frame.data
     kind, at = network_layer(data, 0, len(data), frame.link_type)
@@ -110,16 +110,16 @@ def _joined(
     part: ip.Datagram,
     frame: Frame,
     reassembler: ip.Reassembler,
-    begun: Callable[[Packet], None] | None,
+    begun: list[Packet] | None,
 ) -> Packet | None:
-    """What a fragment completes; `begun` is told of it where it begins something."""
+    """What a fragment completes; `begun` gets it where it begins something."""
     whole = reassembler.feed(part, frame.number, frame.time_ns)
     if whole is not None:
         return _udp(whole, frame.number, frame.time_ns)
     if begun is not None and part.offset == 0:
         first = _udp(part, frame.number, frame.time_ns)
         if first is not None:
-            begun(first)
+            begun.append(first)
     return None
 
 
@@ -177,16 +177,11 @@ class Packets:
 
     Args:
         reassembler: puts IP fragments together.
-        begun: is told of a fragment that begins a datagram and does not complete it.
     """
 
-    def __init__(
-        self,
-        reassembler: ip.Reassembler | None = None,
-        begun: Callable[[Packet], None] | None = None,
-    ) -> None:
+    def __init__(self, reassembler: ip.Reassembler | None = None) -> None:
         self._reassembler = reassembler or ip.Reassembler()
-        self._begun = begun
+        self._begun: list[Packet] = []
 
     def of(self, frames: Iterable[Frame]) -> Iterator[Packet]:
         """What frames bring, one packet after the other."""
@@ -198,6 +193,11 @@ class Packets:
     def packet(self, frame: Frame) -> Packet | None:
         """What one frame brings; None where that is nothing, or a datagram that is not whole yet."""
         return dissect(frame, self._reassembler, self._begun)
+
+    def begun(self) -> list[Packet]:
+        """Fragments that begin a datagram and do not complete it, each once."""
+        begun, self._begun = self._begun, []
+        return begun
 
     def given_up(self) -> list[tuple[Packet, int, str]]:
         """PROFINET datagrams that are not waited for any more, each told once.
