@@ -94,7 +94,7 @@ end
 --- The time of that of the drive; nil where frames are missing right before its answer.
 function M.reaction(job)
   local _, took = M.duration(job)
-  return not job.hole and took or nil
+  return (not job.hole or job.hole.what == "ends") and took or nil
 end
 
 -- Whether words read as a request: AK, page and number are some that exist, and a read has no value.

@@ -129,7 +129,7 @@ class PkwJob:
     @property
     def reaction_ns(self) -> int | None:
         """The same of the drive; None where frames are missing right before its answer."""
-        return None if self.hole is not None else self.duration_ns
+        return None if self.hole is not None and not self.ends else self.duration_ns
 
 
 class Channel:
