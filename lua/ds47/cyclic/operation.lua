@@ -34,9 +34,10 @@ local Operation = {}
 Operation.__index = Operation
 
 -- What has to stand for so long before it is said, and is said once, when it ends.
--- `told`: it was, and may stand still behind frames that are missing.
-local function standing(rule, limit_ns)
-  return {rule = rule, limit_ns = limit_ns, begun = nil, newest = nil, told = false}
+-- `told`: it was, and may stand still behind frames that are missing. `of_values`: values decide, which are not
+-- looked at in each frame: it stood until it was seen last.
+local function standing(rule, limit_ns, of_values)
+  return {rule = rule, limit_ns = limit_ns, of_values = of_values, begun = nil, newest = nil, told = false}
 end
 
 --- What is wrong with the operation of one drive.
@@ -48,7 +49,7 @@ function M.new(where, limits)
     last = nil, -- the look before this one
     idle = standing("DS521", limits.not_running_ns), inhibited = standing("DS523", limits.inhibited_ns),
     acknowledged = standing("DS524", limits.acknowledge_ns), locked = standing("DS525", limits.locked_ns),
-    away = standing("DS526", limits.deviation_ns),
+    away = standing("DS526", limits.deviation_ns, true),
     least = nil, most = nil, -- setpoints while it was locked
     was_equal = false,
     unheeded = {}, -- acknowledgements without control by PLC, until it is known that the fault did not go
@@ -98,7 +99,7 @@ local function watch(self, stood, holds, now)
     if not stood.told then stood.begun, stood.newest = stood.begun or now, now end
     return
   end
-  if stood.begun then stood.newest = now end -- it stood until this frame
+  if stood.begun and not stood.of_values then stood.newest = now end -- it stood until this frame
   over(self, stood)
   stood.told = false
 end

@@ -51,6 +51,8 @@ class _Standing:
 
     rule: str
     limit_ns: int
+    of_values: bool = False
+    """Whether values decide. These are not looked at in each frame: it stood until it was seen last."""
     begun: Now | None = None
     newest: Now | None = None
     told: bool = False
@@ -63,7 +65,7 @@ class _Standing:
                 self.begun, self.newest = self.begun or now, now
             return None
         self.told = False
-        if self.begun is not None:
+        if self.begun is not None and not self.of_values:
             self.newest = now  # it stood until this frame
         return self.ended()
 
@@ -109,7 +111,7 @@ class Operation:
         self._inhibited = _Standing("DS523", bounds.inhibited_ns)
         self._acknowledged = _Standing("DS524", bounds.acknowledge_ns)
         self._locked = _Standing("DS525", bounds.locked_ns)
-        self._away = _Standing("DS526", bounds.deviation_ns)
+        self._away = _Standing("DS526", bounds.deviation_ns, of_values=True)
 
     def look(self, now: Now) -> None:
         """Both sides after a frame, while the data of both is valid."""
