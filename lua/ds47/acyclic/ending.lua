@@ -16,9 +16,7 @@ local M = {}
 local Events = {}
 Events.__index = Events
 
-function Events:concerns(index)
-  return self.index47:concerns(index)
-end
+function Events:concerns(index) return self.index47:concerns(index) end
 
 local function is_ours(self, origin, record)
   local index47, peer = self.index47, origin.peer
@@ -27,49 +25,33 @@ local function is_ours(self, origin, record)
 end
 
 function Events:about(origin, record, remark)
-  if is_ours(self, origin, record) then
-    self.findings:add(remark)
-  end
+  if is_ours(self, origin, record) then self.findings:add(remark) end
 end
 
 function Events:about_job(origin, record, remark)
   local job = record.job
   if job and is_ours(self, origin, record) then
     remark.order = job.order
-    if self.twins[job] then
-      self.twins[job]:note_call(remark.rule, remark.frame)
-    end
+    if self.twins[job] then self.twins[job]:note_call(remark.rule, remark.frame) end
   end
   self:about(origin, record, remark)
 end
 
 function Events:lost(origin, record)
-  if record.write or not is_ours(self, origin, record) then
-    return
-  end
+  if record.write or not is_ours(self, origin, record) then return end
   local twin = self.twins[self.pairing:waits_for(origin.peer, record) or false]
-  if twin and twin.read_request == nil then
-    twin.read_request = record.request
-  end
+  if twin and twin.read_request == nil then twin.read_request = record.request end
 end
 
 -- Tells the jobs that are open which of their calls stay as they are; gives the counts of RPC then.
 local function lose_calls(live, events)
   local calls, counts = live.calls:unanswered(), flat(live.calls.counts)
   local told = recordcalls.RecordCalls.new(events, live.index47, nil, nil, live.naming)
-  for _, part in ipairs(live.fragments:unfinished()) do
-    told:given_up(part, "RPC", live.calls)
-  end
-  for _, part in ipairs(live.reassembly:unfinished()) do
-    told:given_up(part, "IP", live.calls)
-  end
-  for _, call in ipairs(calls) do
-    told:lost(call)
-  end
+  for _, part in ipairs(live.fragments:unfinished()) do told:given_up(part, "RPC", live.calls) end
+  for _, part in ipairs(live.reassembly:unfinished()) do told:given_up(part, "IP", live.calls) end
+  for _, call in ipairs(calls) do told:lost(call) end
   local services = ms1calls.new(events, nil, live.ms1.idents)
-  for _, call in ipairs(live.services:unanswered()) do
-    services:lost(call)
-  end
+  for _, call in ipairs(live.services:unanswered()) do services:lost(call) end
   counts.unanswered = counts.unanswered + #calls
   return counts
 end
@@ -89,9 +71,7 @@ local function on_top(live)
 end
 
 local function add(findings, remarks)
-  for _, remark in ipairs(remarks) do
-    findings:add(remark)
-  end
+  for _, remark in ipairs(remarks) do findings:add(remark) end
 end
 
 --- The complete result of an analysis (Analysis:ended), which goes on as if nothing was asked.

@@ -40,9 +40,7 @@ end
 local function is_echo(written, data)
   for _, sent in ipairs(written or {}) do
     local both = math.min(#sent, #data)
-    if data == sent or both > HEADER and data:sub(1, both) == sent:sub(1, both) then
-      return true
-    end
+    if data == sent or both > HEADER and data:sub(1, both) == sent:sub(1, both) then return true end
   end
   return false
 end
@@ -60,19 +58,11 @@ M.Index47 = Index47
 -- @param proven how many ARs that have proved themselves are remembered; the one that spoke last goes last
 function Index47.new(extra, waiting, forbid_47, waiting_ars, proven)
   local always = {}
-  for index, wanted in pairs(extra or {}) do
-    always[index] = wanted or nil
-  end
-  for _, index in ipairs(ALWAYS) do
-    always[index] = true
-  end
-  if forbid_47 then
-    always[SHARED_INDEX] = nil
-  end
+  for index, wanted in pairs(extra or {}) do always[index] = wanted or nil end
+  for _, index in ipairs(ALWAYS) do always[index] = true end
+  if forbid_47 then always[SHARED_INDEX] = nil end
   local ours = {}
-  for index in pairs(always) do
-    ours[index] = true
-  end
+  for index in pairs(always) do ours[index] = true end
   ours[SHARED_INDEX] = not forbid_47 or nil
   return setmetatable({
     ours = ours, -- set of the record indices that can be ours at all
@@ -87,21 +77,15 @@ function Index47.new(extra, waiting, forbid_47, waiting_ars, proven)
 end
 
 --- Whether a record of this index can be ours at all.
-function Index47:concerns(index)
-  return self.ours[index] or false
-end
+function Index47:concerns(index) return self.ours[index] or false end
 
 --- Whether a proof would open an AR.
-function Index47:needs_proof(ar, index)
-  return not self.always[index] and not self.open.values[ar]
-end
+function Index47:needs_proof(ar, index) return not self.always[index] and not self.open.values[ar] end
 
 --- Whether anything waits that was asked of a device, perhaps a change of a parameter.
 function Index47:waits(device)
   for ar, held in self.held:iterate() do
-    if not held.question and records.device_of(ar) == device then
-      return true
-    end
+    if not held.question and records.device_of(ar) == device then return true end
   end
   return false
 end
@@ -116,15 +100,12 @@ end
 -- With a proof (`proves`) what waited for it runs first, through `runner`.
 function Index47:admit(ar, index, proves, runner)
   local open = self.open
-  if open.newest == ar then -- it spoke last
-    return true
-  elseif open.values[ar] then
+  if open.newest == ar then return true end -- it spoke last
+  if open.values[ar] then
     open:move_to_end(ar)
     return true
   end
-  if self.always[index] then
-    return true
-  end
+  if self.always[index] then return true end
   if proves then
     self:_prove(ar, runner)
     return true
@@ -135,9 +116,7 @@ end
 -- Runs, through `runner`, what waits of an AR.
 local function run_all(self, held, runner)
   local waiting = self.waiting
-  for number = math.max(0, held.count - waiting), held.count - 1 do
-    runner:run(held[number % waiting + 1])
-  end
+  for number = math.max(0, held.count - waiting), held.count - 1 do runner:run(held[number % waiting + 1]) end
 end
 
 --- Keeps an event until something proves the same AR; for good if nothing does.
@@ -193,9 +172,7 @@ end
 --- A response that was heard has a request after all, which is heard next.
 function Index47:unheard(ar)
   local held = self.held:get(ar)
-  if held then
-    held.records = held.records - 1
-  end
+  if held then held.records = held.records - 1 end
 end
 
 --- A Write waits: a response that mirrors it is to prove that it is a request.
@@ -221,9 +198,7 @@ end
 -- Whoever wrote: a store has one for all. A question proves none of those who wrote there any more.
 function Index47:echoed(ar, place, data)
   local spot, gone = submodule(records.device_of(ar), place.api, place), {}
-  if not is_echo(self.sent:get(spot), data) then
-    return nil
-  end
+  if not is_echo(self.sent:get(spot), data) then return nil end
   local known = self.drives.values[spot] == false
   self.drives:keep(spot, false, self.most_open)
   for each, held in self.held:iterate() do
@@ -239,9 +214,8 @@ end
 function Index47:answers(ar, place, data, codec)
   local held = self.held:get(ar)
   local request = held and held.asked:get(submodule(records.device_of(ar), place.api, place))
-  if not request then
-    return false
-  elseif request.operation == "unknown" or not (request.addresses[1] and kind_fits(request, data)) then
+  if not request then return false end
+  if request.operation == "unknown" or not (request.addresses[1] and kind_fits(request, data)) then
     return false
   end
   local refuses = data:byte(2) >= NEGATIVE -- it may be what lacks bytes that is refused
@@ -265,9 +239,7 @@ end
 -- asks}.
 function Index47:unproven_devices()
   local found, drives, result = ordered.new(), {}, {}
-  for device, told in self.unproven:iterate() do
-    found:set(device, told)
-  end
+  for device, told in self.unproven:iterate() do found:set(device, told) end
   for ar, held in self.held:iterate() do
     if held.question then
       drives[records.device_of(ar)] = true
@@ -275,13 +247,9 @@ function Index47:unproven_devices()
       leave(found, ar, held, self.most_open)
     end
   end
-  for ar in self.open:iterate() do
-    drives[records.device_of(ar) or ""] = true
-  end
+  for ar in self.open:iterate() do drives[records.device_of(ar) or ""] = true end
   for device, told in found:iterate() do
-    if not drives[device] then
-      result[#result + 1] = told
-    end
+    if not drives[device] then result[#result + 1] = told end
   end
   return result
 end
@@ -289,9 +257,8 @@ end
 --- Lets an event wait behind those that wait for an AR; where none does, it is not needed.
 function Index47:follow(ar, event)
   local waiting, held = self.waiting, self.held:get(ar)
-  if not held then
-    return
-  elseif held.question and held.count >= waiting then
+  if not held then return end
+  if held.question and held.count >= waiting then
     self:_prove(ar) -- it need not wait any longer
     return
   elseif held.count < waiting then
@@ -313,15 +280,11 @@ end
 
 function Index47:_prove(ar, runner)
   self.open:set(ar, true)
-  if self.open.length > self.most_open then
-    self.open:pop_first()
-  end
+  if self.open.length > self.most_open then self.open:pop_first() end
   local held = self.held:pop(ar)
   if held then
     self.events = self.events - math.min(held.count, self.waiting)
-    if not held.question then -- else they ran
-      run_all(self, held, runner)
-    end
+    if not held.question then run_all(self, held, runner) end -- else they ran
   end
 end
 

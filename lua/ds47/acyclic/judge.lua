@@ -46,16 +46,12 @@ local put = M.put
 --- How many parameters a request asks for; one that the capture cut, by its header; nil without that.
 function M.parameters_asked(job)
   local request = job.message
-  if job.record.request.cut then
-    return request.parameter_count
-  end
+  if job.record.request.cut then return request.parameter_count end
   return #request.addresses
 end
 
 -- Whether bytes of a request and of its response are there, and differ.
-local function differ(sent, got)
-  return sent ~= got and sent ~= nil and got ~= nil
-end
+local function differ(sent, got) return sent ~= got and sent ~= nil and got ~= nil end
 
 --- Whether the response cannot be the answer to the request (docs/pairing.md, states). What of the two
 -- headers the capture cut off speaks against nothing.
@@ -68,11 +64,8 @@ function M.is_mismatch(job)
     return true
   end
   local asked, sent, got = M.parameters_asked(job), request.request_id, response.response_id
-  if asked ~= nil and #places_of(response) > asked then
-    return true
-  elseif sent ~= nil and got ~= nil then
-    return not family.family_fits(sent, got)
-  end
+  if asked ~= nil and #places_of(response) > asked then return true end
+  if sent ~= nil and got ~= nil then return not family.family_fits(sent, got) end
   return sent == nil and not job.record.request.cut or got == nil and not job.read_response.cut
 end
 
@@ -88,16 +81,10 @@ local is_mismatch = M.is_mismatch
 function M.drive_time_ns(job)
   local accepted, read = job.write_response, job.read_response
   local write = job.message and job.record.request
-  if not write or accepted == nil or read == nil then
-    return nil
-  end
+  if not write or accepted == nil or read == nil then return nil end
   local first, poll = job.read_request, job.polls[1]
-  if poll then
-    first = poll.request
-  end
-  if first == nil then
-    return nil
-  end
+  if poll then first = poll.request end
+  if first == nil then return nil end
   if first.time_ns > accepted.time_ns then -- the parts are exact, whatever the pause
     return read.time_ns - first.time_ns + (accepted.time_ns - write.time_ns)
   end
@@ -114,9 +101,7 @@ local function put_flaws(remarks, flaws, half, most)
       silent = silent or args.count <= most
       args = {count = args.count, limit = most}
     end
-    if not silent then
-      put(remarks, flaw.rule, half.frame, args, flaw.offset)
-    end
+    if not silent then put(remarks, flaw.rule, half.frame, args, flaw.offset) end
   end
 end
 
@@ -144,13 +129,9 @@ end
 -- The remarks in `blank`, as those of the job.
 local function owned(self, job)
   local remarks = self.blank
-  if remarks[1] == nil then
-    return NONE
-  end
+  if remarks[1] == nil then return NONE end
   self.blank = {}
-  for _, remark in ipairs(remarks) do
-    remark.order = job.order
-  end
+  for _, remark in ipairs(remarks) do remark.order = job.order end
   return remarks
 end
 
@@ -159,13 +140,9 @@ end
 -- How many parameters of one request the device takes, as far as it has shown; nil: not at all.
 local function most_parameters(self, job)
   local request, response, most = job.message, job.response, self.most:get(job.peer.device)
-  if request == nil or response == nil or is_mismatch(job) then
-    return most
-  end
+  if request == nil or response == nil or is_mismatch(job) then return most end
   local answered = #places_of(response)
-  if answered == #request.addresses and answered == request.parameter_count then
-    return answered
-  end
+  if answered == #request.addresses and answered == request.parameter_count then return answered end
   return most
 end
 
@@ -173,17 +150,11 @@ end
 local function put_request(self, remarks, job, most)
   local message = job.message
   local half = message and job.record.request
-  if not half then
-    return
-  end
-  if message.flaws[1] then
-    put_flaws(remarks, message.flaws, half, most or most_parameters(self, job))
-  end
+  if not half then return end
+  if message.flaws[1] then put_flaws(remarks, message.flaws, half, most or most_parameters(self, job)) end
   local limit, reference = self.longest.values[job.peer.device], message.request_reference
   local length = #half.data + (half.missing or 0)
-  if limit and length > limit then
-    put(remarks, "DS316", half.frame, {length = length, limit = limit}, 0)
-  end
+  if limit and length > limit then put(remarks, "DS316", half.frame, {length = length, limit = limit}, 0) end
   if reference ~= nil and reference == job.previous_reference then
     put(remarks, "DS415", half.frame, {reference = reference, first = job.previous})
   end
@@ -195,27 +166,19 @@ local function put_reads(remarks, job)
   end
   local half = job.read_response
   local code = half and half.status
-  if code and code ~= 0 then
-    put(remarks, "DS201", half.frame, {status = status.status_hex(code)})
-  end
+  if code and code ~= 0 then put(remarks, "DS201", half.frame, {status = status.status_hex(code)}) end
   local empty_reads = job.empty_reads
-  for number = 1, #empty_reads do
-    put(remarks, "DS207", empty_reads[number].frame)
-  end
+  for number = 1, #empty_reads do put(remarks, "DS207", empty_reads[number].frame) end
 end
 
 -- How a response comes to stand alone: a key of tables.diagnosis_words, and the request before it.
 local function unasked(job)
-  if job.record.implicit then
-    return {case = job.repeats and "unasked_again" or "unasked_without_ar"}
-  end
+  if job.record.implicit then return {case = job.repeats and "unasked_again" or "unasked_without_ar"} end
   return {case = job.previous and "unasked_behind" or "unasked", first = job.previous}
 end
 
 local function put_if_other(remarks, rule, frame, sent, got)
-  if differ(sent, got) then
-    put(remarks, rule, frame, {sent = sent, got = got})
-  end
+  if differ(sent, got) then put(remarks, rule, frame, {sent = sent, got = got}) end
 end
 
 local function put_mirror(remarks, frame, job)
@@ -224,9 +187,7 @@ local function put_mirror(remarks, frame, job)
   put_if_other(remarks, "DS406", frame, request.axis, response.axis)
   put_if_other(remarks, "DS407", frame, request.parameter_count, response.parameter_count)
   local sent, got = request.request_id, response.response_id
-  if sent == nil or got == nil then
-    return
-  end
+  if sent == nil or got == nil then return end
   if got == NOT_SUPPORTED then
     put(remarks, "DS418", frame, {id = sent})
   elseif not family.family_fits(sent, got) then
@@ -234,9 +195,7 @@ local function put_mirror(remarks, frame, job)
   end
 end
 
-local function family_of(peer)
-  return dictionary.family_of(peer.vendor_id, peer.family)
-end
+local function family_of(peer) return dictionary.family_of(peer.vendor_id, peer.family) end
 
 -- Fewer or more values than were asked for. Count 0 asks for the whole simple parameter, one value at least;
 -- a string has as many values as characters.
@@ -256,12 +215,8 @@ end
 local function error_args(job, block, address)
   local code, info = block.error.code, block.error.info
   return {
-    pnu = address and address.pnu,
-    subindex = address and address.subindex,
-    code = code,
-    vendor_id = job.peer.vendor_id,
-    family = family_of(job.peer),
-    info = info,
+    pnu = address and address.pnu, subindex = address and address.subindex, code = code, info = info,
+    vendor_id = job.peer.vendor_id, family = family_of(job.peer),
   }
 end
 
@@ -286,24 +241,15 @@ local function put_response(self, remarks, job, stray)
   if response and response.flaws[1] then
     put_flaws(remarks, response.flaws, half, most_parameters(self, job))
   end
-  if job.message == nil and not job.uncertain then
-    put(remarks, "DS403", half.frame, unasked(job))
-  end
-  if response == nil then
-    return
-  end
-  if job.message then
-    put_mirror(remarks, half.frame, job)
-  end
+  if job.message == nil and not job.uncertain then put(remarks, "DS403", half.frame, unasked(job)) end
+  if response == nil then return end
+  if job.message then put_mirror(remarks, half.frame, job) end
   put_blocks(remarks, half, job, stray)
 end
 
 local function put_polls(self, remarks, half, polls, read_before)
-  if not polls[1] then
-    return -- too short, all of them
-  elseif #polls >= self.limits.polls then
-    put(remarks, "DS204", half.frame, {count = #polls})
-  end
+  if not polls[1] then return end -- too short, all of them
+  if #polls >= self.limits.polls then put(remarks, "DS204", half.frame, {count = #polls}) end
   local since = half.time_ns - (polls[1].request or polls[1].response).time_ns
   if since > self.limits.polling_ns and not read_before then
     local args = {milliseconds = json.float(since / 1e6), limit = floor(self.limits.polling_ns / 1000000)}
@@ -313,13 +259,9 @@ end
 
 local function put_time(self, remarks, job)
   local half, polls, write = job.read_response, job.polls, job.message and job.record.request
-  if polls[1] then
-    put_polls(self, remarks, half, job:not_ready(), job.read_before)
-  end
+  if polls[1] then put_polls(self, remarks, half, job:not_ready(), job.read_before) end
   local quick = not write or half.time_ns - write.time_ns <= self.slow_ns -- the drive's share is never more
-  if quick or half.data == "" or job.read_before then
-    return
-  end
+  if quick or half.data == "" or job.read_before then return end
   local share = M.drive_time_ns(job)
   if share ~= nil and share > self.slow_ns then
     local args = {milliseconds = json.float(share / 1e6), limit = floor(self.slow_ns / 1000000)}
@@ -329,16 +271,12 @@ end
 
 -- Keeps a value of r0974 in one of the two memories of that.
 local function learn(self, memory, device, value)
-  if type(value) == "number" and value > 0 then
-    memory:keep(device, value, self.limits.longest_messages)
-  end
+  if type(value) == "number" and value > 0 then memory:keep(device, value, self.limits.longest_messages) end
 end
 
 local function learn_limit(self, job)
   local request, response = job.message, job.response
-  if response == nil then
-    return
-  end
+  if response == nil then return end
   local addresses = request.addresses
   for number = 1, math.min(#places_of(response), #addresses) do
     local address = addresses[number]
@@ -356,9 +294,7 @@ end
 local function put_other_length(self, remarks, job)
   local record, response = job.record, job.response
   local half, id = record.request, response and response.response_id
-  if not half or id == nil or half.missing then
-    return
-  end
+  if not half or id == nil or half.missing then return end
   local spot = record.slot * 65536 + record.subslot .. "\0" .. record.index
   local place = job.peer.device .. "\0" .. record.api .. "\0" .. spot
   if id >= 0x80 then
@@ -370,9 +306,7 @@ local function put_other_length(self, remarks, job)
     return
   end
   local before = self.misfits:pop(place)
-  if before == nil or #before.data == #half.data then
-    return
-  end
+  if before == nil or #before.data == #half.data then return end
   local length = math.min(#before.data, #half.data)
   if before.data:sub(2, length) == half.data:sub(2, length) then
     put(remarks, "DS419", half.frame, {first = before.frame, refused = #before.data, accepted = #half.data})
@@ -381,28 +315,20 @@ end
 
 -- What is told
 
-local function is_change(job)
-  return job.message ~= nil and job.message.operation == "change"
-end
+local function is_change(job) return job.message ~= nil and job.message.operation == "change" end
 
 --- A Write request asks for something. To be called in the order of the capture.
 function Judge:asked(job)
-  if job.message.operation == "change" then
-    self.written:asked(job)
-  end
+  if job.message.operation == "change" then self.written:asked(job) end
 end
 
 --- A Write was refused.
 function Judge:refused(job)
-  if is_change(job) then
-    self.written:settled(job, false)
-  end
+  if is_change(job) then self.written:settled(job, false) end
 end
 
 --- A Connect to a device.
-function Judge:connected(device, frame)
-  self.written:connected(device, frame)
-end
+function Judge:connected(device, frame) self.written:connected(device, frame) end
 
 --- What its response, and the values in it, say of a job: an array of remarks.
 -- To be called in the order of the capture.
@@ -417,9 +343,7 @@ function Judge:answered(job)
     self.written:unasked(job)
   elseif operation == "change" then
     self.written:settled(job, stray)
-    if not stray then
-      put_other_length(self, remarks, job)
-    end
+    if not stray then put_other_length(self, remarks, job) end
   elseif operation == "read" and not stray then
     local found = self.written:read(job) -- that is not what was written last
     for number = 1, #found do
@@ -427,18 +351,14 @@ function Judge:answered(job)
     end
     learn_limit(self, job)
   end
-  if job.missing and request then
-    put(remarks, "DS110", job:write_request().frame, job.missing)
-  end
+  if job.missing and request then put(remarks, "DS110", job:write_request().frame, job.missing) end
   return owned(self, job)
 end
 
 --- What is to be said of a job that is closed without a response: an array of remarks.
 -- @param dropped  whether the capture says that frames are missing
 function Judge:unanswered(job, dropped)
-  if is_change(job) then
-    self.written:settled(job, false)
-  end
+  if is_change(job) then self.written:settled(job, false) end
   return self:left_open(job, dropped)
 end
 
@@ -448,9 +368,8 @@ function Judge:left_open(job, dropped)
   put_request(self, remarks, job)
   put_reads(remarks, job)
   local write = job:write_request()
-  if job.read_response then
-    return owned(self, job) -- refused (P34)
-  elseif write and job.missing then
+  if job.read_response then return owned(self, job) end -- refused (P34)
+  if write and job.missing then
     put(remarks, "DS110", write.frame, job.missing)
   elseif write and not job:write_refused() and not job.contested then
     local change = is_change(job)
@@ -477,9 +396,7 @@ end
 --- What its Write response says of a job: a remark or nil. It may come after the Read.
 function Judge:closed(job)
   local half = job.write_response
-  if half == nil or half.status == nil or half.status == 0 then
-    return nil
-  end
+  if half == nil or half.status == nil or half.status == 0 then return nil end
   local remark = M.remark("DS203", half.frame, {status = status.status_hex(half.status)})
   remark.order = job.order
   return remark

@@ -15,9 +15,7 @@ local BROKEN = { DS309 = true, DS313 = true, DS315 = true }
 
 local function has_description(addresses)
   for number = 1, #addresses do
-    if addresses[number].attribute == DESCRIPTION then
-      return true
-    end
+    if addresses[number].attribute == DESCRIPTION then return true end
   end
   return false
 end
@@ -25,9 +23,7 @@ end
 -- Whether the descriptions in a response count: it is the one to its request, and whole.
 local function is_believed(job)
   local response, half = job.response, job.read_response
-  if response == nil or half == nil then
-    return false
-  end
+  if response == nil or half == nil then return false end
   local whole = not half.missing and (half.status or 0) == 0 and not has_one_of(response.flaws, BROKEN)
   return whole and READ[response.response_id] == true and not rules.is_mismatch(job)
 end
@@ -36,9 +32,7 @@ end
 -- number; nil where it has said nothing of any. Asked when there is the request, when there is the response,
 -- and when a job is over without one.
 function M.ask(dictionary, job)
-  if dictionary.is_empty or job.message == nil then
-    return
-  end
+  if dictionary.is_empty or job.message == nil then return end
   local access, peer, found = drive_objects.access(job), job.peer, {}
   for number, address in ipairs(job.message.addresses) do
     if address.attribute == VALUE then

@@ -52,9 +52,7 @@ StartUps.__index = StartUps
 --- Hears of the exchanges of a line, for the stations that get their parameters (Set_Prm): a station may have
 -- been switched off and on before that, as a device before its Connect.
 -- @param pairing is told of them: pairing:started(station, {frame, time_ns})
-function M.start_ups(pairing)
-  return setmetatable({pairing = pairing, stations = {}}, StartUps)
-end
+function M.start_ups(pairing) return setmetatable({pairing = pairing, stations = {}}, StartUps) end
 
 --- Whether the capture has a start-up of a station before a frame, and behind another one.
 function StartUps:seen(device, before, behind)
@@ -92,9 +90,7 @@ end
 function Ms1Calls:asked(call)
   local record = call.record
   self.newest = call
-  if record.write then
-    self:_writing(call)
-  end
+  if record.write then self:_writing(call) end
   self.events:asked(origin(self, call, record.request), record)
 end
 

@@ -87,9 +87,7 @@ end
 
 --- Notes what is said of a call of this job.
 function Job:note_call(rule, frame)
-  if self.calls == NONE then
-    self.calls = {}
-  end
+  if self.calls == NONE then self.calls = {} end
   self.calls[math.min(#self.calls + 1, MOST_READS)] = {rule = rule, frame = frame}
 end
 
@@ -110,9 +108,7 @@ end
 
 --- The half of the Write request that asked; nil for an orphan.
 function Job:write_request()
-  if self.message ~= nil then
-    return self.record.request
-  end
+  if self.message ~= nil then return self.record.request end
   return nil
 end
 
@@ -123,65 +119,43 @@ function Job:write_refused()
 end
 
 --- Whether the capture shows what the Write was answered.
-function Job:write_told()
-  return self.write_response ~= nil and not is_untold(self.write_response)
-end
+function Job:write_told() return self.write_response ~= nil and not is_untold(self.write_response) end
 
 local function polls_with(job, status)
   local reads = {}
-  for _, read in ipairs(job.polls) do
-    reads[#reads + 1] = read.response.status == status and read or nil
-  end
+  for _, read in ipairs(job.polls) do reads[#reads + 1] = read.response.status == status and read or nil end
   return reads
 end
 
 --- The Reads that came before its response was ready.
-function Job:not_ready()
-  return polls_with(self, STATUS_NOT_READY)
-end
+function Job:not_ready() return polls_with(self, STATUS_NOT_READY) end
 
 --- The Reads that asked for fewer bytes than its response has.
-function Job:too_short()
-  return polls_with(self, STATUS_SHORT)
-end
+function Job:too_short() return polls_with(self, STATUS_SHORT) end
 
 --- The request reference that was sent; nil where it is not known.
-function Job:reference()
-  return self.message and self.message.request_reference
-end
+function Job:reference() return self.message and self.message.request_reference end
 
 -- Keys
 
-local function pair_key(controller, device)
-  return controller .. "\0" .. device
-end
+local function pair_key(controller, device) return controller .. "\0" .. device end
 
 -- What is one place of a device, whoever asks there.
-local function place_key(peer, record)
-  return record.api .. record.spot .. peer.device
-end
+local function place_key(peer, record) return record.api .. record.spot .. peer.device end
 
 -- Small things
 
 local function read_event(half)
   local status = half.status
-  if status == STATUS_NOT_READY then
-    return "read_poll"
-  elseif status == STATUS_SHORT then
-    return "read_short"
-  elseif status ~= nil and status ~= 0 then
-    return "read_refused"
-  end
-  if half.data ~= "" then
-    return "read_record"
-  end
+  if status == STATUS_NOT_READY then return "read_poll" end
+  if status == STATUS_SHORT then return "read_short" end
+  if status ~= nil and status ~= 0 then return "read_refused" end
+  if half.data ~= "" then return "read_record" end
   return half.cut and "read_cut" or "read_empty"
 end
 
 -- Whether a record came of which the capture cut off even what kind of response it is.
-local function is_headless(half)
-  return half.cut and (half.status or 0) == 0 and #half.data < KIND_END
-end
+local function is_headless(half) return half.cut and (half.status or 0) == 0 and #half.data < KIND_END end
 
 -- The newest Write without its response that a Read may ask for: none was accepted after it. nil for none.
 local function waiting_of(channel)
@@ -191,28 +165,20 @@ end
 
 -- No request is open: of the Writes that wait for their responses none is answered any more.
 local function pass_over(channel)
-  for _, job in ipairs(channel.asked) do
-    job.passed = true
-  end
+  for _, job in ipairs(channel.asked) do job.passed = true end
 end
 
 -- The bytes that were read last; nil without a job or a response.
-local function bytes(job)
-  return job and job.read_response and job.read_response.data
-end
+local function bytes(job) return job and job.read_response and job.read_response.data end
 
 -- Whether two records have the same bytes; of cut ones the same length, and the same as far as they go.
-local function is_same(one, other)
-  return one.data == other.data and one.missing == other.missing
-end
+local function is_same(one, other) return one.data == other.data and one.missing == other.missing end
 
 -- Whether a record is the last one once more, of which less may have been read.
 local function is_last(channel, half)
   local last = channel.last and channel.last.read_response
   local before = last and last.data or ""
-  if before == "" then
-    return false
-  end
+  if before == "" then return false end
   return last.cut and is_same(last, half) or not last.cut and half.data:sub(1, #before) == before
 end
 
@@ -276,9 +242,7 @@ end
 
 -- A job of which something is missing tells the Read that was sent for it.
 local function tell_read(job)
-  if job.missing and job.fetching and job.read_request == nil then
-    job.read_request = job.fetching[1]
-  end
+  if job.missing and job.fetching and job.read_request == nil then job.read_request = job.fetching[1] end
 end
 
 local function end_job(self, job, event)
@@ -306,24 +270,19 @@ end
 
 -- What may be missing behind a frame of what the controller sent.
 local function behind(self, peer, frame, lost, in_order)
-  if not self.completeness then
-    return nil
-  elseif peer.station then
+  if not self.completeness then return nil end
+  if peer.station then
     return self.completeness.lost_on_line(peer.station) > frame and {what = "line"} or nil
   end
   return self.completeness:behind(peer.controller, peer.device, frame, lost, in_order)
 end
 
 --- Whether something that a controller asked of a device may be missing behind a frame.
-function Pairing:may_lack(peer, frame)
-  return behind(self, peer, frame) ~= nil
-end
+function Pairing:may_lack(peer, frame) return behind(self, peer, frame) ~= nil end
 
 -- What may be missing behind a frame of what was asked for on a channel; behind 0 the begin of the capture.
 local function asked_behind(self, peer, channel, since, in_order)
-  if channel.unseen > since then
-    return {what = "requests"}
-  end
+  if channel.unseen > since then return {what = "requests"} end
   return since == 0 and {what = "begins"} or behind(self, peer, since, nil, in_order)
 end
 
@@ -365,23 +324,14 @@ end
 
 -- Which call of a job, or which half of one, may be missing; PROFIBUS has no calls.
 local function lacks_calls(self, job, asked, lost)
-  if job.peer.station then
-    return behind(self, job.peer, asked.frame)
-  elseif job.written_again then
-    return {what = "written_again", first = asked.frame, last = job.written_again}
-  elseif job.crossed then
-    return {what = "crossed", first = job.crossed.first, last = job.crossed.last}
-  elseif job.twice then
-    return {what = "twice", first = job.twice}
-  elseif job.untold then
-    return {what = "cut_off", first = job.untold}
-  elseif job.fetching and not job.limit then
-    return {what = "read_answer", first = job.fetching[1].frame}
-  end
+  if job.peer.station then return behind(self, job.peer, asked.frame) end
+  if job.written_again then return {what = "written_again", first = asked.frame, last = job.written_again} end
+  if job.crossed then return {what = "crossed", first = job.crossed.first, last = job.crossed.last} end
+  if job.twice then return {what = "twice", first = job.twice} end
+  if job.untold then return {what = "cut_off", first = job.untold} end
+  if job.fetching and not job.limit then return {what = "read_answer", first = job.fetching[1].frame} end
   local found = behind(self, job.peer, asked.frame, lost)
-  if found == nil and not (job:write_told() or job.limit) then
-    return unanswered(job, asked)
-  end
+  if found == nil and not (job:write_told() or job.limit) then return unanswered(job, asked) end
   return found
 end
 
@@ -389,9 +339,7 @@ end
 -- @param newest_ns, lost  at the end of the capture: its time, and whether a call is open
 local function lacks(self, job, reason, newest_ns, lost)
   local asked = job:write_request()
-  if asked == nil or job.read_response or job:write_refused() then
-    return nil
-  end
+  if asked == nil or job.read_response or job:write_refused() then return nil end
   local found = lacks_calls(self, job, asked, lost)
   if found or job.limit then
     return found
@@ -416,17 +364,11 @@ end
 
 -- `at` is what ended its connection, {frame, time_ns}; nil where nothing is known of that.
 local function lose(self, job, reason, at)
-  if at then
-    job.ended = at.frame
-  end
+  if at then job.ended = at.frame end
   if not job.missing then refused_at_last(self, job) end
-  if reason ~= "" then
-    job.reason = reason
-  end
+  if reason ~= "" then job.reason = reason end
   if job.read_response == nil then
-    if not at then
-      job.ended = connected_since(self, job)
-    end
+    if not at then job.ended = connected_since(self, job) end
     job.missing = job.missing or lacks(self, job, reason)
   end
   end_job(self, job, "lost")
@@ -462,9 +404,7 @@ end
 local function take_out(index, name, key)
   local keys = index[name]
   keys:pop(key)
-  if keys.length == 0 then
-    index[name] = nil
-  end
+  if keys.length == 0 then index[name] = nil end
 end
 
 -- Whether a Write without its response may have displaced the accepted request.
@@ -476,19 +416,11 @@ end
 -- Job -> why it has no response, where its channel went on before the capture ended.
 local function at_the_end(channel)
   local why, newest = {}, channel.asked[#channel.asked]
-  for _, job in ipairs(channel.asked) do
-    why[job] = job ~= newest and "unseen" or nil
-  end
-  if newest == nil then
-    return why
-  end
+  for _, job in ipairs(channel.asked) do why[job] = job ~= newest and "unseen" or nil end
+  if newest == nil then return why end
   local asked = newest.record.request
-  if newest.order < channel.accepted or asked and channel.heard > asked.frame then
-    why[newest] = "unseen"
-  end
-  if may_be_displaced(channel) then
-    why[channel.open] = "later"
-  end
+  if newest.order < channel.accepted or asked and channel.heard > asked.frame then why[newest] = "unseen" end
+  if may_be_displaced(channel) then why[channel.open] = "later" end
   return why
 end
 
@@ -498,9 +430,7 @@ local function jobs_of(channel)
   jobs[#jobs + 1] = channel.last
   jobs[#jobs + 1] = channel.refused
   jobs[#jobs + 1] = channel.open
-  for _, job in ipairs(channel.asked) do
-    jobs[#jobs + 1] = job
-  end
+  for _, job in ipairs(channel.asked) do jobs[#jobs + 1] = job end
   return jobs
 end
 
@@ -515,9 +445,7 @@ local function close_channel(self, channel, reason, at, limit)
       lose(self, job, job == channel.open and may_be_displaced(channel) and "later" or reason, at)
     end
   end
-  if self.of_ar[channel.ar_key] == nil then
-    self.replaced[channel.ar_key] = nil
-  end
+  if self.of_ar[channel.ar_key] == nil then self.replaced[channel.ar_key] = nil end
 end
 
 local function new_channel(self, key, peer, record)
@@ -554,13 +482,9 @@ end
 
 local function channel_of(self, peer, record, now)
   local place = record.place
-  if place.peer ~= peer then
-    know_peer(place, peer)
-  end
+  if place.peer ~= peer then know_peer(place, peer) end
   local key = place.channel_key
-  if self.any_replaced then
-    goes_on(self, place.ar_key)
-  end
+  if self.any_replaced then goes_on(self, place.ar_key) end
   local channels, expiry = self.channels, self.expiry_ns
   local channel = channels.values[key]
   if channel ~= nil and now - channel.touched > expiry then
@@ -569,19 +493,13 @@ local function channel_of(self, peer, record, now)
   end
   channel = channel or new_channel(self, key, peer, record)
   channel.touched = now
-  if channels.newest ~= key then
-    channels:move_to_end(key)
-  end
+  if channels.newest ~= key then channels:move_to_end(key) end
   while true do
     local oldest_key = channels.oldest
-    if oldest_key == key then
-      return channel
-    end
+    if oldest_key == key then return channel end
     local oldest = channels.values[oldest_key]
     local old = now - oldest.touched > expiry
-    if not old and channels.length <= self.limits.channels then
-      return channel
-    end
+    if not old and channels.length <= self.limits.channels then return channel end
     close_channel(self, oldest, "expired", nil, not old and "channels" or nil)
   end
 end
@@ -597,9 +515,7 @@ end
 local function displace(self, channel, by)
   local job, asked = channel.open, by.record.request
   for place = #(job.fetching or NONE), asked and 1 or math.huge, -1 do
-    if job.fetching[place].frame >= asked.frame then
-      job:fetched(job.fetching[place])
-    end
+    if job.fetching[place].frame >= asked.frame then job:fetched(job.fetching[place]) end
   end
   refused_at_last(self, job)
   if job.read_response or connected_since(self, job, asked) then
@@ -627,18 +543,12 @@ end
 
 -- An accepted Write opens; it displaces what was open and ends the grace of a refused one.
 local function accept(self, channel, job)
-  if job.order > channel.accepted then
-    channel.accepted = job.order
-  end
+  if job.order > channel.accepted then channel.accepted = job.order end
   if job.phase == "asked" then
     take_from(channel.asked, job)
-    if job:write_told() then
-      written_again(channel, job)
-    end
+    if job:write_told() then written_again(channel, job) end
     local open = channel.open
-    if open then
-      displace(self, channel, job)
-    end
+    if open then displace(self, channel, job) end
     if channel.refused then
       lose(self, channel.refused, "")
       channel.refused = nil
@@ -651,13 +561,9 @@ end
 -- Whether a later Write is open already: which of them the device did last nobody knows (P27).
 local function cross(channel, job)
   local open, newer = channel.open, channel.last
-  if open and open.order > job.order then
-    newer = open
-  end
+  if open and open.order > job.order then newer = open end
   local other = newer and newer.order > job.order and newer:write_request()
-  if job.phase ~= "asked" or not other then
-    return false
-  end
+  if job.phase ~= "asked" or not other then return false end
   job.crossed = {first = job:write_request().frame, last = other.frame}
   newer.crossed = job.crossed
   return newer == open
@@ -671,9 +577,7 @@ local function rival_of(self, channel, job)
   for key in keys:newest_first(self.limits.users) do
     local held = self.channels:get(key).open
     local newer = held and held ~= job and (found == nil or held.order > found.order)
-    if newer and not connected_since(self, held, came) then
-      found = held
-    end
+    if newer and not connected_since(self, held, came) then found = held end
   end
   local asked = found and found:write_request()
   if asked == nil then
@@ -688,21 +592,15 @@ end
 
 local function refuse(self, channel, job)
   local before, half = job.phase, job.write_response
-  if half and half.status == STATUS_IN_USE then
-    job.rival, job.alone = rival_of(self, channel, job)
-  end
+  if half and half.status == STATUS_IN_USE then job.rival, job.alone = rival_of(self, channel, job) end
   job.phase = PHASES[before].write_refused
-  if before == "answered" then
-    return
-  end
+  if before == "answered" then return end
   if before == "asked" then
     take_from(channel.asked, job)
   else
     channel.open = nil
   end
-  if channel.refused then
-    lose(self, channel.refused, "")
-  end
+  if channel.refused then lose(self, channel.refused, "") end
   channel.refused = job
 end
 
@@ -725,9 +623,7 @@ local function by_kind(channel, open, record)
   local read, half = record.request, record.response
   local data = half.data
   local newer, mirrored = newer_than(open, channel, data:byte(1))
-  if not mirrored and is_last(channel, half) then
-    return open -- an old answer
-  end
+  if not mirrored and is_last(channel, half) then return open end -- an old answer
   local of_open = kind_fits(open.message, data)
   for _, job in ipairs(of_open == false and newer or NONE) do
     if kind_fits(job.message, data) and (read == nil or read.frame > job:write_request().frame) then
@@ -760,9 +656,7 @@ end
 -- The job a Read answers; a Write whose response was not seen counts when the answer fits.
 local function addressee(channel, event, record)
   local open, asked = channel.open, channel.asked
-  if open and not asked[1] then
-    return open -- nothing else waits
-  end
+  if open and not asked[1] then return open end -- nothing else waits
   local half = record.response
   local data = half.data
   local reference = data:byte(1)
@@ -778,9 +672,7 @@ local function addressee(channel, event, record)
     end
     if mirrored then return mirrored end
   end
-  if open then
-    return event == "read_record" and asked[1] and by_kind(channel, open, record) or open
-  end
+  if open then return event == "read_record" and asked[1] and by_kind(channel, open, record) or open end
   local waiting = waiting_of(channel)
   if waiting then
     if event == "read_record" and (is_last(channel, half) or not mirrors(waiting, data)) then
@@ -809,12 +701,8 @@ local function answer(self, channel, job, record)
       job.missing = {what = "cut_off", first = half.frame}
     end
   end
-  if channel.open == job then
-    channel.open = nil
-  end
-  if channel.refused == job then
-    channel.refused = nil
-  end
+  if channel.open == job then channel.open = nil end
+  if channel.refused == job then channel.refused = nil end
   self.listener:answered(job)
   if half.data == "" then
     lose(self, job, "")
@@ -823,9 +711,7 @@ local function answer(self, channel, job, record)
     end
     return
   end
-  if channel.last then
-    end_job(self, channel.last, "lost") -- it has its response
-  end
+  if channel.last then end_job(self, channel.last, "lost") end -- it has its response
   channel.last = job
   if job.message and not job:write_refused() then
     self.delivered:keep(channel.place, job, self.limits.channels)
@@ -861,9 +747,7 @@ local function set_aside(self, channel, job, missing)
   else
     take_from(channel.asked, job)
   end
-  if not (job.read_response or job:write_refused()) then
-    job.missing = missing
-  end
+  if not (job.read_response or job:write_refused()) then job.missing = missing end
   lose(self, job, "")
 end
 
@@ -885,9 +769,7 @@ local function read(self, channel, job, event, record)
     keep(job, "polls", {request = record.request, response = half})
     touch(self, job, "poll", half)
   elseif event == "read_empty" then
-    if half.status ~= nil then
-      keep(job, "empty_reads", half)
-    end
+    if half.status ~= nil then keep(job, "empty_reads", half) end
     touch(self, job, "empty_read", half)
   else
     touch(self, job, "read_response", half)
@@ -907,9 +789,7 @@ end
 local function last_response(self, channel, record)
   local last, half = channel.last, record.response
   local delivered = record.implicit and repeated(self, channel.place, half)
-  if not delivered then
-    return last
-  end
+  if not delivered then return last end
   return delivered.phase == "closed" and bytes(last) == half.data and last or delivered
 end
 
@@ -939,9 +819,7 @@ end
 -- Whether another channel of its AR had a reference last, where a channel has none yet.
 local function is_uncounted(self, channel, reference)
   for key in (channel.written and NO_KEYS or self.of_ar[channel.ar_key]):iterate() do
-    if self.channels:get(key).reference == reference then
-      return true
-    end
+    if self.channels:get(key).reference == reference then return true end
   end
   return nil
 end
@@ -961,18 +839,14 @@ function Pairing:write_request(peer, record, message)
   channel.reference, channel.written = message.request_reference, half.frame
   touch(self, job, "write_request", half)
   self.listener:asked(job)
-  if count > self.limits.pending_writes then
-    push_out(self, table.remove(asked, 1), "pending_writes")
-  end
+  if count > self.limits.pending_writes then push_out(self, table.remove(asked, 1), "pending_writes") end
   return job
 end
 
 --- The answer to a Write: accepted (status 0), refused (any other status, or an RPC fault).
 -- @param response  the half; may be nil
 function Pairing:write_response(job, response, fault)
-  if job.phase == "closed" then
-    self.listener:late(job)
-  end
+  if job.phase == "closed" then self.listener:late(job) end
   local asked, known = job.record.request, self.completeness
   if known and (job.fetching or job.read_request or job.polls[1]) then
     job.hasty = known:waits(job.peer.controller, job.peer.device)
@@ -982,32 +856,21 @@ function Pairing:write_response(job, response, fault)
     return -- who waits had another response before, and the device executed the call once more
   end
   job.write_response = response
-  if fault or job.write_fault then
-    job.write_fault = fault or nil
-  end
+  if fault or job.write_fault then job.write_fault = fault or nil end
   if response then
     touch(self, job, "write_response", response)
     job.untold = is_untold(response) and response.frame or job.untold
   end
   local status = response and response.status
-  if job.phase == "closed" or (status == nil and not fault) then
-    return
-  end
+  if job.phase == "closed" or (status == nil and not fault) then return end
   local channel = self.channels.values[job.channel_key]
-  if channel == nil then
-    return
-  elseif self.any_replaced then
-    goes_on(self, channel.ar_key)
-  end
+  if channel == nil then return end
+  if self.any_replaced then goes_on(self, channel.ar_key) end
   if status == 0 and not fault then
-    if not cross(channel, job) then
-      accept(self, channel, job)
-    end
+    if not cross(channel, job) then accept(self, channel, job) end
   else
     refuse(self, channel, job)
-    if job.phase == "refused" then
-      self.listener:refused(job)
-    end
+    if job.phase == "refused" then self.listener:refused(job) end
   end
 end
 
@@ -1016,9 +879,7 @@ end
 --- earlier one.
 function Pairing:write_unasked(peer, record)
   local half = record.response
-  if half == nil then
-    return
-  end
+  if half == nil then return end
   local channel = channel_of(self, peer, record, half.time_ns)
   channel.unasked = half.frame
   local expiry = tables.limits.call_expiry_ns
@@ -1031,9 +892,7 @@ function Pairing:write_unasked(peer, record)
     lose(self, channel.refused, "")
     channel.refused = nil
   end
-  if half.status ~= 0 and not is_untold(half) then
-    return
-  end
+  if half.status ~= 0 and not is_untold(half) then return end
   channel.unseen = half.frame
   pass_over(channel)
   forget_last(self, channel)
@@ -1047,9 +906,7 @@ local function counts(job, record)
   local step = before and now and (now - before) % 256
   local first = before == nil and job.previous == nil
     and record.request and not (job.fetching or job.uncounted or job:write_refused())
-  for _, poll in ipairs(first and job.polls or NONE) do
-    first = first and poll.request ~= nil
-  end
+  for _, poll in ipairs(first and job.polls or NONE) do first = first and poll.request ~= nil end
   return first or step == 1 or step == 2
 end
 
@@ -1061,9 +918,7 @@ local function may_be_newer(channel, job, record)
   strange = strange or job:reference() ~= data:byte(1) and is_last(channel, half)
   for _, each in ipairs(channel.asked) do
     local passed = each.passed or is_later(each, record)
-    if each.order > job.order and not passed and (strange or mirrors(each, data)) then
-      return true
-    end
+    if each.order > job.order and not passed and (strange or mirrors(each, data)) then return true end
   end
   return false
 end
@@ -1072,9 +927,8 @@ end
 -- record that mirrors the request, and not the refused one, shows that it did not.
 local function wrote_behind(channel, job, record)
   local refused, polled, data = channel.refused, job.polls[#job.polls], record.response.data
-  if not (refused and job.fetching and refused.order > job.order) then
-    return nil
-  elseif refused:reference() ~= data:byte(1) and mirrors(job, data) and kind_fits(job.message, data) then
+  if not (refused and job.fetching and refused.order > job.order) then return nil end
+  if refused:reference() ~= data:byte(1) and mirrors(job, data) and kind_fits(job.message, data) then
     return nil
   end
   local last = nil
@@ -1093,9 +947,7 @@ local function of_another(self, channel, job, record)
   local half = record.response
   local asked, open, data = job:write_request(), channel.open, half.data
   local has_data = data ~= ""
-  if asked == nil then
-    return nil
-  end
+  if asked == nil then return nil end
   local fits, other = mirrors(job, data), open ~= nil and open ~= job
   if job.peer.station then
     local since, refused = asked.frame, job == channel.refused
@@ -1151,9 +1003,7 @@ local function nothing(self, peer, channel, record, missing)
   self.listener:nothing_to_read(peer, record, missing)
   if half.status ~= nil and known then
     pass_over(channel)
-    if missing == nil then
-      channel.ended = half.frame
-    end
+    if missing == nil then channel.ended = half.frame end
   end
 end
 
@@ -1162,9 +1012,7 @@ function Pairing:read_response(peer, record)
   local half = record.response
   local channel = channel_of(self, peer, record, half.time_ns)
   local event = read_event(half)
-  if event == "read_record" or event == "read_cut" then
-    channel.heard = half.frame
-  end
+  if event == "read_record" or event == "read_cut" then channel.heard = half.frame end
   local job = addressee(channel, event, record)
   local over = job and wrote_behind(channel, job, record)
   if over then
@@ -1176,13 +1024,9 @@ function Pairing:read_response(peer, record)
     end
   end
   local late = job and is_later(job, record)
-  if late then
-    job = nil -- what the Read asked for is over: its response came late
-  end
+  if late then job = nil end -- what the Read asked for is over: its response came late
   if channel.refused and channel.refused ~= job then
-    if job and channel.refused.order > job.order then
-      job.refused_behind = channel.refused
-    end
+    if job and channel.refused.order > job.order then job.refused_behind = channel.refused end
     lose(self, channel.refused, "")
     channel.refused = nil
   end
@@ -1200,9 +1044,7 @@ function Pairing:read_response(peer, record)
     return job
   end
   if event ~= "read_record" and event ~= "read_cut" then
-    if not late then
-      nothing(self, peer, channel, record, missing)
-    end
+    if not late then nothing(self, peer, channel, record, missing) end
     return nil
   end
   local last = last_response(self, channel, record)
@@ -1212,14 +1054,10 @@ function Pairing:read_response(peer, record)
     reread(self, channel, last, record)
     return last
   end
-  if not (late or event == "read_cut" or is_last(channel, half)) then
-    pass_over(channel)
-  end
+  if not (late or event == "read_cut" or is_last(channel, half)) then pass_over(channel) end
   job = new_job(self, channel, peer, record, nil, nil, channel.written)
   job.phase, job.uncertain = "open", self.forgot_requests or nil
-  if again then
-    job.repeats = last.read_response.frame
-  end
+  if again then job.repeats = last.read_response.frame end
   read(self, channel, job, event, record)
   return job
 end
@@ -1242,18 +1080,14 @@ function Pairing:waits_for(peer, record)
   if not asked or not lost or asked.frame > lost.frame then
     return nil -- what the Read asked for is over: it came before the Write of this one
   end
-  if channel.ended > lost.frame then
-    return nil -- the same: another request was open then
-  end
+  if channel.ended > lost.frame then return nil end -- the same: another request was open then
   return job
 end
 
 --- A Read that never got its RPC response. Returns the job that waits for it, or nil.
 function Pairing:read_lost(peer, record)
   local job = self:waits_for(peer, record)
-  if job and job.read_request == nil then
-    job.read_request = record.request
-  end
+  if job and job.read_request == nil then job.read_request = record.request end
   return job
 end
 
@@ -1270,9 +1104,7 @@ end
 -- Changes nothing.
 function Pairing:expected(peer, record)
   local channel = self.channels.values[channel_key(peer, record)]
-  if channel == nil then
-    return nil
-  end
+  if channel == nil then return nil end
   return channel.open or waiting_of(channel) or channel.refused or nil
 end
 
@@ -1284,16 +1116,10 @@ function Pairing:release(of_ar, at, index)
     local channel = self.channels:get(key)
     over[#over + 1] = (index == nil or channel.index == index) and channel or nil
   end
-  for _, channel in ipairs(over) do
-    close_channel(self, channel, "release", at)
-  end
-  if index then
-    return
-  end
+  for _, channel in ipairs(over) do close_channel(self, channel, "release", at) end
+  if index then return end
   local pair = of_ar:sub(1, -18) -- without the AR itself
-  if self.connected_ars:get(pair) == of_ar then
-    self.connected_ars:pop(pair)
-  end
+  if self.connected_ars:get(pair) == of_ar then self.connected_ars:pop(pair) end
 end
 
 --- Something is said on the ARs of a record and of those that follow it; needed where `any_replaced` says so.
@@ -1305,17 +1131,13 @@ function Pairing:goes_on(peer, record)
 end
 
 -- Whether nothing on a channel waits for a response or for the end of its grace.
-local function is_free(channel)
-  return not (channel.open or channel.refused or channel.asked[1])
-end
+local function is_free(channel) return not (channel.open or channel.refused or channel.asked[1]) end
 
 -- An AR of which the two have one is set up: it replaces the one before, if nothing more is said on that.
 local function replace(self, pair, ar, at)
   local before = self.connected_ars:get(pair)
   local siblings = before ~= nil and before ~= ar and self.of_ar[before]
-  if not siblings then
-    return
-  end
+  if not siblings then return end
   for key in siblings:iterate() do
     if not is_free(self.channels:get(key)) then
       self.replaced[before], self.any_replaced = at, true

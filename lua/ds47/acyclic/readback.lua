@@ -53,15 +53,11 @@ end
 -- errors, texts and strings.
 local function elements(address, block)
   local count = #block.values
-  if address.attribute ~= VALUE or count == 0 or count ~= block.value_count then
-    return 0
-  end
+  if address.attribute ~= VALUE or count == 0 or count ~= block.value_count then return 0 end
   return count, floor(#block.raw / count)
 end
 
-local function key_of(device, pnu, subindex)
-  return device .. "\0" .. pnu .. "\0" .. subindex
-end
+local function key_of(device, pnu, subindex) return device .. "\0" .. pnu .. "\0" .. subindex end
 
 -- A value as an argument of a finding.
 local function argument(value, block)
@@ -73,13 +69,9 @@ end
 local function forget_device(self, device)
   local gone = {}
   for key in self.written:iterate() do
-    if sub(key, 1, #device + 1) == device .. "\0" then
-      gone[#gone + 1] = key
-    end
+    if sub(key, 1, #device + 1) == device .. "\0" then gone[#gone + 1] = key end
   end
-  for _, key in ipairs(gone) do
-    self.written:pop(key)
-  end
+  for _, key in ipairs(gone) do self.written:pop(key) end
 end
 
 function ReadBack:_device(device)
@@ -87,17 +79,13 @@ function ReadBack:_device(device)
   if found == nil then
     found = {forgotten = 0, recomputing = {}}
     self.devices:set(device, found)
-    if self.devices.length > tables.known.history then
-      forget_device(self, (self.devices:pop_first()))
-    end
+    if self.devices.length > tables.known.history then forget_device(self, (self.devices:pop_first())) end
   end
   return found
 end
 
 --- A Connect: the drive may have been switched off and on before it.
-function ReadBack:connected(device, frame)
-  self:_device(device).forgotten = frame
-end
+function ReadBack:connected(device, frame) self:_device(device).forgotten = frame end
 
 -- Changes
 
@@ -131,18 +119,14 @@ end
 --- A Write request asks for something.
 function ReadBack:asked(job)
   local message, half = job.message, job:write_request()
-  if message.operation ~= "change" then
-    return
-  end
+  if message.operation ~= "change" then return end
   local access, told = drive_objects.access(job), {}
   if has_one_of(message.flaws, BROKEN_OR_CUT) then
     self:_device(access.device).recomputing[job] = true -- which values it writes is not known
   end
   for number, block in ipairs(message.blocks) do
     local address = message.addresses[number]
-    if tables.known.recomputing[address.pnu] then
-      self:_device(access.device).recomputing[job] = true
-    end
+    if tables.known.recomputing[address.pnu] then self:_device(access.device).recomputing[job] = true end
     if not dictionary.changes_itself(address.pnu, job.peer.vendor_id, job.peer.family) then
       note(self, told, access, number, address, block, half.frame)
     end
@@ -152,16 +136,12 @@ end
 
 -- The frame by which a change is in force or never will be.
 local function end_of(job)
-  if job.read_response then
-    return job.read_response.frame
-  end
+  if job.read_response then return job.read_response.frame end
   return job.superseded_by or NEVER
 end
 
 -- The last frame of a job whose response was not fetched.
-local function last_frame(job)
-  return (job.write_response or job:write_request()).frame
-end
+local function last_frame(job) return (job.write_response or job:write_request()).frame end
 
 -- Whether the response does not say for sure what became of the parameters that it has blocks of.
 local function is_doubtful(job, response)
@@ -173,14 +153,11 @@ end
 -- A request may name a parameter twice.
 local function outcome(job, stray)
   local failed, message, response = {}, job.message, job.response
-  if job:write_refused() then
-    return nil, 0
-  elseif response == nil or response.response_id == nil or stray or is_doubtful(job, response) then
+  if job:write_refused() then return nil, 0 end
+  if response == nil or response.response_id == nil or stray or is_doubtful(job, response) then
     return failed, 0
   end
-  for number, block in ipairs(response.blocks) do
-    failed[number] = block.error ~= nil
-  end
+  for number, block in ipairs(response.blocks) do failed[number] = block.error ~= nil end
   local whole = response.response_id < NEGATIVE and not has_one_of(response.flaws, BROKEN_OR_CUT)
   return failed, whole and #message.addresses or #response.blocks
 end
@@ -197,9 +174,7 @@ local function in_force(self, key, write)
   local there = self.written:get(key)
   if there then
     self.written:set(key, kept(there, function(each)
-      if not same_access(each.access, write.access) or each.upto >= write.asked then
-        return true
-      end
+      if not same_access(each.access, write.access) or each.upto >= write.asked then return true end
       write.replaces = write.replaces or each.replaces or each.raw ~= write.raw
       return false
     end))
@@ -208,9 +183,7 @@ end
 
 local function drop(self, key, write)
   local there = self.written:get(key)
-  if there then
-    self.written:set(key, kept(there, function(each) return each ~= write end))
-  end
+  if there then self.written:set(key, kept(there, function(each) return each ~= write end)) end
 end
 
 --- A response without its request: that of a change, which a cut one may be, says that something was written.
@@ -233,9 +206,7 @@ function ReadBack:settled(job, stray)
     device.recomputing[job] = nil
     device.forgotten = max(device.forgotten, frame == NEVER and last_frame(job) or frame)
   end
-  if job.response and not stray then
-    self:_refusals(job)
-  end
+  if job.response and not stray then self:_refusals(job) end
   local failed, sure = outcome(job, stray)
   for _, each in ipairs(told or NONE) do
     each.write.upto = frame
@@ -249,9 +220,7 @@ end
 
 function ReadBack:_refusals(job)
   for _, block in ipairs(job.response.blocks) do
-    if block.error then
-      self.objects:refused(drive_objects.access(job), block.error.code)
-    end
+    if block.error then self.objects:refused(drive_objects.access(job), block.error.code) end
   end
 end
 
@@ -267,14 +236,11 @@ function ReadBack:_last(key, pnu, access, since, asked)
     return since < each.asked and each.upto < asked and objects:same(access, each.access, pnu)
   end)
   for _, each in ipairs(same) do
-    if each.certain and (last == nil or each.asked > last.asked) then
-      last = each
-    end
+    if each.certain and (last == nil or each.asked > last.asked) then last = each end
   end
   for _, each in ipairs(last and near or NONE) do
-    if each.raw ~= last.raw and each.upto >= last.asked then
-      return nil -- may have come later
-    elseif each.replaces and each.upto >= asked then
+    if each.raw ~= last.raw and each.upto >= last.asked then return nil end -- may have come later
+    if each.replaces and each.upto >= asked then
       return nil -- the value that it replaced may have come later, too
     end
   end
@@ -292,9 +258,7 @@ end
 
 function ReadBack:_compare(found, job, access, address, block)
   local device = self:_device(access.device)
-  if next(device.recomputing) ~= nil then
-    return
-  end
+  if next(device.recomputing) ~= nil then return end
   local count, size = elements(address, block)
   for number = 0, count - 1 do
     local subindex, value = address.subindex + number, block.values[number + 1]
@@ -318,17 +282,13 @@ end
 --- What a read brings that is not what was written last: array of {offset, args of DS417}.
 function ReadBack:read(job)
   local request, response = job.message, job.response
-  if response == nil or request == nil or request.operation ~= "read" then
-    return NONE
-  end
+  if response == nil or request == nil or request.operation ~= "read" then return NONE end
   local found, access, places, addresses, pnus = NONE, nil, places_of(response), request.addresses, self.pnus
   for number = 1, math.min(#places, #addresses) do
     local address = addresses[number]
     local pnu = address.pnu
     if pnus[pnu] or pnu == DO_IDENTIFICATION or places[number].error then
-      if access == nil then
-        found, access = {}, drive_objects.access(job)
-      end
+      if access == nil then found, access = {}, drive_objects.access(job) end
       self:_look(found, job, access, address, response.blocks[number])
     end
   end
@@ -341,9 +301,7 @@ function ReadBack:_look(found, job, access, address, block)
   elseif address.pnu == DO_IDENTIFICATION and address.attribute == VALUE and not block.float then
     self.objects:identified(access, address.subindex, block.values)
   end
-  if self.pnus[address.pnu] then
-    self:_compare(found, job, access, address, block)
-  end
+  if self.pnus[address.pnu] then self:_compare(found, job, access, address, block) end
 end
 
 return M

@@ -28,9 +28,7 @@ local function known_peer(pdu)
   if peer == nil then
     local vendor_id, device_id = rpc.device_identity(pdu.object_uuid)
     peer = {controller = pdu.client, device = pdu.server, vendor_id = vendor_id, device_id = device_id}
-    if peer_count >= MOST_PEERS then
-      peers, peer_count = {}, 0
-    end
+    if peer_count >= MOST_PEERS then peers, peer_count = {}, 0 end
     peers[key], peer_count = peer, peer_count + 1
   end
   return peer
@@ -102,9 +100,8 @@ end
 --- The first record in the beginning of a message; nil where that tells of none that can be ours.
 function RecordCalls:first_record(pdu)
   local record
-  if pdu.fragment ~= 0 then
-    return nil
-  elseif pdu.ptype == 0 then
+  if pdu.fragment ~= 0 then return nil end
+  if pdu.ptype == 0 then
     record = parse_request(pdu)
   elseif pdu.ptype == 2 then
     record = select(2, parse_response(pdu))
@@ -115,9 +112,7 @@ end
 -- This one or the next of its call that can be ours; nil for none. `record` may be nil.
 local function ours_from(self, record)
   local ours = self.index47.ours
-  while record and not ours[record.index] do
-    record = record.following
-  end
+  while record and not ours[record.index] do record = record.following end
   return record
 end
 
@@ -138,9 +133,7 @@ end
 -- @param call  the call that it answers, as far as that is known; nil for none
 function RecordCalls:incomplete(pdu, have, kind, limit, call)
   local record = self:first_record(pdu) or ours_from(self, call and call.context)
-  if not record then
-    return
-  end
+  if not record then return end
   if limit then
     self.events:then_run(placed(self, pdu), record, self, "limit_reached", limit)
     self.forgot_requests = self.forgot_requests or pdu.ptype == 0
@@ -159,9 +152,7 @@ end
 -- @param calls  those that are open
 function RecordCalls:given_up(part, kind, calls)
   local pdu = part.pdu or rpc.parse(part.packet)
-  if pdu ~= nil then
-    self:incomplete(pdu, part.have, kind, part.limit, calls:open_call(pdu))
-  end
+  if pdu ~= nil then self:incomplete(pdu, part.have, kind, part.limit, calls:open_call(pdu)) end
 end
 
 --- A limit pushed out something of ours that began here: `at.frame`.
@@ -190,9 +181,7 @@ end
 --- A finding about an RPC call: once, and with the first job that it carries.
 function RecordCalls:_about_call(call, remark)
   local record = ours_from(self, call.context)
-  if record then
-    self.events:about_job(placed(self, call.request), record, remark)
-  end
+  if record then self.events:about_job(placed(self, call.request), record, remark) end
 end
 
 -- Requests
@@ -213,17 +202,13 @@ function RecordCalls:_connection(pdu, opnum)
   end
 end
 
-local function pair_of(pdu)
-  return pdu.client .. " " .. pdu.server
-end
+local function pair_of(pdu) return pdu.client .. " " .. pdu.server end
 
 -- A connection begins or ends with its response, or when its client asks for something else after it. Between
 -- the two may stand the responses to requests that came before it, which are out of order in the capture
 -- (P79). One of which neither is there changes nothing.
 function RecordCalls:_goes_on(pdu)
-  if self.connections.length == 0 then
-    return
-  end
+  if self.connections.length == 0 then return end
   local key = pair_of(pdu)
   local begun = self.connections:get(key)
   if begun and (pdu.ptype ~= 0 or pdu.time_ns >= begun.time_ns) then
@@ -257,21 +242,11 @@ function RecordCalls:request(call)
   local record, multiple, nested = parse_request(pdu)
   local events, pairing = self.events, self.pairing
   call.context = record
-  if pdu.missing ~= 0 and (multiple or record == nil) then
-    self.completeness:cut(pdu)
-  end
-  if multiple then
-    events:wrote_multiple()
-  end
-  if pdu.peer == nil then
-    peer_of(pdu, self.naming)
-  end
-  if pairing.any_replaced then
-    pairing:goes_on(pdu.peer, record)
-  end
-  if nested then
-    self.listener:remark({rule = "DS208", frame = pdu.frame, args = {}})
-  end
+  if pdu.missing ~= 0 and (multiple or record == nil) then self.completeness:cut(pdu) end
+  if multiple then events:wrote_multiple() end
+  if pdu.peer == nil then peer_of(pdu, self.naming) end
+  if pairing.any_replaced then pairing:goes_on(pdu.peer, record) end
+  if nested then self.listener:remark({rule = "DS208", frame = pdu.frame, args = {}}) end
   while record do
     events:asked(pdu, record)
     record = record.following
@@ -281,9 +256,7 @@ end
 --- The request of a response that was heard of already, as one without its request.
 function RecordCalls:late_request(call)
   local pdu, answer = call.request, call.response
-  for _, alone in ipairs(self.alone:pop(answer.frame) or {}) do
-    alone.withdrawn = true
-  end
+  for _, alone in ipairs(self.alone:pop(answer.frame) or {}) do alone.withdrawn = true end
   local is_read = pdu.opnum == rpc.READ or pdu.opnum == rpc.READ_IMPLICIT
   local first = select(2, parse_response(answer))
   tell_each(self, pdu, first, "not_unasked")
@@ -308,9 +281,7 @@ end
 
 function RecordCalls:lost(call)
   local context, pdu = call.context, call.request
-  if not context then
-    return
-  end
+  if not context then return end
   if not call.in_part then -- DS105 says what there is
     local args = {operation = OPERATIONS[pdu.opnum]}
     self:_about_call(call, {rule = "DS101", frame = pdu.frame, args = args})
@@ -334,18 +305,12 @@ function RecordCalls:response(call)
   local pdu, record = call.response, call.context
   if not OPERATIONS[pdu.opnum] then
     self:_goes_on(pdu)
-    if call.request.opnum == CONNECT then
-      self.listener:set_up(call.request, pdu)
-    end
+    if call.request.opnum == CONNECT then self.listener:set_up(call.request, pdu) end
   end
-  if not record then
-    return
-  end
+  if not record then return end
   local status, answered = parse_halves(pdu)
   local events, ours = self.events, self.index47.ours
-  if pdu.peer == nil then
-    peer_of(pdu, self.naming)
-  end
+  if pdu.peer == nil then peer_of(pdu, self.naming) end
   while record do
     if ours[record.place.index] then
       local half = answered or without_block(pdu, status, record.place.write)
@@ -369,9 +334,7 @@ function RecordCalls:orphan_response(pdu, certain)
     return
   end
   local first = select(2, parse_response(pdu))
-  if first == nil then
-    self.completeness:cut(pdu)
-  end
+  if first == nil then self.completeness:cut(pdu) end
   local record = ours_from(self, first)
   while record do
     self.newest = pdu.frame
@@ -411,9 +374,7 @@ end
 function RecordCalls:fault(call, pdu)
   local args = {kind = rpc.PTYPES[pdu.ptype], fault = fault_code(pdu)}
   self:_about_call(call, {rule = "DS104", frame = pdu.frame, args = args})
-  if not call.context then
-    self:_goes_on(pdu)
-  end
+  if not call.context then self:_goes_on(pdu) end
   tell_each(self, pdu, call.context, "failed")
 end
 

@@ -46,9 +46,7 @@ end
 -- Time of the capture; a finding where it steps backwards.
 local function clock(self, origin, record)
   local newest, before, now = self.newest_ns, self.newest_frame, origin.time_ns
-  if origin.frame < before then -- that of an AR that proved itself late
-    return
-  end
+  if origin.frame < before then return end -- that of an AR that proved itself late
   if newest and now < newest then
     local args = {milliseconds = json.float((newest - now) / 1e6), first = before}
     self.listener:remark({rule = "DS107", frame = origin.frame, args = args, ar = ar_of(origin.peer, record)})
@@ -73,9 +71,7 @@ end
 local function event_read_request(self, origin, record, _, peer)
   clock(self, origin, record)
   record.job = self.pairing:expected(peer, record) -- for what is said of the call
-  if record.job then
-    record.job:fetch(record.request)
-  end
+  if record.job then record.job:fetch(record.request) end
 end
 
 local function event_read_asked_late(self, _, record, answer, peer)
@@ -83,16 +79,12 @@ local function event_read_asked_late(self, _, record, answer, peer)
 end
 
 local function event_answered_twice(_, _, record)
-  if record.job then
-    record.job.twice = record.request.frame
-  end
+  if record.job then record.job.twice = record.request.frame end
 end
 
 -- A Read is over, to whomever its response goes.
 local function event_read_failed(_, _, record)
-  if record.job then
-    record.job:fetched(record.request)
-  end
+  if record.job then record.job:fetched(record.request) end
 end
 
 local function event_write_request(self, origin, record, message, peer)
@@ -100,21 +92,15 @@ local function event_write_request(self, origin, record, message, peer)
   record.job = self.pairing:write_request(peer, record, message)
 end
 
-local function event_read_lost(self, _, record, _, peer)
-  self.pairing:read_lost(peer, record)
-end
+local function event_read_lost(self, _, record, _, peer) self.pairing:read_lost(peer, record) end
 
 local function event_write_answered(self, origin, record)
   clock(self, origin, record)
   local job = record.job
-  if job then
-    self.pairing:write_response(job, record.response)
-  end
+  if job then self.pairing:write_response(job, record.response) end
 end
 
-local function event_write_unasked(self, _, record, _, peer)
-  self.pairing:write_unasked(peer, record)
-end
+local function event_write_unasked(self, _, record, _, peer) self.pairing:write_unasked(peer, record) end
 
 local function event_read_answered(self, origin, record, _, peer)
   clock(self, origin, record)
@@ -124,25 +110,19 @@ local function event_read_answered(self, origin, record, _, peer)
   end
   event_read_failed(self, origin, record)
   local place, data = record.place, record.response.data
-  if ALWAYS[place.index] and data ~= "" then
-    self.index47:responded(peer.device, place, data, self.codec)
-  end
+  if ALWAYS[place.index] and data ~= "" then self.index47:responded(peer.device, place, data, self.codec) end
   self.pairing:read_response(peer, record)
 end
 
 local function event_write_failed(self, origin, record)
   local job = record.job
-  if job then
-    self.pairing:write_response(job, half_of(origin.frame, origin.time_ns, nil), true)
-  end
+  if job then self.pairing:write_response(job, half_of(origin.frame, origin.time_ns, nil), true) end
 end
 
 -- What is told
 
 --- Whether a record of this index can be ours at all.
-function RecordEvents:concerns(index)
-  return self.index47:concerns(index)
-end
+function RecordEvents:concerns(index) return self.index47:concerns(index) end
 
 -- One more record request of this index.
 local function count(self, index, kind)
@@ -151,9 +131,7 @@ local function count(self, index, kind)
 end
 
 --- An IODWriteMultiple, whatever it holds.
-function RecordEvents:wrote_multiple()
-  count(self, records.WRITE_MULTIPLE, "write")
-end
+function RecordEvents:wrote_multiple() count(self, records.WRITE_MULTIPLE, "write") end
 
 -- Runs an event, now or when something proves the same AR; never if nothing does. Whether it waits.
 -- `event`: a function under "Events". `proves`: a function of the same arguments that says whether the
@@ -161,9 +139,7 @@ end
 -- What a question alone proves runs, and waits all the same.
 local function pass(self, event, proves, origin, record, detail)
   local peer, place, index47 = origin.peer, record.place, self.index47
-  if place.peer ~= peer then
-    know_peer(place, peer)
-  end
+  if place.peer ~= peer then know_peer(place, peer) end
   local ar, index = place.ar_key, place.index
   if admit(index47, ar, index, false, self) or (index47:is_of_drive(peer.device, place)
     or proves and proves(self, origin, record, detail)) and admit(index47, ar, index, true, self) then
@@ -172,9 +148,7 @@ local function pass(self, event, proves, origin, record, detail)
   end
   local held = {event = event, origin = origin, record = record, detail = detail}
   local asks = event == event_write_request and index47:asks(peer.device, place, detail)
-  if index47:hold(ar, held, asks, self) then
-    event(self, origin, record, detail, peer)
-  end
+  if index47:hold(ar, held, asks, self) then event(self, origin, record, detail, peer) end
   return true
 end
 
@@ -185,9 +159,7 @@ function RecordEvents:run(held)
 end
 
 --- A finding about a record that is ours, or will turn out to be.
-function RecordEvents:about(origin, record, remark)
-  pass(self, event_remark, nil, origin, record, remark)
-end
+function RecordEvents:about(origin, record, remark) pass(self, event_remark, nil, origin, record, remark) end
 
 --- The same, about the job that the record belongs to, where there is one then.
 function RecordEvents:about_job(origin, record, remark)
@@ -209,9 +181,7 @@ end
 -- Whether a Read that was answered shows the parameter channel, or brings once more what did.
 local function proves_by_answer(self, origin, record)
   local half, place, index47 = record.response, record.place, self.index47
-  if half.data == "" then
-    return false
-  end
+  if half.data == "" then return false end
   local ars = index47:echoed(place.ar_key, place, half.data)
   for _, ar in ipairs(ars or {}) do -- of a store nothing is judged: what is open is over
     self.pairing:release(ar, nil, index47s.SHARED_INDEX)
@@ -225,9 +195,7 @@ end
 -- A Write request that may be ours.
 local function asked_to_write(self, origin, record)
   local half = record.request
-  if half.missing then
-    self:_length(origin, record, half)
-  end
+  if half.missing then self:_length(origin, record, half) end
   local message, place = self.decode_request(half.data, half.cut), record.place
   if pass(self, event_write_request, nil, origin, record, message) then
     self.index47:heard(place.ar_key, half.frame, true)
@@ -239,9 +207,8 @@ end
 function RecordEvents:asked(origin, record)
   local place = record.place
   count(self, place.index, place.write and "write" or "read")
-  if not self.index47.ours[place.index] then
-    return
-  elseif place.write then
+  if not self.index47.ours[place.index] then return end
+  if place.write then
     asked_to_write(self, origin, record)
   elseif pass(self, event_read_request, nil, origin, record) then
     self.index47:heard(place.ar_key, record.request.frame, true)
@@ -265,9 +232,7 @@ function RecordEvents:not_unasked(origin, record)
 end
 
 --- A request with two responses: which of them its client has is not known.
-function RecordEvents:answered_twice(origin, record)
-  pass(self, event_answered_twice, nil, origin, record)
-end
+function RecordEvents:answered_twice(origin, record) pass(self, event_answered_twice, nil, origin, record) end
 
 --- The response to a request.
 function RecordEvents:answered(origin, record)
@@ -288,9 +253,7 @@ function RecordEvents:unasked(origin, record)
   else
     waits = self:_read_answered(origin, record, record.response)
   end
-  if waits then
-    self.index47:heard(record.place.ar_key, record.response.frame)
-  end
+  if waits then self.index47:heard(record.place.ar_key, record.response.frame) end
 end
 
 --- What is told of records that nothing shows to be ours (DS209), if nothing more comes: an array of remarks.
@@ -311,9 +274,7 @@ end
 
 --- A request whose response does not come any more.
 function RecordEvents:lost(origin, record)
-  if not record.write then
-    pass(self, event_read_lost, nil, origin, record)
-  end
+  if not record.write then pass(self, event_read_lost, nil, origin, record) end
 end
 
 -- A record that is shorter than its stated length: cut by the capture, or wrong.
@@ -332,9 +293,7 @@ function RecordEvents:_length(origin, record, half)
 end
 
 function RecordEvents:_read_answered(origin, record, half)
-  if half.missing or is_untold(half) then
-    self:_length(origin, record, half)
-  end
+  if half.missing or is_untold(half) then self:_length(origin, record, half) end
   return pass(self, event_read_answered, proves_by_answer, origin, record)
 end
 

@@ -48,9 +48,7 @@ end
 -- What calls are found by; nil for an exchange of other services than MS1 and MS2, which says nothing here.
 local function key_of(exchange)
   local item = exchange.request.item
-  if not item.request or not CARRIES_RECORDS[dp.service(item)] then
-    return nil
-  end
+  if not item.request or not CARRIES_RECORDS[dp.service(item)] then return nil end
   return (item.sa * 0x100 + item.da) * 0x100 + item.dsap
 end
 
@@ -58,9 +56,7 @@ end
 -- comes.
 function CallTracker:begin(exchange)
   local key = key_of(exchange)
-  if not key then
-    return
-  end
+  if not key then return end
   self.begun = exchange
   local asked = ms1.decode(exchange.request.item.du, true)
   if asked.kind == "request" and asked.name ~= IDLE and not exchange.again then
@@ -71,12 +67,8 @@ end
 --- An exchange that is over.
 function CallTracker:take(exchange)
   local key = key_of(exchange)
-  if not key then
-    return
-  end
-  if self.begun ~= exchange then
-    self:begin(exchange)
-  end
+  if not key then return end
+  if self.begun ~= exchange then self:begin(exchange) end
   self.begun = nil
   self:_answer(key, exchange)
 end
@@ -84,9 +76,7 @@ end
 --- The calls without an answer, oldest first.
 function CallTracker:unanswered()
   local found = {}
-  for _, call in self.open:iterate() do
-    found[#found + 1] = call
-  end
+  for _, call in self.open:iterate() do found[#found + 1] = call end
   return found
 end
 
@@ -107,9 +97,7 @@ end
 -- A message as one half of a record call. A DS_Read carries nothing, and says how much it wants; the answer
 -- to a DS_Write repeats its length, and carries nothing either.
 local function half_of(seen, message)
-  if message.kind == "refusal" then
-    return records.half(seen.frame, seen.time_ns, status_of(message))
-  end
+  if message.kind == "refusal" then return records.half(seen.frame, seen.time_ns, status_of(message)) end
   local asked, stated = message.kind == "request", message.length or 0
   local half = records.half(seen.frame, seen.time_ns, not asked and 0 or nil)
   if (message.code == ms1.WRITE) == asked then
@@ -146,15 +134,11 @@ end
 
 function CallTracker:_asked(key, asked, exchange)
   self:_lose(key)
-  if asked.code ~= ms1.READ and asked.code ~= ms1.WRITE or not asked.slot or not asked.index then
-    return
-  end
+  if asked.code ~= ms1.READ and asked.code ~= ms1.WRITE or not asked.slot or not asked.index then return end
   local call = new_call(exchange, asked, half_of(exchange.request, asked))
   self.open:set(key, call)
   self.handlers:asked(call)
-  if self.open.length > M.MOST_OPEN then
-    self:_lose(self.open:first())
-  end
+  if self.open.length > M.MOST_OPEN then self:_lose(self.open:first()) end
 end
 
 function CallTracker:_answer(key, exchange)
@@ -171,9 +155,8 @@ function CallTracker:_answer(key, exchange)
     self.handlers:failed(call)
     return
   end
-  if not answer or answer.kind == "taken" or answer.name == IDLE then
-    return -- not there yet
-  elseif answer.name ~= "read" and answer.name ~= "write" then
+  if not answer or answer.kind == "taken" or answer.name == IDLE then return end -- not there yet
+  if answer.name ~= "read" and answer.name ~= "write" then
     self:_lose(key)
   elseif call and is_of(call.record, answer) then
     self.open:pop(key)
@@ -187,9 +170,7 @@ end
 
 function CallTracker:_lose(key)
   local call = self.open:pop(key)
-  if call then
-    self.handlers:lost(call)
-  end
+  if call then self.handlers:lost(call) end
 end
 
 return M

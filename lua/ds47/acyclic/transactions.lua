@@ -34,9 +34,7 @@ end
 
 -- What was asked; for an orphan what its response id says.
 local function operation(job)
-  if job.message ~= nil then
-    return job.message.operation
-  end
+  if job.message ~= nil then return job.message.operation end
   local response_id = job.response and job.response.response_id
   return response_id and operation_of_response[response_id] or "unknown"
 end
@@ -48,26 +46,20 @@ end
 
 local function count_failed(blocks)
   local failed = 0
-  for number = 1, #blocks do
-    failed = failed + (blocks[number].error and 1 or 0)
-  end
+  for number = 1, #blocks do failed = failed + (blocks[number].error and 1 or 0) end
   return failed
 end
 
 -- That of a response whose end the capture cut off, or how many were asked for: the rest nobody knows.
 -- `sure`: whether all parameters failed if none of them is seen to be done.
 local function outcome_as_far_as_seen(done, failed, negative, sure)
-  if failed == 0 and not negative then
-    return "ok"
-  end
+  if failed == 0 and not negative then return "ok" end
   return done > 0 and "partial" or sure and "error" or "incomplete"
 end
 
 local function outcome(job)
   local response = job.response
-  if response == nil or response.response_id == NOT_SUPPORTED then
-    return "error"
-  end
+  if response == nil or response.response_id == NOT_SUPPORTED then return "error" end
   local blocks = places_of(response)
   local known = tables.response_ids[response.response_id or 0]
   local negative = known ~= nil and known.negative or false
@@ -85,26 +77,18 @@ local function outcome(job)
     local sure = not cut or asked == 1 or asked == failed
     return outcome_as_far_as_seen(done, failed, negative or fewer, sure)
   end
-  if done == asked then
-    return negative and "error" or "ok"
-  end
+  if done == asked then return negative and "error" or "ok" end
   return done > 0 and "partial" or "error"
 end
 
 -- The state of a closed job: the first of docs/pairing.md P39 to P46 that applies.
 local function state(job)
   local read = job.read_response
-  if job.message == nil then
-    return "orphan"
-  elseif refused(job) then
-    return "refused"
-  elseif job.missing then
-    return "incomplete"
-  elseif read == nil then
-    return job.superseded_by ~= nil and "superseded" or "unanswered"
-  elseif is_mismatch(job) then
-    return "mismatch"
-  end
+  if job.message == nil then return "orphan" end
+  if refused(job) then return "refused" end
+  if job.missing then return "incomplete" end
+  if read == nil then return job.superseded_by ~= nil and "superseded" or "unanswered" end
+  if is_mismatch(job) then return "mismatch" end
   return outcome(job)
 end
 
@@ -182,9 +166,7 @@ function M.parameters(job)
   local whose = dictionary.family_of(peer.vendor_id, peer.family)
   local blocks = job.response and job.response.blocks or NONE
   local change = request ~= nil and request.operation == "change"
-  if stray and change then
-    blocks = request.blocks
-  end
+  if stray and change then blocks = request.blocks end
   if request == nil or (stray and not refused(job)) then
     for number = 1, #blocks do
       result[number] = shown(peer, whose, NAMELESS, blocks[number], blocks[number])
@@ -196,9 +178,7 @@ function M.parameters(job)
   for number = 1, #addresses do
     result[number] = shown(peer, whose, addresses[number], values[number], answers[number])
   end
-  if job.meanings or naming.is_used() then
-    explain(result, job.meanings or NONE, peer)
-  end
+  if job.meanings or naming.is_used() then explain(result, job.meanings or NONE, peer) end
   return result
 end
 
@@ -208,9 +188,7 @@ local function pair_of_frames(read)
   return {request = read.request and read.request.frame, response = read.response.frame}
 end
 
-local function pairs_of_frames(reads)
-  return #reads > 0 and mapped(reads, pair_of_frames) or NONE
-end
+local function pairs_of_frames(reads) return #reads > 0 and mapped(reads, pair_of_frames) or NONE end
 
 local function frames_of(job)
   local write = job:write_request()
@@ -242,9 +220,7 @@ end
 -- The first of them, 0 where there is none.
 local function first_frame(frames)
   local first = huge
-  for _, frame in ipairs(M.all_frames(frames)) do
-    first = min(first, frame)
-  end
+  for _, frame in ipairs(M.all_frames(frames)) do first = min(first, frame) end
   return first < huge and first or 0
 end
 
@@ -262,17 +238,13 @@ end
 --- Gives a job that was closed its response again: see `Store:add`.
 function M.restore(job, codec)
   decode(job, codec)
-  if restored == job then
-    restored = nil -- it is kept
-  end
+  if restored == job then restored = nil end -- it is kept
 end
 
 -- The same until another job needs its own.
 local function restore_for_now(job, codec)
   if decode(job, codec) then
-    if restored then
-      restored.response = nil
-    end
+    if restored then restored.response = nil end
     restored = job
   end
 end
@@ -330,9 +302,7 @@ function KEYS.ar(job)
   return ar ~= NIL_UUID and uuid_text(ar) or nil
 end
 
-function KEYS.start_ns(job)
-  return (job:write_request() or job.read_request or job.read_response).time_ns
-end
+function KEYS.start_ns(job) return (job:write_request() or job.read_request or job.read_response).time_ns end
 
 function KEYS.duration_ns(job)
   local write, read = job:write_request(), job.read_response
@@ -376,15 +346,10 @@ local KEPT = {state = true, frames = true} -- all else is made each time
 local function closed_class(codec)
   return {__index = function(item, key)
     local make, job = KEYS[key], rawget(item, "job")
-    if make == nil or job == nil then
-      return nil
-    elseif job.response == nil and (OF_RESPONSE[key] or job.message == nil) then
-      restore_for_now(job, codec)
-    end
+    if make == nil or job == nil then return nil end
+    if job.response == nil and (OF_RESPONSE[key] or job.message == nil) then restore_for_now(job, codec) end
     local value = make(job)
-    if KEPT[key] then
-      item[key] = value
-    end
+    if KEPT[key] then item[key] = value end
     return value
   end}
 end
@@ -392,12 +357,8 @@ end
 --- A transaction as a table of its own that has all its keys.
 function M.whole(item)
   local result = {}
-  for key, value in pairs(item) do
-    result[key] = value
-  end
-  for key in pairs(result.job and KEYS or NONE) do
-    result[key] = item[key]
-  end
+  for key, value in pairs(item) do result[key] = value end
+  for key in pairs(result.job and KEYS or NONE) do result[key] = item[key] end
   result.job = nil
   return result
 end
@@ -457,9 +418,7 @@ end
 function Store:late(job)
   local item = self:by_order(job.order)
   if item and rawget(item, "job") then
-    for key, value in pairs(M.whole(item)) do
-      item[key] = value
-    end
+    for key, value in pairs(M.whole(item)) do item[key] = value end
     item.job = nil
   end
 end
@@ -482,9 +441,7 @@ end
 --- The transaction of a job, by the order in which the jobs began; nil where it is not finished.
 function Store:by_order(order)
   local place = self.places[order]
-  if place then
-    return transaction_at(self, place)
-  end
+  if place then return transaction_at(self, place) end
   return self.below and self.below:by_order(order)
 end
 
@@ -500,11 +457,8 @@ function Store:numbered()
     end
   end
   local function is_before(a, b)
-    if firsts[a] ~= firsts[b] then
-      return firsts[a] < firsts[b]
-    elseif a.position ~= b.position then
-      return a.position < b.position
-    end
+    if firsts[a] ~= firsts[b] then return firsts[a] < firsts[b] end
+    if a.position ~= b.position then return a.position < b.position end
     return finished[a] < finished[b]
   end
   for number = 2, #all do
@@ -513,9 +467,7 @@ function Store:numbered()
       break
     end
   end
-  for number, transaction in ipairs(all) do
-    transaction.id, transaction.findings = number, {}
-  end
+  for number, transaction in ipairs(all) do transaction.id, transaction.findings = number, {} end
   return all
 end
 

@@ -75,9 +75,7 @@ local function long_key(number, pdu)
     .. (pdu.port or 0) .. "\0" .. pdu.boot .. pdu.body
 end
 
-local function key_of(pdu)
-  return pdu.conversation .. pdu.seq
-end
+local function key_of(pdu) return pdu.conversation .. pdu.seq end
 
 -- The call to which a PDU belongs, nil for none, and its activity.
 local function call_of(self, pdu)
@@ -87,13 +85,9 @@ end
 
 -- The wire doubled a message: of a request a device without a memory of its responses executes it once more.
 local function came_again(self, pdu)
-  if pdu.ptype ~= 0 then
-    return self.completeness:doubled(pdu)
-  end
+  if pdu.ptype ~= 0 then return self.completeness:doubled(pdu) end
   local call = self.answered:get(key_of(pdu)) or call_of(self, pdu)
-  if call then
-    call.again = pdu.frame
-  end
+  if call then call.again = pdu.frame end
 end
 
 --- Whether the same datagram with the same IP id was here: it came twice, or the file holds it twice (P6).
@@ -102,9 +96,7 @@ end
 function CallTracker:is_copy(pdu, ip_id)
   -- A number of 52 bits that nearly always tells a datagram apart. The IP id is in it as it is.
   local seq, fragment, recent = pdu.seq, pdu.fragment, self.recent
-  if fragment ~= 0 then
-    seq = seq + 40503 * fragment
-  end
+  if fragment ~= 0 then seq = seq + 40503 * fragment end
   local number = pdu.digest + seq % 0x10000 * 0x10000 + ip_id
   local key, before = number, recent[number] or self.earlier[number]
   if before and not same_datagram(before, pdu) or not before and self.alike > 0 then
@@ -116,17 +108,13 @@ function CallTracker:is_copy(pdu, ip_id)
     local passed, window = pdu.time_ns - before.time_ns, self.limits.copy_ns
     if ip_id ~= 0 or passed <= window and -passed <= window then
       self.counts.copies = self.counts.copies + 1
-      if passed > window then
-        came_again(self, pdu)
-      end
+      if passed > window then came_again(self, pdu) end
       return true, before.frame
     end
   end
   local is_new = recent[key] == nil
   recent[key] = pdu
-  if key ~= number then
-    self.alike = 2
-  end
+  if key ~= number then self.alike = 2 end
   if is_new then
     self.room = self.room - 1
     if self.room == 0 then
@@ -158,9 +146,7 @@ local function take_out(activity, before, call)
   else
     activity.oldest = later
   end
-  if later == nil then
-    activity.last = before
-  end
+  if later == nil then activity.last = before end
   activity.by_seq[call.request.seq], activity.count = nil, activity.count - 1
   return later
 end
@@ -168,9 +154,7 @@ end
 -- Forgets a call, wherever it is.
 local function forget(activity, call)
   local before, other = nil, activity.oldest
-  while other ~= call do
-    before, other = other, other.later
-  end
+  while other ~= call do before, other = other, other.later end
   take_out(activity, before, call)
 end
 
@@ -194,9 +178,7 @@ end
 -- Whether the last datagram of a call is so old that its client repeats it no more.
 local function is_old(self, call, now)
   local newest, response = call.sent_ns or call.request.time_ns, call.response
-  if response and response.time_ns > newest then
-    newest = response.time_ns
-  end
+  if response and response.time_ns > newest then newest = response.time_ns end
   return now - newest > self.limits.call_expiry_ns
 end
 
@@ -212,16 +194,12 @@ local function lose_old(self, activity, pdu)
       before, call = call, call.later
     end
   end
-  for _, each in ipairs(lost or NONE) do
-    give_up(self, each)
-  end
+  for _, each in ipairs(lost or NONE) do give_up(self, each) end
 end
 
 -- Gives up what is too old or too much. The usual case, that nothing is open, is on the way of every call.
 local function expire(self, activity, pdu)
-  if activity.oldest == nil then
-    return
-  end
+  if activity.oldest == nil then return end
   lose_old(self, activity, pdu)
   while activity.count > self.limits.calls do
     local call = activity.oldest
@@ -269,9 +247,7 @@ local function activity_of(self, pdu)
   local key = pdu.conversation
   local activity = activities.values[key]
   if activity then
-    if activities.newest ~= key then
-      activities:move_to_end(key)
-    end
+    if activities.newest ~= key then activities:move_to_end(key) end
   else
     activity = {
       newest = pdu.seq, by_seq = {}, oldest = nil, last = nil, count = 0, server = nil,
@@ -298,9 +274,7 @@ local function answer(self, activity, call, pdu)
   forget(activity, call)
   local answered = self.answered
   answered:keep(key_of(pdu), call, math.huge)
-  while is_old(self, answered.values[answered.oldest], pdu.time_ns) do
-    answered:pop_first()
-  end
+  while is_old(self, answered.values[answered.oldest], pdu.time_ns) do answered:pop_first() end
   if answered.length > self.limits.answered_calls then
     answered:pop_first()
     self.forgot = true
@@ -310,9 +284,7 @@ end
 -- The response that came before the request of a call, nil for none; and whether it is the other way round by
 -- their times.
 local function early_response(self, pdu)
-  if self.early.length == 0 then
-    return nil
-  end
+  if self.early.length == 0 then return nil end
   local early = self.early:pop(key_of(pdu))
   local passed = early and early.time_ns - pdu.time_ns
   return early, passed and passed >= 0 and passed <= self.limits.call_expiry_ns
@@ -332,9 +304,7 @@ local function again(self, call, pdu)
   self.newest, self.asks_again = call, true
   self.handlers:retransmission(call, pdu)
   call.sent_ns, call.again = pdu.time_ns, pdu.frame
-  if call.response then
-    self.answered:move_to_end(key_of(pdu))
-  end
+  if call.response then self.answered:move_to_end(key_of(pdu)) end
 end
 
 local function request(self, pdu)
@@ -410,9 +380,7 @@ local function answers_again(self, activity, pdu)
   end
   if call.response.body == pdu.body then -- late, also behind a Connect
     self.completeness:doubled(pdu)
-    if activity and not call.again then
-      activity.doubled = pdu.frame
-    end
+    if activity and not call.again then activity.doubled = pdu.frame end
   elseif is_over(self, activity, call, pdu) then
     return false
   elseif activity == nil or activity.doubled < call.request.frame then
@@ -454,29 +422,21 @@ local COUNTED = {[0] = "requests", "pings", "responses", "faults", "working", [6
 function CallTracker:feed(pdu)
   local counts, name, take = self.counts, COUNTED[pdu.ptype] or "others", TAKE[pdu.ptype]
   counts[name] = counts[name] + 1
-  if take then
-    take(self, pdu)
-  end
+  if take then take(self, pdu) end
 end
 
 --- Takes a call that is none of PROFINET: only its number counts.
-function CallTracker:passes(pdu)
-  activity_of(self, pdu).numbers:add(pdu)
-end
+function CallTracker:passes(pdu) activity_of(self, pdu).numbers:add(pdu) end
 
 --- Takes a fragment that completes no message: its call is not without request or response.
 function CallTracker:begun(pdu)
   if pdu.ptype == 0 then
     local begun = self.begun_requests
     begun:set(key_of(pdu), true)
-    if begun.length > self.limits.rpc_messages then
-      begun:pop_first()
-    end
+    if begun.length > self.limits.rpc_messages then begun:pop_first() end
   elseif pdu.ptype == 2 then
     local call = call_of(self, pdu)
-    if call then
-      call.in_part = true
-    end
+    if call then call.in_part = true end
   end
 end
 

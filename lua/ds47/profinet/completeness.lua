@@ -57,9 +57,7 @@ local function put(holes, place, after, before, first, last)
 end
 
 -- Whether a number is missing in a hole that may still come.
-local function lacks(hole, number)
-  return hole.first <= number and number <= hole.last and not hole.over
-end
+local function lacks(hole, number) return hole.first <= number and number <= hole.last and not hole.over end
 
 local function fill(holes, number)
   for place, hole in ipairs(holes) do
@@ -74,9 +72,7 @@ local function fill(holes, number)
 end
 
 --- Whether a number was missing up to now; now it is there.
-function Numbers:fills(number)
-  return fill(self.holes, number) or fill(self.below, number)
-end
+function Numbers:fills(number) return fill(self.holes, number) or fill(self.below, number) end
 
 --- One more number: that of a request, or of a response whose request is not there.
 -- @param renewed  whether it stands for another call, if it was there before
@@ -96,9 +92,7 @@ function Numbers:add(pdu, renewed)
       (holes[place] or {}).over, (below[place] or {}).over = true, true
     end
   elseif fill(below, number) then
-    if number == self.under + 1 then
-      self.following = number + 1 -- it counts up from there
-    end
+    if number == self.under + 1 then self.following = number + 1 end -- it counts up from there
     self.under = number
   elseif not fill(holes, number) and renewed then
     self.following, self.answered = number + 1, -1
@@ -115,29 +109,21 @@ function Numbers:hears(number)
 end
 
 --- Whether one of its calls was answered.
-function Numbers:heard()
-  return self.waited + self.ahead > 0
-end
+function Numbers:heard() return self.waited + self.ahead > 0 end
 
 --- Whether a message is of a call before the newest one, by its number and by the clock.
-function Numbers:is_late(pdu)
-  return pdu.seq < self.highest and pdu.time_ns < self.newest.time_ns
-end
+function Numbers:is_late(pdu) return pdu.seq < self.highest and pdu.time_ns < self.newest.time_ns end
 
 --- Whether a number was there.
 function Numbers:has(number)
   local there = number >= self.lowest and number <= self.highest
-  for _, hole in ipairs(self.holes) do
-    there = there and not lacks(hole, number)
-  end
+  for _, hole in ipairs(self.holes) do there = there and not lacks(hole, number) end
   return there
 end
 
 --- The numbers that are missing in a hole, for a sentence.
 local function told(hole)
-  if hole.first == hole.last then
-    return ("%d"):format(hole.first)
-  end
+  if hole.first == hole.last then return ("%d"):format(hole.first) end
   return ("%d..%d"):format(hole.first, hole.last)
 end
 
@@ -154,9 +140,7 @@ function M.new(most, lost_on_line)
   return setmetatable({most = most, pairs = ordered.new(), lost_on_line = lost_on_line}, Completeness)
 end
 
-local function key_of(client, server)
-  return client .. "\0" .. server
-end
+local function key_of(client, server) return client .. "\0" .. server end
 
 -- {activities = array of Numbers; since = frame since which all calls are of activities that were there
 -- before; heard = whether the station that is called has said anything; unasked = frames of Writes that are
@@ -180,22 +164,16 @@ function Completeness:began(pdu, numbers)
   local activities = pair.activities
   if not has(activities, numbers) then
     activities[#activities + 1], pair.since = numbers, pdu.frame
-    if #activities > KEPT then
-      pair.heard = table.remove(activities, 1):heard() or pair.heard
-    end
+    if #activities > KEPT then pair.heard = table.remove(activities, 1):heard() or pair.heard end
   end
   local back = self.pairs:get(key_of(pdu.server, pdu.client))
-  if back then
-    back.heard = true
-  end
+  if back then back.heard = true end
 end
 
 -- One more frame: the oldest one and the newest ones are kept.
 local function keep(frames, frame)
   frames[#frames + 1] = frame
-  if #frames > KEPT then
-    table.remove(frames, 2)
-  end
+  if #frames > KEPT then table.remove(frames, 2) end
 end
 
 --- A response or fault whose request is not in the capture, as far as is known.
@@ -207,9 +185,7 @@ function Completeness:unasked(pdu)
 end
 
 --- A call of which nobody knows where it goes: a Write that is cut, or a response without a record.
-function Completeness:cut(pdu)
-  keep(pair_of(self, pdu.client, pdu.server).unasked, pdu.frame)
-end
+function Completeness:cut(pdu) keep(pair_of(self, pdu.client, pdu.server).unasked, pdu.frame) end
 
 --- The request of a response that was heard of as one without its request.
 function Completeness:asked_after_all(response)
@@ -227,9 +203,7 @@ function Completeness:disordered(pdu)
 end
 
 --- A response came once more, later than a mirror port brings one.
-function Completeness:doubled(response)
-  pair_of(self, response.client, response.server).doubled = true
-end
+function Completeness:doubled(response) pair_of(self, response.client, response.server).doubled = true end
 
 --- Whether a client waits for each response as a rule, on a wire that doubles them: then one that came behind
 -- its next call may be the second one, and the first is not in the capture.
@@ -257,13 +231,9 @@ function Completeness:spoke_ns(client, server)
 end
 
 local function hears(pair)
-  if pair.heard then
-    return true
-  end
+  if pair.heard then return true end
   for _, numbers in ipairs(pair.activities) do
-    if numbers:heard() then
-      return true
-    end
+    if numbers:heard() then return true end
   end
   return false
 end
@@ -283,9 +253,7 @@ end
 -- Whether a number stands for another call behind a frame.
 local function is_anew(activities, since)
   for _, numbers in ipairs(activities) do
-    if numbers.anew > since then
-      return true
-    end
+    if numbers.anew > since then return true end
   end
   return false
 end
@@ -298,24 +266,15 @@ end
 -- @param in_order  true: that calls are out of order does not count
 function Completeness:behind(client, server, since, lost, in_order)
   local pair = self.pairs:get(key_of(client, server))
-  if pair == nil or pair.activities[1] == nil then
-    return {what = "requests"}
-  end
+  if pair == nil or pair.activities[1] == nil then return {what = "requests"} end
   local across, unasked = since < pair.since, pair.unasked
   local hole = hole_behind(pair.activities, since, across)
-  if hole then
-    return hole
-  elseif unasked[1] and (across or unasked[#unasked] > since) then
-    return {what = "requests"}
-  elseif pair.disorder > 0 and pair.disorder >= since and not in_order then
-    return {what = "halves"}
-  elseif is_anew(pair.activities, since) then
-    return {what = "renewed"}
-  elseif not hears(pair) then
-    return {what = "one_direction"}
-  elseif across and (lost or pair.lost[1]) then
-    return {what = "halves"}
-  end
+  if hole then return hole end
+  if unasked[1] and (across or unasked[#unasked] > since) then return {what = "requests"} end
+  if pair.disorder > 0 and pair.disorder >= since and not in_order then return {what = "halves"} end
+  if is_anew(pair.activities, since) then return {what = "renewed"} end
+  if not hears(pair) then return {what = "one_direction"} end
+  if across and (lost or pair.lost[1]) then return {what = "halves"} end
   return nil
 end
 

@@ -46,9 +46,7 @@ local function places(block, at, api, offsets)
   at = at + 2
   if not has(block, at, count * OBJECT) then return nil end
   for _ = 1, count do
-    if offsets then
-      offsets[place_of(api, u16(block, at), u16(block, at + 2))] = u16(block, at + 4)
-    end
+    if offsets then offsets[place_of(api, u16(block, at), u16(block, at + 2))] = u16(block, at + 4) end
     at = at + OBJECT
   end
   return at

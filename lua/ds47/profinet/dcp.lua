@@ -24,15 +24,11 @@ local NAME, DEVICE_ID = 0x0202, 0x0203
 --- The IPv4 address in the first four bytes of a text; nil for 0.0.0.0 (none assigned yet) and for less.
 function M.address(content)
   local a, b, c, d = byte(content, 1, 4)
-  if d and (a ~= 0 or b ~= 0 or c ~= 0 or d ~= 0) then
-    return ("%d.%d.%d.%d"):format(a, b, c, d)
-  end
+  if d and (a ~= 0 or b ~= 0 or c ~= 0 or d ~= 0) then return ("%d.%d.%d.%d"):format(a, b, c, d) end
 end
 
 --- A text without the zero bytes at its end.
-function M.without_zeros(text)
-  return (text:reverse():gsub("^\0+", ""):reverse())
-end
+function M.without_zeros(text) return (text:reverse():gsub("^\0+", ""):reverse()) end
 
 local function learn(station, option, content)
   if option == IP or option == IP_SUITE then
@@ -51,9 +47,7 @@ end
 -- @param src_mac, dst_mac text or nil; a Set request names its destination
 -- @return {mac, ip, name, vendor_id, device_id}; nil where it says nothing
 function M.parse(data, src_mac, dst_mac)
-  if #data < HEADER then
-    return nil
-  end
+  if #data < HEADER then return nil end
   local service, kind = byte(data, 3, 4)
   local station
   if service == SET and kind == REQUEST then
@@ -68,9 +62,7 @@ function M.parse(data, src_mac, dst_mac)
   while at + 4 <= stop do
     local option, suboption, s1, s2 = byte(data, at + 1, at + 4)
     local size = s1 * 256 + s2
-    if at + 4 + size > stop then
-      break
-    end
+    if at + 4 + size > stop then break end
     if size >= 2 then -- without the block information or qualifier in front
       learn(station, option * 256 + suboption, sub(data, at + 7, at + 4 + size))
     end

@@ -29,16 +29,10 @@ local function add(entry, offset, data, length, more, cut, frame)
     entry.pieces[offset] = {data = data, length = length, frame = frame}
     entry.bytes = entry.bytes + #data - (known and #known.data or 0)
     entry.cut = entry.cut or cut
-    if offset < entry.looked then
-      entry.reach = math.max(entry.reach, offset + length)
-    end
+    if offset < entry.looked then entry.reach = math.max(entry.reach, offset + length) end
   end
-  if not more and not entry.total then
-    entry.total = offset + length
-  end
-  if not known then
-    entry.count = entry.count + 1
-  end
+  if not more and not entry.total then entry.total = offset + length end
+  if not known then entry.count = entry.count + 1 end
 end
 
 --- Whether no hole is left up to the last fragment.
@@ -49,9 +43,7 @@ local function covered(entry)
   end
   while entry.reach < entry.total and entry.looked <= entry.reach do
     local piece = pieces[entry.looked]
-    if piece then
-      entry.reach = math.max(entry.reach, entry.looked + piece.length)
-    end
+    if piece then entry.reach = math.max(entry.reach, entry.looked + piece.length) end
     entry.looked = entry.looked + UNIT
   end
   return entry.reach >= entry.total
@@ -60,21 +52,15 @@ end
 --- The captured bytes from offset 0 up to the first hole.
 local function head(entry)
   local offsets, parts, at = {}, {}, 0
-  for offset in pairs(entry.pieces) do
-    offsets[#offsets + 1] = offset
-  end
+  for offset in pairs(entry.pieces) do offsets[#offsets + 1] = offset end
   table.sort(offsets)
   for _, offset in ipairs(offsets) do
     local piece = entry.pieces[offset]
-    if offset > at then
-      break
-    end
+    if offset > at then break end
     local part = sub(piece.data, at - offset + 1)
     parts[#parts + 1] = part
     at = at + #part
-    if #piece.data < piece.length then
-      break
-    end
+    if #piece.data < piece.length then break end
   end
   local data = table.concat(parts)
   return entry.total and sub(data, 1, entry.total) or data
@@ -83,9 +69,7 @@ end
 --- Bytes on the wire of the fragments seen, without the IP headers.
 local function have(entry)
   local sum = 0
-  for _, piece in pairs(entry.pieces) do
-    sum = sum + piece.length
-  end
+  for _, piece in pairs(entry.pieces) do sum = sum + piece.length end
   return sum
 end
 
@@ -94,13 +78,9 @@ end
 -- @param length bytes of the datagram on the wire, of which `data` was captured
 local function packet_of(entry, data, length)
   local p1, p2, _, _, l1, l2 = byte(data, 1, 6)
-  if #data < 8 then
-    return nil
-  end
+  if #data < 8 then return nil end
   local stated = l1 * 256 + l2
-  if stated < 8 then -- 0 where the sender left it to its card
-    stated = length
-  end
+  if stated < 8 then stated = length end -- 0 where the sender left it to its card
   local payload = sub(data, 9, stated)
   return {
     payload = payload, frame = entry.frame, time_ns = entry.time_ns, src_ip = entry.src_ip,
@@ -134,9 +114,7 @@ end
 -- Later than a millisecond it is a new datagram with a reused identification.
 local function copied(self, key, offset, data, length)
   local done = self.done:get(key)
-  if not done or math.abs(self.now_ns - done.time_ns) > COPY_NS then
-    return nil
-  end
+  if not done or math.abs(self.now_ns - done.time_ns) > COPY_NS then return nil end
   local piece = done.pieces[offset]
   return piece and piece.data == data and piece.length == length and piece or nil
 end
@@ -152,9 +130,7 @@ function Reassembly:feed(part)
   self.now_ns = time_ns
   local key = part.src_ip .. "\0" .. part.dst_ip .. "\0" .. part.ip_id
   self.original = nil
-  if length == 0 or offset + length > LONGEST then
-    return nil
-  end
+  if length == 0 or offset + length > LONGEST then return nil end
   local piece = copied(self, key, offset, data, length)
   if piece then
     self.original = piece.frame
@@ -180,29 +156,21 @@ function Reassembly:feed(part)
   end
   self:_close(key)
   self.done:set(key, entry)
-  if self.done.length > MOST_DONE then
-    self.done:pop_first()
-  end
+  if self.done.length > MOST_DONE then self.done:pop_first() end
   local packet = packet_of(entry, head(entry), entry.total)
-  if packet then
-    packet.src_mac = part.src_mac
-  end
+  if packet then packet.src_mac = part.src_mac end
   return packet
 end
 
 --- Adds {packet, have, limit} to an array, if the datagram is one of UDP as far as it goes.
 local function tell(found, entry)
   local packet = packet_of(entry, head(entry), entry.total or have(entry))
-  if packet then
-    found[#found + 1] = {packet = packet, have = entry.count, limit = entry.limit}
-  end
+  if packet then found[#found + 1] = {packet = packet, have = entry.count, limit = entry.limit} end
 end
 
 --- What a fragment that completes no datagram tells alone: a packet; nil where it is not the beginning.
 function Reassembly.begun(part)
-  if part.offset ~= 0 then
-    return nil
-  end
+  if part.offset ~= 0 then return nil end
   return packet_of(part, part.data, #part.data + (part.missing or 0))
 end
 
@@ -211,9 +179,7 @@ end
 -- and its MAC address is not kept; `have` counts the fragments seen.
 function Reassembly:unfinished()
   local found = {}
-  for _, entry in self.open:iterate() do
-    tell(found, entry)
-  end
+  for _, entry in self.open:iterate() do tell(found, entry) end
   return found
 end
 
@@ -229,20 +195,15 @@ end
 function Reassembly:_expire()
   while self.open.length > 0 do
     local key, entry = self.open:first()
-    if math.abs(self.now_ns - entry.first_ns) <= self.expiry_ns then
-      return
-    end
+    if math.abs(self.now_ns - entry.first_ns) <= self.expiry_ns then return end
     self:_give_up(key, nil)
   end
 end
 
 --- The name of the limit that is passed, nil for none.
 function Reassembly:_over()
-  if self.open.length > self.most_datagrams then
-    return "ip_datagrams"
-  elseif self.fragments > self.most_fragments then
-    return "ip_fragments"
-  end
+  if self.open.length > self.most_datagrams then return "ip_datagrams" end
+  if self.fragments > self.most_fragments then return "ip_fragments" end
   return self.bytes > self.most_bytes and "fragment_bytes" or nil
 end
 

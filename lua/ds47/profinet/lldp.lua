@@ -45,16 +45,12 @@ local learn = {
     end
   end,
   [MANAGEMENT] = function(station, value)
-    if sub(value, 1, 2) == "\5\1" and #value >= 6 then
-      station.ip = dcp.address(sub(value, 3, 6))
-    end
+    if sub(value, 1, 2) == "\5\1" and #value >= 6 then station.ip = dcp.address(sub(value, 3, 6)) end
   end,
   [ORGANISATION] = function(station, value)
     if sub(value, 1, 3) == "\x00\x0e\xcf" then
       station.ours = true
-      if byte(value, 4) == 5 and #value >= 10 then
-        station.mac = mac_text(sub(value, 5, 10))
-      end
+      if byte(value, 4) == 5 and #value >= 10 then station.mac = mac_text(sub(value, 5, 10)) end
     end
   end,
 }
@@ -69,18 +65,12 @@ function M.parse(data, src_mac)
   while at + 2 <= #data do -- a TLV that is cut off ends it, too
     local high, low = byte(data, at + 1, at + 2)
     local kind, length = (high - high % 2) / 2, high % 2 * 256 + low
-    if kind == END or at + 2 + length > #data then
-      break
-    end
-    if learn[kind] then
-      learn[kind](heard, sub(data, at + 3, at + 2 + length))
-    end
+    if kind == END or at + 2 + length > #data then break end
+    if learn[kind] then learn[kind](heard, sub(data, at + 3, at + 2 + length)) end
     at = at + 2 + length
   end
   local name = heard.port_name and station_name(heard.port_name) or heard.name
-  if heard.ours and (name or heard.ip) then
-    return {mac = heard.mac, ip = heard.ip, name = name}
-  end
+  if heard.ours and (name or heard.ip) then return {mac = heard.mac, ip = heard.ip, name = name} end
 end
 
 return M

@@ -52,9 +52,7 @@ local FIRST_END = NDR + SIZE -- where the first block ends
 local FIRST_AR = NDR + layout.BLOCK_AR -- where the AR stands in a Connect or Release
 
 --- Whether it is a response that the capture cut off before it says what became of the call.
-function M.is_untold(half)
-  return half.cut and not half.missing and (half.status or 0) == 0
-end
+function M.is_untold(half) return half.cut and not half.missing and (half.status or 0) == 0 end
 
 --- The response to a call that has no block of its own: the status of the NDR header counts. Where the
 -- capture cut the block off, that is so of a negative one alone: a Write may be refused in its block.
@@ -110,9 +108,7 @@ end)
 -- Four bytes at a 1-based place as a number, big-endian as in blocks (P13); nil where not all are there.
 local function number_at(data, at, little)
   local a, b, c, d = byte(data, at, at + 3)
-  if little and d then
-    a, b, c, d = d, c, b, a
-  end
+  if little and d then a, b, c, d = d, c, b, a end
   return d and ((a * 256 + b) * 256 + c) * 256 + d
 end
 
@@ -120,16 +116,12 @@ end
 -- is there as far as that.
 local function block_at(type, opnum, data, offset)
   local stated = sub(data, offset + 1, offset + 2) == type and number_at(data, offset + INDEX + 3)
-  if not stated then
-    return nil
-  end
+  if not stated then return nil end
   return places[opnum][sub(data, offset + AR + 1, offset + INDEX + 2)], stated
 end
 
 --- What names an AR: controller, device, AR UUID (nil UUID for ReadImplicit).
-function M.ar_text(controller, device, ar)
-  return controller .. "\0" .. device .. "\0" .. ar
-end
+function M.ar_text(controller, device, ar) return controller .. "\0" .. device .. "\0" .. ar end
 
 --- The device of an AR that is named by its `ar_text`; nil where it is no such name.
 function M.device_of(ar)
@@ -149,32 +141,22 @@ end
 -- The place of a record, with its keys for a peer.
 local function place_for(peer, record)
   local place = record.place
-  if place.peer ~= peer then
-    M.know_peer(place, peer)
-  end
+  if place.peer ~= peer then M.know_peer(place, peer) end
   return place
 end
 
 --- What names the AR of a record, between two peers: its `ar_text`.
-function M.ar_key(peer, record)
-  return place_for(peer, record).ar_key
-end
+function M.ar_key(peer, record) return place_for(peer, record).ar_key end
 
 --- The same of a record at index 47; nil of any other.
-function M.ar_of_47(peer, record)
-  return record.index == 47 and M.ar_key(peer, record) or nil
-end
+function M.ar_of_47(peer, record) return record.index == 47 and M.ar_key(peer, record) or nil end
 
 --- What names the channel of a record.
-function M.channel_key(peer, record)
-  return place_for(peer, record).channel_key
-end
+function M.channel_key(peer, record) return place_for(peer, record).channel_key end
 
 -- Hangs something on the last one of its kind; the first and the last one then.
 local function chained(first, last, item)
-  if last then
-    last.following = item
-  end
+  if last then last.following = item end
   return first or item, item
 end
 
@@ -211,9 +193,8 @@ function M.parse_request(pdu)
   local body, opnum = pdu.body, pdu.opnum
   local type = REQUEST_TYPES[opnum]
   local place, stated = block_at(type, opnum, body, NDR)
-  if not place then
-    return nil, false, false
-  elseif opnum ~= WRITE then -- the wanted length alone
+  if not place then return nil, false, false end
+  if opnum ~= WRITE then -- the wanted length alone
     return new_record(place, {frame = pdu.frame, time_ns = pdu.time_ns, stated = stated}), false, false
   elseif place.index == WRITE_MULTIPLE then
     return parse_multiple(pdu, type, sub(body, FIRST_END + 1, FIRST_END + stated))
@@ -226,9 +207,7 @@ local function write_halves(pdu, type, status)
   local first, last, offset, body = nil, nil, NDR, pdu.body
   repeat
     local own = status
-    if status == 0 then
-      own = number_at(body, offset + STATUS + 1)
-    end
+    if status == 0 then own = number_at(body, offset + STATUS + 1) end
     first, last = chained(first, last, M.half(pdu.frame, pdu.time_ns, own))
     last.cut = own == nil and pdu.cut and true or nil
     offset = offset + SIZE
@@ -243,18 +222,13 @@ function M.parse_halves(pdu)
   local body, opnum = pdu.body, pdu.opnum
   local type, status = RESPONSE_TYPES[opnum], number_at(body, 1, pdu.little)
   local place, stated = block_at(type, opnum, body, NDR)
-  if not place then
-    return status, nil, false
-  elseif opnum ~= WRITE then -- it has one block, and its data behind it
+  if not place then return status, nil, false end
+  if opnum ~= WRITE then -- it has one block, and its data behind it
     return status, carrying(pdu, body, FIRST_END, stated, status), false
   end
   local half = write_halves(pdu, type, status)
-  if place.index ~= WRITE_MULTIPLE then
-    return status, half, false
-  end
-  if not half.following and half.status and half.status ~= 0 then
-    status = half.status
-  end
+  if place.index ~= WRITE_MULTIPLE then return status, half, false end
+  if not half.following and half.status and half.status ~= 0 then status = half.status end
   return status, half.following, true
 end
 
@@ -266,15 +240,11 @@ end
 function M.parse_response(pdu)
   local status, half, multiple = M.parse_halves(pdu)
   local first, last, offset, position = nil, nil, NDR, 0
-  if multiple then
-    offset, position = offset + SIZE, 1
-  end
+  if multiple then offset, position = offset + SIZE, 1 end
   while half do
     local place = block_at(RESPONSE_TYPES[pdu.opnum], pdu.opnum, pdu.body, offset)
     local record = new_record(place, nil, half)
-    if position ~= 0 then
-      record.position = position
-    end
+    if position ~= 0 then record.position = position end
     first, last = chained(first, last, record)
     half, offset, position = half.following, offset + SIZE, position + 1
   end
@@ -284,16 +254,12 @@ end
 -- The AR in the first block of a message, nil where that is of no such type or does not parse.
 local function first_ar(pdu, types)
   local t1, t2 = byte(pdu.body, NDR + 1, NDR + 2)
-  if #pdu.body < FIRST_AR + 16 or not types[t1 % 128 * 256 + t2] then
-    return nil
-  end
+  if #pdu.body < FIRST_AR + 16 or not types[t1 % 128 * 256 + t2] then return nil end
   return sub(pdu.body, FIRST_AR + 1, FIRST_AR + 16)
 end
 
 --- The AR that a Release ends, by its request or response; nil where its block does not parse.
-function M.released_ar(pdu)
-  return first_ar(pdu, RELEASE_BLOCKS)
-end
+function M.released_ar(pdu) return first_ar(pdu, RELEASE_BLOCKS) end
 
 --- Whether a Connect request with an AR sets up one of which a controller has one with a device.
 -- That is the AR of cyclic data (IOCARSingle, also with IRT); supervisors' ARs may stand beside it.
@@ -303,8 +269,6 @@ function M.is_only_ar(pdu)
 end
 
 --- The AR that a Connect sets up, by its request or response; nil where its first block is no ARBlock.
-function M.connected_ar(pdu)
-  return first_ar(pdu, CONNECT_BLOCKS)
-end
+function M.connected_ar(pdu) return first_ar(pdu, CONNECT_BLOCKS) end
 
 return M

@@ -67,9 +67,7 @@ local SIZE, VERSION, LITTLE = layout.RPC_SIZE, layout.RPC_VERSION_4, layout.RPC_
 -- A number of 20 bits for a text, the same one always, times 2^32: a sequence number and an IP id go below.
 local function digest_of(text)
   local digest = 0
-  for place = 1, #text do
-    digest = (digest * 31 + byte(text, place)) % 1048573
-  end
+  for place = 1, #text do digest = (digest * 31 + byte(text, place)) % 1048573 end
   return digest * 4294967296
 end
 
@@ -86,9 +84,7 @@ local function new_head(header, source, destination)
     return nil
   end
   local client, server = source, destination
-  if not FROM_CLIENT[ptype] then
-    client, server = destination, source
-  end
+  if not FROM_CLIENT[ptype] then client, server = destination, source end
   local activity = little and swapped(header, ACTIVITY + 1) or sub(header, ACTIVITY + 1, ACTIVITY + 16)
   local head = {
     ptype = ptype, little = little, last = flags % 4 >= 2, fragmented = flags % 8 >= 4,
@@ -115,14 +111,10 @@ function M.head(data, at, source, destination)
   local beginning, rest = sub(data, at + 1, at + ACTIVITY), sub(data, at + ACTIVITY + 1, at + COMMON)
   local known = heads[beginning]
   local head = known and known[rest]
-  if head and head.source == source and head.destination == destination then
-    return head
-  end
+  if head and head.source == source and head.destination == destination then return head end
   head = new_head(beginning .. rest, source, destination)
   if head then
-    if head_count >= MOST_HEADS then
-      heads, head_count = {}, 0
-    end
+    if head_count >= MOST_HEADS then heads, head_count = {}, 0 end
     heads[beginning] = heads[beginning] or {}
     heads[beginning][rest], head_count = head, head_count + 1
   end
@@ -152,12 +144,8 @@ function M.pdu(head, data, at, stop, frame, time_ns)
     seq = seq, body = sub(data, begin + 1, stated < stop and stated or stop),
     frame = frame, time_ns = time_ns,
   }, head.operations[opnum])
-  if stated > stop then
-    pdu.missing = stated - stop
-  end
-  if fragment ~= 0 then
-    pdu.fragment = fragment
-  end
+  if stated > stop then pdu.missing = stated - stop end
+  if fragment ~= 0 then pdu.fragment = fragment end
   return pdu
 end
 
@@ -167,22 +155,16 @@ end
 function M.parse(packet)
   local data = packet.payload
   local head = #data >= SIZE and M.head(data, 0, packet.src_ip, packet.dst_ip)
-  if not head then
-    return nil
-  end
+  if not head then return nil end
   local pdu = M.pdu(head, data, 0, #data, packet.frame, packet.time_ns)
   pdu.port = packet.src_port
-  if pdu.missing ~= 0 then
-    pdu.cut = packet.cut
-  end
+  if pdu.missing ~= 0 then pdu.cut = packet.cut end
   return pdu
 end
 
 --- Vendor id and device id out of an RPC object UUID (docs/protocol.md E.2); nil for a foreign one.
 function M.device_identity(object_uuid)
-  if sub(object_uuid, 1, 8) ~= "\xde\xa0\x00\x00\x6c\x97\x11\xd1" then
-    return nil
-  end
+  if sub(object_uuid, 1, 8) ~= "\xde\xa0\x00\x00\x6c\x97\x11\xd1" then return nil end
   local d1, d2, v1, v2 = byte(object_uuid, 13, 16)
   return v1 * 256 + v2, d1 * 256 + d2
 end
@@ -249,9 +231,7 @@ end
 
 --- The whole message, as soon as there is one. Its frame and time are the completing frame's.
 function Fragments:feed(pdu)
-  if not pdu.fragmented then
-    return pdu
-  end
+  if not pdu.fragmented then return pdu end
   local key = pdu.source .. "\0" .. pdu.activity .. pdu.seq .. "\0" .. pdu.ptype
   local partial = self.partial:get(key)
   if partial and self:_is_old(partial, pdu.time_ns) then
@@ -282,27 +262,21 @@ function Fragments:feed(pdu)
 end
 
 --- The clock may have stepped back, so far ahead of it is old too.
-function Fragments:_is_old(partial, now)
-  return math.abs(now - partial.newest_ns) > self.expiry_ns
-end
+function Fragments:_is_old(partial, now) return math.abs(now - partial.newest_ns) > self.expiry_ns end
 
 function Fragments:_make_room(now)
   local partials = self.partial
   while partials.length > 0 do
     local key, oldest = partials:first()
     local old = self:_is_old(oldest, now)
-    if not old and partials.length < self.limit then
-      return
-    end
+    if not old and partials.length < self.limit then return end
     self:_give_up(key, not old and "rpc_messages" or nil)
   end
 end
 
 --- The name of the limit that is passed, nil for none.
 function Fragments:_over()
-  if self.fragments > self.most_fragments then
-    return "rpc_fragments"
-  end
+  if self.fragments > self.most_fragments then return "rpc_fragments" end
   return self.bytes > self.most_bytes and "fragment_bytes" or nil
 end
 
@@ -320,9 +294,7 @@ end
 --- What is still waited for, oldest first: an array of {pdu = first fragment (or first seen), have = number}.
 function Fragments:unfinished()
   local found = {}
-  for _, partial in self.partial:iterate() do
-    found[#found + 1] = beginning(partial)
-  end
+  for _, partial in self.partial:iterate() do found[#found + 1] = beginning(partial) end
   return found
 end
 

@@ -35,20 +35,14 @@ function Naming:station(kind, payload, src_mac, dst_mac)
   else
     station = lldp.parse(payload, src_mac)
   end
-  if not station or not station.mac then
-    return
-  end
+  if not station or not station.mac then return end
   local known = self.stations:pop(station.mac)
   if known then
     for key, value in pairs(known) do
-      if station[key] == nil then
-        station[key] = value
-      end
+      if station[key] == nil then station[key] = value end
     end
   end
-  if station.ip then
-    self.by_ip:keep(station.ip, station.mac, self.most)
-  end
+  if station.ip then self.by_ip:keep(station.ip, station.mac, self.most) end
   self.stations:keep(station.mac, station, self.most)
 end
 
@@ -56,30 +50,22 @@ end
 -- second value is true where it is assumed.
 function Naming:vendor(ip)
   local device = self.servers:get(ip)
-  if device and device.vendor_id then
-    return device.vendor_id, false
-  end
+  if device and device.vendor_id then return device.vendor_id, false end
   local mac = self.by_ip:get(ip)
   local station = mac and self.stations:get(mac)
   if station == nil or station.ip ~= ip then
     station = device and device.mac and self.stations:get(device.mac)
   end
-  if station and station.vendor_id then
-    return station.vendor_id, false
-  end
+  if station and station.vendor_id then return station.vendor_id, false end
   return self.vendor_id, self.vendor_id ~= nil
 end
 
 --- Vendor id of the station with a MAC address: as shown up to now, else what is assumed.
 function Naming:vendor_of(mac)
   local station = self.stations:get(mac)
-  if station and station.vendor_id then
-    return station.vendor_id
-  end
+  if station and station.vendor_id then return station.vendor_id end
   for _, device in self.servers:iterate() do
-    if device.mac == mac and device.vendor_id then
-      return device.vendor_id
-    end
+    if device.mac == mac and device.vendor_id then return device.vendor_id end
   end
   return self.vendor_id
 end
@@ -100,9 +86,7 @@ end
 function Naming:devices()
   local by_ip, devices = {}, {}
   for _, station in self.stations:iterate() do
-    if station.ip then
-      by_ip[station.ip] = station
-    end
+    if station.ip then by_ip[station.ip] = station end
   end
   for ip, device in self.servers:iterate() do
     local station = by_ip[ip] or device.mac and self.stations:get(device.mac) or {}
@@ -118,20 +102,14 @@ end
 
 function Naming:_learn(ip, mac, object_uuid)
   local device = self.servers:get(ip)
-  if device and device.mac and device.vendor_id then
-    return -- nothing is left to learn
-  end
+  if device and device.mac and device.vendor_id then return end -- nothing is left to learn
   if not device then
-    if self.servers.length >= self.most then
-      return
-    end
+    if self.servers.length >= self.most then return end
     device = {ip = ip}
     self.servers:set(ip, device)
   end
   device.mac = device.mac or mac
-  if device.vendor_id == nil then
-    device.vendor_id, device.device_id = rpc.device_identity(object_uuid)
-  end
+  if device.vendor_id == nil then device.vendor_id, device.device_id = rpc.device_identity(object_uuid) end
 end
 
 return M
