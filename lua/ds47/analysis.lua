@@ -27,7 +27,7 @@ local ip = require("ds47.profinet.ip")
 local learning = require("ds47.acyclic.learning")
 local named = require("ds47.cyclic.named")
 local ms1calls = require("ds47.acyclic.ms1_calls")
-local naming = require("ds47.profinet.stations")
+local stations = require("ds47.profinet.stations")
 local pairing = require("ds47.acyclic.pairing")
 local pkw = require("ds47.cyclic.transactions")
 local ppo = require("ds47.cyclic.ppo")
@@ -80,9 +80,9 @@ function M.new(options)
     codec = codec,
     findings = findings.new(options.ignore),
     diagnoses = diagnosis.new(codec),
-    naming = naming.Naming.new(nil, options.vendor_id),
+    stations = stations.Stations.new(nil, options.vendor_id),
     fragments = rpc.Fragments.new(limits.fragment_expiry_ns),
-    reassembly = ip.Reassembly.new(limits),
+    reassembly = ip.Reassembler.new(limits),
     finished_jobs = transactions.store(codec),
     original = nil, -- the frame of which the last one is a mirror port's copy; nil of all others
     result = nil,
@@ -96,17 +96,17 @@ function M.new(options)
   end)
   self.dictionary = dictionary.new(self.judge.written.objects, limits.described_parameters)
   self.events = recordevents.RecordEvents.new(self.index47, self.pairing, self.codec, self)
-  self.records = recordcalls.RecordCalls.new(self.events, self.index47, self.pairing, self, self.naming,
-    self.completeness)
+  self.records = recordcalls.RecordCalls.new(
+    self.events, self.pairing, self, self.stations, self.completeness)
   self.calls = calls.CallTracker.new(limits, self.records, self.completeness)
-  local stations = idents.new()
-  self.ms1 = ms1calls.new(self.events, self.findings, stations)
+  local makers = idents.new()
+  self.ms1 = ms1calls.new(self.events, self.findings, makers)
   self.services = services.CallTracker.new(self.ms1)
   self.start_ups = ms1calls.start_ups(self.pairing)
-  self.cyclic = channels.new(self, limits, options.frame_numbers, self.naming)
+  self.cyclic = channels.new(self, limits, options.frame_numbers, self.stations)
   self.cyclic:name(named.relations(options.cyclic or NONE))
-  local named_ppo = ppo.new(self.cyclic, options.ppos or NONE, stations)
-  self.bus = bus.new({stations, self.start_ups, self.services, named_ppo})
+  local named_ppo = ppo.new(self.cyclic, options.ppos or NONE, makers)
+  self.bus = bus.new({makers, self.start_ups, self.services, named_ppo})
   self.conclusions = conclusions.new(limits, self.cyclic)
   return self
 end
@@ -171,8 +171,8 @@ function Analysis:datagram(pdu, ip_id, src_mac)
   local whole = pdu
   if pdu.fragmented then whole = joined(self, pdu) end
   if whole ~= nil then
-    self.naming:message(whole, src_mac)
-    tracker:feed(whole)
+    self.stations:message(whole, src_mac)
+    tracker:take(whole)
   end
 end
 
@@ -221,7 +221,7 @@ end
 -- @param src_mac, dst_mac  text; nil where the link type has none
 function Analysis:station(kind, payload, src_mac, dst_mac)
   self.result = nil
-  self.naming:station(kind, payload, src_mac, dst_mac)
+  self.stations:station(kind, payload, src_mac, dst_mac)
 end
 
 -- What the last packet did
@@ -233,12 +233,15 @@ local function add_asked(self, jobs, roles, count)
   if service then
     record, peer = service.record, ms1calls.peer(service.master, service.station)
   elseif call and call.response == nil then
-    record, peer = call.context, self.calls.asks_again and recordcalls.peer(call.request, self.naming)
+    record, peer = call.context, self.calls.asks_again and recordcalls.peer(call.request, self.stations)
   end
   while record do
     if not record.write then
       local job = record.job
-      if peer then job = self:_is_ours(peer, record) and self.pairing:expected(peer, record) end
+      if peer then
+        local is_ours = self.index47:is_open(records.ar_key(peer, record), record.index)
+        job = is_ours and self.pairing:expected(peer, record)
+      end
       if job then
         count = count + 1
         jobs[count], roles[count] = job, "read_request"
@@ -289,11 +292,6 @@ function Analysis:cyclic_touched()
     end
     return {item = item, role = each.role, findings = findings_of(self, certain)}
   end)
-end
-
-function Analysis:_is_ours(peer, record)
-  local index47 = self.index47
-  return index47:concerns(record.index) and index47:is_open(records.ar_key(peer, record), record.index)
 end
 
 --- What is certain of a job that has no answer yet: array of findings, none of them kept.
@@ -354,9 +352,8 @@ function Analysis:closed(job)
   job.remarks = nil
   if remarks == nil then
     remarks = self.judge:unanswered(job, false)
-    if job.limit and job:write_request() then
-      self.records:limit_reached(job.limit, job:write_request())
-    end
+    local asked = job.limit and job:write_request()
+    if asked then self.events:push_out(job.limit, asked.frame) end
     self.findings:foresee(remarks)
   end
   self:conclude(job, remarks)

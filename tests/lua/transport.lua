@@ -10,7 +10,7 @@ local dcp = require("ds47.profinet.dcp")
 local Index47 = require("ds47.acyclic.index47").Index47
 local ip = require("ds47.profinet.ip")
 local lldp = require("ds47.profinet.lldp")
-local naming = require("ds47.profinet.stations")
+local stations = require("ds47.profinet.stations")
 local ordered = require("ds47.support.ordered")
 local recordcalls = require("ds47.acyclic.record_calls")
 local recordevents = require("ds47.acyclic.record_events")
@@ -266,7 +266,7 @@ local function test_ip_orders()
     {{48, 98}, {0, 24}, {0, 24}, {24, 48}},
   }
   for number, order in ipairs(orders) do
-    local reassembly, pieces = ip.Reassembly.new(LIMITS), {}
+    local reassembly, pieces = ip.Reassembler.new(LIMITS), {}
     for at, range in ipairs(order) do
       pieces[at] = piece(range[1], range[2])
     end
@@ -276,7 +276,7 @@ local function test_ip_orders()
     check("missing", packet.missing, 0)
     check("a late copy opens nothing", #reassembly:unfinished(), 0)
   end
-  local reassembly = ip.Reassembly.new(LIMITS)
+  local reassembly = ip.Reassembler.new(LIMITS)
   for _, time_ns in ipairs({0, 2000000}) do
     local pieces = {piece(0, 48, {time_ns = time_ns}), piece(48, 98, {time_ns = time_ns})}
     check("an identification used again", feed_all(reassembly, pieces).time_ns, time_ns)
@@ -284,7 +284,7 @@ local function test_ip_orders()
 end
 
 local function test_ip_incomplete()
-  local reassembly = ip.Reassembly.new(LIMITS)
+  local reassembly = ip.Reassembler.new(LIMITS)
   feed_all(reassembly, {piece(0, 24), piece(48, 98, {frame = 9, time_ns = 5})})
   local left = reassembly:unfinished()
   check("one", #left, 1)
@@ -300,18 +300,18 @@ local function test_ip_incomplete()
   check("one is open", #reassembly:unfinished(), 1)
   check("too late", reassembly:feed(piece(24, 48, {time_ns = 2001})), nil)
   check("without a beginning it tells nothing", #reassembly:unfinished(), 1)
-  local cut = feed_all(ip.Reassembly.new(LIMITS), {piece(0, 48, {cut = 10}), piece(48, 98)})
+  local cut = feed_all(ip.Reassembler.new(LIMITS), {piece(0, 48, {cut = 10}), piece(48, 98)})
   check("cut", cut.payload, UDP_PAYLOAD:sub(1, 30))
   check("cut", cut.missing, 60)
   local huge = piece(0, 24)
   huge.offset = 65528
-  reassembly = ip.Reassembly.new(LIMITS)
+  reassembly = ip.Reassembler.new(LIMITS)
   check("an impossible offset", reassembly:feed(huge), nil)
   check("is nothing", reassembly.open.length, 0)
 end
 
 local function test_ip_bounds()
-  local reassembly = ip.Reassembly.new(LIMITS)
+  local reassembly = ip.Reassembler.new(LIMITS)
   reassembly.most_datagrams, reassembly.most_fragments = 4, 10
   for ip_id = 1, 1000 do
     for first = 0, 24, 8 do
@@ -327,7 +327,7 @@ local function test_ip_bounds()
   end
   check("bytes are bounded", reassembly.bytes, 96)
   local offsets = {}
-  reassembly = ip.Reassembly.new(LIMITS)
+  reassembly = ip.Reassembler.new(LIMITS)
   for at = 0, 88, 8 do
     offsets[#offsets + 1] = at
   end
@@ -347,8 +347,7 @@ end
 local function tracker_of(limits)
   local heard = {}
   local handlers = {}
-  for _, name in ipairs({"request", "response", "retransmission", "fault", "lost", "orphan_response",
-    "second_response", "pushed_out"}) do
+  for _, name in ipairs({"asked", "answered", "again", "failed", "lost", "unasked", "twice", "pushed_out"}) do
     handlers[name] = function(_, call, more)
       heard[#heard + 1] = name .. ":" .. (type(more) == "table" and more or call.request or call).seq
     end
@@ -363,7 +362,7 @@ end
 
 local function feed_calls(tracker, list)
   for _, of in ipairs(list) do
-    tracker:feed(pdu_of(of))
+    tracker:take(pdu_of(of))
   end
 end
 
@@ -439,48 +438,48 @@ local function test_retransmissions()
   local request, response = {}, {ptype = 2}
   local tracker, heard = tracker_of()
   feed_calls(tracker, {request, {time_ns = 30 * SECOND}, {ptype = 2, time_ns = 30 * SECOND}})
-  check("while unanswered", heard(), "request:7 retransmission:7 response:7")
-  for delay, event in pairs({[0] = "retransmission", [60] = "retransmission", [61] = "request"}) do
+  check("while unanswered", heard(), "asked:7 again:7 answered:7")
+  for delay, event in pairs({[0] = "again", [60] = "again", [61] = "asked"}) do
     tracker, heard = tracker_of()
     feed_calls(tracker, {request, response, {time_ns = delay * SECOND}})
-    check("after the answer", heard(), "request:7 response:7 " .. event .. ":7")
+    check("after the answer", heard(), "asked:7 answered:7 " .. event .. ":7")
   end
   tracker, heard = tracker_of()
   feed_calls(tracker, {request, response, {seq = 8}, request})
-  check("after another number", heard(), "request:7 response:7 request:8 retransmission:7")
+  check("after another number", heard(), "asked:7 answered:7 asked:8 again:7")
   feed_calls(tracker, {{seq = 8, body = "other"}, request})
-  check("its client counts anew", heard(), "lost:8 request:8 request:7")
+  check("its client counts anew", heard(), "lost:8 asked:8 asked:7")
   tracker, heard = tracker_of()
   feed_calls(tracker, {request, {body = "other"}, response})
-  check("another body is a new call", heard(), "request:7 lost:7 request:7 response:7")
+  check("another body is a new call", heard(), "asked:7 lost:7 asked:7 answered:7")
   check("unanswered", tracker.counts.unanswered, 1)
   feed_calls(tracker, {{ptype = 2, body = "different"}})
-  check("a second response", heard(), "second_response:7")
+  check("a second response", heard(), "twice:7")
   check("responses", tracker.counts.responses, 2)
   feed_calls(tracker, {response, {ptype = 2, body = "different"}})
   check("nothing is known behind one that came again", heard(), "")
 end
 
 local function test_expiry()
-  for over, last in pairs({[0] = "response:7", [1] = "lost:7 orphan_response:7"}) do
+  for over, last in pairs({[0] = "answered:7", [1] = "lost:7 unasked:7"}) do
     local tracker, heard = tracker_of()
     feed_calls(tracker, {{}, {ptype = 2, time_ns = 60 * SECOND + over}})
-    check("expiry", heard(), "request:7 " .. last)
+    check("expiry", heard(), "asked:7 " .. last)
   end
   local tracker, heard = tracker_of({
     copy_ns = 0, call_expiry_ns = 60 * SECOND, activities = 2, calls = 2, datagrams = 256, answered_calls = 8,
   })
   feed_calls(tracker, {{seq = 1}, {seq = 2}, {seq = 3}, {seq = 4}})
-  check("calls are bounded", heard(), "request:1 request:2 request:3 pushed_out:1 request:4")
+  check("calls are bounded", heard(), "asked:1 asked:2 asked:3 pushed_out:1 asked:4")
   check("and that is none without a response", tracker.counts.unanswered, 0)
   local other_one, told = tracker_of({
     copy_ns = 0, call_expiry_ns = 60 * SECOND, activities = 2, calls = 2, datagrams = 256, answered_calls = 8,
   })
   feed_calls(other_one, {{seq = 1}, {seq = 2}, {seq = 2, ptype = 2}, {seq = 3}, {seq = 4}, {seq = 5}})
   check("what a client went on from is lost for no limit", told(),
-    "request:1 request:2 response:2 request:3 request:4 lost:1 request:5")
+    "asked:1 asked:2 answered:2 asked:3 asked:4 lost:1 asked:5")
   feed_calls(tracker, {{activity = ("x"):rep(16)}, {seq = 4}, {activity = ("y"):rep(16), seq = 9}})
-  check("activities are bounded", heard(), "request:7 pushed_out:2 retransmission:4 pushed_out:7 request:9")
+  check("activities are bounded", heard(), "asked:7 pushed_out:2 again:4 pushed_out:7 asked:9")
   heard()
   local left = {}
   for _, call in ipairs(tracker:unanswered()) do
@@ -496,14 +495,14 @@ local function test_expiry()
   feed_calls(tracker, {{seq = 21, ptype = 2, body = "other"}, {seq = 20, ptype = 2}, other})
   feed_calls(tracker, {{seq = 41, ptype = 2}})
   check("answered calls are remembered for a while, and then the number", heard(),
-    "second_response:21 orphan_response:41")
+    "twice:21 unasked:41")
 end
 
 local function test_faults()
   local tracker, heard = tracker_of()
   feed_calls(tracker, {{ptype = 3}, {}, {ptype = 3}, {ptype = 3}, {ptype = 1}, {ptype = 4}, {ptype = 5}})
   check("and nothing is open", #tracker:unanswered(), 0)
-  check("a fault answers once", heard(), "request:7 fault:7")
+  check("a fault answers once", heard(), "asked:7 failed:7")
   local counts = tracker.counts
   check("counts", counts.faults * 1000 + counts.pings * 100 + counts.working * 10 + counts.others, 3111)
 end
@@ -630,10 +629,15 @@ end
 
 function Door:send(name, ar, index, proves)
   ar = ar or "AR"
-  if self.index47:admit(ar, index or 47, proves, self) then
+  local runs = self.index47:passes(ar, index or 47)
+  if proves and not runs then
+    self.index47:prove(ar, self)
+    runs = true
+  end
+  if runs then
     self:run(name)
   else
-    self.index47:hold(ar, name)
+    self.index47:pass_on(ar, name)
   end
 end
 
@@ -641,7 +645,7 @@ function Door:told()
   return table.concat(self.through, " ")
 end
 
-local function test_gate_waits()
+local function test_index47_waits()
   local door = door_of()
   local function waits(device)
     return door.index47:waits(device)
@@ -659,18 +663,18 @@ local function test_gate_waits()
   check("none waits any more", waits(DRIVE), false)
 end
 
-local function test_gate_indices()
+local function test_index47_indices()
   local shut = Index47.new({[1000] = true}, 4)
   for index, want in pairs({
     [47] = {true, true}, [0xB02E] = {true, false}, [0xB02F] = {true, false}, [48] = {false, true},
     [1000] = {true, false},
   }) do
-    check("concerns " .. index, shut:concerns(index), want[1])
-    check("needs proof " .. index, shut:needs_proof("AR", index), want[2])
+    check("concerned " .. index, shut.concerned[index] or false, want[1])
+    check("needs proof " .. index, not shut:passes("AR", index), want[2])
   end
-  check("forbidden", Index47.new({}, 4, true):concerns(47), false)
-  check("forbidden though named", Index47.new({[47] = true}, 4, true):concerns(47), false)
-  check("B02E is not", Index47.new(nil, 4, true):concerns(0xB02E), true)
+  check("forbidden", Index47.new({}, 4, true).concerned[47], nil)
+  check("forbidden though named", Index47.new({[47] = true}, 4, true).concerned[47], nil)
+  check("B02E is not", Index47.new(nil, 4, true).concerned[0xB02E], true)
   local door = door_of({[47] = true})
   door:send("now")
   check("named by the user", door:told(), "now")
@@ -678,7 +682,7 @@ local function test_gate_indices()
   check("not ours", door.index47:is_open("AR", 48), false)
 end
 
-local function test_gate_waiting()
+local function test_index47_waiting()
   local door = door_of()
   door:send("a")
   door:send("other", "OTHER")
@@ -688,7 +692,7 @@ local function test_gate_waiting()
   door:send("proof", nil, 47, true)
   door:send("after")
   check("what waited goes first", door:told(), "B02F a b proof after")
-  check("each AR proves itself", door.index47:needs_proof("OTHER", 47), true)
+  check("each AR proves itself", door.index47:is_open("OTHER", 47), false)
   door = door_of(nil, 4)
   for number = 0, 5 do
     door:send(number)
@@ -748,7 +752,7 @@ local function calls_of(ear, extra)
   local door = Index47.new(extra, 4096)
   local events = recordevents.RecordEvents.new(door, ear, nil, ear)
   local missing = completeness.new(LIMITS.activities)
-  local made = recordcalls.RecordCalls.new(events, door, ear, ear, nil, missing)
+  local made = recordcalls.RecordCalls.new(events, ear, ear, nil, missing)
   return calls.CallTracker.new(LIMITS, made, missing)
 end
 
@@ -783,7 +787,7 @@ end
 -- Names
 
 local function test_names()
-  local names = naming.Naming.new()
+  local names = stations.Stations.new()
   names:message(pdu_of({ptype = 2}), "02:00")
   names:message(pdu_of({ptype = 0, opnum = rpc.CONNECT}))
   local device = names:devices()[1]
@@ -800,7 +804,7 @@ local function test_names()
   local set = "\xfe\xfd\4\0" .. identify:sub(5)
   check("a Set names its destination", dcp.parse(set, "02:33", "02:01").mac, "02:01")
   check("a request asks only", dcp.parse("\xfe\xfe\5\0" .. identify:sub(5), "02:33"), nil)
-  local few = naming.Naming.new(2)
+  local few = stations.Stations.new(2)
   for last = 1, 5 do
     few:station("dcp", identify:gsub("\192\168\133\33", "\192\168\133" .. string.char(last)), "02:33")
   end
@@ -833,8 +837,8 @@ for _, test in ipairs({
   test_ordered, test_rpc_parse, test_rpc_refused, test_rpc_fragments, test_rpc_fragment_bounds,
   test_ip_orders, test_ip_incomplete, test_ip_bounds, test_copies, test_alike_copies,
   test_retransmissions, test_expiry, test_faults, test_record_requests, test_write_multiple,
-  test_responses, test_gate_indices, test_gate_waiting, test_gate_waits, test_record_calls, test_names,
-  test_lldp,
+  test_responses, test_index47_indices, test_index47_waiting, test_index47_waits, test_record_calls,
+  test_names, test_lldp,
 }) do
   test()
 end

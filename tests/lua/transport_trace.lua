@@ -19,7 +19,7 @@ local Index47 = require("ds47.acyclic.index47").Index47
 local ip = require("ds47.profinet.ip")
 local json = require("ds47.support.json")
 local lldp = require("ds47.profinet.lldp")
-local naming = require("ds47.profinet.stations")
+local stations = require("ds47.profinet.stations")
 local recordcalls = require("ds47.acyclic.record_calls")
 local recordevents = require("ds47.acyclic.record_events")
 local records = require("ds47.profinet.records")
@@ -176,14 +176,14 @@ end
 
 local function new_run()
   local ear = setmetatable({jobs = 0}, Ear)
-  local gates = Index47.new({}, tables.limits.waiting_calls, arg[2] == "forbid_47")
-  local events = recordevents.RecordEvents.new(gates, ear, nil, ear)
+  local index47 = Index47.new({}, tables.limits.waiting_calls, arg[2] == "forbid_47")
+  local events = recordevents.RecordEvents.new(index47, ear, nil, ear)
   local missing = completeness.new(tables.limits.activities)
   local run = {
-    events = events, records = recordcalls.RecordCalls.new(events, gates, ear, ear, nil, missing),
-    naming = naming.Naming.new(),
+    events = events, records = recordcalls.RecordCalls.new(events, ear, ear, nil, missing),
+    stations = stations.Stations.new(),
     fragments = rpc.Fragments.new(tables.limits.fragment_expiry_ns),
-    reassembly = ip.Reassembly.new(tables.limits),
+    reassembly = ip.Reassembler.new(tables.limits),
   }
   run.calls = calls.CallTracker.new(tables.limits, run.records, missing)
   return run
@@ -205,8 +205,8 @@ local function feed(run, packet)
       tell_pdu(whole, "whole", packet)
     end
     tell_records(whole)
-    run.naming:message(whole, packet.src_mac)
-    run.calls:feed(whole)
+    run.stations:message(whole, packet.src_mac)
+    run.calls:take(whole)
   else
     run.calls:begun(pdu)
   end
@@ -239,7 +239,7 @@ local function finish(run)
   for index, count in pairs(run.events.counts) do
     counts[tostring(index)] = count
   end
-  tell("end", {rpc = rpc_counts, records = counts, devices = json.array(run.naming:devices())})
+  tell("end", {rpc = rpc_counts, records = counts, devices = json.array(run.stations:devices())})
 end
 
 local function fields(line)
@@ -265,7 +265,7 @@ for line in io.lines() do
     local payload, src_mac, dst_mac = bytes(f[5]), text_or_nil(f[3]), text_or_nil(f[4])
     local parse = f[2] == "dcp" and dcp.parse or lldp.parse
     tell("station", {station = parse(payload, src_mac, dst_mac)})
-    run.naming:station(f[2], payload, src_mac, dst_mac)
+    run.stations:station(f[2], payload, src_mac, dst_mac)
   elseif f[1] == "end" then
     finish(run)
     run = new_run()

@@ -245,7 +245,7 @@ class Told(list[Any]):
 
 
 class Without47(Index47):
-    """What `forbid_47` of the Lua gate means."""
+    """What `forbid_47` of `Index47` in Lua means."""
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
@@ -255,11 +255,11 @@ class Without47(Index47):
 class Run:
     """The steps of an analysis up to pairing, for one capture."""
 
-    def __init__(self, gate: Index47) -> None:
+    def __init__(self, index47: Index47) -> None:
         self.ear = Ear()
         self.naming = Stations()
         told = Told(self.ear)
-        self.events = RecordEvents(gate, self.ear, Options(), told)  # type: ignore[arg-type]
+        self.events = RecordEvents(index47, self.ear, Options(), told)  # type: ignore[arg-type]
         missing = Completeness(limits().activities)
         self.records = RecordCalls(self.events, self.ear, told, missing, limits(), Stations())  # type: ignore[arg-type]
         self.calls = Messages(missing, self)

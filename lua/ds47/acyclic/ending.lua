@@ -16,25 +16,23 @@ local M = {}
 local Events = {}
 Events.__index = Events
 
-function Events:concerns(index) return self.index47:concerns(index) end
-
 local function is_ours(self, origin, record)
   local index47, peer = self.index47, origin.peer
   return index47:is_open(records.ar_key(peer, record), record.index)
     or index47:is_of_drive(peer.device, record.place)
 end
 
-function Events:about(origin, record, remark)
+function Events:remark(origin, record, remark)
   if is_ours(self, origin, record) then self.findings:add(remark) end
 end
 
-function Events:about_job(origin, record, remark)
+function Events:about(origin, record, remark)
   local job = record.job
   if job and is_ours(self, origin, record) then
     remark.order = job.order
     if self.twins[job] then self.twins[job]:note_call(remark.rule, remark.frame) end
   end
-  self:about(origin, record, remark)
+  self:remark(origin, record, remark)
 end
 
 function Events:lost(origin, record)
@@ -46,7 +44,7 @@ end
 -- Tells the jobs that are open which of their calls stay as they are; gives the counts of RPC then.
 local function lose_calls(live, events)
   local calls, counts = live.calls:unanswered(), flat(live.calls.counts)
-  local told = recordcalls.RecordCalls.new(events, live.index47, nil, nil, live.naming)
+  local told = recordcalls.RecordCalls.new(events, nil, nil, live.stations)
   for _, part in ipairs(live.fragments:unfinished()) do told:given_up(part, "RPC", live.calls) end
   for _, part in ipairs(live.reassembly:unfinished()) do told:given_up(part, "IP", live.calls) end
   for _, call in ipairs(calls) do told:lost(call) end
@@ -96,7 +94,7 @@ function M.result(live)
   local found = findings:result(numbered, over.finished_jobs, over.diagnoses)
   return {
     transactions = numbered, findings = found,
-    devices = live.naming:devices(), rpc = counts, records = live.events.counts,
+    devices = live.stations:devices(), rpc = counts, records = live.events.counts,
     relations = over.cyclic:relations(), timelines = over.cyclic:timelines(),
   }
 end

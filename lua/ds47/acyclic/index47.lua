@@ -7,9 +7,10 @@
 -- An AR is named by a key, which records.lua makes: controller, device, AR UUID (nil UUID for ReadImplicit).
 --
 -- An event is any table; whoever hands it in runs it (`runner:run(event)`). Where nothing has to wait no
--- event is made at all: ask `admit` first.
+-- event is made at all: ask `passes` first.
 
 local kind_fits = require("ds47.profidrive.family").kind_fits
+local flat = require("ds47.support.flat").copy
 local ordered = require("ds47.support.ordered")
 local parameter = require("ds47.profidrive.parameter")
 local records = require("ds47.profinet.records")
@@ -18,9 +19,9 @@ local tables = require("ds47.spec.tables")
 local M = {}
 
 local SHARED_INDEX = 47
-local ALWAYS = {0xB02E, 0xB02F}
+local ALWAYS = {[0xB02E] = true, [0xB02F] = true}
 local PROFIDRIVE_API = tables.layouts.RECORD_PROFIDRIVE_API
-M.SHARED_INDEX = SHARED_INDEX
+M.SHARED_INDEX, M.ALWAYS = SHARED_INDEX, ALWAYS
 
 -- The response ids from here on are those of requests that were not done.
 local NEGATIVE = 0x80
@@ -59,13 +60,12 @@ M.Index47 = Index47
 function Index47.new(extra, waiting, forbid_47, waiting_ars, proven)
   local always = {}
   for index, wanted in pairs(extra or {}) do always[index] = wanted or nil end
-  for _, index in ipairs(ALWAYS) do always[index] = true end
+  for index in pairs(ALWAYS) do always[index] = true end
   if forbid_47 then always[SHARED_INDEX] = nil end
-  local ours = {}
-  for index in pairs(always) do ours[index] = true end
-  ours[SHARED_INDEX] = not forbid_47 or nil
+  local concerned = flat(always)
+  concerned[SHARED_INDEX] = not forbid_47 or nil
   return setmetatable({
-    ours = ours, -- set of the record indices that can be ours at all
+    concerned = concerned, -- set of the record indices that can be ours at all
     always = always, waiting = waiting,
     most_events = waiting * (waiting_ars or tables.limits.waiting_ars),
     most_open = proven or tables.limits.proven_ars,
@@ -75,12 +75,6 @@ function Index47.new(extra, waiting, forbid_47, waiting_ars, proven)
     unproven = ordered.new(), -- of ARs that do not wait any more, by device, as `unproven_devices` gives it
   }, Index47)
 end
-
---- Whether a record of this index can be ours at all.
-function Index47:concerns(index) return self.ours[index] or false end
-
---- Whether a proof would open an AR.
-function Index47:needs_proof(ar, index) return not self.always[index] and not self.open.values[ar] end
 
 --- Whether anything waits that was asked of a device, perhaps a change of a parameter.
 function Index47:waits(device)
@@ -93,24 +87,20 @@ end
 --- Whether what comes on a record of this AR and index runs now, and does not wait (only).
 function Index47:is_open(ar, index)
   local held = self.held.values[ar]
-  return self:concerns(index) and (not self:needs_proof(ar, index) or held ~= nil and held.question)
+  local runs = self.always[index] or self.open.values[ar] or held and held.question
+  return self.concerned[index] and runs or false
 end
 
---- Whether an event of this AR may run now; false where it has to be held (`hold`).
--- With a proof (`proves`) what waited for it runs first, through `runner`.
-function Index47:admit(ar, index, proves, runner)
+--- Whether an event may run now; the AR has spoken then. Another one proves its AR (`prove`), or waits
+-- (`pass_on`).
+function Index47:passes(ar, index)
   local open = self.open
   if open.newest == ar then return true end -- it spoke last
   if open.values[ar] then
     open:move_to_end(ar)
     return true
   end
-  if self.always[index] then return true end
-  if proves then
-    self:_prove(ar, runner)
-    return true
-  end
-  return false
+  return self.always[index] or false
 end
 
 -- Runs, through `runner`, what waits of an AR.
@@ -122,7 +112,7 @@ end
 --- Keeps an event until something proves the same AR; for good if nothing does.
 -- @param asks  whether it is a question, which proves its AR until a Read shows a store; what waited runs
 -- @return whether a question proves the AR, so that the event runs all the same
-function Index47:hold(ar, event, asks, runner)
+function Index47:pass_on(ar, event, asks, runner)
   local held = self.held:get(ar)
   if not held then
     -- A ring: slot count % waiting takes the next one. `asked`: the newest Write of each place; `question`:
@@ -259,7 +249,7 @@ function Index47:follow(ar, event)
   local waiting, held = self.waiting, self.held:get(ar)
   if not held then return end
   if held.question and held.count >= waiting then
-    self:_prove(ar) -- it need not wait any longer
+    self:prove(ar) -- it need not wait any longer
     return
   elseif held.count < waiting then
     self.events = self.events + 1
@@ -269,7 +259,7 @@ function Index47:follow(ar, event)
   while self.held.length > waiting or self.events > self.most_events do
     local ar_of_oldest, oldest = self.held:first()
     if oldest.question then
-      self:_prove(ar_of_oldest)
+      self:prove(ar_of_oldest)
     else
       self.held:pop(ar_of_oldest)
       self.events = self.events - math.min(oldest.count, waiting)
@@ -278,7 +268,8 @@ function Index47:follow(ar, event)
   end
 end
 
-function Index47:_prove(ar, runner)
+--- An AR has proved itself: what waited for it runs, through `runner`.
+function Index47:prove(ar, runner)
   self.open:set(ar, true)
   if self.open.length > self.most_open then self.open:pop_first() end
   local held = self.held:pop(ar)

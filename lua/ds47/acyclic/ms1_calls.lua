@@ -17,7 +17,7 @@ Ms1Calls.__index = Ms1Calls
 -- @param idents  knows of which make stations are (profibus/idents.lua)
 function M.new(events, findings, idents)
   return setmetatable({
-    events = events, findings = findings, idents = idents,
+    events = events, concerned = events.index47.concerned, findings = findings, idents = idents,
     newest = nil, -- the call that the last frame asked for; whoever feeds frames forgets it
     written = {}, -- stations and indices that were written there -> the frame of the first time
   }, Ms1Calls)
@@ -96,7 +96,7 @@ end
 
 function Ms1Calls:failed(call)
   local record = call.record
-  if self.events:concerns(record.index) then
+  if self.concerned[record.index] then
     local here = origin(self, call, record.response)
     self.events:failed(here, record)
     self.events:lost(here, record)
@@ -107,7 +107,7 @@ end
 for event, half in pairs({answered = "response", lost = "request", unasked = "response"}) do
   Ms1Calls[event] = function(self, call)
     local record = call.record
-    if self.events:concerns(record.index) then
+    if self.concerned[record.index] then
       self.events[event](self.events, origin(self, call, record[half]), record)
     end
   end

@@ -9,7 +9,6 @@ local rpc = require("ds47.profinet.rpc")
 local tables = require("ds47.spec.tables")
 
 local byte = string.byte
-local SHARED_INDEX = require("ds47.acyclic.index47").SHARED_INDEX
 local parse_request, without_block = records.parse_request, records.without_block
 local parse_halves, parse_response = records.parse_halves, records.parse_response
 
@@ -35,8 +34,8 @@ local function known_peer(pdu)
 end
 
 -- The same peer with the vendor that is known or assumed up to now.
-local function with_vendor(peer, naming)
-  local vendor_id, assumed = naming:vendor(peer.device)
+local function with_vendor(peer, stations)
+  local vendor_id, assumed = stations:vendor(peer.device)
   local known, only_assumed = peer.with_vendor, assumed and vendor_id or nil
   if known == nil or known.vendor_id ~= vendor_id or known.vendor_assumed ~= only_assumed then
     known = {
@@ -51,13 +50,13 @@ end
 --- Who talks to whom: {controller, device, vendor_id, device_id}, and vendor_assumed, the same vendor,
 -- where a user said so.
 -- The same table again while it stays the same, so nobody may change it.
--- @param naming knows the vendors of devices whose calls do not say it (stations.lua)
-function M.peer(pdu, naming)
+-- @param stations knows the vendors of devices whose calls do not say it (stations.lua)
+function M.peer(pdu, stations)
   local peer = pdu.peer
   if peer == nil then
     peer = known_peer(pdu)
-    if peer.vendor_id == nil and naming.vendor_id ~= nil then
-      pdu.peer = with_vendor(peer, naming) -- of this PDU alone: the next one may know more
+    if peer.vendor_id == nil and stations.vendor_id ~= nil then
+      pdu.peer = with_vendor(peer, stations) -- of this PDU alone: the next one may know more
       return pdu.peer
     end
     getmetatable(pdu).peer = peer -- the head of its conversation
@@ -69,7 +68,7 @@ local peer_of = M.peer
 
 -- The PDU, which knows its peers then: that is where an event happens.
 local function placed(self, pdu)
-  peer_of(pdu, self.naming)
+  peer_of(pdu, self.stations)
   return pdu
 end
 
@@ -78,22 +77,20 @@ RecordCalls.__index = RecordCalls
 M.RecordCalls = RecordCalls
 
 --- The handlers of a `CallTracker`.
--- @param events    hears of every record that may be ours (record_events.lua)
--- @param index47      hears of connections that end: what waits for one of them waits behind that
--- @param pairing   hears of connections that begin and end
+-- @param events  hears of every record that may be ours, and of connections that end (record_events.lua)
+-- @param pairing  hears of connections that begin
 -- @param listener  takes the transport findings: listener:remark({rule, frame, args, offset}, job or nil);
 --   and hears of every answered Connect: listener:set_up(request, response)
--- @param naming    knows the vendors of devices whose calls do not say it (stations.lua)
+-- @param stations  knows the vendors of devices whose calls do not say it (stations.lua)
 -- @param completeness  hears of Writes of which the capture cut off where they go
-function RecordCalls.new(events, index47, pairing, listener, naming, completeness)
+function RecordCalls.new(events, pairing, listener, stations, completeness)
   return setmetatable({
-    events = events, index47 = index47, pairing = pairing, listener = listener, naming = naming,
-    completeness = completeness,
+    events = events, pairing = pairing, listener = listener, stations = stations,
+    completeness = completeness, concerned = events.index47.concerned,
     alone = ordered.new(), -- the newest responses without a request (DS102), by their frames
     connections = ordered.new(), -- client and server -> the request that begins or ends an AR: `_goes_on`
     forgot_requests = false, -- whether a limit pushed out a request whose response may still come
     newest = 0, -- the frame of the newest response that concerns us
-    limits = ordered.new(), -- name of a limit -> what it pushed out: {frame = of the first, count}
   }, RecordCalls)
 end
 
@@ -106,12 +103,12 @@ function RecordCalls:first_record(pdu)
   elseif pdu.ptype == 2 then
     record = select(2, parse_response(pdu))
   end
-  return record and self.events:concerns(record.index) and record or nil
+  return record and self.concerned[record.index] and record or nil
 end
 
 -- This one or the next of its call that can be ours; nil for none. `record` may be nil.
 local function ours_from(self, record)
-  local ours = self.index47.ours
+  local ours = self.concerned
   while record and not ours[record.index] do record = record.following end
   return record
 end
@@ -135,15 +132,15 @@ function RecordCalls:incomplete(pdu, have, kind, limit, call)
   local record = self:first_record(pdu) or ours_from(self, call and call.context)
   if not record then return end
   if limit then
-    self.events:then_run(placed(self, pdu), record, self, "limit_reached", limit)
+    self.events:pushed_out(placed(self, pdu), record, limit)
     self.forgot_requests = self.forgot_requests or pdu.ptype == 0
   else
     local remark = {rule = "DS105", frame = pdu.frame, args = {have = have, kind = kind}}
     local asked = call and not record.write and call.context
     if asked then
-      self.events:about_job(placed(self, pdu), asked, remark)
+      self.events:about(placed(self, pdu), asked, remark)
     else
-      self.events:about(placed(self, pdu), record, remark)
+      self.events:remark(placed(self, pdu), record, remark)
     end
   end
 end
@@ -155,21 +152,11 @@ function RecordCalls:given_up(part, kind, calls)
   if pdu ~= nil then self:incomplete(pdu, part.have, kind, part.limit, calls:open_call(pdu)) end
 end
 
---- A limit pushed out something of ours that began here: `at.frame`.
-function RecordCalls:limit_reached(limit, at)
-  local pushed = self.limits:get(limit)
-  if not pushed then
-    pushed = {frame = at.frame, count = 0}
-    self.limits:set(limit, pushed)
-  end
-  pushed.count = pushed.count + 1
-end
-
 --- What is to be said of each limit that pushed something out, when the capture is over: array of remarks.
 -- Not of requests whose response may still come, where none came any more: nothing was given up then.
 function RecordCalls:limits_reached()
   local found = {}
-  for name, pushed in self.limits:iterate() do
+  for name, pushed in self.events.limits:iterate() do
     if not OF_REQUESTS[name] or self.newest > pushed.frame then
       local args = {limit = name, most = tables.limits[name], count = pushed.count}
       found[#found + 1] = {rule = "DS109", frame = pushed.frame, args = args}
@@ -181,7 +168,7 @@ end
 --- A finding about an RPC call: once, and with the first job that it carries.
 function RecordCalls:_about_call(call, remark)
   local record = ours_from(self, call.context)
-  if record then self.events:about_job(placed(self, call.request), record, remark) end
+  if record then self.events:about(placed(self, call.request), record, remark) end
 end
 
 -- Requests
@@ -191,11 +178,7 @@ function RecordCalls:_connection(pdu, opnum)
   local at = {frame = pdu.frame, time_ns = pdu.time_ns}
   if opnum == RELEASE then
     local ar = records.released_ar(pdu)
-    if ar then
-      local of_ar = records.ar_text(pdu.client, pdu.server, ar)
-      self.pairing:release(of_ar, at)
-      self.index47:follow(of_ar, self.events.event_of(placed(self, pdu), self, "_released", of_ar))
-    end
+    if ar then self.events:released(records.ar_text(pdu.client, pdu.server, ar), at) end
   elseif opnum == CONNECT then
     local ar, only = records.connected_ar(pdu), records.is_only_ar(pdu)
     self.pairing:connected(pdu.client, pdu.server, at, ar, only)
@@ -231,7 +214,7 @@ function RecordCalls:_wait(pdu, opnum)
   end
 end
 
-function RecordCalls:request(call)
+function RecordCalls:asked(call)
   local pdu = call.request
   local opnum = pdu.opnum
   self:_goes_on(pdu)
@@ -244,7 +227,7 @@ function RecordCalls:request(call)
   call.context = record
   if pdu.missing ~= 0 and (multiple or record == nil) then self.completeness:cut(pdu) end
   if multiple then events:wrote_multiple() end
-  if pdu.peer == nil then peer_of(pdu, self.naming) end
+  if pdu.peer == nil then peer_of(pdu, self.stations) end
   if pairing.any_replaced then pairing:goes_on(pdu.peer, record) end
   if nested then self.listener:remark({rule = "DS208", frame = pdu.frame, args = {}}) end
   while record do
@@ -254,15 +237,15 @@ function RecordCalls:request(call)
 end
 
 --- The request of a response that was heard of already, as one without its request.
-function RecordCalls:late_request(call)
+function RecordCalls:late(call)
   local pdu, answer = call.request, call.response
   for _, alone in ipairs(self.alone:pop(answer.frame) or {}) do alone.withdrawn = true end
   local is_read = pdu.opnum == rpc.READ or pdu.opnum == rpc.READ_IMPLICIT
   local first = select(2, parse_response(answer))
   tell_each(self, pdu, first, "not_unasked")
   if not is_read or first == nil then
-    self:request(call)
-    self:response(call)
+    self:asked(call)
+    self:answered(call)
     return
   end
   local record = parse_request(pdu)
@@ -272,7 +255,7 @@ function RecordCalls:late_request(call)
   end
 end
 
-function RecordCalls:retransmission(call, pdu)
+function RecordCalls:again(call, pdu)
   self:_goes_on(pdu)
   local operation = OPERATIONS[pdu.opnum] or "?"
   local args = {operation = operation, first = call.request.frame}
@@ -294,14 +277,14 @@ function RecordCalls:pushed_out(call, limit)
   local pdu, record = call.request, ours_from(self, call.context)
   if record then
     self.forgot_requests = true
-    self.events:then_run(placed(self, pdu), record, self, "limit_reached", limit)
+    self.events:pushed_out(placed(self, pdu), record, limit)
   end
   tell_each(self, pdu, record, "lost")
 end
 
 -- Responses
 
-function RecordCalls:response(call)
+function RecordCalls:answered(call)
   local pdu, record = call.response, call.context
   if not OPERATIONS[pdu.opnum] then
     self:_goes_on(pdu)
@@ -309,15 +292,15 @@ function RecordCalls:response(call)
   end
   if not record then return end
   local status, answered = parse_halves(pdu)
-  local events, ours = self.events, self.index47.ours
-  if pdu.peer == nil then peer_of(pdu, self.naming) end
+  local events, ours = self.events, self.concerned
+  if pdu.peer == nil then peer_of(pdu, self.stations) end
   while record do
     if ours[record.place.index] then
       local half = answered or without_block(pdu, status, record.place.write)
       record.response, self.newest = half, pdu.frame
       if not (half.status or half.cut) then
         local remark = {rule = "DS108", frame = pdu.frame, args = {}}
-        events:about_job(pdu, record, remark)
+        events:about(pdu, record, remark)
       end
       events:answered(pdu, record)
     end
@@ -326,7 +309,7 @@ function RecordCalls:response(call)
 end
 
 --- A response to no known call; `certain`: that its request is not in the capture.
-function RecordCalls:orphan_response(pdu, certain)
+function RecordCalls:unasked(pdu, certain)
   local operation = OPERATIONS[pdu.opnum]
   if not operation then
     self:_goes_on(pdu)
@@ -350,7 +333,7 @@ function RecordCalls:orphan_response(pdu, certain)
   end
 end
 
-function RecordCalls:second_response(call, pdu)
+function RecordCalls:twice(call, pdu)
   local args = {
     operation = OPERATIONS[pdu.opnum] or "?", first = call.response.frame,
     has = call.again and "has_either" or "has_first",
@@ -371,17 +354,11 @@ local function fault_code(pdu)
   return code
 end
 
-function RecordCalls:fault(call, pdu)
+function RecordCalls:failed(call, pdu)
   local args = {kind = rpc.PTYPES[pdu.ptype], fault = fault_code(pdu)}
   self:_about_call(call, {rule = "DS104", frame = pdu.frame, args = args})
   if not call.context then self:_goes_on(pdu) end
   tell_each(self, pdu, call.context, "failed")
 end
 
--- What waited for its AR to prove itself is behind a Release then, as all else was when that came.
-function RecordCalls:_released(of_ar, pdu)
-  self.pairing:release(of_ar, {frame = pdu.frame, time_ns = pdu.time_ns}, SHARED_INDEX)
-end
-
-M.OPERATIONS = OPERATIONS
 return M

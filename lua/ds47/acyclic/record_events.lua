@@ -13,12 +13,13 @@
 local json = require("ds47.support.json")
 local index47s = require("ds47.acyclic.index47")
 local parameter = require("ds47.profidrive.parameter")
+local ordered = require("ds47.support.ordered")
 local records = require("ds47.profinet.records")
 
 local half_of, know_peer, is_untold = records.half, records.know_peer, records.is_untold
 local ar_of = records.ar_of_47
-local ALWAYS = {[0xB02E] = true, [0xB02F] = true}
-local admit = index47s.Index47.admit -- for every record
+local ALWAYS, SHARED_INDEX = index47s.ALWAYS, index47s.SHARED_INDEX
+local passes = index47s.Index47.passes -- for every record
 
 local M = {}
 
@@ -37,6 +38,7 @@ function RecordEvents.new(index47, pairing, codec, listener)
   return setmetatable({
     index47 = index47, pairing = pairing, codec = codec, listener = listener, counts = {},
     newest_ns = nil, newest_frame = 0, -- time and number of the newest frame of a call that is ours
+    limits = ordered.new(), -- name of a limit -> what it pushed out: {frame = of the first, count}
     decode_request = parameter.remembering(codec),
   }, RecordEvents)
 end
@@ -59,16 +61,17 @@ local function event_remark(self, origin, record, remark)
   self.listener:remark(remark)
 end
 
-local function event_run(_, origin, _, detail)
-  detail.target[detail.method](detail.target, detail.argument, origin)
-end
+local function event_pushed_out(self, origin, _, limit) self:push_out(limit, origin.frame) end
 
-local function event_job_remark(self, origin, record, remark)
+-- What waited for its AR to prove itself is behind a Release then, as all else was when that came.
+local function event_release(self, at, _, of_ar) self.pairing:release(of_ar, at, SHARED_INDEX) end
+
+local function event_about(self, origin, record, remark)
   remark.ar = ar_of(origin.peer, record)
   self.listener:remark(remark, record.job)
 end
 
-local function event_read_request(self, origin, record, _, peer)
+local function event_read_asked(self, origin, record, _, peer)
   clock(self, origin, record)
   record.job = self.pairing:expected(peer, record) -- for what is said of the call
   if record.job then record.job:fetch(record.request) end
@@ -83,11 +86,11 @@ local function event_answered_twice(_, _, record)
 end
 
 -- A Read is over, to whomever its response goes.
-local function event_read_failed(_, _, record)
+local function event_read_over(_, _, record)
   if record.job then record.job:fetched(record.request) end
 end
 
-local function event_write_request(self, origin, record, message, peer)
+local function event_write_asked(self, origin, record, message, peer)
   clock(self, origin, record)
   record.job = self.pairing:write_request(peer, record, message)
 end
@@ -108,7 +111,7 @@ local function event_read_answered(self, origin, record, _, peer)
     self.pairing:read_untold(peer, record)
     return
   end
-  event_read_failed(self, origin, record)
+  event_read_over(self, origin, record)
   local place, data = record.place, record.response.data
   if ALWAYS[place.index] and data ~= "" then self.index47:responded(peer.device, place, data, self.codec) end
   self.pairing:read_response(peer, record)
@@ -120,9 +123,6 @@ local function event_write_failed(self, origin, record)
 end
 
 -- What is told
-
---- Whether a record of this index can be ours at all.
-function RecordEvents:concerns(index) return self.index47:concerns(index) end
 
 -- One more record request of this index.
 local function count(self, index, kind)
@@ -140,15 +140,19 @@ function RecordEvents:wrote_multiple() count(self, records.WRITE_MULTIPLE, "writ
 local function pass(self, event, proves, origin, record, detail)
   local peer, place, index47 = origin.peer, record.place, self.index47
   if place.peer ~= peer then know_peer(place, peer) end
-  local ar, index = place.ar_key, place.index
-  if admit(index47, ar, index, false, self) or (index47:is_of_drive(peer.device, place)
-    or proves and proves(self, origin, record, detail)) and admit(index47, ar, index, true, self) then
+  local ar = place.ar_key
+  if passes(index47, ar, place.index) then
+    event(self, origin, record, detail, peer)
+    return false
+  end
+  if index47:is_of_drive(peer.device, place) or proves and proves(self, origin, record, detail) then
+    index47:prove(ar, self)
     event(self, origin, record, detail, peer)
     return false
   end
   local held = {event = event, origin = origin, record = record, detail = detail}
-  local asks = event == event_write_request and index47:asks(peer.device, place, detail)
-  if index47:hold(ar, held, asks, self) then event(self, origin, record, detail, peer) end
+  local asks = event == event_write_asked and index47:asks(peer.device, place, detail)
+  if index47:pass_on(ar, held, asks, self) then event(self, origin, record, detail, peer) end
   return true
 end
 
@@ -159,23 +163,28 @@ function RecordEvents:run(held)
 end
 
 --- A finding about a record that is ours, or will turn out to be.
-function RecordEvents:about(origin, record, remark) pass(self, event_remark, nil, origin, record, remark) end
+function RecordEvents:remark(origin, record, remark) pass(self, event_remark, nil, origin, record, remark) end
 
 --- The same, about the job that the record belongs to, where there is one then.
-function RecordEvents:about_job(origin, record, remark)
-  pass(self, event_job_remark, nil, origin, record, remark)
+function RecordEvents:about(origin, record, remark) pass(self, event_about, nil, origin, record, remark) end
+
+--- The call of a record, which is ours or will turn out to be, was pushed out by the limit of this name.
+function RecordEvents:pushed_out(origin, record, limit)
+  pass(self, event_pushed_out, nil, origin, record, limit)
 end
 
---- What else happens only if the record is ours: `target[method](target, argument, origin)`.
-function RecordEvents:then_run(origin, record, target, method, argument)
-  local detail = {target = target, method = method, argument = argument}
-  pass(self, event_run, nil, origin, record, detail)
+--- A limit pushed out something of ours that began in this frame.
+function RecordEvents:push_out(limit, frame)
+  local pushed = self.limits:get(limit) or {frame = frame, count = 0}
+  self.limits:set(limit, pushed)
+  pushed.count = pushed.count + 1
 end
 
---- The same as an event that may wait (index47.lua) without a record of its own.
-function RecordEvents.event_of(origin, target, method, argument)
-  local detail = {target = target, method = method, argument = argument}
-  return {event = event_run, origin = origin, detail = detail}
+--- An AR (its key) is over; what waits of it, too, once it goes on.
+-- @param at  {frame, time_ns} of its Release
+function RecordEvents:released(of_ar, at)
+  self.pairing:release(of_ar, at)
+  self.index47:follow(of_ar, {event = event_release, origin = at, detail = of_ar})
 end
 
 -- Whether a Read that was answered shows the parameter channel, or brings once more what did.
@@ -184,7 +193,7 @@ local function proves_by_answer(self, origin, record)
   if half.data == "" then return false end
   local ars = index47:echoed(place.ar_key, place, half.data)
   for _, ar in ipairs(ars or {}) do -- of a store nothing is judged: what is open is over
-    self.pairing:release(ar, nil, index47s.SHARED_INDEX)
+    self.pairing:release(ar, nil, SHARED_INDEX)
     self.listener:no_drive(ar)
   end
   know_peer(place, origin.peer) -- that of what was forgotten has been asked for meanwhile
@@ -197,7 +206,7 @@ local function asked_to_write(self, origin, record)
   local half = record.request
   if half.missing then self:_length(origin, record, half) end
   local message, place = self.decode_request(half.data, half.cut), record.place
-  if pass(self, event_write_request, nil, origin, record, message) then
+  if pass(self, event_write_asked, nil, origin, record, message) then
     self.index47:heard(place.ar_key, half.frame, true)
     self.index47:asked(place.ar_key, place, message, half.data)
   end
@@ -207,10 +216,10 @@ end
 function RecordEvents:asked(origin, record)
   local place = record.place
   count(self, place.index, place.write and "write" or "read")
-  if not self.index47.ours[place.index] then return end
+  if not self.index47.concerned[place.index] then return end
   if place.write then
     asked_to_write(self, origin, record)
-  elseif pass(self, event_read_request, nil, origin, record) then
+  elseif pass(self, event_read_asked, nil, origin, record) then
     self.index47:heard(place.ar_key, record.request.frame, true)
   end
 end
@@ -219,16 +228,14 @@ end
 function RecordEvents:asked_late(origin, record, answer)
   local index = record.place.index
   count(self, index, "read")
-  if self.index47.ours[index] and pass(self, event_read_asked_late, nil, origin, record, answer) then
+  if self.index47.concerned[index] and pass(self, event_read_asked_late, nil, origin, record, answer) then
     self.index47:heard(record.place.ar_key, answer, true)
   end
 end
 
 --- A response was no one without its request: that came late, and is told next.
 function RecordEvents:not_unasked(origin, record)
-  if self.index47:needs_proof(records.ar_key(origin.peer, record), record.index) then
-    self.index47:unheard(record.place.ar_key)
-  end
+  if record.index == SHARED_INDEX then self.index47:unheard(records.ar_key(origin.peer, record)) end
 end
 
 --- A request with two responses: which of them its client has is not known.
@@ -269,7 +276,7 @@ end
 
 --- A request that was turned away before anybody looked at its record.
 function RecordEvents:failed(origin, record)
-  pass(self, record.write and event_write_failed or event_read_failed, nil, origin, record)
+  pass(self, record.write and event_write_failed or event_read_over, nil, origin, record)
 end
 
 --- A request whose response does not come any more.
@@ -285,10 +292,10 @@ function RecordEvents:_length(origin, record, half)
       captured = cut.captured, original = cut.original, length = half.missing and half.stated,
       completed = half.frame,
     }
-    self:about(origin, record, {rule = "DS106", frame = cut.frame, args = args})
+    self:remark(origin, record, {rule = "DS106", frame = cut.frame, args = args})
   else
     local args = {stated = half.stated, present = #half.data}
-    self:about(origin, record, {rule = "DS202", frame = half.frame, args = args})
+    self:remark(origin, record, {rule = "DS202", frame = half.frame, args = args})
   end
 end
 

@@ -31,12 +31,12 @@ M.CallTracker = CallTracker
 -- pushed out when there are too many.
 -- @param limits the flat table of tables.lua (copy_ns, call_expiry_ns, datagrams, activities, calls,
 --   answered_calls, rpc_messages)
--- @param handlers a table with methods request(call), response(call), orphan_response(pdu, certain),
---   second_response(call, pdu) of one with other bytes to a call that was answered,
---   late_request(call) of one that comes behind its response and was sent before it,
---   retransmission(call, pdu), fault(call, pdu), lost(call), pushed_out(call, limit); each is called at most
---   once for one event. `certain`: that the request is not in the capture; `limit`: the name of the one that
---   pushed the call out, whose response may still come
+-- @param handlers a table with methods, who hear what becomes of a call in the order of the capture:
+--   asked(call); answered(call), by its response; failed(call, pdu), by a fault or reject; again(call, pdu),
+--   its request once more; late(call), a request that comes behind its response and was sent before it;
+--   twice(call, pdu), a second response with other bytes; unasked(pdu, certain), a response without its
+--   request, which is `certain` not to be in the capture; lost(call), for whose response nobody waits any
+--   more; pushed_out(call, limit), the same for the limit of that name: it may still come
 -- @param missing  hears of what is not in the capture (completeness.lua)
 function CallTracker.new(limits, handlers, missing)
   return setmetatable({
@@ -299,10 +299,10 @@ local function was_read(self, pdu, early)
 end
 
 -- A call is sent again.
-local function again(self, call, pdu)
+local function repeated(self, call, pdu)
   count(self, "retransmissions")
   self.newest, self.asks_again = call, true
-  self.handlers:retransmission(call, pdu)
+  self.handlers:again(call, pdu)
   call.sent_ns, call.again = pdu.time_ns, pdu.frame
   if call.response then self.answered:move_to_end(key_of(pdu)) end
 end
@@ -313,7 +313,7 @@ local function request(self, pdu)
   local call = activity.by_seq[seq] or self.answered:get(key_of(pdu))
   if call then
     if is_retransmission(self, activity, call, pdu) then
-      again(self, call, pdu)
+      repeated(self, call, pdu)
       return
     end
     activity.anew, activity.numbers.answered = pdu.frame, -1
@@ -336,18 +336,18 @@ local function request(self, pdu)
   self.newest, self.asks_again = call, false
   if early and not late and was_read(self, pdu, early) then
     answer(self, activity, call, early)
-    again(self, call, pdu)
+    repeated(self, call, pdu)
   elseif early and late then
     answer(self, activity, call, early)
     self.completeness:asked_after_all(early)
     if early.ptype == 2 then
-      self.handlers:late_request(call)
+      self.handlers:late(call)
     else
-      self.handlers:request(call)
-      self.handlers:fault(call, early)
+      self.handlers:asked(call)
+      self.handlers:failed(call, early)
     end
   else
-    self.handlers:request(call)
+    self.handlers:asked(call)
   end
 end
 
@@ -385,7 +385,7 @@ local function answers_again(self, activity, pdu)
     return false
   elseif activity == nil or activity.doubled < call.request.frame then
     self.newest, self.asks_again = call, false
-    self.handlers:second_response(call, pdu)
+    self.handlers:twice(call, pdu)
   end
   return true
 end
@@ -398,9 +398,9 @@ local function response(self, pdu)
   end
   if call then
     answer(self, activity, call, pdu)
-    self.handlers:response(call)
+    self.handlers:answered(call)
   elseif not answers_again(self, activity, pdu) then
-    self.handlers:orphan_response(pdu, unasked(self, pdu))
+    self.handlers:unasked(pdu, unasked(self, pdu))
   end
 end
 
@@ -408,7 +408,7 @@ local function fault(self, pdu)
   local call, activity = call_of(self, pdu)
   if call then
     answer(self, activity, call, pdu)
-    self.handlers:fault(call, pdu)
+    self.handlers:failed(call, pdu)
   elseif not answers_again(self, activity, pdu) then
     unasked(self, pdu)
   end
@@ -419,7 +419,7 @@ local TAKE = {[0] = request, [2] = response, [3] = fault, [6] = fault}
 local COUNTED = {[0] = "requests", "pings", "responses", "faults", "working", [6] = "rejects"}
 
 --- Takes one whole message (not a copy, see `is_copy`).
-function CallTracker:feed(pdu)
+function CallTracker:take(pdu)
   local counts, name, take = self.counts, COUNTED[pdu.ptype] or "others", TAKE[pdu.ptype]
   counts[name] = counts[name] + 1
   if take then take(self, pdu) end

@@ -89,9 +89,9 @@ local function packet_of(entry, data, length)
   }
 end
 
-local Reassembly = {}
-Reassembly.__index = Reassembly
-M.Reassembly = Reassembly
+local Reassembler = {}
+Reassembler.__index = Reassembler
+M.Reassembler = Reassembler
 
 --- Puts fragments together, whatever their order; copies of a fragment are tolerated.
 --
@@ -100,14 +100,14 @@ M.Reassembly = Reassembly
 -- it: an array as of `unfinished`; `limit` is the name of the one that pushed it out, nil where its time was
 -- over.
 -- @param limits the flat table of tables.lua (fragment_expiry_ns, ip_datagrams, ip_fragments, fragment_bytes)
-function Reassembly.new(limits)
+function Reassembler.new(limits)
   return setmetatable({
     expiry_ns = limits.fragment_expiry_ns, most_datagrams = limits.ip_datagrams,
     most_fragments = limits.ip_fragments, most_bytes = limits.fragment_bytes,
     open = ordered.new(), done = ordered.new(), fragments = 0, bytes = 0, now_ns = nil,
     given_up = {},
     original = nil, -- the frame of which the fragment that was taken last is a copy
-  }, Reassembly)
+  }, Reassembler)
 end
 
 --- The piece of which this is a mirror port's copy, of a datagram that just became whole; nil of any other.
@@ -124,7 +124,7 @@ end
 --   bytes, `more` the flag that more fragments follow, `data` the IP payload as it was captured, `missing`
 --   (nil for 0) the bytes at its end that were not, `cut` as rpc.parse takes it; where the snap length cut
 --   fragments, the payload ends at the first cut
-function Reassembly:feed(part)
+function Reassembler:feed(part)
   local time_ns, offset, data = part.time_ns, part.offset, part.data
   local length = #data + (part.missing or 0)
   self.now_ns = time_ns
@@ -169,7 +169,7 @@ local function tell(found, entry)
 end
 
 --- What a fragment that completes no datagram tells alone: a packet; nil where it is not the beginning.
-function Reassembly.begun(part)
+function Reassembler.begun(part)
   if part.offset ~= 0 then return nil end
   return packet_of(part, part.data, #part.data + (part.missing or 0))
 end
@@ -177,13 +177,13 @@ end
 --- What is still waited for, oldest first: an array of {packet, have}.
 -- The packet holds the payload up to the first hole, its frame and time are those of the last fragment seen
 -- and its MAC address is not kept; `have` counts the fragments seen.
-function Reassembly:unfinished()
+function Reassembler:unfinished()
   local found = {}
   for _, entry in self.open:iterate() do tell(found, entry) end
   return found
 end
 
-function Reassembly:_close(key)
+function Reassembler:_close(key)
   local entry = self.open:pop(key)
   self.fragments = self.fragments - entry.count
   self.bytes = self.bytes - entry.bytes
@@ -192,7 +192,7 @@ end
 
 --- The order of first fragments is nearly the order of time, so the oldest one decides. The clock may have
 -- stepped back: what began far ahead of it is as old as what began long ago.
-function Reassembly:_expire()
+function Reassembler:_expire()
   while self.open.length > 0 do
     local key, entry = self.open:first()
     if math.abs(self.now_ns - entry.first_ns) <= self.expiry_ns then return end
@@ -201,13 +201,13 @@ function Reassembly:_expire()
 end
 
 --- The name of the limit that is passed, nil for none.
-function Reassembly:_over()
+function Reassembler:_over()
   if self.open.length > self.most_datagrams then return "ip_datagrams" end
   if self.fragments > self.most_fragments then return "ip_fragments" end
   return self.bytes > self.most_bytes and "fragment_bytes" or nil
 end
 
-function Reassembly:_make_room(newest)
+function Reassembler:_make_room(newest)
   local open, limit = self.open, self:_over()
   while limit and open.oldest ~= newest do
     self:_give_up(open.oldest, limit)
@@ -215,7 +215,7 @@ function Reassembly:_make_room(newest)
   end
 end
 
-function Reassembly:_give_up(key, limit)
+function Reassembler:_give_up(key, limit)
   local entry = self:_close(key)
   if entry.pieces[0] then -- without the beginning nobody can tell whose it was
     entry.limit = limit

@@ -9,26 +9,26 @@ local tables = require("ds47.spec.tables")
 
 local M = {}
 
-local Naming = {}
-Naming.__index = Naming
-M.Naming = Naming
+local Stations = {}
+Stations.__index = Stations
+M.Stations = Stations
 
 --- Collects what the capture says about who is who.
 -- @param most how many stations are kept, the oldest goes first, and how many devices, the first stay; nil
 --   for the shipped limit
 -- @param vendor_id whose devices are of which nothing says a vendor; nil: nobody's
-function Naming.new(most, vendor_id)
+function Stations.new(most, vendor_id)
   return setmetatable({
     servers = ordered.new(), stations = ordered.new(), most = most or tables.limits.stations,
     by_ip = ordered.new(), -- MAC address of the station that was the last to say that it has an IP address
     vendor_id = vendor_id,
-  }, Naming)
+  }, Stations)
 end
 
 --- Takes a DCP or LLDP packet.
 -- @param kind "dcp" (payload begins with the frame id) or "lldp" (payload is the LLDPDU)
 -- @param src_mac, dst_mac text, or nil where the link type has none; a DCP Set names its destination
-function Naming:station(kind, payload, src_mac, dst_mac)
+function Stations:station(kind, payload, src_mac, dst_mac)
   local station
   if kind == "dcp" then
     station = dcp.parse(payload, src_mac, dst_mac)
@@ -48,7 +48,7 @@ end
 
 --- Vendor id of a device whose record call does not say it: as shown up to now, else what is assumed. The
 -- second value is true where it is assumed.
-function Naming:vendor(ip)
+function Stations:vendor(ip)
   local device = self.servers:get(ip)
   if device and device.vendor_id then return device.vendor_id, false end
   local mac = self.by_ip:get(ip)
@@ -61,7 +61,7 @@ function Naming:vendor(ip)
 end
 
 --- Vendor id of the station with a MAC address: as shown up to now, else what is assumed.
-function Naming:vendor_of(mac)
+function Stations:vendor_of(mac)
   local station = self.stations:get(mac)
   if station and station.vendor_id then return station.vendor_id end
   for _, device in self.servers:iterate() do
@@ -72,7 +72,7 @@ end
 
 --- Takes an RPC message: responses come from devices, a Connect names device and controller.
 -- @param src_mac of the frame that it came in, or that completed it: text, nil where that is not known
-function Naming:message(pdu, src_mac)
+function Stations:message(pdu, src_mac)
   local ptype = pdu.ptype
   if ptype == 2 and pdu.opnum ~= rpc.CONTROL then -- a controller answers ApplicationReady
     self:_learn(pdu.source, src_mac, pdu.object_uuid)
@@ -83,7 +83,7 @@ end
 
 --- Every device that answered or was connected to, in the order of first sight.
 -- An array of {ip, mac, station, vendor_id, assumed_vendor_id, device_id}, made anew each time.
-function Naming:devices()
+function Stations:devices()
   local by_ip, devices = {}, {}
   for _, station in self.stations:iterate() do
     if station.ip then by_ip[station.ip] = station end
@@ -100,7 +100,7 @@ function Naming:devices()
   return devices
 end
 
-function Naming:_learn(ip, mac, object_uuid)
+function Stations:_learn(ip, mac, object_uuid)
   local device = self.servers:get(ip)
   if device and device.mac and device.vendor_id then return end -- nothing is left to learn
   if not device then
