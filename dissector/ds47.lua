@@ -360,6 +360,4 @@ end
 
 require("ds47_ws.stats").register(track, arguments)
 require("ds47_ws.menu").register(track, { version = tables.version, path = source })
-if WINDOW and register_packet_menu then -- 4.0 has none
-  require("ds47_ws.packet_menu").register(track)
-end
+if WINDOW and register_packet_menu then require("ds47_ws.packet_menu").register(track) end -- 4.0 has none

@@ -30,15 +30,10 @@ end
 local function make(row)
   local key, label, kind, detail, values, more = row[1], row[2], row[3], row[4], row[5], row[6]
   local abbreviation, constructor = "ds47." .. key, ProtoField[kind == "code" and "uint8" or kind]
-  if kind == "code" then
-    return constructor(abbreviation, label, base.DEC, types.words(detail))
-  elseif kind == "bool" and values then
-    return constructor(abbreviation, label, more or 8, detail, values)
-  elseif kind == "framenum" then
-    return constructor(abbreviation, label, base.NONE, frametype[detail])
-  elseif detail then
-    return constructor(abbreviation, label, base[detail], values and names(values), more)
-  end
+  if kind == "code" then return constructor(abbreviation, label, base.DEC, types.words(detail)) end
+  if kind == "bool" and values then return constructor(abbreviation, label, more or 8, detail, values) end
+  if kind == "framenum" then return constructor(abbreviation, label, base.NONE, frametype[detail]) end
+  if detail then return constructor(abbreviation, label, base[detail], values and names(values), more) end
   return constructor(abbreviation, label)
 end
 

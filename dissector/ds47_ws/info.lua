@@ -82,9 +82,8 @@ local function with_parameter(text, separator, item, style)
   if failed then return text .. separator .. around.address .. ": " .. error_of(failed) end
   if value == nil then return text .. separator .. around.address end
   local described = around.is_described and descriptions.parts(item, words, style.lang)
-  if described then
-    return text .. separator .. around.before .. concat(described, ", ")
-  elseif descriptions.stated(item) > 1 or item.scaled then
+  if described then return text .. separator .. around.before .. concat(described, ", ") end
+  if descriptions.stated(item) > 1 or item.scaled then
     return text .. separator .. around.before .. words.with_unit(item)
   end
   local shown = type(value) == "number" and around.number_text(value) or words.value(value, item.format)

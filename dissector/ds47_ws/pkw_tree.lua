@@ -16,13 +16,9 @@ local format = string.format
 local M = {}
 
 local ATTRIBUTES = {} -- name -> code
-for code, row in pairs(tables.attributes) do
-  ATTRIBUTES[type(row) == "table" and row.name or row] = code
-end
+for code, row in pairs(tables.attributes) do ATTRIBUTES[type(row) == "table" and row.name or row] = code end
 
-local function value_text(told)
-  return words.value(told.value, told.float and "Float32" or "DoubleWord")
-end
+local function value_text(told) return words.value(told.value, told.float and "Float32" or "DoubleWord") end
 
 -- Where the value stands: offset and length in the words.
 local function value_place(told)

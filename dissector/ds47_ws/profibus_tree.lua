@@ -104,9 +104,7 @@ end
 local function add_service(root, item)
   local service = dp.service(item)
   local shown = derive(root, "service", codes.profibus_services[service])
-  if shown then
-    shown:set_text(format("Service: %s (%s)", service, spec.service_text(service, language)))
-  end
+  if shown then shown:set_text(format("Service: %s (%s)", service, spec.service_text(service, language))) end
 end
 
 -- What DP says
@@ -274,9 +272,7 @@ end
 --- Sets the columns: who sends to whom, and the frame in one line.
 function M.set_columns(columns, item, lang)
   columns.protocol, columns.info = PROTOCOL, words.summary(item, lang)
-  if item.sa and item.da then
-    columns.src, columns.dst = station(item.sa, lang), station(item.da, lang)
-  end
+  if item.sa and item.da then columns.src, columns.dst = station(item.sa, lang), station(item.da, lang) end
 end
 
 return M

@@ -75,9 +75,7 @@ end
 local function add_values(put, parent, place, record, raw, value)
   local key = place.sent and "pzd.setpoint" or "pzd.actual"
   local shown = put.add(parent, key, value, record, 2, 2)
-  if shown then
-    shown:set_text(format("%s: %.2f %%", place.sent and "Setpoint" or "Actual value", value))
-  end
+  if shown then shown:set_text(format("%s: %.2f %%", place.sent and "Setpoint" or "Actual value", value)) end
   if place.speed then put.add(parent, key .. ".raw", raw, record, 2, 2) end
 end
 

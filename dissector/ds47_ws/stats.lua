@@ -78,9 +78,7 @@ end
 -- @param arguments array of the arguments of the script, one for each -X lua_script1:ARGUMENT
 function M.register(track, arguments)
   local wanted, unknown = M.parse(arguments)
-  for _, argument in ipairs(unknown) do
-    complain("unknown argument " .. argument .. "; known: " .. USAGE)
-  end
+  for _, argument in ipairs(unknown) do complain("unknown argument " .. argument .. "; known: " .. USAGE) end
   if #wanted.outputs == 0 or gui_enabled() then return end
   local frames = 0
   local listener = Listener.new("frame")

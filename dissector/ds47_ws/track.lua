@@ -273,9 +273,7 @@ function M.feed_bus(number, data, link_type, clock, length)
 end
 
 --- A frame of PROFIBUS that was fed already, decoded; nil of one that is none.
-function M.bus_frame(number, data)
-  return bus_from and number >= bus_from and telegram.decode(data) or nil
-end
+function M.bus_frame(number, data) return bus_from and number >= bus_from and telegram.decode(data) or nil end
 
 local news, news_row, news_at -- the cyclic frame that is news, and where its channels are
 
@@ -484,9 +482,7 @@ function M.complete_views(number)
 end
 
 --- The findings of the transaction of a view, wherever they stand; none before all of the file is known.
-function M.findings_of(view)
-  return view.complete and the_complete().of_transactions[view.item.id] or NONE
-end
+function M.findings_of(view) return view.complete and the_complete().of_transactions[view.item.id] or NONE end
 
 --- The number of the drive object that a transaction of the complete result reaches; nil where none is sure.
 function M.drive_object(item) return drive_objects.reached(the_complete().result, item) end

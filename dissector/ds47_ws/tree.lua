@@ -190,9 +190,8 @@ end
 -- Text that is not shown as it is has its bytes as well, so that nothing of it is lost; `range` is where they
 -- stand.
 local function text_bytes(parent, item, value, range)
-  if type(value) ~= "string" or not words.is_text(item.format) then
-    return
-  elseif find(value, "[^ -~]") or find(value, '[\\"]') then
+  if type(value) ~= "string" or not words.is_text(item.format) then return end
+  if find(value, "[^ -~]") or find(value, '[\\"]') then
     point(parent, "value.hex", range or elsewhere(reader.from_latin1(value), "Text"))
   end
 end
@@ -444,9 +443,7 @@ local function add_links(parent, view)
   if view.role ~= "read_response" and wants.response_in then
     derive(parent, "response_in", frame_of(view, "read_response"))
   end
-  if wants.time and view.item.duration_ns then
-    derive(parent, "time", duration(view.item.duration_ns))
-  end
+  if wants.time and view.item.duration_ns then derive(parent, "time", duration(view.item.duration_ns)) end
 end
 
 -- Whether earlier frames prove the state: one pass does not know how an open transaction ends.
@@ -645,9 +642,8 @@ end
 -- The record of a view in the frame, where somebody sees, or asks for, what is made of it.
 local function record_of(view, context)
   local item, data = view.item, nil
-  if item.channel == "ds47" and not wants[protocol] and not wants[of.record] then
-    return nil
-  elseif view.role == "write_request" then
+  if item.channel == "ds47" and not wants[protocol] and not wants[of.record] then return nil end
+  if view.role == "write_request" then
     data = item.request
   elseif HEADERS[view.role] then
     data = item.response

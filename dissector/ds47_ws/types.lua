@@ -46,11 +46,9 @@ local ENDS = {
 -- What kind of address a text is, and what a field takes of it: nil of what is none.
 local PEERS = entries(function(text)
   local station = match(text, "^dp(%d+)$")
-  if station then
-    return { kind = "bus", value = tonumber(station) }
-  elseif match(text, "^%d+%.%d+%.%d+%.%d+$") then
-    return { kind = "ip", value = Address.ip(text) }
-  elseif match(text, "^%x%x:%x%x:%x%x:%x%x:%x%x:%x%x$") then
+  if station then return { kind = "bus", value = tonumber(station) } end
+  if match(text, "^%d+%.%d+%.%d+%.%d+$") then return { kind = "ip", value = Address.ip(text) } end
+  if match(text, "^%x%x:%x%x:%x%x:%x%x:%x%x:%x%x$") then
     return { kind = "mac", value = Address.ether(text) }
   end
   return { kind = "ip" }

@@ -32,13 +32,10 @@ function M.list(rows)
 end
 
 local function ask(answers, key)
-  if type(key) == "string" then
-    return referenced(frame_tree, fields[key]) and fields[key]
-  elseif key == VISIBLE then
-    return frame_tree.visible
-  elseif type(key) == "userdata" then
-    return UNKNOWN
-  elseif lists[key] then
+  if type(key) == "string" then return referenced(frame_tree, fields[key]) and fields[key] end
+  if key == VISIBLE then return frame_tree.visible end
+  if type(key) == "userdata" then return UNKNOWN end
+  if lists[key] then
     local found = {}
     for number = 1, #key do
       local row = key[number]

@@ -423,9 +423,7 @@ end
 -- @param missing  what may be missing of the requests (P73); nil where nothing can be
 function Analysis:nothing_to_read(peer, record, missing)
   local half, device = record.response, peer.device
-  if half == nil or half.status == nil then -- without a status it is DS108, the cause
-    return
-  end
+  if half == nil or half.status == nil then return end -- without a status it is DS108, the cause
   local args = {status = status.status_hex(half.status)}
   local never = peer.station and self.start_ups:seen(device, half.frame, unseen(self, device))
     and not self.ms1:was_written(device, record.index, half.frame)

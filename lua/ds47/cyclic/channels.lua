@@ -576,9 +576,7 @@ local function places_of(drives)
 end
 
 -- Whether what may be PKW stands beside the words of a drive, and is not these.
-local function is_beside(self, pkw, places)
-  return places[relations.place(pkw)] and not is_pzd(self, pkw)
-end
+local function is_beside(self, pkw, places) return places[relations.place(pkw)] and not is_pzd(self, pkw) end
 
 --- Where PKW is as sure as the process data beside it, and no request was seen; when nothing more comes.
 function Channels:unused()
@@ -666,9 +664,7 @@ end
 -- Of how many frames around the one of this number each watched sender has one looked at.
 local function sampled(self, number)
   local sample = SAMPLE
-  while sample < RAREST and number >= sample * self.senders * OFTEN do
-    sample = sample * 2
-  end
+  while sample < RAREST and number >= sample * self.senders * OFTEN do sample = sample * 2 end
   return sample * self.senders
 end
 

@@ -152,9 +152,7 @@ function Channel:answered(bytes, at)
   local data, last, before = without_spm(bytes), self._in, self._newest
   local is_same = last ~= nil and last.data == data
   self._newest = at.frame
-  if self._over[1] then
-    self:_tell(not is_same and ak_of(data) > 0 and {data = data, at = at} or nil)
-  end
+  if self._over[1] then self:_tell(not is_same and ak_of(data) > 0 and {data = data, at = at} or nil) end
   if is_same then return end
   self._in = {data = data, at = at}
   local job = self._job

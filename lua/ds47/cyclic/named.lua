@@ -62,9 +62,7 @@ function M.relations(names)
   local found = {}
   for number = 1, #names, 2 do
     local output, input = names[number], names[number + 1]
-    if output.kind ~= "pzd" then
-      found[#found + 1] = relation(relations.PKW, output, input, 0, LENGTH)
-    end
+    if output.kind ~= "pzd" then found[#found + 1] = relation(relations.PKW, output, input, 0, LENGTH) end
     if output.kind ~= "pkw" then
       local behind = output.kind == "ppo1" and LENGTH or 0
       found[#found + 1] = relation(relations.PZD, output, input, behind, PZD_LENGTH)

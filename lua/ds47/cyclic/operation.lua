@@ -70,9 +70,8 @@ end
 
 -- The arguments of what stood and is over; nil where there is nothing to say.
 local function args_of(self, stood, begun)
-  if stood == self.idle then
-    return {what = M.state_key((pzd.state(begun.zsw1, begun.heeded)))}
-  elseif stood == self.locked then
+  if stood == self.idle then return {what = M.state_key((pzd.state(begun.zsw1, begun.heeded)))} end
+  if stood == self.locked then
     if self.least == nil or self.most - self.least < MOVED then return nil end
     return {bits = filtered(SETPOINT, function(number) return bit(begun.heeded, number) == 0 end)}
   elseif stood == self.away then
@@ -218,9 +217,7 @@ end
 
 --- Frames are missing from here on: what stands, stood until here at least, and no edge is one.
 function Operation:skipped()
-  for _, name in ipairs(STANDING) do
-    self[name].told = over(self, self[name]) or self[name].told
-  end
+  for _, name in ipairs(STANDING) do self[name].told = over(self, self[name]) or self[name].told end
   self.last, self.least, self.most, self.unheeded, self.off, self.was_equal = nil, nil, nil, {}, {}, false
 end
 

@@ -64,9 +64,7 @@ function M.add_telegrams(numbers, output, input, pkw)
   return numbers
 end
 
-local function may_be_pzd(item)
-  return item.output.length >= LEAST_PZD and item.input.length >= LEAST_PZD
-end
+local function may_be_pzd(item) return item.output.length >= LEAST_PZD and item.input.length >= LEAST_PZD end
 
 -- Whether a slot has eight bytes of PKW beside what may be process data, and the telegrams of that.
 local function beside(slot)
@@ -168,9 +166,7 @@ function M.is_foreign(relation) return relation.vendor_id ~= M.SIEMENS end
 function M.is_bus(relation) return #relation.output.source == STATIONS end
 
 --- The slave on PROFIBUS; nil elsewhere.
-function M.station(relation)
-  return M.is_bus(relation) and string.byte(relation.input.source, 1) or nil
-end
+function M.station(relation) return M.is_bus(relation) and string.byte(relation.input.source, 1) or nil end
 
 --- Whose parameters its drive has, as far as is known; on PROFIBUS only the family says that.
 function M.drives(relation)

@@ -126,9 +126,7 @@ local function is_failure(before, zsw1)
 end
 
 --- Whether the words as a whole may be a control and a status word; false before both were seen.
-function Recorder:has_sense()
-  return self.legal and self.stw1 ~= nil and (self.reacted or not self.odd)
-end
+function Recorder:has_sense() return self.legal and self.stw1 ~= nil and (self.reacted or not self.odd) end
 
 -- Whether these words look like those of a drive under control.
 local function look(self)

@@ -63,9 +63,7 @@ function M.decoded(job, layout)
 end
 
 -- The state: that of a job that is over, else what the response says that is there.
-local function state_of(job, told)
-  return job.state or told and (told.error and "error" or "ok") or nil
-end
+local function state_of(job, told) return job.state or told and (told.error and "error" or "ok") or nil end
 
 --- The transaction of a request, over or not. `places` says where its words are in its frames, behind the
 -- frame ids.

@@ -23,9 +23,7 @@ end
 --- The same memory as one that goes on alone.
 function Memory:apart()
   local memory = M.new(self.limit)
-  for _, entry in self.order:iterate() do
-    memory:put(entry[1], entry[2], self:get(entry[1], entry[2]))
-  end
+  for _, entry in self.order:iterate() do memory:put(entry[1], entry[2], self:get(entry[1], entry[2])) end
   return memory
 end
 

@@ -25,9 +25,7 @@ local function read_too_early(remarks, job)
   local answer = job.write_response
   if answer == nil or answer.status ~= 0 or job.hasty then return end
   local read, asked = first_read(job), job.record.request
-  if read == nil or asked and read.time_ns < asked.time_ns then
-    return -- the times say another order
-  end
+  if read == nil or asked and read.time_ns < asked.time_ns then return end -- the times say another order
   if read.frame < answer.frame and read.time_ns <= answer.time_ns then
     put(remarks, "DS702", read.frame, {frame = read.frame, by = answer.frame})
   end

@@ -134,17 +134,11 @@ end
 
 local function rule_of(refusal, siemens, change)
   local known, code = tables.known, refusal.code
-  if code == known.axis_error then
-    return "DS709"
-  elseif siemens and refusal.value and #refusal.value.values > 0 and is_connector(refusal) then
-    return "DS720"
-  elseif siemens and known.commissioning[code] then
-    return "DS718"
-  elseif change and (known.running[code] or siemens and known.running_siemens[code]) then
-    return "DS719"
-  elseif known.index_errors[code] and index_and_count(refusal) then
-    return "DS717"
-  end
+  if code == known.axis_error then return "DS709" end
+  if siemens and refusal.value and #refusal.value.values > 0 and is_connector(refusal) then return "DS720" end
+  if siemens and known.commissioning[code] then return "DS718" end
+  if change and (known.running[code] or siemens and known.running_siemens[code]) then return "DS719" end
+  if known.index_errors[code] and index_and_count(refusal) then return "DS717" end
   return nil
 end
 
@@ -201,9 +195,7 @@ function M.not_seen(remarks, job)
   if half == nil or id == nil or id < 0x80 or id == NOT_SUPPORTED or is_mismatch(job) then return end
   local write = job.write_response
   if half.status ~= 0 or write and (write.status or 0) ~= 0 then return end
-  if job.message == nil and job.repeats then
-    return -- told of the transaction that it repeats
-  end
+  if job.message == nil and job.repeats then return end -- told of the transaction that it repeats
   local failed, code, among = false, nil, false
   for _, block in ipairs(response.blocks) do
     local error = block.error or NONE

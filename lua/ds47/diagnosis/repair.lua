@@ -115,12 +115,8 @@ end
 -- value * 2^-exponent as a number of 1 to 2, or below 1 where the exponent ends at `least`.
 local function split(value, least)
   local exponent = 0
-  while value >= 2 do
-    value, exponent = value / 2, exponent + 1
-  end
-  while value < 1 and exponent > least do
-    value, exponent = value * 2, exponent - 1
-  end
+  while value >= 2 do value, exponent = value / 2, exponent + 1 end
+  while value < 1 and exponent > least do value, exponent = value * 2, exponent - 1 end
   return value, exponent
 end
 
@@ -328,9 +324,7 @@ local function whole_message(request, message, known_pnu, options)
   local found = {}
   swapped(found, request, message, known_pnu, options)
   local zeros = false
-  for place = 0, 1 do
-    zeros = try_layout(found, "zeros", every_second(request, place), options) or zeros
-  end
+  for place = 0, 1 do zeros = try_layout(found, "zeros", every_second(request, place), options) or zeros end
   if zeros then return found end -- which explains the fill bytes as well
   for place = 0, 1 do
     try_layout(found, "even_offsets", without_fill_bytes(request, place, options), options)

@@ -72,9 +72,7 @@ local function address_bytes(address, subindex, elements)
   return char(address.attribute, elements) .. number
 end
 
-local function block_bytes(block)
-  return char(block.format, block.value_count) .. block.raw .. block.pad
-end
+local function block_bytes(block) return char(block.format, block.value_count) .. block.raw .. block.pad end
 
 -- A request with the head of another one, of parts that are bytes.
 local function encoded(message, addresses, blocks, rest)

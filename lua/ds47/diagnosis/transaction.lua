@@ -93,21 +93,16 @@ end
 -- Whether a job that was answered well may have something to be repaired all the same.
 local function is_odd(job)
   local message = job.message
-  if message == nil then
-    return false
-  elseif message.flaws[1] then
-    return true
-  elseif message.operation == "read" then -- the response may have been too long
+  if message == nil then return false end
+  if message.flaws[1] then return true end
+  if message.operation == "read" then -- the response may have been too long
     return #places_of(job.response) < #message.addresses
   end
   for _, block in ipairs(message.blocks) do
     local least = LEAST_NORMAL[block.format]
     for _, value in ipairs(least and block.values or NONE) do
-      if type(value) == "string" then -- NaN or infinite
-        return true
-      elseif value ~= 0 and (abs(value) < least or abs(value) > MOST) then
-        return true
-      end
+      if type(value) == "string" then return true end -- NaN or infinite
+      if value ~= 0 and (abs(value) < least or abs(value) > MOST) then return true end
     end
   end
   return false
@@ -238,9 +233,7 @@ end
 -- Whether the parameter was read in this format, in the way in which the request goes, or is described so.
 function Diagnoses:_is_proven(job, request, number)
   local address, block = request.addresses[number], request.blocks[number]
-  if not block then -- the request ends before this value
-    return false
-  end
+  if not block then return false end -- the request ends before this value
   local seen = self.formats:get(way(job.peer.device, job.record, request.axis), address.pnu)
     or request.axis == job.message.axis and described(job, address.pnu) or nil
   return seen ~= nil and seen.format == block.format
@@ -268,11 +261,8 @@ end
 function Diagnoses:_offer(job, remark)
   local request, elsewhere, record = remark.corrected, remark.elsewhere, job.record
   remark.corrected, remark.elsewhere = nil, nil
-  if request == nil then
-    return
-  elseif not elsewhere and not suggest.is_harmless(parameter.decode_request(request, self.codec)) then
-    return
-  end
+  if request == nil then return end
+  if not elsewhere and not suggest.is_harmless(parameter.decode_request(request, self.codec)) then return end
   remark.corrected = {
     bytes = request, elsewhere = elsewhere, device = job.peer.device,
     record = {index = record.index, slot = record.slot, subslot = record.subslot},
@@ -387,9 +377,7 @@ function Diagnoses:_learn_block(device, from, address, block, frame)
     local before = self.anywhere:get(device, pnu)
     self.anywhere:put(device, pnu, (not before or before == block.format) and block.format or SEVERAL)
   end
-  if pnu == PNU_ACCESS_IDENTIFICATION and address.subindex == 0 then
-    self:_learn_limit(device, block)
-  end
+  if pnu == PNU_ACCESS_IDENTIFICATION and address.subindex == 0 then self:_learn_limit(device, block) end
 end
 
 function Diagnoses:_learn_limit(device, block)

@@ -19,9 +19,7 @@ local NOBODY = -1 -- no vendor's id: the text of the profile, or that of any mak
 -- First bytes of a status that no PDU has: the PLC made it up.
 local OF_PLC = {[0x00] = true, [0x40] = true, [0xC0] = true}
 
-local function in_language(row, lang, name)
-  return row[(name or "") .. (lang == "zh" and "zh" or "en")]
-end
+local function in_language(row, lang, name) return row[(name or "") .. (lang == "zh" and "zh" or "en")] end
 
 local function words_in(lang) return in_language(tables.explain.words, lang) end
 

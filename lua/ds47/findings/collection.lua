@@ -62,9 +62,7 @@ end
 function Findings:withdraw(ar, orders)
   local function stays(remark) return remark.ar ~= ar and not orders[remark.order or 0] end
   self.kept = arrays.filtered(self.kept, stays)
-  for frame, remarks in pairs(self.at_frame) do
-    self.at_frame[frame] = arrays.filtered(remarks, stays)
-  end
+  for frame, remarks in pairs(self.at_frame) do self.at_frame[frame] = arrays.filtered(remarks, stays) end
 end
 
 -- All frames that a finding is about, sorted, each once: the one that it stands on, and those that its

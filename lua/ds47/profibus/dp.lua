@@ -12,9 +12,7 @@ local M = {}
 local NO_MASTER, MOST_MAKER = 255, 14
 local BLOCK_LENGTHS = {[2] = 3, [3] = 1}
 
-local function row_of(item)
-  return tables.profibus[item.request and "request" or "answer"][item.code]
-end
+local function row_of(item) return tables.profibus[item.request and "request" or "answer"][item.code] end
 
 --- Which service of DP a frame belongs to.
 -- @param item what telegram.lua decoded
@@ -141,9 +139,7 @@ local function name_ppo(found)
     if is_ppo(row, filled) then
       found.ppo = row.number
       for i, module in ipairs(filled) do module.role = row.pkw and i == 1 and "PKW" or "PZD" end
-      if row.pkw then
-        found.pkw_consistent = filled[1].inputs.consistent and filled[1].outputs.consistent
-      end
+      if row.pkw then found.pkw_consistent = filled[1].inputs.consistent and filled[1].outputs.consistent end
     end
   end
   return found

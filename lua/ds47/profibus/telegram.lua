@@ -77,9 +77,7 @@ local function extension(content, at, address)
   return content:sub(first + 1, at), at
 end
 
-local function is_whole(bytes, address)
-  return address < 0x80 or #bytes > 0 and bytes:byte(-1) < 0x80
-end
+local function is_whole(bytes, address) return address < 0x80 or #bytes > 0 and bytes:byte(-1) < 0x80 end
 
 -- The SAP among extension bytes; those with bit 6 name a segment of the net.
 local function sap(bytes)

@@ -179,9 +179,7 @@ local function agrees(factor, power)
   return factor == 1 or factor == tonumber("1e" .. power) or factor == tonumber("1e" .. -power)
 end
 
-local function is_integer(code)
-  return code ~= nil and code >= FIRST_INTEGER and code <= LAST_INTEGER
-end
+local function is_integer(code) return code ~= nil and code >= FIRST_INTEGER and code <= LAST_INTEGER end
 
 -- How values of the type are measured, where all elements that are about it agree: {power, unit, frames}.
 local function measure_of(kind, said)

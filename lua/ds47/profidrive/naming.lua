@@ -23,8 +23,6 @@ function M.spelling(number, family)
 end
 
 --- One element of a parameter: `r0945[0]`.
-function M.element(number, subindex, family)
-  return format("%s[%d]", M.spelling(number, family), subindex)
-end
+function M.element(number, subindex, family) return format("%s[%d]", M.spelling(number, family), subindex) end
 
 return M

@@ -65,9 +65,7 @@ local function alternatives(usual, v3_types)
     if row and row.other_size then other[code] = choice(code, meaning, row.other_size) end
   end
   if not v3_types then
-    for code, meaning in pairs(tables.dialects.profile_v3_types) do
-      other[code] = choice(code, meaning)
-    end
+    for code, meaning in pairs(tables.dialects.profile_v3_types) do other[code] = choice(code, meaning) end
   end
   return other
 end
@@ -80,9 +78,7 @@ local function new_dialect(legacy_g120, v3_types)
     usual[code] = choice(code, meaning)
   end
   local other = alternatives(usual, v3_types)
-  for code, found in pairs(usual) do
-    found.class.sound_codec = not other[code] and found.codec or nil
-  end
+  for code, found in pairs(usual) do found.class.sound_codec = not other[code] and found.codec or nil end
   return {usual = usual, other = other}
 end
 
@@ -103,9 +99,7 @@ local function flaw(flaws, rule, offset, args)
   flaws[#flaws + 1] = {rule = rule, offset = offset, args = args or {}}
 end
 
-local function missing(flaws, offset, need, what)
-  flaw(flaws, "DS315", offset, {need = need, what = what})
-end
+local function missing(flaws, offset, need, what) flaw(flaws, "DS315", offset, {need = need, what = what}) end
 
 --- Whether flaws are there of one of these rules, a set.
 function M.has_one_of(flaws, rules)

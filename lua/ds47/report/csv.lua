@@ -54,9 +54,8 @@ end
 
 --- One value stands as it is, several as a JSON array.
 local function values(list, format_name, scaled)
-  if not list or #list == 0 then
-    return nil
-  elseif #list == 1 then
+  if not list or #list == 0 then return nil end
+  if #list == 1 then
     local value = list[1]
     if type(value) ~= "string" then return words.number(value, format_name, scaled) end
     return words.is_text(format_name) and M.guarded(value) or value

@@ -15,13 +15,9 @@ M.WIDTH = 100
 local LABEL = 12
 local WITH_CAUSE = 2
 
-local function label(text)
-  return "  " .. text .. (" "):rep(math.max(1, LABEL - formatting.width(text)))
-end
+local function label(text) return "  " .. text .. (" "):rep(math.max(1, LABEL - formatting.width(text))) end
 
-local function cause(each, words)
-  return each.text .. fill(words.bracket, {text = words[each.basis]})
-end
+local function cause(each, words) return each.text .. fill(words.bracket, {text = words[each.basis]}) end
 
 -- `RDREC VALID 0  BUSY 0  ERROR 1  STATUS 16#DE80B500  (for one call only)`.
 local function block_text(block, words)

@@ -79,9 +79,7 @@ function M.integer(number) return format("%.0f", number) end
 --- A whole number in groups of three digits: `12,000`.
 function M.grouped(number)
   local digits, cut = M.integer(number), 1
-  while cut > 0 do
-    digits, cut = gsub(digits, "^(-?%d+)(%d%d%d)", "%1,%2")
-  end
+  while cut > 0 do digits, cut = gsub(digits, "^(-?%d+)(%d%d%d)", "%1,%2") end
   return digits
 end
 
@@ -102,9 +100,7 @@ end
 function M.state(lang, word) return M.say(lang, "state_" .. word) end
 
 --- Texts in a row, with the commas of their language where no separators are given.
-function M.joined(lang, parts, en, zh)
-  return concat(parts, lang == "zh" and (zh or "，") or en or ", ")
-end
+function M.joined(lang, parts, en, zh) return concat(parts, lang == "zh" and (zh or "，") or en or ", ") end
 
 --- `p50303[0]`, `p2902[2..5]`, `p944[0].text`; `p?` where no request names it.
 function M.address(item)

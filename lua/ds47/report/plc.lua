@@ -99,9 +99,7 @@ local function channels_of(transactions, calls)
     local channel, frames = channel_of(item), item.frames
     local entries, asked = reads[channel], frames.write_request
     for _, frame in ipairs(entries and frames_of(item, calls[item.id]) or NONE) do
-      if frame ~= asked and frame ~= frames.write_response then
-        entries[#entries + 1] = { frame, item.id }
-      end
+      if frame ~= asked and frame ~= frames.write_response then entries[#entries + 1] = { frame, item.id } end
     end
     if entries and asked and item.write_status == 0 then
       table.insert(accepted[channel], { asked, item.id })
@@ -117,9 +115,7 @@ end
 -- The first frame after another one that does not belong to the transaction `but`; huge where there is none.
 local function after(entries, frame, but)
   local place = arrays.last_until(entries, frame) + 1
-  while entries[place] and entries[place][2] == but do
-    place = place + 1
-  end
+  while entries[place] and entries[place][2] == but do place = place + 1 end
   return entries[place] and entries[place][1] or math.huge
 end
 
@@ -238,9 +234,7 @@ local function in_order(item, left_out, wait)
   table.sort(all, function(a, b)
     return a.frame < b.frame or a.frame == b.frame and a.order < b.order
   end)
-  if waits and wait == "ends" and all[#all].outcome == "unseen" then
-    all[#all] = { outcome = "ends" }
-  end
+  if waits and wait == "ends" and all[#all].outcome == "unseen" then all[#all] = { outcome = "ends" } end
   return all
 end
 
@@ -314,9 +308,7 @@ function Witness:saw(item)
   local left_out, in_part = left_out_of(item, found)
   local wait = not in_part and self.waits[item.id] or "unseen"
   local calls = { write(item, found, left_out, wait) }
-  if item.write_status == nil and self.cut[item.frames.write_response or 0] then
-    calls[1].outcome = "cut"
-  end
+  if item.write_status == nil and self.cut[item.frames.write_response or 0] then calls[1].outcome = "cut" end
   arrays.append(calls, before(item, left_out, wait))
   calls[#calls + 1] = last_read(item, left_out, length, wait)
   local rereads = #(item.frames.rereads or {})
@@ -342,11 +334,8 @@ end
 -- where it is neither.
 function M.remark(item, lang)
   local response = item.response
-  if response == nil or (item.read_status or 0) ~= 0 then
-    return nil
-  elseif item.state == "mismatch" then
-    return say(lang, "plc_other", { what = not_mirrored(item, lang) })
-  end
+  if response == nil or (item.read_status or 0) ~= 0 then return nil end
+  if item.state == "mismatch" then return say(lang, "plc_other", { what = not_mirrored(item, lang) }) end
   local id = byte(response, 2) or 0
   if id < NEGATIVE then return nil end
   local key = item.state == "partial" and "plc_negative_partial" or "plc_negative"

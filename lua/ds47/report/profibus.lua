@@ -97,9 +97,7 @@ end
 --- `4 words in+out, consistent over whole length (PKW)`.
 function M.module_text(module, lang)
   local text = sides_text(module, lang)
-  if module.maker ~= "" then
-    text = joined(lang, { text, say(lang, "dp_maker", { n = #module.maker }) })
-  end
+  if module.maker ~= "" then text = joined(lang, { text, say(lang, "dp_maker", { n = #module.maker }) }) end
   return module.role and format(lang == "zh" and "%s（%s）" or "%s (%s)", text, module.role) or text
 end
 

@@ -79,9 +79,7 @@ local function telegram(value, words, lang)
   return { told }
 end
 
-local function hex_number(text)
-  return #text == 4 and not text:find("%X") and tonumber(text, 16) or nil
-end
+local function hex_number(text) return #text == 4 and not text:find("%X") and tonumber(text, 16) or nil end
 
 -- `PROFIdrive 4.1` of 0x0329, whatever the format of the two bytes.
 local function profile(values, words, lang)
@@ -103,13 +101,9 @@ end
 local function address(pnu, value, quoted)
   if type(value) ~= "string" or value:find("%X") or #value % 2 == 1 then return nil end
   local octets = unhex(value)
-  if ADDRESSES[pnu] and #octets == 4 then
-    return { format("%d.%d.%d.%d", octets:byte(1, 4)) }
-  elseif pnu == 61002 and #octets == 6 then
-    return { (value:lower():gsub("%x%x", "%0:"):sub(1, -2)) }
-  elseif pnu ~= 61000 then
-    return nil
-  end
+  if ADDRESSES[pnu] and #octets == 4 then return { format("%d.%d.%d.%d", octets:byte(1, 4)) } end
+  if pnu == 61002 and #octets == 6 then return { (value:lower():gsub("%x%x", "%0:"):sub(1, -2)) } end
+  if pnu ~= 61000 then return nil end
   local text = octets:gsub("[%z ]+$", "")
   if text == "" or #text > MOST_NAME or text:find("[^ -~]") then return nil end
   return { quoted(text) }

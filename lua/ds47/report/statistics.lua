@@ -222,9 +222,7 @@ end
 -- The cells of a row as texts.
 local function shown(row)
   local cells = {}
-  for key, value in pairs(row) do
-    cells[key] = type(value) == "number" and integer(value) or escape(value)
-  end
+  for key, value in pairs(row) do cells[key] = type(value) == "number" and integer(value) or escape(value) end
   return cells
 end
 

@@ -13,9 +13,7 @@ local Targets = {}
 Targets.__index = Targets
 
 --- The names in one capture.
-function M.new(transactions)
-  return setmetatable({ shown = drive_objects.of(transactions) }, Targets)
-end
+function M.new(transactions) return setmetatable({ shown = drive_objects.of(transactions) }, Targets) end
 
 --- `DO 2`, `axis 0`; empty where only the submodule is known.
 function Targets:words(item)

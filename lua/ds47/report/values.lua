@@ -25,9 +25,7 @@ local function are_whole(values)
   return true
 end
 
-local function listed(row, lang)
-  return row and (lang == "zh" and row.values_zh or row.values_en) or NONE
-end
+local function listed(row, lang) return row and (lang == "zh" and row.values_zh or row.values_en) or NONE end
 
 -- The text of each value; a value without one stays a number, and none at all is told.
 local function texts(row, values, told, words, lang)
@@ -113,13 +111,9 @@ function M.parts(item, words, lang)
   end
   local told = item.told or NONE
   local found = profile.parts(item, words, lang)
-  if found or not are_whole(values) then
-    return found
-  elseif row and row.buffer then
-    return buffer(row, item.subindex, values, told, words, lang)
-  elseif row and row.connects and not item.told then
-    return connection(row.connects, values, words, lang)
-  end
+  if found or not are_whole(values) then return found end
+  if row and row.buffer then return buffer(row, item.subindex, values, told, words, lang) end
+  if row and row.connects and not item.told then return connection(row.connects, values, words, lang) end
   return texts(row, values, told, words, lang) or signed(item, words, lang)
 end
 

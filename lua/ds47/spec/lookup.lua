@@ -54,9 +54,7 @@ end
 
 --- The words for a number of which nobody knows more than that it is the maker's.
 -- @param code as text
-function M.error_fallback(code, lang)
-  return M.fill(M.words(tables.error_fallback, lang), {code = code})
-end
+function M.error_fallback(code, lang) return M.fill(M.words(tables.error_fallback, lang), {code = code}) end
 
 --- What follows a number of a maker without a table: whose manual has it.
 function M.of_maker(vendor_id, lang)

@@ -9,15 +9,11 @@ local floor = math.floor
 
 local M = {}
 
-local function word(key, lang, args)
-  return fill(words(tables.profibus.words[key], lang), args or {})
-end
+local function word(key, lang, args) return fill(words(tables.profibus.words[key], lang), args or {}) end
 
 --- What is wrong with a frame.
 -- @param flaw {kind, offset, args}, as profibus/telegram.lua has it
-function M.flaw_text(flaw, lang)
-  return fill(words(tables.profibus.flaws[flaw.kind], lang), flaw.args)
-end
+function M.flaw_text(flaw, lang) return fill(words(tables.profibus.flaws[flaw.kind], lang), flaw.args) end
 
 function M.service_text(id, lang) return words(tables.profibus.services[id], lang) end
 

@@ -43,9 +43,7 @@ end
 function M.hex(data) return (gsub(data, ".", HEX)) end
 
 --- The bytes that hexadecimal digits (an even number, nothing else) stand for.
-function M.unhex(text)
-  return (gsub(text, "%x%x", function(pair) return char(tonumber(pair, 16)) end))
-end
+function M.unhex(text) return (gsub(text, "%x%x", function(pair) return char(tonumber(pair, 16)) end)) end
 
 --- Latin-1 text as UTF-8, which is what a value that is text is kept as.
 function M.latin1(data) return (gsub(data, "[\128-\255]", UTF8)) end

@@ -20,9 +20,7 @@ function M.array(items) return setmetatable(items, Array) end
 function M.raw(text) return setmetatable({text = text}, Raw) end
 
 --- A float as JSON: 10.0 is not 10. Strings (NaN and the infinities) pass.
-function M.float(number)
-  return type(number) == "number" and M.raw(numbers.float_text(number)) or number
-end
+function M.float(number) return type(number) == "number" and M.raw(numbers.float_text(number)) or number end
 
 --- A byte of Latin-1 -> how a string of JSON has it where it does not stand for itself.
 M.ESCAPES = entries(function(character) return format("\\u%04x", byte(character)) end)
