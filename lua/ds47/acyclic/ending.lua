@@ -8,6 +8,7 @@ local flat = require("ds47.support.flat").copy
 local ms1calls = require("ds47.acyclic.ms1_calls")
 local recordcalls = require("ds47.acyclic.record_calls")
 local records = require("ds47.profinet.records")
+local pair = require("ds47.profinet.rpc").pair
 
 local M = {}
 
@@ -78,7 +79,7 @@ function M.result(live)
   local over = on_top(live)
   local halves = live.calls:halves()
   local jobs, twins = live.pairing:left_open(live.events.newest_ns, function(peer)
-    return halves[peer.controller .. "\0" .. peer.device]
+    return halves[pair(peer.controller, peer.device)]
   end)
   local findings = over.findings
   local events = {index47 = live.index47, pairing = live.pairing, findings = findings, twins = twins}

@@ -9,6 +9,7 @@ local flat = require("ds47.support.flat").copy
 local take_from = require("ds47.support.arrays").take_out
 local ordered = require("ds47.support.ordered")
 local records = require("ds47.profinet.records")
+local rpc = require("ds47.profinet.rpc")
 local tables = require("ds47.spec.tables")
 
 local M = {}
@@ -74,13 +75,8 @@ local function new_job(self, channel, peer, record, message, previous_reference,
   self.count = order
   return setmetatable({
     peer = peer, -- {controller, device, vendor_id, device_id}
-    record = record,
-    message = message,
-    phase = "asked",
-    order = order,
-    channel_key = message and channel.key,
-    previous_reference = previous_reference,
-    previous = previous,
+    record = record, message = message, phase = "asked", order = order, channel_key = message and channel.key,
+    previous_reference = previous_reference, previous = previous,
     write_response = nil, -- a ninth: room for all that follow
   }, Job)
 end
@@ -107,10 +103,7 @@ function Job:fetched(half)
 end
 
 --- The half of the Write request that asked; nil for an orphan.
-function Job:write_request()
-  if self.message ~= nil then return self.record.request end
-  return nil
-end
+function Job:write_request() return self.message and self.record.request end
 
 --- Whether the Write was answered with a negative status or an RPC fault.
 function Job:write_refused()
@@ -137,8 +130,6 @@ function Job:too_short() return polls_with(self, STATUS_SHORT) end
 function Job:reference() return self.message and self.message.request_reference end
 
 -- Keys
-
-local function pair_key(controller, device) return controller .. "\0" .. device end
 
 -- What is one place of a device, whoever asks there.
 local function place_key(peer, record) return record.api .. record.spot .. peer.device end
@@ -207,9 +198,7 @@ Pairing.__index = Pairing
 -- @param completeness  what is missing of what stations say to each other; nil for nothing
 function M.new(limits, listener, completeness)
   return setmetatable({
-    completeness = completeness,
-    limits = limits,
-    expiry_ns = limits.transaction_expiry_ns,
+    completeness = completeness, limits = limits, expiry_ns = limits.transaction_expiry_ns,
     listener = listener,
     channels = ordered.new(), -- channel key -> channel, the one that was touched last goes last
     of_ar = {}, -- AR key -> its channel keys, in the order of first sight
@@ -224,10 +213,7 @@ function M.new(limits, listener, completeness)
     count = 0,
     -- What the caller's last step touched in its frame, and not in those of messages that waited for their AR
     -- to prove itself; he tells that frame, and sets the count to 0, before it.
-    frame = nil,
-    touched_count = 0,
-    touched_jobs = {},
-    touched_roles = {},
+    frame = nil, touched_count = 0, touched_jobs = {}, touched_roles = {},
   }, Pairing)
 end
 
@@ -277,6 +263,12 @@ local function behind(self, peer, frame, lost, in_order)
   return self.completeness:behind(peer.controller, peer.device, frame, lost, in_order)
 end
 
+-- Whether a response behind a later call is a second one, as far as the habit of the client tells.
+local function waits(self, peer)
+  local known = self.completeness
+  return known and known:waits(peer.controller, peer.device)
+end
+
 --- Whether something that a controller asked of a device may be missing behind a frame.
 function Pairing:may_lack(peer, frame) return behind(self, peer, frame) ~= nil end
 
@@ -295,7 +287,7 @@ end
 
 -- What may be missing that is open on a channel where nothing is, as far as the capture shows (P78).
 -- A program goes on reading behind a Connect what it asked for before.
-local function asked_where_free(self, peer, channel, half)
+local function may_be_open(self, peer, channel, half)
   local since = channel.ended > 0 and channel.ended or free_since(self, channel, half)
   local missing = asked_behind(self, peer, channel, since)
   for key in self.of_place[channel.place]:newest_first(self.limits.users) do
@@ -380,6 +372,12 @@ local function forget_last(self, channel)
     lose(self, channel.last, "")
     channel.last = nil
   end
+end
+
+-- From now on nothing that is read is the response to the refused Write.
+local function forget_refused(self, channel)
+  lose(self, channel.refused, "")
+  channel.refused = nil
 end
 
 -- Nothing more is known of a job from now on, and not because nothing came.
@@ -549,10 +547,7 @@ local function accept(self, channel, job)
     if job:write_told() then written_again(channel, job) end
     local open = channel.open
     if open then displace(self, channel, job) end
-    if channel.refused then
-      lose(self, channel.refused, "")
-      channel.refused = nil
-    end
+    if channel.refused then forget_refused(self, channel) end
     channel.open = job
   end
   job.phase = PHASES[job.phase].write_accepted
@@ -581,7 +576,7 @@ local function rival_of(self, channel, job)
   end
   local asked = found and found:write_request()
   if asked == nil then
-    return nil, channel.ended < came.frame and asked_where_free(self, job.peer, channel, came) == nil
+    return nil, channel.ended < came.frame and may_be_open(self, job.peer, channel, came) == nil
   elseif behind(self, found.peer, asked.frame) or behind(self, job.peer, asked.frame) then
     return nil
   end
@@ -600,7 +595,7 @@ local function refuse(self, channel, job)
   else
     channel.open = nil
   end
-  if channel.refused then lose(self, channel.refused, "") end
+  if channel.refused then forget_refused(self, channel) end
   channel.refused = job
 end
 
@@ -753,9 +748,7 @@ end
 
 local function read(self, channel, job, event, record)
   local half, phase, told, sent = record.response, job.phase, job.write_response, record.request
-  if self.completeness and told and sent and sent.frame < told.frame then
-    job.hasty = self.completeness:waits(job.peer.controller, job.peer.device)
-  end
+  if told and sent and sent.frame < told.frame then job.hasty = waits(self, job.peer) end
   if phase == "refused" and event == "read_record" then
     compare(self, channel.last, job, half)
   elseif phase == "asked" and event == "read_cut" then
@@ -847,10 +840,8 @@ end
 -- @param response  the half; may be nil
 function Pairing:write_response(job, response, fault)
   if job.phase == "closed" then self.listener:late(job) end
-  local asked, known = job.record.request, self.completeness
-  if known and (job.fetching or job.read_request or job.polls[1]) then
-    job.hasty = known:waits(job.peer.controller, job.peer.device)
-  end
+  local asked = job.record.request
+  if job.fetching or job.read_request or job.polls[1] then job.hasty = waits(self, job.peer) end
   if job.hasty and (fault or response and response.status ~= 0) then
     job.twice = asked and asked.frame
     return -- who waits had another response before, and the device executed the call once more
@@ -888,10 +879,7 @@ function Pairing:write_unasked(peer, record)
       return -- the request may be there, and its call was given up before
     end
   end
-  if channel.refused then
-    lose(self, channel.refused, "")
-    channel.refused = nil
-  end
+  if channel.refused then forget_refused(self, channel) end
   if half.status ~= 0 and not is_untold(half) then return end
   channel.unseen = half.frame
   pass_over(channel)
@@ -998,7 +986,7 @@ local function nothing(self, peer, channel, record, missing)
   if known and was_open(channel, record.request) then
     return -- its response is behind that to a later Read
   elseif known then
-    missing = asked_where_free(self, peer, channel, record.request or half)
+    missing = may_be_open(self, peer, channel, record.request or half)
   end
   self.listener:nothing_to_read(peer, record, missing)
   if half.status ~= nil and known then
@@ -1027,8 +1015,7 @@ function Pairing:read_response(peer, record)
   if late then job = nil end -- what the Read asked for is over: its response came late
   if channel.refused and channel.refused ~= job then
     if job and channel.refused.order > job.order then job.refused_behind = channel.refused end
-    lose(self, channel.refused, "")
-    channel.refused = nil
+    forget_refused(self, channel)
   end
   local missing = job and event ~= "read_poll" and event ~= "read_empty"
     and of_another(self, channel, job, record) or nil
@@ -1075,7 +1062,7 @@ end
 --- The job that waits for a Read that never got its RPC response; nil for none. Changes nothing.
 function Pairing:waits_for(peer, record)
   local channel, lost = self.channels:get(channel_key(peer, record)), record.request
-  local job = channel and (channel.open or waiting_of(channel) or channel.refused) or nil
+  local job = self:expected(peer, record)
   local asked = job and job:write_request()
   if not asked or not lost or asked.frame > lost.frame then
     return nil -- what the Read asked for is over: it came before the Write of this one
@@ -1152,7 +1139,7 @@ end
 -- @param only  whether a controller has one of this kind with a device: it replaces the one before
 function Pairing:connected(controller, device, at, ar, only)
   if ar then
-    local pair, key = pair_key(controller, device), records.ar_text(controller, device, ar)
+    local pair, key = rpc.pair(controller, device), records.ar_text(controller, device, ar)
     self.connects:keep(key, at, self.limits.channels)
     if only then
       replace(self, pair, key, at)

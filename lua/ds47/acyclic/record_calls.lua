@@ -185,14 +185,12 @@ function RecordCalls:_connection(pdu, opnum)
   end
 end
 
-local function pair_of(pdu) return pdu.client .. " " .. pdu.server end
-
 -- A connection begins or ends with its response, or when its client asks for something else after it. Between
 -- the two may stand the responses to requests that came before it, which are out of order in the capture
 -- (P79). One of which neither is there changes nothing.
 function RecordCalls:_goes_on(pdu)
   if self.connections.length == 0 then return end
-  local key = pair_of(pdu)
+  local key = rpc.pair(pdu.client, pdu.server)
   local begun = self.connections:get(key)
   if begun and (pdu.ptype ~= 0 or pdu.time_ns >= begun.time_ns) then
     self.connections:pop(key)
@@ -202,7 +200,7 @@ end
 
 -- A request that begins or ends an AR waits; of more than a limit the oldest does no more.
 function RecordCalls:_wait(pdu, opnum)
-  local key = pair_of(pdu)
+  local key = rpc.pair(pdu.client, pdu.server)
   if self.connections:get(key) then
     self:_connection(pdu, opnum) -- sent before the one that waits
   elseif opnum == CONNECT or opnum == RELEASE then

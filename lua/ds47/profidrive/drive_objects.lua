@@ -100,23 +100,20 @@ function DriveObjects:other(one, other, pnu)
   return counts(self, one, other)
 end
 
---- How the request of a job reaches its parameters.
-function M.access(job)
-  local record, axis = job.record, job.message and job.message.axis
+local function new_access(device, index, place, axis)
   return {
-    device = job.peer.device, record_index = record.index, slot = record.slot, subslot = record.subslot,
-    axis = record.index ~= LOCAL and axis or nil,
+    device = device, record_index = index, slot = place.slot, subslot = place.subslot,
+    axis = index ~= LOCAL and axis or nil,
   }
 end
 
---- How the request of a transaction reaches its parameters; one of PKW by its submodule.
-function M.access_of(item)
-  local index = item.index or LOCAL
-  return {
-    device = item.device, record_index = index, slot = item.slot, subslot = item.subslot,
-    axis = index ~= LOCAL and item.axis or nil,
-  }
+--- How the request of a job reaches its parameters.
+function M.access(job)
+  return new_access(job.peer.device, job.record.index, job.record, job.message and job.message.axis)
 end
+
+--- How the request of a transaction reaches its parameters; one of PKW by its submodule.
+function M.access_of(item) return new_access(item.device, item.index or LOCAL, item, item.axis) end
 
 --- What a finished transaction shows; the response to another request proves nothing.
 function DriveObjects:transaction(item)

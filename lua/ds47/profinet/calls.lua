@@ -7,15 +7,17 @@
 -- sent_ns = when the request was sent last, nil where it was sent once, context = whatever the layer above
 -- keeps with it, later = the next one of its activity}.
 --
--- An activity is {newest = sequence number of its newest request, by_seq = its calls without a response,
--- oldest and last = the ends of their chain, which is in the order of their requests, count = how many there
--- are, server = the one that was called last, numbers = its sequence numbers (completeness.lua), anew = the
--- frame in which a number was there for another call: since then its client counts anew, doubled = that of a
--- response that came again, though no request did: one is missing, or a new call is; each 0 for none}.
+-- An activity is {by_seq = its calls without a response, oldest and last = the ends of their chain, which is
+-- in the order of their requests, count = how many there are, server = the one that was called last,
+-- numbers = its sequence numbers (completeness.lua), anew = the frame in which a number was there for another
+-- call: since then its client counts anew, doubled = that of a response that came again, though no request
+-- did: one is missing, or a new call is; each 0 for none}.
 
 local completeness = require("ds47.profinet.completeness")
 local ordered = require("ds47.support.ordered")
 local rpc = require("ds47.profinet.rpc")
+
+local pair = rpc.pair
 
 local M = {}
 
@@ -46,7 +48,7 @@ function CallTracker.new(limits, handlers, missing)
     given_up = ordered.new(), -- the newest requests whose responses did not come in time
     answered = ordered.new(), -- calls with a response that may still be repeated: the newest comes last
     forgot = false, -- whether there were too many of them
-    connects = ordered.new(), -- client .. "\0" .. server -> the frame of the newest Connect
+    connects = ordered.new(), -- `rpc.pair` of client and server -> the frame of the newest Connect
     begun_requests = ordered.new(), -- requests of which fragments were seen, as far as is known
     -- The newest datagrams by a key (`is_copy`), and those before them: when there are so many new ones that
     -- they are enough (no `room` is left), the others are forgotten in one go.
@@ -158,13 +160,8 @@ local function forget(activity, call)
   take_out(activity, before, call)
 end
 
-local function count(self, name)
-  local counts = self.counts
-  counts[name] = counts[name] + 1
-end
-
 local function lose(self, call)
-  count(self, "unanswered")
+  self.counts.unanswered = self.counts.unanswered + 1
   self.completeness:lost(call.request)
   self.handlers:lost(call)
 end
@@ -228,10 +225,14 @@ local function is_used_anew(self, activity, call, pdu)
   return activity ~= nil and activity.anew > call.request.frame or is_old(self, call, pdu.time_ns)
 end
 
+-- Whether a Connect of its client to its server lies behind a frame.
+local function is_begun_since(self, pdu, frame)
+  return (self.connects:get(pair(pdu.client, pdu.server)) or 0) > frame
+end
+
 -- Whether the number of a call may stand for another one: its client repeats it no more (P8, P9).
 local function is_over(self, activity, call, pdu)
-  local begun = self.connects:get(pdu.client .. "\0" .. pdu.server) or 0
-  return begun > call.request.frame or is_used_anew(self, activity, call, pdu)
+  return is_begun_since(self, pdu, call.request.frame) or is_used_anew(self, activity, call, pdu)
 end
 
 -- Whether a number that was there before is the same call (P7).
@@ -250,7 +251,7 @@ local function activity_of(self, pdu)
     if activities.newest ~= key then activities:move_to_end(key) end
   else
     activity = {
-      newest = pdu.seq, by_seq = {}, oldest = nil, last = nil, count = 0, server = nil,
+      by_seq = {}, oldest = nil, last = nil, count = 0, server = nil,
       numbers = completeness.numbers(pdu), anew = 0, doubled = 0,
     }
     activities:set(key, activity)
@@ -292,15 +293,14 @@ end
 
 -- Whether a Read comes again whose first request is missing: its response was there before.
 local function was_read(self, pdu, early)
-  local begun = self.connects:get(pdu.client .. "\0" .. pdu.server) or 0
   local passed, reads = pdu.time_ns - early.time_ns, pdu.opnum == rpc.READ or pdu.opnum == rpc.READ_IMPLICIT
-  reads = reads and early.opnum == pdu.opnum and begun <= early.frame
+  reads = reads and early.opnum == pdu.opnum and not is_begun_since(self, pdu, early.frame)
   return reads and passed > 0 and passed <= self.limits.call_expiry_ns
 end
 
 -- A call is sent again.
 local function repeated(self, call, pdu)
-  count(self, "retransmissions")
+  self.counts.retransmissions = self.counts.retransmissions + 1
   self.newest, self.asks_again = call, true
   self.handlers:again(call, pdu)
   call.sent_ns, call.again = pdu.time_ns, pdu.frame
@@ -326,11 +326,10 @@ local function request(self, pdu)
     self.completeness:disordered(pdu)
   end
   if pdu.opnum == rpc.CONNECT then
-    self.connects:keep(pdu.client .. "\0" .. pdu.server, pdu.frame, self.limits.activities)
+    self.connects:keep(pair(pdu.client, pdu.server), pdu.frame, self.limits.activities)
   end
   local early, late = early_response(self, pdu)
   activity.numbers:add(pdu, not early)
-  activity.newest = seq
   call = {request = pdu, response = nil, context = nil, later = nil, again = nil}
   append(activity, seq, call)
   self.newest, self.asks_again = call, false
@@ -447,14 +446,14 @@ function CallTracker:open_call(pdu)
 end
 
 --- Of pairs of stations the first call that is open though its client went on: a table of its frames by
--- client .. "\0" .. server.
+-- `rpc.pair`.
 function CallTracker:halves()
   local found, activities = {}, self.activities.values
   for _, call in ipairs(self:unanswered()) do
     local asked = call.request
     if asked.seq < activities[asked.conversation].numbers.highest then
-      local pair = asked.client .. "\0" .. asked.server
-      found[pair] = math.min(found[pair] or asked.frame, asked.frame)
+      local key = pair(asked.client, asked.server)
+      found[key] = math.min(found[key] or asked.frame, asked.frame)
     end
   end
   return found

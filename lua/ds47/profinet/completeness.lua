@@ -11,7 +11,7 @@ local arrays = require("ds47.support.arrays")
 local rpc = require("ds47.profinet.rpc")
 
 local has, take_out = arrays.has, arrays.take_out
-local min, max = math.min, math.max
+local key_of, min, max = rpc.pair, math.min, math.max
 local WRITE = rpc.WRITE
 local OF_RECORDS = {[rpc.READ] = true, [rpc.WRITE] = true, [rpc.READ_IMPLICIT] = true}
 
@@ -139,8 +139,6 @@ Completeness.__index = Completeness
 function M.new(most, lost_on_line)
   return setmetatable({most = most, pairs = ordered.new(), lost_on_line = lost_on_line}, Completeness)
 end
-
-local function key_of(client, server) return client .. "\0" .. server end
 
 -- {activities = array of Numbers; since = frame since which all calls are of activities that were there
 -- before; heard = whether the station that is called has said anything; unasked = frames of Writes that are

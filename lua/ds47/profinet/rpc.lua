@@ -162,6 +162,9 @@ function M.parse(packet)
   return pdu
 end
 
+--- What names two stations: client and server.
+function M.pair(client, server) return client .. "\0" .. server end
+
 --- Vendor id and device id out of an RPC object UUID (docs/protocol.md E.2); nil for a foreign one.
 function M.device_identity(object_uuid)
   if sub(object_uuid, 1, 8) ~= "\xde\xa0\x00\x00\x6c\x97\x11\xd1" then return nil end
@@ -255,10 +258,14 @@ function Fragments:feed(pdu)
     end
     return nil
   end
-  self.partial:pop(key)
+  return join(self:_close(key), pdu)
+end
+
+function Fragments:_close(key)
+  local partial = self.partial:pop(key)
   self.fragments = self.fragments - partial.count
   self.bytes = self.bytes - partial.bytes
-  return join(partial, pdu)
+  return partial
 end
 
 --- The clock may have stepped back, so far ahead of it is old too.
@@ -285,10 +292,7 @@ local function beginning(partial, limit)
 end
 
 function Fragments:_give_up(key, limit)
-  local partial = self.partial:pop(key)
-  self.fragments = self.fragments - partial.count
-  self.bytes = self.bytes - partial.bytes
-  self.given_up[#self.given_up + 1] = beginning(partial, limit)
+  self.given_up[#self.given_up + 1] = beginning(self:_close(key), limit)
 end
 
 --- What is still waited for, oldest first: an array of {pdu = first fragment (or first seen), have = number}.
