@@ -54,9 +54,7 @@ local originals -- frame that is a mirror port's copy -> the frame of which it i
 local ours -- frames of the parameter channel, the newest ones in a ring: copies come at once
 
 -- Texts of addresses, by their bytes: a capture has few of them.
-local mac_texts = entries(function(raw)
-  return format("%02x:%02x:%02x:%02x:%02x:%02x", byte(raw, 1, 6))
-end, MOST_TEXTS)
+local mac_texts = entries(link.mac_text, MOST_TEXTS)
 
 -- Source and destination address of an IP header: an array of two texts.
 local address_pairs = entries(function(raw)

@@ -60,7 +60,7 @@ end
 local function values(items, format, scaled)
   return items and list(items, function(value)
     return type(value) ~= "number" and value
-      or json.raw(formats.number_text(value, formats.name_of(format), scaled))
+      or json.raw(formats.number_text(value, format, scaled))
   end)
 end
 

@@ -7,7 +7,6 @@
 local here = arg[0]:match("^(.*)[/\\]") or "."
 package.path = here .. "/../../lua/?.lua;" .. here .. "/?.lua;" .. package.path
 
-local formats = require("ds47.profidrive.formats")
 local formatting = require("ds47.report.formatting")
 local json = require("ds47.support.json")
 local read_json = require("json_reader")
@@ -37,7 +36,7 @@ end
 local function texts(values, block, scaled)
   local items = json.array({})
   for i, value in ipairs(values or {}) do
-    items[i] = formatting.value(value, formats.name_of(block), scaled)
+    items[i] = formatting.value(value, block.format_name, scaled)
   end
   return items
 end

@@ -6,10 +6,9 @@
 
 local dictionary = require("ds47.profidrive.dictionary")
 local drive_objects = require("ds47.profidrive.drive_objects")
-local formats = require("ds47.profidrive.formats")
+local argument = require("ds47.profidrive.formats").argument
 local kept = require("ds47.support.arrays").filtered
 local has_one_of = require("ds47.profidrive.parameter").has_one_of
-local json = require("ds47.support.json")
 local ordered = require("ds47.support.ordered")
 local places_of = require("ds47.profidrive.layouts").places
 local tables = require("ds47.spec.tables")
@@ -58,11 +57,6 @@ local function elements(address, block)
 end
 
 local function key_of(device, pnu, subindex) return device .. "\0" .. pnu .. "\0" .. subindex end
-
--- A value as an argument of a finding.
-local function argument(value, block)
-  return type(value) == "string" and value or json.raw(formats.number_text(value, formats.name_of(block)))
-end
 
 -- Devices
 

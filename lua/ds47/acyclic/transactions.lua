@@ -193,12 +193,10 @@ local function pairs_of_frames(reads) return #reads > 0 and mapped(reads, pair_o
 local function frames_of(job)
   local write = job:write_request()
   return {
-    write_request = write and write.frame,
-    write_response = job.write_response and job.write_response.frame,
+    write_request = write and write.frame, write_response = job.write_response and job.write_response.frame,
     read_request = job.read_request and job.read_request.frame,
     read_response = job.read_response and job.read_response.frame,
-    polls = pairs_of_frames(job.polls),
-    rereads = pairs_of_frames(job.rereads),
+    polls = pairs_of_frames(job.polls), rereads = pairs_of_frames(job.rereads),
   }
 end
 

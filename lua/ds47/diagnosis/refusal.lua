@@ -6,7 +6,6 @@
 local dictionary = require("ds47.profidrive.dictionary")
 local family = require("ds47.profidrive.family")
 local formats = require("ds47.profidrive.formats")
-local json = require("ds47.support.json")
 local rules = require("ds47.acyclic.judge")
 local tables = require("ds47.spec.tables")
 
@@ -142,12 +141,6 @@ local function rule_of(refusal, siemens, change)
   return nil
 end
 
-local function value_of(block)
-  local value = block and block.values[1]
-  if value == nil or type(value) == "string" then return value end
-  return json.raw(formats.number_text(value, formats.name_of(block)))
-end
-
 -- The PNU of the source that a connector was given; nil where it was given a number.
 local function source_of(value)
   if value == nil or value.format_name ~= UNSIGNED_32 or value.values[1] == nil then return nil end
@@ -162,8 +155,9 @@ local function args_of(job, rule, refusal)
   local facts, args = {
     axis = job.message.axis, device = job.peer.device, vendor_id = job.peer.vendor_id, code = refusal.code,
     pnu = address.pnu, subindex = address.subindex, elements = address.element_count,
-    format = value and value.format_name, value = value_of(value), source = source,
-    case = source and "source_refused" or "no_source", state = tables.known.commissioning[refusal.code],
+    format = value and value.format_name, value = value and formats.argument(value.values[1], value),
+    source = source, case = source and "source_refused" or "no_source",
+    state = tables.known.commissioning[refusal.code],
   }, {}
   for name in pairs(tables.rules[rule].args) do args[name] = facts[name] end
   return args

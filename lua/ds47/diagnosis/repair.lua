@@ -16,7 +16,7 @@ local byte, char, format, gsub, rep = string.byte, string.char, string.format, s
 local reverse, sub = string.reverse, string.sub
 local abs, floor, max = math.abs, math.floor, math.max
 local concat = table.concat
-local known = tables.known
+local is_absurd, known = formats.is_absurd, tables.known
 
 local M = {}
 
@@ -28,8 +28,6 @@ local NORMALISED = 0x65 -- from this code on a whole number stands for something
 local BOOLEAN = 0x01
 local NUMBERS = {number = true, float = true, time_of_day = true, duration = true}
 local OTHER = {number = {[4] = 0x08, [8] = 0x0F}, float = {[4] = 0x04, [8] = 0x37}} -- what bits may mean
-local LEAST_NORMAL = {f = 1.1754943508222875e-38, d = 2.2250738585072014e-308}
-local ABSURD = 1e30
 local MARGIN = 2 -- significant digits by which one of two readings must be shorter
 local EXACT = 9007199254740992 -- 2^53
 
@@ -60,28 +58,12 @@ local function numbers_of(block)
   return row and NUMBERS[row.kind] and block.values or {}
 end
 
--- Whether a float is none that a drive has a use for: denormal, huge, not finite.
-local function is_absurd(block)
-  local row = row_of(block)
-  if not row or row.kind ~= "float" then return false end
-  for _, value in ipairs(block.values) do
-    if type(value) == "string" or abs(value) > ABSURD then return true end
-    if value ~= 0 and abs(value) < LEAST_NORMAL[row.pack] then return true end
-  end
-  return false
-end
-
 local function absurd_inside(message) return any(message.blocks, is_absurd) end
 
 -- The values of a block as an argument of a finding.
 local function values_of(block)
   local shown = json.array({})
-  for i, value in ipairs(block.values) do
-    if type(value) == "number" then
-      value = json.raw(block.float and numbers.float_text(value) or format("%.0f", value))
-    end
-    shown[i] = value
-  end
+  for i, value in ipairs(block.values) do shown[i] = formats.argument(value, block) end
   return shown
 end
 

@@ -6,9 +6,9 @@
 -- and repair.lua (what the bytes were meant to be). Those that need the whole capture are the analyzer's
 -- alone.
 
-local code_of = require("ds47.profidrive.formats").code_of
 local dictionary = require("ds47.profidrive.dictionary")
-local filtered = require("ds47.support.arrays").filtered
+local arrays = require("ds47.support.arrays")
+local formats = require("ds47.profidrive.formats")
 local later = require("ds47.support.later").module
 local length = later("ds47.diagnosis.length")
 local memory = require("ds47.diagnosis.memory")
@@ -22,16 +22,13 @@ local rules = require("ds47.acyclic.judge")
 local suggest = later("ds47.diagnosis.suggest")
 local tables = require("ds47.spec.tables")
 
-local abs, min = math.abs, math.min
+local any, filtered, min = arrays.any, arrays.filtered, math.min
+local code_of, is_absurd = formats.code_of, formats.is_absurd
 
 local M = {}
 
 local VALUE = tables.layouts.ADDRESS_VALUE
 local PNU_ACCESS_IDENTIFICATION = rules.PNU_ACCESS_IDENTIFICATION
--- Float32 and Float64: what is nearer to zero is no number that anybody typed, nor is what is farther away
--- than MOST.
-local LEAST_NORMAL = {[0x08] = 2 ^ -126, [0x0F] = 2 ^ -1022}
-local MOST = 1e30
 local USUAL = {[0x01] = true, [0x02] = true} -- response ids without a refusal
 local LEARNT = {[0x01] = true, [0x02] = true, [0x81] = true, [0x82] = true}
 
@@ -98,14 +95,7 @@ local function is_odd(job)
   if message.operation == "read" then -- the response may have been too long
     return #places_of(job.response) < #message.addresses
   end
-  for _, block in ipairs(message.blocks) do
-    local least = LEAST_NORMAL[block.format]
-    for _, value in ipairs(least and block.values or NONE) do
-      if type(value) == "string" then return true end -- NaN or infinite
-      if value ~= 0 and (abs(value) < least or abs(value) > MOST) then return true end
-    end
-  end
-  return false
+  return any(message.blocks, is_absurd)
 end
 
 -- Whether a job has a response that nothing is to be said of, as nearly all have.

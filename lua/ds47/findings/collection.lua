@@ -86,12 +86,8 @@ function Findings:finding(remark, transaction)
   return {
     rule = remark.rule,
     severity = remark.of and remark.of:is_foreign() and "note" or tables.rules[remark.rule].severity,
-    frame = remark.frame,
-    frames = frames_of(remark.rule, remark.frame, args),
-    transaction = transaction,
-    order = remark.order,
-    offset = remark.offset,
-    args = args or NONE,
+    frame = remark.frame, frames = frames_of(remark.rule, remark.frame, args),
+    transaction = transaction, order = remark.order, offset = remark.offset, args = args or NONE,
   }
 end
 

@@ -2,16 +2,24 @@
 -- formats. One codec per format of tables.lua. Blocks, pads and what to do with unknown formats are in
 -- parameter.lua.
 
+local json = require("ds47.support.json")
 local numbers = require("ds47.support.numbers")
 local reader = require("ds47.support.bytes")
 local tables = require("ds47.spec.tables")
 local times = require("ds47.support.times")
 
-local byte, floor, format, sub = string.byte, math.floor, string.format, string.sub
+local byte, format, sub = string.byte, string.format, string.sub
+local abs, floor = math.abs, math.floor
 local float32, float64 = numbers.float32, numbers.float64
 local float_text, whole_text = numbers.float_text, numbers.whole_text
 
 local M = {}
+
+local NONE = {}
+-- Float32 and Float64: what is nearer to zero is no number that anybody typed, nor is what is farther away
+-- than ABSURD.
+local LEAST_NORMAL = {[0x08] = 2 ^ -126, [0x0F] = 2 ^ -1022}
+local ABSURD = 1e30
 
 local DAY_MS = 86400000
 local MS_RANGE = 268435456 -- times of day use 28 of their 32 bits
@@ -132,14 +140,6 @@ function M.codec(code, size)
   return codec
 end
 
---- The name of the format of a block, of a parameter of a transaction, or that name itself.
-function M.name_of(block)
-  if type(block) == "table" then
-    return block.format_name or type(block.format) == "string" and block.format or nil
-  end
-  return block
-end
-
 local codes -- format name -> code
 
 --- The code of a format by its name; nil of a name that no format has.
@@ -180,5 +180,21 @@ end
 
 --- A number as Python shows it.
 function M.number_text(number, format_name, scaled) return M.text_of(format_name, scaled)(number) end
+
+--- A value of a block as an argument of a finding; nil stays nil.
+function M.argument(value, block)
+  if type(value) ~= "number" then return value end
+  return json.raw(M.number_text(value, block.format_name))
+end
+
+--- Whether a block has floats for which no drive has a use: denormal, huge, not finite.
+function M.is_absurd(block)
+  local least = LEAST_NORMAL[block.format]
+  for _, value in ipairs(least and block.values or NONE) do
+    if type(value) == "string" then return true end -- NaN or infinite
+    if value ~= 0 and (abs(value) < least or abs(value) > ABSURD) then return true end
+  end
+  return false
+end
 
 return M
