@@ -72,7 +72,7 @@ function Index47.new(extra, waiting, forbid_47, waiting_ars, proven)
     open = ordered.new(), held = ordered.new(), events = 0,
     drives = ordered.new(), -- submodules that have responded at 0xB02E or 0xB02F; false: a store at 47
     sent = ordered.new(), -- the bytes of the newest Writes of a submodule, whoever waits that wrote them
-    unproven = ordered.new(), -- of ARs that do not wait any more, by device, as `unproven_devices` gives it
+    left = ordered.new(), -- of ARs that do not wait any more, by device, as `unproven` gives it
   }, Index47)
 end
 
@@ -214,11 +214,11 @@ function Index47:answers(ar, place, data, codec)
 end
 
 -- What waits of an AR will not be ours: its records are added to those of its device.
-local function leave(unproven, ar, held, most)
+local function leave(left, ar, held, most)
   if held.records > 0 then
     local device = records.device_of(ar)
-    local before = unproven:get(device) or {first = held.first, count = 0}
-    unproven:keep(device, {
+    local before = left:get(device) or {first = held.first, count = 0}
+    left:keep(device, {
       device = device, first = math.min(before.first, held.first), count = before.count + held.records,
       asks = before.asks or held.asks,
     }, most)
@@ -227,9 +227,9 @@ end
 
 --- Each device of which no AR has proved itself, if nothing more comes: array of {device, first, count,
 -- asks}.
-function Index47:unproven_devices()
+function Index47:unproven()
   local found, drives, result = ordered.new(), {}, {}
-  for device, told in self.unproven:iterate() do found:set(device, told) end
+  for device, told in self.left:iterate() do found:set(device, told) end
   for ar, held in self.held:iterate() do
     if held.question then
       drives[records.device_of(ar)] = true
@@ -263,7 +263,7 @@ function Index47:follow(ar, event)
     else
       self.held:pop(ar_of_oldest)
       self.events = self.events - math.min(oldest.count, waiting)
-      leave(self.unproven, ar_of_oldest, oldest, self.most_open)
+      leave(self.left, ar_of_oldest, oldest, self.most_open)
     end
   end
 end

@@ -375,7 +375,7 @@ local function forget_last(self, channel)
 end
 
 -- From now on nothing that is read is the response to the refused Write.
-local function forget_refused(self, channel)
+local function leave_refused(self, channel)
   lose(self, channel.refused, "")
   channel.refused = nil
 end
@@ -547,7 +547,7 @@ local function accept(self, channel, job)
     if job:write_told() then written_again(channel, job) end
     local open = channel.open
     if open then displace(self, channel, job) end
-    if channel.refused then forget_refused(self, channel) end
+    if channel.refused then leave_refused(self, channel) end
     channel.open = job
   end
   job.phase = PHASES[job.phase].write_accepted
@@ -595,7 +595,7 @@ local function refuse(self, channel, job)
   else
     channel.open = nil
   end
-  if channel.refused then forget_refused(self, channel) end
+  if channel.refused then leave_refused(self, channel) end
   channel.refused = job
 end
 
@@ -879,7 +879,7 @@ function Pairing:write_unasked(peer, record)
       return -- the request may be there, and its call was given up before
     end
   end
-  if channel.refused then forget_refused(self, channel) end
+  if channel.refused then leave_refused(self, channel) end
   if half.status ~= 0 and not is_untold(half) then return end
   channel.unseen = half.frame
   pass_over(channel)
@@ -1015,7 +1015,7 @@ function Pairing:read_response(peer, record)
   if late then job = nil end -- what the Read asked for is over: its response came late
   if channel.refused and channel.refused ~= job then
     if job and channel.refused.order > job.order then job.refused_behind = channel.refused end
-    forget_refused(self, channel)
+    leave_refused(self, channel)
   end
   local missing = job and event ~= "read_poll" and event ~= "read_empty"
     and of_another(self, channel, job, record) or nil

@@ -250,7 +250,7 @@ local function differs(last, block, raw, value)
   return #last.raw == #raw and last.raw ~= raw and not (last.format ~= block.format and last.value == value)
 end
 
-function ReadBack:_compare(found, job, access, address, block)
+function ReadBack:_compared(found, job, access, address, block)
   local device = self:_device(access.device)
   if next(device.recomputing) ~= nil then return end
   local count, size = elements(address, block)
@@ -295,7 +295,7 @@ function ReadBack:_look(found, job, access, address, block)
   elseif address.pnu == DO_IDENTIFICATION and address.attribute == VALUE and not block.float then
     self.objects:identified(access, address.subindex, block.values)
   end
-  if self.pnus[address.pnu] then self:_compare(found, job, access, address, block) end
+  if self.pnus[address.pnu] then self:_compared(found, job, access, address, block) end
 end
 
 return M

@@ -10,7 +10,7 @@ local tables = require("ds47.spec.tables")
 
 local byte = string.byte
 local parse_request, without_block = records.parse_request, records.without_block
-local parse_halves, parse_response = records.parse_halves, records.parse_response
+local parse_answers, parse_response = records.parse_answers, records.parse_response
 
 local M = {}
 
@@ -21,7 +21,7 @@ local OF_REQUESTS = {calls = true, activities = true, pending_writes = true} -- 
 -- Peers that were told, by what tells them apart.
 local peers, peer_count, MOST_PEERS = {}, 0, 4096
 
-local function known_peer(pdu)
+local function who(pdu)
   local key = pdu.client .. "\0" .. pdu.server .. "\0" .. pdu.object_uuid
   local peer = peers[key]
   if peer == nil then
@@ -54,7 +54,7 @@ end
 function M.peer(pdu, stations)
   local peer = pdu.peer
   if peer == nil then
-    peer = known_peer(pdu)
+    peer = who(pdu)
     if peer.vendor_id == nil and stations.vendor_id ~= nil then
       pdu.peer = with_vendor(peer, stations) -- of this PDU alone: the next one may know more
       return pdu.peer
@@ -289,7 +289,7 @@ function RecordCalls:answered(call)
     if call.request.opnum == CONNECT then self.listener:set_up(call.request, pdu) end
   end
   if not record then return end
-  local status, answered = parse_halves(pdu)
+  local status, answered = parse_answers(pdu)
   local events, ours = self.events, self.concerned
   if pdu.peer == nil then peer_of(pdu, self.stations) end
   while record do

@@ -266,7 +266,7 @@ end
 --- What is told of records that nothing shows to be ours (DS209), if nothing more comes: an array of remarks.
 function RecordEvents:unproven()
   local remarks = {}
-  for number, each in ipairs(self.index47:unproven_devices()) do
+  for number, each in ipairs(self.index47:unproven()) do
     local what = each.asks and "unproven_calls" or "unproven_responses"
     local args = {device = each.device, count = each.count, what = what}
     remarks[number] = {rule = "DS209", frame = each.first, args = args}

@@ -203,7 +203,7 @@ function M.parse_request(pdu)
 end
 
 -- The halves of the blocks of a Write response. Their status is their own, unless the whole call failed.
-local function write_halves(pdu, type, status)
+local function written(pdu, type, status)
   local first, last, offset, body = nil, nil, NDR, pdu.body
   repeat
     local own = status
@@ -218,7 +218,7 @@ end
 --- The halves of a response, in the order of its blocks.
 -- @return the PNIOStatus of the NDR header (nil for an empty body); the first half (`half.following` is the
 --   next), nil for none; whether they are those of an IODWriteMultiple, of which only the inner ones are told
-function M.parse_halves(pdu)
+function M.parse_answers(pdu)
   local body, opnum = pdu.body, pdu.opnum
   local type, status = RESPONSE_TYPES[opnum], number_at(body, 1, pdu.little)
   local place, stated = block_at(type, opnum, body, NDR)
@@ -226,7 +226,7 @@ function M.parse_halves(pdu)
   if opnum ~= WRITE then -- it has one block, and its data behind it
     return status, carrying(pdu, body, FIRST_END, stated, status), false
   end
-  local half = write_halves(pdu, type, status)
+  local half = written(pdu, type, status)
   if place.index ~= WRITE_MULTIPLE then return status, half, false end
   if not half.following and half.status and half.status ~= 0 then status = half.status end
   return status, half.following, true
@@ -238,7 +238,7 @@ end
 -- IODWriteMultiple gives its inner responses only.
 -- @return that, and the first record (`record.following` is the next), nil for none
 function M.parse_response(pdu)
-  local status, half, multiple = M.parse_halves(pdu)
+  local status, half, multiple = M.parse_answers(pdu)
   local first, last, offset, position = nil, nil, NDR, 0
   if multiple then offset, position = offset + SIZE, 1 end
   while half do

@@ -29,12 +29,8 @@ end
 -- @param kind "dcp" (payload begins with the frame id) or "lldp" (payload is the LLDPDU)
 -- @param src_mac, dst_mac text, or nil where the link type has none; a DCP Set names its destination
 function Stations:station(kind, payload, src_mac, dst_mac)
-  local station
-  if kind == "dcp" then
-    station = dcp.parse(payload, src_mac, dst_mac)
-  else
-    station = lldp.parse(payload, src_mac)
-  end
+  local parse = kind == "dcp" and dcp.parse or lldp.parse
+  local station = parse(payload, src_mac, dst_mac)
   if not station or not station.mac then return end
   local known = self.stations:pop(station.mac)
   if known then
