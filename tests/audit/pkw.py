@@ -247,7 +247,9 @@ def _soon(talk: Talk, after: list[tuple[int, bytes]]) -> Iterator[str]:
     reading, behind = talk.reading, after[-1]
     stood = (reading.time(behind[0]) or 0) - (reading.time(talk.begins) or 0)
     slowest = max((each.plain["duration_ms"] or 0 for each in talks(reading)), default=0)
-    if stood / 1e6 > max(UNREAD_MS, slowest) + 2 * (talk.relation["cycle_ms"] or 0):
+    if stood / 1e6 > max(UNREAD_MS, slowest) + 5 * (
+        talk.relation["cycle_ms"] or 0
+    ):  # not each is looked at
         yield f"it stood for {stood / 1e6} ms"
     if behind[1] != talk.asked:
         yield f"{behind[1].hex()} is asked at the end"
