@@ -35,7 +35,7 @@ from typing import Any
 
 BYTES = {"scan": "capture/scan"}
 RECORD_PATH = (
-    "model", "analysis", "spec/units", "capture/frame", "capture/walk", "capture/pcap",
+    "spec/plain", "model", "analysis", "spec/units", "capture/frame", "capture/walk", "capture/pcap",
     "capture/pcapng",
     "profinet/rpc", "profinet/link", "profinet/ip", "profinet/calls", "profinet/records",
     "profinet/stations", "profidrive/model", "profidrive/parameter",

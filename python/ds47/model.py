@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 from ds47.spec import Pnu, error_hex, error_text
 from ds47.spec.cyclic import error_text as pkw_error_text
 from ds47.spec.cyclic import meaning as pkw_meaning
+from ds47.spec.plain import Plain
 from ds47.spec.units import milliseconds, status, timestamp
 
 Value = int | float | str
@@ -39,35 +40,6 @@ DS47, PKW, PZD, S7 = CHANNELS = ("ds47", "pkw", "pzd", "s7")
 """Channels: records, parameters and process data inside cyclic frames, S7 communication."""
 DIAGNOSIS = "DS7"
 """What the id of every diagnosis begins with."""
-
-
-class Plain:
-    """What the classes here have, and many others: they can be compared, shown, copied, sent to another process.
-
-    One method for all instead of one that `dataclass` writes for each: writing them takes longer than a
-    small capture, and nobody compares two transactions in a hurry. Only for modules that are compiled, too
-    (RECORD_PATH in hatch_build.py): what is not compiled cannot inherit from what is.
-    """
-
-    __slots__ = ()
-
-    def __eq__(self, other: object) -> bool:
-        if type(other) is not type(self):
-            return NotImplemented
-        return all(
-            getattr(self, name) == getattr(other, name) for name in self.__dataclass_fields__
-        )
-
-    __hash__ = None  # type: ignore[assignment]
-
-    def __repr__(self) -> str:
-        values = [f"{name}={getattr(self, name)!r}" for name in self.__dataclass_fields__]
-        return f"{type(self).__name__}({', '.join(values)})"
-
-    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
-        return type(self), tuple(getattr(self, name) for name in self.__dataclass_fields__)
-
-    __dataclass_fields__: ClassVar[dict[str, Any]]
 
 
 @dataclass(slots=True, repr=False, eq=False)

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any, Final, Literal, NamedTuple, TypeVar
 
-from ds47.model import Plain
 from ds47.profidrive import Request, Response
 from ds47.profidrive.dictionary import Meaning
 from ds47.profidrive.family import kind_fits
 from ds47.profinet.completeness import Completeness, Hole
 from ds47.profinet.records import ChannelKey, Half, Peer, Record
+from ds47.spec.plain import Plain
 from ds47.spec.semantics import Limits, phases
 
 STATUS_NOT_READY: Final = 0xDE80B500

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from ds47.model import Plain
+from ds47.spec.plain import Plain
 
 
 @dataclass(slots=True, init=False, repr=False, eq=False)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from ds47.model import Plain
+from ds47.spec.plain import Plain
 
 
 class AnyJob(Protocol):

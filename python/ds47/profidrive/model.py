@@ -10,7 +10,7 @@ from functools import cache, lru_cache
 from typing import Any, Final, NamedTuple
 
 from ds47 import spec
-from ds47.model import Plain
+from ds47.spec.plain import Plain
 
 Value = int | float | str
 """One value as JSON shows it: whole numbers beyond 2^53, NaN and infinities are strings."""

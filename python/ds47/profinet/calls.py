@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypeVar
 
-from ds47.model import Plain
 from ds47.profinet.completeness import Completeness, Numbers
 from ds47.profinet.rpc import NO_OPERATION, Fragments, GivenUp, Pdu
 from ds47.spec.layouts import RPC_CONNECT, RPC_READ, RPC_READ_IMPLICIT
+from ds47.spec.plain import Plain
 from ds47.spec.semantics import Limits
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from heapq import heappop, heappush
 from typing import TYPE_CHECKING
 
-from ds47.model import Plain
+from ds47.spec.plain import Plain
 
 if TYPE_CHECKING:
     from ds47.profinet.traces import Trace, Traces

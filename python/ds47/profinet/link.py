@@ -25,7 +25,7 @@ from ds47.capture.scan import (
     is_pnio,
     network_layer,
 )
-from ds47.model import Plain
+from ds47.spec.plain import Plain
 
 from . import ip
 

@@ -10,7 +10,6 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
-from ds47.model import Plain
 from ds47.profidrive.dictionary import family_of
 from ds47.profinet.rpc import Pdu
 from ds47.spec.layouts import (
@@ -32,6 +31,7 @@ from ds47.spec.layouts import (
     RPC_READ_IMPLICIT,
     RPC_WRITE,
 )
+from ds47.spec.plain import Plain
 
 NIL_UUID: Final = bytes(16)
 NO_API: Final = -1

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from ds47.capture import Frame
 from ds47.capture.scan import ETHERNET, UUIDS, is_plain
-from ds47.model import Plain
 from ds47.profinet.ip import Cut, address
 from ds47.profinet.link import Packet, mac
 from ds47.spec.layouts import (
@@ -32,6 +31,7 @@ from ds47.spec.layouts import (
     RPC_VERSION,
     RPC_VERSION_4,
 )
+from ds47.spec.plain import Plain
 
 if TYPE_CHECKING:
     from ds47.profinet.traces import Trace, Traces
