@@ -9,17 +9,21 @@ from collections.abc import Iterator, Sequence
 _STAYS = tuple("，。；：、）”")
 """Characters that do not begin a line."""
 _COLOR = re.compile(r"\x1b\[\d*m")
+_WORDS = re.compile("(?<= )(?! )")
 
 
 def wrap(text: str, width: int, hanging: int = 0) -> list[str]:
     """Lines of at most `width` columns; all but the first begin with `hanging` blanks."""
-    lines, line = [], ""
+    if columns(text) <= width:
+        return [text.rstrip()]
+    lines, line, taken = [], "", 0
     for piece in _pieces(text):
-        if line.strip() and columns(line + piece.rstrip()) > width:
+        if line.strip() and taken + columns(piece.rstrip()) > width:
             lines.append(line.rstrip())
-            line = " " * hanging
+            line, taken = " " * hanging, hanging
             piece = piece.lstrip()
         line += piece
+        taken += columns(piece)
     return [*lines, line.rstrip()]
 
 
@@ -46,16 +50,17 @@ def padded(text: str, width: int) -> str:
 
 def _pieces(text: str) -> Iterator[str]:
     """The text in pieces that stay whole: a word with the blanks behind it, or a wide character."""
-    piece = ""
-    for place, character in enumerate(text):
-        piece += character
-        following = text[place + 1 : place + 2]
-        blank = character == " " and following != " "
-        wide = columns(character) == 2 or (following and columns(following) == 2)
-        if blank or (wide and following not in _STAYS):
-            yield piece
-            piece = ""
-    yield piece
+    for word in _WORDS.split(text):
+        if word.isascii():
+            yield word
+            continue
+        begin = 0
+        for place in range(1, len(word) + 1):
+            before, following = word[place - 1], word[place : place + 1]
+            if 2 in (columns(before), columns(following)) and following not in _STAYS:
+                yield word[begin:place]
+                begin = place
+        yield word[begin:]
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
