@@ -310,7 +310,7 @@ def table() -> Schema:
 
 
 def _cells(columns: Sequence[Column], optional: bool) -> dict[str, Schema]:
-    return {name: _cell(key, optional) for name, key in columns}
+    return {each.name: _cell(each.key, optional) for each in columns}
 
 
 def _row(columns: dict[str, Schema], about: str, own: dict[str, Schema] | None = None) -> Schema:

@@ -7,8 +7,9 @@ elsewhere. `tools/make_schemas.py` writes the JSON Schemas from this table.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from functools import cached_property, lru_cache
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import cache, cached_property, lru_cache
+from itertools import repeat
 from operator import attrgetter
 from typing import Any, NamedTuple
 
@@ -20,7 +21,7 @@ from ds47.report.bilingual import LANGUAGES
 from ds47.report.filters import display_filter
 from ds47.report.sentences import error_words, message, name, sentence
 from ds47.spec import FAMILIES, MICROMASTER, SINAMICS, cyclic, parameter, parameters, profibus, s7
-from ds47.spec.units import duration, nanoseconds, timestamp
+from ds47.spec.units import duration, nanoseconds, second, timestamp
 
 Tell = Callable[[Any, str], Any]
 """From an object of the model and a language to what JSON has."""
@@ -46,6 +47,7 @@ class Key(NamedTuple):
         rare: whether most objects do without it: it is left out where it is None.
         field: of the field in Wireshark that has the name of the column: label, kind, and what the kind takes
             (`spec/wireshark.toml`); empty where there is none, or one that is made otherwise.
+        steady: whether many transactions have the same: what is written of it is kept.
     """
 
     name: str
@@ -61,6 +63,11 @@ class Key(NamedTuple):
     channel: str = ""
     rare: bool = False
     field: tuple[str, ...] = ()
+    steady: bool = False
+
+    def part_of(self, owner: str) -> str:
+        """Code for the object that has the attributes of the keys in this one."""
+        return f"{owner}.{self.name}" if self.shape is not None and self.shape.make else owner
 
 
 class Shape:
@@ -396,25 +403,26 @@ TRANSACTION = Shape("transaction", (
     Key("channel", ref("channel"),
         "Record calls, the parameter channel inside cyclic frames, or S7 communication.", later=True,
         column="ds47 for record calls, pkw for the parameter channel inside cyclic frames, s7 for S7.",
-        field=("Channel", "code", "channels")),
-    Key("operation", ref("operation"), column="What was asked for.", field=("Operation", "code", "operations")),
-    Key("state", ref("state"), column="What came of it.", field=("State", "code", "states")),
+        field=("Channel", "code", "channels"), steady=True),
+    Key("operation", ref("operation"), column="What was asked for.",
+        field=("Operation", "code", "operations"), steady=True),
+    Key("state", ref("state"), column="What came of it.", field=("State", "code", "states"), steady=True),
     Key("controller", TEXT, column="Who asked: its IP address, on PROFIBUS dp and its address.",
-        field=("Controller", "ipv4")),
-    Key("device", TEXT, column="Who was asked, in the same way.", field=("Device", "ipv4")),
+        field=("Controller", "ipv4"), steady=True),
+    Key("device", TEXT, column="Who was asked, in the same way.", field=("Device", "ipv4"), steady=True),
     Key("station", whole(0, 127, maybe=True), "Address of the device on PROFIBUS; null on PROFINET.",
         later=True, column="Address of the device on PROFIBUS; null on PROFINET.",
-        field=("Station", "uint8", "DEC")),
+        field=("Station", "uint8", "DEC"), steady=True),
     Key("ar", MAYBE_TEXT, "UUID; null for an implicit read.",
-        column="UUID of the connection; null for an implicit read.", field=("AR UUID", "guid")),
+        column="UUID of the connection; null for an implicit read.", field=("AR UUID", "guid"), steady=True),
     Key("api", whole(0, 0xFFFF_FFFF, maybe=True), column="API of the record; null on PROFIBUS.",
-        field=("API", "uint32", "DEC_HEX")),
-    Key("slot", WORD, column="Slot of the record.", field=("Slot", "uint16", "DEC_HEX")),
+        field=("API", "uint32", "DEC_HEX"), steady=True),
+    Key("slot", WORD, column="Slot of the record.", field=("Slot", "uint16", "DEC_HEX"), steady=True),
     Key("subslot", WORD, column="Subslot of the record; null on PROFIBUS.",
-        field=("Subslot", "uint16", "DEC_HEX")),
+        field=("Subslot", "uint16", "DEC_HEX"), steady=True),
     Key("index", WORD, "Null where the channel has none.",
         column="Index of the record: 47, 45102 (0xB02E), 45103 (0xB02F); null for pkw.",
-        field=("Record index", "uint16", "DEC_HEX")),
+        field=("Record index", "uint16", "DEC_HEX"), steady=True),
     Key("request_reference", WORD, column="The number that the response has to mirror.",
         field=("Request reference", "uint8", "HEX")),
     Key("axis", BYTE, column="Drive object (DO).", field=("Axis / DO-ID", "uint8", "DEC")),
@@ -786,17 +794,55 @@ CAPTURE_HEAD = Shape("", HEAD)
 CAPTURE = Shape("capture", (*HEAD, *LISTS, SUMMARY), model.CaptureResult)
 
 
-ABOUT = (
-    "pnu", "subindex", "attribute", "element_count", "listed", "unit", "format", "described", "family",
-)  # fmt: skip
-"""What tells which parameter it is, and in which form its values are."""
-about: Callable[[model.Parameter], tuple[Any, ...]] = attrgetter(*ABOUT)
-"""All of it at once: writers remember what they make of it."""
+# Code that makes the keys again, for what is written of every transaction: compiled once
 
 
-def told(known: tuple[Any, ...], value_count: int | None = None) -> model.Parameter:
-    """A parameter of which that is known, and no values."""
-    return model.Parameter(**dict(zip(ABOUT, known, strict=True)), value_count=value_count)
+_MADE: dict[Take | None, str] = {
+    take_hex: "{}.hex()",
+    take_ns: "{} / 1e6",
+    take_status: "'%08X' % {}",
+    take_time: "second({0} // 1_000_000_000) + '.%09dZ' % ({0} % 1_000_000_000)",
+}
+"""How a key is loaded -> code that makes it of the attribute that it is loaded into."""
+
+
+def code(key: Key, attribute: str, null: str = "None", text: str = "{}", mark: str = "") -> str:
+    """Code for a key of that attribute.
+
+    Args:
+        key: neither a list nor an object.
+        attribute: code, too.
+        null: code for what stands there where it is None.
+        text: code for a text that anybody may have written.
+        mark: stands before and behind texts that are made here.
+    """
+    kind, made = key.schema.get("type", ()), _MADE.get(key.take)
+    if made is None:
+        made = "{}" if "integer" in kind else text
+    elif mark and "number" not in kind:
+        made = f"'{mark}' + {made} + '{mark}'"
+    if isinstance(kind, list) or key.schema in (ref("hex"), ref("status")):
+        return f"{null} if (value := {attribute}) is None else {made.format('value')}"
+    return made.format(attribute)
+
+
+def compiled(made: str, names: dict[str, Any], of: str = "item, lang") -> Callable[..., Any]:
+    """A function that makes something `of` an object of the model and a language; `names` are what it calls."""
+    names["second"] = second
+    exec(f"def make({of}): return {made}", names)
+    function: Callable[..., Any] = names["make"]
+    return function
+
+
+def kept(
+    keys: Sequence[Key], cell: Callable[[Key, str], str], between: str, names: dict[str, Any]
+) -> str:
+    """Code for the text of steady keys, which is kept: `cell` makes code of a key and its name."""
+    of = [key.name for key in keys]
+    inside = between.join(cell(key, key.name) for key in keys)
+    make = compiled(f"f'''{inside}'''", dict(names), ", ".join(of))
+    names[f"kept_{of[0]}"] = lru_cache(maxsize=4096)(make)
+    return f"{{kept_{of[0]}(item.{', item.'.join(of)})}}"
 
 
 # Tables
@@ -807,32 +853,34 @@ class Column(NamedTuple):
 
     name: str
     key: Key
+    attribute: str
+    """Code for what it is made of."""
 
 
-def columns(shape: Shape, prefix: str = "") -> Iterator[Column]:
+def columns(shape: Shape, prefix: str = "", owner: str = "item") -> Iterator[Column]:
     """The keys of a shape, and of the objects in it, that have a description as a column."""
     for key in shape.keys:
         if key.column:
-            yield Column(prefix + key.name, key)
+            yield Column(prefix + key.name, key, f"{owner}.{key.into or key.name}")
         elif key.shape is not None and "items" not in key.schema and not key.rare:
-            yield from columns(key.shape, f"{prefix}{key.name}.")
+            yield from columns(key.shape, f"{prefix}{key.name}.", key.part_of(owner))
 
 
 POLLS = Column("polls", Key(
     "polls", COUNT, column="How often the controller read before the response was there.",
     field=("Polls", "uint32", "DEC"),
-))  # fmt: skip
+), "len(item.frames.polls)")  # fmt: skip
 RULES = Column("findings", Key(
     "findings", MAYBE_TEXT | {"pattern": "^(DS[1-9][0-9]{2}( DS[1-9][0-9]{2})*)?$"},
     column="Rules that apply to the transaction, a blank between; empty without.",
-))  # fmt: skip
+), "' '.join(item.findings)")  # fmt: skip
 
 
 def _of_transaction() -> Iterator[Column]:
     for column in columns(TRANSACTION):
         if column.key.channel:
             continue
-        yield Column("transaction", column.key) if column.name == "id" else column
+        yield column._replace(name="transaction") if column.name == "id" else column
         if column.name == "frames.read_response":
             yield POLLS
     yield RULES
@@ -849,28 +897,31 @@ S7_COLUMNS = (
     *columns(ITEM, "item."),
 )
 """What is the last of all, for transactions of S7: a row for each of their items."""
-_PATHS = {"transaction": "id", "polls": "frames.polls"}
-_get_cells = attrgetter(*[_PATHS.get(each.name, each.name) for each in TRANSACTION_COLUMNS])
-_POLLS = [each.name for each in TRANSACTION_COLUMNS].index("polls")
 NOTHING: list[Any] = [None] * len(S7_COLUMNS)
 """The cells of S7_COLUMNS of any other transaction."""
 _get_head = attrgetter(*[each.name for each in HEAD_COLUMNS])
 _NAME = [each.name for each in HEAD_COLUMNS].index("name")
 
 
+@cache
+def _transaction_cells() -> Callable[[Any, str], list[Any]]:
+    cells = [code(each.key, each.attribute) for each in TRANSACTION_COLUMNS]
+    return compiled(f"[{', '.join(cells)}]", {})
+
+
 def transaction_cells(item: model.Transaction) -> list[Any]:
     """The cells of TRANSACTION_COLUMNS."""
-    cells = list(_get_cells(item))
-    cells[_POLLS] = len(cells[_POLLS])
-    cells[-1] = " ".join(cells[-1])
-    return cells
+    return _transaction_cells()(item, "")
 
 
-def rows(item: model.Transaction) -> Iterator[tuple[model.Parameter | None, list[Any]]]:
+def rows(item: model.Transaction) -> Iterable[tuple[model.Parameter | None, list[Any]]]:
     """A row for each parameter, of S7 for each item: the parameter, if any, and the cells of S7_COLUMNS."""
-    if item.channel != model.S7:
-        yield from ((each, NOTHING) for each in item.parameters or (None,))
-        return
+    if item.channel == model.S7:
+        return _items(item)
+    return zip(item.parameters or (None,), repeat(NOTHING))
+
+
+def _items(item: model.Transaction) -> Iterator[tuple[model.Parameter | None, list[Any]]]:
     left = [item.connection, item.r_id, item.error]
     if not item.items:
         yield None, left + [None] * 4

@@ -16,14 +16,15 @@ import csv
 import re
 from collections.abc import Callable, Sequence
 from functools import cache, lru_cache
+from itertools import groupby
 from json import dumps
-from typing import Any, ClassVar, Final, TextIO
+from typing import Any, ClassVar, TextIO
 
 from ds47.model import Finding, Parameter, Report, Transaction, Value
 from ds47.report import Options, contract, is_text, json, write_all
 from ds47.report import Writer as _Writer
 from ds47.report.formatting import escape
-from ds47.spec.units import timestamp
+from ds47.report.values import about, of_kind
 
 TRANSACTION_COLUMNS = tuple(each.name for each in contract.TRANSACTION_COLUMNS)
 PARAMETER_COLUMNS = (
@@ -78,7 +79,8 @@ class Writer(Table):
     header: ClassVar[Sequence[str]] = COLUMNS
 
     def transaction(self, path: str, transaction: Transaction, findings: Sequence[Finding]) -> None:
-        left, lang = f"{_guarded(path)},{_left()(transaction)}", self.options.lang
+        lang = self.options.lang
+        left = f"{_guarded(path)},{_left()(transaction, lang)}"
         for parameter, right in contract.rows(transaction):
             told = _EMPTY if parameter is None else _parameter(parameter, lang)
             more = _NO_S7 if right is contract.NOTHING else ",".join(map(_cell, right))
@@ -120,53 +122,44 @@ def _guarded(text: str | None) -> str:
     return _cell(guarded(text))
 
 
-_LOADED: Final[dict[contract.Take | None, str]] = {
-    contract.take_ns: "{} / 1e6",
-    contract.take_status: "f'{{{}:08X}}'",
-    contract.take_time: "timestamp({})",
-}
-"""How a key is loaded -> code for its cell, from the attribute that it is loaded into."""
-_TOLD: Final = {"polls": "{len(item.frames.polls)}", "findings": "{text(' '.join(item.findings))}"}
-
-
 @cache
-def _left() -> Callable[[Transaction], str]:
+def _left() -> Callable[[Transaction, str], str]:
     """What writes the cells of a transaction: the f-string that one would write by hand, as that of JSON."""
-    names: dict[str, Any] = {"text": _text, "guarded": _guarded, "timestamp": timestamp}
-    cells = [_TOLD.get(each.name) or _code(each) for each in contract.TRANSACTION_COLUMNS]
-    exec(f"def left(item): return f'''{','.join(cells)}'''", names)
-    left: Callable[[Transaction], str] = names["left"]
-    return left
+    names: dict[str, Any] = {"text": _text, "guarded": _guarded}
+    cells: list[str] = []
+    for steady, group in groupby(contract.TRANSACTION_COLUMNS, lambda each: each.key.steady):
+        if steady:
+            cells.append(contract.kept([each.key for each in group], _code, ",", names))
+        else:
+            cells += [_code(each.key, each.attribute) for each in group]
+    return contract.compiled(f"f'''{','.join(cells)}'''", names)
 
 
-def _code(column: contract.Column) -> str:
-    key = column.key
-    owner = "item.frames" if column.name.startswith("frames.") else "item"
-    kind = "guarded({})" if key.schema is contract.TEXT else "text({})"
-    code = _LOADED.get(key.take, "{}" if "integer" in key.schema.get("type", ()) else kind)
-    attribute = f"{owner}.{key.into or key.name}"
-    return f"{{'' if (value := {attribute}) is None else {code.format('value')}}}"
+def _code(key: contract.Key, attribute: str) -> str:
+    text = "guarded({})" if key.schema is contract.TEXT else "text({})"
+    code = contract.code(key, attribute, "''", text)
+    return f"{{{code}}}"
 
 
 def _parameter(item: Parameter, lang: str) -> str:
-    head = _head(contract.about(item), item.value_count, lang)
-    values, scaled = _values(item.values, item.format), _values(item.scaled, item.format)
+    head, shown = _head(about(item), item.value_count, lang), _values(item.values, item.format)
+    scaled = "" if item.scaled is None else _values(item.scaled, item.format)
     if item.error is None:
-        return f"{head},{values},{scaled},,,"
+        return f"{head},{shown},{scaled},,,"
     code, text, info = contract.error_cells(item, lang)
-    return f"{head},{values},{scaled},{_cell(code)},{_guarded(text)},{_cell(info)}"
+    return f"{head},{shown},{scaled},{_cell(code)},{_guarded(text)},{_cell(info)}"
 
 
 @lru_cache(maxsize=4096)
-def _head(about: tuple[Any, ...], value_count: int | None, lang: str) -> str:
+def _head(known: tuple[Any, ...], value_count: int | None, lang: str) -> str:
     """The cells of a parameter up to its values."""
-    cells = contract.head_cells(contract.told(about, value_count), lang)
+    cells = contract.head_cells(of_kind(known, value_count=value_count), lang)
     for number in _OF_LISTS:
         cells[number] = guarded(cells[number])
     return ",".join(map(_cell, cells))
 
 
-def _values(values: list[Value] | None, format_name: str | None) -> str:
+def _values(values: list[Value], format_name: str | None) -> str:
     if not values:
         return ""
     if len(values) > 1:

@@ -8,12 +8,12 @@ contract.py; what they mean is in `ds47.model` and in schema/report-2.schema.jso
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
-from functools import cache, lru_cache
-from itertools import islice, repeat
+from functools import cache, lru_cache, partial
+from itertools import groupby, islice, repeat
 from json import JSONEncoder
 from json.encoder import encode_basestring as _quoted
-from operator import attrgetter
 from typing import Any, Final, TextIO
 
 from ds47.model import (
@@ -29,6 +29,7 @@ from ds47.model import (
 from ds47.report import SCHEMA, Options, contract, write_all
 from ds47.report import Writer as _Writer
 from ds47.report import values as meanings
+from ds47.report.values import about
 from ds47.spec.units import milliseconds as milliseconds
 from ds47.spec.units import status as status
 from ds47.spec.units import timestamp as timestamp
@@ -66,51 +67,49 @@ _Write = Callable[[Any, str], str]
 @cache
 def _writer(shape: contract.Shape, channel: str = "") -> _Write:
     """What writes an object, with the keys that its channel has, as text."""
-    names: dict[str, Any] = {
-        "none": "[]", "null": _NULL, "quoted": _quoted, "text": text, "timestamp": timestamp,
-    }  # fmt: skip
+    names: dict[str, Any] = {"none": "[]", "null": "null", "quoted": _quoted}
     code = _code(shape, "item", channel, names)
-    exec(f"def write(item, lang): return f'''{{{{{code}}}}}'''", names)
-    write: _Write = names["write"]
-    return write
-
-
-_LOADED: Final[dict[contract.Take | None, str]] = {
-    contract.take_hex: "f'\"{{{}.hex()}}\"'",
-    contract.take_ns: "{} / 1e6",
-    contract.take_status: "f'\"{{{}:08X}}\"'",
-    contract.take_time: "f'\"{{timestamp({})}}\"'",
-}
-"""How a key is loaded -> code for its text, from the attribute that it is loaded into."""
+    return contract.compiled(f"f'''{{{{{code}}}}}'''", names)
 
 
 def _code(shape: contract.Shape, owner: str, channel: str, names: dict[str, Any]) -> str:
     """The inside of the f-string; `owner` has the attributes, `names` gets what the code calls."""
-    members = []
-    for key in shape.keys:
-        if key.channel not in ("", channel) or key.rare:
-            continue
-        value = f"{{{_value(key, f'{owner}.{key.into or key.name}', names)}}}"
-        if key.shape is not None and "items" not in key.schema:
-            part = f"{owner}.{key.name}" if key.shape.make else owner
-            value = f"{{{{{_code(key.shape, part, channel, names)}}}}}"
-        members.append(f'"{key.name}": {value}')
-    return ", ".join(members)
+    members: list[str] = []
+    keys = [key for key in shape.keys if key.channel in ("", channel)]
+    for steady, group in groupby(keys, lambda key: key.steady):
+        if steady:
+            members.append(contract.kept(list(group), _member, "", names))
+        else:
+            members += [_any_member(key, owner, channel, names) for key in group]
+    return "".join(members).removeprefix(", ")
 
 
-def _value(key: contract.Key, attribute: str, names: dict[str, Any]) -> str:
-    """Code for the text of one value."""
-    kind, function = key.schema.get("type"), f"of_{key.name}"
-    if kind == "array":
+def _member(key: contract.Key, attribute: str) -> str:
+    code = contract.code(key, attribute, "null", "quoted({})", '"')
+    return f', "{key.name}": {{{code}}}'
+
+
+def _any_member(key: contract.Key, owner: str, channel: str, names: dict[str, Any]) -> str:
+    """The same of what may be a list, an object, rare, or told by a function."""
+    attribute, function = f"{owner}.{key.into or key.name}", f"of_{key.name}"
+    head = f', "{key.name}": '
+    if key.rare:
+        names[function] = partial(_rare, key.shape)
+        there = f"(value := {owner}.{key.name}) is not None"
+        return f"{{'{head}' + {function}(value, lang) if {there} else ''}}"
+    if key.schema.get("type") == "array":
         names[function] = _listed(key.shape)
-        return f"{function}(value, lang) if (value := {attribute}) else none"
-    code = _LOADED.get(key.take, "{}" if "integer" in (kind or ()) else "quoted({})")
-    if key.take not in _LOADED and key.tell is not None:
+        return f"{head}{{{function}(value, lang) if (value := {attribute}) else none}}"
+    if key.shape is not None:
+        return f"{head}{{{{{_code(key.shape, key.part_of(owner), channel, names)}}}}}"
+    if key.take is None and key.tell is not None:
         names[function] = key.tell
-        attribute = f"{function}({attribute.rpartition('.')[0]}, lang)"
-    if isinstance(kind, list) or key.schema in (contract.ref("hex"), contract.ref("status")):
-        return f"null if (value := {attribute}) is None else {code.format('value')}"
-    return code.format(attribute)
+        attribute = f"{function}({owner}, lang)"
+    return _member(key, attribute)
+
+
+def _rare(shape: contract.Shape | None, value: Any, lang: str) -> str:
+    return text(value if shape is None else shape.plain(value, lang))
 
 
 def _listed(shape: contract.Shape | None) -> Callable[[list[Any], str], str]:
@@ -119,44 +118,28 @@ def _listed(shape: contract.Shape | None) -> Callable[[list[Any], str], str]:
         return lambda items, _: text(items)
     if shape is contract.PARAMETER:
         return _parameters
-    write = _or_plain(shape)
+    write = _writer(shape)
     return lambda items, lang: f"[{', '.join([write(each, lang) for each in items])}]"
-
-
-def _or_plain(shape: contract.Shape) -> _Write:
-    """What writes an object of a shape: one with rare keys as the contract has it, any other as compiled."""
-    write, rare = _writer(shape), [key.name for key in shape.keys if key.rare]
-    if not rare:
-        return write
-    seldom = attrgetter(*rare)
-
-    def either(item: Any, lang: str) -> str:
-        found = seldom(item)
-        alone = found is None or (
-            isinstance(found, tuple) and not any(e is not None for e in found)
-        )
-        return write(item, lang) if alone else text(shape.plain(item, lang))
-
-    return either
-
-
-_NULL: Final = "null"
 
 
 def _parameters(items: list[Parameter], lang: str) -> str:
     """What `text` gives of a list of them: there are more of these than of anything else."""
     texts = []
     for item in items:
-        if item.attribute not in _PLAIN or item.described is not None:
+        head, may_mean = _parameter_head(about(item), item.value_count, lang)
+        if not head:
             texts.append(text(contract.PARAMETER.plain(item, lang)))
             continue
-        error, scaled = item.error, item.scaled
-        failed = _NULL if error is None else text(contract.ERROR.plain(error, lang))
-        head, may_mean = _parameter_head(contract.about(item), item.value_count, lang)
-        meant = contract.meaning(item, lang) if may_mean or item.told else None
-        tail = "" if meant is None else f', "meaning": {_quoted(meant)}'
-        values, other = list_text(item.values), _NULL if scaled is None else list_text(scaled)
-        texts.append(f'{head}, "values": {values}, "scaled": {other}, "error": {failed}{tail}}}')
+        values, scaled, error, tail = repr(item.values), "null", "null", "}"
+        if _is_odd(values):
+            values = text(item.values)
+        if item.scaled is not None:
+            scaled = list_text(item.scaled)
+        if item.error is not None:
+            error = _writer(contract.ERROR)(item.error, lang)
+        if (may_mean or item.told) and (meant := meanings.meaning(item)) is not None:
+            tail = f', "meaning": {_quoted(meant.text(lang))}}}'
+        texts.append(f'{head}, "values": {values}, "scaled": {scaled}, "error": {error}{tail}')
     return f"[{', '.join(texts)}]"
 
 
@@ -165,23 +148,25 @@ _PLAIN: Final = ("value", None)
 
 
 @lru_cache(maxsize=4096)
-def _parameter_head(about: tuple[Any, ...], value_count: int | None, lang: str) -> tuple[str, bool]:
-    """A parameter up to its values, and whether the tables may say what these mean."""
-    item = contract.told(about, value_count)
+def _parameter_head(known: tuple[Any, ...], value_count: int | None, lang: str) -> tuple[str, bool]:
+    """A parameter up to its values, empty where it has rare keys; whether the tables may say what these mean."""
+    item = meanings.of_kind(known, value_count=value_count)
+    if item.attribute not in _PLAIN or item.described is not None:
+        return "", False
     head = parameter(item, lang)
     for key in ("values", "scaled", "error"):
         del head[key]
-    return text(head)[:-1], meanings.may_mean(item)
+    return text(head)[:-1], meanings.may_mean(known)
 
 
 def list_text(values: list[Value]) -> str:
     """A list of finite numbers is the same text in Python and in JSON."""
-    if len(values) == 1 and isinstance(values[0], int):
-        return f"[{values[0]}]"
     shown = repr(values)
-    if "'" in shown or '"' in shown or "n" in shown:  # a string, nan or inf
-        return text(values)
-    return shown
+    return text(values) if _is_odd(shown) else shown
+
+
+_is_odd: Final = re.compile("['\"n]").search
+"""Whether a text of a list has a string, nan or inf."""
 
 
 def finding(item: Finding, lang: str = "en") -> dict[str, Any]:

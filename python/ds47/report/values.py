@@ -6,9 +6,10 @@ neither says is left out. docs/protocol.md D has the layouts. lua/ds47/report/va
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache
-from typing import Final
+from operator import attrgetter
+from typing import Any, Final
 
 from ds47 import spec
 from ds47.model import Parameter, Value
@@ -31,17 +32,58 @@ LEADING: Final = ("number", "code")
 """What of an entry says that there is one."""
 
 
+_ABOUT: Final = (
+    "pnu", "subindex", "attribute", "element_count", "listed", "unit", "format", "described", "family",
+)  # fmt: skip
+"""What tells which parameter it is, and in which form its values are."""
+about: Final[Callable[[Parameter], tuple[Any, ...]]] = attrgetter(*_ABOUT)
+"""All of it at once: writers remember what they make of it."""
+
+
+def of_kind(known: tuple[Any, ...], **more: Any) -> Parameter:
+    """A parameter of which that is known, and whatever is given besides."""
+    return Parameter(**dict(zip(_ABOUT, known, strict=True)), **more)
+
+
 def meaning(item: Parameter) -> Both | None:
     """What the values of a parameter mean; None where they say it themselves.
 
     Args:
         item: with the values that were read or written.
     """
-    if item.attribute != "value" or item.pnu is None or item.subindex is None or not item.values:
+    if item.error is not None or not item.values:
         return None
-    if item.error is not None or not may_mean(item):
+    known = about(item)
+    if not may_mean(known, bool(item.told)):
         return None
+    if item.told:
+        return _meaning(item)
+    return _of_tables(known, tuple(item.values), tuple(map(type, item.values)))
+
+
+@lru_cache(maxsize=4096)
+def may_mean(known: tuple[Any, ...], told: bool = False) -> bool:
+    """Whether there may be anything to say of the values of a parameter, by the tables or as `told`."""
+    item = of_kind(known)
+    row = item.listed
+    if item.attribute != "value" or item.pnu is None or item.subindex is None:
+        return False
+    if told or item.pnu in profile.NUMBERS or item.element_count is None:
+        return True
+    return row is not None and bool(row.values_en or row.connects or row.buffer)
+
+
+@lru_cache(maxsize=1024)
+def _of_tables(
+    known: tuple[Any, ...], values: tuple[Value, ...], _types: tuple[type, ...]
+) -> Both | None:
+    """What the tables alone say of values; 1 and 1.0 are two that look the same to a memo."""
+    return _meaning(of_kind(known, values=list(values)))
+
+
+def _meaning(item: Parameter) -> Both | None:
     told, row = item.told or {}, item.listed
+    assert item.subindex is not None
     if None in told:
         return Both.same(escape(told[None]))
     found = profile.meaning(item)
@@ -52,14 +94,6 @@ def meaning(item: Parameter) -> Both | None:
     if row is not None and row.connects is not None and not told:
         return _connection(row.connects, item)
     return _texts(row, item.values, told) or _signed(item)
-
-
-def may_mean(item: Parameter) -> bool:
-    """Whether there may be anything to say of the values of a parameter."""
-    row = item.listed
-    if item.told or item.pnu in profile.NUMBERS or item.element_count is None:
-        return True
-    return row is not None and bool(row.values_en or row.connects or row.buffer)
 
 
 def _signed(item: Parameter) -> Both | None:

@@ -22,18 +22,19 @@ def timestamp(time_ns: int) -> str:
     """
     seconds = time_ns // SECOND_NS
     digits = str(time_ns - seconds * SECOND_NS + SECOND_NS)  # a 1, and then all nine of them
-    return f"{_second(seconds)}.{digits[1:]}Z"
+    return f"{second(seconds)}.{digits[1:]}Z"
 
 
 @lru_cache(maxsize=64)
-def _second(seconds: int) -> str:
+def second(seconds: int) -> str:
+    """The same of whole seconds, without what comes behind them: many follow each other within one."""
     days, seconds = divmod(seconds, _SECONDS_IN_DAY)
     cycles, days = divmod(days, _DAYS_IN_400_YEARS)
     day = date.fromordinal(_EPOCH_DAY + days)
-    minutes, second = divmod(seconds, 60)
+    minutes, seconds = divmod(seconds, 60)
     hour, minute = divmod(minutes, 60)
     year = day.year + 400 * cycles
-    return f"{year:04}-{day:%m-%d}T{hour:02}:{minute:02}:{second:02}"
+    return f"{year:04}-{day:%m-%d}T{hour:02}:{minute:02}:{seconds:02}"
 
 
 def nanoseconds(text: str) -> int:

@@ -21,7 +21,7 @@ from ds47.model import (
     Transaction,
 )
 from ds47.profidrive.drive_objects import Identity
-from ds47.report import contract, descriptions, plc, s7
+from ds47.report import descriptions, plc, s7
 from ds47.report import values as meanings
 from ds47.report.bilingual import LANGUAGES
 from ds47.report.clock import Clock
@@ -120,7 +120,7 @@ class _Tables:
             for rule in found.get("rules", [])
         ]
         found["addresses"] = [
-            _of_item(each) if isinstance(each, str) else _address(contract.told(each))
+            _of_item(each) if isinstance(each, str) else _address(meanings.of_kind(each))
             for each in found.get("addresses", [])
         ]
         found["errors"] = [
@@ -229,7 +229,7 @@ def _parameter(item: Parameter, tables: _Tables) -> list[Any]:
     if str in map(type, shown) and not described:
         shown = [value(each, item.format) if isinstance(each, str) else each for each in shown]
     row: list[Any] = [
-        tables.places["addresses"][contract.about(item)],
+        tables.places["addresses"][meanings.about(item)],
         shown,
         len(described) if described else descriptions.stated(item),
     ]

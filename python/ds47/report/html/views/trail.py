@@ -13,13 +13,13 @@ from typing import Any
 from ds47.model import CaptureResult
 from ds47.profidrive.drive_objects import Identity
 from ds47.profidrive.naming import spelling
-from ds47.report import contract
 from ds47.report.changes import way
 from ds47.report.formatting import value
 from ds47.report.html import messages
 from ds47.report.html.texts import Both
 from ds47.report.targets import Targets
 from ds47.report.trail import ACCEPTED, NEGATIVE, REFUSED, SENT, Change, Known, changes
+from ds47.report.values import about, of_kind
 from ds47.spec import error_hex
 
 MOST = 20_000
@@ -75,7 +75,7 @@ class TrailView:
 
     def _row(self, change: Change) -> list[Any]:
         item, parameter = change.transaction, change.parameter
-        name, reason = _name(contract.about(parameter), parameter.scaled is None), _reason(change)
+        name, reason = _name(about(parameter), parameter.scaled is None), _reason(change)
         return [
             item.id, self._place("objects", self._object(change)), self._place("ways", way(change)),
             change.pnu, change.subindex, self._place("names", name),
@@ -101,9 +101,9 @@ class TrailView:
 
 
 @lru_cache(maxsize=4096)
-def _name(about: tuple[Any, ...], plain: bool) -> tuple[str, str, str | None, str]:
+def _name(known: tuple[Any, ...], plain: bool) -> tuple[str, str, str | None, str]:
     """The name of a parameter in both languages, its unit and its number; no unit where values are scaled."""
-    item = contract.told(about)
+    item = of_kind(known)
     number = spelling(item.pnu or 0, item.family)
     return (*messages.name(item), item.unit if plain else None, number)
 
