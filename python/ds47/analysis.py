@@ -55,7 +55,6 @@ if TYPE_CHECKING:
     from ds47.cyclic.handshake import PkwJob
     from ds47.cyclic.named import Name
     from ds47.cyclic.relations import Relation
-    from ds47.parameters.catalogue import Catalogue
     from ds47.parameters.lists import ParameterList
     from ds47.profinet.link import Packet
     from ds47.profinet.rpc import Pdu
@@ -176,13 +175,15 @@ def rules_of_others(channels: Sequence[str]) -> tuple[str, ...]:
     return tuple(left)
 
 
-def _catalogue(lists: Sequence[ParameterList]) -> Catalogue | None:
-    """The lists together; None where there are none: most captures are read without."""
+def _names(lists: Sequence[ParameterList]) -> Callable[..., object] | None:
+    """Gives a transaction the names that lists have; None where there are none: most captures are read without."""
     if not lists:
         return None
+    from ds47.parameters import naming
     from ds47.parameters.catalogue import Catalogue
 
-    return Catalogue(lists)
+    catalogue = Catalogue(lists)
+    return lambda transaction, *device: naming.explain(transaction, catalogue, *device)
 
 
 def _built_s7(job: S7Job, of_drive: bool) -> Transaction:
@@ -231,12 +232,12 @@ class Analysis:
             bounds, slow_ns,
             lambda peer, frame: index47.waits(peer.device) or self._pairing.may_lack(peer, frame),
         )  # fmt: skip
-        self._catalogue = _catalogue(options.lists)
+        self._name = _names(options.lists)
         self._dictionary = Dictionary(self._judge.objects, bounds.described_parameters)
         self._completeness = Completeness(
             bounds.activities, lambda station: self._lines.line.lost(station) if self._lines else 0
         )
-        self._diagnoses = Diagnoses(options.codec, self._completeness)
+        self._diagnoses = Diagnoses(options.codec, self._completeness, self._judge.shown)
         self._pairing = Pairing(bounds, self._told, self._completeness)
         self._stations = Names(bounds.stations, options.vendor_id)
         self._vendor = self._stations.vendor if options.vendor_id is not None else None
@@ -494,19 +495,16 @@ class Analysis:
         self._findings.add(remark)
 
     def _answered(self, job: Job) -> None:
-        half = job.read_response
+        half, message, device = job.read_response, job.message, job.peer.device
         if half is not None and half.data:
-            job.response = decode_response(
-                half.data, job.message, self._options.codec, cut=half.cut
-            )
-        self._answers[job] = self._judge.answered(job)
-        described = job.message is not None and job.message.describes
-        if described or not self._dictionary.is_empty:
+            job.response = decode_response(half.data, message, self._options.codec, cut=half.cut)
+        remarks = self._answers[job] = self._judge.answered(job)
+        if not self._dictionary.is_empty or (message is not None and message.describes):
             learning.answered(self._dictionary, job)
-        self._tell(job.key, self._s7.records, job.peer.device)
-        if self._early is not None:
-            remarks = list(self._answers[job])  # more come when it is over
-            self._tell(job.key, self._settled, job, remarks, self._early)
+        if device not in self._s7.drives:
+            self._tell(job.key, self._s7.records, device)
+        if self._early is not None:  # more remarks come when it is over
+            self._tell(job.key, self._settled, job, list(remarks), self._early)
 
     def _refused(self, job: Job) -> None:
         self._judge.refused(job)
@@ -530,7 +528,8 @@ class Analysis:
             if job.limit and job.write_request is not None:
                 self._events.push_out(job.limit, job.write_request.frame)
         remarks += self._judge.closed(job)
-        remarks += self._diagnoses.closed(job)
+        if not job.known:
+            remarks += self._diagnoses.closed(job)
         transaction = self._built(job)
         if self._untimed:
             transaction.duration_ns = None
@@ -543,8 +542,9 @@ class Analysis:
 
     def _over(self, job: Job, transaction: Transaction, remarks: list[Remark]) -> None:
         """A transaction is over, and one of DS47."""
-        self._diagnoses.over(job)
-        self._objects.transaction(transaction)
+        if not job.known or self._diagnoses.storms:
+            self._diagnoses.over(job)
+            self._objects.transaction(transaction)
         remarks += self._remarks.pop(job, ())
         job.forget()
         if DS47 not in self._options.channels:
@@ -559,16 +559,10 @@ class Analysis:
 
     def _built(self, job: Job) -> Transaction:
         """The transaction of a job, with the names that lists have."""
-        return self._named(build(job), job.peer.vendor_id, job.peer.device_id)
-
-    def _named(
-        self, transaction: Transaction, vendor_id: int | None, device_id: int | None
-    ) -> Transaction:
-        if self._catalogue is None:
-            return transaction
-        from ds47.parameters import naming
-
-        return naming.explain(transaction, self._catalogue, vendor_id, device_id)
+        transaction = build(job)
+        if self._name is not None:
+            self._name(transaction, job.peer.vendor_id, job.peer.device_id)
+        return transaction
 
     def _channels(self) -> CyclicChannels:
         if self._cyclic is None:
@@ -602,7 +596,8 @@ class Analysis:
         self._cyclic.channels.identify()
         transaction = build_pkw(relation, job, self._layout(relation.device))
         explain_transaction(self._dictionary, transaction, relation.maker, relation.family)
-        self._named(transaction, relation.vendor_id, None)
+        if self._name is not None:
+            self._name(transaction, relation.vendor_id, None)
         self._objects.transaction(transaction)
         if relation.is_bus:
             unseen = 0 if self._lines is None else self._lines.unseen(relation.device)

@@ -9,21 +9,25 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable
-from typing import Any, Final, TypeVar
+from typing import Any, Final, NamedTuple, TypeVar
 
 from ds47.acyclic.pairing import Job
 from ds47.acyclic.readback import ReadBack
 from ds47.findings.remark import Remark
 from ds47.profidrive import Address, Block, Flaw, Request, Response
-from ds47.profidrive.drive_objects import DriveObjects
+from ds47.profidrive.drive_objects import DO_IDENTIFICATION, DriveObjects
 from ds47.profidrive.family import NOT_SUPPORTED, family_fits
 from ds47.profidrive.model import VALUE
-from ds47.profinet.records import Half, Peer
+from ds47.profinet.records import ChannelKey, Half, Peer
 from ds47.spec.semantics import Limits
 from ds47.spec.statuses import status_hex
 
 PNU_ACCESS_IDENTIFICATION: Final = 974
 """r0974[0] is the longest message the device takes (docs/protocol.md A.5, D.1)."""
+_TELLING: Final = frozenset((PNU_ACCESS_IDENTIFICATION, DO_IDENTIFICATION))
+"""Whose values say what holds for others."""
+_DONE: Final = (0x01, 0x02)
+"""Response ids of a read and of a change that succeeded."""
 WRONG_COUNT: Final = 0x18
 """The number of values does not fit (docs/protocol.md A.7)."""
 TOO_MANY: Final = "DS304"
@@ -31,6 +35,15 @@ TOO_MANY: Final = "DS304"
 ABSENT: Final = frozenset(("DS311", "DS313", "DS314", "DS315", "DS412"))
 """Flaws of which a message that the capture cut shows nothing: pad, bytes left over or missing, error block."""
 
+
+Reach = tuple[int, int, int]
+"""A way to a drive object: slot, subslot and axis byte; no axis (-1) where that does not count.
+
+Two requests that go the same way reach the same drive object, whatever the device makes of the three.
+"""
+
+Ways = OrderedDict[tuple[ChannelKey, int | None], tuple[int, Reach]]
+"""By channel and axis byte of usual jobs the frame that asked there first, and the way."""
 
 _K = TypeVar("_K")
 _V = TypeVar("_V")
@@ -44,16 +57,16 @@ def is_mismatch(job: Job) -> bool:
     request, response = job.message, job.response
     if request is None or response is None:
         return False
-    asked, half, read = parameters_asked(job), job.write_request, job.read_response
+    half, read = job.write_request, job.read_response
     assert half is not None
     assert read is not None
-    pairs = (
-        (request.request_reference, response.request_reference),
-        (request.axis, response.axis),
-    )
-    if any(one != other for one, other in pairs if None not in (one, other)):
+    sent, got = request.request_reference, response.request_reference
+    if sent != got and sent is not None and got is not None:
         return True
-    if asked is not None and len(response.blocks) > asked:
+    sent, got = request.axis, response.axis
+    if sent != got and sent is not None and got is not None:
+        return True
+    if request.asked is not None and len(response.blocks) > request.asked:
         return True
     sent, got = request.request_id, response.response_id
     if sent is not None and got is not None:
@@ -65,14 +78,6 @@ def is_cut_off(half: Half, block: Block) -> bool:
     """Whether the capture cut off the error number of an error block."""
     error = block.error
     return half.cut and error is not None and block.value_count > 0 and not error.words
-
-
-def parameters_asked(job: Job) -> int | None:
-    """How many parameters a request asks for, of a cut one by its header; None without that."""
-    asked, request = job.write_request, job.message
-    assert asked is not None
-    assert request is not None
-    return request.parameter_count if asked.cut else len(request.addresses)
 
 
 def drive_time_ns(job: Job) -> int | None:
@@ -90,6 +95,26 @@ def drive_time_ns(job: Job) -> int | None:
     return read.time_ns - write.time_ns - pause
 
 
+class Seen(NamedTuple):
+    """In which format a parameter was read, and first where; or as which type it is described."""
+
+    format: int
+    frame: int
+
+
+class Shown:
+    """What responses have shown of devices: the judge looks it up, and `ds47.diagnosis` adds what is new."""
+
+    def __init__(self) -> None:
+        self.ways: Ways = OrderedDict()
+        self.formats: OrderedDict[tuple[str, Reach, int], Seen] = OrderedDict()
+        """Format in which a parameter was read last in one and the same way."""
+        self.longest: OrderedDict[str, int] = OrderedDict()
+        """Bytes of the longest response of a device."""
+        self.axes: OrderedDict[str, frozenset[int]] = OrderedDict()
+        """Axes of a device that answered where the axis byte counts."""
+
+
 class Judge:
     """Judges jobs; keeps the little history that some rules need.
 
@@ -103,6 +128,7 @@ class Judge:
         self._limits = limits
         self._slow_ns = slow_ns
         self._written = ReadBack(limits.written_values, unseen)
+        self.shown = Shown()
         self._longest: OrderedDict[str, int] = OrderedDict()
         """r0974[0] of a device,"""
         self._most: OrderedDict[str, int] = OrderedDict()
@@ -131,25 +157,27 @@ class Judge:
     def answered(self, job: Job) -> list[Remark]:
         """What its response, and the values in it, say of a job. Call in the order of the capture."""
         remarks: list[Remark] = []
-        stray = job.stray = is_mismatch(job)
-        self._request(job, remarks)
-        self._reads(job, remarks)
-        self._response(job, stray, remarks)
+        message, response = job.message, job.response
+        job.stray = is_mismatch(job)
+        self._sent(job, remarks)
+        told = self._response(job, remarks)
         self._time(job, remarks)
-        change = _is_change(job)
-        if change:
-            self._written.settled(job, stray=stray)
-        elif job.message is None:
+        if message is None:
             self._written.unasked(job)
-        if change and not stray:
-            self._other_length(job, remarks)
-        elif not (change or stray):
+        elif message.operation == "change":
+            self._written.settled(job, stray=job.stray)
+            if not job.stray and (told or self._misfits):
+                self._other_length(job, remarks)
+        elif told and not job.stray:
             self._read_back(job, remarks)
             self._learn_limit(job)
         if job.missing is not None and job.write_request is not None:
             remarks.append(Remark("DS110", job.write_request.frame, job.missing._asdict()))
         for remark in remarks:
             remark.job = job
+        if message is not None and response is not None and response.response_id in _DONE:
+            wrong = job.stray or message.flaws or response.flaws
+            job.usual = not (remarks or told or wrong or job.polls)
         return remarks
 
     def unanswered(self, job: Job, *, dropped: bool) -> list[Remark]:
@@ -158,8 +186,7 @@ class Judge:
         `dropped`: the capture says that frames are missing.
         """
         remarks: list[Remark] = []
-        self._request(job, remarks)
-        self._reads(job, remarks)
+        self._sent(job, remarks)
         if _is_change(job):
             self._written.settled(job, stray=False)
         write = job.write_request if job.read_response is None else None  # else refused (P34)
@@ -179,21 +206,26 @@ class Judge:
             remark.job = job
         return remarks
 
-    def _request(self, job: Job, remarks: list[Remark]) -> None:
-        half, message = job.write_request, job.message
-        if half is None:
-            return
-        assert message is not None
-        if message.flaws:
-            _flaws(message.flaws, half, remarks, self._most_parameters(job))
-        limit = self._longest.get(job.peer.device)
-        length = len(half.data) + half.missing
-        if limit and length > limit:
-            remarks.append(Remark("DS316", half.frame, {"length": length, "limit": limit}, 0))
-        reference = message.request_reference
-        if job.previous_reference is not None and job.previous_reference == reference:
-            before = {"reference": reference, "first": job.previous}
-            remarks.append(Remark("DS415", half.frame, before))
+    def _sent(self, job: Job, remarks: list[Remark]) -> None:
+        """What its request says, and Reads that were refused or brought nothing."""
+        half, message, read = job.write_request, job.message, job.read_response
+        if half is not None and message is not None:
+            if message.flaws:
+                _flaws(message.flaws, half, remarks, self._most_parameters(job))
+            limit = self._longest.get(job.peer.device)
+            length = len(half.data) + half.missing
+            if limit and length > limit:
+                remarks.append(Remark("DS316", half.frame, {"length": length, "limit": limit}, 0))
+            reference = message.request_reference
+            if job.previous_reference is not None and job.previous_reference == reference:
+                before = {"reference": reference, "first": job.previous}
+                remarks.append(Remark("DS415", half.frame, before))
+        for _, short in job.too_short if job.polls else ():
+            remarks.append(_refused(short))
+        if read is not None and read.status:
+            remarks.append(_refused(read))
+        for empty in job.empty_reads:
+            remarks.append(Remark("DS207", empty.frame))
 
     def _most_parameters(self, job: Job) -> int | None:
         """How many parameters of one request the device takes, as far as it has shown; None: not at all."""
@@ -205,21 +237,46 @@ class Judge:
         return answered if answered == len(request.addresses) == request.parameter_count else most
 
     def closed(self, job: Job) -> list[Remark]:
-        """What its Write response says of a job; it may come after the Read."""
-        half = job.write_response
+        """What its Write response says of a job, which may come after the Read. Nothing more comes now."""
+        half, read = job.write_response, job.read_request
+        if half is None or read is None or half.status or half.frame > read.frame or job.rereads:
+            job.usual = False
+        job.known = job.usual and self._is_known(job)
         if half is None or not half.status:
             return []
         return [Remark("DS203", half.frame, {"status": status_hex(half.status)}, job=job)]
 
-    def _reads(self, job: Job, remarks: list[Remark]) -> None:
-        for _, half in job.too_short if job.polls else ():
-            remarks.append(_refused(half))
-        if job.read_response is not None and job.read_response.status:
-            remarks.append(_refused(job.read_response))
-        for half in job.empty_reads:
-            remarks.append(Remark("DS207", half.frame))
+    def _is_known(self, job: Job) -> bool:
+        """Whether a usual job shows nothing but values; a change is more than what it shows."""
+        message, response, asked, read = (
+            job.message,
+            job.response,
+            job.write_request,
+            job.read_response,
+        )
+        if message is None or response is None or asked is None or read is None:
+            return False
+        way, shown, device = (
+            self.shown.ways.get((job.key, message.axis)),
+            self.shown,
+            job.peer.device,
+        )
+        if way is None or way[0] > asked.frame or message.operation != "read":
+            return False
+        reach, axis = way[1], way[1][2]
+        if read.cut or len(read.data) > shown.longest.get(device, 0):
+            return False
+        if axis >= 0 and axis not in shown.axes.get(device, ()):
+            return False
+        for address, block in zip(message.addresses, response.blocks, strict=False):
+            if address.attribute == VALUE:
+                before = shown.formats.get((device, reach, address.pnu))
+                if before is None or before.format != block.format:
+                    return False
+        return True
 
-    def _response(self, job: Job, stray: bool, remarks: list[Remark]) -> None:
+    def _response(self, job: Job, remarks: list[Remark]) -> bool:
+        """Returns whether it tells more than values: an error, what the device is, or what was written before."""
         half, response, request = job.read_response, job.response, job.message
         assert half is not None
         if response is not None and response.flaws:
@@ -227,71 +284,34 @@ class Judge:
         if request is None and job.certain:
             remarks.append(Remark("DS403", half.frame, _unasked(job)))
         if response is None:
-            return
-        if request is not None:
-            self._mirror(half.frame, request, response, remarks)
-        self._blocks(half, job, stray, remarks)
-
-    def _mirror(
-        self, frame: int, request: Request, response: Response, remarks: list[Remark]
-    ) -> None:
-        reference, axis, count = (
-            response.request_reference,
-            response.axis,
-            response.parameter_count,
-        )
-        if (
-            reference != request.request_reference
-            or axis != request.axis
-            or count != request.parameter_count
+            return False
+        if request is not None and (
+            job.stray
+            or request.parameter_count != response.parameter_count
+            or response.response_id == NOT_SUPPORTED
         ):
-            pairs = (
-                ("DS404", request.request_reference, reference),
-                ("DS406", request.axis, axis),
-                ("DS407", request.parameter_count, count),
-            )
-            for rule, sent, got in pairs:
-                if sent is not None and got is not None and sent != got:
-                    remarks.append(Remark(rule, frame, {"sent": sent, "got": got}))
-        sent, got = request.request_id, response.response_id
-        if sent is None or got is None:
-            return
-        if got == NOT_SUPPORTED:
-            remarks.append(Remark("DS418", frame, {"id": sent}))
-        elif not family_fits(sent, got):
-            remarks.append(Remark("DS405", frame, {"sent": sent, "got": got}))
-
-    def _blocks(self, half: Half, job: Job, stray: bool, remarks: list[Remark]) -> None:
-        frame, response, request = half.frame, job.response, job.message
-        assert response is not None
-        addresses = request.addresses if request and not stray else []
+            _mirror(half.frame, request, response, remarks)
+        addresses = request.addresses if request and not job.stray else []
         read = request is not None and request.operation == "read"
-        told = request is None and job.repeats is not None
+        again = request is None and job.repeats is not None
+        written, tells = self._written.pnus, response.failed > 0
         for number, block in enumerate(response.blocks):
             address = addresses[number] if number < len(addresses) else None
-            if told or is_cut_off(half, block):
-                continue
             if block.error is not None:
-                args = self._error_args(job, block, address)
-                remarks.append(Remark("DS410", frame, args, block.offset))
-            elif address and read and block.value_count != (address.element_count or 1):
-                _count(frame, job, block, address, remarks)
-
-    def _error_args(self, job: Job, block: Block, address: Address | None) -> dict[str, Any]:
-        assert block.error is not None
-        code, info = block.error.code, block.error.info
-        return {
-            "pnu": address.pnu if address else None,
-            "subindex": address.subindex if address else None,
-            "code": code,
-            "vendor_id": job.peer.vendor_id,
-            "info": info,
-            "family": job.peer.drives,
-        }
+                if not (again or is_cut_off(half, block)):
+                    args = _error_args(job, block, address)
+                    remarks.append(Remark("DS410", half.frame, args, block.offset))
+            elif address and read:
+                if block.value_count != (address.element_count or 1):
+                    _count(half.frame, job, block, address, remarks)
+                tells = tells or address.pnu in written or address.pnu in _TELLING
+        return tells
 
     def _time(self, job: Job, remarks: list[Remark]) -> None:
-        half = job.read_response
+        half, write, accepted = job.read_response, job.write_request, job.write_response
         assert half is not None
+        if not job.polls and (write is None or half.time_ns - write.time_ns <= self._slow_ns):
+            return  # the share of the drive is no more than that
         polls = job.not_ready if job.polls else []
         if len(polls) >= self._limits.polls:
             remarks.append(Remark("DS204", half.frame, {"count": len(polls)}))
@@ -301,7 +321,6 @@ class Judge:
                 limit = self._limits.polling_ns // 1_000_000
                 args = {"milliseconds": since / 1e6, "limit": limit}
                 remarks.append(Remark("DS205", half.frame, args))
-        accepted = job.write_response
         late = accepted is not None and accepted.frame > half.frame  # it came behind the response
         share = None if late else drive_time_ns(job)
         if share is not None and share > self._slow_ns and half.data and not job.read_before:
@@ -349,6 +368,36 @@ class Judge:
         memory.move_to_end(key)
         if len(memory) > self._limits.longest_messages:
             memory.popitem(last=False)
+
+
+def _mirror(frame: int, request: Request, response: Response, remarks: list[Remark]) -> None:
+    pairs = (
+        ("DS404", request.request_reference, response.request_reference),
+        ("DS406", request.axis, response.axis),
+        ("DS407", request.parameter_count, response.parameter_count),
+    )
+    for rule, asked, told in pairs:
+        if asked is not None and told is not None and asked != told:
+            remarks.append(Remark(rule, frame, {"sent": asked, "got": told}))
+    sent, got = request.request_id, response.response_id
+    if sent is None or got is None:
+        return
+    if got == NOT_SUPPORTED:
+        remarks.append(Remark("DS418", frame, {"id": sent}))
+    elif not family_fits(sent, got):
+        remarks.append(Remark("DS405", frame, {"sent": sent, "got": got}))
+
+
+def _error_args(job: Job, block: Block, address: Address | None) -> dict[str, Any]:
+    assert block.error is not None
+    return {
+        "pnu": address.pnu if address else None,
+        "subindex": address.subindex if address else None,
+        "code": block.error.code,
+        "vendor_id": job.peer.vendor_id,
+        "info": block.error.info,
+        "family": job.peer.drives,
+    }
 
 
 def _unasked(job: Job) -> dict[str, Any]:

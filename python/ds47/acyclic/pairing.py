@@ -89,7 +89,11 @@ class Job:
     response: Response | None
     """Decoded by whoever is told of the answer."""
     stray: bool
-    """Whether that cannot be the answer to the request; found by the judge."""
+    """Whether that cannot be the answer to the request; found by the judge,"""
+    usual: bool
+    """who found nothing else to be said of it, too: it was answered as it was asked, in full."""
+    known: bool
+    """Whether it shows nothing, beside its values, that is not known already."""
     previous_reference: int | None
     previous: int | None
     """Frame of the request before it on its channel, as far as the capture shows."""
@@ -175,7 +179,7 @@ class Job:
         self.rereads = [] if rereads is None else rereads
         self.empty_reads = [] if empty_reads is None else empty_reads
         self.response = response
-        self.stray = False
+        self.stray = self.usual = self.known = False
         self.previous_reference = previous_reference
         self.previous = previous
         self.uncounted = False

@@ -136,13 +136,16 @@ class ReadBack:
     def settled(self, job: Job, *, stray: bool) -> None:
         """The response to a change is there, or it is over without one; `stray`: the response is another's."""
         device = self._device(job.peer.device)
-        frame = _end(job)
+        response, read = job.response, job.read_response
+        frame = job.superseded_by if read is None else read.frame
+        if frame is None:
+            frame = NEVER
         if job in device.recomputing:
             device.recomputing.discard(job)
             device.forgotten = max(device.forgotten, _last_frame(job) if frame == NEVER else frame)
         refused, sure = _outcome(job, stray)
-        if job.response is not None and not stray:
-            for block in job.response.blocks:
+        if response is not None and response.failed and not stray:
+            for block in response.blocks:
                 if block.error is not None:
                     self.objects.refused(access_of(job), block.error.code)
         for key, written in self._open.pop(job, ()):
@@ -251,32 +254,21 @@ def _last_frame(job: Job) -> int:
     return half.frame
 
 
-def _end(job: Job) -> int:
-    """The frame by which a change is in force or never will be."""
-    if job.read_response is not None:
-        return job.read_response.frame
-    return NEVER if job.superseded_by is None else job.superseded_by
-
-
 def _outcome(job: Job, stray: bool) -> tuple[set[int] | None, int]:
     """Which parameters, from 0, did not take effect (None: all), and of how many, from the first, this is sure."""
-    message, response = job.message, job.response
+    message, response, half = job.message, job.response, job.read_response
     assert message is not None
     if job.write_refused:
         return None, 0
-    if response is None or response.response_id is None or stray or _is_doubtful(job, response):
+    if response is None or half is None or response.response_id is None or stray:
         return set(), 0
-    blocks = response.blocks
-    failed = {number for number, block in enumerate(blocks) if block.error is not None}
-    whole = response.response_id < _NEGATIVE and not _has(response, "DS315")
-    return failed, len(message.addresses) if whole else len(blocks)
-
-
-def _is_doubtful(job: Job, response: Response) -> bool:
-    """Whether the response does not say for sure what became of the parameters that it has blocks of."""
-    half = job.read_response
-    assert half is not None
-    return _has(response, "DS309", "DS313") or bool(half.missing or half.status)
+    if half.missing or half.status or (response.flaws and _has(response, "DS309", "DS313")):
+        return set(), 0  # nor does it say for sure what became of what it has blocks of
+    blocks, failed = response.blocks, set[int]()
+    if response.failed:
+        failed.update(number for number, block in enumerate(blocks) if block.error is not None)
+    ends = response.response_id >= _NEGATIVE or (response.flaws and _has(response, "DS315"))
+    return failed, len(blocks) if ends else len(message.addresses)
 
 
 def _is_broken(message: Request | Response) -> bool:

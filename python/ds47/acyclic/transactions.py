@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from functools import lru_cache
 from itertools import zip_longest
 
-from ds47.acyclic.judge import parameters_asked
 from ds47.acyclic.pairing import Job
 from ds47.model import Frames, Parameter, ParameterError, Read, Transaction, Value
 from ds47.profidrive import Address, Block
@@ -90,17 +89,19 @@ def _state(job: Job, refused: bool) -> str:
         return "orphan"
     if refused:
         return "refused"
+    if job.usual:
+        return "ok"
     if job.missing is not None:
         return "incomplete"
     if job.superseded_by is not None and read is None:
         return "superseded"
     if read is None:
         return "unanswered"
-    return "mismatch" if job.stray else _outcome(job)
+    return "mismatch" if job.stray else _outcome(job, job.message.asked)
 
 
-def _outcome(job: Job) -> str:
-    response = job.response
+def _outcome(job: Job, asked: int | None) -> str:
+    response, half = job.response, job.read_response
     response_id = response.response_id if response else None
     if response is None or response_id is None or response_id == NOT_SUPPORTED:
         return "error"
@@ -113,7 +114,6 @@ def _outcome(job: Job) -> str:
     done = len(blocks) - failed
     if response.cut and blocks[-1].error is None:
         done -= 1  # the last value did not arrive whole
-    half, asked = job.read_response, parameters_asked(job)
     if (half is not None and half.cut) or asked is None:
         sure = half is None or not half.cut or asked in (1, failed)
         count = response.parameter_count
@@ -135,55 +135,47 @@ def _outcome_as_far_as_seen(done: int, failed: int, negative: bool, sure: bool) 
 
 
 def _parameters(job: Job, refused: bool) -> list[Parameter]:
-    request, response, stray = job.message, job.response, job.stray
-    blocks: list[Block] = response.blocks if response else []
-    change = request is not None and request.operation == "change"
-    if stray and request is not None and change:
-        blocks = request.blocks
-    peer = job.peer
-    if request is None or (stray and not refused):
-        return [_parameter(None, block, block, None, peer.vendor_id) for block in blocks]
-    family, addresses = family_of(peer.vendor_id, peer.family), request.addresses
-    answers: Sequence[Block] = () if stray else blocks
-    values = request.blocks if change else answers
-    rows = zip_longest(addresses, values[: len(addresses)], answers[: len(addresses)])
-    return [_parameter(*row, family, peer.vendor_id) for row in rows]
-
-
-def _parameter(
-    address: Address | None,
-    value: Block | None,
-    answer: Block | None,
-    family: str | None,
-    vendor_id: int | None,
-) -> Parameter:
-    pnu = subindex = elements = attribute = count = scaled = None
-    values: list[Value] = []
-    code = meaning = None
-    if value is not None and value.error is None:
-        code, meaning = value.format, value.meaning
-        values, count, scaled = list(value.values), value.value_count, value.scaled
-    if address is not None:
-        pnu, subindex, elements = address.pnu, address.subindex, address.element_count
-        attribute = address.attribute
-    failed = None if answer is None else answer.error
-    error = None if failed is None else ParameterError(failed.code, failed.info, vendor_id)
-    told = None if code is None else format_name(code, meaning)
-    name, listed, unit = _listed(pnu, attribute, family, told)
-    return Parameter(
-        pnu, subindex, name, elements, listed, unit, told, count, values, scaled, error, None, None, family
-    )  # fmt: skip
+    request, peer = job.message, job.peer
+    answers: Sequence[Block] = job.response.blocks if job.response else ()
+    values, addresses = answers, list[Address]()
+    if request is not None and (refused or not job.stray):
+        addresses, most = request.addresses, len(request.addresses)
+        answers = () if job.stray else answers[:most]
+        values = request.blocks[:most] if request.operation == "change" else answers
+    elif request is not None and request.operation == "change":
+        answers = values = request.blocks
+    found: list[Parameter] = []
+    for address, value, answer in zip_longest(addresses, values, answers):
+        pnu = subindex = elements = attribute = count = scaled = code = meaning = error = None
+        shown: list[Value] = []
+        if value is not None and value.error is None:
+            code, meaning = value.format, value.meaning
+            shown, count, scaled = list(value.values), value.value_count, value.scaled
+        if address is not None:
+            pnu, subindex, elements = address.pnu, address.subindex, address.element_count
+            attribute = address.attribute
+        if answer is not None and answer.error is not None:
+            error = ParameterError(answer.error.code, answer.error.info, peer.vendor_id)
+        own = _listed(pnu, attribute, code, meaning, peer.vendor_id, peer.family)
+        name, listed, unit, told, family = own
+        found.append(Parameter(
+            pnu, subindex, name, elements, listed, unit, told, count, shown, scaled, error, None, None, family
+        ))  # fmt: skip
+    return found
 
 
 @lru_cache(maxsize=4096)
 def _listed(
-    pnu: int | None, attribute: int | None, family: str | None, told: str | None
-) -> tuple[str | None, Pnu | None, str | None]:
-    """The name of an attribute, and what the tables say of the PNU on this family, and of the unit of a format."""
-    if pnu is None or attribute is None or family is None:
-        return None, None, None
+    pnu: int | None, attribute: int | None, code: int | None, meaning: int | None,
+    vendor_id: int | None, family: str | None,
+) -> tuple[str | None, Pnu | None, str | None, str | None, str | None]:  # fmt: skip
+    """Name of an attribute, what the tables say of a PNU, unit and name of a format, whose tables they are."""
+    told = None if code is None else format_name(code, meaning)
+    if pnu is None or attribute is None:
+        return None, None, None, told, None
+    family = family_of(vendor_id, family)
     listed = parameter(pnu, family)
-    return attribute_name(attribute), listed, None if listed is None else unit_of(listed, told)
+    return attribute_name(attribute), listed, unit_of(listed, told), told, family
 
 
 def _pairs(reads: list[tuple[Half | None, Half]]) -> list[Read]:

@@ -11,22 +11,21 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Iterator
 from functools import cache, partial
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final
 
-from ds47.acyclic.judge import PNU_ACCESS_IDENTIFICATION
-from ds47.acyclic.pairing import Job, Missing
+from ds47.acyclic.judge import PNU_ACCESS_IDENTIFICATION, Reach, Seen, Shown
+from ds47.acyclic.pairing import Job
 from ds47.diagnosis import length, order, refusal
 from ds47.diagnosis.capture import WholeCapture
-from ds47.diagnosis.targets import Reach, reach_of
+from ds47.diagnosis.targets import reach_of
 from ds47.findings.remark import Corrected, Remark
 from ds47.model import SIEMENS
-from ds47.profidrive import Options, Request, decode_request
+from ds47.profidrive import Options, Request, Response, decode_request
 from ds47.profidrive.dictionary import is_known, listed
 from ds47.profidrive.drive_objects import LOCAL, put
 from ds47.profidrive.model import VALUE, Block
 from ds47.profinet.completeness import Completeness
-from ds47.profinet.ip import Cut
-from ds47.profinet.records import Peer, Record
+from ds47.profinet.records import Peer
 from ds47.spec import formats
 from ds47.spec.semantics import known
 
@@ -45,84 +44,68 @@ _TELLING: Final = (*_DONE, 0x81, 0x82)
 
 
 class Diagnoses:
-    """Takes jobs as they are closed, and what belongs to no job.
+    """Takes jobs as they are closed; what is `over`, and what belongs to no job, goes to `WholeCapture`.
 
     Args:
         codec: dialects of the messages.
         completeness: what is missing of what stations say to each other.
+        shown: what responses have shown up to now.
     """
 
-    def __init__(self, codec: Options, completeness: Completeness | None = None) -> None:
+    def __init__(
+        self, codec: Options, completeness: Completeness | None = None, shown: Shown | None = None
+    ) -> None:
         self._codec = codec
-        self._whole = WholeCapture(completeness)
-        self._formats: OrderedDict[tuple[str, Reach, int], Seen] = OrderedDict()
-        """Format in which a parameter was read last in one and the same way,"""
+        shown = Shown() if shown is None else shown
+        self._formats, self._axes, self._longest = shown.formats, shown.axes, shown.longest
+        whole = WholeCapture(completeness, shown.ways)
+        self.asked, self.over, self.foreign = whole.asked, whole.closed, whole.foreign
+        self.nothing_to_read, self.finish = whole.nothing_to_read, whole.finish
+        self.cut, self.steps_back, self.storms = (
+            whole.cut,
+            whole.steps_back,
+            whole.repetition.storms,
+        )
         self._anywhere: OrderedDict[tuple[str, int], int | None] = OrderedDict()
-        """and that in which its PNU was read on the device; None where these are several."""
+        """Format in which a PNU was read on a device; None where these are several."""
         self._limits: OrderedDict[str, int] = OrderedDict()
         """r0974 of a device: bytes of its longest message."""
-        self._longest: OrderedDict[str, int] = OrderedDict()
-        """Bytes of the longest response of a device."""
-        self._axes: OrderedDict[str, frozenset[int]] = OrderedDict()
-        """Axes of a device that answered where the axis byte counts,"""
         self._missing: OrderedDict[str, frozenset[int]] = OrderedDict()
-        """and those of which it said that there is no such drive object."""
+        """Axes of a device of which it said that there is no such drive object."""
         self._refused: OrderedDict[refusal.Sign, None] = OrderedDict()
         """What a device refused (`refusal.sign`),"""
         self._ends: OrderedDict[tuple[str, int], int] = OrderedDict()
         """and the least end of subindices with which a PNU was refused for them."""
 
-    def asked(self, job: Job) -> None:
-        """A Write request asks for something. Call in the order of the capture."""
-        self._whole.asked(job)
-
-    def over(self, job: Job) -> None:
-        """A closed job counts, as it is known to be one of DS47."""
-        self._whole.closed(job)
-
     def closed(self, job: Job) -> list[Remark]:
-        """What a closed job shows, and the findings it has, were caused by."""
-        device = job.peer.device
+        """What a closed job shows, and the findings it has, were caused by; of a usual one only what is new."""
+        device, request, response = job.peer.device, job.message, job.response
         if (answer := job.read_response) is not None:
             size = answer.stated if answer.cut else len(answer.data)
             if size > self._longest.get(device, 0):
                 put(self._longest, device, size)
+        remarks: list[Remark] = []
+        if not job.usual or (request and request.blocks and any(map(is_unlikely, request.blocks))):
+            remarks = self._caused(job)
+        if request is None or response is None or answer is None or job.stray:
+            return remarks
+        if response.response_id in _TELLING:
+            self._learn(job, request, response, answer.frame)
+        return remarks
+
+    def _caused(self, job: Job) -> list[Remark]:
         remarks = list(order.of(job))
         if job.polls:
             remarks += length.read_too_short(job)
         response = job.response
-        usual = response is not None and not response.flaws and response.response_id in _DONE
-        if job.missing is None and (not usual or _is_odd(job)):
+        well = response is not None and not response.flaws and response.response_id in _DONE
+        if job.missing is None and (not well or _is_odd(job)):
             remarks += self._cause(job)
-        self._learn(job)
         for remark in remarks:
             remark.job, remark.args["family"] = job, job.peer.drives
             if remark.corrected is not None:
                 remark.corrected = self._offer(job, remark.corrected)
         return remarks
-
-    def nothing_to_read(self, record: Record, missing: Missing | None) -> None:
-        """A Read without record on a channel that has no request, as far as none is missing."""
-        self._whole.nothing_to_read(record, missing)
-
-    def foreign(self, record: Record) -> None:
-        """A Write to an index that is not ours has been answered."""
-        self._whole.foreign(record)
-
-    def cut(self, cut: Cut) -> None:
-        """A frame of ours was cut by the capture."""
-        self._whole.cut(cut)
-
-    def steps_back(self, frame: int, milliseconds: float) -> None:
-        """The time steps back in a frame of ours."""
-        self._whole.steps_back(frame, milliseconds)
-
-    def finish(self, dropped: int | None, gaps: bool, complete: bool = True) -> Iterator[Remark]:
-        """The diagnoses of the whole capture.
-
-        `gaps`: frames are missing inside, or a file of a series; `complete`: all of it could be read.
-        """
-        return self._whole.finish(dropped, gaps, complete)
 
     def _cause(self, job: Job) -> Iterator[Remark]:
         """One cause explains a job: a repair all of it, or lengths; else each refusal has its own."""
@@ -299,19 +282,10 @@ class Diagnoses:
 
     # What was seen before
 
-    def _learn(self, job: Job) -> None:
-        request, response, half = job.message, job.response, job.read_response
-        if request is None or response is None or half is None or job.stray:
-            return
-        if response.response_id not in _TELLING:
-            return
+    def _learn(self, job: Job, request: Request, response: Response, frame: int) -> None:
         device, reach = job.peer.device, reach_of(job.record, request.axis)
-        axis, known_axes = request.axis, self._axes.get(device, ())
-        if (
-            job.record.index != LOCAL
-            and axis is not None
-            and (response.failed or axis not in known_axes)
-        ):
+        axis = reach[-1]
+        if axis >= 0 and (response.failed or axis not in self._axes.get(device, ())):
             self._learn_axis(device, axis, response.blocks)
         if request.operation != "read":
             return
@@ -320,7 +294,7 @@ class Diagnoses:
                 continue
             before = self._formats.get((device, reach, address.pnu))
             if before is None or before.format != block.format:
-                self._learn_format(device, reach, address.pnu, block.format, half.frame)
+                self._learn_format(device, reach, address.pnu, block.format, frame)
             if address.pnu == PNU_ACCESS_IDENTIFICATION and address.subindex == 0 and block.values:
                 longest = block.values[0]
                 if isinstance(longest, int) and longest > 0:
@@ -362,13 +336,6 @@ class Diagnoses:
         code = self._listed(job, pnu) if seen is None else seen.format
         row = formats().get(code) if code is not None else None
         return row.size if row else None
-
-
-class Seen(NamedTuple):
-    """In which format a parameter was read, and first where; or as which type it is described."""
-
-    format: int
-    frame: int
 
 
 def _described(job: Job, pnu: int) -> Seen | None:

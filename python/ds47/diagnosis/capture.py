@@ -11,14 +11,15 @@ from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any, Generic, NamedTuple, TypeVar
 
+from ds47.acyclic.judge import Ways
 from ds47.acyclic.pairing import STATUS_NOT_READY, Job, Missing
 from ds47.diagnosis.repetition import Repetition, place_args
 from ds47.diagnosis.saving import Unsaved
-from ds47.diagnosis.targets import target_of
+from ds47.diagnosis.targets import reach_of, target_of
 from ds47.findings.remark import Remark
 from ds47.profidrive import Request, Response, decode_request
 from ds47.profidrive.dictionary import changes_itself
-from ds47.profidrive.drive_objects import LOCAL
+from ds47.profidrive.drive_objects import LOCAL, put
 from ds47.profidrive.family import NOT_SUPPORTED
 from ds47.profidrive.model import Address
 from ds47.profinet.completeness import Completeness, Hole
@@ -159,8 +160,9 @@ class _Tally:
 class WholeCapture:
     """Sees every closed job, every Read for nothing and every Write to a foreign index."""
 
-    def __init__(self, completeness: Completeness | None = None) -> None:
+    def __init__(self, completeness: Completeness | None = None, ways: Ways | None = None) -> None:
         self._completeness = completeness
+        self._ways: Ways = OrderedDict() if ways is None else ways
         self._opened: _Memory[list[_Open]] = _Memory()
         self._idle: _Memory[list[_Read]] = _Memory()
         self._idle_reads: _Memory[_Tally] = _Memory()
@@ -177,7 +179,7 @@ class WholeCapture:
         self._axes: _Memory[dict[int, int]] = _Memory()
         self._unsaved: _Memory[Unsaved] = _Memory()
         self._asking: _Memory[bool] = _Memory()
-        self._repetition = Repetition()
+        self.repetition = Repetition()
         self._seen: _Memory[_Seen] = _Memory()
         """By pair of stations."""
         self._cut = _Tally()
@@ -188,10 +190,25 @@ class WholeCapture:
     def asked(self, job: Job) -> None:
         """A Write request asks for something."""
         if job.message is not None and job.message.operation == "change":
-            self._repetition.asked(job, _place(job.record))
+            self.repetition.asked(job, _place(job.record))
 
     def closed(self, job: Job) -> None:
-        """A job is over."""
+        """A job is over; a usual one is nothing new where others were before, as long as it changes nothing."""
+        message, asked, ways = job.message, job.write_request, self._ways
+        if not job.usual or message is None or asked is None:
+            self._heard(job)
+        else:
+            way = job.key, message.axis
+            if way not in ways or ways[way][0] > asked.frame:
+                put(ways, way, (asked.frame, reach_of(job.record, message.axis)))
+                self._heard(job)
+        if message is not None and message.operation == "change":
+            self._change(job)
+        if message is not None and (job.polls or self.repetition.storms):
+            self.repetition.closed(job, _place(job.record))
+
+    def _heard(self, job: Job) -> None:
+        """Where it asked, and what it got."""
         message, record, device = job.message, job.record, job.peer.device
         place = _place(record)
         pair = job.peer.controller, device
@@ -209,10 +226,6 @@ class WholeCapture:
             self._open(pair, place, job)
         elif record.index == LOCAL:
             self._axis(device, place, job)
-        if message.operation == "change":
-            self._change(job)
-        if job.polls or self._repetition.storms:
-            self._repetition.closed(job, place)
 
     def nothing_to_read(self, record: Record, missing: Missing | None) -> None:
         """A Read without record on a channel that has no request, as far as none is missing."""
@@ -281,7 +294,7 @@ class WholeCapture:
         yield from self._ignored_axes()
         if complete:
             yield from self._lost()
-        yield from self._repetition.finish()
+        yield from self.repetition.finish()
         yield from self._missing(dropped)
 
     def _seen_of(self, pair: Pair) -> _Seen:

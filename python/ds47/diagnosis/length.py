@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Final
 
-from ds47.acyclic.judge import parameters_asked
 from ds47.acyclic.pairing import Job
 from ds47.findings.remark import Remark
 from ds47.profidrive import Address, Request, decode_request
@@ -140,7 +139,7 @@ def answer_too_long(
     what, number = found
     address, good = request.addresses[number], answered(response.blocks)
     args: dict[str, Any] = {
-        "parameters": parameters_asked(job), "number": len(good), "what": what,
+        "parameters": request.asked, "number": len(good), "what": what,
         "pnu": address.pnu, "subindex": address.subindex,
         "room": "room_seen" if limit is None else "room_stated", "limit": limit or longest,
     }  # fmt: skip

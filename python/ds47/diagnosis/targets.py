@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from ds47.acyclic.judge import Reach
 from ds47.profidrive.drive_objects import LOCAL
 from ds47.profinet.records import Record
 
@@ -39,13 +40,6 @@ def target_of(record: Record, axis: int | None) -> Target:
 def target(slot: int, subslot: int, index: int, axis: int | None) -> Target:
     """The same, of a place and an axis byte."""
     return Target(True, slot, subslot) if index == LOCAL else Target(False, axis or 0)
-
-
-Reach = tuple[int, int, int]
-"""A way to a drive object: slot, subslot and axis byte; no axis (-1) under 0xB02E.
-
-Two requests that go the same way reach the same drive object, whatever the device makes of the three.
-"""
 
 
 def reach_of(record: Record, axis: int | None) -> Reach:

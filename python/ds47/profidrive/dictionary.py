@@ -135,11 +135,8 @@ class Dictionary:
         self._said: OrderedDict[tuple[DriveAccess, int], dict[str, Said]] = OrderedDict()
         self._ways: dict[tuple[str, int], list[DriveAccess]] = {}
         """Device and PNU -> ways in which it was described, the newest last."""
-
-    @property
-    def is_empty(self) -> bool:
+        self.is_empty = True
         """Whether no description was learned."""
-        return not self._said
 
     def learn(
         self,
@@ -170,7 +167,7 @@ class Dictionary:
         said.update({name: Said(value, frame) for name, value in _parts(found)})
         if not said:
             return
-        self._said[key] = said
+        self._said[key], self.is_empty = said, False
         self._said.move_to_end(key)
         self._note_way(access, pnu)
         if len(self._said) > self._most:

@@ -153,6 +153,8 @@ class Request(Plain):
     """One of "read", "change", "vendor", or "unknown" where the request id is in no table."""
     describes: bool
     """Whether it addresses a description."""
+    asked: int | None
+    """How many parameters it asks for, of a cut one by its header; None without that."""
 
     def __init__(
         self,
@@ -177,6 +179,7 @@ class Request(Plain):
         self.length = length
         self.operation = _operations().get(request_id, "unknown")
         self.describes = False
+        self.asked = len(self.addresses)
 
     def asked_as(self, reference: int) -> Request:
         """The same request under another reference; it shares the lists, which nobody changes."""
@@ -186,7 +189,7 @@ class Request(Plain):
             reference, self.request_id, self.axis, self.parameter_count, self.addresses,
             self.blocks, self.flaws, self.rest, self.length,
         )  # fmt: skip
-        other.describes = self.describes
+        other.describes, other.asked = self.describes, self.asked
         return other
 
     @property
@@ -197,15 +200,6 @@ class Request(Plain):
             and bool(self.parameter_count)
             and not any(flaw.rule in _SHAPELESS for flaw in self.flaws)
         )
-
-
-def failed(blocks: list[Block]) -> int:
-    """How many blocks are errors."""
-    found = 0
-    for block in blocks:
-        if block.error is not None:
-            found += 1
-    return found
 
 
 @dataclass(slots=True, init=False, repr=False, eq=False)
@@ -235,6 +229,7 @@ class Response(Plain):
         flaws: list[Flaw] | None = None,
         rest: bytes = b"",
         length: int = 0,
+        cut: bool = False,
     ) -> None:
         self.request_reference = request_reference
         self.response_id = response_id
@@ -244,8 +239,11 @@ class Response(Plain):
         self.flaws = [] if flaws is None else flaws
         self.rest = rest
         self.length = length
-        self.cut = False
-        self.failed = failed(self.blocks)
+        self.cut = cut
+        self.failed = 0
+        for block in self.blocks:
+            if block.error is not None:
+                self.failed += 1
 
     @property
     def shaped(self) -> bool:

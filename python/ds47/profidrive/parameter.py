@@ -26,7 +26,6 @@ from ds47.profidrive.model import (
     Options,
     Request,
     Response,
-    failed,
 )
 from ds47.spec.layouts import ADDRESS_SIZE, MESSAGE_SIZE
 from ds47.spec.semantics import limits
@@ -47,15 +46,18 @@ def decode_request(data: bytes, options: Options = _DEFAULTS, *, cut: bool = Fal
         cut: whether the capture cut off its end. What only the whole message tells stays undecided then, with
             all that stands behind it: which of two sizes a format has, and whether a byte is a pad.
     """
-    head = _header(data)
-    request = Request(*head, length=len(data))
-    if head[3] is None:
+    request = Request(*_header(data), length=len(data))
+    if cut:
+        request.asked = request.parameter_count
+    if len(data) < MESSAGE_SIZE:
         _missing(request.flaws, len(data), MESSAGE_SIZE - len(data), "header")
         return request
     known = spec.request_ids().get(data[1])
     _request_header_flaws(request, known is not None)
     vendor = known is not None and known.vendor
     offset = _addresses(request, data, check=not vendor)
+    if not cut:
+        request.asked = len(request.addresses)
     if len(request.addresses) == data[3]:
         body = _Body(data, offset, data[3], options, request.flaws, vendor, cut)
         body.decode(known.body if known else "free")
@@ -93,42 +95,36 @@ def decode_response(
         options: dialects.
         cut: as for `decode_request`.
     """
-    head = _header(data)
     flaws: list[Flaw] = []
-    response = Response(head[0], head[1], head[2], head[3], [], flaws, b"", len(data))
-    if head[3] is None:
+    if len(data) < MESSAGE_SIZE:
         _missing(flaws, len(data), MESSAGE_SIZE - len(data), "header")
-        return response
-    known = spec.response_ids().get(data[1])
+        return Response(*_header(data), flaws=flaws, length=len(data))
+    reference, code, axis, count = data[:MESSAGE_SIZE]
+    known = spec.response_ids().get(code)
     if known is None:
-        flaws.append(Flaw("DS319", 1, {"id": f"0x{data[1]:02X}"}))
-    unsupported = data[1] == _REQUEST_NOT_SUPPORTED
-    if data[3] == 0 and not unsupported:
+        flaws.append(Flaw("DS319", 1, {"id": f"0x{code:02X}"}))
+    unsupported = code == _REQUEST_NOT_SUPPORTED
+    if count == 0 and not unsupported:
         flaws.append(Flaw("DS303", 3, {}))
     vendor = (known is not None and known.vendor) or (
         # What a drive answers that does not know the request is the profile's.
         request is not None and request.operation == "vendor" and not unsupported
     )
-    if known is not None and known.body == "blocks" and not unsupported:
-        blocks = _sound_blocks(data, data[3], options, vendor)
-        if blocks is not None:
-            response.blocks = blocks
-            response.failed = failed(blocks)
-            _sign(response, known.negative)
-            return response
-    body = _Body(data, MESSAGE_SIZE, data[3], options, flaws, vendor, cut)
-    body.decode("all" if unsupported else known.body if known else "free")
-    response.blocks, response.rest, response.cut = body.blocks, body.rest, body.cut
-    response.failed = failed(body.blocks)
-    if known and not unsupported:
-        _sign(response, known.negative)
+    kind = "all" if unsupported else known.body if known else "free"
+    blocks = _sound_blocks(data, count if kind == "blocks" else 0, options, vendor)
+    rest, lacking = b"", False
+    if blocks is None:
+        body = _Body(data, MESSAGE_SIZE, count, options, flaws, vendor, cut)
+        body.decode(kind)
+        blocks, rest, lacking = body.blocks, body.rest, body.cut
+    response = Response(reference, code, axis, count, blocks, flaws, rest, len(data), lacking)
+    if known and not unsupported and known.negative == (not response.failed):
+        _sign(response)
     return response
 
 
 def _header(data: bytes) -> tuple[int | None, int | None, int | None, int | None]:
-    if len(data) >= MESSAGE_SIZE:
-        return data[0], data[1], data[2], data[3]
-    there: list[int | None] = [*data, None, None, None, None]
+    there: list[int | None] = [*data[:MESSAGE_SIZE], None, None, None, None]
     return there[0], there[1], there[2], there[3]
 
 
@@ -196,11 +192,11 @@ def _value_counts(request: Request) -> None:
             request.flaws.append(Flaw("DS310", block.offset + 1, args))
 
 
-def _sign(response: Response, negative: bool | None) -> None:
-    """Bit 7 of the response id says whether an error is inside (A.2)."""
-    if negative is False and response.failed:
+def _sign(response: Response) -> None:
+    """Bit 7 of the response id does not say whether an error is inside (A.2)."""
+    if response.failed:
         response.flaws.append(Flaw("DS411", 1, {}))
-    elif negative and not response.failed and response.blocks and not _broken(response.flaws):
+    elif response.blocks and not _broken(response.flaws):
         response.flaws.append(Flaw("DS412", 1, {}))
 
 
@@ -247,7 +243,7 @@ def sound_codecs(
 
 
 def _sound_blocks(data: bytes, count: int, options: Options, vendor: bool) -> list[Block] | None:
-    """The blocks of a response as nearly all are: of well-known formats, whole, padded, nothing behind.
+    """The blocks of a response as nearly all are: of well-known formats, whole, padded, nothing behind, or none.
 
     None for every other response: `_Body` takes those, and would give the same for these.
     """

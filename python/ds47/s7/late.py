@@ -18,7 +18,7 @@ _TCP = 6
 
 
 class LateCommunication:
-    """As `Communication`. It remembers which devices have a parameter channel, until somebody asks.
+    """As `Communication`. It remembers which devices have a parameter channel.
 
     Args:
         ports: of TCP that are wanted; none where nobody wants to hear of S7.
@@ -29,7 +29,8 @@ class LateCommunication:
     def __init__(self, ports: Sequence[int], make: Callable[[], Communication], most: int) -> None:
         self.ports, self._make, self._most = ports, make, most
         self._made: Communication | None = None
-        self._drives: dict[str, None] = {}
+        self.drives: dict[str, None] = {}
+        """The devices that are known to have a parameter channel."""
 
     def frame(self, frame: Frame) -> bool:
         """The next frame of the capture, if it has a segment of TCP as nearly all of them are."""
@@ -43,12 +44,11 @@ class LateCommunication:
 
     def records(self, ip: str) -> None:
         """A device of the capture has a parameter channel."""
+        self.drives[ip] = None
+        if len(self.drives) > self._most:
+            del self.drives[next(iter(self.drives))]
         if self._made is not None:
             self._made.records(ip)
-        elif ip not in self._drives and self.ports:
-            self._drives[ip] = None
-            if len(self._drives) > self._most:
-                del self._drives[next(iter(self._drives))]
 
     def is_drive(self, ip: str) -> bool:
         """Whether a server of S7 is a drive, as far as the capture shows it up to now."""
@@ -71,6 +71,6 @@ class LateCommunication:
     def _communication(self) -> Communication:
         if self._made is None:
             self._made = self._make()
-            for ip in self._drives:
+            for ip in self.drives:
                 self._made.records(ip)
         return self._made
