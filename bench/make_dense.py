@@ -25,7 +25,7 @@ from ds47.lab import message
 from ds47.lab.client import Client, drive
 from ds47.lab.ether import Host
 from ds47.lab.stage import Shot, Stage
-from ds47.lab.wire import Channel
+from ds47.lab.wire import RecordId
 
 FRAMES = 200_000
 FRAMES_PER_TRANSACTION = 4
@@ -142,7 +142,7 @@ def conversations(stage: Stage) -> list[Conversation]:
     """The controller's conversations, a device and an AR each."""
     made = []
     for number in range(1, DEVICES + 1):
-        channel = Channel(
+        channel = RecordId(
             UUID(int=AR_NUMBERS + number),
             slot=number % 4 + 1,
             index=INDICES[number % len(INDICES)],

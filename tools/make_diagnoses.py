@@ -23,11 +23,11 @@ from ds47 import lab, spec
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.lab import wire
 from ds47.lab.stage import Stage
-from ds47.lab.wire import Said
+from ds47.lab.wire import PduContent
 from ds47.model import CaptureResult, Report
 from ds47.profidrive import Block, decode_request, decode_response
 from ds47.profidrive.notation import format_request_line
-from ds47.report import Options, text
+from ds47.report import ReportOptions, text
 from ds47.spec import Rule, rules
 from ds47.spec.statuses import status_hex
 
@@ -77,7 +77,7 @@ def steps(stage: Stage) -> list[Step]:
     return found
 
 
-def request_text(said: Said, named: bool) -> str:
+def request_text(said: PduContent, named: bool) -> str:
     """A request: the call, its place if wanted, and what it asks for."""
     words = NAMES[said.call.opnum]
     if said.place is not None and named:
@@ -91,7 +91,7 @@ def request_text(said: Said, named: bool) -> str:
     return words
 
 
-def response_text(said: Said) -> str:
+def response_text(said: PduContent) -> str:
     """A response: the call, and how it went or what it brings."""
     name = NAMES[said.call.opnum]
     if said.status:
@@ -206,7 +206,7 @@ def played(name: str) -> tuple[Stage, CaptureResult]:
 def told(result: CaptureResult) -> list[str]:
     """What the text report says to do."""
     stream = io.StringIO()
-    text.write(Report([result]), stream, Options(rules=rules()))
+    text.write(Report([result]), stream, ReportOptions(rules=rules()))
     lines = stream.getvalue().splitlines()
     start = lines.index("What to do")
     return lines[start + 1 : lines.index("", start)]

@@ -29,8 +29,7 @@ from ds47.findings.collection import Findings
 from ds47.findings.grouping import OF_THE_RECORDING
 from ds47.findings.remark import AnyJob, Remark
 from ds47.findings.times import FrameTimes
-from ds47.model import CHANNELS, DS47, PKW, PZD, S7, CaptureResult, Finding, Transaction
-from ds47.model import Relation as ToldRelation
+from ds47.model import CHANNELS, DS47, PKW, PZD, S7, CaptureResult, Finding, Relation, Transaction
 from ds47.profibus import LINK_TYPES
 from ds47.profidrive import Options, decode_response
 from ds47.profidrive.dictionary import Dictionary, explain_transaction
@@ -49,12 +48,12 @@ from ds47.spec.semantics import limits
 from ds47.spec.statuses import status_hex
 
 if TYPE_CHECKING:
-    from ds47.acyclic.lines import Lines
+    from ds47.acyclic.lines import ProfibusLine
     from ds47.cyclic.channels import CyclicChannels
     from ds47.cyclic.conclusions import Conclusions
     from ds47.cyclic.handshake import PkwJob
     from ds47.cyclic.named import Name
-    from ds47.cyclic.relations import Relation
+    from ds47.cyclic.relations import CyclicRelation
     from ds47.parameters.lists import ParameterList
     from ds47.profinet.link import Packet
     from ds47.profinet.rpc import Pdu
@@ -263,7 +262,7 @@ class Analysis:
                 bounds.fragment_bytes,
             )
         )  # fmt: skip
-        self._lines: Lines | None = None
+        self._lines: ProfibusLine | None = None
         """What PROFIBUS adds, once a frame of it came."""
         self._answers: dict[Job, list[Remark]] = {}
         self._unsure: dict[ArKey, deque[tuple[int, Callable[[], None]]]] = {}
@@ -339,7 +338,7 @@ class Analysis:
         told = self._cyclic is not None and self._channels().is_set_up
         return bool(wanted) and not (self._options.cyclic or told)
 
-    def _relations(self) -> list[ToldRelation]:
+    def _relations(self) -> list[Relation]:
         """The channels in cyclic frames, where any is reported: timelines count in all of them."""
         if self._cyclic is None or not {PKW, PZD} & set(self._options.channels):
             return []
@@ -465,10 +464,10 @@ class Analysis:
         choices = self._options.s7 if S7 in self._options.channels else None
         return Communication(choices, limits(), self._communicated, self._remark, self._drive)
 
-    def _made_lines(self) -> Lines:
-        from ds47.acyclic.lines import Lines  # few captures have one
+    def _made_lines(self) -> ProfibusLine:
+        from ds47.acyclic.lines import ProfibusLine  # few captures have one
 
-        return Lines(
+        return ProfibusLine(
             limits(), self._events, self._pairing, self._told, self._channels(),
             dict(self._options.ppos),
         )  # fmt: skip
@@ -588,7 +587,7 @@ class Analysis:
         if self._capture is not None:
             self._capture.watch(watches)
 
-    def _exchanged(self, relation: Relation, job: PkwJob) -> None:
+    def _exchanged(self, relation: CyclicRelation, job: PkwJob) -> None:
         """A transaction of PKW is over."""
         from ds47.cyclic.transactions import build as build_pkw
 

@@ -87,7 +87,7 @@ class Requests:
     reference: int
     constant: bool
     """Whether the request reference never changes."""
-    newest: dict[wire.Channel, bytes]
+    newest: dict[wire.RecordId, bytes]
     """The last answer of each channel."""
 
     def bent(self, answer: bytes) -> bytes:
@@ -109,7 +109,7 @@ class Requests:
             return bytes(head[: random.randint(1, len(head))])
         return bytes(head)
 
-    def request(self, at: wire.Channel, change: bool | None = None) -> bytes:
+    def request(self, at: wire.RecordId, change: bool | None = None) -> bytes:
         """A request, right or wrong."""
         random = self.random
         if not self.constant:
@@ -190,9 +190,9 @@ class User(Requests):
     constant: bool = False
     piece: int | None = None
     """Bytes of an RPC fragment; None where nothing is fragmented."""
-    pending: dict[wire.Channel, bytes] = field(default_factory=dict)
+    pending: dict[wire.RecordId, bytes] = field(default_factory=dict)
     """What the drive holds for a channel."""
-    newest: dict[wire.Channel, bytes] = field(default_factory=dict)
+    newest: dict[wire.RecordId, bytes] = field(default_factory=dict)
 
     @property
     def activity(self) -> UUID:
@@ -221,7 +221,7 @@ class User(Requests):
         for part in wire.pdus(kind, self.answers, call, body, self.piece):
             self.tape.send(self.device, self.host, part, ports)
 
-    def write(self, at: wire.Channel, data: bytes, status: int = 0) -> Steps:
+    def write(self, at: wire.RecordId, data: bytes, status: int = 0) -> Steps:
         """A Write, its response, and now and then the request once more, or a fault."""
         call = self._call(wire.WRITE)
         blocks = wire.write_request(call.sequence, at, data)
@@ -244,7 +244,7 @@ class User(Requests):
             self.pending[at] = answer
         yield
 
-    def store(self, at: wire.Channel, data: bytes) -> Steps:
+    def store(self, at: wire.RecordId, data: bytes) -> Steps:
         """A Write that the device takes as a value."""
         call = self._call(wire.WRITE)
         self._ask(call, wire.write_request(call.sequence, at, data))
@@ -253,7 +253,7 @@ class User(Requests):
         yield
 
     def read(
-        self, at: wire.Channel, data: bytes, status: int = 0, operation: int = wire.READ,
+        self, at: wire.RecordId, data: bytes, status: int = 0, operation: int = wire.READ,
         maximum: int = 4096,
     ) -> Steps:  # fmt: skip
         """A Read and its response."""
@@ -270,7 +270,7 @@ class User(Requests):
 
     # Programs
 
-    def job(self, at: wire.Channel, data: bytes | None = None) -> Steps:
+    def job(self, at: wire.RecordId, data: bytes | None = None) -> Steps:
         """WRREC, pause, RDREC until it is valid; in most ways in which that can go."""
         random, tape = self.random, self.tape
         data = self.request(at) if data is None else data
@@ -302,24 +302,24 @@ class User(Requests):
             again = random.choice((wire.READ, wire.READ, wire.READ_IMPLICIT))
             where = at
             if again == wire.READ_IMPLICIT:
-                where = wire.Channel(wire.NIL, at.slot, at.subslot, at.index, at.api)
+                where = wire.RecordId(wire.NIL, at.slot, at.subslot, at.index, at.api)
             yield from self.read(where, answer, operation=again)
 
-    def hold(self, at: wire.Channel) -> Steps:
+    def hold(self, at: wire.RecordId) -> Steps:
         """The same change again and again."""
         data = self.request(at, change=True)
         for _ in range(self.random.randint(4, 8)):
             yield from self.job(at, data)
             self.tape.wait(100)
 
-    def multiple(self, at: wire.Channel) -> Steps:
+    def multiple(self, at: wire.RecordId) -> Steps:
         """IODWriteMultiple of two requests, each read on its own."""
-        places = [at, wire.Channel(at.ar, 3 - at.slot, at.subslot, at.index, at.api)]
+        places = [at, wire.RecordId(at.ar, 3 - at.slot, at.subslot, at.index, at.api)]
         asked = [self.request(place) for place in places]
         if self.tape.snap is not None:
             return  # what the capture cuts of it nobody can tell
         call = self._call(wire.WRITE)
-        outer = wire.Channel(at.ar, 0xFFFF, 0xFFFF, wire.WRITE_MULTIPLE, 0xFFFFFFFF)
+        outer = wire.RecordId(at.ar, 0xFFFF, 0xFFFF, wire.WRITE_MULTIPLE, 0xFFFFFFFF)
         inner = [
             wire.write_request(n, p, d) for n, (p, d) in enumerate(zip(places, asked, strict=True))
         ]
@@ -340,7 +340,7 @@ class User(Requests):
             if place in self.pending:
                 yield from self.read(place, self.pending.pop(place))
 
-    def connect(self, _at: wire.Channel) -> Steps:
+    def connect(self, _at: wire.RecordId) -> Steps:
         """The AR is given up, or set up anew."""
         random = self.random
         if random.random() < 0.6:
@@ -357,7 +357,7 @@ class User(Requests):
         self._tell(call, 0, wire.ar_response(self.ar, self.device))
         yield
 
-    def idle_read(self, at: wire.Channel) -> Steps:
+    def idle_read(self, at: wire.RecordId) -> Steps:
         """A Read that no request stands behind."""
         yield from self.read(at, b"", NOT_READY)
 
@@ -487,7 +487,7 @@ def _store(random: Random, tape: Tape, number: int) -> Steps:
     part = Part(0, random.choice("<>"), True, False, 0, False, 1, 0)
     device = Drive(f"192.168.133.{90 + number}", random.choice((0x0493, 0x0109, 0x001A)))
     user = _user(random, tape, 40 + number, part, device)
-    at = wire.Channel(user.ar, random.choice((0, 1, 2)), 1, 47, 0)
+    at = wire.RecordId(user.ar, random.choice((0, 1, 2)), 1, 47, 0)
     value = struct.pack(">f", 1.0)
     for _ in range(random.randint(4, 30)):
         way = random.random()
@@ -519,7 +519,7 @@ def _echoes(random: Random, tape: Tape, number: int) -> list[Steps]:
 def _echo(random: Random, tape: Tape, user: User, kept: dict[int, bytes]) -> Steps:
     for _ in range(random.randint(2, 12)):
         slot = random.choice((0, 1, 1, 1, 2))
-        at = wire.Channel(user.ar, slot, 1, 47, 0)
+        at = wire.RecordId(user.ar, slot, 1, 47, 0)
         if random.random() < 0.5 or slot not in kept:
             value = random.choice((user.request(at), user.request(at), random.randbytes(8)))
             kept[slot] = value
@@ -528,18 +528,18 @@ def _echo(random: Random, tape: Tape, user: User, kept: dict[int, bytes]) -> Ste
             yield from user.read(at, kept[slot])
         tape.wait(random.choice((1, 10, 50)))
     for slot in [*kept, *kept]:  # of what is never read nobody knows that it is none
-        yield from user.read(wire.Channel(user.ar, slot, 1, 47, 0), kept[slot])
+        yield from user.read(wire.RecordId(user.ar, slot, 1, 47, 0), kept[slot])
 
 
 def _program(random: Random, user: User, part: Part) -> Steps:
     """Some jobs, one after the other; between them what else programs do."""
     places = [
-        wire.Channel(
+        wire.RecordId(
             user.ar, random.choice((1, 2)), 1, random.choice(INDICES), random.choice((0, 0, 0x3A00))
         )
         for _ in range(part.places)
     ]  # fmt: skip
-    others: list[Callable[[wire.Channel], Steps]]
+    others: list[Callable[[wire.RecordId], Steps]]
     others = [user.hold, user.multiple, user.connect, user.idle_read]
     for _ in range(part.jobs):
         at = random.choice(places)

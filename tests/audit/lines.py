@@ -111,8 +111,8 @@ class Slave(Requests):
     """In how many answers it still asks for Slave_Diag."""
     reference: int = 0
     constant: bool = False
-    newest: dict[wire.Channel, bytes] = field(default_factory=dict)
-    pending: dict[wire.Channel, bytes] = field(default_factory=dict)
+    newest: dict[wire.RecordId, bytes] = field(default_factory=dict)
+    pending: dict[wire.RecordId, bytes] = field(default_factory=dict)
     held: dict[tuple[int, int], list[bytes]] = field(default_factory=dict)
     """What it answers to the next polls of a service, by master and SAP; empty ones first."""
     pkw: Pkw | None = None
@@ -238,8 +238,8 @@ class Slave(Requests):
         return bytes((0x5E, du[1], 47, len(answer))) + answer[: random.choice((240,) * 20 + (2,))]
 
 
-def place(slot: int, index: int) -> wire.Channel:
-    return wire.Channel(wire.NIL, slot, 1, index, 0)
+def place(slot: int, index: int) -> wire.RecordId:
+    return wire.RecordId(wire.NIL, slot, 1, index, 0)
 
 
 @dataclass

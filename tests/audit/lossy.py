@@ -107,7 +107,7 @@ class Asked:
 
     sequence: int
     operation: int
-    at: wire.Channel
+    at: wire.RecordId
     data: bytes = b""
     """What is written."""
     room: int = 4096
@@ -251,7 +251,7 @@ class Device:
 
     def __init__(self, world: World, drive: Drive) -> None:
         self.world, self.drive = world, drive
-        self.held: dict[wire.Channel, tuple[int, Answer]] = {}
+        self.held: dict[wire.RecordId, tuple[int, Answer]] = {}
         """When the response of a channel is ready, and what it is."""
         self.latest: dict[str, tuple[int, Answer]] = {}
 
@@ -370,14 +370,16 @@ class Client(Requests):
 
     # What it does
 
-    def _call(self, operation: int, at: wire.Channel, data: bytes = b"", room: int = 4096) -> Asked:
+    def _call(
+        self, operation: int, at: wire.RecordId, data: bytes = b"", room: int = 4096
+    ) -> Asked:
         self.sequence += 1
         return Asked(self.sequence, operation, at, data, room)
 
     def _program(self) -> PROGRAM:
         random = self.random
         places = [
-            wire.Channel(self.ar, random.choice((1, 2)), 1, index, api)
+            wire.RecordId(self.ar, random.choice((1, 2)), 1, index, api)
             for index, api in random.sample(INDICES, random.randint(1, 3))
         ]
         yield self._call(wire.CONNECT, places[0])
@@ -390,7 +392,7 @@ class Client(Requests):
             yield float(random.choice((1, 5, 20, 60)))
         yield self._call(wire.RELEASE, places[0])
 
-    def _job(self, at: wire.Channel, data: bytes) -> Generator[Asked | float, Answer | None, bool]:
+    def _job(self, at: wire.RecordId, data: bytes) -> Generator[Asked | float, Answer | None, bool]:
         """A Write, and Reads until one brings the response; says whether to try that again."""
         random = self.random
         job = Job(self.host.ip, self._call(wire.WRITE, at, data))

@@ -22,15 +22,15 @@ from tests.audit.wire import ETHERNET, SLL, SLL2
 
 from ds47.lab import captured, message
 from ds47.lab.client import Client, controller, drive
-from ds47.lab.cyclic import BAD, GOOD, INPUT, OUTPUT, PKW, PZD, Cyclic, Module
+from ds47.lab.cyclic import BAD, GOOD, INPUT, OUTPUT, PKW, PZD, Cyclic, LabModule
 from ds47.lab.cyclic_scenes import parameters
-from ds47.lab.drive import Drive
+from ds47.lab.drive import LabDrive
 from ds47.lab.machine import ACKNOWLEDGE, IDLE, OFF, ON, Machine
 from ds47.lab.stage import MILLISECOND, Shot, Stage
-from ds47.lab.wire import Channel
+from ds47.lab.wire import RecordId
 
 TELEGRAMS = {
-    "1": (Module(2, 2, 4),), "352": (Module(2, 2, 12),), "353": (PKW, PZD), "354": (PKW, Module(2, 3, 12)),
+    "1": (LabModule(2, 2, 4),), "352": (LabModule(2, 2, 12),), "353": (PKW, PZD), "354": (PKW, LabModule(2, 3, 12)),
 }  # fmt: skip
 CONTROL = 0x0400
 WORDS = (
@@ -140,12 +140,12 @@ def play(plan: Plan) -> Conversation:
 def _machine(random: Random, stage: Stage, plan: Plan, number: int) -> Machine[Cyclic]:
     """On Ethernet all drives have the same frame ids: the receiver tells them apart, of whom a cooked header has none."""
     device = drive(1 + number, vendor_id=seldom(random, 0x0493, 0x002A))
-    channel, activity = Channel(UUID(int=1 + number), 2, 1), UUID(int=0x100 + number)
+    channel, activity = RecordId(UUID(int=1 + number), 2, 1), UUID(int=0x100 + number)
     client = Client(stage, controller(), device, channel=channel, activity=activity)
     first = 0x8001 + (0 if plan.link == ETHERNET else 2 * number)
     modules = TELEGRAMS[plan.drives[number]]
     line = Cyclic(client, modules, (first, 0xFFFF), given=first + 1, reduction=plan.cycle)
-    moved = Drive(
+    moved = LabDrive(
         up_s=random.choice((0.5, 4)),
         down_s=random.choice((0.5, 4)),
         excite_s=random.choice((0, 0, 1.2)),

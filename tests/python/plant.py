@@ -11,7 +11,7 @@ from ds47.capture.errors import CaptureError
 from ds47.lab import message
 from ds47.lab.client import Client, drive
 from ds47.lab.stage import Stage
-from ds47.lab.wire import Channel
+from ds47.lab.wire import RecordId
 
 
 def plant(rounds: int, devices: int = 3, seed: int = 47) -> list[tuple[int, bytes]]:
@@ -20,7 +20,7 @@ def plant(rounds: int, devices: int = 3, seed: int = 47) -> list[tuple[int, byte
     clients = [
         Client(
             stage, device=drive(number + 1), activity=UUID(int=4711 << 64 | number),
-            channel=Channel(UUID(int=47 << 64 | number), index=(47, 0xB02E)[number % 2]),
+            channel=RecordId(UUID(int=47 << 64 | number), index=(47, 0xB02E)[number % 2]),
         )
         for number in range(devices)
     ]  # fmt: skip

@@ -16,8 +16,8 @@ from typing import Any
 from ds47.s7 import pdu as pdus
 from ds47.s7 import tcp, tpkt
 from ds47.s7.consistency import ItemAccess, Question
-from ds47.s7.model import Address, At, End, Flaw, Item
-from ds47.s7.tpkt import Reader, Tpdu
+from ds47.s7.model import At, End, Flaw, S7Address, S7Item
+from ds47.s7.tpkt import Tpdu, TpduReader
 from ds47.spec import s7
 
 PDUS, TALKS, QUESTIONS = 3000, 120, 6000
@@ -36,14 +36,14 @@ def text(data: bytes | None) -> str | None:
     return None if data is None else data.hex()
 
 
-def address(found: Address | None) -> dict[str, Any] | None:
+def address(found: S7Address | None) -> dict[str, Any] | None:
     if found is None:
         return None
     names = ("area", "db", "start", "size", "count", "transport", "length")
     return {name: getattr(found, name) for name in names} | {"last": found.end}
 
 
-def items(found: list[Item]) -> list[dict[str, Any]]:
+def items(found: list[S7Item]) -> list[dict[str, Any]]:
     return [
         {
             "address": address(each.address),
@@ -55,7 +55,7 @@ def items(found: list[Item]) -> list[dict[str, Any]]:
     ]
 
 
-def user_data(pdu: pdus.Pdu) -> dict[str, Any] | None:
+def user_data(pdu: pdus.S7Pdu) -> dict[str, Any] | None:
     told = pdus.user_data(pdu)
     if told is None:
         return None
@@ -114,8 +114,8 @@ class Ear:
         ends = {"client": talk.client._asdict(), "server": talk.server._asdict()}
         self.told.append(ends | content)
 
-    def _take(self, talk: tcp.Talk, from_client: bool, piece: tcp.Piece) -> None:
-        talk.owner = talk.owner or {True: Reader(), False: Reader()}
+    def _take(self, talk: tcp.Talk, from_client: bool, piece: tcp.TcpPiece) -> None:
+        talk.owner = talk.owner or {True: TpduReader(), False: TpduReader()}
         own = talk.owner[from_client]
         wholes = [
             {

@@ -17,7 +17,7 @@ from of_profibus import of_ethernet
 
 from ds47.analysis import analyze
 from ds47.capture import Interface, PcapngWriter, WholeFrame, open_capture
-from ds47.export import Key, KeyFileError, Outcome, Selection, export
+from ds47.export import ExportOutcome, KeyFileError, Replacements, Selection, export
 from ds47.export.anonymise import Anonymiser, Knowledge, internet_checksum
 from ds47.export.drafts import Drafts
 from ds47.export.tracking import Copy, TrackedMessage
@@ -27,7 +27,7 @@ from ds47.lab.naming import DCP, LLDP, dcp_identify, lldp
 from ds47.lab.stage import Stage
 from ds47.lab.wire import ar_request, ar_response
 from ds47.model import CaptureResult, Transaction
-from ds47.profinet.traces import Piece, Trace
+from ds47.profinet.traces import DatagramPiece, Trace
 
 CAPTURES = Path(__file__).resolve().parents[2] / "captures"
 EVERY = of_ethernet(sorted(CAPTURES.rglob("*.pcapng")))
@@ -46,8 +46,8 @@ UNREAD = frozenset(("DS302", "DS303", "DS305", "DS309", "DS312", "DS313", "DS315
 """Some bytes of the message could not be read: they do not leave the house."""
 
 
-def anonymised(source: Path, target: Path, **more: Any) -> tuple[Outcome, Key]:
-    key = Key()
+def anonymised(source: Path, target: Path, **more: Any) -> tuple[ExportOutcome, Replacements]:
+    key = Replacements()
     return export(source, target, Selection(), key=key, **more), key
 
 
@@ -89,7 +89,9 @@ def story(item: Transaction, number: Callable[[int], int], values: bool) -> tupl
     )  # fmt: skip
 
 
-def stories(result: CaptureResult, outcome: Outcome | None, values: bool = True) -> list[object]:
+def stories(
+    result: CaptureResult, outcome: ExportOutcome | None, values: bool = True
+) -> list[object]:
     """All transactions of a capture; the frame numbers of the original as they are in the copy."""
     place = {frame: at for at, frame in enumerate(outcome.frames, 1)} if outcome else {}
     return [
@@ -415,13 +417,13 @@ def test_one_key_for_several_captures(tmp_path: Path) -> None:
     client.device.ip = "192.168.133.99"
     client.write(message.read(1, 1, message.address(21)))
     one, two = shoot(first, tmp_path / "1.pcapng"), shoot(second, tmp_path / "2.pcapng")
-    key = Key()
+    key = Replacements()
     export(one, tmp_path / "o1.pcapng", Selection(), key=key)
     key.save(key_file)
     if sys.platform != "win32":
         assert stat.S_IMODE(key_file.stat().st_mode) == 0o600
     before = json.loads(key_file.read_text())
-    again = Key.load(key_file)
+    again = Replacements.load(key_file)
     export(two, tmp_path / "o2.pcapng", Selection(), key=again)
     again.save(key_file)
     after = json.loads(key_file.read_text())
@@ -454,7 +456,7 @@ def test_a_thing_that_is_no_key_file(tmp_path: Path) -> None:
     for text in ("", "[]", "{}", '{"schema": "other"}', '{"schema": "ds47.key/1", "mac": 3}'):
         path.write_text(text)
         with pytest.raises(KeyFileError, match="no key file"):
-            Key.load(path)
+            Replacements.load(path)
 
 
 @pytest.mark.parametrize(
@@ -477,12 +479,12 @@ def test_a_key_file_that_somebody_changed(
     tmp_path: Path, kind: str, original: str, new: object
 ) -> None:
     path = tmp_path / "key.json"
-    Key().save(path)
+    Replacements().save(path)
     document = json.loads(path.read_text())
     document[kind] = {original: new}
     path.write_text(json.dumps(document))
     with pytest.raises(KeyFileError) as problem:
-        Key.load(path)
+        Replacements.load(path)
     text = f"{path}: {new!r} cannot stand for the {kind} {original!r}: this key file was changed"
     assert str(problem.value) == text
 
@@ -498,17 +500,17 @@ def test_a_key_file_that_somebody_changed(
 )
 def test_a_key_file_whose_counts_somebody_changed(tmp_path: Path, part: dict[str, Any]) -> None:
     path = tmp_path / "key.json"
-    Key().save(path)
+    Replacements().save(path)
     path.write_text(json.dumps(json.loads(path.read_text()) | part))
     with pytest.raises(KeyFileError, match="no key file"):
-        Key.load(path)
+        Replacements.load(path)
 
 
 def test_lldp_and_dcp_option_by_option() -> None:
     from ds47.export.stations import dcp, lldp
 
-    def both(change: Callable[[Key, bytes], bytes], data: bytes) -> bytes:
-        key = Key()
+    def both(change: Callable[[Replacements, bytes], bytes], data: bytes) -> bytes:
+        key = Replacements()
         change(key, data)
         key.learning = False
         return change(key, data)
@@ -560,7 +562,7 @@ def test_broken_bytes_are_never_an_exception(tmp_path: Path) -> None:
                     cut = chance.choice((len(data), len(data), chance.randrange(len(data))))
                     writer.write(frame.time_ns, bytes(data[:cut]), len(data))
             for everything in (False, True):
-                export(source, target, Selection(), key=Key(), everything=everything)
+                export(source, target, Selection(), key=Replacements(), everything=everything)
 
 
 # What was not read does not leave
@@ -630,7 +632,7 @@ def test_bytes_of_a_message_that_are_not_read(record: bytes, tmp_path: Path) -> 
 
 
 def test_a_part_of_an_address_is_no_address() -> None:
-    key = Key()
+    key = Replacements()
     assert key.mac(b"\0\x1f\xf8") == bytes(3)
     assert key.ip(b"\xc0\xa8") == bytes(2)
     assert key.uuid(b"GGGG") == bytes(4)
@@ -648,22 +650,22 @@ def test_an_option_keeps_no_more_than_it_has() -> None:
     numbers = [(2, 3), (2, 4), (2, 5), (2, 7), (2, 8), (2, 10), (5, 3), (5, 4), (6, 1), (255, 255)]
     every = b"".join(option(*each, b"\0\0\2\2\2\3" + SECRET) for each in numbers)
     for data in (frame(5, 1, every), frame(3, 0, SECRET)):
-        out = dcp(Key(), data)
+        out = dcp(Replacements(), data)
         assert len(out) == len(data)
         assert b"cust" not in out
-    assert b"\2\5\0\x16\0\0\2\2\2\3" in dcp(Key(), frame(5, 1, every))
+    assert b"\2\5\0\x16\0\0\2\2\2\3" in dcp(Replacements(), frame(5, 1, every))
     values = {
         3: b"\0\x14", 7: b"\0\x10\0\x10", 8: b"\5\1\xc0\xa8\x85\x21\2\0\0\0\1\0",
         127: b"\x00\x12\x0f\1" + bytes(12),
     }  # fmt: skip
     for kind, value in values.items():
         data = struct.pack(">H", kind << 9 | len(value + SECRET)) + value + SECRET + b"\0\0"
-        assert b"cust" not in lldp(Key(), data)
+        assert b"cust" not in lldp(Replacements(), data)
 
 
 def test_a_copy_of_what_was_not_rewritten_is_refused() -> None:
     foreign, copy, drafts = Trace(data=SECRET), Trace(), Drafts()
     drafts.add(WholeFrame(2, 0, Interface(1, 0), bytes(14 + 20) + SECRET, 50))
-    copy.add(Piece(2, 0, 34, 0, len(SECRET)))
+    copy.add(DatagramPiece(2, 0, 34, 0, len(SECRET)))
     story_of = TrackedMessage("foreign", 1, 0, parts=[[foreign]])
-    assert not Anonymiser(Key(), Knowledge()).copy(Copy(story_of, copy, foreign), drafts)
+    assert not Anonymiser(Replacements(), Knowledge()).copy(Copy(story_of, copy, foreign), drafts)

@@ -18,7 +18,7 @@ import pytest
 from ds47.analysis import AnalysisOptions
 from ds47.capture import PcapngWriter
 from ds47.capture.scan import SLL, SLL2
-from ds47.export import Key, Outcome, Selection, SelectionError, export
+from ds47.export import ExportOutcome, Replacements, Selection, SelectionError, export
 from ds47.lab import ether, message, wire
 from ds47.lab.client import OK, Client
 from ds47.lab.naming import DCP, LLDP, dcp_identify, lldp
@@ -160,7 +160,7 @@ def remains(data: bytes) -> Iterator[bytes]:
                 yield form.hex().encode()
 
 
-def one(seed: int, folder: Path) -> tuple[Outcome | None, list[bytes]]:
+def one(seed: int, folder: Path) -> tuple[ExportOutcome | None, list[bytes]]:
     """A capture by its seed, exported; and what of the secret is left. Every frame is accounted for."""
     chance = random.Random(seed)
     everything = chance.random() < 0.5
@@ -174,7 +174,7 @@ def one(seed: int, folder: Path) -> tuple[Outcome | None, list[bytes]]:
     settings = AnalysisOptions(codec=Options(chance.random() < 0.2, chance.random() < 0.2))
     wanted = chosen(chance, shots)
     try:
-        outcome = export(source, target, wanted, settings, Key(), everything)
+        outcome = export(source, target, wanted, settings, Replacements(), everything)
     except SelectionError:  # the capture lost all of it
         return None, []
     told = sorted([*outcome.frames, *outcome.left_out, *(frame for frame, _ in outcome.leaks)])

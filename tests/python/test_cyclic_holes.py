@@ -23,7 +23,7 @@ from ds47.lab.machine import IDLE
 from ds47.lab.stage import Stage
 from ds47.model import CaptureResult
 from ds47.report.sentences import sentence
-from ds47.report.verdict import Counts, verdict
+from ds47.report.verdict import VerdictCounts, verdict
 
 READ = bytes.fromhex("143a000000000000")
 CHARGES = {"DS503", "DS504", "DS505", "DS514"}
@@ -110,7 +110,9 @@ def test_nobody_is_charged_with_frames_that_are_missing(name: str, tmp_path: Pat
 
 def test_what_is_said_instead() -> None:
     result = analyze(io.BytesIO(without(reads(), LOST["all but the first one behind it"][0])))
-    assert verdict(Counts.of(result)).en == "LOOK AT IT: 1 drive, 22 transactions, 1 incomplete"
+    assert (
+        verdict(VerdictCounts.of(result)).en == "LOOK AT IT: 1 drive, 22 transactions, 1 incomplete"
+    )
     (item,) = [each for each in result.transactions if each.state == "incomplete"]
     note, first = words(result)
     assert item.findings == ["DS110"]
@@ -226,7 +228,7 @@ def test_a_request_that_stands_to_the_end(
     assert [each.rule for each in result.findings] == said
     assert [each.state for each in result.transactions] == ["ok", state]
     assert [each.transaction for each in result.findings if each.rule != "DS725"] == [2]
-    assert not verdict(Counts.of(result)).en.startswith("OK")
+    assert not verdict(VerdictCounts.of(result)).en.startswith("OK")
     path = tmp_path / "open.pcapng"
     path.write_bytes(captured(stage))
     assert run.audit(path) == []
@@ -243,7 +245,7 @@ def test_a_response_may_come_behind_the_end_of_a_channel_that_nothing_proves(
     there = frames(captured(stage))
     result = analyze(io.BytesIO(written(there[: int(share * len(there))])))
     assert [each.rule for each in result.findings] == said
-    assert verdict(Counts.of(result)).en.startswith("OK") is not bool(said)
+    assert verdict(VerdictCounts.of(result)).en.startswith("OK") is not bool(said)
 
 
 def test_what_was_answered_more_slowly_may_come_later() -> None:

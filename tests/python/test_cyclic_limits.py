@@ -15,13 +15,13 @@ from test_lua_analysis import VERSIONS, Source, compare
 
 from ds47.analysis import analyze
 from ds47.cyclic.habits import Habits
-from ds47.cyclic.handshake import Moment, PkwJob, Sight
+from ds47.cyclic.handshake import CycleMoment, PkwJob, Sight
 from ds47.lab import captured
 from ds47.lab.client import Client
-from ds47.lab.cyclic import PKW, PZD, Cyclic, Module
+from ds47.lab.cyclic import PKW, PZD, Cyclic, LabModule
 from ds47.lab.cyclic_scenes import parameters
 from ds47.lab.cyclic_stories import BOOK
-from ds47.lab.drive import Drive
+from ds47.lab.drive import LabDrive
 from ds47.lab.machine import IDLE, OFF, ON, Machine
 from ds47.lab.stage import Stage
 from ds47.model import Finding
@@ -33,14 +33,14 @@ TENTH = 1638
 """Of 16384, which is 100 %: the greatest distance that is not more than 10 %."""
 
 
-class Unwilling(Drive):
+class Unwilling(LabDrive):
     """A drive that refuses whatever is asked, because of its state."""
 
     def _respond(self, request: bytes) -> bytes:
         return self._refuse(request, 17) if request != IDLE else request
 
 
-def played(scene: Scene, *modules: Module, drive: type[Drive] = Drive) -> bytes:
+def played(scene: Scene, *modules: LabModule, drive: type[LabDrive] = LabDrive) -> bytes:
     """The capture of a drive with these modules, those of telegram 353 where none are named."""
     stage = Stage()
     line = Cyclic(Client(stage), modules or (PKW, PZD), reduction=16)
@@ -145,7 +145,7 @@ def test_parameters_that_are_remembered_are_bounded(words: str, rule: str) -> No
     habits = Habits({}, bounds, "cyclic")
     for number in range(4 * 4):
         data = bytes.fromhex(f"{words}00{number % 4}000000000000")
-        sight = Sight(data, Moment(number, number, number))
+        sight = Sight(data, CycleMoment(number, number, number))
         assert list(habits.take(PkwJob(sight, None, True))) == []
     told = [each.args["pnu"] for each in habits.finish()]
     assert told == {"DS508": [0, 1], "DS509": [0]}[rule]

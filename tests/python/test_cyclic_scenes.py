@@ -24,7 +24,7 @@ from ds47.lab import captured
 from ds47.lab.client import Client
 from ds47.lab.cyclic import BAD, GOOD, INPUT, OUTPUT, PKW, PZD, Cyclic
 from ds47.lab.cyclic_scenes import ALONE, BOOK, SPEED, parameters
-from ds47.lab.drive import Drive
+from ds47.lab.drive import LabDrive
 from ds47.lab.machine import Machine
 from ds47.lab.scenario import Scenario
 from ds47.lab.stage import Stage
@@ -236,7 +236,7 @@ def test_the_axis_has_round_times() -> None:
 def test_what_a_hundred_percent_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     stage = Stage()
     line = Cyclic(Client(stage), reduction=16)
-    machine = Machine(line, Drive(cells=parameters())).connect().start().read(2000)
+    machine = Machine(line, LabDrive(cells=parameters())).connect().start().read(2000)
     machine.run(0.1)
     path = tmp_path / "p2000.pcapng"
     path.write_bytes(captured(stage))
@@ -358,7 +358,7 @@ def operated(steps: list[tuple[str, Any]], begin: int, telegram: int) -> Stage:
     stage = Stage()
     modules = {353: (PKW, PZD), 352: (ALONE,), 1: (SPEED,)}[telegram]
     line = Cyclic(Client(stage), modules, reduction=16)
-    machine = Machine(line, Drive(cells=parameters() if telegram == 353 else {}))
+    machine = Machine(line, LabDrive(cells=parameters() if telegram == 353 else {}))
     machine.control(begin).connect().run(0.1)
     for step, what in steps:
         if telegram == 353 or step not in ("read", "change"):

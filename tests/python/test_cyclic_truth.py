@@ -23,7 +23,7 @@ from ds47.lab import captured, ether, message
 from ds47.lab.client import Client, drive
 from ds47.lab.cyclic import INPUT, OUTPUT, Cyclic
 from ds47.lab.cyclic_scenes import machine, parameters
-from ds47.lab.drive import Cell, Drive
+from ds47.lab.drive import LabDrive, PkwParameter
 from ds47.lab.machine import IDLE, OFF, ON, Machine
 from ds47.lab.stage import Stage
 from ds47.model import CaptureResult, Finding
@@ -62,7 +62,7 @@ def of_rule(rule: str, result: CaptureResult) -> list[Finding]:
 def talk(*asked: tuple[bytes, int], pause: int = 3) -> bytes:
     """Requests, each for so many cycles, to a drive that stands."""
     stage = Stage()
-    machine = Machine(Cyclic(Client(stage), reduction=4), Drive(cells=parameters(), pause=pause))
+    machine = Machine(Cyclic(Client(stage), reduction=4), LabDrive(cells=parameters(), pause=pause))
     machine.connect().control(OFF)
     for words, cycles in asked:
         machine.ask(words, cycles)
@@ -361,7 +361,7 @@ def test_a_value_of_unknown_type_has_its_signed_reading_beside_it(
     stage = Stage()
     it = machine(Client(stage)).start()
     for pnu, value in ((1234, "ffe7"), (1235, "7fff"), (1236, "fffeee90"), (1237, "00000005")):
-        it.drive.cells[pnu, 0] = Cell(bytes.fromhex(value), double=len(value) > 4)
+        it.drive.cells[pnu, 0] = PkwParameter(bytes.fromhex(value), double=len(value) > 4)
         it.read(pnu)
     content = captured(stage)
     text = printed(content, tmp_path, capsys)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ds47.profinet.dcp import Station, parse
+from ds47.profinet.dcp import StationInfo, parse
 from ds47.profinet.link import Packet
 
 DEVICE, OTHER = "02:00:00:00:00:01", "02:00:00:00:00:02"
@@ -36,7 +36,7 @@ def packet(frame_id: int, service: int, kind: int, blocks: bytes) -> Packet:
 )
 def test_who_is_named(frame_id: int, service: int, kind: int, mac: str) -> None:
     found = parse(packet(frame_id, service, kind, NAME + IP + IDENTITY))
-    assert found == Station(mac, "192.168.0.5", "drive-1", 0x2A, 0x0501)
+    assert found == StationInfo(mac, "192.168.0.5", "drive-1", 0x2A, 0x0501)
 
 
 def test_requests_and_refusals_name_nobody() -> None:
@@ -47,7 +47,7 @@ def test_requests_and_refusals_name_nobody() -> None:
 def test_nothing_said_is_none() -> None:
     assert parse(packet(0xFEFF, 5, 1, NO_IP)) is None
     assert parse(packet(0xFEFF, 5, 1, block(2, 2, b""))) is None
-    assert parse(packet(0xFEFF, 5, 1, NAME + NO_IP)) == Station(DEVICE, None, "drive-1")
+    assert parse(packet(0xFEFF, 5, 1, NAME + NO_IP)) == StationInfo(DEVICE, None, "drive-1")
 
 
 def test_cut_at_every_byte() -> None:

@@ -20,7 +20,7 @@ from fake_tshark import real_tshark
 
 from ds47 import spec
 from ds47.cli import main
-from ds47.explain import Meaning, Reading, UnknownFormError, explain, find_vendor, read
+from ds47.explain import CodeMeaning, Reading, UnknownFormError, explain, find_vendor, read
 from ds47.model import Parameter
 from ds47.report import values
 from ds47.report.explanation import lines as _lines
@@ -73,7 +73,7 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, 
     return status, captured.out, captured.err
 
 
-def every_meaning(lang: str) -> Iterator[Meaning]:
+def every_meaning(lang: str) -> Iterator[CodeMeaning]:
     for code in itertools.chain((f"{status:08X}" for status in STATUSES), S7, NUMBERS):
         yield from explain(code, lang)
 

@@ -21,16 +21,16 @@ from test_readme import Command, read_commands, run
 
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import Frame, Interface, PcapngWriter, WholeFrame, open_capture
-from ds47.capture.series import Part
+from ds47.capture.series import SeriesPart
 from ds47.cli import main
-from ds47.export import Key, Selection, SelectionError, display_filter, export, first_time
+from ds47.export import Replacements, Selection, SelectionError, display_filter, export, first_time
 from ds47.export.drafts import Drafts
 from ds47.export.earlier import OF_THE_ORIGINAL, is_earlier_export
 from ds47.export.tracking import Copy, TrackedMessage, Tracker
 from ds47.lab import wire
 from ds47.lab.wire import Call
 from ds47.model import PKW, Transaction
-from ds47.profinet.traces import MOST_COPIES, Piece, Trace
+from ds47.profinet.traces import MOST_COPIES, DatagramPiece, Trace
 from ds47.spec.semantics import limits
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -469,8 +469,8 @@ def test_status_3_where_not_all_could_be_read(folder: Path) -> None:
 # A series of files
 
 
-def as_parts(files: Sequence[Path]) -> list[Part]:
-    return [Part(file.name, str(file)) for file in files]
+def as_parts(files: Sequence[Path]) -> list[SeriesPart]:
+    return [SeriesPart(file.name, str(file)) for file in files]
 
 
 def told(frame: WholeFrame) -> tuple[object, ...]:
@@ -523,7 +523,7 @@ def test_interfaces_of_a_series_are_merged_where_they_say_the_same(tmp_path: Pat
 def test_a_series_without_names_is_the_whole_without_names(tmp_path: Path) -> None:
     originals = list(whole_frames(TOUR))
     files = pieces(tmp_path, originals, [8, 20, 31])
-    key = Key()
+    key = Replacements()
     export(write(tmp_path / "whole.pcapng", originals), tmp_path / "w.pcapng", Selection(), key=key)
     export(as_parts(files), tmp_path / "s.pcapng", Selection(), key=key)
     assert (tmp_path / "s.pcapng").read_bytes() == (tmp_path / "w.pcapng").read_bytes()
@@ -787,7 +787,7 @@ def test_writing_leaves_no_byte_as_it_was() -> None:
     trace, drafts = Trace(), Drafts()
     for number, (offset, text) in enumerate(((0, b"in front"), (16, b"behind a hole"))):
         drafts.add(WholeFrame(number, 0, Interface(1, 0), text, 40))
-        trace.add(Piece(number, 0, 0, offset, len(text)))
+        trace.add(DatagramPiece(number, 0, 0, offset, len(text)))
     assert drafts.image(trace) == b"in front" + bytes(8) + b"behind a hole"
     drafts.write(trace, b"IN")
     assert [bytes(drafts[number].data) for number in (0, 1)] == [b"IN" + bytes(6), bytes(13)]

@@ -15,13 +15,13 @@ from tests.audit import run
 from ds47.analysis import analyze
 from ds47.cyclic.operation import Operation
 from ds47.cyclic.timeline import Recorder
-from ds47.lab.cyclic import Cyclic, Module
+from ds47.lab.cyclic import Cyclic, LabModule
 from ds47.lab.machine import Machine
-from ds47.report.verdict import Counts, verdict
+from ds47.report.verdict import VerdictCounts, verdict
 from ds47.spec.semantics import limits
 
 It = Machine[Cyclic]
-ALONE = Module(2, 1, 4, 4)
+ALONE = LabModule(2, 1, 4, 4)
 """Process data without PKW in its slot: its lengths say little."""
 
 
@@ -80,7 +80,7 @@ def test_what_is_said(case: Callable[[It], None], tmp_path: Path) -> None:
     result = analyze(io.BytesIO(content))
     assert [each.rule for each in result.findings if each.rule != "DS512"] == CASES[case]
     if CASES[case]:
-        assert verdict(Counts.of(result)).en.startswith(("NOT OK", "LOOK AT IT"))
+        assert verdict(VerdictCounts.of(result)).en.startswith(("NOT OK", "LOOK AT IT"))
     path = tmp_path / "case.pcapng"
     path.write_bytes(content)
     assert [str(each) for each in run.audit(path)] == []

@@ -130,7 +130,7 @@ def test_the_report_of_stored_results_is_the_report(
         return
     # what is written while it is analysed comes in another order: that of the ids here
     stream = io.StringIO()
-    options = report.Options(fail_on="error", rules=_rules())
+    options = report.ReportOptions(fail_on="error", rules=_rules())
     writer = report.open_writer(format_name, stream, options)
     for task in plan([*map(str, sorted(folder.rglob("*.p*cap*")))], series=False):
         try:

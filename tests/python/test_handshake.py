@@ -17,8 +17,8 @@ import pytest
 from lua_program import LUAS, lua_program
 
 from ds47.cyclic import judge, pkw
-from ds47.cyclic.handshake import Channel, Moment, PkwJob, Sight
-from ds47.cyclic.relations import Relation, Side
+from ds47.cyclic.handshake import CycleMoment, PkwChannel, PkwJob, Sight
+from ds47.cyclic.relations import CyclicRelation, CyclicSide
 from ds47.spec import cyclic as spec
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -43,13 +43,13 @@ PLAIN = dict.fromkeys(
 """What is not typed in a vector."""
 
 
-def at(cycle: int) -> Moment:
-    return Moment(cycle, cycle * CYCLE_NS, cycle)
+def at(cycle: int) -> CycleMoment:
+    return CycleMoment(cycle, cycle * CYCLE_NS, cycle)
 
 
 def played(conversation: dict[str, Any]) -> list[PkwJob]:
     found: list[PkwJob] = []
-    channel = Channel(found.append)
+    channel = PkwChannel(found.append)
     for step in conversation["steps"]:
         moment = at(step["cycle"])
         if step.get("lost"):
@@ -157,8 +157,10 @@ def test_an_answer_takes_as_long_as_its_frames_say() -> None:
 def test_how_long_a_request_without_a_response_stood(end: int | None, told: list[float]) -> None:
     """Nothing where the clock was set back meanwhile."""
     job = PkwJob(Sight(bytes.fromhex("1" + "0" * 15), at(2)), None, True)
-    side = Side(b"\2\3", 0, 0, 8, 8, None, None, 0)
-    relation = Relation("pkw", "dp2", "dp3", None, None, None, None, None, (), side, side, None)
+    side = CyclicSide(b"\2\3", 0, 0, 8, 8, None, None, 0)
+    relation = CyclicRelation(
+        "pkw", "dp2", "dp3", None, None, None, None, None, (), side, side, None
+    )
     job.last = None if end is None else at(end)
     found = list(judge.unanswered(relation, job))
     assert [each.args["milliseconds"] for each in found] == told

@@ -56,7 +56,7 @@ MUTATED = (
 
 def document(results, format_name="json"):
     out = io.TextIOWrapper(io.BytesIO(), "utf-8", "backslashreplace", newline="\n")
-    options = report.Options(width=10_000)  # a line stays one, however long a text is
+    options = report.ReportOptions(width=10_000)  # a line stays one, however long a text is
     report.write_all(report.open_writer(format_name, out, options), Report(results))
     out.flush()
     whole = out.buffer.getvalue()
@@ -315,7 +315,7 @@ def answer(reference=1, value=0):
 
 
 def ar(number):
-    return wire.Channel(UUID(int=number + 1))
+    return wire.RecordId(UUID(int=number + 1))
 
 
 def activities(wire_, number):

@@ -109,7 +109,7 @@ def test_the_response_counts_and_not_when_a_request_is_over(
 ) -> None:
     one = Client(stage)
     other = Client(
-        stage, host=controller(2), channel=wire.Channel(UUID(int=7 << 64)), activity=UUID(int=9)
+        stage, host=controller(2), channel=wire.RecordId(UUID(int=7 << 64)), activity=UUID(int=9)
     )
     read(other)  # is open until the end: nothing more is asked there
     describe(one)
@@ -120,7 +120,7 @@ def test_without_a_response_it_counts_what_was_said_up_to_the_end(
     stage: Stage, told: Callable[[], list[str]]
 ) -> None:
     other = Client(
-        stage, host=controller(2), channel=wire.Channel(UUID(int=7 << 64)), activity=UUID(int=9)
+        stage, host=controller(2), channel=wire.RecordId(UUID(int=7 << 64)), activity=UUID(int=9)
     )
     other.write(message.change(1, 2, (RAMP, message.word(100))))
     describe(Client(stage))

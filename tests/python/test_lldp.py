@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ds47.profinet.dcp import Station
+from ds47.profinet.dcp import StationInfo
 from ds47.profinet.link import Packet
 from ds47.profinet.lldp import parse
 
@@ -40,14 +40,14 @@ def packet(*tlvs: bytes) -> Packet:
 )
 def test_station_name(chassis: bytes, port: bytes, name: str | None) -> None:
     found = parse(packet(tlv(1, chassis), tlv(2, port), tlv(3, b"\0\x14"), OURS, IP))
-    assert found == Station(STATION_MAC, "192.168.0.5", name)
+    assert found == StationInfo(STATION_MAC, "192.168.0.5", name)
 
 
 def test_chassis_id_that_is_a_mac_address() -> None:
     mac = tlv(1, b"\4" + bytes.fromhex("02000000000a"))
     status = tlv(127, bytes.fromhex("000ecf02") + bytes(4))
     found = parse(packet(mac, tlv(2, b"\7port-001.drive-1"), status))
-    assert found == Station("02:00:00:00:00:0a", None, "drive-1")
+    assert found == StationInfo("02:00:00:00:00:0a", None, "drive-1")
 
 
 def test_an_office_switch_is_none() -> None:
@@ -59,7 +59,7 @@ def test_cut_at_every_byte() -> None:
     whole = packet(tlv(1, b"\7drive-1"), tlv(2, b"\7port-001"), OURS, IP).payload
     found = [parse(Packet("lldp", 1, 0, whole[:cut])) for cut in range(len(whole))]
     assert found[0] is None
-    assert found[-1] == Station(STATION_MAC, "192.168.0.5", "drive-1")
+    assert found[-1] == StationInfo(STATION_MAC, "192.168.0.5", "drive-1")
 
 
 @given(st.binary(max_size=80))

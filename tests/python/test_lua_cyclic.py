@@ -30,15 +30,15 @@ from test_parameter_channels import (
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture.writer import PcapngWriter
 from ds47.lab.client import Client, drive
-from ds47.lab.cyclic import BAD, GOOD, INPUT, OUTPUT, PKW, PZD, Cyclic, Module
+from ds47.lab.cyclic import BAD, GOOD, INPUT, OUTPUT, PKW, PZD, Cyclic, LabModule
 
 pytestmark = pytest.mark.slow
 CHANCES = 50
 """Captures by chance for each Lua, other ones for each."""
 MODULES = (
-    (PKW, PZD), (PZD, PKW), (Module(1, 1, 2), PZD, Module(2, 9, 8), Module(7, 1, 30)),
-    (Module(3, 1, 12),), (Module(3, 1, 20),), (Module(3, 1, 8), Module(3, 2, 12)),
-    (Module(2, 1, 8),), (PKW, PZD, Module(5, 1, 12), Module(6, 1, 8), Module(6, 2, 12)),
+    (PKW, PZD), (PZD, PKW), (LabModule(1, 1, 2), PZD, LabModule(2, 9, 8), LabModule(7, 1, 30)),
+    (LabModule(3, 1, 12),), (LabModule(3, 1, 20),), (LabModule(3, 1, 8), LabModule(3, 2, 12)),
+    (LabModule(2, 1, 8),), (PKW, PZD, LabModule(5, 1, 12), LabModule(6, 1, 8), LabModule(6, 2, 12)),
 )  # fmt: skip
 WORDS = (
     READ, FIFTY, MOVED, CHANGE, REFUSED, IDLE, *OTHER, *USS, "22bc000000050000", "12bc000000000000",
@@ -56,7 +56,7 @@ def scenes() -> Iterator[Source]:
     yield Source("no Connect", talk(Machine().turn()).capture(), True)
     yield Source("not answered", Machine().connect().ask(READ, 200).ask(IDLE).capture(), False)
     machine = talk(Machine().connect())
-    machine.line.modules = (Module(1, 1, 6), PKW, PZD)
+    machine.line.modules = (LabModule(1, 1, 6), PKW, PZD)
     yield Source("another Connect", talk(machine.connect()).capture(), True)
     yield Source("long", talk(talk(Machine().connect()).turn(3_000)).capture(), False)
     machine = Machine()

@@ -15,7 +15,7 @@ from lua_program import LUAS, lua_program
 
 from ds47.model import SIEMENS, Parameter
 from ds47.profidrive import Block, decode_response
-from ds47.profidrive.dictionary import Dictionary, Said, explain, unit_of
+from ds47.profidrive.dictionary import Dictionary, Statement, explain, unit_of
 from ds47.profidrive.drive_objects import LOCAL, DriveAccess, DriveObjects, access
 from ds47.report import formatting
 from ds47.spec.semantics import known
@@ -148,7 +148,7 @@ class Python:
         }  # fmt: skip
 
 
-def _pair(said: Said | None) -> list[Any] | None:
+def _pair(said: Statement | None) -> list[Any] | None:
     return None if said is None else list(said)
 
 

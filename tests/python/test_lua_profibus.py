@@ -23,9 +23,9 @@ from lua_program import LUAS, lua_program
 from test_profibus_calls import MS, NOT_READY, SHORT, Talk
 
 from ds47.acyclic.pairing import Job, Pairing, Told
-from ds47.acyclic.services import Became, CallTracker, ServiceCall
+from ds47.acyclic.services import Became, ServiceCall, ServiceTracker
 from ds47.profibus import telegram
-from ds47.profibus.line import Exchange, Line, Seen
+from ds47.profibus.line import Exchange, Line, LineFrame
 from ds47.profidrive import decode_request
 from ds47.profidrive.model import Options
 from ds47.profinet.records import Half, Peer, Record
@@ -67,9 +67,9 @@ class Ear:
         self.pairing = Pairing(limits(), self._jobs_told)
 
     def run(self, frames: Iterable[bytes], cut: bool = False) -> list[dict[str, Any]]:
-        line, calls = Line(), CallTracker()
+        line, calls = Line(), ServiceTracker()
         for number, data in enumerate(frames, start=1):
-            for exchange in line.take(Seen(number, number * MS, telegram.decode(data)), cut):
+            for exchange in line.take(LineFrame(number, number * MS, telegram.decode(data)), cut):
                 self._exchange(exchange)
                 self._heard(calls.take(exchange))
         for exchange in line.finish():

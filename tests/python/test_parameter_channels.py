@@ -20,7 +20,7 @@ from ds47.capture import open_capture
 from ds47.capture.writer import PcapngWriter
 from ds47.cli import main
 from ds47.lab.client import Client, drive
-from ds47.lab.cyclic import BAD, GOOD, INPUT, OUTPUT, PKW, PZD, Cyclic, Module
+from ds47.lab.cyclic import BAD, GOOD, INPUT, OUTPUT, PKW, PZD, Cyclic, LabModule
 from ds47.lab.stage import Stage
 from ds47.model import CaptureResult, Transaction
 from ds47.report import contract
@@ -107,23 +107,24 @@ def test_requests_and_responses() -> None:
     [
         (PKW, PZD),
         (PZD, PKW),
-        (Module(1, 1, 2), PZD, Module(2, 9, 8), Module(7, 1, 30)),
-        (Module(3, 1, 12),),
-        (Module(3, 1, 20),),
-        (Module(3, 1, 8), Module(3, 2, 12)),
+        (LabModule(1, 1, 2), PZD, LabModule(2, 9, 8), LabModule(7, 1, 30)),
+        (LabModule(3, 1, 12),),
+        (LabModule(3, 1, 20),),
+        (LabModule(3, 1, 8), LabModule(3, 2, 12)),
     ],
     ids=lambda modules: "+".join(str(each.length) for each in modules),
 )
-def test_wherever_it_lies(modules: tuple[Module, ...]) -> None:
+def test_wherever_it_lies(modules: tuple[LabModule, ...]) -> None:
     machine = Machine(modules=modules)
     machine.module = next(each for each in modules if each.length in (8, 12, 20) and each != PZD)
     assert talk(machine.connect()).told() == BOTH
 
 
 @pytest.mark.parametrize(
-    "modules", [(Module(2, 1, 8),), (Module(2, 1, 8), Module(3, 1, 4)), (Module(2, 1, 10), PZD)]
+    "modules",
+    [(LabModule(2, 1, 8),), (LabModule(2, 1, 8), LabModule(3, 1, 4)), (LabModule(2, 1, 10), PZD)],
 )
-def test_where_lengths_say_that_it_is_none(modules: tuple[Module, ...]) -> None:
+def test_where_lengths_say_that_it_is_none(modules: tuple[LabModule, ...]) -> None:
     assert talk(Machine(modules=modules).connect()).told() == []
 
 
@@ -183,7 +184,7 @@ def test_a_frame_that_is_not_valid_says_nothing() -> None:
 def test_a_later_connect_replaces_what_an_earlier_one_said() -> None:
     """The same stations and frame ids, the data elsewhere."""
     machine = talk(Machine().connect())
-    machine.line.modules = (Module(1, 1, 6), PKW, PZD)
+    machine.line.modules = (LabModule(1, 1, 6), PKW, PZD)
     machine.connect()
     assert talk(machine).told() == BOTH + BOTH
 

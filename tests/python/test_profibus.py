@@ -229,11 +229,11 @@ def test_the_service_of_a_frame(item: telegram.Telegram, service: str | None) ->
 
 def test_a_diagnosis() -> None:
     found = dp.decode(frame(DIAGNOSIS))
-    assert found == dp.Diagnosis((), None, 0x80B5, (), ())
+    assert found == dp.SlaveDiagnosis((), None, 0x80B5, (), ())
     found = dp.decode(
         answer(60, "440d0002 80b5 08 81000000000000 4403 a00207 c1 05aa".replace(" ", ""))
     )
-    assert isinstance(found, dp.Diagnosis)
+    assert isinstance(found, dp.SlaveDiagnosis)
     assert found.flags == ("cfg_fault", "prm_fault", "prm_req", "watchdog")
     assert (found.master, found.ident) == (2, 0x80B5)
     kinds = [(each.kind, each.data.hex()) for each in found.blocks]
@@ -243,7 +243,7 @@ def test_a_diagnosis() -> None:
 
 def test_blocks_of_a_channel_and_a_revision() -> None:
     found = dp.decode(answer(60, "080c00028 0b5 810203 c7".replace(" ", "")))
-    assert isinstance(found, dp.Diagnosis)
+    assert isinstance(found, dp.SlaveDiagnosis)
     assert [(each.kind, each.data.hex()) for each in found.blocks] == [(2, "810203"), (3, "c7")]
     assert (found.flags, found.flaws) == (("ext_diag", "watchdog"), ())
 

@@ -18,8 +18,8 @@ from ds47.lab.master import NO_DPV1, PPO3, SET_PRM, Master
 from ds47.lab.master import READY as DIAGNOSIS
 from ds47.model import BusStation, CaptureResult, Finding
 from ds47.profibus.judge import LineJudge
-from ds47.profibus.line import Line, Seen
-from ds47.profibus.stations import MOST_FRAMES, Stations
+from ds47.profibus.line import Line, LineFrame
+from ds47.profibus.stations import MOST_FRAMES, LineStations
 from ds47.profibus.telegram import decode
 from ds47.spec import rules
 from ds47.spec.semantics import Limits, limits
@@ -248,7 +248,7 @@ def _lost(frames: list[Any], cut: dict[int, int] | None = None) -> int:
     line = Line()
     for number, each in enumerate(frames, 1):
         kept = (cut or {}).get(number)
-        line.take(Seen(number, each.time_ns, decode(each.data[:kept])), kept is not None)
+        line.take(LineFrame(number, each.time_ns, decode(each.data[:kept])), kept is not None)
     return line.lost(STATION)
 
 
@@ -875,6 +875,6 @@ def test_different_things_are_bounded() -> None:
         judge.refused(STATION, True, 0, index, 0xDF80B000, number + 1)
     told = [
         (each.args["place"]["index"], each.args["count"])
-        for each in judge.finish(Stations(judge.heard))
+        for each in judge.finish(LineStations(judge.heard))
     ]
     assert told == [(1, 2), (2, 1)]

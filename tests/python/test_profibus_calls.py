@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ds47.acyclic.pairing import Job, Pairing, Told
-from ds47.acyclic.services import MOST_OPEN, MOST_POLLS, Became, CallTracker, ServiceCall
+from ds47.acyclic.services import MOST_OPEN, MOST_POLLS, Became, ServiceCall, ServiceTracker
 from ds47.profibus import telegram
-from ds47.profibus.line import MOST_RETRIES, Exchange, Line, Seen
+from ds47.profibus.line import MOST_RETRIES, Exchange, Line, LineFrame
 from ds47.profidrive import decode_request, decode_response
 from ds47.profidrive.model import Options
 from ds47.profinet.records import Peer, Record
@@ -65,12 +65,12 @@ class Talk:
 def exchanges(frames: Iterable[bytes], line: Line | None = None) -> list[Exchange]:
     line, found = line or Line(), []
     for number, data in enumerate(frames, start=1):
-        found += line.take(Seen(number, number * MS, telegram.decode(data)))
+        found += line.take(LineFrame(number, number * MS, telegram.decode(data)))
     return [*found, *line.finish()]
 
 
 def services(frames: Iterable[bytes]) -> list[Became]:
-    tracker = CallTracker()
+    tracker = ServiceTracker()
     told = [became for exchange in exchanges(frames) for became in tracker.take(exchange)]
     return told + tracker.finish()
 

@@ -139,7 +139,7 @@ def test_both_refuse_the_same_damaged_frames(
 def test_a_diagnosis(ask: Ask, du: bytes) -> None:
     data = telegram.encode(2, 3, 0x08, du, 62, 60)
     found, said = dp.decode(telegram.decode(data)), ask(data)["dp"]
-    assert isinstance(found, dp.Diagnosis)
+    assert isinstance(found, dp.SlaveDiagnosis)
     assert found.ident == said["identNumber"]
     assert (255 if found.master is None else found.master) == said["masterAddr"]
     masks = {

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ds47.profibus import telegram
-from ds47.profibus.stream import Piece, Reader, split
+from ds47.profibus.stream import LinePiece, TelegramReader, split
 
 TOKEN, SHORT = bytes.fromhex("dc0202"), b"\xe5"
 STATUS = telegram.encode(3, 2, 0x49)
@@ -36,14 +36,14 @@ def frames(chance: random.Random, count: int) -> list[bytes]:
     return found
 
 
-def told(pieces: list[Piece]) -> list[bytes]:
+def told(pieces: list[LinePiece]) -> list[bytes]:
     """The frames without a flaw."""
     return [each.telegram.data for each in pieces if not each.telegram.flaws]
 
 
-def in_parts(data: bytes, chance: random.Random) -> list[Piece]:
+def in_parts(data: bytes, chance: random.Random) -> list[LinePiece]:
     """What a reader says to bytes that come a few at a time."""
-    reader, found, at = Reader(), [], 0
+    reader, found, at = TelegramReader(), [], 0
     while at < len(data):
         step = chance.randint(1, 400)
         found += reader.feed(data[at : at + step])
@@ -116,7 +116,7 @@ def test_the_length_that_differs_is_found_by_the_other_one() -> None:
 
 
 def test_noise_is_told_in_pieces_and_not_kept() -> None:
-    reader = Reader()
+    reader = TelegramReader()
     pieces = [piece for _ in range(20) for piece in reader.feed(bytes(1000))]
     pieces += reader.finish()
     assert sum(len(each.telegram.data) for each in pieces) == 20_000

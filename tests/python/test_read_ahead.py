@@ -22,7 +22,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from ds47.capture import Capture, Frame, ahead, open_capture, pcap, pcapng, stream
-from ds47.capture.series import Part, Series
+from ds47.capture.series import Series, SeriesPart
 
 CALL = make.call()
 LONG = make.ethernet(0x0800, make.ipv4(make.udp(make.rpc(body=bytes(1400)))))
@@ -283,7 +283,7 @@ def test_a_file_that_is_cut_meanwhile(capture: Capture, tmp_path: Path) -> None:
 
 def test_a_series_has_one_thread_at_a_time(threads: list[int], tmp_path: Path) -> None:
     names = [str(large(tmp_path / f"{number}.pcap", 2000)) for number in range(3)]
-    with Series([Part(name, name) for name in names]) as series:
+    with Series([SeriesPart(name, name) for name in names]) as series:
         for number, _ in enumerate(series):
             assert reading() <= 1, number
     assert series.frames == 3 * 2100

@@ -21,8 +21,8 @@ from ds47.profinet.rpc import Pdu
 from ds47.spec.layouts import RECORD_WRITE_MULTIPLE, RPC_CONNECT, RPC_WRITE
 
 DATA = b"\1\2\3\4\5\6\7"
-PLACE = wire.Channel(CONTROLLER_AR, slot=2, subslot=3, index=0xB02F, api=0x3A00)
-OUTER = wire.Channel(CONTROLLER_AR, 0xFFFF, 0xFFFF, RECORD_WRITE_MULTIPLE, 0xFFFFFFFF)
+PLACE = wire.RecordId(CONTROLLER_AR, slot=2, subslot=3, index=0xB02F, api=0x3A00)
+OUTER = wire.RecordId(CONTROLLER_AR, 0xFFFF, 0xFFFF, RECORD_WRITE_MULTIPLE, 0xFFFFFFFF)
 ORDERS = pytest.mark.parametrize("order", ["<", ">"])
 
 

@@ -24,7 +24,7 @@ from handmade import finding
 from ds47 import cli, report, spec
 from ds47.analysis import analyze
 from ds47.model import CaptureResult, Finding, Parameter, Report, Transaction
-from ds47.report import Options, junit, sarif
+from ds47.report import ReportOptions, junit, sarif
 
 JUNIT = """<xs:schema xmlns:xs="http://www.w3.org/2001/XMLSchema">
   <xs:simpleType name="seconds">
@@ -115,7 +115,7 @@ def check_junit() -> Any:
 
 def written(name: str, captures: list[CaptureResult], **options: Any) -> str:
     stream = io.StringIO()
-    report.write_all(report.open_writer(name, stream, Options(**options)), Report(captures))
+    report.write_all(report.open_writer(name, stream, ReportOptions(**options)), Report(captures))
     return stream.getvalue()
 
 
@@ -283,9 +283,9 @@ def test_sarif_tells_what_could_not_be_read(check_sarif, unreadable, tmp_path):
 def test_sarif_of_changes_is_valid(check_sarif):
     stream = io.StringIO()
     results = [
-        sarif.Result("value", "error", "p2900[0] was 12.0, is 0.0", "a.pcapng", None, 1),
-        sarif.Result("DS410", "note", "new", "a.pcapng", 4, 1),
-        sarif.Result("value", "error", "p2900[0] was 12.0, is 0.0", "a.pcapng", None, 2),
+        sarif.SarifResult("value", "error", "p2900[0] was 12.0, is 0.0", "a.pcapng", None, 1),
+        sarif.SarifResult("DS410", "note", "new", "a.pcapng", 4, 1),
+        sarif.SarifResult("value", "error", "p2900[0] was 12.0, is 0.0", "a.pcapng", None, 2),
     ]
     sarif.write(iter(results), stream)
     log = json.loads(stream.getvalue())
@@ -302,7 +302,7 @@ def test_junit_of_every_capture_is_valid(check_junit, results):
     for limit in ("error", "warning", "note"):
         suite = check_junit(written("junit", results, fail_on=limit))
         assert [case.get("name") for case in suite] == [each.path for each in results]
-        severities = report.Options().fail_on, *("warning", "note")
+        severities = report.ReportOptions().fail_on, *("warning", "note")
         counting = severities[: severities.index(limit) + 1]
         for case, each in zip(suite, results, strict=True):
             failing = [one for one in each.findings if one.severity in counting]

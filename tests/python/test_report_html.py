@@ -40,7 +40,7 @@ from ds47.model import (
 )
 from ds47.regression import difference_page
 from ds47.regression.config import ConfigError, load
-from ds47.report import Options, causes, html, sentences
+from ds47.report import ReportOptions, causes, html, sentences
 from ds47.report.html import embed, messages, plots, texts
 from ds47.report.html.verdict import quality
 from ds47.report.html.views import capture_view
@@ -49,7 +49,7 @@ from ds47.report.html.views.findings import groups
 from ds47.report.html.views.problems import first_screen, problems
 from ds47.report.html.views.rows import ROW, packed_rows
 from ds47.report.overview import CaptureRow, total
-from ds47.report.verdict import Counts, blind, verdict
+from ds47.report.verdict import VerdictCounts, blind, verdict
 from ds47.spec import cyclic, s7
 from ds47.spec.reporting import command_words, report_words
 from ds47.spec.semantics import diagnosis_words
@@ -109,7 +109,7 @@ def capture(*transactions, findings=(), **changes):
 
 def page(*results, lang="en"):
     stream = io.StringIO()
-    html.write(Report(list(results)), stream, Options(lang=lang))
+    html.write(Report(list(results)), stream, ReportOptions(lang=lang))
     return stream.getvalue()
 
 
@@ -171,31 +171,31 @@ def test_the_verdict_counts_what_went_wrong(states, severities, expected):
         *(transaction(number, state=state) for number, state in enumerate(states, 1)),
         findings=[handmade.finding("DS107", severity, "m", 1) for severity in severities],
     )
-    assert verdict(Counts.of(result)).en == expected
+    assert verdict(VerdictCounts.of(result)).en == expected
 
 
 def test_the_verdict_in_chinese():
     result = capture(transaction(1, state="refused"), transaction(2))
-    assert verdict(Counts.of(result)).zh == "不正常：1 台驱动器，2 个任务，1 个被拒绝"
+    assert verdict(VerdictCounts.of(result)).zh == "不正常：1 台驱动器，2 个任务，1 个被拒绝"
 
 
 def test_a_capture_that_is_only_partly_read_is_never_ok():
-    assert Counts.of(capture(transaction(), complete=False)).level == "warn"
+    assert VerdictCounts.of(capture(transaction(), complete=False)).level == "warn"
 
 
 def test_several_captures_count_each_drive_once():
-    total = Counts()
+    total = VerdictCounts()
     for result in (
         capture(transaction()),
         capture(transaction(), transaction(2, device="10.0.0.1")),
     ):
-        total.add(Counts.of(result))
+        total.add(VerdictCounts.of(result))
     assert verdict(total).en == "OK: 2 drives, 3 transactions, all done"
 
 
 def test_a_capture_that_cannot_be_read_stands_in_the_overview():
     stream = io.StringIO()
-    writer = html.Writer(stream, Options())
+    writer = html.Writer(stream, ReportOptions())
     writer.unreadable("broken.pcapng", HOSTILE)
     writer.capture(capture(transaction()))
     writer.close()
@@ -206,7 +206,7 @@ def test_a_capture_that_cannot_be_read_stands_in_the_overview():
 
 def test_a_capture_that_cannot_be_read_can_be_the_only_one():
     stream = io.StringIO()
-    writer = html.Writer(stream, Options())
+    writer = html.Writer(stream, ReportOptions())
     writer.unreadable("broken.pcapng", "no capture file")
     writer.close()
     assert "<title>NOT READ: no capture file" in stream.getvalue()
@@ -217,7 +217,7 @@ def test_a_capture_that_cannot_be_read_can_be_the_only_one():
 
 def test_captures_that_cannot_be_read_are_none_that_were_left_out():
     stream = io.StringIO()
-    writer = html.Writer(stream, Options())
+    writer = html.Writer(stream, ReportOptions())
     writer.unreadable("broken.pcapng", "no capture file")
     writer.capture(capture(transaction()))
     writer.close()
@@ -544,7 +544,7 @@ def test_every_text_is_used_and_every_text_used_is_there():
     used |= set(re.findall(r"label\(\"[\w-]+\", \"(\w+)\"\)", pages))
     used |= {f"js_{key}" for key in re.findall(r"\bsay\(\"(\w+)\"", scripts)}
     assert used <= set(texts.texts())
-    names = texts.Words("en").for_script()["en"]
+    names = texts.PageWords("en").for_script()["en"]
     for state in html.views.rows.STATES:
         assert {f"state_{state}", f"about_{state}"} <= set(names)
     known = set(texts.texts()) - set(report_words()) - set(command_words())

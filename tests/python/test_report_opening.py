@@ -18,7 +18,7 @@ from ds47.analysis import analyze
 from ds47.cli import main
 from ds47.diagnosis.suggest import corrected
 from ds47.model import CaptureResult, Device, Finding, Frames, Report
-from ds47.report import Options, bilingual, plc, text
+from ds47.report import ReportOptions, bilingual, plc, text
 from ds47.report.filters import display_filter
 from ds47.report.todo import More, causes, uncovered
 from ds47.report.wrap import columns, wrap
@@ -39,7 +39,7 @@ def capture(*transactions, findings=(), diagnoses=(), **changes):
 
 def written(*captures, **options):
     stream = io.StringIO()
-    text.write(Report(list(captures)), stream, Options(rules=spec.rules(), **options))
+    text.write(Report(list(captures)), stream, ReportOptions(rules=spec.rules(), **options))
     return stream.getvalue()
 
 
@@ -264,7 +264,7 @@ def test_the_opening_is_chinese_where_that_is_asked_for():
 
 def test_several_captures_end_with_the_verdict_over_all():
     stream = io.StringIO()
-    writer = text.Writer(stream, Options(rules=spec.rules()))
+    writer = text.Writer(stream, ReportOptions(rules=spec.rules()))
     writer.capture(capture(handmade.transaction()))
     writer.unreadable("gone.pcapng", "no such file")
     writer.capture(capture(handmade.transaction(state="refused", write_status=0xDF80B500)))

@@ -19,7 +19,7 @@ import pytest
 from ds47 import cli, report
 from ds47.analysis import analyze
 from ds47.model import CaptureResult, Parameter, ParameterError, Report, Transaction
-from ds47.report import CannotWriteError, Options, csv, ndjson, parquet
+from ds47.report import CannotWriteError, ReportOptions, csv, ndjson, parquet
 from ds47.report import json as contract
 
 TABLE = report.schema("table-1")
@@ -331,7 +331,7 @@ def test_a_report_that_is_given_up_leaves_no_file(arrow, tmp_path, capsys):
     assert cli.main(asked) == 3
     assert arrow.read_table(target).num_rows == 0
     stream = Binary()
-    writer = report.open_writer("parquet", stream, Options())
+    writer = report.open_writer("parquet", stream, ReportOptions())
     writer.transaction("a", transaction(), [])
     stream.buffer.close()
     del writer  # the garbage collector closes what pyarrow opened

@@ -22,7 +22,7 @@ from ds47.model import (
     Report,
     Transaction,
 )
-from ds47.report import Options
+from ds47.report import ReportOptions
 from ds47.report.bilingual import Both
 from ds47.report.html.views import Overview, capture_view
 from ds47.report.html.views.drives import drives
@@ -30,7 +30,7 @@ from ds47.report.html.views.elements import elements
 from ds47.report.latency import Latency, percentile
 from ds47.report.overview import CaptureRow, document, lines, table, total, write
 from ds47.report.todo import answering, uncovered
-from ds47.report.verdict import Counts, blind, verdict
+from ds47.report.verdict import VerdictCounts, blind, verdict
 from ds47.report.zones import zone
 
 A, B = "192.168.133.33", "192.168.133.40"
@@ -106,7 +106,7 @@ def test_a_clock_set_back_leaves_times_that_are_only_counted() -> None:
 
 
 def test_the_counts_of_captures_are_added() -> None:
-    one = Counts.of(
+    one = VerdictCounts.of(
         capture(
             job(1),
             job(2, "refused", operation="change"),
@@ -115,7 +115,7 @@ def test_the_counts_of_captures_are_added() -> None:
     )
     assert (one.captures, one.frames, one.unreadable, one.jobs, one.calls) == (1, 9, 0, 2, 1)
     cut = capture(job(1, device=B), complete=False, findings=[finding("DS207"), finding("DS105")])
-    other = Counts.of(cut)
+    other = VerdictCounts.of(cut)
     assert other.unreadable == 1
     for _ in range(2):
         one.add(other)
@@ -140,12 +140,12 @@ def test_the_counts_of_captures_are_added() -> None:
     ],
 )
 def test_the_verdict_is_as_bad_as_the_worst(counts: dict[str, Any], level: str) -> None:
-    assert Counts(**counts).level == level
+    assert VerdictCounts(**counts).level == level
 
 
 def test_a_verdict_says_what_could_not_be_read() -> None:
     told = "LOOK AT IT: 1 drive, 1 transaction, all done, 1 capture not read to its end"
-    assert verdict(Counts(jobs=1, drives={A}, unreadable=1)).en == told
+    assert verdict(VerdictCounts(jobs=1, drives={A}, unreadable=1)).en == told
 
 
 BLIND = [
@@ -459,17 +459,17 @@ def test_the_sums_over_captures() -> None:
 
 
 def test_the_overview_as_it_is_printed() -> None:
-    assert "\n".join(lines(ROWS, Options())) == PRINTED
+    assert "\n".join(lines(ROWS, ReportOptions())) == PRINTED
 
 
 def test_rules_in_as_many_captures_stand_by_their_ids() -> None:
     """And where there is no finding nothing is said of rules."""
     told = [
         line.split(":")[0]
-        for line in lines([CaptureRow("x", rules={"DS417": 9, "DS410": 1})], Options())
+        for line in lines([CaptureRow("x", rules={"DS417": 9, "DS410": 1})], ReportOptions())
     ]
     assert told[:3] == ["Findings", "  DS410", "  DS417"]
-    assert lines([CaptureRow("x")], Options())[0].startswith("All 1 capture")
+    assert lines([CaptureRow("x")], ReportOptions())[0].startswith("All 1 capture")
 
 
 def test_a_series_of_two_files_says_so() -> None:

@@ -50,8 +50,8 @@ from ds47.s7 import addresses, pdu
 from ds47.s7 import tpkt as iso
 from ds47.s7.choices import Choices
 from ds47.s7.communication import Communication
-from ds47.s7.model import Address, At
-from ds47.s7.tcp import Piece
+from ds47.s7.model import At, S7Address
+from ds47.s7.tcp import TcpPiece
 from ds47.spec import s7
 from ds47.spec.semantics import limits
 
@@ -91,7 +91,7 @@ def told(data: bytes) -> dict[str, Any]:
     return say
 
 
-def of_programs(found: pdu.Pdu) -> dict[str, Any]:
+def of_programs(found: pdu.S7Pdu) -> dict[str, Any]:
     sent, data = pdu.usend(found), pdu.user_data(found)
     assert (sent is None) != (data is None)
     if sent is not None:
@@ -117,24 +117,24 @@ def test_the_vectors_of_the_reference(shared: Path) -> None:
 @pytest.mark.parametrize(
     ("address", "text"),
     [
-        (Address(0x84, 1, 0, 8, 444), "DB1.DBB0..443"),
-        (Address(0x84, 1, 8, 8, 1), "DB1.DBB1"),
-        (Address(0x84, 5, 16, 16, 1, 4), "DB5.DBW2"),
-        (Address(0x84, 5, 32, 32, 2, 8), "DB5.DBB4..11"),
-        (Address(0x84, 5, 19, 1, 1, 1), "DB5.DBX2.3"),
-        (Address(0x84, 5, 19, 1, 3, 1), "P#DB5.DBX2.3 BIT 3"),
-        (Address(0x84, 5, 19, 8, 3), "P#DB5.DBX2.3 BYTE 3"),
-        (Address(0x85, 3, 0, 16, 1, 5), "DI3.DIW0"),
-        (Address(0x83, 0, 83, 1, 1, 1), "M10.3"),
-        (Address(0x81, 0, 0, 8, 16), "IB0..15"),
-        (Address(0x80, 0, 2048, 16, 1, 4), "PW256"),
-        (Address(0x1D, 0, 7, 16, 1, 0x1D), "T7"),
-        (Address(0x1C, 0, 7, 16, 3, 0x1C), "C7..9"),
-        (Address(0x42, 0, 8, 8, 2), "area 42, P#1.0 BYTE 2"),
-        (Address(0x84, 1, 8, 0, 2, 0x77), "P#DB1.DBX1.0 size 77 2"),
+        (S7Address(0x84, 1, 0, 8, 444), "DB1.DBB0..443"),
+        (S7Address(0x84, 1, 8, 8, 1), "DB1.DBB1"),
+        (S7Address(0x84, 5, 16, 16, 1, 4), "DB5.DBW2"),
+        (S7Address(0x84, 5, 32, 32, 2, 8), "DB5.DBB4..11"),
+        (S7Address(0x84, 5, 19, 1, 1, 1), "DB5.DBX2.3"),
+        (S7Address(0x84, 5, 19, 1, 3, 1), "P#DB5.DBX2.3 BIT 3"),
+        (S7Address(0x84, 5, 19, 8, 3), "P#DB5.DBX2.3 BYTE 3"),
+        (S7Address(0x85, 3, 0, 16, 1, 5), "DI3.DIW0"),
+        (S7Address(0x83, 0, 83, 1, 1, 1), "M10.3"),
+        (S7Address(0x81, 0, 0, 8, 16), "IB0..15"),
+        (S7Address(0x80, 0, 2048, 16, 1, 4), "PW256"),
+        (S7Address(0x1D, 0, 7, 16, 1, 0x1D), "T7"),
+        (S7Address(0x1C, 0, 7, 16, 3, 0x1C), "C7..9"),
+        (S7Address(0x42, 0, 8, 8, 2), "area 42, P#1.0 BYTE 2"),
+        (S7Address(0x84, 1, 8, 0, 2, 0x77), "P#DB1.DBX1.0 size 77 2"),
     ],
 )
-def test_the_notation_of_an_address(address: Address, text: str) -> None:
+def test_the_notation_of_an_address(address: S7Address, text: str) -> None:
     assert addresses.text(address) == text
 
 
@@ -521,16 +521,16 @@ def test_what_was_given_up_and_comes_late_is_read_alone() -> None:
 
 def test_parts_without_data_keep_nothing() -> None:
     """However many there are; a PDU in as many frames as bytes costs no more than each of them."""
-    reader = iso.Reader()
+    reader = iso.TpduReader()
     for number in range(2000):
-        assert list(reader.take(Piece(tpkt(b"\x02\xf0\0"), At(number + 1, 0)))) == []
+        assert list(reader.take(TcpPiece(tpkt(b"\x02\xf0\0"), At(number + 1, 0)))) == []
     assert reader.held == 0
     assert not reader._parts_frames
     data = dt(b"\x32" + bytes(3000))
     found = [
         whole
         for number in range(len(data))
-        for whole in reader.take(Piece(data[number : number + 1], At(number + 1, 0)))
+        for whole in reader.take(TcpPiece(data[number : number + 1], At(number + 1, 0)))
     ]
     assert [whole.frames for whole in found] == [list(range(1, len(data) + 1))]
 

@@ -26,7 +26,7 @@ from ds47.model import CaptureResult
 from ds47.report.sentences import message
 from ds47.s7.choices import Choices
 from ds47.s7.drives import DriveElement, element
-from ds47.s7.model import DB, Address
+from ds47.s7.model import DB, S7Address
 
 RAMP, NEXT = db(1120, 2048, 4), db(1120, 2049, 4)
 
@@ -75,15 +75,15 @@ def rewritten(there: DriveCpu) -> Link:
 @pytest.mark.parametrize(
     ("address", "stands"),
     [
-        (Address(DB, 2114, 8 * 1024, 8, 4), DriveElement(1, 2114, 0)),
-        (Address(DB, 2000, 0, 8, 4), DriveElement(0, 2000, 0)),
-        (Address(DB, 1120, 8 * 3075, 32, 1, 8), DriveElement(3, 1120, 3)),
-        (Address(DB, 1120, 8 * 1024 + 1, 1, 1, 1), None),
-        (Address(0x83, 0, 8 * 1024, 8, 4), None),
+        (S7Address(DB, 2114, 8 * 1024, 8, 4), DriveElement(1, 2114, 0)),
+        (S7Address(DB, 2000, 0, 8, 4), DriveElement(0, 2000, 0)),
+        (S7Address(DB, 1120, 8 * 3075, 32, 1, 8), DriveElement(3, 1120, 3)),
+        (S7Address(DB, 1120, 8 * 1024 + 1, 1, 1, 1), None),
+        (S7Address(0x83, 0, 8 * 1024, 8, 4), None),
         (None, None),
     ],
 )
-def test_an_address_is_an_element(address: Address | None, stands: DriveElement | None) -> None:
+def test_an_address_is_an_element(address: S7Address | None, stands: DriveElement | None) -> None:
     assert element(address) == stands
 
 

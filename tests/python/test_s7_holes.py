@@ -16,11 +16,11 @@ from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import Frame, open_capture
 from ds47.capture.writer import PcapngWriter
 from ds47.model import Finding
-from ds47.report import Options
+from ds47.report import ReportOptions
 from ds47.report.clock import Clock
 from ds47.report.sentences import sentence
 from ds47.report.summary import Opening
-from ds47.report.verdict import FAILED, Counts
+from ds47.report.verdict import FAILED, VerdictCounts
 from ds47.report.zones import UNIVERSAL
 from ds47.s7.tcp import from_frame
 
@@ -125,7 +125,7 @@ def test_what_is_missing_is_told_and_what_is_refused_is_never_ok(
             for item in job.items
             if item.code not in (None, 0xFF)
         ]
-        level = Counts.of(result).level
+        level = VerdictCounts.of(result).level
         assert level == ("bad" if refused else "warn"), name
 
 
@@ -175,10 +175,10 @@ def test_a_report_of_answers_alone_begins_with_the_direction_that_is_missing() -
     result = analyze(ANSWERS)
     assert [each.rule for each in result.diagnoses] == ["DS725"]
     lines = "\n".join(
-        Opening(Options(), lambda _, text: text).lines(result, Clock.of(result, UNIVERSAL))
+        Opening(ReportOptions(), lambda _, text: text).lines(result, Clock.of(result, UNIVERSAL))
     )
     first, rest = lines.split("  DS725 ")[0], lines.split("  DS725 ")[1]
     assert "DS908" not in first
     assert "one direction only was captured" in " ".join(rest.split())
     assert "DS908 error" in rest
-    assert Counts.of(result).level == "bad"
+    assert VerdictCounts.of(result).level == "bad"

@@ -26,15 +26,15 @@ from ds47.s7.model import (
     REFUSED,
     UNANSWERED,
     USEND,
-    Address,
     At,
-    Connection,
+    BsendSegment,
     End,
-    Evidence,
     Flaw,
-    Item,
+    S7Address,
+    S7Connection,
+    S7Item,
     S7Job,
-    Segment,
+    SzlEvidence,
 )
 from ds47.spec import rules, s7
 from ds47.spec.semantics import limits
@@ -45,8 +45,8 @@ ENDS = {"device": "10.0.0.2", "controller": "10.0.0.1"}
 R_ID = 0x1234
 
 
-def db(start: int, size: int) -> Address:
-    return Address(0x84, 1, 8 * start, 8, size)
+def db(start: int, size: int) -> S7Address:
+    return S7Address(0x84, 1, 8 * start, 8, size)
 
 
 class Line:
@@ -65,7 +65,7 @@ class Line:
             limits(), self.said.append, Blocks(blocks or {}, kinds or {}, 8), readback
         )
         self.frame = 0
-        self.connection = Connection(1, CLIENT, SERVER, self.at(), self.at(), True)
+        self.connection = S7Connection(1, CLIENT, SERVER, self.at(), self.at(), True)
         self.judge.opened(self.connection)
         if pdu is not None:
             self.connection.pdu_length, self.connection.parallel = pdu, 1
@@ -77,9 +77,9 @@ class Line:
         return At(self.frame, 1_000_000 * self.frame)
 
     def ask(
-        self, operation: str, *items: Address | tuple[Address, bytes], from_client: bool = True
+        self, operation: str, *items: S7Address | tuple[S7Address, bytes], from_client: bool = True
     ) -> S7Job:
-        there = [Item(each) if isinstance(each, Address) else Item(*each) for each in items]
+        there = [S7Item(each) if isinstance(each, S7Address) else S7Item(*each) for each in items]
         job = S7Job(operation, self.connection, from_client, self.frame, self.at(), there)
         self.judge.asked(job)
         return job
@@ -101,7 +101,7 @@ class Line:
         job.phase = "closed"
         return job
 
-    def do(self, operation: str, *items: Address | tuple[Address, bytes]) -> S7Job:
+    def do(self, operation: str, *items: S7Address | tuple[S7Address, bytes]) -> S7Job:
         return self.answer(self.ask(operation, *items))
 
     def bsend(
@@ -124,7 +124,7 @@ class Line:
             at = self.at() if number else job.asked
             assert at is not None
             sequence = sequences[number] if sequences else 5 if number else 0
-            part = Segment(at, size, number, sequence, last and number == len(sizes) - 1)
+            part = BsendSegment(at, size, number, sequence, last and number == len(sizes) - 1)
             if number not in silent:
                 part.acknowledged, part.assigned, part.error = self.at(), 5, 0
             job.segments.append(part)
@@ -132,7 +132,7 @@ class Line:
         return self.over(job)
 
     def usend(self, *sizes: int, r_id: int = R_ID, from_client: bool = True) -> S7Job:
-        items = [Item(None, bytes(size)) for size in sizes]
+        items = [S7Item(None, bytes(size)) for size in sizes]
         job = S7Job(USEND, self.connection, from_client, 7, self.at(), items, r_id=r_id, state=OK)
         self.judge.asked(job)
         return self.over(job)
@@ -166,7 +166,7 @@ class Line:
 
 def test_a_job_without_an_answer() -> None:
     line = Line()
-    job = line.ask(GET, db(0, 4), Address(0x83, 0, 800, 1, 1, 1))
+    job = line.ask(GET, db(0, 4), S7Address(0x83, 0, 800, 1, 1, 1))
     line.over(job)
     remark = line.one("DS901")
     assert job.asked is not None
@@ -209,7 +209,7 @@ def test_items_without_a_result_say_so() -> None:
 
 def test_what_an_answer_refuses_is_told_without_its_job() -> None:
     line = Line()
-    items = [Item(None, None, code) for code in (DONE, 3, 3)]
+    items = [S7Item(None, None, code) for code in (DONE, 3, 3)]
     line.over(S7Job(PUT, line.connection, True, 9, None, items, answered=At(7, 7), state=ORPHAN))
     remark = line.one("DS908")
     assert (remark.frame, remark.args["code"]) == (7, 3)
@@ -276,7 +276,7 @@ def test_what_a_cpu_says_of_itself(
 ) -> None:
     line = Line(pdu=960)
     at = line.at()
-    line.judge.evidence(line.connection, Evidence(at, 0x0131, 3, name, value))
+    line.judge.evidence(line.connection, SzlEvidence(at, 0x0131, 3, name, value))
     line.do(GET, db(0, 500))
     if case is None:
         assert line.rules() == []
@@ -286,8 +286,8 @@ def test_what_a_cpu_says_of_itself(
 
 
 def test_the_user_knows_more_than_the_cpu_says_and_the_larger_block_counts() -> None:
-    found = Evidence(At(5, 0), 0x0131, 3, "consistent", 240)
-    order = Evidence(At(6, 0), 0x0011, 1, "order_number", "6ES7 317-2EK14-0AB0")
+    found = SzlEvidence(At(5, 0), 0x0131, 3, "consistent", 240)
+    order = SzlEvidence(At(6, 0), 0x0011, 1, "order_number", "6ES7 317-2EK14-0AB0")
     blocks = Blocks({"10.0.0.3": 8}, {"": "s7-400"}, 8)
     assert [getattr(blocks.of(ip), "size", None) for ip in ("10.0.0.2", "10.0.0.3")] == [32, 8]
     blocks = Blocks({}, {}, 1)
@@ -305,7 +305,7 @@ def test_the_user_knows_more_than_the_cpu_says_and_the_larger_block_counts() -> 
 def test_nothing_is_larger_than_a_block(how: str) -> None:
     line = Line({} if how == "unknown" else {"": 32})
     if how == "timer":
-        line.do(GET, Address(0x1D, 0, 0, 16, 100, 0x1D))
+        line.do(GET, S7Address(0x1D, 0, 0, 16, 100, 0x1D))
     elif how == "refused":
         line.answer(line.ask(GET, db(0, 33)), 5)
     else:
@@ -458,7 +458,7 @@ def test_an_r_id_is_in_use() -> None:
         line.judge.asked(job)
     for job in (first, second):
         assert job.asked is not None
-        job.segments.append(Segment(job.asked, 4, 0, 0, False))
+        job.segments.append(BsendSegment(job.asked, 4, 0, 0, False))
         line.over(job)
     remark = line.one("DS912")
     assert first.asked is not None
@@ -472,7 +472,9 @@ def test_a_bsend_is_refused() -> None:
     job = S7Job(BSEND, line.connection, True, 7, line.at(), [], r_id=R_ID, total=9)
     line.judge.asked(job)
     assert job.asked is not None
-    job.segments.append(Segment(job.asked, 9, 0, 0, True, acknowledged=line.at(), error=0xD202))
+    job.segments.append(
+        BsendSegment(job.asked, 9, 0, 0, True, acknowledged=line.at(), error=0xD202)
+    )
     job.state, job.error, job.answered = REFUSED, 0xD202, line.at()
     line.over(job)
     assert line.told("DS912") == {"r_id": R_ID, "case": "r_id_refused", "code": 0xD202}

@@ -14,7 +14,19 @@ from hypothesis import strategies as st
 from ds47.findings.remark import Remark
 from ds47.s7.consistency import ItemAccess
 from ds47.s7.memory import MOST_BYTES, Memory
-from ds47.s7.model import DONE, GET, OK, PUT, UNANSWERED, Address, At, Connection, End, Item, S7Job
+from ds47.s7.model import (
+    DONE,
+    GET,
+    OK,
+    PUT,
+    UNANSWERED,
+    At,
+    End,
+    S7Address,
+    S7Connection,
+    S7Item,
+    S7Job,
+)
 from ds47.s7.moments import Moments
 from ds47.s7.notes import Notes
 from ds47.spec.semantics import limits
@@ -37,7 +49,7 @@ class Plant:
     """What stands in the memory from a time on."""
     jobs: dict[int, S7Job] = field(default_factory=dict)
     """By the frame of their answers."""
-    connections: dict[int, Connection] = field(default_factory=dict)
+    connections: dict[int, S7Connection] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.notes = Notes(100)
@@ -48,10 +60,10 @@ class Plant:
         self.frame += 1
         return At(self.frame, self.now)
 
-    def station(self, number: int) -> Connection:
+    def station(self, number: int) -> S7Connection:
         if number not in self.connections:
             client, server = End(f"10.0.0.{number}", 50_000 + number), End("10.0.0.100", 102)
-            made = Connection(number, client, server, self.at(), self.at(), True)
+            made = S7Connection(number, client, server, self.at(), self.at(), True)
             made.pdu_length = PDU
             self.connections[number] = made
         return self.connections[number]
@@ -59,7 +71,7 @@ class Plant:
     def ask(self, station: int, start: int, data: bytes | int) -> S7Job:
         """The request of a read of so many bytes, or of a write."""
         size = data if isinstance(data, int) else len(data)
-        item = Item(Address(DB, 1, 8 * start, 8, size), None if isinstance(data, int) else data)
+        item = S7Item(S7Address(DB, 1, 8 * start, 8, size), None if isinstance(data, int) else data)
         operation = GET if isinstance(data, int) else PUT
         job = S7Job(operation, self.station(station), True, self.frame, self.at(), [item])
         self.moments.asked(job)
@@ -478,11 +490,11 @@ def test_memories_and_partners_are_bounded() -> None:
     next(parts)
     plant.do(3, READ - 2, NEW[:4])
     list(parts)
-    item = Item(Address(DB, 1, 0, 8, 1))
+    item = S7Item(S7Address(DB, 1, 0, 8, 1))
     for n in range(2 * limits().s7_memories):
         for db, server in ((2 + n, "10.0.0.100"), (1, f"10.1.{n >> 8}.{n & 255}")):
-            item = Item(Address(DB, db, 0, 8, 1), b"\0", DONE)
-            line = Connection(
+            item = S7Item(S7Address(DB, db, 0, 8, 1), b"\0", DONE)
+            line = S7Connection(
                 1000 + n, End("10.0.0.9", n), End(server, 102), plant.at(), plant.at()
             )
             job = S7Job(GET, line, True, 1, plant.at(), [item])
@@ -498,7 +510,7 @@ def test_memories_and_partners_are_bounded() -> None:
 @pytest.mark.parametrize("start", [65_500, 65_536, 2_000_000])
 def test_addresses_behind_64_kilobytes_are_left_alone(start: int) -> None:
     plant = Plant()
-    item = Item(Address(DB, 1, 8 * start, 8, 40), bytes(40))
+    item = S7Item(S7Address(DB, 1, 8 * start, 8, 40), bytes(40))
     job = S7Job(PUT, plant.station(1), True, 1, plant.at(), [item])
     plant.moments.asked(job)
     job.answered, job.state, item.code = plant.at(), OK, DONE
@@ -509,7 +521,7 @@ def test_addresses_behind_64_kilobytes_are_left_alone(start: int) -> None:
 @pytest.mark.parametrize(("bits", "rules"), [(1, []), (8, ["DS907"])])
 def test_a_single_bit_is_not_compared_with_bytes(bits: int, rules: list[str]) -> None:
     plant = Plant()
-    item = Item(Address(DB, 1, 8 * 3, bits, 1), b"\1")
+    item = S7Item(S7Address(DB, 1, 8 * 3, bits, 1), b"\1")
     job = S7Job(PUT, plant.station(1), True, 1, plant.at(), [item])
     plant.moments.asked(job)
     plant.answer(job)

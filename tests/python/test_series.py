@@ -19,10 +19,10 @@ from ds47.analysis import analyze
 from ds47.batch.tasks import plan
 from ds47.capture import CaptureError, Series, WholeFrame
 from ds47.capture.rings import Ring, is_part, own_name, rings
-from ds47.capture.series import Part
+from ds47.capture.series import SeriesPart
 from ds47.cli import main
 from ds47.model import CaptureFile, CaptureResult
-from ds47.report.places import Places
+from ds47.report.places import FileFrames
 from ds47.report.sentences import sentence
 
 # -- names ----------------------------------------------------------------------------------------
@@ -126,7 +126,7 @@ def test_the_name_of_a_series_is_its_own(first: str, others: list[str], name: st
 
 
 def as_one(paths: Sequence[Path]) -> CaptureResult:
-    with Series([Part(path.name, str(path)) for path in paths]) as series:
+    with Series([SeriesPart(path.name, str(path)) for path in paths]) as series:
         return analyze(series)
 
 
@@ -186,7 +186,7 @@ def test_a_missing_file_ends_no_conversation_but_is_said(captures: Path, tmp_pat
     gone = pieces(tmp_path, frames, [poll - 1, poll + 1])[1]
     gone.unlink()
     (task,) = plan([str(path) for path in sorted(tmp_path.glob("ring*"))], series=True)
-    parts = [Part(each.name, each.place, each.missing) for each in task.sources]
+    parts = [SeriesPart(each.name, each.place, each.missing) for each in task.sources]
     with Series(parts) as series:
         result = analyze(series)
         assert series.gaps
@@ -200,7 +200,9 @@ def test_a_missing_file_ends_no_conversation_but_is_said(captures: Path, tmp_pat
 def test_an_orphan_behind_a_gap_says_why(captures: Path, tmp_path: Path) -> None:
     frames = list(whole_frames(captures / "record-global.pcapng"))
     parts = pieces(tmp_path, frames, [0, len(frames) - 2])
-    with Series([Part("a", str(parts[0])), Part("c", str(parts[2]), missing=1)]) as series:
+    with Series(
+        [SeriesPart("a", str(parts[0])), SeriesPart("c", str(parts[2]), missing=1)]
+    ) as series:
         result = analyze(series)
     (finding,) = (each for each in result.findings if each.rule == "DS403")
     assert "dropped" in sentence(finding)
@@ -223,7 +225,7 @@ def test_a_damaged_file_costs_only_itself(captures: Path, tmp_path: Path) -> Non
 
 
 def test_what_the_capturing_machine_dropped_is_summed_up(tmp_path: Path) -> None:
-    series = Series([Part("no", str(tmp_path / "no.pcap"))])
+    series = Series([SeriesPart("no", str(tmp_path / "no.pcap"))])
     assert list(series) == []
     assert (series.frames, series.dropped, series.complete) == (0, None, False)
     assert series.files[0].readable is False
@@ -322,7 +324,7 @@ def test_an_answer_behind_a_gap_may_belong_to_what_was_lost(captures: Path, tmp_
     assert any(each.rule == "DS706" for each in whole.diagnoses)
     (first, second) = pieces(tmp_path, frames, [len(frames) - 1])
     for missing in (0, 1):
-        parts = [Part("a", str(first)), Part("b", str(second), missing)]
+        parts = [SeriesPart("a", str(first)), SeriesPart("b", str(second), missing)]
         with Series(parts) as series:
             result = analyze(series)
         assert any(each.rule == "DS706" for each in result.diagnoses) is not bool(missing)
@@ -405,11 +407,11 @@ def test_other_engines_know_no_series(capsys: Any, plant: Path) -> None:
 
 def test_where_a_frame_is() -> None:
     files = [CaptureFile("d/a", 1, 10), CaptureFile("d/b", 11, 0), CaptureFile("d/c", 11, 5)]
-    places = Places(files)
+    places = FileFrames(files)
     assert places.words(10) == "frame 10 (10 of a)"
     assert places.words(10, "zh") == "帧 10（a 的帧 10）"
     assert places.words(11) == "frame 11 (1 of c)"
     assert places.by_file([12, 3, 11, 3]) == [("a", [3]), ("c", [1, 2])]
-    assert Places([]).by_file([2, 1]) == [("", [1, 2])]
-    assert Places([]).words(7) == "frame 7"
-    assert (places.number(11), Places([]).number(7)) == ("11 (1 of c)", "7")
+    assert FileFrames([]).by_file([2, 1]) == [("", [1, 2])]
+    assert FileFrames([]).words(7) == "frame 7"
+    assert (places.number(11), FileFrames([]).number(7)) == ("11 (1 of c)", "7")

@@ -26,7 +26,7 @@ from ds47.lab import captured
 from ds47.lab.client import Client, controller
 from ds47.lab.cyclic import PKW, PZD, Cyclic
 from ds47.lab.cyclic_scenes import parameters
-from ds47.lab.drive import Drive
+from ds47.lab.drive import LabDrive
 from ds47.lab.machine import IDLE, OFF, ON, Machine
 from ds47.lab.stage import Shot, Stage
 from ds47.model import CaptureResult
@@ -111,7 +111,7 @@ def two_controllers(*numbers: int) -> bytes:
         client = Client(stage, host=controller(number), channel=channel, activity=activity)
         modules = (replace(PKW, slot=number + 1), replace(PZD, slot=number + 1))
         line = Cyclic(client, modules, given=0x8002 + number, reduction=16)
-        machines.append(Machine(line, Drive(cells=parameters())).connect())
+        machines.append(Machine(line, LabDrive(cells=parameters())).connect())
     one, other = machines
     one.control(ON)
     other.control(OFF)

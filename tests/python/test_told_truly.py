@@ -24,7 +24,7 @@ from ds47.lab import message
 from ds47.lab.client import Client
 from ds47.lab.stage import Stage
 from ds47.model import CaptureResult, Diagnosis, Finding, Report
-from ds47.report import Options, text
+from ds47.report import ReportOptions, text
 from ds47.report.sentences import advice_parts, sentence
 from ds47.report.todo import answering
 from ds47.report.verdict import blind
@@ -772,7 +772,7 @@ ENDS = "it ends before responses of 192.168.47.2 to 192.168.47.1 are there: 1"
 def report_of(path: Path) -> tuple[CaptureResult, str]:
     result = analyze(path)
     stream = io.StringIO()
-    text.write(Report([result]), stream, Options(rules=rules()))
+    text.write(Report([result]), stream, ReportOptions(rules=rules()))
     return result, stream.getvalue()
 
 

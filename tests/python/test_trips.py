@@ -16,7 +16,7 @@ from ds47.lab.client import Client, drive
 from ds47.lab.cyclic import BAD, GOOD, INPUT, OUTPUT, Cyclic
 from ds47.lab.cyclic_scenes import SPEED
 from ds47.lab.stage import Stage
-from ds47.report.verdict import Counts, verdict
+from ds47.report.verdict import VerdictCounts, verdict
 
 OFF, ON, JOG, NO_ENABLE, ACKNOWLEDGE = 0x047E, 0x047F, 0x057E, 0x0477, 0x04FE
 IGNORED = 0x007F
@@ -96,14 +96,14 @@ def test_what_a_trip_is(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", [name for name, (_, rules) in CASES.items() if rules == TRIP])
 def test_a_drive_that_tripped_is_not_ok(name: str) -> None:
-    assert verdict(Counts.of(analyze(io.BytesIO(CASES[name][0])))).en.startswith("NOT OK")
+    assert verdict(VerdictCounts.of(analyze(io.BytesIO(CASES[name][0])))).en.startswith("NOT OK")
 
 
 def test_nor_one_of_another_maker() -> None:
     steps = (ON, READY, 1), (ON, FAULT, 9)
     told = analyze(io.BytesIO(played(*steps, vendor_id=0x0493)))
     assert [(each.rule, each.severity) for each in told.findings] == [("DS520", "note")]
-    assert verdict(Counts.of(told)).en.startswith("LOOK AT IT")
+    assert verdict(VerdictCounts.of(told)).en.startswith("LOOK AT IT")
 
 
 @pytest.mark.parametrize("version", VERSIONS)

@@ -126,7 +126,7 @@ def flags(table: str, data: bytes) -> Iterator[tuple[str, str]]:
 def of_content(item: telegram.Telegram) -> Iterator[tuple[str, Any]]:
     """What DP says in the data of a frame."""
     found, du = dp.decode(item), item.du
-    if isinstance(found, dp.Diagnosis):
+    if isinstance(found, dp.SlaveDiagnosis):
         yield from flags("diagnosis", du)
         yield "diagnosis.master", du[3] if len(du) > 3 else None
         yield "ident", found.ident
@@ -298,8 +298,10 @@ def test_the_tree_has_the_words_of_the_command(lang: str, tshark: Tshark, tmp_pa
         if isinstance(content, dp.Configuration):
             pairs = zip(content.modules, content.roles, strict=True)
             texts += [shown.module_text(*each).text(lang) for each in pairs]
-        if isinstance(content, (dp.Diagnosis, dp.Parameters)):
-            rows = spec.flags("diagnosis" if isinstance(content, dp.Diagnosis) else "parameters")
+        if isinstance(content, (dp.SlaveDiagnosis, dp.Parameters)):
+            rows = spec.flags(
+                "diagnosis" if isinstance(content, dp.SlaveDiagnosis) else "parameters"
+            )
             texts += [row.text(lang) for row in rows if row.stands_in(item.du)]
         for text in texts:
             assert text in tree, data.hex()

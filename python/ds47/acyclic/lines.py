@@ -10,12 +10,12 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from ds47.acyclic.ms1_calls import Ms1Calls, StartUps
-from ds47.acyclic.services import CallTracker
-from ds47.cyclic.ppo import Ppo
-from ds47.profibus.bus import Bus, Listener
+from ds47.acyclic.services import ServiceTracker
+from ds47.cyclic.ppo import PpoFeed
+from ds47.profibus.bus import BusTracker, ExchangeListener
 from ds47.profibus.idents import Idents
 from ds47.profibus.judge import LineJudge
-from ds47.profibus.stations import Stations
+from ds47.profibus.stations import LineStations
 from ds47.profinet.completeness import STATION
 
 if TYPE_CHECKING:
@@ -24,12 +24,12 @@ if TYPE_CHECKING:
     from ds47.capture import Frame
     from ds47.cyclic.channels import CyclicChannels
     from ds47.findings.remark import Remark
-    from ds47.model import Bus as ToldBus
+    from ds47.model import Bus
     from ds47.profibus.line import Exchange
     from ds47.spec.semantics import Limits
 
 
-class Lines:
+class ProfibusLine:
     """The line of a capture.
 
     Args:
@@ -51,18 +51,18 @@ class Lines:
         ppos: dict[int, int],
     ) -> None:
         self._judge = LineJudge(limits)
-        self._stations = Stations(self._judge.heard)
+        self._stations = LineStations(self._judge.heard)
         idents = Idents()
         self._ms1 = Ms1Calls(events, told, self._judge, idents)
-        self._services = CallTracker()
+        self._services = ServiceTracker()
         self._start_ups = StartUps(pairing.started)
-        ppo = Ppo(cyclic, ppos, idents)
+        ppo = PpoFeed(cyclic, ppos, idents)
         listeners = (
-            Listener(idents.take, Idents.SERVICES), Listener(self._stations.take),
-            Listener(self._start_ups.take, StartUps.SERVICES),
-            Listener(self._record, CallTracker.SERVICES), Listener(ppo.take, Ppo.SERVICES),
+            ExchangeListener(idents.take, Idents.SERVICES), ExchangeListener(self._stations.take),
+            ExchangeListener(self._start_ups.take, StartUps.SERVICES),
+            ExchangeListener(self._record, ServiceTracker.SERVICES), ExchangeListener(ppo.take, PpoFeed.SERVICES),
         )  # fmt: skip
-        self._bus = Bus(listeners, self._stations.frame)
+        self._bus = BusTracker(listeners, self._stations.frame)
         self.line = self._bus.line
 
     def take(self, frame: Frame) -> None:
@@ -85,7 +85,7 @@ class Lines:
         """What the line shows when it is over."""
         return self._judge.finish(self._stations)
 
-    def told(self, timed: bool) -> ToldBus | None:
+    def told(self, timed: bool) -> Bus | None:
         """As the result has it; `timed`: whether the recording has times."""
         return self._stations.told(self.line.stray, self.line.echoes, timed)
 

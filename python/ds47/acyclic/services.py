@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
 from ds47.profibus import dp, ms1
-from ds47.profibus.line import Exchange, Seen
+from ds47.profibus.line import Exchange, LineFrame
 from ds47.profinet.records import NIL_UUID, NO_API, Half, Record
 
 _IDLE = "idle"
@@ -53,7 +53,7 @@ Became = tuple[Literal["asked", "answered", "failed", "lost", "unasked"], Servic
 """
 
 
-class CallTracker:
+class ServiceTracker:
     """Takes the exchanges of a line and tells what becomes of the calls in them."""
 
     SERVICES: ClassVar = frozenset({dp.RECORD, dp.MS2})
@@ -129,7 +129,7 @@ class CallTracker:
             self._unasked(key, answer, seen, told)
 
     def _unasked(
-        self, key: tuple[int, int, int], answer: ms1.Ms1Message, seen: Seen, told: list[Became]
+        self, key: tuple[int, int, int], answer: ms1.Ms1Message, seen: LineFrame, told: list[Became]
     ) -> None:
         if answer.slot is not None and answer.index is not None:
             self._lose(key, told)
@@ -161,7 +161,7 @@ def _may_be_of_another(
     return dp.refuses(seen.item) or (answer is not None and answer.kind == ms1.REFUSAL)
 
 
-def _half(seen: Seen, message: ms1.Ms1Message) -> Half:
+def _half(seen: LineFrame, message: ms1.Ms1Message) -> Half:
     """A message as one half of a record call.
 
     A DS_Read carries nothing, and says how much it wants; the answer to a DS_Write repeats its length, and

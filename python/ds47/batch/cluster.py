@@ -17,7 +17,7 @@ from typing import Any
 
 from ds47.batch.endings import Failed, Lost
 from ds47.batch.products import Product, draft_of, kept_from, whole
-from ds47.batch.runner import Begun, Outcome, Place, Window
+from ds47.batch.runner import Begun, Outcome, Place, TaskWindow
 from ds47.batch.tasks import Task
 from ds47.capture import CaptureError
 from ds47.spec.extras import install
@@ -27,7 +27,7 @@ _SECONDS_TO_CONNECT = 15
 _SECONDS_FOR_WORKERS = 60
 
 
-class Cluster(Window[Any]):
+class Cluster(TaskWindow[Any]):
     """Makes products on the workers of a scheduler; a context manager.
 
     Raises:

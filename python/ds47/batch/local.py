@@ -24,7 +24,7 @@ from typing import Final
 from ds47.batch.endings import Failed
 from ds47.batch.memory import collect, collect_rarely
 from ds47.batch.products import Product, discard, draft_of, kept_from, whole
-from ds47.batch.runner import Begun, Outcome, Place, Window
+from ds47.batch.runner import Begun, Outcome, Place, TaskWindow
 from ds47.batch.tasks import STDIN, Task
 from ds47.capture import CaptureError
 
@@ -43,7 +43,7 @@ Products = list[str | bytes | None]
 """Of each task of a share its product; None where that is in its place; as text what kept it from one."""
 
 
-class Local(Window[Future[Products]]):
+class Local(TaskWindow[Future[Products]]):
     """Makes products in `jobs` processes; a context manager."""
 
     def __init__(self, tasks: Sequence[Task], make: Product, place: Place, jobs: int) -> None:

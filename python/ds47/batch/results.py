@@ -23,8 +23,7 @@ from ds47.batch.tasks import Task, read
 from ds47.capture.remote import is_url
 from ds47.model import CaptureResult
 from ds47.parameters.file_names import REFUSED, is_device
-from ds47.report import SCHEMA, load
-from ds47.report import Options as ReportOptions
+from ds47.report import SCHEMA, ReportOptions, load
 from ds47.report import json as contract
 from ds47.report.overview import CaptureRow, document
 from ds47.version import __version__
@@ -43,7 +42,7 @@ class SameNameError(Exception):
 
 
 @dataclass(frozen=True)
-class Result:
+class StoredResult:
     """A product: the result as it is stored."""
 
     options: AnalysisOptions

@@ -69,7 +69,7 @@ class Begun:
     outcome: Outcome | None = None
 
 
-class Window(ABC, Generic[Handle]):
+class TaskWindow(ABC, Generic[Handle]):
     """Begins tasks ahead of their turn, a share at a time; iterating gives each with its outcome, in order.
 
     There are always some more begun than can be worked at, so that nobody has to wait; one that

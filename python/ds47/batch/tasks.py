@@ -17,7 +17,7 @@ from ds47.batch.settings import options_for
 from ds47.capture import CaptureError, Series, open_capture, sha256
 from ds47.capture.names import is_capture
 from ds47.capture.remote import facts, is_url
-from ds47.capture.series import Part
+from ds47.capture.series import SeriesPart
 from ds47.model import CaptureResult
 
 if TYPE_CHECKING:
@@ -53,9 +53,9 @@ class Task(NamedTuple):
         return sum(source.size for source in self.sources)
 
     @property
-    def parts(self) -> list[Part]:
+    def parts(self) -> list[SeriesPart]:
         """Its files, to read them as one."""
-        return [Part(each.name, each.place, each.missing) for each in self.sources]
+        return [SeriesPart(each.name, each.place, each.missing) for each in self.sources]
 
     @property
     def own_name(self) -> str | None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from itertools import islice
 
 from ds47.profibus import PROFIBUS_DL, listing
-from ds47.profibus.stream import Reader, split
+from ds47.profibus.stream import TelegramReader, split
 from ds47.profibus.telegram import SD1, SD2, SD3, Telegram
 
 from .frame import Frame, Interface, WholeFrame
@@ -135,7 +135,7 @@ class BusLogReader:
                 yield each.time_ns, each.telegram
 
     def _recorded(self) -> Iterator[Entry]:
-        reader = Reader(border=False)
+        reader = TelegramReader(border=False)
         for chunk in self._chunks():
             for piece in reader.feed(chunk):
                 yield None, piece.telegram

@@ -21,7 +21,7 @@ from .scan import Watch
 _F = TypeVar("_F", bound=Frame)
 
 
-class Part(NamedTuple):
+class SeriesPart(NamedTuple):
     """A file of a series: how the report names it, where it is, how many are missing before it."""
 
     name: str
@@ -36,7 +36,7 @@ class Series(Closing):
     in `problem` and in `files`; reading goes on with the next one.
     """
 
-    def __init__(self, parts: Sequence[Part]) -> None:
+    def __init__(self, parts: Sequence[SeriesPart]) -> None:
         self.path = parts[0].name
         self.files: list[CaptureFile] = []
         self.dropped: int | None = None

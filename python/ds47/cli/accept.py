@@ -21,7 +21,7 @@ from ds47.version import __version__
 
 if TYPE_CHECKING:
     from ds47.regression.compare import Change, Json
-    from ds47.regression.run import Outcome
+    from ds47.regression.run import CheckOutcome
 
 _SHOWN = 20
 
@@ -97,7 +97,7 @@ def _find(
     by_version: bool,
     lang: str,
     options: dict[str, Any],
-) -> tuple[list[tuple[Outcome, list[Change]]], int]:
+) -> tuple[list[tuple[CheckOutcome, list[Change]]], int]:
     """The captures with changes that were asked for; and the exit status so far."""
     from ds47.regression.accept import chosen
     from ds47.regression.config import ConfigError
@@ -126,7 +126,7 @@ def _find(
     return found, 3 if misses else status
 
 
-def _list(found: Sequence[tuple[Outcome, list[Change]]], most: int | None, lang: str) -> None:
+def _list(found: Sequence[tuple[CheckOutcome, list[Change]]], most: int | None, lang: str) -> None:
     from ds47.report.bilingual import say
     from ds47.report.formatting import escape
 
@@ -140,7 +140,7 @@ def _list(found: Sequence[tuple[Outcome, list[Change]]], most: int | None, lang:
             write(f"    {more}\n")
 
 
-def _take(outcome: Outcome, changes: list[Change]) -> None:
+def _take(outcome: CheckOutcome, changes: list[Change]) -> None:
     """All changes: the present result as it is; some: the stored one with these.
 
     It stays a result of the version that stored it as long as that is the reason for what is left.

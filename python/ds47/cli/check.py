@@ -22,7 +22,7 @@ from ds47.cli.targets import spare_captures
 from ds47.model import SEVERITIES
 
 if TYPE_CHECKING:
-    from ds47.regression.run import Outcome
+    from ds47.regression.run import CheckOutcome
     from ds47.report.bilingual import Both
 
 _SHOWN = 20
@@ -86,7 +86,7 @@ def command(
 
 def _run(
     paths: Sequence[str], series: bool, fail_on: str | None, lang: str, options: dict[str, Any]
-) -> tuple[list[Outcome], list[float], Misses]:
+) -> tuple[list[CheckOutcome], list[float], Misses]:
     from ds47.regression.config import ConfigError
     from ds47.regression.run import check
 
@@ -105,7 +105,7 @@ def _run(
     return outcomes + gone, seconds + [0.0] * len(gone), misses
 
 
-def _gone(paths: Sequence[str], series: bool, fail_on: str | None) -> list[Outcome]:
+def _gone(paths: Sequence[str], series: bool, fail_on: str | None) -> list[CheckOutcome]:
     """The stored results of the folders whose capture is not there any more, each once."""
     from ds47.regression.config import ConfigError
     from ds47.regression.run import lonely
@@ -121,7 +121,7 @@ def _gone(paths: Sequence[str], series: bool, fail_on: str | None) -> list[Outco
 
 
 def _print_text(
-    outcomes: Sequence[Outcome], summary: bool, series: bool, most: int | None, lang: str
+    outcomes: Sequence[CheckOutcome], summary: bool, series: bool, most: int | None, lang: str
 ) -> None:
     from ds47.report.bilingual import say
     from ds47.report.formatting import escape
@@ -146,7 +146,7 @@ def _print_text(
     write(_last_line(outcomes, series).text(lang) + "\n")
 
 
-def _told(outcome: Outcome, most: int | None, lang: str) -> Iterator[str]:
+def _told(outcome: CheckOutcome, most: int | None, lang: str) -> Iterator[str]:
     """The changes of a capture. Those of the version alone are summed up; where all are wanted, they follow."""
     from ds47.report.bilingual import say
     from ds47.report.formatting import escape
@@ -161,7 +161,7 @@ def _told(outcome: Outcome, most: int | None, lang: str) -> Iterator[str]:
         yield from (f"  {escape(change.text)}" for change in outcome.changes if change.version)
 
 
-def _last_line(outcomes: Sequence[Outcome], series: bool) -> Both:
+def _last_line(outcomes: Sequence[CheckOutcome], series: bool) -> Both:
     from ds47.report.bilingual import say
 
     total, failed = len(outcomes), sum(outcome.failed for outcome in outcomes)
@@ -175,7 +175,7 @@ def _last_line(outcomes: Sequence[Outcome], series: bool) -> Both:
     return text
 
 
-def _summary(outcomes: Sequence[Outcome]) -> Any:
+def _summary(outcomes: Sequence[CheckOutcome]) -> Any:
     from ds47.regression.summary import Summary
 
     summary = Summary()
@@ -192,7 +192,7 @@ def _summary(outcomes: Sequence[Outcome]) -> Any:
     return summary
 
 
-def _print_json(outcomes: Sequence[Outcome], summary: bool) -> None:
+def _print_json(outcomes: Sequence[CheckOutcome], summary: bool) -> None:
     import json
 
     document: dict[str, Any] = {
@@ -214,7 +214,7 @@ def _print_json(outcomes: Sequence[Outcome], summary: bool) -> None:
     stdout().write(json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False) + "\n")
 
 
-def _plain(outcome: Outcome, number: int) -> dict[str, Any]:
+def _plain(outcome: CheckOutcome, number: int) -> dict[str, Any]:
     from ds47.regression.run import fails
 
     change = outcome.changes[number]
@@ -234,7 +234,7 @@ def _plain(outcome: Outcome, number: int) -> dict[str, Any]:
     }
 
 
-def _write_junit(outcomes: Sequence[Outcome], seconds: Sequence[float], name: str) -> None:
+def _write_junit(outcomes: Sequence[CheckOutcome], seconds: Sequence[float], name: str) -> None:
     from ds47.report.junit import Case, write
 
     cases = [
@@ -251,19 +251,19 @@ def _write_junit(outcomes: Sequence[Outcome], seconds: Sequence[float], name: st
         write(cases, stream)
 
 
-def _write_sarif(outcomes: Sequence[Outcome], name: str) -> None:
+def _write_sarif(outcomes: Sequence[CheckOutcome], name: str) -> None:
     from ds47.regression.run import fails
-    from ds47.report.sarif import Result, write
+    from ds47.report.sarif import SarifResult, write
 
     results = []
     for outcome in outcomes:
         if outcome.error is not None:
-            results.append(Result("check", "error", outcome.error, outcome.path))
+            results.append(SarifResult("check", "error", outcome.error, outcome.path))
         for change in outcome.changes:
             finding = change.is_now if change.kind == "finding_new" else None
             severity = "error" if fails(change, outcome.fail_on) else "note"
             results.append(
-                Result(
+                SarifResult(
                     change.rule if finding and change.rule else change.kind,
                     severity,
                     change.text,

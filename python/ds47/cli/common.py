@@ -211,7 +211,7 @@ def _take_its_place(draft: Path, target: Path, name: str) -> None:
         raise click.ClickException(f"cannot write {name}: {problem.strerror}{hint}") from problem
 
 
-class RuleText(NamedTuple):
+class RuleWords(NamedTuple):
     """A rule in one language."""
 
     id: str
@@ -228,14 +228,14 @@ class RuleText(NamedTuple):
     """The versions from which on it finds more or less than before."""
 
 
-def rule_text(rule: Rule, lang: str) -> RuleText:
+def rule_text(rule: Rule, lang: str) -> RuleWords:
     """The texts of a rule in `lang`, in English where there are none."""
 
     def text(key: str) -> str:
         own = getattr(rule, f"{key}_{lang}", None) if lang != "en" else None
         return str(own or getattr(rule, key))
 
-    return RuleText(
+    return RuleWords(
         rule.id, rule.name, rule.severity, text("message"), text("cause"), text("advice"),
         ", ".join(f"{name} ({kind})" for name, kind in rule.args.items()), rule.analyzer_only,
         rule.changed,

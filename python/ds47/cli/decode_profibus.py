@@ -14,7 +14,7 @@ from ds47.cli.dump import dump
 
 if TYPE_CHECKING:
     from ds47.library.message import Message
-    from ds47.profibus.stream import Piece
+    from ds47.profibus.stream import LinePiece
     from ds47.profibus.telegram import Telegram
     from ds47.profidrive import Options
 
@@ -52,7 +52,7 @@ def _record(item: Telegram, options: Options) -> Message | None:
     return None
 
 
-def _document(piece: Piece, options: Options) -> dict[str, Any]:
+def _document(piece: LinePiece, options: Options) -> dict[str, Any]:
     from ds47.report import profibus as shown
 
     item = piece.telegram
@@ -63,7 +63,7 @@ def _document(piece: Piece, options: Options) -> dict[str, Any]:
     return found
 
 
-def _lines(piece: Piece, options: Options, lang: str) -> Iterator[str]:
+def _lines(piece: LinePiece, options: Options, lang: str) -> Iterator[str]:
     from ds47.report import profibus as shown
     from ds47.report.bilingual import say
 

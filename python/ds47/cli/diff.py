@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from ds47.analysis import AnalysisOptions
     from ds47.batch.tasks import Task
     from ds47.regression.difference import Difference
-    from ds47.regression.last_values import Line
+    from ds47.regression.last_values import ValueLine
 
 
 @click.command("diff")
@@ -96,7 +96,7 @@ def _last_values(
     return difference(tables[0], tables[1], (a, b)), complete
 
 
-def _table(path: str) -> list[Line]:
+def _table(path: str) -> list[ValueLine]:
     from ds47.regression.last_values import read
 
     try:

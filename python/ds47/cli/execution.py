@@ -126,11 +126,11 @@ class Execution(NamedTuple):
         results: Results,
         writer: Writer,
     ) -> None:
-        from ds47.batch.results import Result
+        from ds47.batch.results import StoredResult
         from ds47.report.overview import Writer as Overview
 
         rows = writer.rows if isinstance(writer, Overview) else None
-        runner = self._runner(todo, Result(self.analysis, self.lang), results.place)
+        runner = self._runner(todo, StoredResult(self.analysis, self.lang), results.place)
         results.end(run.stored(results, tasks, todo, runner, rows), os.getpid())
 
     def _jobs(self, tasks: Sequence[Task]) -> int:

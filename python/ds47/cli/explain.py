@@ -14,8 +14,8 @@ import click
 from ds47.cli.common import lang_option, stdout, warn
 
 if TYPE_CHECKING:
-    from ds47.explain import Meaning
-    from ds47.report.known import Known
+    from ds47.explain import CodeMeaning
+    from ds47.report.known import SourceEntry
 
 _OF_LISTS = ("parameter", "fault")
 """Kinds of meanings that lists may say more of."""
@@ -61,7 +61,7 @@ def command(code: Sequence[str], vendor: str | None, lang: str, format_name: str
         stream.write("\n".join([*known.lines(listed), *lines(meanings, lang)]) + "\n")
 
 
-def _listed(text: str, number: int | None, lang: str) -> list[Known]:
+def _listed(text: str, number: int | None, lang: str) -> list[SourceEntry]:
     """What the lists that the user took in say of a parameter or a message; of a bare number as of a message.
 
     Args:
@@ -83,7 +83,7 @@ def _listed(text: str, number: int | None, lang: str) -> list[Known]:
     return known.listed(text, catalogue, lang)
 
 
-def _plain(meaning: Meaning) -> dict[str, Any]:
+def _plain(meaning: CodeMeaning) -> dict[str, Any]:
     """A meaning for JSON: RDREC has VALID where WRREC has DONE."""
     item = asdict(meaning)
     del item["rank"]
@@ -93,7 +93,7 @@ def _plain(meaning: Meaning) -> dict[str, Any]:
     return item
 
 
-def _explained(text: str, vendor: str | None, lang: str) -> list[Meaning]:
+def _explained(text: str, vendor: str | None, lang: str) -> list[CodeMeaning]:
     from ds47 import spec
     from ds47.explain import UnknownFormError, explain, find_vendor
     from ds47.spec import explanations

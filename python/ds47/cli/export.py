@@ -27,8 +27,8 @@ from ds47.report.zones import Zone
 if TYPE_CHECKING:
     from ds47.analysis import AnalysisOptions
     from ds47.batch.tasks import Task
-    from ds47.capture.series import Part
-    from ds47.export import Key, Outcome
+    from ds47.capture.series import SeriesPart
+    from ds47.export import ExportOutcome, Replacements
 
 _UNREADABLE, _NOTHING = 3, 1
 _LINKS = {"profibus": 257, "user0": 147}
@@ -171,7 +171,7 @@ def _examples(
 
 def _examples_of(
     task: Task,
-    source: str | Sequence[Part],
+    source: str | Sequence[SeriesPart],
     stem: str,
     rules: tuple[str, ...],
     bus_link: int | None,
@@ -249,7 +249,7 @@ class _Run:
         self._lang = lang
         self._choice = choice
         self._everything = everything
-        self._key: Key | None = None
+        self._key: Replacements | None = None
         self.bus_link: int | None = None
         self.key_path: Path | None = None
         self.replaced: Sequence[str] = ()
@@ -258,12 +258,14 @@ class _Run:
 
     def open_key(self) -> None:
         """The key to anonymise with: that of the file, if there is one."""
-        from ds47.export import Key, KeyFileError
+        from ds47.export import KeyFileError, Replacements
 
         if self.key_path is None:
             return
         try:
-            self._key = Key.load(self.key_path) if self.key_path.exists() else Key()
+            self._key = (
+                Replacements.load(self.key_path) if self.key_path.exists() else Replacements()
+            )
         except KeyFileError as problem:
             raise click.ClickException(str(problem)) from problem
 
@@ -293,7 +295,7 @@ class _Run:
             raise click.ClickException(f"cannot write {target}: {problem.strerror}") from problem
         self._tell(task.path, target, done)
 
-    def _tell(self, path: str, target: str, done: Outcome) -> None:
+    def _tell(self, path: str, target: str, done: ExportOutcome) -> None:
         from ds47.report.bilingual import say
         from ds47.report.formatting import escape
 
@@ -323,7 +325,7 @@ class _Run:
             tell("  " + line)
 
     @staticmethod
-    def _tell_left_out(name: str, done: Outcome) -> None:
+    def _tell_left_out(name: str, done: ExportOutcome) -> None:
         from ds47.report.formatting import count
 
         if done.left_out:
@@ -333,14 +335,14 @@ class _Run:
             warn(f"{name}: frame {frame} left out, {text!r} still stands in it")
 
 
-def _filters(done: Outcome, lang: str) -> Iterator[str]:
+def _filters(done: ExportOutcome, lang: str) -> Iterator[str]:
     """Display filters that show the frames in the original: of a series one for each file."""
     from ds47.export import display_filter
     from ds47.report.bilingual import say
     from ds47.report.formatting import escape
-    from ds47.report.places import Places
+    from ds47.report.places import FileFrames
 
-    files = Places(done.result.files).by_file(done.frames)
+    files = FileFrames(done.result.files).by_file(done.frames)
     for name, frames in files[:_FILES_SHOWN]:
         text, left_out = display_filter(frames)
         more = "  " + say("frames_more", n=left_out).text(lang) if left_out else ""
@@ -355,7 +357,7 @@ def _print(text: str) -> None:
 
 
 @contextmanager
-def _source(task: Task) -> Iterator[str | Sequence[Part]]:
+def _source(task: Task) -> Iterator[str | Sequence[SeriesPart]]:
     """What can be read several times: stdin becomes a file for the while."""
     if task.path != STDIN:
         yield task.parts if task.series else task.path

@@ -18,7 +18,7 @@ from ds47.report.formatting import escape
 
 if TYPE_CHECKING:
     from ds47.parameters.lists import ParameterList
-    from ds47.report.known import Known
+    from ds47.report.known import SourceEntry
 
 _UNREADABLE = 3
 _SHOWN = 12
@@ -149,7 +149,7 @@ def show(words: tuple[str, ...], lang: str, format_name: str) -> int:
     return 0
 
 
-def _looked_up(text: str, lang: str) -> list[Known] | None:
+def _looked_up(text: str, lang: str) -> list[SourceEntry] | None:
     from ds47.parameters import lists, store
     from ds47.parameters.catalogue import Catalogue
     from ds47.report import known

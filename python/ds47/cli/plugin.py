@@ -18,7 +18,7 @@ from ds47.version import __version__
 if TYPE_CHECKING:
     from ds47.wireshark.bundle import Sources
     from ds47.wireshark.doctor import Check
-    from ds47.wireshark.install import Outcome
+    from ds47.wireshark.install import InstallOutcome
     from ds47.wireshark.locate import Wireshark
 
 _NO_WIRESHARK = 3
@@ -159,7 +159,7 @@ def _install_profile(shark: Wireshark | None, force: bool) -> int:
     return _warn_of_left(outcome)
 
 
-def _warn_of_left(outcome: Outcome) -> int:
+def _warn_of_left(outcome: InstallOutcome) -> int:
     """Says that the old files are still there, under another name; returns the exit status."""
     if outcome.left is None:
         return 0
@@ -194,7 +194,7 @@ def _sources() -> Sources:
         raise click.ClickException(str(problem)) from problem
 
 
-def _told(what: str, outcome: Outcome) -> str:
+def _told(what: str, outcome: InstallOutcome) -> str:
     before = f", {outcome.replaced} replaced" if outcome.replaced else ""
     lines = [f"{what}: {outcome.folder} ({counted(outcome.written, 'file')}{before})"]
     if outcome.kept:
@@ -204,7 +204,7 @@ def _told(what: str, outcome: Outcome) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _removed(what: str, outcome: Outcome | None) -> str:
+def _removed(what: str, outcome: InstallOutcome | None) -> str:
     if outcome is None:
         return f"{what}: nothing there that ds47 plugin install wrote\n"
     if not outcome.removed:

@@ -32,7 +32,7 @@ from ds47.cli.run import Run
 from ds47.cli.selecting import CRITERIA, Choice, chosen, selection_options
 from ds47.cli.series import series_option, tasks
 from ds47.model import S7, SEVERITIES
-from ds47.report import FORMATS, CannotWriteError, Options, RuleText, Writer, open_writer
+from ds47.report import FORMATS, CannotWriteError, ReportOptions, RuleText, Writer, open_writer
 from ds47.report.bilingual import say
 from ds47.report.heading import Heading
 from ds47.report.reference import Reference
@@ -179,7 +179,7 @@ def command(
         raise click.UsageError("--results keeps whole results and takes no criteria")
     lacking: list[str] = []
     found = tasks(paths, series, lacking.append)
-    shown = Options(
+    shown = ReportOptions(
         rules=_Catalogue(), lang=lang, plc=plc, zone=where, width=width or _columns(output_name),
         reference=None if reference is None else _reference(reference), detail=detail or "auto",
         captures=len(found),
@@ -229,10 +229,10 @@ def _heading(said: Heading, paths: Sequence[str]) -> Heading:
 def _columns(output_name: str) -> int:
     """Of the terminal (or COLUMNS) where text goes to it, but no fewer than a report needs."""
     if output_name != STDIN or not sys.stdout.isatty():
-        return Options().width
+        return ReportOptions().width
     from shutil import get_terminal_size  # takes its time: it knows archives, too
 
-    return max(LEAST_WIDTH, get_terminal_size((Options().width, 24)).columns)
+    return max(LEAST_WIDTH, get_terminal_size((ReportOptions().width, 24)).columns)
 
 
 def _reference(text: str) -> Reference:
@@ -256,7 +256,7 @@ def _writer(
     format_name: str,
     stream: TextIO,
     fail_on: str,
-    options: Options,
+    options: ReportOptions,
 ) -> Writer:
     """The serializer; of a junit report that fails on nothing, the errors still fail."""
     options = options._replace(

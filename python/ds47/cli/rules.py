@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import click
 
-from ds47.cli.common import RuleText, lang_option, rule_text, stdout
+from ds47.cli.common import RuleWords, lang_option, rule_text, stdout
 from ds47.report.bilingual import say
 from ds47.report.wrap import padded, wrap
 
@@ -42,7 +42,7 @@ def command(names: Sequence[str], lang: str, format_name: str) -> None:
             stream.write(f"{rule.id}  {severity}  {rule.name:<{width}}  {rule.message}\n")
 
 
-def _chosen(names: Sequence[str], lang: str) -> tuple[list[RuleText], bool]:
+def _chosen(names: Sequence[str], lang: str) -> tuple[list[RuleWords], bool]:
     """The rules that the words mean, in the order of their ids; and whether one had to be searched for."""
     from ds47 import spec
 
@@ -62,14 +62,14 @@ def _chosen(names: Sequence[str], lang: str) -> tuple[list[RuleText], bool]:
     return [rule for key, rule in rules.items() if key in found], searched
 
 
-def _has(rule: RuleText, word: str) -> bool:
+def _has(rule: RuleWords, word: str) -> bool:
     """Whether a word stands in a rule, in whatever case; no word stands in none."""
     wanted = " ".join(word.casefold().split())
     texts = [" ".join(text.casefold().split()) for text in rule if isinstance(text, str)]
     return bool(wanted) and any(wanted in text for text in texts)
 
 
-def _explained(rule: RuleText, lang: str) -> str:
+def _explained(rule: RuleWords, lang: str) -> str:
     severity = say(f"severity_{rule.severity}")
     lines = [say("rules_entry", rule=rule.id, name=rule.name, severity=severity).text(lang)]
     for key, text in (

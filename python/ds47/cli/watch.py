@@ -102,13 +102,15 @@ def command(
 
 def _show(format_name: str, name: str, lang: str, only_s7: bool, where: Zone) -> Show:
     from ds47 import spec
-    from ds47.report import Options
+    from ds47.report import ReportOptions
     from ds47.watch.show import NdjsonShow, TextShow
 
     stream = stdout()
     if format_name == "ndjson":
         return NdjsonShow(stream, name, sys.stderr, lang)
-    options = Options(color=color(stream), rules=spec.rules(), lang=lang, s7=only_s7, zone=where)
+    options = ReportOptions(
+        color=color(stream), rules=spec.rules(), lang=lang, s7=only_s7, zone=where
+    )
     return TextShow(stream, options)
 
 

@@ -14,10 +14,10 @@ from typing import NamedTuple, Protocol
 
 from ds47.capture.scan import Watch
 from ds47.cyclic import named
-from ds47.cyclic.handshake import ERROR, INCOMPLETE, OK, Channel, Moment, PkwJob
+from ds47.cyclic.handshake import ERROR, INCOMPLETE, OK, CycleMoment, PkwChannel, PkwJob
 from ds47.cyclic.named import Name
 from ds47.cyclic.operation import Operation
-from ds47.cyclic.relations import Relation, Side, channels, place_of, side
+from ds47.cyclic.relations import CyclicRelation, CyclicSide, channels, place_of, side
 from ds47.cyclic.sequences import Head, Sequences
 from ds47.cyclic.timeline import Recorder
 from ds47.findings.remark import Remark
@@ -53,7 +53,7 @@ _SPEED = "NSOLL"
 """How the name of a word begins that is a setpoint of speed."""
 
 
-class Mixed(NamedTuple):
+class MixedFrames(NamedTuple):
     """A frame that proves it, and whose frames these are: device, MAC address of the sender, frame id."""
 
     frame: int
@@ -69,16 +69,16 @@ class _Line(Protocol):
     `rate`: frames of both in a nanosecond, 0 where no Connect tells it.
     """
 
-    relation: Relation
+    relation: CyclicRelation
     start_ns: int | None
     looks: list[int]
     rate: float
 
-    def take(self, sent: bool, words: bytes, at: Moment) -> None:
+    def take(self, sent: bool, words: bytes, at: CycleMoment) -> None:
         """What the controller (`sent`) or the device says from a frame on."""
         ...
 
-    def lost(self, sent: bool, at: Moment) -> None:
+    def lost(self, sent: bool, at: CycleMoment) -> None:
         """What it says is not valid from a frame on."""
         ...
 
@@ -87,7 +87,7 @@ class _Line(Protocol):
         ...
 
     def finish(self, within_ns: int | None = None, /) -> None:
-        """Nothing more comes; `within_ns` as `Channel.finish` has it."""
+        """Nothing more comes; `within_ns` as `PkwChannel.finish` has it."""
         ...
 
 
@@ -95,17 +95,17 @@ class _Line(Protocol):
 class _Requests:
     """A relation of PKW; what is over waits until one transaction proves the relation."""
 
-    relation: Relation
-    closed: Callable[[Relation, PkwJob], None]
-    proven: Callable[[Relation], None]
-    channel: Channel = field(init=False)
+    relation: CyclicRelation
+    closed: Callable[[CyclicRelation, PkwJob], None]
+    proven: Callable[[CyclicRelation], None]
+    channel: PkwChannel = field(init=False)
     waiting: list[PkwJob] = field(default_factory=list)
     start_ns: int | None = None
     looks: list[int] = field(default_factory=lambda: [0, 0])
     valid: set[bool] = field(default_factory=set)
     rate: float = 0.0
     """Frames of both directions in a nanosecond; 0 where no Connect tells it."""
-    changed: Moment | None = None
+    changed: CycleMoment | None = None
     """When the words of the controller changed first, until a frame of the drive comes."""
     shared: bool = False
     """Whether other drives have frames of the same id: the scan cannot tell whose change one is, and gives all."""
@@ -116,17 +116,17 @@ class _Requests:
 
     def __post_init__(self) -> None:
         relation = self.relation
-        self.channel = Channel(self._over, fresh=relation.is_bus and relation.certainty != NAMED)
+        self.channel = PkwChannel(self._over, fresh=relation.is_bus and relation.certainty != NAMED)
         self.rate = _rate(relation)
 
-    def take(self, sent: bool, words: bytes, at: Moment) -> None:
+    def take(self, sent: bool, words: bytes, at: CycleMoment) -> None:
         self.valid.add(sent)
         if not sent:
             self.channel.answered(words, at)
         elif self.channel.sent(words, at):
             self.changed = self.changed or at
 
-    def passes(self, at: Moment) -> None:
+    def passes(self, at: CycleMoment) -> None:
         """A frame of the drive comes; before its words."""
         since, self.changed = self.changed, None
         if since is not None and self.rate:
@@ -139,7 +139,7 @@ class _Requests:
         seen_ns = since_ns - _LATE * self.relation.input.cycle_ns
         self.channel.skipped(first, last, seen_ns)
 
-    def lost(self, sent: bool, at: Moment) -> None:
+    def lost(self, sent: bool, at: CycleMoment) -> None:
         if sent in self.valid:
             self.valid.remove(sent)
             self.channel.lost(at, out=sent, answers=not sent)
@@ -185,7 +185,7 @@ class _Requests:
 class DriveWords:
     """A relation of PZD with what its words say; `behind` PKW in one submodule only PKW can prove it."""
 
-    relation: Relation
+    relation: CyclicRelation
     recorder: Recorder
     behind: bool = False
     refuted: bool = False
@@ -218,7 +218,7 @@ class DriveWords:
         """Whether it was looked at for long, and nothing speaks for a drive."""
         return self.looked_at > _PATIENCE and not self.proven
 
-    def take(self, sent: bool, words: bytes, at: Moment) -> None:
+    def take(self, sent: bool, words: bytes, at: CycleMoment) -> None:
         """What the controller (`sent`) or the device says from a frame on."""
         self.looked_at += 1
         recorder = self.recorder
@@ -238,7 +238,7 @@ class DriveWords:
         self.holes, self.first_hole = self.holes + 1, self.first_hole or last
         self.recorder.skipped()
 
-    def lost(self, sent: bool, at: Moment) -> None:
+    def lost(self, sent: bool, at: CycleMoment) -> None:
         """What it says is not valid from a frame on."""
         self.recorder.lost(sent, at.frame, at.time_ns)
 
@@ -284,7 +284,7 @@ class DriveWords:
 class _Row:
     """The channels in the data of one station of PROFIBUS, and what it said last where a change matters."""
 
-    ends: list[tuple[_Line, Side, bool]]
+    ends: list[tuple[_Line, CyclicSide, bool]]
     parts: tuple[tuple[int, int], ...] = ()
     first: int = 0
     need: int = 0
@@ -345,7 +345,7 @@ class CyclicChannels:
 
     def __init__(
         self,
-        closed: Callable[[Relation, PkwJob], None],
+        closed: Callable[[CyclicRelation, PkwJob], None],
         watch: Callable[[Sequence[Watch]], None],
         bounds: Limits,
         wanted: Sequence[str] = (PKW, PZD),
@@ -359,13 +359,13 @@ class CyclicChannels:
         self._wanted = {PKW, *wanted}
         self._bounds = bounds
         self._lines: list[_Line] = []
-        self._sides: dict[tuple[str, int], list[tuple[_Line, Side, bool]]] = {}
+        self._sides: dict[tuple[str, int], list[tuple[_Line, CyclicSide, bool]]] = {}
         """By sender and frame id,"""
         self._looked = 0, 0
         """Frame and time of the last one that was looked at."""
         self._busiest: float = 0.0
         """The highest rate of a channel."""
-        self._sides_to: dict[tuple[str, int, str], list[tuple[_Line, Side, bool]]] = {}
+        self._sides_to: dict[tuple[str, int, str], list[tuple[_Line, CyclicSide, bool]]] = {}
         """and by receiver, too."""
         self._shared: set[tuple[str, int]] = set()
         """Senders and frame ids of which frames go to receivers that are in no relation, too."""
@@ -375,15 +375,15 @@ class CyclicChannels:
         """Time and cycle counter of the newest frame, by the same."""
         self.late = 0, 0
         """How many frames stand behind a later one of their sender, and the first."""
-        self.mixed: list[Mixed] = []
+        self.mixed: list[MixedFrames] = []
         """Frames in which it is proven that those of several sequences take turns."""
         self._rows: dict[bytes, _Row] = {}
         """Those of stations of PROFIBUS, by their source."""
-        self._relations: list[Relation] = []
-        self._named: list[Relation] = []
+        self._relations: list[CyclicRelation] = []
+        self._named: list[CyclicRelation] = []
         self._drives: list[DriveWords] = []
-        self._without_request: list[Relation] = []
-        self._ignored: list[tuple[Relation, PkwJob]] = []
+        self._without_request: list[CyclicRelation] = []
+        self._ignored: list[tuple[CyclicRelation, PkwJob]] = []
         self._asked: set[tuple[object, ...]] = set()
         """Places to which a request was seen, in a relation that another one may have replaced."""
         self.is_set_up = False
@@ -393,18 +393,18 @@ class CyclicChannels:
         """The proven relations of PZD."""
         return [each for each in self._drives if each.proven]
 
-    def unused(self) -> list[Relation]:
+    def unused(self) -> list[CyclicRelation]:
         """Where PKW is as sure as the process data beside it, and no request was seen; when nothing more comes."""
         return [
             each for each in self._without_request
             if each.place not in self._asked and self._is_beside(each)
         ]  # fmt: skip
 
-    def unanswered(self) -> list[tuple[Relation, PkwJob]]:
+    def unanswered(self) -> list[tuple[CyclicRelation, PkwJob]]:
         """What reads as a request beside the words of a drive, and has no response; when nothing more comes."""
         return [each for each in self._ignored if self._is_beside(each[0])]
 
-    def _is_beside(self, pkw: Relation) -> bool:
+    def _is_beside(self, pkw: CyclicRelation) -> bool:
         """Whether what may be PKW stands beside the words of a drive, and is not these."""
         places = [each.relation.place for each in self.drives()]
         return pkw.place in places and not self._is_pzd(pkw)
@@ -420,7 +420,7 @@ class CyclicChannels:
             for drive in self.drives() for it in (drive.recorder,)
         ]  # fmt: skip
 
-    def relations(self) -> list[Relation]:
+    def relations(self) -> list[CyclicRelation]:
         """All that there were, those that a later Connect replaced too; of PZD those that are proven."""
         drives = [each.relation for each in self.drives()]
         return [
@@ -429,7 +429,7 @@ class CyclicChannels:
             or (each.channel == PKW and not self._is_pzd(each))
         ]  # fmt: skip
 
-    def _is_pzd(self, pkw: Relation) -> bool:
+    def _is_pzd(self, pkw: CyclicRelation) -> bool:
         """Whether the bytes of what might be PKW turned out to be the words of a drive."""
         return pkw.certainty == LENGTHS and any(
             each.proven and not each.behind
@@ -459,7 +459,7 @@ class CyclicChannels:
             submodule, about = found.submodule, (found.channel, found.offset)
             assert submodule.output is not None
             assert submodule.input is not None
-            made = Relation(
+            made = CyclicRelation(
                 found.channel, request.client, request.server, vendor_id, asked.ar,
                 submodule.api, submodule.slot, submodule.subslot, found.telegrams,
                 side(submodule.output, asked.controller_mac, *about),
@@ -469,7 +469,7 @@ class CyclicChannels:
                 self._add(made, behind=found.offset > 0)
         self._tell()
 
-    def _agrees(self, found: Relation) -> bool:
+    def _agrees(self, found: CyclicRelation) -> bool:
         """Whether a channel of a Connect may be one: what was named in its bytes wins, and is set up there."""
         for name in self._named:
             meets, is_same = name.meets(found)
@@ -480,7 +480,7 @@ class CyclicChannels:
                 return False  # PKW where PZD was named proves itself
         return True
 
-    def _set_up(self, name: Relation, frame: int | None) -> None:
+    def _set_up(self, name: CyclicRelation, frame: int | None) -> None:
         """What was named has its Connect; where no frame came before, there was nothing else."""
         for line in [each for each in self._lines if each.relation is name]:
             self._leave(line, frame)
@@ -507,7 +507,11 @@ class CyclicChannels:
             each.vendor_id = self._maker(each.device)
 
     def configured(
-        self, relations: Sequence[Relation], output: bytes, input_: bytes, frame: int | None = None
+        self,
+        relations: Sequence[CyclicRelation],
+        output: bytes,
+        input_: bytes,
+        frame: int | None = None,
     ) -> None:
         """A station of PROFIBUS gets its configuration: the channels in its data, in place of those before.
 
@@ -523,7 +527,7 @@ class CyclicChannels:
                 self._add(relation)
         self._tell()
 
-    def _is_set_up_so(self, relations: Sequence[Relation], output: bytes) -> bool:
+    def _is_set_up_so(self, relations: Sequence[CyclicRelation], output: bytes) -> bool:
         """Whether these channels are at work already: a station that starts again has the same ones."""
         there = [line.relation for line in self._lines if line.relation.output.source == output]
         return [_shape(each) for each in there] == [_shape(each) for each in relations]
@@ -566,7 +570,7 @@ class CyclicChannels:
             line.recorder.fault_since = None
             line.replaced = frame
 
-    def _add(self, relation: Relation, behind: bool = False) -> None:
+    def _add(self, relation: CyclicRelation, behind: bool = False) -> None:
         self._relations.append(relation)
         if relation.channel == PKW:
             self._lines.append(_Requests(relation, self._closed, self._proven))
@@ -583,7 +587,7 @@ class CyclicChannels:
         self._drives.append(drive)
         self._lines.append(drive)
 
-    def _proven(self, pkw: Relation) -> None:
+    def _proven(self, pkw: CyclicRelation) -> None:
         """A relation is PKW: what is beside or behind it is PZD, and nothing else is in its bytes."""
         beside = [each for each in self._drives if each.relation.place == pkw.place]
         for each in list(beside):
@@ -623,7 +627,7 @@ class CyclicChannels:
             if len(key[0]) == _MAC
         ])  # fmt: skip
 
-    def _is_shared(self, key: tuple[str, int], ends: list[tuple[_Line, Side, bool]]) -> bool:
+    def _is_shared(self, key: tuple[str, int], ends: list[tuple[_Line, CyclicSide, bool]]) -> bool:
         """Whether frames of one sender and frame id go to several receivers."""
         return key in self._shared or len({_receiver(end) for end in ends}) > 1
 
@@ -655,7 +659,7 @@ class CyclicChannels:
             if passed * line.rate > there:
                 line.skipped(first, since, frame)
 
-    def _ends(self, packet: Packet) -> list[tuple[_Line, Side, bool]]:
+    def _ends(self, packet: Packet) -> list[tuple[_Line, CyclicSide, bool]]:
         """The directions of relations that are in a frame: two controllers may have the same frame id."""
         key = packet.src_mac or "", int.from_bytes(packet.payload[:_FRAME_ID])
         receiver = packet.dst_mac or ""
@@ -667,7 +671,7 @@ class CyclicChannels:
             return []  # of a device whose Connect is not in the capture
         return to_it or self._sides.get(key, [])
 
-    def _is_late(self, packet: Packet, side: Side) -> bool:
+    def _is_late(self, packet: Packet, side: CyclicSide) -> bool:
         """Whether a frame stands behind a later one of its sender: what it says is no news.
 
         The cycle counter goes back, too, else somebody set the clock; without one the time alone tells it.
@@ -686,7 +690,7 @@ class CyclicChannels:
         self._newest[key] = packet.time_ns, counter
         return False
 
-    def _are_mixed(self, packet: Packet, found: list[tuple[_Line, Side, bool]]) -> bool:
+    def _are_mixed(self, packet: Packet, found: list[tuple[_Line, CyclicSide, bool]]) -> bool:
         """Whether the frames of several sequences take turns: nothing is said of their relations any more."""
         line, side, _ = found[0]
         data = packet.payload[_FRAME_ID:]
@@ -703,7 +707,7 @@ class CyclicChannels:
                 (each.doubt.add if sequences.are_doubtful else each.doubt.discard)(sent)
         if not several:
             return False
-        self.mixed.append(Mixed(packet.frame, line.relation.device, key[0], side.frame_id))
+        self.mixed.append(MixedFrames(packet.frame, line.relation.device, key[0], side.frame_id))
         gone = [line for line, _, _ in found]
         for line in gone:
             self._asked.add(line.relation.place)
@@ -715,7 +719,7 @@ class CyclicChannels:
         return True
 
     def _take(
-        self, line: _Line, each: Side, sent: bool, data: bytes, frame: int, time_ns: int
+        self, line: _Line, each: CyclicSide, sent: bool, data: bytes, frame: int, time_ns: int
     ) -> None:
         if line.start_ns is None:
             line.start_ns = time_ns
@@ -723,7 +727,7 @@ class CyclicChannels:
             line.relation.frame = frame
         line.looks[sent] += 1
         cycle = (time_ns - line.start_ns) / each.cycle_ns if each.cycle_ns else line.looks[sent]
-        at = Moment(frame, time_ns, cycle)
+        at = CycleMoment(frame, time_ns, cycle)
         if isinstance(line, _Requests) and not sent:
             line.passes(at)
         if (each.status is None or data[each.status] & _VALID) and (
@@ -752,7 +756,7 @@ class CyclicChannels:
 
 
 def _parts(
-    ends: list[tuple[_Line, Side, bool]], shared: bool
+    ends: list[tuple[_Line, CyclicSide, bool]], shared: bool
 ) -> Iterator[tuple[tuple[int, int], ...]]:
     """What matters in frames of one sender and frame id; to several receivers each one does.
 
@@ -765,37 +769,37 @@ def _parts(
             yield ((each.status - _COUNTER, _COUNTER),)
 
 
-def _rate(relation: Relation) -> float:
+def _rate(relation: CyclicRelation) -> float:
     """Frames of both directions in a nanosecond; 0 where no Connect tells it."""
     cycles = relation.output.cycle_ns, relation.input.cycle_ns
     return sum(1 / each for each in cycles) if all(cycles) else 0.0
 
 
-def _answered(ends: list[tuple[_Line, Side, bool]]) -> tuple[bytes, int] | None:
+def _answered(ends: list[tuple[_Line, CyclicSide, bool]]) -> tuple[bytes, int] | None:
     """Source and frame id of the drive where requests of PKW are in frames: what it says next is looked at."""
     asked = (line.relation.input for line, _, sent in ends if sent and isinstance(line, _Requests))
     return next(((each.source, each.frame_id) for each in asked), None)
 
 
-def _counter(data: bytes, side: Side) -> int | None:
+def _counter(data: bytes, side: CyclicSide) -> int | None:
     """The cycle counter of a frame; None where nobody knows where it is, or the capture cut it."""
     if side.status is None or len(data) <= side.status:
         return None
     return int.from_bytes(data[side.status - _COUNTER : side.status])
 
 
-def _way(packet: Packet, side: Side) -> tuple[str, int, str]:
+def _way(packet: Packet, side: CyclicSide) -> tuple[str, int, str]:
     """Sender, frame id and receiver of a cyclic frame; "" where a cooked header does not know one."""
     return packet.src_mac or "", side.frame_id, packet.dst_mac or ""
 
 
-def _receiver(end: tuple[_Line, Side, bool]) -> str:
+def _receiver(end: tuple[_Line, CyclicSide, bool]) -> str:
     """The MAC address to which a direction goes."""
     line, _, sent = end
     return (line.relation.input if sent else line.relation.output).source.hex(":")
 
 
-def _shape(relation: Relation) -> tuple[object, ...]:
+def _shape(relation: CyclicRelation) -> tuple[object, ...]:
     """What makes it another channel when it differs."""
     return relation.channel, relation.vendor_id, relation.output, relation.input
 

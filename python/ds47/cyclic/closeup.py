@@ -20,7 +20,7 @@ _REVERSE = 0x0800
 """STW1 bit 11 turns the sign of the setpoint."""
 
 
-class Seen(NamedTuple):
+class SpeedSample(NamedTuple):
     """A frame of one side: its number, its time (nanoseconds since 1970), and the word behind STW1 or ZSW1.
 
     `raw` is the setpoint as it is effective, or the actual value; 16384 is 100 %.
@@ -32,7 +32,7 @@ class Seen(NamedTuple):
     raw: int
 
 
-def closeup(path: str, relation: Relation, frame: int, half_ns: int) -> list[Seen]:
+def closeup(path: str, relation: Relation, frame: int, half_ns: int) -> list[SpeedSample]:
     """The frames of a drive around a frame, `half_ns` nanoseconds before and after; empty where there is no file.
 
     Args:
@@ -43,7 +43,7 @@ def closeup(path: str, relation: Relation, frame: int, half_ns: int) -> list[See
     """
     if not Path(path).is_file():
         return []
-    found: list[Seen] = []
+    found: list[SpeedSample] = []
     middle = None
     try:
         with open_capture(path) as capture:
@@ -59,7 +59,7 @@ def closeup(path: str, relation: Relation, frame: int, half_ns: int) -> list[See
     return [each for each in found if middle is not None and abs(each.time_ns - middle) <= half_ns]
 
 
-def _seen(frame: Frame, relation: Relation) -> Seen | None:
+def _seen(frame: Frame, relation: Relation) -> SpeedSample | None:
     kind, at = network_layer(frame.data, 0, len(frame.data), frame.link_type)
     source, receiver = addresses(frame)
     sender = source, int.from_bytes(frame.data[at : at + 2])
@@ -70,5 +70,5 @@ def _seen(frame: Frame, relation: Relation) -> Seen | None:
         if kind == PROFINET and sender == (side.mac, side.frame_id) and to_it and len(words) == 4:
             raw = int.from_bytes(words[2:], signed=True)
             turned = by_controller and int.from_bytes(words[:2]) & _REVERSE
-            return Seen(frame.number, frame.time_ns, by_controller, -raw if turned else raw)
+            return SpeedSample(frame.number, frame.time_ns, by_controller, -raw if turned else raw)
     return None

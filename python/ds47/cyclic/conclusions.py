@@ -13,7 +13,7 @@ from ds47.cyclic.channels import CyclicChannels
 from ds47.cyclic.explanation import explain, turned_down
 from ds47.cyclic.habits import Habits
 from ds47.cyclic.handshake import END, INCOMPLETE, PkwJob
-from ds47.cyclic.relations import Relation
+from ds47.cyclic.relations import CyclicRelation
 from ds47.findings.remark import Remark
 from ds47.model import Transaction
 from ds47.spec.semantics import Limits
@@ -38,11 +38,11 @@ class Conclusions:
         self._bounds = bounds
         self._layout = layout
         self.channels = channels
-        self._habits: dict[Place, tuple[Relation, Habits]] = {}
+        self._habits: dict[Place, tuple[CyclicRelation, Habits]] = {}
         self._incomplete: dict[tuple[str, str, str], tuple[int, int]] = {}
         """By why, controller and device: how many requests may lack their responses, and the first frame."""
 
-    def reported(self, relation: Relation, job: PkwJob) -> None:
+    def reported(self, relation: CyclicRelation, job: PkwJob) -> None:
         """A transaction of PKW that the report has is over: whether the capture lacks a part of it."""
         if job.state == INCOMPLETE:
             what, frame = "file_ends" if job.ends else "cyclic_gaps", job.request.at.frame
@@ -50,7 +50,7 @@ class Conclusions:
             count, first = self._incomplete.get(who, (0, frame))
             self._incomplete[who] = count + 1, min(first, frame)
 
-    def exchanged(self, relation: Relation, job: PkwJob) -> list[Remark]:
+    def exchanged(self, relation: CyclicRelation, job: PkwJob) -> list[Remark]:
         """A transaction of PKW that is over, and what is wrong with it."""
         layout = self._layout(relation.device)
         found = [*judge.remarks(relation, job, layout), *self._habits_of(relation).take(job)]
@@ -95,7 +95,7 @@ class Conclusions:
                 where = {"device": relation.device, "slot": relation.slot}
                 yield Remark("DS512", relation.frame, where)
 
-    def _habits_of(self, relation: Relation) -> Habits:
+    def _habits_of(self, relation: CyclicRelation) -> Habits:
         if relation.place not in self._habits:
             where = {"device": relation.device, "slot": relation.slot, "family": relation.drives}
             layout = self._layout(relation.device)
@@ -103,7 +103,7 @@ class Conclusions:
         return self._habits[relation.place][1]
 
 
-def _about(relation: Relation, remarks: Iterable[Remark]) -> Iterator[Remark]:
+def _about(relation: CyclicRelation, remarks: Iterable[Remark]) -> Iterator[Remark]:
     """Remarks that know of whose drive they are; those about tables of one maker are of no other."""
     for each in remarks:
         if each.rule not in _OF_ITS_MAKER or not relation.is_foreign:

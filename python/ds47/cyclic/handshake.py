@@ -28,14 +28,14 @@ _WAITING = 16
 """Transactions that wait for a frame of the drive; it says nothing any more where there are more."""
 
 
-class Moment(NamedTuple):
+class CycleMoment(NamedTuple):
     """Where something changed: the frame, its time, and how many cycles its relation had before it."""
 
     frame: int
     time_ns: int
     cycle: float
 
-    def since(self, earlier: Moment) -> int:
+    def since(self, earlier: CycleMoment) -> int:
         """Cycles that lie between."""
         return floor(self.cycle - earlier.cycle + 0.5)
 
@@ -44,10 +44,10 @@ class Sight(NamedTuple):
     """Eight bytes, and when they were there first."""
 
     data: bytes
-    at: Moment
+    at: CycleMoment
 
 
-class Hole(NamedTuple):
+class FrameGap(NamedTuple):
     """Frames are missing behind one and before another, or may be.
 
     `what` is `_BEHIND` where the response is in the first frame of the drive, `last`, behind that in which the
@@ -83,10 +83,10 @@ class PkwJob:
     halves: int | None = None
     odd: Sight | None = None
     late: int | None = None
-    ended: Moment | None = None
+    ended: CycleMoment | None = None
     heard: bool = False
-    last: Moment | None = None
-    hole: Hole | None = None
+    last: CycleMoment | None = None
+    hole: FrameGap | None = None
     moving: bool = field(default=False, repr=False)
     """Whether the answer that stood when it began had been changing."""
 
@@ -132,7 +132,7 @@ class PkwJob:
         return None if self.hole is not None and not self.ends else self.duration_ns
 
 
-class Channel:
+class PkwChannel:
     """The requests and answers of one PKW channel.
 
     Args:
@@ -159,7 +159,7 @@ class Channel:
         self._echoes = True
         """Whether the answer to a change has its value: some drives answer with 0."""
 
-    def sent(self, data: bytes, at: Moment) -> bool:
+    def sent(self, data: bytes, at: CycleMoment) -> bool:
         """The controller sends these eight bytes from now on; whether they are others than before."""
         data, last = _without_spm(data), self._out
         if last is not None and last.data == data:
@@ -173,7 +173,9 @@ class Channel:
         job = self._job
         odd = None if job is None or job.odd is not self._in else job.odd
         if job and odd and _ak(data) and _fits(data, odd.data):
-            job.hole = Hole(job.request.at.frame, at.frame)  # this was sent before the answer to it
+            job.hole = FrameGap(
+                job.request.at.frame, at.frame
+            )  # this was sent before the answer to it
         self._end(at, withdrawn=not _ak(data))
         if _ak(data):
             moving = self._before is not None and self._before.updates > 0
@@ -182,7 +184,7 @@ class Channel:
         self._fresh = False
         return True
 
-    def answered(self, data: bytes, at: Moment) -> None:
+    def answered(self, data: bytes, at: CycleMoment) -> None:
         """The drive sends these eight bytes from now on."""
         data, last, before, self._newest = _without_spm(data), self._in, self._newest, at.frame
         if self._over:
@@ -213,14 +215,14 @@ class Channel:
 
         `seen_ns`: of a request that ended earlier a frame of the drive was seen behind its end.
         """
-        hole, job = Hole(first, last), self._job
+        hole, job = FrameGap(first, last), self._job
         for each in self._over:
             if each.ended is None or each.ended.time_ns >= seen_ns:
                 each.hole = hole
         if job is not None and job.answer is None and job.request.at.frame <= first:
             job.hole = hole
 
-    def lost(self, at: Moment, *, out: bool = True, answers: bool = True) -> None:
+    def lost(self, at: CycleMoment, *, out: bool = True, answers: bool = True) -> None:
         """Data is not valid from now on: what is open stays without an answer, and nobody is to blame.
 
         `out`: that of the controller, `answers`: that of the drive. What the other one says stands as before.
@@ -245,17 +247,17 @@ class Channel:
         if job is not None:
             stood_ns = (job.last or job.request.at).time_ns - job.request.at.time_ns
             if within_ns is not None and stood_ns <= max(within_ns, self._slowest_ns):
-                job.hole = job.hole or Hole(None, None, ENDS)
+                job.hole = job.hole or FrameGap(None, None, ENDS)
             self._settle(job, None, END)
             self._job = None
         self._tell(None)
 
-    def _end(self, at: Moment, withdrawn: bool) -> None:
+    def _end(self, at: CycleMoment, withdrawn: bool) -> None:
         if self._job is not None:
             self._settle(self._job, at, WITHDRAWN if withdrawn else None)
             self._before, self._job = self._job, None
 
-    def _settle(self, job: PkwJob, at: Moment | None, reason: str | None) -> None:
+    def _settle(self, job: PkwJob, at: CycleMoment | None, reason: str | None) -> None:
         """The state of a transaction whose request ends.
 
         `reason` says why there is no answer, None: another request came.
@@ -271,7 +273,7 @@ class Channel:
         else:
             self._close(job, UNANSWERED, reason, at)
 
-    def _close(self, job: PkwJob, state: str, reason: str | None, at: Moment | None) -> None:
+    def _close(self, job: PkwJob, state: str, reason: str | None, at: CycleMoment | None) -> None:
         job.state, job.reason, job.ended = state, reason, at
         job.heard = self._in is not None and self._newest >= job.request.at.frame
         hole, seen = job.hole, job.last
@@ -294,12 +296,12 @@ class Channel:
                     and job.ended is not None
                     and _fits(job.request.data, behind.data)
                 ):
-                    job.hole = job.hole or Hole(job.ended.frame, behind.at.frame, _BEHIND)
+                    job.hole = job.hole or FrameGap(job.ended.frame, behind.at.frame, _BEHIND)
                 if job.hole is not None:
                     job.state = INCOMPLETE
             self._closed(job)
 
-    def _is_second_half(self, data: bytes, at: Moment) -> bool:
+    def _is_second_half(self, data: bytes, at: CycleMoment) -> bool:
         """Whether a request goes on that was begun a cycle ago: first the parameter changed, then the value.
 
         Or the value first.

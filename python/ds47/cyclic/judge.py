@@ -11,12 +11,12 @@ from typing import Any
 
 from ds47.cyclic import handshake, pkw
 from ds47.cyclic.handshake import PkwJob
-from ds47.cyclic.relations import Relation
+from ds47.cyclic.relations import CyclicRelation
 from ds47.findings.remark import Remark
 from ds47.spec import cyclic
 
 
-def remarks(relation: Relation, job: PkwJob, layout: str = pkw.CYCLIC) -> Iterator[Remark]:
+def remarks(relation: CyclicRelation, job: PkwJob, layout: str = pkw.CYCLIC) -> Iterator[Remark]:
     """What is wrong with a transaction that is over."""
     asked, which = _which(relation, job, layout)
     yield from _request(job, asked, which)
@@ -38,7 +38,7 @@ def remarks(relation: Relation, job: PkwJob, layout: str = pkw.CYCLIC) -> Iterat
             yield Remark("DS503", job.ended.frame, which | {"milliseconds": stood_ns / 1e6})
 
 
-def unanswered(relation: Relation, job: PkwJob, layout: str = pkw.CYCLIC) -> Iterator[Remark]:
+def unanswered(relation: CyclicRelation, job: PkwJob, layout: str = pkw.CYCLIC) -> Iterator[Remark]:
     """What reads as a request has no response: nothing proves that it is one, or it stands to the end."""
     last = job.ended or job.last or job.request.at
     stood_ns = last.time_ns - job.request.at.time_ns
@@ -47,7 +47,9 @@ def unanswered(relation: Relation, job: PkwJob, layout: str = pkw.CYCLIC) -> Ite
         yield Remark("DS514", job.request.at.frame, which | {"milliseconds": stood_ns / 1e6})
 
 
-def _which(relation: Relation, job: PkwJob, layout: str) -> tuple[pkw.PkwMessage, dict[str, Any]]:
+def _which(
+    relation: CyclicRelation, job: PkwJob, layout: str
+) -> tuple[pkw.PkwMessage, dict[str, Any]]:
     """The request, and the arguments that name its parameter."""
     asked = pkw.decode(job.request.data, answer=False, layout=layout)
     return asked, {"pnu": asked.pnu, "subindex": asked.subindex, "family": relation.drives}
@@ -62,7 +64,7 @@ def _request(job: PkwJob, asked: pkw.PkwMessage, which: dict[str, Any]) -> Itera
 
 
 def _response(
-    relation: Relation, answer: handshake.Sight, which: dict[str, Any], layout: str
+    relation: CyclicRelation, answer: handshake.Sight, which: dict[str, Any], layout: str
 ) -> Iterator[Remark]:
     told = pkw.decode(answer.data, answer=True, layout=layout)
     if told.ak == pkw.ERROR and told.error is not None:

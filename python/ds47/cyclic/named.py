@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
 from ds47.cyclic.pkw import LENGTH
-from ds47.cyclic.relations import Relation, Side
+from ds47.cyclic.relations import CyclicRelation, CyclicSide
 from ds47.model import NAMED, PKW, PZD
 from ds47.spec import profibus
 
@@ -99,7 +99,7 @@ def pairs(names: Sequence[Name]) -> list[tuple[Name, Name]]:
     return found
 
 
-def relations(names: Sequence[Name]) -> Iterator[Relation]:
+def relations(names: Sequence[Name]) -> Iterator[CyclicRelation]:
     """The channels that names stand for; see `pairs`."""
     for output, input_ in pairs(names):
         if output.kind != "pzd":
@@ -109,15 +109,15 @@ def relations(names: Sequence[Name]) -> Iterator[Relation]:
             yield _relation(PZD, output, input_, behind, _PZD_LENGTH)
 
 
-def _relation(channel: str, output: Name, input_: Name, behind: int, length: int) -> Relation:
+def _relation(channel: str, output: Name, input_: Name, behind: int, length: int) -> CyclicRelation:
     sides = [
-        Side(
+        CyclicSide(
             bytes.fromhex(name.mac.replace(":", "")), name.frame_id, name.offset + behind, length,
             watched=length if channel == PKW else 2, iops=None, status=None, cycle_ns=0,
         )
         for name in (output, input_)
     ]  # fmt: skip
-    return Relation(
+    return CyclicRelation(
         channel, output.mac, input_.mac, vendor_id=None, ar=None, api=None, slot=None, subslot=None,
         telegrams=(), output=sides[0], input=sides[1], frame=None, certainty=NAMED,
     )  # fmt: skip

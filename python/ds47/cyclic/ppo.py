@@ -11,7 +11,7 @@ from typing import ClassVar
 
 from ds47.cyclic.channels import CyclicChannels
 from ds47.cyclic.pkw import LENGTH
-from ds47.cyclic.relations import Relation, Side, fitting_telegrams
+from ds47.cyclic.relations import CyclicRelation, CyclicSide, fitting_telegrams
 from ds47.model import CONFIGURED, LENGTHS, NAMED, PKW, PZD
 from ds47.profibus import dp
 from ds47.profibus.idents import Idents
@@ -26,7 +26,7 @@ def source(sender: int, receiver: int) -> bytes:
     return bytes((sender, receiver))
 
 
-class Ppo:
+class PpoFeed:
     """Feeds channels with the data of stations whose configuration was seen, or whose PPO is named.
 
     Args:
@@ -87,7 +87,7 @@ class Ppo:
         return len(output) == len(input_) == sum(row.modules)
 
 
-def _identifiers(row: profibus.Ppo) -> bytes:
+def _identifiers(row: profibus.PpoLayout) -> bytes:
     """The modules of a PPO as Chk_Cfg names them, in words and consistent."""
     return bytes(0xF0 | (length // _WORD - 1) for length in row.modules)
 
@@ -101,7 +101,7 @@ def relations(
     family: str | None = None,
     *,
     agreed: bool = False,
-) -> Iterator[Relation]:
+) -> Iterator[CyclicRelation]:
     """The channels of a configuration; none where it is no PPO that is known.
 
     `frame` is that of Chk_Cfg, None where a user named the PPO; vendor and family are None where nothing says
@@ -120,7 +120,7 @@ def relations(
         lengths = [0 if area is None else area.length for area in (module.outputs, module.inputs)]
         if role is not None:
             sides = [
-                Side(
+                CyclicSide(
                     source(*way), 0, offset, length, LENGTH if role == dp.PKW else _WORD,
                     iops=None, status=None, cycle_ns=0,
                 )
@@ -128,7 +128,7 @@ def relations(
                     ((master, station), output, lengths[0]), ((station, master), input_, lengths[1]),
                 )
             ]  # fmt: skip
-            yield Relation(
+            yield CyclicRelation(
                 PKW if role == dp.PKW else PZD, f"dp{master}", f"dp{station}",
                 vendor_id=vendor_id, family=family,
                 ar=None, api=None, slot=None, subslot=None, telegrams=telegrams,

@@ -10,21 +10,21 @@ from typing import NamedTuple
 from ds47.spec import cyclic
 
 
-class Status(NamedTuple):
+class DriveStatus(NamedTuple):
     """What a status word says: the state, and what is shown beside it (ids of spec/pzd.toml)."""
 
     state: str
     overlays: tuple[str, ...]
 
 
-def state(zsw1: int, stw1: int | None = None) -> Status:
+def state(zsw1: int, stw1: int | None = None) -> DriveStatus:
     """The state of a drive by its status word; S5 only with the control word that goes with it."""
     found = next(row.id for row in cyclic.states() if zsw1 & row.mask == row.bits)
     ending = cyclic.stopping()
     if found in ending.states and stw1 is not None and _is_stopping(stw1, ending):
         found = ending.id
     beside = tuple(row.id for row in cyclic.overlays() if zsw1 & row.mask == row.bits)
-    return Status(found, beside)
+    return DriveStatus(found, beside)
 
 
 def _is_stopping(stw1: int, ending: cyclic.Stopping) -> bool:

@@ -30,7 +30,7 @@ _LONGEST = 1440
 """Bytes of data that a cyclic frame has at the most."""
 
 
-class Side(NamedTuple):
+class CyclicSide(NamedTuple):
     """One direction: the sender's MAC address and frame id, and where the channel is behind the frame id.
 
     Of `length` bytes only the first `watched` matter when they change. `iops` is where the state of the data
@@ -53,7 +53,7 @@ class Side(NamedTuple):
         states = sorted(at for at in (self.iops, self.status) if at is not None)
         return ((self.offset, self.watched), *((at, 1) for at in states))
 
-    def behind(self, other: Side) -> int | None:
+    def behind(self, other: CyclicSide) -> int | None:
         """How many bytes behind another one it begins, where both have bytes in common."""
         distance = self.offset - other.offset
         same = (self.source, self.frame_id) == (other.source, other.frame_id)
@@ -67,7 +67,7 @@ class Side(NamedTuple):
 
 
 @dataclass(slots=True)
-class Relation:
+class CyclicRelation:
     """A channel in cyclic frames between a controller and a device: `model.PKW` or `model.PZD`.
 
     `telegrams` are those that the lengths allow; none where no telegram has them. `frame` is that of the
@@ -84,8 +84,8 @@ class Relation:
     slot: int | None
     subslot: int | None
     telegrams: tuple[int, ...]
-    output: Side
-    input: Side
+    output: CyclicSide
+    input: CyclicSide
     frame: int | None
     certainty: str = LENGTHS
     family: str | None = None
@@ -105,7 +105,7 @@ class Relation:
             return self.output.offset, self.input.offset
         return self.slot, self.subslot
 
-    def meets(self, other: Relation) -> tuple[bool, bool]:
+    def meets(self, other: CyclicRelation) -> tuple[bool, bool]:
         """Whether both have bytes in common, in either direction; whether they are the same channel there."""
         distances = self.output.behind(other.output), self.input.behind(other.input)
         return distances != (None, None), self.channel == other.channel and distances == (0, 0)
@@ -222,10 +222,10 @@ def _size(words: tuple[str, ...]) -> int:
     return sum(4 if word.endswith("(2)") else 2 for word in words)
 
 
-def side(data: Data, source: str, channel: str = model.PKW, offset: int = 0) -> Side:
+def side(data: Data, source: str, channel: str = model.PKW, offset: int = 0) -> CyclicSide:
     """A direction of a channel that begins `offset` bytes behind the data of a submodule."""
     whole = LENGTH if channel == model.PKW else data.length - offset
-    return Side(
+    return CyclicSide(
         source=bytes.fromhex(source.replace(":", "")),
         frame_id=data.frame_id,
         offset=data.offset + offset,

@@ -22,14 +22,14 @@ _PAIRS = 64
 """More pairs of offsets than these say nothing."""
 
 
-class Image(NamedTuple):
+class Sample(NamedTuple):
     """The data of a cyclic frame, and when it was."""
 
     time_ns: int
     data: bytes
 
 
-def offsets(output: Sequence[Image], input_: Sequence[Image]) -> tuple[int, int] | None:
+def offsets(output: Sequence[Sample], input_: Sequence[Sample]) -> tuple[int, int] | None:
     """Where STW1 and ZSW1 stand in the frames of two stations; None where the frames do not show it."""
     found = list(product(_offsets(output, sent=True), _offsets(input_, sent=False)))
     if not found or len(found) > _PAIRS:
@@ -43,7 +43,7 @@ def offsets(output: Sequence[Image], input_: Sequence[Image]) -> tuple[int, int]
     return None
 
 
-def _offsets(images: Sequence[Image], *, sent: bool) -> Iterator[int]:
+def _offsets(images: Sequence[Sample], *, sent: bool) -> Iterator[int]:
     """Where a word may stand in all frames of a side, with IOPS behind the data that begins with it."""
     lengths = sorted({each[not sent] for each in sizes()})
     shortest = min((len(each.data) for each in images), default=0)
@@ -61,13 +61,13 @@ def _may_be(words: set[int], sent: bool) -> bool:
     return controlled and not any(each & FREE for each in words)
 
 
-def _is_good(images: Sequence[Image], at: int) -> bool:
+def _is_good(images: Sequence[Sample], at: int) -> bool:
     """Whether the byte there is a state that is good more often than not, and else bad."""
     states = [each.data[at] for each in images]
     return set(states) <= {0, _GOOD} and 2 * states.count(_GOOD) > len(states)
 
 
-def _play(output: Sequence[Image], input_: Sequence[Image], out: int, in_: int) -> Recorder:
+def _play(output: Sequence[Sample], input_: Sequence[Sample], out: int, in_: int) -> Recorder:
     """What the words at these offsets tell of a drive."""
     recorder = Recorder(Operation({}, limits()), trusted=True, speed=None)
     both = [(each.time_ns, True, each.data[out : out + 4]) for each in output]

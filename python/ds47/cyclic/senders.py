@@ -53,9 +53,12 @@ def senders(frames: Iterable[Frame]) -> list[Sender]:
 def _look(found: dict[_Key, Sender], images: dict[_Key, _Images]) -> None:
     """Says of two that send to each other where control and status word stand, where their frames show it."""
     for one, other in [(a, b) for a in found for b in found if found[a].is_answered_by(found[b])]:
-        from ds47.cyclic.search import Image, offsets  # few captures have any without their Connect
+        from ds47.cyclic.search import (  # few captures have any without their Connect
+            Sample,
+            offsets,
+        )
 
-        places = offsets(*(list(starmap(Image, images[each])) for each in (one, other)))
+        places = offsets(*(list(starmap(Sample, images[each])) for each in (one, other)))
         if places is not None and found[one].word is None and found[other].word is None:
             found[one] = found[one]._replace(word="STW1", offset=places[0])
             found[other] = found[other]._replace(word="ZSW1", offset=places[1])

@@ -8,7 +8,7 @@ from __future__ import annotations
 from ds47 import spec
 from ds47.cyclic import handshake, pkw
 from ds47.cyclic.handshake import PkwJob
-from ds47.cyclic.relations import SIEMENS, Relation
+from ds47.cyclic.relations import SIEMENS, CyclicRelation
 from ds47.model import PKW, Frames, Parameter, ParameterError, Transaction
 from ds47.profidrive.dictionary import unit_of
 from ds47.spec import cyclic
@@ -25,7 +25,7 @@ _ATTRIBUTES = {"description": "description", "text": "text"}
 _FORMATS = {16: "Word", 32: "DoubleWord"}
 
 
-def build(relation: Relation, job: PkwJob, layout: str = pkw.CYCLIC) -> Transaction:
+def build(relation: CyclicRelation, job: PkwJob, layout: str = pkw.CYCLIC) -> Transaction:
     """The transaction of a request that is over."""
     asked = pkw.decode(job.request.data, answer=False, layout=layout)
     access = cyclic.requests()[asked.ak].access
@@ -57,7 +57,7 @@ def build(relation: Relation, job: PkwJob, layout: str = pkw.CYCLIC) -> Transact
 
 
 def _parameter(
-    relation: Relation, asked: pkw.PkwMessage, access: str, job: PkwJob, layout: str
+    relation: CyclicRelation, asked: pkw.PkwMessage, access: str, job: PkwJob, layout: str
 ) -> Parameter:
     """The parameter, with the value that was written or is answered."""
     told = None if job.answer is None else pkw.decode(job.answer.data, answer=True, layout=layout)

@@ -33,7 +33,7 @@ from ds47.spec.statuses import status_hex, status_text
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class CodePart:
     """A part of a code: its value as text, where it stands, what it says."""
 
     value: str
@@ -42,7 +42,7 @@ class Part:
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class BlockOutputs:
     """What WRREC or RDREC shows (`done` is VALID for RDREC); without a name a remark only."""
 
     block: str
@@ -62,7 +62,7 @@ class Reason:
 
 
 @dataclass(frozen=True, slots=True)
-class Meaning:
+class CodeMeaning:
     """One thing that a code can mean, in one language; causes in the order of likelihood.
 
     `known` is False where only the parts of the code have a meaning. `name` is the code in a form
@@ -75,8 +75,8 @@ class Meaning:
     vendor: str | None
     title: str
     known: bool
-    parts: tuple[Part, ...]
-    plc: tuple[Block, ...]
+    parts: tuple[CodePart, ...]
+    plc: tuple[BlockOutputs, ...]
     causes: tuple[Reason, ...]
     advice: str | None
     look: str
@@ -108,7 +108,7 @@ def find_vendor(text: str) -> Maker:
     raise UnknownFormError(text)
 
 
-def explain(text: str, lang: str = "en", vendor: Maker | None = None) -> list[Meaning]:
+def explain(text: str, lang: str = "en", vendor: Maker | None = None) -> list[CodeMeaning]:
     """All that a code can mean, the likeliest first; what has no meaning comes last.
 
     Args:
@@ -120,7 +120,7 @@ def explain(text: str, lang: str = "en", vendor: Maker | None = None) -> list[Me
         UnknownFormError: the text is not a code.
     """
     code = read(text)
-    found: dict[tuple[str, str, str | None], Meaning] = {}
+    found: dict[tuple[str, str, str | None], CodeMeaning] = {}
     for reading in code.readings:
         for meaning in _meanings(reading, code.kind, lang, vendor):
             found.setdefault((meaning.kind, meaning.code, meaning.vendor), meaning)
@@ -136,7 +136,7 @@ def explain(text: str, lang: str = "en", vendor: Maker | None = None) -> list[Me
 
 def _meanings(
     reading: Reading, kind: str | None, lang: str, vendor: Maker | None
-) -> Iterator[Meaning]:
+) -> Iterator[CodeMeaning]:
     value = reading.value
     if kind in CYCLIC:
         yield _cyclic_word(str(kind), value, lang)
@@ -168,7 +168,7 @@ def _meanings(
 # Statuses
 
 
-def _status(status: int, lang: str, word: int | None = None) -> Meaning:
+def _status(status: int, lang: str, word: int | None = None) -> CodeMeaning:
     """A status of four bytes; `word` where only its two middle bytes were given."""
     words = explanations.words(lang)
     entry = _entry_of_status(status)
@@ -215,7 +215,7 @@ def _read_too_early(status: int) -> int | None:
     return late if begins and _entry_of_status(late) is not None else None
 
 
-def _without_first_byte(status: int, lang: str) -> Iterator[Meaning]:
+def _without_first_byte(status: int, lang: str) -> Iterator[CodeMeaning]:
     """What begins with the second byte of a status (80B50000), and is none itself."""
     known = _entry_of_status(status) or _entry_of_status(
         int.from_bytes(status.to_bytes(4, "little"), "big")
@@ -258,7 +258,7 @@ def _status_headline(entry: Explanation, status: int, lang: str) -> str:
     )
 
 
-def _status_parts(status: int, lang: str) -> tuple[Part, ...]:
+def _status_parts(status: int, lang: str) -> tuple[CodePart, ...]:
     """The four bytes; what the middle two say depends on who made the status."""
     if status == 0:
         return ()
@@ -268,16 +268,16 @@ def _status_parts(status: int, lang: str) -> tuple[Part, ...]:
     unknown = words["unknown_part"]
     made_by_plc = code in _PLC_FUNCTIONS
     return (
-        Part(
+        CodePart(
             f"{code:02X}",
             "ErrorCode",
             words["plc_itself"] if made_by_plc else names.code.get(code, unknown),
         ),
-        Part(
+        CodePart(
             f"{decode:02X}", "ErrorDecode", "" if made_by_plc else names.decode.get(decode, unknown)
         ),
-        Part(f"{first:02X}", "ErrorCode1", "" if made_by_plc else table.get(first, unknown)),
-        Part(f"{second:02X}", "ErrorCode2", words["second"] if second else ""),
+        CodePart(f"{first:02X}", "ErrorCode1", "" if made_by_plc else table.get(first, unknown)),
+        CodePart(f"{second:02X}", "ErrorCode2", words["second"] if second else ""),
     )
 
 
@@ -294,7 +294,7 @@ def _status_values(status: int) -> dict[str, str]:
 # Words of two bytes
 
 
-def _word(value: int, kind: str | None, lang: str) -> Iterator[Meaning]:
+def _word(value: int, kind: str | None, lang: str) -> Iterator[CodeMeaning]:
     """The middle of a STATUS, or a record index."""
     decode, first = value >> 8, value & 0xFF
     whole: list[int] = []
@@ -317,19 +317,19 @@ def _word(value: int, kind: str | None, lang: str) -> Iterator[Meaning]:
         yield _unknown_word(value, lang)
 
 
-def _unknown_word(value: int, lang: str) -> Meaning:
+def _unknown_word(value: int, lang: str) -> CodeMeaning:
     words = explanations.words(lang)
     code = f"0x{value:04X}"
     plain = words["plain_word"].format(code=code, decimal=value)
     names = spec.status(lang)
     high, low = value >> 8, value & 0xFF
     parts = (
-        Part(
+        CodePart(
             f"{high:02X}",
             words["high"],
             names.code.get(high) or names.decode.get(high) or words["unknown_part"],
         ),
-        Part(
+        CodePart(
             f"{low:02X}",
             words["low"],
             names.decode.get(low) or names.access.get(low) or words["unknown_part"],
@@ -344,7 +344,7 @@ def _unknown_word(value: int, lang: str) -> Meaning:
 # Bytes: ids, formats, error numbers
 
 
-def _byte(value: int, kind: str | None, lang: str, vendor: Maker | None) -> Iterator[Meaning]:
+def _byte(value: int, kind: str | None, lang: str, vendor: Maker | None) -> Iterator[CodeMeaning]:
     if kind in (None, "error"):
         yield from _errors(value, lang, vendor)
     for name in ("response_id", "request_id", "attribute", "format"):
@@ -362,7 +362,7 @@ def _byte(value: int, kind: str | None, lang: str, vendor: Maker | None) -> Iter
             yield _status(value, lang)
 
 
-def _decimal_byte(value: int, lang: str, vendor: Maker | None) -> Iterator[Meaning]:
+def _decimal_byte(value: int, lang: str, vendor: Maker | None) -> Iterator[CodeMeaning]:
     """What people write in decimal: error numbers and indices; a watch table shows response ids."""
     yield from _errors(value, lang, vendor)
     if explanations.of_number("index", value):
@@ -392,7 +392,7 @@ _TABLES: Mapping[str, Callable[[], Mapping[int, Any]]] = {
 }  # fmt: skip
 
 
-def _number(kind: str, value: int, lang: str) -> Meaning:
+def _number(kind: str, value: int, lang: str) -> CodeMeaning:
     """An id, attribute, format, index or first byte of a status."""
     words = explanations.words(lang)
     wide = kind in RETURNED or (kind == "index" and value > 0xFF)
@@ -443,14 +443,14 @@ def _size(code: int, words: Mapping[str, str]) -> str:
     return text if row.confirmed else words["size_unconfirmed"].format(size=text)
 
 
-def _other_names(code: int, words: Mapping[str, str]) -> tuple[Part, ...]:
+def _other_names(code: int, words: Mapping[str, str]) -> tuple[CodePart, ...]:
     """What a PLC and Wireshark call a format, where they call it something else."""
     row = spec.formats()[code]
     names = (("plc_name", row.plc), ("wireshark_name", row.wireshark))
-    return tuple(Part(name, "", words[key]) for key, name in names if name)
+    return tuple(CodePart(name, "", words[key]) for key, name in names if name)
 
 
-def _errors(value: int, lang: str, vendor: Maker | None) -> Iterator[Meaning]:
+def _errors(value: int, lang: str, vendor: Maker | None) -> Iterator[CodeMeaning]:
     """An error number: of the profile, and of each vendor that has one of its own."""
     makers = [
         each for each in spec.vendors()
@@ -469,14 +469,14 @@ def _errors(value: int, lang: str, vendor: Maker | None) -> Iterator[Meaning]:
 
 def _wide_errors(
     value: int, kind: str | None, lang: str, vendor: Maker | None
-) -> Iterator[Meaning]:
+) -> Iterator[CodeMeaning]:
     """An error number beyond a byte: of the vendors that have it; of anyone's only where asked for one."""
     known = any(value in each.errors for each in spec.vendors())
     if kind == "error" or (kind is None and known):
         yield from _errors(value, lang, vendor)
 
 
-def _s7_error(reading: Reading, kind: str | None, lang: str) -> Iterator[Meaning]:
+def _s7_error(reading: Reading, kind: str | None, lang: str) -> Iterator[CodeMeaning]:
     """A word with which S7 communication refuses a job, without a word in front of it."""
     if kind is None and not (reading.decimal and reading.value < _NEGATIVE):
         meaning = _s7(reading.value, lang)
@@ -487,7 +487,7 @@ def _s7_error(reading: Reading, kind: str | None, lang: str) -> Iterator[Meaning
             yield from () if others else (_behind(meaning),)
 
 
-def _behind(meaning: Meaning) -> Meaning:
+def _behind(meaning: CodeMeaning) -> CodeMeaning:
     """What S7 communication says comes last where it is the less likely meaning."""
     return replace(meaning, rank=explanations.rank("s7_else"))
 
@@ -496,7 +496,7 @@ _NEGATIVE = 0x8000
 """From this word on an INT is negative: below it a decimal number is one of a drive."""
 
 
-def _s7(value: int, lang: str) -> Meaning:
+def _s7(value: int, lang: str) -> CodeMeaning:
     """What S7 communication says of a whole job, a word, or of an item, a byte."""
     words, wide = explanations.words(lang), value > 0xFF
     kind, code = (S7_ERROR, f"0x{value:04X}") if wide else (S7_ITEM, f"0x{value:02X}")
@@ -531,7 +531,7 @@ _NOBODY = -1
 
 def _error(
     value: int, text: str, maker: str | None, lang: str, whole_range: bool = False
-) -> Meaning:
+) -> CodeMeaning:
     words = explanations.words(lang)
     code = spec.error_hex(value)
     entry = explanations.of_error(value, maker)
@@ -542,7 +542,7 @@ def _error(
         title = words["vendor_error"].format(code=code, decimal=value, text=text, vendor=maker)
         rank = "vendor_range" if whole_range else "vendor_error"
     info = words[f"info_{spec.error_info_meaning(value)}"] if maker is None else ""
-    parts = (Part("", "", info),) if info else ()
+    parts = (CodePart("", "", info),) if info else ()
     known = not entry.reserved and (maker is not None or value in spec.errors())
     alone = f"{explanations.kind_word('error')} {code}" + (f" --vendor {maker}" if maker else "")
     return _meaning(
@@ -554,7 +554,7 @@ def _error(
 # Words of cyclic frames
 
 
-def _cyclic_word(name: str, value: int, lang: str) -> Meaning:
+def _cyclic_word(name: str, value: int, lang: str) -> CodeMeaning:
     """The control word or the status word: its bits, the state, and what is missing to the next one."""
     words = explanations.words(lang)
     code = f"16#{value:04X}"
@@ -570,7 +570,9 @@ def _cyclic_word(name: str, value: int, lang: str) -> Meaning:
         title = words["zsw1"].format(code=code, decimal=signed(value), state=told)
         advice = words["zsw1_next"].format(text=step) if step else words["zsw1_last"]
     parts = tuple(
-        Part(str(row.bit), "", text) for row in cyclic.bits(name) if (text := row.said(value, lang))
+        CodePart(str(row.bit), "", text)
+        for row in cyclic.bits(name)
+        if (text := row.said(value, lang))
     )
     entry = explanations.of_number(name, value) or explanations.of_unknown()
     return _meaning(
@@ -581,7 +583,7 @@ def _cyclic_word(name: str, value: int, lang: str) -> Meaning:
 # Numbers of a drive
 
 
-def _parameter(number: int, lang: str) -> Meaning:
+def _parameter(number: int, lang: str) -> CodeMeaning:
     """A parameter by its number: name, type, unit, and on which drives it has them."""
     words, known = explanations.words(lang), spec.of_families(number)
     makers = {row.family for row in known}
@@ -606,7 +608,7 @@ _SOURCES = {"bit": ("r0722.2", 0x02D2FC02), "index": ("r2050[1]", 0x0802FC01)}
 """A signal of each kind, and the value of a connection that takes it (docs/protocol.md D.2)."""
 
 
-def _values(rows: list[spec.Pnu], lang: str) -> tuple[Part, ...]:
+def _values(rows: list[spec.Pnu], lang: str) -> tuple[CodePart, ...]:
     """What values of a parameter mean, on the drives of which that is known; how one that connects is read."""
     words = explanations.words(lang)
     connects = next((row.connects for row in rows if row.connects is not None), None)
@@ -614,13 +616,13 @@ def _values(rows: list[spec.Pnu], lang: str) -> tuple[Part, ...]:
         source, value = _SOURCES[connects]
         example = words["connection_example"].format(value=f"16#{value:08X}")
         return (
-            Part("U32", "=", words[f"connection_{connects}"]),
-            Part(example, "=", source),
+            CodePart("U32", "=", words[f"connection_{connects}"]),
+            CodePart(example, "=", source),
         )
     texts = next(
         (row.values_zh if lang == "zh" else row.values_en for row in rows if row.values_en), {}
     )
-    return tuple(Part(str(value), "=", text) for value, text in texts.items())
+    return tuple(CodePart(str(value), "=", text) for value, text in texts.items())
 
 
 def _listed(row: spec.Pnu, lang: str) -> str:
@@ -635,7 +637,7 @@ _FIVE_DIGITS = 1000
 """From this number on faults and alarms are those of SINAMICS, which has five digits; MICROMASTER 4 has four."""
 
 
-def _message(kind: str, number: int, lang: str) -> Meaning:
+def _message(kind: str, number: int, lang: str) -> CodeMeaning:
     """A fault or an alarm by its number; what it means is in no table here."""
     words, entry = explanations.words(lang), explanations.of_number(kind, number)
     assert entry is not None
@@ -654,7 +656,7 @@ def _message(kind: str, number: int, lang: str) -> Meaning:
 # Rules
 
 
-def _rule(number: int, lang: str) -> Meaning:
+def _rule(number: int, lang: str) -> CodeMeaning:
     words = explanations.words(lang)
     code = f"DS{number:03d}"
     rule = spec.rules().get(code)
@@ -674,16 +676,16 @@ def _rule(number: int, lang: str) -> Meaning:
     )
     kind = "rule_of_analyzer" if rule.analyzer_only else "rule"
     entry = explanations.of_number(kind, number) or explanations.of_unknown()
-    cause = explanations.Cause(rule.cause, rule.cause_zh, "usual")
+    cause = explanations.CodeCause(rule.cause, rule.cause_zh, "usual")
     return _meaning(
         "rule", code, code, title, True, entry, lang, rank="index", causes=(cause,),
-        parts=tuple(Part(version, "", words["changed"]) for version in rule.changed),
+        parts=tuple(CodePart(version, "", words["changed"]) for version in rule.changed),
         advice=rule.advice_zh if chinese else rule.advice,
         filter_name=entry.filter, values={"name": code},
     )  # fmt: skip
 
 
-_OF_ONE_MEANING: Mapping[str, Callable[[int, str], Meaning]] = {
+_OF_ONE_MEANING: Mapping[str, Callable[[int, str], CodeMeaning]] = {
     PARAMETER: _parameter, RULE: _rule,
     FAULT: partial(_message, FAULT), ALARM: partial(_message, ALARM),
 }  # fmt: skip
@@ -703,19 +705,19 @@ def _meaning(
     lang: str,
     *,
     rank: str,
-    parts: tuple[Part, ...] = (),
+    parts: tuple[CodePart, ...] = (),
     view: str = "",
     shown: str = "",
-    causes: Sequence[explanations.Cause] = (),
+    causes: Sequence[explanations.CodeCause] = (),
     advice: str | None = None,
     filter_name: str = "",
     values: Mapping[str, str] | None = None,
     vendor: str | None = None,
-) -> Meaning:
+) -> CodeMeaning:
     rows = explanations.views(view or entry.plc)
     templates = explanations.filters(filter_name) if filter_name else {}
     filled = {key: text.format_map(values or {}) for key, text in templates.items()}
-    return Meaning(
+    return CodeMeaning(
         kind=kind,
         code=code,
         name=name,
@@ -724,7 +726,7 @@ def _meaning(
         known=known,
         parts=parts,
         plc=tuple(
-            Block(
+            BlockOutputs(
                 row.block,
                 row.done,
                 row.busy,

@@ -2,7 +2,7 @@
 
     analysis -> what is wanted (`selection`) -> all frames of it (`tracking`) -> a second reading that copies
 
-With a `Key` the frames are rewritten on the way, so that nobody can tell whose they are: `anonymise`.
+With `Replacements` the frames are rewritten on the way, so that nobody can tell whose they are: `anonymise`.
 Nothing is printed here.
 """
 
@@ -27,7 +27,7 @@ from ds47.profinet import dcp, lldp, rpc
 from ds47.profinet.link import mac
 from ds47.profinet.records import NIL_UUID, parse_request, parse_response
 from ds47.report.filters import display_filter
-from ds47.report.places import Places
+from ds47.report.places import FileFrames
 from ds47.s7.choices import PORT
 from ds47.spec.layouts import (
     RPC_CONNECT,
@@ -44,7 +44,7 @@ from .bus import BusFrames
 from .drafts import Draft, Drafts
 from .earlier import APPLICATION, OF_THE_ORIGINAL, is_earlier_export
 from .examples import MOST, Example, examples
-from .mapping import Key, KeyFileError
+from .mapping import KeyFileError, Replacements
 from .original import Original, first_time, opened, whole_frames
 from .s7 import S7Frames
 from .selection import Chosen, Selection, SelectionError, choose
@@ -54,9 +54,9 @@ __all__ = [
     "LINK",
     "MOST",
     "Example",
-    "Key",
+    "ExportOutcome",
     "KeyFileError",
-    "Outcome",
+    "Replacements",
     "Selection",
     "SelectionError",
     "display_filter",
@@ -79,7 +79,7 @@ _OPERATIONS = {
 
 
 @dataclass(slots=True)
-class Outcome:
+class ExportOutcome:
     """What became of one capture.
 
     Attributes:
@@ -102,10 +102,10 @@ def export(
     target: str | Path | BinaryIO,
     selection: Selection,
     options: AnalysisOptions | None = None,
-    key: Key | None = None,
+    key: Replacements | None = None,
     everything: bool = False,
     bus_link: int | None = None,
-) -> Outcome:
+) -> ExportOutcome:
     """Exports the frames of one capture.
 
     Args:
@@ -143,7 +143,7 @@ def export_examples(
     rules: tuple[str, ...] = (),
     options: AnalysisOptions | None = None,
     bus_link: int | None = None,
-) -> Iterator[tuple[Example, Outcome]]:
+) -> Iterator[tuple[Example, ExportOutcome]]:
     """Exports one example of each root cause of a capture, each as a capture of its own.
 
     Args:
@@ -178,13 +178,13 @@ def _copied(
     chosen: Chosen,
     selection: Selection,
     options: AnalysisOptions,
-    key: Key | None,
+    key: Replacements | None,
     everything: bool,
     bus_link: int | None,
     also: Iterable[int] = (),
-) -> Outcome:
+) -> ExportOutcome:
     """Writes what is chosen; `also` are frames that are copied whatever is in them, without a key."""
-    outcome = Outcome(result)
+    outcome = ExportOutcome(result)
     s7_ports = _ports(options) if key is None else ()  # nobody replaces what is in these, either
     wanted = _Survey(selection, chosen, s7_ports).run(source)
     if key is None:
@@ -194,7 +194,7 @@ def _copied(
     else:
         anonymiser = Anonymiser(key, _knowledge(result, options, everything))
         key.learning = True
-        for _ in _Rewriting(anonymiser, Outcome(result)).frames(source, wanted):
+        for _ in _Rewriting(anonymiser, ExportOutcome(result)).frames(source, wanted):
             pass
         key.learning = False
         frames = _Rewriting(anonymiser, outcome).frames(source, wanted)
@@ -381,7 +381,7 @@ def _touches(frame: WholeFrame, chosen: Chosen) -> bool:
 class _Rewriting:
     """The frames without names, in their order."""
 
-    def __init__(self, anonymiser: Anonymiser, outcome: Outcome) -> None:
+    def __init__(self, anonymiser: Anonymiser, outcome: ExportOutcome) -> None:
         self._anonymiser = anonymiser
         self._outcome = outcome
 
@@ -433,7 +433,7 @@ def _write(
     frames: Iterable[WholeFrame],
     target: str | Path | BinaryIO,
     chosen: Chosen,
-    outcome: Outcome,
+    outcome: ExportOutcome,
     plain: bool,
 ) -> None:
     if not isinstance(target, str | Path):
@@ -455,11 +455,15 @@ def _write(
 
 
 def _write_all(
-    frames: Iterable[WholeFrame], stream: BinaryIO, chosen: Chosen, outcome: Outcome, plain: bool
+    frames: Iterable[WholeFrame],
+    stream: BinaryIO,
+    chosen: Chosen,
+    outcome: ExportOutcome,
+    plain: bool,
 ) -> None:
     interfaces: dict[Interface, int] = {}
     # names of files say where somebody has measured: not in a copy without names
-    places = Places(outcome.result.files if plain else ())
+    places = FileFrames(outcome.result.files if plain else ())
     with PcapngWriter(stream, link_type=None, application=APPLICATION + __version__) as writer:
         for frame in frames:
             about = frame.interface

@@ -29,7 +29,7 @@ from ds47.spec.layouts import (
 
 from . import blocks, stations, values
 from .drafts import Draft, Drafts
-from .mapping import Key
+from .mapping import Replacements
 from .tracking import Copy, TrackedMessage
 
 _UDP = 8
@@ -64,7 +64,7 @@ class Anonymiser:
     While the key learns, nothing changes. `leaks` finds what is left of an original.
     """
 
-    def __init__(self, key: Key, knowledge: Knowledge) -> None:
+    def __init__(self, key: Replacements, knowledge: Knowledge) -> None:
         self.key = key
         self._knowledge = knowledge
         self._values = values.Rewriter(key, knowledge.codec, knowledge.everything)
@@ -166,7 +166,7 @@ class Anonymiser:
         """UDP header, RPC header with other UUIDs, the body, zeros."""
         little = data[_UDP + RPC_ORDER] & RPC_LITTLE != 0
         out = bytearray(data[: _UDP + RPC_SIZE] + body)
-        for at, change in zip(_UUIDS, (blocks.object_uuid, Key.uuid), strict=True):
+        for at, change in zip(_UUIDS, (blocks.object_uuid, Replacements.uuid), strict=True):
             place = slice(_UDP + at, _UDP + at + 16)
             out[place] = _turned(change(self.key, _turned(bytes(out[place]), little)), little)
         return (bytes(out) + bytes(len(data)))[: len(data)]
@@ -258,7 +258,7 @@ class _Checksum:
         return image[:6] + b"\0\0" + image[8:]
 
 
-def _hardware(key: Key, length: bytes, field_: bytes) -> bytes:
+def _hardware(key: Replacements, length: bytes, field_: bytes) -> bytes:
     """The eight bytes of an address in a cooked header."""
     if bytes(length) == b"\0\6":
         return key.mac(field_[:6]) + bytes(len(field_[6:]))

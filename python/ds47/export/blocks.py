@@ -34,7 +34,7 @@ from ds47.spec.layouts import (
     RPC_WRITE,
 )
 
-from .mapping import Key
+from .mapping import Replacements
 from .stations import blank
 
 _RECORD = {
@@ -78,7 +78,7 @@ _BLOCKS: Mapping[int, _Layout] = {
 """Blocks of Connect, Release and Control that are known; of all others only the head stays."""
 
 
-def body(key: Key, pdu: rpc.Pdu, record: Record) -> bytes:
+def body(key: Replacements, pdu: rpc.Pdu, record: Record) -> bytes:
     """The body of a whole request or response, as far as it was captured."""
     data = pdu.body
     if pdu.ptype not in (0, 2):
@@ -89,13 +89,13 @@ def body(key: Key, pdu: rpc.Pdu, record: Record) -> bytes:
     return out + _blocks(key, rest)
 
 
-def object_uuid(key: Key, data: bytes) -> bytes:
+def object_uuid(key: Replacements, data: bytes) -> bytes:
     """An object UUID of PROFINET says vendor and device, nothing else: it stays. Network order."""
     known = len(data) == 16 and rpc.device_identity(data) is not None
     return data if known else key.uuid(data)
 
 
-def _blocks(key: Key, data: bytes) -> bytes:
+def _blocks(key: Replacements, data: bytes) -> bytes:
     out = b""
     while len(out) + BLOCK_SIZE <= len(data):
         at = len(out)
@@ -113,7 +113,7 @@ def _blocks(key: Key, data: bytes) -> bytes:
     return out + blank(data[len(out) :])
 
 
-def _block(key: Key, block: bytes, layout: _Layout) -> bytes:
+def _block(key: Replacements, block: bytes, layout: _Layout) -> bytes:
     out = bytearray(block)
     for at in layout.macs:
         out[at : at + 6] = key.mac(block[at : at + 6])
@@ -131,7 +131,7 @@ def _block(key: Key, block: bytes, layout: _Layout) -> bytes:
     return bytes(out[: len(block)])
 
 
-def _records(key: Key, pdu: rpc.Pdu, data: bytes, record: Record) -> bytes:
+def _records(key: Replacements, pdu: rpc.Pdu, data: bytes, record: Record) -> bytes:
     """Record blocks one after another; IODWriteMultiple holds more of them, padded to four."""
     out, request = b"", pdu.ptype == 0
     while len(out) + RECORD_SIZE <= len(data):
@@ -153,7 +153,7 @@ def _records(key: Key, pdu: rpc.Pdu, data: bytes, record: Record) -> bytes:
     return out + blank(data[len(out) :])
 
 
-def _record_head(key: Key, head: bytes) -> bytes:
+def _record_head(key: Replacements, head: bytes) -> bytes:
     out = head[:8] + key.uuid(head[_AR_UUID]) + head[24:40]
     if head[:2] == b"\0\x09":  # a Read request: the AR it is about, then padding
         return out + key.uuid(head[40:56]) + blank(head[56:])

@@ -40,7 +40,7 @@ class KeyFileError(Exception):
     """The key file cannot be read or written; the message is one line."""
 
 
-class Key:
+class Replacements:
     """Replacements for addresses, names, UUIDs and values.
 
     It is used twice: first every original is met while `learning` (nothing is replaced), then they are
@@ -201,7 +201,7 @@ class Key:
             raise KeyFileError(f"cannot write {path}: {problem.strerror}") from problem
 
     @classmethod
-    def load(cls, path: Path) -> Key:
+    def load(cls, path: Path) -> Replacements:
         """Reads a key, to go on with it. Raises KeyFileError."""
         try:
             document = json.loads(path.read_text(encoding="utf-8"))

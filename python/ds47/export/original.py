@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from ds47.capture import Capture, Series, WholeFrame, open_capture
-from ds47.capture.series import Part
+from ds47.capture.series import SeriesPart
 
-Original = str | Path | Sequence[Part]
+Original = str | Path | Sequence[SeriesPart]
 """Path of a capture, or the files of a series."""
 
 

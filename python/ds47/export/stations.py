@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 
-from .mapping import Key
+from .mapping import Replacements
 
 _GET, _SET, _IDENTIFY, _HELLO = 3, 4, 5, 6
 _REQUEST = 0
@@ -29,7 +29,7 @@ _SUBTYPE_MAC, _SUBTYPE_ADDRESS = {_CHASSIS: 4, _PORT_ID: 3}, {_CHASSIS: 5, _PORT
 _PROFINET, _IEEE_802_3 = b"\x00\x0e\xcf", b"\x00\x12\x0f"
 _LONGEST_802_3 = 16
 
-_Map = Callable[[Key, bytes], bytes]
+_Map = Callable[[Replacements, bytes], bytes]
 
 
 def blank(data: bytes) -> bytes:
@@ -42,25 +42,25 @@ def _keep(size: int) -> _Map:
     return lambda _key, data: data[:size] + blank(data[size:])
 
 
-def _options(_key: Key, data: bytes) -> bytes:
+def _options(_key: Replacements, data: bytes) -> bytes:
     """Numbers of options and suboptions; zeros for those that are none."""
     pairs = (data[at : at + 2] for at in range(0, len(data), 2))
     return b"".join(blank(each) if each[0] in _RESERVED else each for each in pairs)
 
 
-def _zero(_key: Key, data: bytes) -> bytes:
+def _zero(_key: Replacements, data: bytes) -> bytes:
     return blank(data)
 
 
-def _mac(key: Key, data: bytes) -> bytes:
+def _mac(key: Replacements, data: bytes) -> bytes:
     return key.mac(data[:6]) + blank(data[6:])
 
 
-def _name(key: Key, data: bytes) -> bytes:
+def _name(key: Replacements, data: bytes) -> bytes:
     return key.name(data)
 
 
-def port_name(key: Key, data: bytes) -> bytes:
+def port_name(key: Replacements, data: bytes) -> bytes:
     """`port-001` stays; of `port-001.drive-1` the name of the station is replaced."""
     core = data.rstrip(b"\0 ")
     if _PORT.fullmatch(core):
@@ -71,7 +71,7 @@ def port_name(key: Key, data: bytes) -> bytes:
     return key.name(data)
 
 
-def _ip_suite(key: Key, data: bytes) -> bytes:
+def _ip_suite(key: Replacements, data: bytes) -> bytes:
     """Address, mask, gateway; then the addresses of name servers."""
     words = [data[at : at + 4] for at in range(0, len(data), 4)]
     return b"".join(
@@ -99,7 +99,7 @@ _DCP: dict[tuple[int, int], _Map] = {
 """Option and suboption -> what becomes of its content; zeros for all others."""
 
 
-def dcp(key: Key, data: bytes) -> bytes:
+def dcp(key: Replacements, data: bytes) -> bytes:
     """A DCP frame from the frame id on, padding included."""
     if len(data) < _DCP_HEADER:
         return data
@@ -121,7 +121,7 @@ def dcp(key: Key, data: bytes) -> bytes:
     return out + blank(data[len(out) :])
 
 
-def lldp(key: Key, data: bytes) -> bytes:
+def lldp(key: Replacements, data: bytes) -> bytes:
     """An LLDPDU, padding included."""
     out = b""
     while len(out) + 2 <= len(data):
@@ -135,7 +135,7 @@ def lldp(key: Key, data: bytes) -> bytes:
     return out + blank(data[len(out) :])
 
 
-def _tlv(key: Key, kind: int, value: bytes) -> bytes:
+def _tlv(key: Replacements, kind: int, value: bytes) -> bytes:
     if kind in (_CHASSIS, _PORT_ID) and value:
         subtype, content = value[0], value[1:]
         if subtype == _SUBTYPE_MAC[kind]:
@@ -153,7 +153,7 @@ def _tlv(key: Key, kind: int, value: bytes) -> bytes:
     return value[:known] + blank(value[known:])
 
 
-def _management(key: Key, value: bytes) -> bytes:
+def _management(key: Replacements, value: bytes) -> bytes:
     """Length, subtype and address, then interface number and object identifier."""
     size = value[0] if value else 0
     address = value[2 : 1 + size]
@@ -166,7 +166,7 @@ def _management(key: Key, value: bytes) -> bytes:
     return value[:2] + blank(address) + blank(rest)
 
 
-def _organisation(key: Key, value: bytes) -> bytes:
+def _organisation(key: Replacements, value: bytes) -> bytes:
     head, content = value[:4], value[4:]
     if value[:3] == _IEEE_802_3:
         return value[:_LONGEST_802_3] + blank(value[_LONGEST_802_3:])

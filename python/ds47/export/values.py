@@ -15,7 +15,7 @@ from ds47.profidrive import Block, Options, Request, Response, decode_request, d
 from ds47.profidrive.model import ERROR, VALUE, Address
 from ds47.spec.layouts import MESSAGE_SIZE
 
-from .mapping import Key
+from .mapping import Replacements
 
 _NAMES = frozenset((61000,))
 _NAMES_SIEMENS = frozenset((199, 8806, 8807, 8808, 8809, 8900, 8910, 8920, 8930))
@@ -48,7 +48,7 @@ class Rewriter:
         everything: whether all values are replaced.
     """
 
-    key: Key
+    key: Replacements
     options: Options
     everything: bool
 
@@ -130,7 +130,7 @@ def _answers(response: Response, request: Request) -> bool:
     )
 
 
-def _identity(key: Key, pnu: int | None, vendor: int | None, raw: bytes) -> bytes | None:
+def _identity(key: Replacements, pnu: int | None, vendor: int | None, raw: bytes) -> bytes | None:
     """An address or a name, None where it is neither; one character or number of it alone becomes zeros."""
     siemens = vendor in (SIEMENS, None)
     if pnu in _NAMES or (siemens and pnu in _NAMES_SIEMENS):
@@ -142,14 +142,14 @@ def _identity(key: Key, pnu: int | None, vendor: int | None, raw: bytes) -> byte
     return None
 
 
-def _text(key: Key, raw: bytes) -> bytes:
+def _text(key: Replacements, raw: bytes) -> bytes:
     """A text, of characters of one byte, or of two as 16-bit words."""
     if len(raw) > 3 and not len(raw) % 2 and not any(raw[::2]):
         return b"".join(bytes((0, char)) for char in _text(key, raw[1::2]))
     return key.name(raw) if len(raw.rstrip(b"\0 ")) > 1 else bytes(len(raw))
 
 
-def _values(key: Key, block: Block) -> bytes:
+def _values(key: Replacements, block: Block) -> bytes:
     """Equal values become equal ones, whatever their format says: what was written is read back."""
     known = spec.formats().get(block.format if block.meaning is None else block.meaning)
     raw, count = block.raw, block.value_count

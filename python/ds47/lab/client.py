@@ -14,13 +14,13 @@ from uuid import UUID
 from ds47.lab import wire
 from ds47.lab.ether import Host
 from ds47.lab.stage import Stage
-from ds47.lab.wire import Call, Channel, Order, Said
+from ds47.lab.wire import Call, Order, PduContent, RecordId
 
 OK = 0
 BUSY = 0xDE80B500
 
 CONTROLLER_AR = UUID("47474747-0001-4000-8000-000000000001")
-CHANNEL = Channel(CONTROLLER_AR)
+CHANNEL = RecordId(CONTROLLER_AR)
 CONTROLLER_ACTIVITY = UUID("1f2e3d4c-5b6a-11f0-8a47-00000a0b0c01")
 
 
@@ -45,7 +45,7 @@ class Client:
     order: Order = "<"
     answer_order: Order | None = None
     """Byte order of the device's PDUs; None follows the request."""
-    channel: Channel = CHANNEL
+    channel: RecordId = CHANNEL
     activity: UUID = CONTROLLER_ACTIVITY
     sequence: int = 0
     fragment: int | None = None
@@ -54,7 +54,7 @@ class Client:
     """Port that the device answers from and is asked at after its first answer."""
     server_port: int | None = None
 
-    def at(self, **place: Any) -> Channel:
+    def at(self, **place: Any) -> RecordId:
         """The client's channel with another slot, subslot, index, API or AR."""
         return replace(self.channel, **place)
 
@@ -76,19 +76,19 @@ class Client:
         return call
 
     def ask(self, call: Call, blocks: bytes, kind: int = wire.REQUEST, **said: Any) -> None:
-        """The controller sends a PDU of a call; `said` are fields of `Said`."""
+        """The controller sends a PDU of a call; `said` are fields of `PduContent`."""
         body = wire.request_body(self.order, blocks) if kind == wire.REQUEST else blocks
         ports = (self.host.port, self.server_port or self.device.port)
-        self.stage.said = Said(call, True, self.host.ip, **said)
+        self.stage.said = PduContent(call, True, self.host.ip, **said)
         for part in wire.pdus(kind, self.order, call, body, self.fragment):
             self.stage.send(self.host, self.device, part, ports)
         self.stage.said = None
 
     def reply(self, call: Call, body: bytes, kind: int = wire.RESPONSE, **said: Any) -> None:
-        """The device sends a PDU of a call; the body is complete, `said` are fields of `Said`."""
+        """The device sends a PDU of a call; the body is complete, `said` are fields of `PduContent`."""
         ports = (self.answer_port or self.device.port, self.host.port)
         self.server_port = self.answer_port
-        self.stage.said = Said(call, False, self.host.ip, **said)
+        self.stage.said = PduContent(call, False, self.host.ip, **said)
         for part in wire.pdus(kind, self.reply_order, call, body, self.fragment):
             self.stage.send(self.device, self.host, part, ports)
         self.stage.said = None
@@ -120,7 +120,7 @@ class Client:
     def ask_write(
         self,
         record: bytes,
-        at: Channel | None = None,
+        at: RecordId | None = None,
         stated: int | None = None,
         again: Call | None = None,
     ) -> Call:
@@ -132,19 +132,19 @@ class Client:
         return call
 
     def accept_write(
-        self, call: Call, record: bytes, at: Channel | None = None, status: int = OK
+        self, call: Call, record: bytes, at: RecordId | None = None, status: int = OK
     ) -> None:
         """Write response alone."""
         length = 0 if status else len(record)
         block = wire.write_response(call.sequence, at or self.channel, length, status)
         self.accept(call, status, block)
 
-    def write(self, record: bytes, status: int = OK, at: Channel | None = None) -> None:
+    def write(self, record: bytes, status: int = OK, at: RecordId | None = None) -> None:
         """A whole Write."""
         self.accept_write(self.ask_write(record, at), record, at, status)
 
     def ask_read(
-        self, at: Channel | None = None, maximum: int = 4096, again: Call | None = None
+        self, at: RecordId | None = None, maximum: int = 4096, again: Call | None = None
     ) -> Call:
         """Read request alone; `again` is the call whose request is sent once more."""
         call = again or self.call(wire.READ)
@@ -153,36 +153,38 @@ class Client:
         self.ask(call, block, place=place, room=maximum)
         return call
 
-    def ask_implicit(self, at: Channel) -> Call:
+    def ask_implicit(self, at: RecordId) -> Call:
         """Request of a ReadImplicit alone; the place has no AR."""
         call = self.call(wire.READ_IMPLICIT)
         self.ask(call, wire.read_request(call.sequence, at), place=at)
         return call
 
     def accept_read(
-        self, call: Call, record: bytes, at: Channel | None = None, stated: int | None = None
+        self, call: Call, record: bytes, at: RecordId | None = None, stated: int | None = None
     ) -> None:
         """Positive Read response alone."""
         block = wire.read_response(call.sequence, at or self.channel, record, stated)
         self.accept(call, OK, block, record)
 
     def refuse_read(
-        self, call: Call, status: int, at: Channel | None = None, with_header: bool = True
+        self, call: Call, status: int, at: RecordId | None = None, with_header: bool = True
     ) -> None:
         """Negative Read response, with an IODReadResHeader of length 0 or without any block."""
         block = wire.read_response(call.sequence, at or self.channel, b"") if with_header else b""
         self.accept(call, status, block)
 
-    def read(self, record: bytes, at: Channel | None = None) -> None:
+    def read(self, record: bytes, at: RecordId | None = None) -> None:
         """A whole Read that brings the record."""
         self.accept_read(self.ask_read(at), record, at)
 
-    def poll(self, status: int = BUSY, at: Channel | None = None, with_header: bool = True) -> None:
+    def poll(
+        self, status: int = BUSY, at: RecordId | None = None, with_header: bool = True
+    ) -> None:
         """A whole Read that is refused."""
         self.refuse_read(self.ask_read(at), status, at, with_header)
 
     def exchange(
-        self, request: bytes, response: bytes, at: Channel | None = None, polls: int = 0
+        self, request: bytes, response: bytes, at: RecordId | None = None, polls: int = 0
     ) -> None:
         """A whole transaction."""
         self.write(request, at=at)
@@ -191,7 +193,7 @@ class Client:
             self.wait(10)
         self.read(response, at)
 
-    def write_multiple(self, records: Sequence[tuple[Channel, bytes, int]]) -> None:
+    def write_multiple(self, records: Sequence[tuple[RecordId, bytes, int]]) -> None:
         """IODWriteMultiple with (channel, record, status) inside."""
         call = self.call(wire.WRITE)
         outer = self.at(slot=0xFFFF, subslot=0xFFFF, api=0xFFFFFFFF, index=wire.WRITE_MULTIPLE)

@@ -24,7 +24,7 @@ _RUN = 0x35
 
 
 @dataclass(frozen=True, slots=True)
-class Module:
+class LabModule:
     """A submodule with as many bytes of data in both directions."""
 
     slot: int
@@ -33,7 +33,7 @@ class Module:
     ident: int = 0x4711
 
 
-PKW, PZD = Module(2, 2, 8), Module(2, 3, 4)
+PKW, PZD = LabModule(2, 2, 8), LabModule(2, 3, 4)
 """Telegram 353: four words of PKW, two of PZD, in the slot of one drive object."""
 
 
@@ -46,14 +46,14 @@ class Cyclic:
     """
 
     client: Client
-    modules: Sequence[Module] = (PKW, PZD)
+    modules: Sequence[LabModule] = (PKW, PZD)
     frame_ids: tuple[int, int] = (0x8001, 0xFFFF)
     given: int = 0x8002
     reduction: float = 4
     """Cycles of one millisecond from one frame to the next, a whole number."""
     iops: dict[int, int] = field(default_factory=lambda: {INPUT: GOOD, OUTPUT: GOOD})
     status: int = _RUN
-    data: dict[tuple[Module, int], bytes] = field(default_factory=dict)
+    data: dict[tuple[LabModule, int], bytes] = field(default_factory=dict)
     """What a module has in a direction; else zeros."""
 
     def connect(self, station: str = "plc") -> None:
@@ -70,7 +70,7 @@ class Cyclic:
             told += _block(0x8102, struct.pack(">HHH", kind, kind, frame_id))
         client.accept(call, OK, told)
 
-    def _offsets(self) -> list[tuple[Module, int]]:
+    def _offsets(self) -> list[tuple[LabModule, int]]:
         """Where the data of each module begins; IOPS stands behind it."""
         found, at = [], 0
         for module in self.modules:
@@ -114,7 +114,7 @@ class Cyclic:
 
     # Frames
 
-    def say(self, module: Module, kind: int, data: bytes) -> None:
+    def say(self, module: LabModule, kind: int, data: bytes) -> None:
         """From the next cycle on a module has this data in a direction."""
         self.data[module, kind] = data
 

@@ -8,15 +8,15 @@ from __future__ import annotations
 import struct
 
 from ds47.lab.client import Client, drive
-from ds47.lab.cyclic import BAD, GOOD, INPUT, OUTPUT, PKW, PZD, Cyclic, Module
-from ds47.lab.drive import Cell, Drive
+from ds47.lab.cyclic import BAD, GOOD, INPUT, OUTPUT, PKW, PZD, Cyclic, LabModule
+from ds47.lab.drive import LabDrive, PkwParameter
 from ds47.lab.machine import ACKNOWLEDGE, IDLE, OFF, ON, Machine
 from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
 
 BOOK = Book("cyclic")
 FLOAT = {"double": True}
 ERROR_CHANGE, ERROR_READ = ("change", "error"), ("read", "error")
-SPEED, ALONE = Module(2, 2, 4), Module(2, 2, 12)
+SPEED, ALONE = LabModule(2, 2, 4), LabModule(2, 2, 12)
 """Telegrams 1 and 352, without PKW."""
 WITHOUT_CONTROL = 0x007E
 """OFF without bit 10."""
@@ -27,25 +27,25 @@ def real(value: float) -> bytes:
     return struct.pack(">f", value)
 
 
-def parameters() -> dict[tuple[int, int], Cell]:
+def parameters() -> dict[tuple[int, int], PkwParameter]:
     """What the drive of most scenes has: p1082 is the maximum, p1120 the ramp-up time."""
     return {
-        (1082, 0): Cell(real(50.0), double=True),
-        (1120, 0): Cell(real(10.0), double=True),
-        (2000, 0): Cell(real(50.0), double=True),
-        (2010, 1): Cell(real(50.0), double=True, array=True),
-        (700, 0): Cell(b"\0\6", most=10),
-        (304, 0): Cell(b"\0\x64", locked=True),
-        (52, 0): Cell(b"\0\7", writable=False),
+        (1082, 0): PkwParameter(real(50.0), double=True),
+        (1120, 0): PkwParameter(real(10.0), double=True),
+        (2000, 0): PkwParameter(real(50.0), double=True),
+        (2010, 1): PkwParameter(real(50.0), double=True, array=True),
+        (700, 0): PkwParameter(b"\0\6", most=10),
+        (304, 0): PkwParameter(b"\0\x64", locked=True),
+        (52, 0): PkwParameter(b"\0\7", writable=False),
     }
 
 
 def machine(
-    client: Client, *modules: Module, reduction: int = 16, **settings: object
+    client: Client, *modules: LabModule, reduction: int = 16, **settings: object
 ) -> Machine[Cyclic]:
     """The machine of most scenes, connected; `settings` are those of its drive."""
     line = Cyclic(client, modules or (PKW, PZD), reduction=reduction)
-    drive = Drive(cells=parameters())
+    drive = LabDrive(cells=parameters())
     for name, value in settings.items():
         setattr(drive, name, value)
     return Machine(line, drive).connect()

@@ -7,17 +7,17 @@ from __future__ import annotations
 
 from ds47.lab import message
 from ds47.lab.client import Client
-from ds47.lab.cyclic import Cyclic, Module
-from ds47.lab.drive import Drive
+from ds47.lab.cyclic import Cyclic, LabModule
+from ds47.lab.drive import LabDrive
 from ds47.lab.machine import OFF, ON, Machine
 from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
 
 BOOK = Book("cyclic")
-TELEGRAM_1 = Module(2, 2, 4)
+TELEGRAM_1 = LabModule(2, 2, 4)
 _IN_OPERATION = 0x6B
 
 
-def _machine(client: Client, drive: Drive, reduction: int) -> Machine[Cyclic]:
+def _machine(client: Client, drive: LabDrive, reduction: int) -> Machine[Cyclic]:
     """Telegram 1, with the parameter channel in the same slot."""
     client.channel = client.at(slot=2, subslot=1)
     return Machine(Cyclic(client, (TELEGRAM_1,), reduction=reduction), drive).connect()
@@ -30,7 +30,11 @@ def _machine(client: Client, drive: Drive, reduction: int) -> Machine[Cyclic]:
 def changed_after_off1(client: Client) -> None:
     """A change that is accepted only at standstill."""
     it = (
-        _machine(client, Drive(up_s=4, down_s=4), 32).control(OFF).run(0.5).setpoint(80).control(ON)
+        _machine(client, LabDrive(up_s=4, down_s=4), 32)
+        .control(OFF)
+        .run(0.5)
+        .setpoint(80)
+        .control(ON)
     )
     it.until(lambda drive: drive.actual >= 79.9).run(1)
     asked = message.change(1, 2, (message.address(50076), message.word(1)))
@@ -48,7 +52,7 @@ def changed_after_off1(client: Client) -> None:
 )  # fmt: skip
 def longer_ramp(client: Client) -> None:
     """The ramp-down time is changed, and the drive takes ten times as long to stop."""
-    drive = Drive(up_s=5, down_s=10)
+    drive = LabDrive(up_s=5, down_s=10)
     it = _machine(client, drive, 128).control(OFF).run(0.5).setpoint(99).control(ON)
     it.until(lambda drive: drive.actual >= 98.9).run(1)
     it.control(OFF).until(lambda drive: drive.state == "S2").run(1)
@@ -68,7 +72,7 @@ def longer_ramp(client: Client) -> None:
 )  # fmt: skip
 def does_not_start(client: Client) -> None:
     """A drive that does not start, because ON is no edge."""
-    drive = Drive(up_s=3, excite_s=1.2)
+    drive = LabDrive(up_s=3, excite_s=1.2)
     it = (
         _machine(client, drive, 16)
         .setpoint(60)

@@ -13,7 +13,7 @@ from uuid import UUID
 from ds47.lab import message
 from ds47.lab.client import BUSY, Client, controller
 from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
-from ds47.lab.wire import Channel
+from ds47.lab.wire import RecordId
 
 BOOK = Book("diagnosis")
 
@@ -58,13 +58,13 @@ def save(client: Client, reference: int) -> None:
     client.exchange(request, message.changed(reference, 1), polls=3)
 
 
-def ask(client: Client, reference: int, value: float = 1500.0, at: Channel | None = None) -> None:
+def ask(client: Client, reference: int, value: float = 1500.0, at: RecordId | None = None) -> None:
     """A read of r0021 that nothing is wrong with."""
     client.exchange(read(reference), speed(reference, value), at=at)
     client.wait(CYCLE)
 
 
-def polls(client: Client, count: int, pause: float = CYCLE, at: Channel | None = None) -> None:
+def polls(client: Client, count: int, pause: float = CYCLE, at: RecordId | None = None) -> None:
     """Reads that are refused with DE80B500, and a pause behind each."""
     for _ in range(count):
         client.poll(at=at)

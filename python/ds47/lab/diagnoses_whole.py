@@ -24,7 +24,7 @@ from ds47.lab.diagnoses import (
 from ds47.lab.ether import Host
 from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
 from ds47.lab.stage import Stage
-from ds47.lab.wire import Channel
+from ds47.lab.wire import RecordId
 
 BOOK = Book("diagnosis")
 
@@ -150,7 +150,7 @@ class _OneWay(Stage):
 
 def _heard_from(client: Client, speaker: str) -> None:
     client.stage = _OneWay(client.stage, speaker)
-    client.channel = Channel(UUID(int=1), index=LOCAL)
+    client.channel = RecordId(UUID(int=1), index=LOCAL)
     for reference in (1, 2, 3):
         ask(client, reference, 1500.0 + reference)
 

@@ -17,7 +17,7 @@ _ALWAYS = 0x8800 | 0x2000 | 0x1000 | 0x0100
 
 
 @dataclass(slots=True)
-class Cell:
+class PkwParameter:
     """A parameter of the PKW server: its value as PWE1 and PWE2, and what it bears."""
 
     value: bytes
@@ -32,7 +32,7 @@ class Cell:
 
 
 @dataclass(slots=True)
-class Drive:
+class LabDrive:
     """One drive object.
 
     `up_s` and `down_s` are the seconds that its ramp takes for 100 %, `quick_s` those of OFF3, `excite_s` those
@@ -57,7 +57,7 @@ class Drive:
     state: str = "S1"
     actual: float = 0.0
     """Speed in percent."""
-    cells: dict[tuple[int, int], Cell] = field(default_factory=dict)
+    cells: dict[tuple[int, int], PkwParameter] = field(default_factory=dict)
     pause: int = 3
     """Cycles from a request of PKW to its response."""
     echo_zero: bool = False
@@ -189,7 +189,7 @@ class Drive:
         told = self._tell(request, cell)
         return told[:4] + bytes(4) if self.echo_zero else told
 
-    def _tell(self, request: bytes, cell: Cell) -> bytes:
+    def _tell(self, request: bytes, cell: PkwParameter) -> bytes:
         ak = (2 if cell.double else 1) + (3 if cell.array else 0)
         return bytes((ak << 4 | request[0] & 0x07,)) + request[1:4] + cell.value.rjust(4, b"\0")
 

@@ -11,8 +11,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Generic, Protocol, TypeVar
 
-from ds47.lab.cyclic import INPUT, OUTPUT, Module
-from ds47.lab.drive import FULL, Drive
+from ds47.lab.cyclic import INPUT, OUTPUT, LabModule
+from ds47.lab.drive import FULL, LabDrive
 
 OFF, ON, ACKNOWLEDGE = 0x047E, 0x047F, 0x04FE
 IDLE = bytes(8)
@@ -21,14 +21,14 @@ IDLE = bytes(8)
 class Carrier(Protocol):
     """Cyclic frames of any kind: modules that have data in both directions."""
 
-    modules: Sequence[Module]
+    modules: Sequence[LabModule]
     reduction: float
     """Milliseconds of a cycle."""
 
     def connect(self) -> None:
         """What comes before the first cycle."""
 
-    def say(self, module: Module, kind: int, data: bytes) -> None:
+    def say(self, module: LabModule, kind: int, data: bytes) -> None:
         """From the next cycle on a module has this data in a direction."""
 
     def cycle(self) -> None:
@@ -46,19 +46,19 @@ class Machine(Generic[Line]):
     """
 
     line: Line
-    drive: Drive = field(default_factory=Drive)
+    drive: LabDrive = field(default_factory=LabDrive)
     stw1: int = 0
     raw: int = 0
     words: bytes = IDLE
     between: Callable[[], None] = lambda: None
 
     @property
-    def pkw(self) -> Module | None:
+    def pkw(self) -> LabModule | None:
         """The module of PKW, which comes first where it is."""
         return self.line.modules[0] if len(self.line.modules) > 1 else None
 
     @property
-    def pzd(self) -> Module:
+    def pzd(self) -> LabModule:
         """The module of PZD."""
         return self.line.modules[-1]
 
@@ -85,7 +85,7 @@ class Machine(Generic[Line]):
             self.cycle()
         return self
 
-    def until(self, done: Callable[[Drive], bool], most: float = 200) -> Machine[Line]:
+    def until(self, done: Callable[[LabDrive], bool], most: float = 200) -> Machine[Line]:
         """Time goes by until the drive is as wanted, so many seconds at the most."""
         for _ in range(round(most * 1000 / self.line.reduction)):
             self.cycle()

@@ -9,12 +9,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from ds47.lab import fdl
-from ds47.lab.cyclic import INPUT, OUTPUT, PKW, PZD, Module
+from ds47.lab.cyclic import INPUT, OUTPUT, PKW, PZD, LabModule
 from ds47.lab.master import SET_PRM, Master
 
 
 @dataclass(slots=True)
-class Ppo:
+class PpoStation:
     """A station and its exchanges with the master.
 
     `reduction`: milliseconds of a cycle. `beside`: called in each cycle behind the exchange.
@@ -22,7 +22,7 @@ class Ppo:
 
     master: Master
     station: int = 3
-    modules: Sequence[Module] = (PKW, PZD)
+    modules: Sequence[LabModule] = (PKW, PZD)
     reduction: float = 16
     set_prm: str = SET_PRM
     configured: str = ""
@@ -30,7 +30,7 @@ class Ppo:
     code: int = fdl.LOW
     """Of the answers."""
     beside: Callable[[], object] = lambda: None
-    data: dict[tuple[Module, int], bytes] = field(default_factory=dict)
+    data: dict[tuple[LabModule, int], bytes] = field(default_factory=dict)
 
     def connect(self) -> None:
         """Start-up, and the master says operate."""
@@ -38,7 +38,7 @@ class Ppo:
         self.master.start(self.station, self.set_prm, self.configured or words.hex())
         self.master.control()
 
-    def say(self, module: Module, kind: int, data: bytes) -> None:
+    def say(self, module: LabModule, kind: int, data: bytes) -> None:
         """From the next cycle on a module has this data in a direction."""
         self.data[module, kind] = data
 

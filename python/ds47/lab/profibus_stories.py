@@ -8,10 +8,10 @@ from __future__ import annotations
 from ds47.lab import fdl, message
 from ds47.lab.cyclic import PZD
 from ds47.lab.cyclic_scenes import PRINTED, real
-from ds47.lab.drive import Cell, Drive
+from ds47.lab.drive import LabDrive, PkwParameter
 from ds47.lab.machine import ACKNOWLEDGE, IDLE, OFF, ON, Machine
 from ds47.lab.master import FAULTY, NO_DPV1, NOT_READY, PPO3, SET_PRM, WAITS, Master, Way
-from ds47.lab.ppo import Ppo
+from ds47.lab.ppo import PpoStation
 from ds47.lab.scenario import OK_CHANGE, OK_READ, BusBook
 from ds47.lab.seeds import DCM_CHANGE, DCM_READ, G120_CHANGE, G120_READ
 
@@ -149,17 +149,17 @@ def bad_habits(master: Master) -> None:
 # Drives
 
 
-def _cells() -> dict[tuple[int, int], Cell]:
+def _cells() -> dict[tuple[int, int], PkwParameter]:
     """What the printed telegrams of PKW read and change."""
     return {
-        (25, 0): Cell(real(230.0), double=True),
-        (700, 0): Cell(b"\0\2"),
-        (1082, 0): Cell(real(50.0), double=True),
-        (2010, 1): Cell(real(50.0), double=True),
+        (25, 0): PkwParameter(real(230.0), double=True),
+        (700, 0): PkwParameter(b"\0\2"),
+        (1082, 0): PkwParameter(real(50.0), double=True),
+        (2010, 1): PkwParameter(real(50.0), double=True),
     }
 
 
-def _drive(ppo: Ppo, drive: Drive) -> Machine[Ppo]:
+def _drive(ppo: PpoStation, drive: LabDrive) -> Machine[PpoStation]:
     """A drive with a PPO, connected; its data exchange goes on between the services of records."""
     it = Machine(ppo, drive).connect()
     ppo.master.between = it.cycle
@@ -173,7 +173,7 @@ def _drive(ppo: Ppo, drive: Drive) -> Machine[Ppo]:
 def ppo1_start(master: Master) -> None:
     """A drive with PPO1 from its start-up to standstill."""
     master.look(range(3, 8), (FIRST,))
-    it = _drive(Ppo(master, FIRST), Drive(up_s=1.0, down_s=0.5, cells=_cells()))
+    it = _drive(PpoStation(master, FIRST), LabDrive(up_s=1.0, down_s=0.5, cells=_cells()))
     it.control(OFF).run(0.1)
     for request, _ in PRINTED:
         it.ask(bytes.fromhex(request), 5).ask(IDLE, 4)
@@ -206,8 +206,8 @@ def ppo3_and_records(master: Master) -> None:
     """A drive with PPO3, and its parameters by MS1 meanwhile."""
     master.look(range(3, 8), (FIRST, THIRD))
     master.start(THIRD, IO, "1020")
-    ppo = Ppo(master, FIRST, (PZD,), beside=_BadPlug(master, THIRD).cycle)
-    it = _drive(ppo, Drive(up_s=0.6, down_s=0.6))
+    ppo = PpoStation(master, FIRST, (PZD,), beside=_BadPlug(master, THIRD).cycle)
+    it = _drive(ppo, LabDrive(up_s=0.6, down_s=0.6))
     way, place = Way(FIRST), message.address(50076)
     it.control(OFF).run(0.1).setpoint(60).control(ON).until(lambda drive: drive.actual >= 59.9).run(
         0.3

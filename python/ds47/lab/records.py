@@ -5,7 +5,7 @@ from __future__ import annotations
 from ds47.lab import message, wire
 from ds47.lab.client import BUSY, OK, Client
 from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
-from ds47.lab.wire import Channel
+from ds47.lab.wire import RecordId
 
 BOOK = Book("record")
 
@@ -115,7 +115,7 @@ def length(client: Client) -> None:
     client.accept_read(client.ask_read(), ANSWER, stated=len(ANSWER) + 4)
 
 
-def _slots(client: Client) -> list[tuple[Channel, bytes, int]]:
+def _slots(client: Client) -> list[tuple[RecordId, bytes, int]]:
     """A read on each of three slots; request lengths need padding inside."""
     return [
         (client.at(slot=n), message.read(n, n + 1, message.address(20 + n)), OK) for n in (1, 2, 3)

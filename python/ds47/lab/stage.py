@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 from ds47.lab import ether
 from ds47.lab.ether import Host
-from ds47.lab.wire import Said
+from ds47.lab.wire import PduContent
 
 START_NS = 1_767_254_400_000_000_000
 """2026-01-01 08:00:00 UTC. Every scenario starts here, so its bytes never change."""
@@ -25,7 +25,7 @@ class Shot:
     time_ns: int
     data: bytes
     original_length: int
-    said: Said | None = None
+    said: PduContent | None = None
     """What the PDU in the frame says; None for a frame that belongs to no call."""
 
 
@@ -47,7 +47,7 @@ class Stage:
     """Frames that the capturing machine says it lost; None where it does not say."""
     gap_ns: int = MILLISECOND
     now_ns: int = START_NS
-    said: Said | None = None
+    said: PduContent | None = None
     """What the PDU says that goes past just now."""
     shots: list[Shot] = field(default_factory=list)
 

@@ -373,7 +373,7 @@ def many_channels(client: Client) -> None:
             client.stage,
             device=drive(n),
             activity=UUID(int=0x4700 + n),
-            channel=wire.Channel(UUID(int=n)),
+            channel=wire.RecordId(UUID(int=n)),
         )
         for n in (1, 2)
     ]

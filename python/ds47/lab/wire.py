@@ -31,7 +31,7 @@ NO_HINT = 0xFFFF
 
 
 @dataclass(frozen=True, slots=True)
-class Channel:
+class RecordId:
     """Where a record lives: AR, API, slot, subslot, index."""
 
     ar: UUID
@@ -62,14 +62,14 @@ class Call:
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
+class PduContent:
     """What a PDU says, beside its bytes: for a page that tells of a scene."""
 
     call: Call
     to_device: bool
     controller: str
     """IP address."""
-    place: Channel | None = None
+    place: RecordId | None = None
     """Where the record of a request lives; None for a request without one, and in every response."""
     record: bytes = b""
     room: int | None = None
@@ -115,28 +115,34 @@ def response_body(order: Order, status: int, blocks: bytes, maximum: int = 4160)
     return struct.pack(order + "5I", status, len(blocks), maximum, 0, len(blocks)) + blocks
 
 
-def _block(kind: int, sequence: int, channel: Channel, length: int, tail: bytes) -> bytes:
+def _block(kind: int, sequence: int, channel: RecordId, length: int, tail: bytes) -> bytes:
     head = struct.pack(">HHBBH", kind, 60, 1, 0, sequence & 0xFFFF) + channel.ar.bytes
     place = struct.pack(">IHHHH", channel.api, channel.slot, channel.subslot, 0, channel.index)
     return head + place + struct.pack(">I", length) + tail.ljust(24, b"\0")
 
 
-def write_request(sequence: int, channel: Channel, data: bytes, stated: int | None = None) -> bytes:
+def write_request(
+    sequence: int, channel: RecordId, data: bytes, stated: int | None = None
+) -> bytes:
     """IODWriteReq with its record; `stated` lies about the length."""
     return _block(WRITE_REQ, sequence, channel, len(data) if stated is None else stated, b"") + data
 
 
-def write_response(sequence: int, channel: Channel, length: int, status: int) -> bytes:
+def write_response(sequence: int, channel: RecordId, length: int, status: int) -> bytes:
     """IODWriteRes."""
     return _block(WRITE_RES, sequence, channel, length, struct.pack(">HHI", 0, 0, status))
 
 
-def read_request(sequence: int, channel: Channel, maximum: int = 4096, target: UUID = NIL) -> bytes:
+def read_request(
+    sequence: int, channel: RecordId, maximum: int = 4096, target: UUID = NIL
+) -> bytes:
     """IODReadReq; an implicit read has a nil AR and may name a target AR."""
     return _block(READ_REQ, sequence, channel, maximum, target.bytes)
 
 
-def read_response(sequence: int, channel: Channel, data: bytes, stated: int | None = None) -> bytes:
+def read_response(
+    sequence: int, channel: RecordId, data: bytes, stated: int | None = None
+) -> bytes:
     """IODReadRes with its record; `stated` lies about the length."""
     return _block(READ_RES, sequence, channel, len(data) if stated is None else stated, b"") + data
 

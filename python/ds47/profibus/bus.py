@@ -10,18 +10,18 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from ds47.profibus import PROFIBUS_DL
-from ds47.profibus.line import Exchange, Line, Seen
+from ds47.profibus.line import Exchange, Line, LineFrame
 from ds47.profibus.telegram import SC, SD4, Telegram, decode
 
 
-class Listener(NamedTuple):
+class ExchangeListener(NamedTuple):
     """Who hears of an exchange when it is over: of these services of `dp` alone, or of all (None)."""
 
     take: Callable[[Exchange], None]
     services: frozenset[str] | None = None
 
 
-class Bus:
+class BusTracker:
     """One line of PROFIBUS.
 
     Args:
@@ -31,8 +31,8 @@ class Bus:
 
     def __init__(
         self,
-        listeners: Sequence[Listener],
-        heard: Callable[[Seen, bool], None],
+        listeners: Sequence[ExchangeListener],
+        heard: Callable[[LineFrame, bool], None],
     ) -> None:
         self._listeners = listeners
         self._of: dict[str | None, list[Callable[[Exchange], None]]] = {}
@@ -51,7 +51,7 @@ class Bus:
             self._proven = link_type == PROFIBUS_DL or proves(item)
             if not self._proven:
                 return
-        seen = Seen(number, time_ns, item)
+        seen = LineFrame(number, time_ns, item)
         self._heard(seen, cut)
         for exchange in self.line.take(seen, cut):
             self._tell(exchange)

@@ -33,7 +33,7 @@ _MOST_MAKER = 14
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class DiagnosisBlock:
     """A block of extended diagnosis; `kind` is bits 7 and 6 of its first byte."""
 
     kind: int
@@ -41,7 +41,7 @@ class Block:
 
 
 @dataclass(frozen=True, slots=True)
-class Diagnosis:
+class SlaveDiagnosis:
     """What a slave answers to Slave_Diag; None where the answer is too short."""
 
     flags: tuple[str, ...]
@@ -50,7 +50,7 @@ class Diagnosis:
     """The master that has parameterised it; None for none."""
     ident: int | None
     """The ident number that stands in its GSD."""
-    blocks: tuple[Block, ...]
+    blocks: tuple[DiagnosisBlock, ...]
     flaws: tuple[Flaw, ...]
 
 
@@ -72,7 +72,7 @@ class Parameters:
 
 
 @dataclass(frozen=True, slots=True)
-class Area:
+class ModuleArea:
     """The inputs or outputs of a module."""
 
     length: int
@@ -89,8 +89,8 @@ class Module:
 
     data: bytes
     special: bool
-    inputs: Area | None = None
-    outputs: Area | None = None
+    inputs: ModuleArea | None = None
+    outputs: ModuleArea | None = None
     maker: bytes = b""
 
     @property
@@ -145,7 +145,7 @@ class DataExchange:
     flaws: tuple[Flaw, ...] = ()
 
 
-Content = Diagnosis | Parameters | Configuration | Control | DataExchange
+Content = SlaveDiagnosis | Parameters | Configuration | Control | DataExchange
 
 
 def service(item: Telegram) -> str | None:
@@ -198,18 +198,18 @@ def _byte(data: bytes, at: int) -> int | None:
     return data[at] if len(data) > at else None
 
 
-def _diagnosis(data: bytes) -> Diagnosis:
+def _diagnosis(data: bytes) -> SlaveDiagnosis:
     flaws, master = _too_short(data, 6), _byte(data, 3)
-    blocks: list[Block] = []
+    blocks: list[DiagnosisBlock] = []
     at = 6
     while at < len(data):
         kind, length = data[at] >> 6, data[at] & 0x3F
         long = {2: 3, 3: 1}.get(kind, max(length, 1))
-        blocks.append(Block(kind, data[at : at + long]))
+        blocks.append(DiagnosisBlock(kind, data[at : at + long]))
         flaws += _too_short(data, at + long)
         at += long
     master = None if master == _NO_MASTER else master
-    return Diagnosis(_flags(DIAGNOSIS, data[:6]), master, _word(data, 4), tuple(blocks), flaws)
+    return SlaveDiagnosis(_flags(DIAGNOSIS, data[:6]), master, _word(data, 4), tuple(blocks), flaws)
 
 
 def _parameters(data: bytes) -> Parameters:
@@ -248,7 +248,7 @@ def _general(data: bytes, at: int) -> tuple[Module, int]:
     """One byte: consistency, words or bytes, in and out, length."""
     head = data[at]
     words = bool(head & 0x40)
-    area = Area(((head & 0x0F) + 1) * (1 + words), words, bool(head & 0x80))
+    area = ModuleArea(((head & 0x0F) + 1) * (1 + words), words, bool(head & 0x80))
     inputs, outputs = (area if head & bit else None for bit in (0x10, 0x20))
     return Module(data[at : at + 1], False, inputs, outputs), at + 1
 
@@ -257,7 +257,7 @@ def _special(data: bytes, at: int) -> tuple[Module, int]:
     """A byte that says what follows: a length byte of outputs, one of inputs, bytes of the maker."""
     head, first = data[at], at
     at += 1
-    areas: list[Area | None] = []
+    areas: list[ModuleArea | None] = []
     for bit in (0x80, 0x40):
         area = None
         if head & bit:
@@ -270,9 +270,9 @@ def _special(data: bytes, at: int) -> tuple[Module, int]:
     return Module(data[first:end], True, inputs, outputs, data[at:end]), end
 
 
-def _long_area(head: int) -> Area:
+def _long_area(head: int) -> ModuleArea:
     words = bool(head & 0x40)
-    return Area(((head & 0x3F) + 1) * (1 + words), words, bool(head & 0x80))
+    return ModuleArea(((head & 0x3F) + 1) * (1 + words), words, bool(head & 0x80))
 
 
 def _ppo(modules: list[Module]) -> tuple[int | None, tuple[str | None, ...]]:

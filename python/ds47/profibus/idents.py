@@ -33,7 +33,7 @@ class Idents:
                 self._sent[station] = sent.ident
             return
         said = dp.decode(answer.item)
-        if isinstance(said, dp.Diagnosis) and said.ident is not None:
+        if isinstance(said, dp.SlaveDiagnosis) and said.ident is not None:
             self._said[station] = said.ident
 
     def sent(self, station: int) -> int | None:

@@ -12,8 +12,8 @@ from typing import Any, Final
 
 from ds47.findings.remark import Remark
 from ds47.profibus import dp
-from ds47.profibus.line import Exchange, Seen
-from ds47.profibus.stations import Counted, Station, Stations
+from ds47.profibus.line import Exchange, LineFrame
+from ds47.profibus.stations import Counted, LineStation, LineStations
 from ds47.spec.semantics import Limits
 from ds47.spec.statuses import status_hex
 
@@ -38,7 +38,7 @@ class _Noted:
     counted: Counted = field(default_factory=Counted)
 
 
-def _set_up(station: Station) -> dp.Parameters | None:
+def _set_up(station: LineStation) -> dp.Parameters | None:
     """The last Set_Prm, if it surely was."""
     sure = station.knows(dp.PARAMETERS, station.parameters_frame)
     return station.parameters if sure else None
@@ -63,7 +63,7 @@ class LineJudge:
         self._series: dict[tuple[int, str], tuple[int | None, dict[str, Any]]] = {}
         """Of a station and a refusal the last data exchange before, and what is said of the first one since."""
 
-    def heard(self, station: Station, exchange: Exchange, answer: Seen) -> None:
+    def heard(self, station: LineStation, exchange: Exchange, answer: LineFrame) -> None:
         """An exchange with an answer, before the station is what it makes of it."""
         item, at = exchange.request.item, exchange.request.frame
         service = item.front.service
@@ -85,7 +85,7 @@ class LineJudge:
             self._configuration(station, dp.configuration(item.du), at)
         elif service == dp.DIAGNOSIS:
             found = dp.decode(answer.item)
-            if isinstance(found, dp.Diagnosis):
+            if isinstance(found, dp.SlaveDiagnosis):
                 self._diagnosis(station, found, item.sa, answer.frame)
 
     def refused(
@@ -107,7 +107,7 @@ class LineJudge:
                 noted.remark.args["polls"] = polls
                 noted.remark.frame = frame
 
-    def finish(self, stations: Stations) -> Iterator[Remark]:
+    def finish(self, stations: LineStations) -> Iterator[Remark]:
         """All that was wrong, when nothing more comes."""
         for rule, counted in (("DS801", stations.check), ("DS802", stations.broken)):
             if counted.count:
@@ -121,7 +121,7 @@ class LineJudge:
             noted.remark.args |= {"count": noted.counted.count, "frames": noted.counted.frames}
             yield noted.remark
 
-    def _counted(self, station: Station, copied: bool) -> Iterator[Remark]:
+    def _counted(self, station: LineStation, copied: bool) -> Iterator[Remark]:
         """What only counts show.
 
         The same request again is surely a repetition neither in a recording of two places nor where exchanges or
@@ -152,7 +152,7 @@ class LineJudge:
             noted.counted.add(frame)
         return noted
 
-    def _not_enabled(self, station: Station, sap: int, service: str | None, frame: int) -> None:
+    def _not_enabled(self, station: LineStation, sap: int, service: str | None, frame: int) -> None:
         set_up, set_up_in = _set_up(station), None
         if service not in _OF_RECORDS:
             case = "sap_other"
@@ -164,11 +164,13 @@ class LineJudge:
         args = {"sap": sap, "case": case, "frame": set_up_in}
         self._note("DS805", station.address, frame, args, (sap, case, set_up_in))
 
-    def _service_refused(self, station: Station, sap: int | None, answer: Seen) -> None:
+    def _service_refused(self, station: LineStation, sap: int | None, answer: LineFrame) -> None:
         args = {"sap": sap, "answer": _REFUSALS[answer.item.front.code or 0]}
         self._note("DS817", station.address, answer.frame, args, tuple(args.values()))
 
-    def _exchange_refused(self, station: Station, request: Seen, answer: Seen) -> None:
+    def _exchange_refused(
+        self, station: LineStation, request: LineFrame, answer: LineFrame
+    ) -> None:
         """Data exchange is over for the station; whether its watchdog may have ended it, the first time shows."""
         kind = _REFUSALS[answer.item.front.code or 0]
         last = None if station.last_exchange is None else station.last_exchange.frame
@@ -178,7 +180,7 @@ class LineJudge:
             self._series[station.address, kind] = last, args
         self._note("DS816", station.address, answer.frame, args, (kind, args["case"]))
 
-    def _before(self, station: Station, request: Seen) -> dict[str, Any]:
+    def _before(self, station: LineStation, request: LineFrame) -> dict[str, Any]:
         """What was before a data exchange that is refused."""
         last, set_up = station.last_exchange, _set_up(station)
         args: dict[str, Any] = {"case": "exchange_none"}
@@ -196,7 +198,7 @@ class LineJudge:
                 }
         return args
 
-    def _lengths(self, station: Station, outputs: bytes, answer: Seen) -> None:
+    def _lengths(self, station: LineStation, outputs: bytes, answer: LineFrame) -> None:
         """Empty outputs are those of a master that holds its slaves safe; SC has no inputs."""
         configured = station.configuration
         if configured is None or configured.flaws or not answer.item.front.exchanges:
@@ -211,14 +213,14 @@ class LineJudge:
             }  # fmt: skip
             self._note("DS811", station.address, answer.frame, args, tuple(args.values()))
 
-    def _parameters(self, station: Station, told: dp.Parameters, frame: int) -> None:
+    def _parameters(self, station: LineStation, told: dp.Parameters, frame: int) -> None:
         last, unsure = station.last_exchange, station.unsure.get(dp.PARAMETERS, 0)
         if last is not None and max(station.hole, unsure) <= last.frame:
             self._note("DS810", station.address, frame, {"last": last.frame})
         if "lock" in told.flags and "watchdog" not in told.flags:
             self._note("DS815", station.address, frame, {})
 
-    def _configuration(self, station: Station, told: dp.Configuration, frame: int) -> None:
+    def _configuration(self, station: LineStation, told: dp.Configuration, frame: int) -> None:
         if told.pkw_consistent is False:
             module = next(
                 each for each, role in zip(told.modules, told.roles, strict=True) if role == dp.PKW
@@ -227,7 +229,7 @@ class LineJudge:
             self._note("DS813", station.address, frame, args, (module.data,))
 
     def _diagnosis(
-        self, station: Station, told: dp.Diagnosis, asker: int | None, frame: int
+        self, station: LineStation, told: dp.SlaveDiagnosis, asker: int | None, frame: int
     ) -> None:
         for flag, case in _FAULTS.items():
             if flag in told.flags:

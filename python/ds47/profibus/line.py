@@ -19,7 +19,7 @@ MOST_RETRIES = 16
 
 
 @dataclass(slots=True, init=False, eq=False)
-class Seen:
+class LineFrame:
     """A frame with its place in the capture."""
 
     frame: int
@@ -36,10 +36,10 @@ class Seen:
 class Exchange:
     """A request and what became of it."""
 
-    request: Seen
-    answer: Seen | None
+    request: LineFrame
+    answer: LineFrame | None
     """None where none came, or nobody answers such a request."""
-    retries: list[Seen]
+    retries: list[LineFrame]
     """The same request again, because the master got no answer: the first ones,"""
     retried: int
     """and how many there are."""
@@ -67,7 +67,7 @@ class Exchange:
     unfinished: bool
     """Whether the recording ended before that and before another request: its answer may be missing for that."""
 
-    def __init__(self, request: Seen, again: bool = False, silent: bool = False) -> None:
+    def __init__(self, request: LineFrame, again: bool = False, silent: bool = False) -> None:
         self.request = request
         self.answer = None
         self.retries = []
@@ -125,7 +125,7 @@ class Line:
         self._echo = False
         """and whether it is so the second of two, the fourth of four and so on."""
 
-    def take(self, seen: Seen, cut: bool = False) -> Sequence[Exchange]:
+    def take(self, seen: LineFrame, cut: bool = False) -> Sequence[Exchange]:
         """A frame; gives the exchanges that are over with it, up to two.
 
         Args:
@@ -164,7 +164,7 @@ class Line:
         """The first request behind the one pause that is longer than others by half, as a hole is; 0 for none."""
         return self._behind if 2 * self._longest > 3 * self._second else 0
 
-    def _pause(self, seen: Seen) -> None:
+    def _pause(self, seen: LineFrame) -> None:
         pause = 0 if self._heard_ns is None else seen.time_ns - self._heard_ns
         self._heard_ns = seen.time_ns
         if pause > self._longest:
@@ -174,7 +174,7 @@ class Line:
         if not self._behind and seen.item.front.request and not seen.item.flaws:
             self._behind = seen.frame
 
-    def _count(self, seen: Seen, again: bool) -> None:
+    def _count(self, seen: LineFrame, again: bool) -> None:
         """Remembers whether the exchange before a request is not there, or its answer."""
         over, front = self._open, seen.item.front
         if over is not None and over.request.item.front.fcv == 1 and not over.retried:
@@ -193,7 +193,7 @@ class Line:
         over.unfinished = not over.passed
         return (over,)
 
-    def _damage(self, seen: Seen, cut: bool) -> Sequence[Exchange]:
+    def _damage(self, seen: LineFrame, cut: bool) -> Sequence[Exchange]:
         """A frame of which nothing is proved: it may be an answer, or a request that nobody knows then.
 
         One that the recording cut is sound on the line: where no answer is due any more, it is a request.
@@ -220,7 +220,7 @@ class Line:
             over.copied += self._echo
         return ()
 
-    def _request(self, seen: Seen) -> Sequence[Exchange]:
+    def _request(self, seen: LineFrame) -> Sequence[Exchange]:
         item, front, over = seen.item, seen.item.front, self._open
         if (
             over is not None
@@ -245,7 +245,7 @@ class Line:
         self._open = exchange
         return () if over is None else (over,)
 
-    def _answer(self, seen: Seen) -> Sequence[Exchange]:
+    def _answer(self, seen: LineFrame) -> Sequence[Exchange]:
         over, item = self._open, seen.item
         if (
             over is None
@@ -262,14 +262,14 @@ class Line:
         return (over,)
 
 
-def _asked(request: Seen) -> int:
+def _asked(request: LineFrame) -> int:
     """The station that a request goes to."""
     station = request.item.front.da
     assert station is not None
     return station
 
 
-def _in_time(asked: Exchange, answer: Seen) -> bool:
+def _in_time(asked: Exchange, answer: LineFrame) -> bool:
     """Whether an answer was sent behind a request and before the token went on; frames may be out of order."""
     gone = asked.gone_ns is not None and answer.time_ns >= asked.gone_ns
     return answer.time_ns >= asked.request.time_ns and not gone

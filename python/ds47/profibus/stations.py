@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 from ds47.model import Bus, BusStation, Span, StationDiagnosis
 from ds47.profibus import dp
-from ds47.profibus.line import CUT, Exchange, Seen
+from ds47.profibus.line import CUT, Exchange, LineFrame
 from ds47.profibus.telegram import SC, SD4
 from ds47.spec import profibus
 
@@ -92,7 +92,7 @@ class Wanting:
 
 
 @dataclass(slots=True, eq=False)
-class Station:
+class LineStation:
     """A station of a line."""
 
     address: int
@@ -102,7 +102,7 @@ class Station:
     """Requests to it that somebody answers, FDL_Status to one that is not there aside,"""
     silent: Counted = field(default_factory=Counted)
     """those without an answer, as the next request of its master shows,"""
-    unheard: dict[int | None, Seen] = field(default_factory=dict)
+    unheard: dict[int | None, LineFrame] = field(default_factory=dict)
     """the one of each master of which that is not known yet,"""
     missing: Counted = field(default_factory=Counted)
     """and those whose answer is not in the capture, though their master had it,"""
@@ -123,9 +123,9 @@ class Station:
     exchanges: int = 0
     lengths: tuple[int, int] | None = None
     """Bytes of the last data exchange, to it and from it."""
-    last_exchange: Seen | None = None
+    last_exchange: LineFrame | None = None
     """Since its last Set_Prm."""
-    last_asked: Seen | None = None
+    last_asked: LineFrame | None = None
     """The same, of those that it refused, too."""
     wanting: Wanting = field(default_factory=Wanting)
     parameters: dp.Parameters | None = None
@@ -139,7 +139,7 @@ class Station:
     """The last request before which something was not seen."""
     unsure: dict[str | None, int] = field(default_factory=dict)
     """Services of which the newest request, in a frame, has no answer: nobody knows whether it was taken."""
-    diagnosis: dp.Diagnosis | None = None
+    diagnosis: dp.SlaveDiagnosis | None = None
     diagnosis_frame: int | None = None
     """and answer to Slave_Diag."""
 
@@ -174,16 +174,16 @@ class Station:
         )  # fmt: skip
 
 
-class Stations:
+class LineStations:
     """Takes the frames and the exchanges of a line.
 
     Args:
         heard: is told of each exchange with an answer, and of its station before it counts there.
     """
 
-    def __init__(self, heard: Callable[[Station, Exchange, Seen], None]) -> None:
+    def __init__(self, heard: Callable[[LineStation, Exchange, LineFrame], None]) -> None:
         self._heard = heard
-        self._stations: dict[int, Station] = {}
+        self._stations: dict[int, LineStation] = {}
         self.frames = 0
         self.tokens = 0
         self.check = Counted()
@@ -203,14 +203,14 @@ class Stations:
         """Whether the line was recorded at two places: so many answers stand there twice."""
         return 0 < self.answers <= 3 * self.doubled
 
-    def station(self, address: int) -> Station:
+    def station(self, address: int) -> LineStation:
         """The station with this address."""
         found = self._stations.get(address)
         if found is None:
-            found = self._stations[address] = Station(address)
+            found = self._stations[address] = LineStation(address)
         return found
 
-    def all(self) -> list[Station]:
+    def all(self) -> list[LineStation]:
         """All that were seen, by address."""
         return [self._stations[address] for address in sorted(self._stations)]
 
@@ -235,7 +235,7 @@ class Stations:
         stray -= echoes if self.copied else 0
         return Bus(self.frames, self.tokens, damaged, stray, stations)
 
-    def frame(self, seen: Seen, cut: bool) -> None:
+    def frame(self, seen: LineFrame, cut: bool) -> None:
         """A frame, before what it belongs to is known.
 
         Args:
@@ -277,7 +277,7 @@ class Stations:
             _keep(station, exchange, answer)
 
 
-def _keep(station: Station, exchange: Exchange, answer: Seen) -> None:
+def _keep(station: LineStation, exchange: Exchange, answer: LineFrame) -> None:
     """What an exchange with an answer says of the station."""
     name, item = exchange.request.item.front.service, answer.item
     station.unsure.pop(name, None)
@@ -299,12 +299,12 @@ def _keep(station: Station, exchange: Exchange, answer: Seen) -> None:
         station.configuration_frame = exchange.request.frame
     elif name == dp.DIAGNOSIS and item.du:
         told_now = dp.decode(item)
-        if isinstance(told_now, dp.Diagnosis):
+        if isinstance(told_now, dp.SlaveDiagnosis):
             station.diagnosis, station.diagnosis_frame = told_now, answer.frame
             station.wanting.read()
 
 
-def _settle(station: Station, exchange: Exchange) -> None:
+def _settle(station: LineStation, exchange: Exchange) -> None:
     """What a request shows of the one before: a master turns the FCB round where it had the answer."""
     seen, front = exchange.request, exchange.request.item.front
     before = station.unheard.pop(seen.item.sa, None)
@@ -318,7 +318,7 @@ def _settle(station: Station, exchange: Exchange) -> None:
         station.hole = seen.frame
 
 
-def _count(station: Station, exchange: Exchange) -> None:
+def _count(station: LineStation, exchange: Exchange) -> None:
     seen, answer = exchange.request, exchange.answer
     station.asked += 1
     if exchange.again:
@@ -342,7 +342,7 @@ def _count(station: Station, exchange: Exchange) -> None:
         station.answers.add(answer.time_ns - last.time_ns)
 
 
-def _cycle(station: Station, exchange: Exchange) -> None:
+def _cycle(station: LineStation, exchange: Exchange) -> None:
     """Since the data exchange before, also where the station refuses this one: it may have waited too long."""
     seen, last = exchange.request, station.last_asked
     if last is not None and not exchange.again:
@@ -350,7 +350,7 @@ def _cycle(station: Station, exchange: Exchange) -> None:
     station.last_asked = seen
 
 
-def _exchanged(station: Station, exchange: Exchange, answer: Seen) -> None:
+def _exchanged(station: LineStation, exchange: Exchange, answer: LineFrame) -> None:
     _cycle(station, exchange)
     station.last_exchange = exchange.request
     station.exchanges += 1

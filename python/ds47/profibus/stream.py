@@ -36,14 +36,14 @@ _KNOWN_TOKENS = 1024
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class LinePiece:
     """A frame, or bytes that are none: then `telegram` has flaws. `offset` counts from the first byte of all."""
 
     offset: int
     telegram: Telegram
 
 
-class Reader:
+class TelegramReader:
     """Takes bytes as they come, and gives their frames.
 
     Args:
@@ -59,17 +59,17 @@ class Reader:
         self._blind: set[int] = set()
         """Where tokens and SC begin that lead to no frame, as far as they were followed."""
 
-    def feed(self, data: bytes) -> Iterator[Piece]:
+    def feed(self, data: bytes) -> Iterator[LinePiece]:
         """The frames that further bytes make certain, in their order."""
         self._buffer += data
         yield from self._pieces(_AHEAD)
 
-    def finish(self) -> Iterator[Piece]:
+    def finish(self) -> Iterator[LinePiece]:
         """The rest: nothing comes any more."""
         yield from self._pieces(0)
         yield from self._give_up(self._start)
 
-    def _pieces(self, ahead: int) -> Iterator[Piece]:
+    def _pieces(self, ahead: int) -> Iterator[LinePiece]:
         data, at = self._buffer, 0
         while at < len(data) - ahead:
             length = self._length(data, at)
@@ -83,11 +83,11 @@ class Reader:
             item = decode(data[at : at + length])
             if item.kind == SD4 and not item.flaws and len(self._tokens) < _KNOWN_TOKENS:
                 self._tokens.add(item.data[1:])
-            yield Piece(self._start + at, item)
+            yield LinePiece(self._start + at, item)
             at, self._border = at + length, True
         self._buffer, self._start = data[at:], self._start + at
 
-    def _give_up(self, end: int) -> Iterator[Piece]:
+    def _give_up(self, end: int) -> Iterator[LinePiece]:
         """What stood before `end` and is no frame."""
         if self._lost:
             data, self._lost = self._lost, b""
@@ -96,7 +96,7 @@ class Reader:
             if not item.flaws:
                 unproved = (Flaw("unproved", 0),)
                 item = Telegram(item.front, item.data, item.du, item.fcs, unproved)
-            yield Piece(end - len(data), item)
+            yield LinePiece(end - len(data), item)
 
     def _length(self, data: bytes, at: int) -> int:
         """The bytes of the frame that begins here, damaged or not; 0 for none."""
@@ -135,14 +135,14 @@ class Reader:
         return 3 if known and _begins(data, at + 3) and not _proved(data, at + 1) else 0
 
 
-def split(data: bytes, border: bool = True) -> list[Piece]:
+def split(data: bytes, border: bool = True) -> list[LinePiece]:
     """The frames of bytes that are all there, and what stands between them (docs/profibus.md 1).
 
     Args:
         data: any bytes.
         border: whether a frame begins with the first one.
     """
-    reader = Reader(border)
+    reader = TelegramReader(border)
     return [*reader.feed(data), *reader.finish()]
 
 

@@ -36,7 +36,7 @@ _POWERS: Final = 22
 """The largest power of ten that a double holds exactly."""
 
 
-class Said(NamedTuple):
+class Statement(NamedTuple):
     """What a description says in one of its elements, and the frame of the response."""
 
     value: Any
@@ -64,11 +64,11 @@ class Meaning(NamedTuple):
     """
 
     listed: spec.Pnu | None
-    name: Said | None = None
-    type: Said | None = None
+    name: Statement | None = None
+    type: Statement | None = None
     measure: Measure | None = None
-    low: Said | None = None
-    high: Said | None = None
+    low: Statement | None = None
+    high: Statement | None = None
 
     @property
     def is_said(self) -> bool:
@@ -132,7 +132,7 @@ class Dictionary:
     def __init__(self, objects: DriveObjects, most: int) -> None:
         self._objects = objects
         self._most = most
-        self._said: OrderedDict[tuple[DriveAccess, int], dict[str, Said]] = OrderedDict()
+        self._said: OrderedDict[tuple[DriveAccess, int], dict[str, Statement]] = OrderedDict()
         self._ways: dict[tuple[str, int], list[DriveAccess]] = {}
         """Device and PNU -> ways in which it was described, the newest last."""
         self.is_empty = True
@@ -163,8 +163,8 @@ class Dictionary:
         if found is None or not _is_sensible(found):
             return
         key = access, pnu
-        said = {"whole": Said(True, frame)} if subindex == _WHOLE else self._said.get(key, {})
-        said.update({name: Said(value, frame) for name, value in _parts(found)})
+        said = {"whole": Statement(True, frame)} if subindex == _WHOLE else self._said.get(key, {})
+        said.update({name: Statement(value, frame) for name, value in _parts(found)})
         if not said:
             return
         self._said[key], self.is_empty = said, False
@@ -206,7 +206,7 @@ class Dictionary:
             family: of its parameters, where the capture says it.
         """
         known = listed(pnu, vendor_id, family)
-        said: dict[str, Said] = {}
+        said: dict[str, Statement] = {}
         for way in self._ways.get((access.device, pnu), ()):
             if self._objects.same(access, way, pnu):
                 _add_newer(said, self._said[way, pnu], until)
@@ -233,7 +233,7 @@ def explain_transaction(
             explain(each, dictionary.meaning(access, each.pnu, vendor_id, last, family))
 
 
-def _add_newer(said: dict[str, Said], more: dict[str, Said], until: int | None) -> None:
+def _add_newer(said: dict[str, Statement], more: dict[str, Statement], until: int | None) -> None:
     """Adds what another way was answered with, as far as it is newer; nothing of later frames than `until`."""
     for name, each in more.items():
         before = said.get(name)
@@ -265,7 +265,7 @@ def _parts(found: Description) -> list[tuple[str, Any]]:
     return [(name, value) for name, value in parts if value is not None]
 
 
-def _measure(kind: Said, said: dict[str, Said]) -> Measure | None:
+def _measure(kind: Statement, said: dict[str, Statement]) -> Measure | None:
     """How values are measured, where all elements that are about it agree."""
     variable, factor = said.get("variable"), said.get("factor")
     plain = _code(kind.value) in (*_INTEGERS, *_FLOATS)

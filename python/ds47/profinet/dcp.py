@@ -27,7 +27,7 @@ _KIND, _NAME, _DEVICE_ID = (2, 1), (2, 2), (2, 3)
 
 
 @dataclass(slots=True)
-class Station:
+class StationInfo:
     """What one frame says about a station; None where it says nothing."""
 
     mac: str | None
@@ -39,16 +39,16 @@ class Station:
     """Its type, in words of its maker."""
 
 
-def parse(packet: Packet) -> Station | None:
+def parse(packet: Packet) -> StationInfo | None:
     """Read a packet of kind "dcp"; None when it names nobody. Never raises on any bytes."""
     data = packet.payload
     if len(data) < _HEADER:
         return None
     service, kind = data[2], data[3]
     if service == _SET and kind == _REQUEST:
-        station = Station(packet.dst_mac)
+        station = StationInfo(packet.dst_mac)
     elif (service in (_GET, _IDENTIFY) and kind == _SUCCESS) or service == _HELLO:
-        station = Station(packet.src_mac)
+        station = StationInfo(packet.src_mac)
     else:
         return None
     for option, content in _blocks(data):
@@ -70,7 +70,7 @@ def _blocks(data: bytes) -> Iterator[tuple[tuple[int, int], bytes]]:
         at += 4 + size + size % 2
 
 
-def _learn(station: Station, option: tuple[int, int], content: bytes) -> None:
+def _learn(station: StationInfo, option: tuple[int, int], content: bytes) -> None:
     if option in (_IP, _IP_SUITE) and len(content) >= 4:
         if any(content[:4]):  # 0.0.0.0: none assigned yet
             station.ip = address(content[:4])

@@ -239,9 +239,9 @@ class Reassembler:
     ) -> bool:
         """Keeps the frame of a fragment with its datagram. False where it goes no further."""
         assert self.traces is not None
-        from ds47.profinet.traces import Piece, Trace  # only an export wants them
+        from ds47.profinet.traces import DatagramPiece, Trace  # only an export wants them
 
-        piece = Piece(frame, self._now_ns, part.at, part.offset, len(part.payload))
+        piece = DatagramPiece(frame, self._now_ns, part.at, part.offset, len(part.payload))
         if entry is None:
             trace = self.traces.begin(piece, None if before is None else before.trace)
             if before is None:

@@ -87,9 +87,11 @@ def dissect(
             packet = None if reassembler is None else _joined(datagram, frame, reassembler, begun)
         else:
             if reassembler is not None and reassembler.traces is not None:
-                from .traces import Piece  # only an export wants them
+                from .traces import DatagramPiece  # only an export wants them
 
-                piece = Piece(frame.number, frame.time_ns, datagram.at, 0, len(datagram.payload))
+                piece = DatagramPiece(
+                    frame.number, frame.time_ns, datagram.at, 0, len(datagram.payload)
+                )
                 reassembler.traces.begin(piece).close(datagram.payload)
             packet = _udp(datagram, frame.number, frame.time_ns)
     elif kind == PROFINET and len(data) >= at + 2:

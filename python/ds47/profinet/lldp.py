@@ -12,7 +12,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from .dcp import Station
+from .dcp import StationInfo
 from .ip import address
 from .link import Packet, mac
 
@@ -24,9 +24,9 @@ _NAME = re.compile(rb"[a-z0-9]([a-z0-9.-]{0,238}[a-z0-9])?")
 _PORT_ID = re.compile(rb"port-\d{3}(-\d{5})?\.(.+)", re.DOTALL)
 
 
-def parse(packet: Packet) -> Station | None:
+def parse(packet: Packet) -> StationInfo | None:
     """Read a packet of kind "lldp"; None when no PROFINET station speaks. Never raises."""
-    station = Station(packet.src_mac)
+    station = StationInfo(packet.src_mac)
     ours = False
     port_name: bytes | None = None
     for kind, value in _tlvs(packet.payload):

@@ -27,7 +27,7 @@ class Stations:
         self._servers: OrderedDict[str, Device] = OrderedDict()
         self.known: set[str] = set()
         """IP addresses of devices of which no response can say more."""
-        self._stations: OrderedDict[str, dcp.Station] = OrderedDict()
+        self._stations: OrderedDict[str, dcp.StationInfo] = OrderedDict()
         self._by_ip: OrderedDict[str, str] = OrderedDict()
         """MAC address of the station that was the last to say that it has this IP address."""
 

@@ -14,7 +14,7 @@ MOST_COPIES: Final = 16
 """Of one fragment, the first among them; a mirror port makes one or two. More are lost."""
 
 
-class Piece(NamedTuple):
+class DatagramPiece(NamedTuple):
     """`length` bytes of a datagram from `offset` on, which begin at `at` in the data of a frame."""
 
     frame: int
@@ -37,7 +37,7 @@ class Trace:
         context: for the layer above.
     """
 
-    pieces: list[Piece] = field(default_factory=list)
+    pieces: list[DatagramPiece] = field(default_factory=list)
     data: bytes = b""
     whole: bool = False
     copy_of: Trace | None = None
@@ -46,7 +46,7 @@ class Trace:
     _copies: dict[int, int] = field(default_factory=dict)
     """By offset: how many pieces there are."""
 
-    def add(self, piece: Piece) -> bool:
+    def add(self, piece: DatagramPiece) -> bool:
         """Takes a piece; False for one copy too many."""
         count = self._copies.get(piece.offset, 0)
         if count == MOST_COPIES:
@@ -77,7 +77,7 @@ class Traces:
         self.newest: Trace | None = None
         self.lost: list[list[Trace]] = []
 
-    def add(self, trace: Trace, piece: Piece) -> bool:
+    def add(self, trace: Trace, piece: DatagramPiece) -> bool:
         """Adds a piece to a trace. False for one copy too many, which is lost."""
         if not trace.add(piece):
             self.lose([self.begin(piece)])
@@ -85,7 +85,7 @@ class Traces:
         self.newest = trace
         return True
 
-    def begin(self, piece: Piece, copy_of: Trace | None = None) -> Trace:
+    def begin(self, piece: DatagramPiece, copy_of: Trace | None = None) -> Trace:
         """A trace of its own for a piece."""
         trace = self.newest = Trace(copy_of=copy_of)
         trace.add(piece)

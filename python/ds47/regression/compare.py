@@ -26,7 +26,7 @@ from ds47.regression.config import Config, ParameterTolerance
 from ds47.regression.elements import vendor_of
 from ds47.report import contract, load
 from ds47.report.bilingual import LANGUAGES, Both, operation, say, state
-from ds47.report.places import Places
+from ds47.report.places import FileFrames
 from ds47.report.sentences import at_offset, error_words, sentence
 
 KINDS = (
@@ -440,7 +440,7 @@ class Comparison:
         return finding["frame"], args
 
     def _finding(
-        self, kind: str, finding: Json, transactions: list[Json], places: Places
+        self, kind: str, finding: Json, transactions: list[Json], places: FileFrames
     ) -> Change:
         number = finding.get("transaction")
         item = transactions[number - 1] if number and 0 < number <= len(transactions) else None
@@ -527,9 +527,9 @@ def _digests(result: Json) -> list[str | None]:
     return [each.get("sha256") for each in result.get("files") or [result]]
 
 
-def _places(result: Json) -> Places:
+def _places(result: Json) -> FileFrames:
     files = result.get("files", ())
-    return Places(
+    return FileFrames(
         [CaptureFile(each["path"], each["first_frame"], each["frames"]) for each in files]
     )
 

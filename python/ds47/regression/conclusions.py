@@ -16,7 +16,7 @@ from ds47.regression.difference import (
     Difference,
     ElementDifference,
     Faults,
-    Latency,
+    LatencyDifference,
     Pair,
     equal_last,
     fails_otherwise,
@@ -71,7 +71,7 @@ class Conclusion(NamedTuple):
     place: Place
     rows: tuple[ElementDifference, ...] = ()
     faults: Faults | None = None
-    latency: Latency | None = None
+    latency: LatencyDifference | None = None
 
     @property
     def level(self) -> str:

@@ -20,10 +20,10 @@ from ds47.regression.chance import SIGNIFICANT, fisher, mann_whitney
 from ds47.regression.elements import (
     OPERATIONS,
     VALUE,
-    Element,
+    CaptureElements,
+    ElementKey,
     History,
     Outcomes,
-    Shown,
     equal,
     shown,
 )
@@ -60,7 +60,7 @@ FAULT: Final = "fault"
 class ElementDifference(NamedTuple):
     """The reads, the changes, or the last value of one element in both captures; None where there are none."""
 
-    element: Element
+    element: ElementKey
     operation: str
     result: str
     a: Outcomes | None
@@ -75,7 +75,7 @@ Took = tuple[str | None, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Latency:
+class LatencyDifference:
     """Durations of one operation on one device in both captures, in milliseconds.
 
     `probability`: that a difference as large comes by chance (Mann-Whitney, two-sided); None where
@@ -121,7 +121,7 @@ class Difference:
     findings: list[tuple[str, int, int]] = field(default_factory=list)
     """Rule, count in the first, count in the second."""
     states: list[tuple[str, int, int]] = field(default_factory=list)
-    latencies: list[Latency] = field(default_factory=list)
+    latencies: list[LatencyDifference] = field(default_factory=list)
     faults: list[Faults] = field(default_factory=list)
     """Of drives whose words both captures have."""
     unknown: tuple[int, int] = (0, 0)
@@ -240,7 +240,7 @@ def _family(*sides: History | None) -> str | None:
     return next(iter(known - {"profile"}), "profile")
 
 
-def _rows(a: Shown, b: Shown, places: Places) -> Iterator[ElementDifference]:
+def _rows(a: CaptureElements, b: CaptureElements, places: Places) -> Iterator[ElementDifference]:
     near = _near(a), _near(b)
     for element in sorted(a.elements.keys() | b.elements.keys(), key=_sort_key):
         mine, theirs = a.elements.get(element), b.elements.get(element)
@@ -310,13 +310,13 @@ def fails_otherwise(pair: Pair) -> bool:
     return fisher(failed, passed, failed_too, passed_too) <= SIGNIFICANT
 
 
-def _one_sided(element: Element, asked: Iterable[Place], places: Places) -> str:
+def _one_sided(element: ElementKey, asked: Iterable[Place], places: Places) -> str:
     """`asked`: where the other capture asked for the same PNU and subindex."""
     unclear = any(not places.are_different(place, element.place) for place in asked)
     return OTHER_WAY if unclear else ONLY
 
 
-def _near(side: Shown) -> Mapping[tuple[int, int], list[Place]]:
+def _near(side: CaptureElements) -> Mapping[tuple[int, int], list[Place]]:
     """The places at which a capture asked for a PNU and subindex."""
     found = defaultdict[tuple[int, int], list[Place]](list)
     for element in side.elements:
@@ -331,7 +331,7 @@ def _about(*histories: History | None) -> tuple[str | None, str | None]:
     return name, next((each.unit for each in known if each.unit), None)
 
 
-def _sort_key(element: Element) -> tuple[object, ...]:
+def _sort_key(element: ElementKey) -> tuple[object, ...]:
     return *element.place.sort_key, element.pnu, element.subindex
 
 
@@ -340,7 +340,9 @@ def _counts(a: Iterable[str], b: Iterable[str]) -> list[tuple[str, int, int]]:
     return [(name, first[name], second[name]) for name in sorted(first.keys() | second.keys())]
 
 
-def _latencies(a: Json, b: Json, called: tuple[dict[str, str], dict[str, str]]) -> list[Latency]:
+def _latencies(
+    a: Json, b: Json, called: tuple[dict[str, str], dict[str, str]]
+) -> list[LatencyDifference]:
     groups: dict[tuple[str, str], tuple[list[Took], list[Took]]] = {}
     for side, (capture, names) in enumerate(zip((a, b), called, strict=True)):
         for item in capture["transactions"]:
@@ -352,9 +354,9 @@ def _latencies(a: Json, b: Json, called: tuple[dict[str, str], dict[str, str]]) 
     return [_latency(*key, *sides) for key, sides in sorted(groups.items()) if all(sides)]
 
 
-def _latency(device: str, operation: str, one: list[Took], other: list[Took]) -> Latency:
+def _latency(device: str, operation: str, one: list[Took], other: list[Took]) -> LatencyDifference:
     a, b = ([took for _, took in side] for side in (one, other))
-    return Latency(
+    return LatencyDifference(
         device,
         operation,
         (len(a), len(b)),

@@ -80,8 +80,8 @@ def level(found: Difference, otherwise: list[Conclusion]) -> str:
 def _elements(found: Difference, otherwise: list[Conclusion]) -> list[dict[str, Any]]:
     return [
         {
-            "label": told.parameter_text(told.Run((each["row"],))),
-            "name": told.element_text(told.Run((each["row"],))),
+            "label": told.parameter_text(told.ElementRun((each["row"],))),
+            "name": told.element_text(told.ElementRun((each["row"],))),
             "unit": each["unit"],
             "a": each["a"],
             "b": each["b"],

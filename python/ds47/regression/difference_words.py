@@ -15,7 +15,7 @@ from ds47.profidrive.naming import spelling
 from ds47.regression import conclusions as concluded
 from ds47.regression import difference as kinds
 from ds47.regression.conclusions import Conclusion, failures, shares
-from ds47.regression.difference import Difference, ElementDifference, Faults, Latency
+from ds47.regression.difference import Difference, ElementDifference, Faults, LatencyDifference
 from ds47.regression.elements import Outcomes
 from ds47.regression.places import Place
 from ds47.report.bilingual import Both, joined, operation, say
@@ -59,7 +59,7 @@ _VALUES = {
 """How a side tells its values, and how where they were not always the same."""
 
 
-class Run(NamedTuple):
+class ElementRun(NamedTuple):
     """Rows of elements that follow one another, of which the captures show the same but for the values."""
 
     rows: tuple[ElementDifference, ...]
@@ -74,7 +74,7 @@ class Section(NamedTuple):
     """Runs under a heading."""
 
     title: Both
-    runs: list[Run]
+    runs: list[ElementRun]
 
 
 def verdict(found: Difference) -> Both:
@@ -125,7 +125,7 @@ def _named(each: Conclusion, found: Difference) -> Both:
     return joined([*named, *([say("diff_elements_more", n=left)] if left else [])])
 
 
-def _brief(run: Run, kind: str, found: Difference) -> Both:
+def _brief(run: ElementRun, kind: str, found: Difference) -> Both:
     """`p2900[0] 10.0 -> 12.0`, `p2900[0] (0x11 ...)`, `p2900[0..3] 1 of 27 -> 9 of 12`."""
     name = element_text(run)
     values_differ = (concluded.VALUES, concluded.LAST_VALUES, concluded.WRITTEN, concluded.CHANGING)
@@ -138,7 +138,7 @@ def _brief(run: Run, kind: str, found: Difference) -> Both:
     return Both.same(f"{name} ({', '.join(told)})")
 
 
-def _failure(kind: object, run: Run, found: Difference) -> str:
+def _failure(kind: object, run: ElementRun, found: Difference) -> str:
     """`0x11 not in this operating state`, `STATUS DF80B500`, `-` for a negative response without a number."""
     if isinstance(kind, int):
         return _error(kind, run.first.element.place.device, found)
@@ -191,7 +191,7 @@ def _in_b(row: ElementDifference) -> bool:
 
 def runs(
     rows: Iterable[ElementDifference], about: Callable[[ElementDifference], object] = lambda _: None
-) -> list[Run]:
+) -> list[ElementRun]:
     """Rows put together to runs, in the order of their parameters; in one run `about` gives the same for all."""
     found: list[list[ElementDifference]] = []
     ordered = sorted(
@@ -202,7 +202,7 @@ def runs(
             found[-1].append(row)
         else:
             found.append([row])
-    return [Run(tuple(each)) for each in found]
+    return [ElementRun(tuple(each)) for each in found]
 
 
 def _follows(one: ElementDifference, other: ElementDifference) -> bool:
@@ -243,20 +243,20 @@ def place_text(place: Place) -> str:
     return " ".join(words)
 
 
-def parameter_text(run: Run) -> str:
+def parameter_text(run: ElementRun) -> str:
     """The parameter elements of a run: `192.168.0.1 DO 2 p2900[0]`, `.. p2902[2..5]`."""
     element = run.first.element
     return f"{place_text(element.place)} {element_text(run)}"
 
 
-def element_text(run: Run) -> str:
+def element_text(run: ElementRun) -> str:
     """The same without the place: `p2900[0]`, `r2902[2..5]`."""
     first, last = (run.rows[place].element.subindex for place in (0, -1))
     index = f"{first}" if first == last else f"{first}..{last}"
     return f"{spelling(run.first.element.pnu, run.first.family)}[{index}]"
 
 
-def side_text(run: Run, side: str, found: Difference) -> Both:
+def side_text(run: ElementRun, side: str, found: Difference) -> Both:
     """What capture "a" or "b" shows of a run."""
     first: Outcomes | None = getattr(run.first, side)
     if first is None:
@@ -286,7 +286,7 @@ def asked(word: str) -> Both:
     return say("diff_last_value") if word == kinds.LAST else operation(word)
 
 
-def _values(run: Run, side: str) -> Both:
+def _values(run: ElementRun, side: str) -> Both:
     """How often there was a value, and the last one; of a last value how it is known."""
     first: Outcomes = getattr(run.first, side)
     if run.first.operation == kinds.LAST:
@@ -300,7 +300,7 @@ def _values(run: Run, side: str) -> Both:
     return say(once, n=first.values, value=_last(run, side))
 
 
-def _last(run: Run, side: str) -> Both:
+def _last(run: ElementRun, side: str) -> Both:
     """The last values of a run in capture "a" or "b"; with the format where the other has another one."""
     row = run.first
     all_: list[Outcomes] = [getattr(each, side) for each in run.rows]
@@ -314,7 +314,7 @@ def _last(run: Run, side: str) -> Both:
     return Both(*(values(last, first.format, lang) + unit + kind for lang in ("en", "zh")))
 
 
-def line(run: Run, found: Difference) -> Both:
+def line(run: ElementRun, found: Difference) -> Both:
     """A run as a line: its parameters, and what both captures show of them."""
     return say(
         "diff_sides",
@@ -342,7 +342,7 @@ def count_text(name: Both, was: int, now: int) -> Both:
     return say("diff_row", what=name, text=f"{was:,} -> {now:,}")
 
 
-def shift_text(each: Latency) -> Both:
+def shift_text(each: LatencyDifference) -> Both:
     """What became of the latency, in words that do not claim more than the numbers hold."""
     if each.probability is None:
         return say("diff_few")
@@ -352,7 +352,7 @@ def shift_text(each: Latency) -> Both:
     return say(key, p=f"{each.probability:.2g}")
 
 
-def latency_text(each: Latency) -> Both:
+def latency_text(each: LatencyDifference) -> Both:
     """Durations of one operation on one device as a line."""
     return say(
         "diff_latency",

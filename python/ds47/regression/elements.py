@@ -31,7 +31,7 @@ def vendor_of(device: Json) -> int | None:
     return device.get("assumed_vendor_id") if shown is None else shown
 
 
-class Element(NamedTuple):
+class ElementKey(NamedTuple):
     """One element of a parameter."""
 
     place: Place
@@ -109,21 +109,21 @@ class History:
 
 
 @dataclass(slots=True)
-class Shown:
+class CaptureElements:
     """What one capture shows of all elements.
 
     `unknown`: transactions of which not all parameters that they asked for are in the capture.
     `texts`: the words of the error numbers of each device.
     """
 
-    elements: dict[Element, History] = field(default_factory=dict)
+    elements: dict[ElementKey, History] = field(default_factory=dict)
     unknown: int = 0
     texts: dict[tuple[str, int | None], str] = field(default_factory=dict)
 
 
-def shown(capture: Json, names: Mapping[str, str], places: Places) -> Shown:
+def shown(capture: Json, names: Mapping[str, str], places: Places) -> CaptureElements:
     """What a capture object of `ds47.report/1` or `/2` shows; `names`: of its devices, by IP address."""
-    found = Shown()
+    found = CaptureElements()
     vendors = {each["ip"]: vendor_of(each) for each in capture.get("devices", ())}
     for item in capture["transactions"]:
         vendor = vendors.get(item["device"])
@@ -171,13 +171,15 @@ def _bytes(item: Json, kind: str) -> bytes:
         return b""
 
 
-def _note(found: Shown, place: Place, item: Json, position: int, each: Json, family: str) -> None:
+def _note(
+    found: CaptureElements, place: Place, item: Json, position: int, each: Json, family: str
+) -> None:
     first, values = each["subindex"] or 0, split(each["values"], each.get("format"))
     count = max(1, each["element_count"] or 0, len(values) if is_whole(each.get("format")) else 0)
     operation = item["operation"]
     request = _form(item, each)
     for step in range(count):
-        key = Element(place, each["pnu"], first + step)
+        key = ElementKey(place, each["pnu"], first + step)
         history = found.elements.setdefault(key, History())
         unit = (
             None if each.get("scaled") else each["unit"]

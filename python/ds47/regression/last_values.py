@@ -23,7 +23,7 @@ from ds47.regression.difference import (
     compare,
     named_alike,
 )
-from ds47.regression.elements import VALUE, Element, Outcomes
+from ds47.regression.elements import VALUE, ElementKey, Outcomes
 from ds47.regression.places import Place
 from ds47.report import is_text, parameters
 
@@ -40,7 +40,7 @@ class NoTableError(ValueError):
     """A file that is no such table, or one of several captures; the text says why."""
 
 
-class Line(NamedTuple):
+class ValueLine(NamedTuple):
     """One element of a table; `how` is "read", "written" or empty where no value is known."""
 
     device: str
@@ -56,14 +56,14 @@ class Line(NamedTuple):
     certain: bool
 
 
-def table(result: CaptureResult) -> list[Line]:
+def table(result: CaptureResult) -> list[ValueLine]:
     """The table that `ds47 report -f parameters` gives of a capture."""
     stream = io.StringIO()
     parameters.write(Report([result]), stream)
     return read(stream.getvalue())
 
 
-def read(text: str) -> list[Line]:
+def read(text: str) -> list[ValueLine]:
     """A table as it was written, or as a spreadsheet saved it (with semicolons).
 
     Raises:
@@ -86,14 +86,14 @@ def read(text: str) -> list[Line]:
     return [_line(number, each) for number, each in enumerate(rows, 2)]
 
 
-def _line(number: int, row: dict[str, Any]) -> Line:
+def _line(number: int, row: dict[str, Any]) -> ValueLine:
     if None in row or None in row.values():
         raise NoTableError(f"row {number} has another number of cells than the first line")
     how = row["known"]
     if how not in ("", *_HOW):
         raise NoTableError(f"row {number}: known is {how!r}, not read or written")
     form = row["format"] or None
-    return Line(
+    return ValueLine(
         row["device"], row["station"], _place(number, row), _number(number, row, "pnu"),
         _number(number, row, "subindex"), row["name"], row["unit"],
         _value(row["value"], form) if how else None, form, how, row["certain"].lower() == "true",
@@ -131,7 +131,7 @@ def _value(text: str, form: str | None) -> Value:
     return text
 
 
-def difference(a: list[Line], b: list[Line], names: tuple[str, str]) -> Difference:
+def difference(a: list[ValueLine], b: list[ValueLine], names: tuple[str, str]) -> Difference:
     """Compares two tables. Devices are the same as in `regression.difference.difference`."""
     called = named_alike(*({each.device: each.station for each in side} for side in (a, b)))
     sides = [_elements(side, known) for side, known in zip((a, b), called, strict=True)]
@@ -140,29 +140,31 @@ def difference(a: list[Line], b: list[Line], names: tuple[str, str]) -> Differen
     return found
 
 
-def _elements(lines: list[Line], called: Mapping[str, str]) -> dict[Element, Line]:
+def _elements(lines: list[ValueLine], called: Mapping[str, str]) -> dict[ElementKey, ValueLine]:
     """The lines by their elements.
 
     Where a number is proved, the way to the drive object does not count, unless a table has the element by two
     ways that were not proved to be one.
     """
     often = Counter(_element(each, called, _bare(each.place)) for each in lines)
-    found: dict[Element, Line] = {}
+    found: dict[ElementKey, ValueLine] = {}
     for each in lines:
         bare = _element(each, called, _bare(each.place))
         found[bare if often[bare] == 1 else _element(each, called, each.place)] = each
     return found
 
 
-def _element(line: Line, called: Mapping[str, str], place: Place) -> Element:
-    return Element(place._replace(device=called[line.device]), line.pnu, line.subindex)
+def _element(line: ValueLine, called: Mapping[str, str], place: Place) -> ElementKey:
+    return ElementKey(place._replace(device=called[line.device]), line.pnu, line.subindex)
 
 
 def _bare(place: Place) -> Place:
     return place if place.drive_object is None else Place(place.device, place.drive_object)
 
 
-def _rows(a: Mapping[Element, Line], b: Mapping[Element, Line]) -> Iterator[ElementDifference]:
+def _rows(
+    a: Mapping[ElementKey, ValueLine], b: Mapping[ElementKey, ValueLine]
+) -> Iterator[ElementDifference]:
     near = _near(a), _near(b)
     for element in sorted(a.keys() | b.keys(), key=lambda each: (each.place.sort_key, *each[1:])):
         mine, theirs = a.get(element), b.get(element)
@@ -179,7 +181,7 @@ def _rows(a: Mapping[Element, Line], b: Mapping[Element, Line]) -> Iterator[Elem
         yield ElementDifference(element, LAST, result, one, other, name, unit)
 
 
-def _near(lines: Mapping[Element, Line]) -> Mapping[tuple[str, int, int], list[Place]]:
+def _near(lines: Mapping[ElementKey, ValueLine]) -> Mapping[tuple[str, int, int], list[Place]]:
     """The places at which a table has a PNU and subindex of a device."""
     found = defaultdict[tuple[str, int, int], list[Place]](list)
     for element in lines:
@@ -194,7 +196,7 @@ def _may_be(one: Place, other: Place) -> bool:
     return one.drive_object == other.drive_object
 
 
-def _outcomes(line: Line) -> Outcomes:
+def _outcomes(line: ValueLine) -> Outcomes:
     """A last value as the one outcome of one request."""
     found = Outcomes(asked=1)
     if line.how and line.value is not None:

@@ -20,7 +20,7 @@ import pytest
 if TYPE_CHECKING:
     from ds47.batch.tasks import Task
     from ds47.model import CaptureResult, Finding, Parameter, Transaction
-    from ds47.regression.run import Lonely, Outcome
+    from ds47.regression.run import CheckOutcome, Lonely
 
 _Folders = pytest.StashKey[list[Path]]()
 """The folders that were searched."""
@@ -186,7 +186,7 @@ class Changed(Exception):
     """A capture is not as it was stored; the text says what is the matter, and what to do."""
 
 
-def _failure(outcome: Outcome) -> str:
+def _failure(outcome: CheckOutcome) -> str:
     """What `ds47 check` says of a capture that failed, and how to take it over."""
     if outcome.error is not None:
         return _line(outcome.path, outcome.error)
@@ -204,7 +204,7 @@ def _failure(outcome: Outcome) -> str:
     return "\n".join(lines)
 
 
-def _of_versions(outcome: Outcome) -> list[str]:
+def _of_versions(outcome: CheckOutcome) -> list[str]:
     """What there is to say of the version that stored the result."""
     return [line.en for line in outcome.origin.lines(outcome.changes)] if outcome.origin else []
 

@@ -22,7 +22,7 @@ from ds47.regression.versions import Origin
 
 
 @dataclass(slots=True)
-class Outcome:
+class CheckOutcome:
     """What came of one capture.
 
     Attributes:
@@ -123,12 +123,14 @@ class Lonely:
     place: Path
     error: str
 
-    def outcome(self, fail_on: str | None = None) -> Outcome:
+    def outcome(self, fail_on: str | None = None) -> CheckOutcome:
         """What a check says of it: it fails. `fail_on` and ConfigError as in `check`."""
         settings = config.find(self.place)
         label = settings.label(self.place)
         fail_on = fail_on or settings.fail_on
-        return Outcome(str(self.place), self.place, error=self.error, label=label, fail_on=fail_on)
+        return CheckOutcome(
+            str(self.place), self.place, error=self.error, label=label, fail_on=fail_on
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +161,7 @@ def check(
     options: AnalysisOptions | None = None,
     fail_on: str | None = None,
     lang: str = "en",
-) -> Outcome:
+) -> CheckOutcome:
     """Compares a capture with its stored result. Files that cannot be used are in `error`.
 
     Args:
@@ -173,7 +175,7 @@ def check(
     """
     capture = Path(task.path)
     settings = config.find(capture)
-    outcome = Outcome(
+    outcome = CheckOutcome(
         task.path,
         place_of(task),
         label=settings.label(capture),

@@ -55,7 +55,7 @@ class RuleText(Protocol):
     def advice_zh(self) -> str: ...
 
 
-class Options(NamedTuple):
+class ReportOptions(NamedTuple):
     """How to print. `color`: ANSI colours (text only). `rules`: the catalogue, for rule names.
 
     `fail_on`: the severity from which on a finding is a failure (junit only). `lang`: the language of
@@ -86,9 +86,9 @@ class Writer:
 
     streams: ClassVar[bool] = False
 
-    def __init__(self, stream: TextIO, options: Options | None = None) -> None:
+    def __init__(self, stream: TextIO, options: ReportOptions | None = None) -> None:
         self.stream = stream
-        self.options = options or Options()
+        self.options = options or ReportOptions()
 
     def transaction(self, path: str, transaction: Transaction, findings: Sequence[Finding]) -> None:
         """Takes one finished transaction of the capture `path` with the findings about it."""
@@ -104,10 +104,10 @@ class Writer:
 
 
 class _WriterClass(Protocol):
-    def __call__(self, stream: TextIO, options: Options | None = None) -> Writer: ...
+    def __call__(self, stream: TextIO, options: ReportOptions | None = None) -> Writer: ...
 
 
-def open_writer(name: str, stream: TextIO, options: Options | None = None) -> Writer:
+def open_writer(name: str, stream: TextIO, options: ReportOptions | None = None) -> Writer:
     """The serializer for one of FORMATS, writing to `stream`.
 
     Raises:

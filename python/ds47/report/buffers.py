@@ -23,7 +23,7 @@ COLUMNS: Final = ("number", "code", "time", "gone", "value")
 ENTRIES_LISTED: Final = 64
 
 
-class Cell(NamedTuple):
+class EntryValue(NamedTuple):
     """What was read of an entry, and the frame of the response; `text` is what a list of the user says of it."""
 
     value: Value
@@ -36,7 +36,7 @@ class BufferEntry(NamedTuple):
 
     subindex: int
     situation: int | None
-    cells: Mapping[str, Cell]
+    cells: Mapping[str, EntryValue]
 
 
 class Buffer(NamedTuple):
@@ -55,7 +55,7 @@ class _Seen:
 
     sample: Transaction
     situations: bool = False
-    columns: dict[str, dict[int, Cell]] = field(default_factory=dict)
+    columns: dict[str, dict[int, EntryValue]] = field(default_factory=dict)
 
 
 def buffers(result: CaptureResult, targets: Targets | None = None) -> list[Buffer]:
@@ -106,10 +106,10 @@ def _column(item: Parameter) -> str:
     return item.listed.entry[1] if item.listed and item.listed.entry else ""
 
 
-def _cells(item: Parameter, frame: int) -> dict[int, Cell]:
+def _cells(item: Parameter, frame: int) -> dict[int, EntryValue]:
     told = item.told or {}
     return {
-        place: Cell(value, frame, told.get(value) if isinstance(value, int) else None)
+        place: EntryValue(value, frame, told.get(value) if isinstance(value, int) else None)
         for place, value in enumerate(item.values, item.subindex or 0)
     }
 
@@ -186,13 +186,13 @@ def _name(item: BufferEntry) -> Both:
     return joined([_message(number), say("buffer_code", code=_message(code))])
 
 
-def _message(cell: Cell | None) -> Both:
+def _message(cell: EntryValue | None) -> Both:
     if cell is None:
         return _NOTHING
     return Both.same(escape(cell.text or str(cell.value)))
 
 
-def _time(cell: Cell | None, since: int | None) -> Both:
+def _time(cell: EntryValue | None, since: int | None) -> Both:
     """Milliseconds of the clock of the drive, and those since the first fault of the same situation."""
     if cell is None or not isinstance(cell.value, int):
         return _NOTHING
@@ -200,11 +200,11 @@ def _time(cell: Cell | None, since: int | None) -> Both:
     return told if since is None else told.joined(Both.same(f"({since:+d} ms)"), " ", " ")
 
 
-def _gone(cell: Cell | None) -> Both:
+def _gone(cell: EntryValue | None) -> Both:
     if cell is None or not isinstance(cell.value, int) or cell.value == 0:
         return _NOTHING
     return say("buffer_gone", time=f"{cell.value} ms")
 
 
-def _value(cell: Cell | None) -> Both:
+def _value(cell: EntryValue | None) -> Both:
     return _NOTHING if cell is None else say("buffer_value", value=escape(str(cell.value)))

@@ -12,10 +12,10 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from ds47.model import SEVERITIES, CaptureResult
-from ds47.report import Options
+from ds47.report import ReportOptions
 from ds47.report.bilingual import Both, say
 from ds47.report.formatting import escape
-from ds47.report.places import Places, name
+from ds47.report.places import FileFrames, name
 from ds47.report.summary import WIDTH
 from ds47.report.wrap import wrap
 
@@ -42,7 +42,7 @@ def told(result: CaptureResult) -> dict[str, Told]:
         item.findings += each.count
         if each.frames and (item.frame is None or each.frames[0] < item.frame):
             item.frame = each.frames[0]
-    places = Places(result.files)
+    places = FileFrames(result.files)
     for item in found.values():
         where = None if item.frame is None else places.place(item.frame)
         if where is not None:
@@ -92,7 +92,7 @@ def over_all(captures: Iterable[tuple[str, Mapping[str, Told]]]) -> list[dict[st
 
 
 def lines(
-    items: Sequence[dict[str, Any]], options: Options, *, advice: bool = True
+    items: Sequence[dict[str, Any]], options: ReportOptions, *, advice: bool = True
 ) -> Iterator[str]:
     """What `over_all` gave, as text; without `advice` where each capture has said what to do."""
     if not items:

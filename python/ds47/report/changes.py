@@ -19,7 +19,7 @@ from ds47.report.json import timestamp
 from ds47.report.parameters import plain
 from ds47.report.selection import Selection, Wanted
 from ds47.report.targets import Targets, slot
-from ds47.report.trail import Change, changes
+from ds47.report.trail import WrittenChange, changes
 from ds47.report.wrap import columns, padded
 from ds47.report.zones import UNIVERSAL, Zone
 from ds47.spec.semantics import known
@@ -57,7 +57,9 @@ def _chosen(result: CaptureResult, selection: Selection) -> tuple[list[dict[str,
     return found, unproved
 
 
-def _row(change: Change, targets: Targets, stations: dict[str, str | None]) -> dict[str, Any]:
+def _row(
+    change: WrittenChange, targets: Targets, stations: dict[str, str | None]
+) -> dict[str, Any]:
     item, old, error = change.transaction, change.old, change.parameter.error
     of_device = targets.identity(item, change.pnu) == Identity(item.device)
     return {
@@ -77,7 +79,7 @@ def _row(change: Change, targets: Targets, stations: dict[str, str | None]) -> d
     }  # fmt: skip
 
 
-def way(change: Change) -> str:
+def way(change: WrittenChange) -> str:
     """`47 slot 2.1`, `0xB02E slot 2.1`, `PKW slot 1.1`: by what a request came."""
     item = change.transaction
     if item.channel != DS47 or item.index is None:

@@ -741,7 +741,7 @@ def _told_buffer(item: buffers.Buffer) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _told_cell(cell: buffers.Cell | None) -> dict[str, Any] | None:
+def _told_cell(cell: buffers.EntryValue | None) -> dict[str, Any] | None:
     if cell is None:
         return None
     text = {} if cell.text is None else {"text": cell.text}

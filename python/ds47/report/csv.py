@@ -21,7 +21,7 @@ from json import dumps
 from typing import Any, ClassVar, TextIO
 
 from ds47.model import Finding, Parameter, Report, Transaction, Value
-from ds47.report import Options, contract, is_text, json, write_all
+from ds47.report import ReportOptions, contract, is_text, json, write_all
 from ds47.report import Writer as _Writer
 from ds47.report.formatting import escape
 from ds47.report.values import about, of_kind
@@ -46,7 +46,7 @@ _OF_LISTS = [
 Cell = int | float | str | None
 
 
-def write(report: Report, stream: TextIO, options: Options | None = None) -> None:
+def write(report: Report, stream: TextIO, options: ReportOptions | None = None) -> None:
     """Writes a complete report, the header first."""
     write_all(Writer(stream, options), report)
 
@@ -66,7 +66,7 @@ class Table(_Writer):
 
     header: ClassVar[Sequence[str]] = ()
 
-    def __init__(self, stream: TextIO, options: Options | None = None) -> None:
+    def __init__(self, stream: TextIO, options: ReportOptions | None = None) -> None:
         super().__init__(stream, options)
         self._csv = csv.writer(Lines(stream), lineterminator="\r\n")
         self._csv.writerow(self.header)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import ClassVar, TextIO
 
 from ds47.model import CaptureResult, Event, Report
-from ds47.report import Options, contract, timelines, write_all
+from ds47.report import ReportOptions, contract, timelines, write_all
 from ds47.report.csv import Cell, Table, guarded
 from ds47.spec.cyclic import event_text
 
@@ -21,7 +21,7 @@ COLUMNS = (
 """The header: `words` is the event in the language of the report, `after_ms` the time since its command."""
 
 
-def write(report: Report, stream: TextIO, options: Options | None = None) -> None:
+def write(report: Report, stream: TextIO, options: ReportOptions | None = None) -> None:
     """Writes a complete report, the header first."""
     write_all(Writer(stream, options), report)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
-from ds47.explain import Block, Meaning, Reason
+from ds47.explain import BlockOutputs, CodeMeaning, Reason
 from ds47.report.wrap import columns, wrap
 from ds47.spec import explanations
 
@@ -23,7 +23,7 @@ _LABELS: Final[Mapping[str, str]] = {
 """Kinds of codes -> the word before their parts, where these are something of their own."""
 
 
-def lines(meanings: Sequence[Meaning], lang: str, width: int = WIDTH) -> Iterator[str]:
+def lines(meanings: Sequence[CodeMeaning], lang: str, width: int = WIDTH) -> Iterator[str]:
     """The first meaning in full, of the others what they are, those without meaning in one line.
 
     Args:
@@ -47,7 +47,7 @@ def lines(meanings: Sequence[Meaning], lang: str, width: int = WIDTH) -> Iterato
         yield words["more"].format(command=others[0].name)
 
 
-def _full(meaning: Meaning, words: Mapping[str, str], width: int) -> Iterator[str]:
+def _full(meaning: CodeMeaning, words: Mapping[str, str], width: int) -> Iterator[str]:
     yield from wrap(meaning.title, width, 2)
     if meaning.parts:
         parts = (" ".join(filter(None, (p.value, p.name, p.text))) for p in meaning.parts)
@@ -74,7 +74,7 @@ def _cause(cause: Reason, words: Mapping[str, str]) -> str:
     return cause.text + words["bracket"].format(text=words[cause.basis])
 
 
-def _block(block: Block, words: Mapping[str, str]) -> str:
+def _block(block: BlockOutputs, words: Mapping[str, str]) -> str:
     """`RDREC VALID 0  BUSY 0  ERROR 1  STATUS 16#DE80B500  (for one call only)`."""
     if not block.block:
         return block.note

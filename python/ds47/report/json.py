@@ -26,7 +26,7 @@ from ds47.model import (
     Transaction,
     Value,
 )
-from ds47.report import SCHEMA, Options, contract, write_all
+from ds47.report import SCHEMA, ReportOptions, contract, write_all
 from ds47.report import Writer as _Writer
 from ds47.report import values as meanings
 from ds47.report.values import about
@@ -209,7 +209,7 @@ def document(report: Report) -> dict[str, Any]:
     return _head() | {"captures": [capture(each) for each in report.captures]}
 
 
-def write(report: Report, stream: TextIO, options: Options | None = None) -> None:
+def write(report: Report, stream: TextIO, options: ReportOptions | None = None) -> None:
     """Writes a complete report as one JSON text."""
     write_all(Writer(stream, options), report)
 
@@ -220,7 +220,7 @@ class Writer(_Writer):
     `about` are further keys of the document, set before the first capture (`ds47.batch.results`).
     """
 
-    def __init__(self, stream: TextIO, options: Options | None = None) -> None:
+    def __init__(self, stream: TextIO, options: ReportOptions | None = None) -> None:
         super().__init__(stream, options)
         self.about: dict[str, Any] = {}
         self._begun = False

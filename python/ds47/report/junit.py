@@ -5,7 +5,7 @@ that a server's history and its list of new failures mean something; it is what 
 in, too; and a recording of 100,000 transactions does not fill the server. What went wrong inside
 stands in the failure, rule by rule with frames.
 
-Only the form; what makes a case fail is `Options.fail_on` in a report, and the caller's business
+Only the form; what makes a case fail is `ReportOptions.fail_on` in a report, and the caller's business
 for `write`. Written at the end: the counts come first in the file.
 """
 
@@ -18,7 +18,7 @@ from typing import ClassVar, TextIO
 from xml.etree import ElementTree as ET
 
 from ds47.model import SEVERITIES, STATES, CaptureResult, Finding, Transaction
-from ds47.report import Options
+from ds47.report import ReportOptions
 from ds47.report import Writer as _Writer
 from ds47.report.formatting import count, escape
 from ds47.report.sentences import message
@@ -91,7 +91,7 @@ def _element(case: Case) -> ET.Element:
 
 
 class Writer(_Writer):
-    """Makes a case of each capture: findings from `Options.fail_on` on are its failure.
+    """Makes a case of each capture: findings from `ReportOptions.fail_on` on are its failure.
 
     An error is a capture that could not be read, or not to its end. Findings below the limit stand
     in the output of the case, and so does the summary.
@@ -99,7 +99,7 @@ class Writer(_Writer):
 
     streams: ClassVar[bool] = True
 
-    def __init__(self, stream: TextIO, options: Options | None = None) -> None:
+    def __init__(self, stream: TextIO, options: ReportOptions | None = None) -> None:
         super().__init__(stream, options)
         self._cases: list[Case] = []
         self._worst = SEVERITIES.index(self.options.fail_on)

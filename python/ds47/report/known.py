@@ -17,7 +17,7 @@ _MOST = 200
 """Parameters that a search finds; of more the first ones."""
 
 
-class Known(NamedTuple):
+class SourceEntry(NamedTuple):
     """What one source says of a parameter, or of a message (`letter` and `number` are then those of the fault).
 
     `source` is in words; `values` are texts of values.
@@ -33,7 +33,7 @@ class Known(NamedTuple):
     source: str
 
 
-def known(text: str, catalogue: Catalogue, lang: str = "en") -> list[Known]:
+def known(text: str, catalogue: Catalogue, lang: str = "en") -> list[SourceEntry]:
     """All that is known under a number (`2900`, `r0945`, `F07900`) or a word of a name."""
     number = spelled(text)
     if number is not None:
@@ -43,7 +43,7 @@ def known(text: str, catalogue: Catalogue, lang: str = "en") -> list[Known]:
     return list(_search(text, catalogue, lang))
 
 
-def listed(text: str, catalogue: Catalogue, lang: str = "en") -> list[Known]:
+def listed(text: str, catalogue: Catalogue, lang: str = "en") -> list[SourceEntry]:
     """What lists say of a parameter (`2900`, `r0945`) or a message (`F07900`); nothing of any other text."""
     number = spelled(text)
     if number is not None:
@@ -54,7 +54,7 @@ def listed(text: str, catalogue: Catalogue, lang: str = "en") -> list[Known]:
     return [_message(each, found, lang) for each, found in told]
 
 
-def messages(number: int, catalogue: Catalogue, lang: str = "en") -> list[Known]:
+def messages(number: int, catalogue: Catalogue, lang: str = "en") -> list[SourceEntry]:
     """What lists say of a number as that of a fault or an alarm."""
     return [_message(each, found, lang) for each, found in catalogue.messages(number)]
 
@@ -64,7 +64,7 @@ def _is_message(text: str) -> bool:
     return text[:1].upper() in ("F", "A", "C", "N") and digits.isdecimal() and len(digits) <= 6
 
 
-def _shipped(number: int, lang: str) -> Iterator[Known]:
+def _shipped(number: int, lang: str) -> Iterator[SourceEntry]:
     """What the tables say of a number, on each family of drives."""
     places = spec.parameter_sources()
     for row in spec.of_families(number):
@@ -76,26 +76,28 @@ def _shipped(number: int, lang: str) -> Iterator[Known]:
         values = {str(value): text for value, text in texts.items()}
         kind = None if row.type == "unknown" else row.type
         letter = WRITABLE.get(row.family, row.access) if row.access == "p" else row.access
-        yield Known("parameter", letter, number, name, row.unit, kind, values, source)
+        yield SourceEntry("parameter", letter, number, name, row.unit, kind, values, source)
 
 
-def _of_lists(catalogue: Catalogue, number: int, lang: str) -> Iterator[Known]:
+def _of_lists(catalogue: Catalogue, number: int, lang: str) -> Iterator[SourceEntry]:
     for row, found in catalogue.entries(number):
         yield _parameter(row, found, lang)
 
 
-def _parameter(row: ListedParameter, found: ParameterList, lang: str) -> Known:
+def _parameter(row: ListedParameter, found: ParameterList, lang: str) -> SourceEntry:
     values = {str(number): text for number, text in sorted(row.values.items())}
     source = say("params_of_list", name=escape(found.name), about=about(found, lang)).text(lang)
-    return Known("parameter", row.access, row.number, row.name, row.unit, row.type, values, source)
+    return SourceEntry(
+        "parameter", row.access, row.number, row.name, row.unit, row.type, values, source
+    )
 
 
-def _message(each: ListedMessage, found: ParameterList, lang: str) -> Known:
+def _message(each: ListedMessage, found: ParameterList, lang: str) -> SourceEntry:
     source = say("params_of_list", name=escape(found.name), about=about(found, lang)).text(lang)
-    return Known("message", each.letter, each.number, each.text, None, None, {}, source)
+    return SourceEntry("message", each.letter, each.number, each.text, None, None, {}, source)
 
 
-def _search(text: str, catalogue: Catalogue, lang: str) -> Iterator[Known]:
+def _search(text: str, catalogue: Catalogue, lang: str) -> Iterator[SourceEntry]:
     wanted = " ".join(text.casefold().split())
     numbers = sorted({*spec.parameters(), *catalogue.numbers()})
     all_ = (
@@ -124,7 +126,7 @@ def about(found: ParameterList, lang: str) -> str:
     return ", ".join(each.text(lang) for each in parts) or say("params_any").text(lang)
 
 
-def lines(all_: Iterable[Known]) -> Iterator[str]:
+def lines(all_: Iterable[SourceEntry]) -> Iterator[str]:
     """Each of them: number, name, type and unit, then texts of values, then where it is from."""
     for each in all_:
         number = (

@@ -16,11 +16,11 @@ from functools import lru_cache
 from typing import ClassVar, TextIO
 
 from ds47.model import CaptureResult, Finding, Report, Transaction
-from ds47.report import Options, json, write_all
+from ds47.report import ReportOptions, json, write_all
 from ds47.report import Writer as _Writer
 
 
-def write(report: Report, stream: TextIO, options: Options | None = None) -> None:
+def write(report: Report, stream: TextIO, options: ReportOptions | None = None) -> None:
     """Writes a complete report line by line."""
     write_all(Writer(stream, options), report)
 

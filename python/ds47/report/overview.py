@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any, TextIO
 
 from ds47.model import DIAGNOSIS, OPERATIONS, SEVERITIES, STATES, CaptureResult, Report
-from ds47.report import Options, causes, write_all
+from ds47.report import ReportOptions, causes, write_all
 from ds47.report import Writer as _Writer
 from ds47.report.bilingual import Both, joined, numbered, say
 from ds47.report.clock import Clock, beginning
@@ -200,7 +200,7 @@ def document(rows: Sequence[CaptureRow]) -> Iterator[str]:
     yield "]}\n"
 
 
-def write(report: Report, stream: TextIO, options: Options | None = None) -> None:
+def write(report: Report, stream: TextIO, options: ReportOptions | None = None) -> None:
     """Writes the overview of a complete report."""
     write_all(Writer(stream, options), report)
 
@@ -208,7 +208,7 @@ def write(report: Report, stream: TextIO, options: Options | None = None) -> Non
 class Writer(_Writer):
     """Keeps a row of each capture, and prints at the end."""
 
-    def __init__(self, stream: TextIO, options: Options | None = None) -> None:
+    def __init__(self, stream: TextIO, options: ReportOptions | None = None) -> None:
         super().__init__(stream, options)
         self.rows: list[CaptureRow] = []
 
@@ -223,7 +223,7 @@ class Writer(_Writer):
             self.stream.write(line + "\n")
 
 
-def lines(rows: Sequence[CaptureRow], options: Options) -> list[str]:
+def lines(rows: Sequence[CaptureRow], options: ReportOptions) -> list[str]:
     """The overview as text: which captures need a look, what to do, what was found, sums."""
     summed = total(rows)
     return [
@@ -306,7 +306,7 @@ def _about(row: CaptureRow) -> Both:
     return Both.same(escape(problem.removeprefix(f"{row.path}: ")))
 
 
-def _rules(summed: dict[str, Any], options: Options) -> list[str]:
+def _rules(summed: dict[str, Any], options: ReportOptions) -> list[str]:
     """The rules but the diagnoses, which stand under what to do."""
     found = [each for each in summed["rules"].items() if not each[0].startswith(DIAGNOSIS)]
     if not found:

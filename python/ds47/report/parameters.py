@@ -12,12 +12,11 @@ from typing import ClassVar, NamedTuple, TextIO
 
 from ds47.model import CaptureResult, Report, Value
 from ds47.profidrive.drive_objects import Identity
-from ds47.report import Options, is_text, write_all
+from ds47.report import ReportOptions, is_text, write_all
 from ds47.report.csv import Cell, Table, guarded
 from ds47.report.json import timestamp
 from ds47.report.targets import Targets
-from ds47.report.trail import Cell as Element
-from ds47.report.trail import trail
+from ds47.report.trail import TrailCell, trail
 
 COLUMNS = (
     "path", "device", "station", "target", "drive_object", "pnu", "subindex", "name", "unit", "value", "format",
@@ -35,10 +34,10 @@ class ElementRow(NamedTuple):
     drive_object: int | None
     pnu: int
     subindex: int
-    element: Element
+    element: TrailCell
 
 
-def write(report: Report, stream: TextIO, options: Options | None = None) -> None:
+def write(report: Report, stream: TextIO, options: ReportOptions | None = None) -> None:
     """Writes a complete report, the header first."""
     write_all(Writer(stream, options), report)
 

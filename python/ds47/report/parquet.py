@@ -19,7 +19,7 @@ from typing import Any, BinaryIO, ClassVar, TextIO
 
 from ds47 import spec
 from ds47.model import Finding, Parameter, Report, Transaction, Value
-from ds47.report import CannotWriteError, Options, contract, schema, write_all
+from ds47.report import CannotWriteError, ReportOptions, contract, schema, write_all
 from ds47.report import Writer as _Writer
 from ds47.spec.extras import install
 from ds47.version import __version__
@@ -39,7 +39,7 @@ _UNIT = 1 + [each.name for each in contract.HEAD_COLUMNS].index("unit")
 Row = list[Any]
 
 
-def write(report: Report, stream: TextIO, options: Options | None = None) -> None:
+def write(report: Report, stream: TextIO, options: ReportOptions | None = None) -> None:
     """Writes a complete report to the binary stream below `stream`."""
     write_all(Writer(stream, options), report)
 
@@ -49,7 +49,7 @@ class Writer(_Writer):
 
     streams: ClassVar[bool] = True
 
-    def __init__(self, stream: TextIO, options: Options | None = None) -> None:
+    def __init__(self, stream: TextIO, options: ReportOptions | None = None) -> None:
         super().__init__(stream, options)
         if stream.isatty():
             raise CannotWriteError("parquet is not for a terminal: -o FILE, or a pipe")

@@ -14,7 +14,7 @@ from ds47.model import CaptureFile
 from ds47.report.bilingual import say
 
 
-class Places:
+class FileFrames:
     """Frame numbers of a capture as numbers of its files; without files they stay as they are."""
 
     def __init__(self, files: Sequence[CaptureFile]) -> None:

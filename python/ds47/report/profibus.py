@@ -70,7 +70,7 @@ def _dp_document(found: dp.Content | None) -> dict[str, Any] | None:
     if found is None:
         return None
     flaws = {"flaws": _flaws(found.flaws)}
-    if isinstance(found, dp.Diagnosis):
+    if isinstance(found, dp.SlaveDiagnosis):
         blocks = [{"kind": each.kind, "data": each.data.hex()} for each in found.blocks]
         return {
             "flags": list(found.flags),
@@ -102,7 +102,7 @@ def _module_document(module: dp.Module, role: str | None) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _area_document(area: dp.Area | None) -> dict[str, Any] | None:
+def _area_document(area: dp.ModuleArea | None) -> dict[str, Any] | None:
     if area is None:
         return None
     return {"length": area.length, "words": area.words, "consistent": area.consistent}
@@ -233,7 +233,7 @@ def _ms1_lines(found: ms1.Ms1Message, item: Telegram) -> Iterator[Line]:
 
 
 def _dp_lines(found: dp.Content | None, data: bytes) -> Iterator[Line]:
-    if isinstance(found, dp.Diagnosis):
+    if isinstance(found, dp.SlaveDiagnosis):
         yield from _diagnosis_lines(found)
     elif isinstance(found, dp.Parameters):
         yield from _parameter_lines(found)
@@ -262,7 +262,7 @@ def _flag_words(table: str, ids: Sequence[str]) -> Both:
     return joined(found, "; ", "；") if found else say("dp_no_flag")
 
 
-def _diagnosis_lines(found: dp.Diagnosis) -> Iterator[Line]:
+def _diagnosis_lines(found: dp.SlaveDiagnosis) -> Iterator[Line]:
     yield 0, _flag_words("diagnosis", found.flags)
     if found.ident is not None:
         master = (
@@ -311,7 +311,7 @@ def module_text(module: dp.Module, role: str | None) -> Both:
     )
 
 
-def _area_text(area: dp.Area, side: str) -> Both:
+def _area_text(area: dp.ModuleArea, side: str) -> Both:
     count = area.length // 2 if area.words else area.length
     unit = "dp_words" if area.words else "dp_bytes"
     whole = "dp_whole" if area.consistent else "dp_piecewise"

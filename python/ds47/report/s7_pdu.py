@@ -13,8 +13,8 @@ from typing import Any
 from ds47.report.bilingual import LANGUAGES, Both, say
 from ds47.report.s7 import failure, tsap
 from ds47.s7 import addresses, pdu, tpkt
-from ds47.s7.model import DONE, Address, Flaw, Item
-from ds47.s7.pdu import Pdu, Result, SegmentData, Setup, Usend, UserData
+from ds47.s7.model import DONE, Flaw, S7Address, S7Item
+from ds47.s7.pdu import ItemResult, S7Pdu, SegmentData, Setup, Usend, UserData
 from ds47.spec import s7
 
 Line = tuple[int, Both]
@@ -34,10 +34,10 @@ class Decoded:
     tpdu: tpkt.Tpdu | None
     start: int
     """Where the PDU begins."""
-    pdu: Pdu | None
+    pdu: S7Pdu | None
     setup: Setup | None = None
-    items: list[Item] = field(default_factory=list)
-    results: list[Result] = field(default_factory=list)
+    items: list[S7Item] = field(default_factory=list)
+    results: list[ItemResult] = field(default_factory=list)
     user: UserData | None = None
     segment: SegmentData | None = None
     usend: Usend | None = None
@@ -137,7 +137,7 @@ def document(found: Decoded) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _function(item: Pdu | None) -> str | None:
+def _function(item: S7Pdu | None) -> str | None:
     if item is None or item.function is None:
         return None
     return s7.code_text("function", item.function)
@@ -154,7 +154,7 @@ def _cotp(item: tpkt.Tpdu) -> dict[str, Any]:
     }
 
 
-def _item(item: Item) -> dict[str, Any]:
+def _item(item: S7Item) -> dict[str, Any]:
     address = item.address
     return {
         "address": None if address is None else addresses.text(address),
@@ -198,7 +198,7 @@ def _cotp_words(item: tpkt.Tpdu) -> Both:
     )  # fmt: skip
 
 
-def _parameter(found: Decoded, item: Pdu, at: int) -> Iterator[Line]:
+def _parameter(found: Decoded, item: S7Pdu, at: int) -> Iterator[Line]:
     user, part = found.user, found.usend
     if part is not None:
         yield at, say("s7_pdu_usend", r_id=f"{part.r_id:08X}")
@@ -229,25 +229,25 @@ def _user_words(user: UserData) -> Both:
     )  # fmt: skip
 
 
-def _addresses(found: Decoded, item: Pdu, begin: int) -> Iterator[Line]:
+def _addresses(found: Decoded, item: S7Pdu, begin: int) -> Iterator[Line]:
     """The addresses of a job; one that names several areas is one."""
-    groups, at = pdu.variables(Pdu(**_again(item))).groups, 2
+    groups, at = pdu.variables(S7Pdu(**_again(item))).groups, 2
     for group in range(groups[-1] + 1 if groups else 0):
         there = [each for each, of in zip(found.items, groups, strict=True) if of == group]
         names = [
-            addresses.text(each.address) for each in there if isinstance(each.address, Address)
+            addresses.text(each.address) for each in there if isinstance(each.address, S7Address)
         ]
         yield begin + at, Both.same(", ".join(names)) if names else say("decode_unknown")
         at += 2 + item.parameter[at + 1]
 
 
-def _again(item: Pdu) -> dict[str, Any]:
+def _again(item: S7Pdu) -> dict[str, Any]:
     """A PDU to be read once more, without what was wrong with it."""
     names = ("data", "kind", "reference", "parameter", "content", "error", "size", "head")
     return {name: getattr(item, name) for name in names}
 
 
-def _data(found: Decoded, item: Pdu, begin: int) -> Iterator[Line]:
+def _data(found: Decoded, item: S7Pdu, begin: int) -> Iterator[Line]:
     part = found.segment
     if part is not None:
         total = "?" if part.total is None else str(part.total)
@@ -272,7 +272,7 @@ def _data(found: Decoded, item: Pdu, begin: int) -> Iterator[Line]:
 
 def _entries(found: Decoded, begin: int) -> Iterator[Line]:
     """The entries of data, each with what was read or is to be written."""
-    told = found.results or [Result(DONE, each.value) for each in found.items]
+    told = found.results or [ItemResult(DONE, each.value) for each in found.items]
     at, end = begin, found.start + len(found.pdu.data if found.pdu else b"")
     for each in told:
         if at >= end:

@@ -23,7 +23,7 @@ from urllib.parse import quote
 
 from ds47 import spec
 from ds47.model import CaptureResult, Finding, Transaction
-from ds47.report import Options
+from ds47.report import ReportOptions
 from ds47.report import Writer as _Writer
 from ds47.report.sentences import message
 from ds47.version import __version__
@@ -38,7 +38,7 @@ _LINK = re.compile(r"\[(?=[^\]]*\]\()")
 
 
 @dataclass(frozen=True, slots=True)
-class Result:
+class SarifResult:
     """One finding or change: `rule` is of the catalogue, or a kind of change.
 
     `subject` says what it is about in words that do not change from run to run; else the message
@@ -54,7 +54,7 @@ class Result:
     subject: str | None = None
 
 
-def write(results: Iterable[Result], stream: TextIO) -> None:
+def write(results: Iterable[SarifResult], stream: TextIO) -> None:
     """Writes one run as a SARIF log; `results` may be a generator."""
     log = _Log(stream)
     for each in results:
@@ -67,7 +67,7 @@ class Writer(_Writer):
 
     streams: ClassVar[bool] = True
 
-    def __init__(self, stream: TextIO, options: Options | None = None) -> None:
+    def __init__(self, stream: TextIO, options: ReportOptions | None = None) -> None:
         super().__init__(stream, options)
         self._log = _Log(stream)
 
@@ -106,7 +106,7 @@ class _Log:
             '"columnKind": "unicodeCodePoints",\n"results": ['
         )
 
-    def result(self, item: Result) -> None:
+    def result(self, item: SarifResult) -> None:
         about = {
             "frame": item.frame,
             "transaction": item.transaction,
@@ -144,7 +144,7 @@ class _Log:
             f'"semanticVersion": "{_SEMANTIC_VERSION}", "rules": [\n{rules}]}}}}}}]}}\n'
         )
 
-    def _fingerprint(self, item: Result) -> str:
+    def _fingerprint(self, item: SarifResult) -> str:
         """What the result is about, and which of those that are alike in this capture it is."""
         if item.path != self._path:
             self._path = item.path
@@ -156,9 +156,9 @@ class _Log:
         return f"{digest.hex()}:{self._seen[digest]}"
 
 
-def _finding(path: str, item: Finding, subject: str, lang: str) -> Result:
+def _finding(path: str, item: Finding, subject: str, lang: str) -> SarifResult:
     text = f"Frame {item.frame}: {message(item, lang)}"
-    return Result(item.rule, item.severity, text, path, item.frame, item.transaction, subject)
+    return SarifResult(item.rule, item.severity, text, path, item.frame, item.transaction, subject)
 
 
 def _subject(item: Transaction) -> str:

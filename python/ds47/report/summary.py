@@ -11,15 +11,15 @@ from collections.abc import Callable, Iterator, Sequence
 
 from ds47.findings.grouping import headlines
 from ds47.model import S7, CaptureResult, Device, Diagnosis, Finding
-from ds47.report import Options
+from ds47.report import ReportOptions
 from ds47.report.bilingual import say
 from ds47.report.clock import Clock, seen_at
 from ds47.report.filters import display_filter
 from ds47.report.formatting import escape
-from ds47.report.places import Places
+from ds47.report.places import FileFrames
 from ds47.report.sentences import advice, advice_parts, sentence
 from ds47.report.todo import More, answering, by_state, causes, is_lowered, uncovered
-from ds47.report.verdict import Counts, blind, told, verdict
+from ds47.report.verdict import VerdictCounts, blind, told, verdict
 from ds47.report.wrap import fitted, wrap
 
 WIDTH = 100
@@ -39,7 +39,7 @@ Paint = Callable[[str, str], str]
 class Opening:
     """Makes the lines. `paint` takes a colour ("error", "bold", ...) and a text."""
 
-    def __init__(self, options: Options, paint: Paint) -> None:
+    def __init__(self, options: ReportOptions, paint: Paint) -> None:
         self._options = options
         self._lang = options.lang
         self._paint = paint
@@ -48,7 +48,7 @@ class Opening:
         self._seen_at: dict[int, int] = {}
         """When the frames of findings were, by number."""
 
-    def verdict(self, counts: Counts) -> str:
+    def verdict(self, counts: VerdictCounts) -> str:
         """`NOT OK: 1 drive, 452 transactions, 412 refused`."""
         return self._paint(COLORS[counts.level], verdict(counts).text(self._lang))
 
@@ -61,8 +61,8 @@ class Opening:
         rest = uncovered(result)
         if result.diagnoses or rest:
             yield from self._title("to_do_head")
-            yield from self._to_do(result, rest, Places(result.files))
-        if serious or rest or Counts.of(result).level not in ("good", "none"):
+            yield from self._to_do(result, rest, FileFrames(result.files))
+        if serious or rest or VerdictCounts.of(result).level not in ("good", "none"):
             yield from self._blind(result)
 
     def _say(self, key: str, **values: object) -> str:
@@ -85,7 +85,7 @@ class Opening:
             states.setdefault(known[name].ip, Counter()).update(counted)
         drives = list({each.ip: each for each in known.values()}.values())
         others = [each for each in result.devices if each.ip not in states]
-        smooth = Counts.of(result).smooth
+        smooth = VerdictCounts.of(result).smooth
         counts = [self._counts(states[each.ip], smooth) for each in drives]
         yield from self._devices("drives_head", "more_drives", drives, counts)
         yield from self._devices("other_devices_head", "more_devices", others, [""] * len(others))
@@ -110,7 +110,9 @@ class Opening:
 
     # What to do
 
-    def _to_do(self, result: CaptureResult, rest: list[Finding], places: Places) -> Iterator[str]:
+    def _to_do(
+        self, result: CaptureResult, rest: list[Finding], places: FileFrames
+    ) -> Iterator[str]:
         several = len({each.device for each in result.transactions}) > 1
         said: dict[str, set[str]] = {}
         for each in causes(result.diagnoses, OF_ONE_RULE):
@@ -167,7 +169,9 @@ class Opening:
             ):
                 yield "    " + line
 
-    def _others(self, result: CaptureResult, rest: list[Finding], places: Places) -> Iterator[str]:
+    def _others(
+        self, result: CaptureResult, rest: list[Finding], places: FileFrames
+    ) -> Iterator[str]:
         """The findings that no diagnosis covers, by what they have in common."""
         said: dict[str, set[str]] = {}
         for each in causes(headlines(rest), OF_ONE_RULE):
@@ -206,7 +210,7 @@ class Opening:
         for line in wrap("-> " + text, self._width - 4, 3) if text else ():
             yield "    " + line
 
-    def _look(self, item: Diagnosis, places: Places) -> Iterator[str]:
+    def _look(self, item: Diagnosis, places: FileFrames) -> Iterator[str]:
         """Where it shows; of a series the filter is that of the first file, then that of each other."""
         frames, jobs = item.frames, item.transactions
         if not frames:

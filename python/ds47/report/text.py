@@ -28,7 +28,7 @@ from ds47.model import (
     Sender,
     Transaction,
 )
-from ds47.report import Options, buffers, causes, plc, write_all
+from ds47.report import ReportOptions, buffers, causes, plc, write_all
 from ds47.report import Writer as _Writer
 from ds47.report import s7 as communication
 from ds47.report.bilingual import Both, counted, joined, operation, say, state
@@ -37,11 +37,11 @@ from ds47.report.filters import display_filter
 from ds47.report.formatting import duration, escape, parameter
 from ds47.report.latency import Latency
 from ds47.report.overview import CaptureRow, table, total
-from ds47.report.places import Places, name
+from ds47.report.places import FileFrames, name
 from ds47.report.sentences import at_offset, sentence
 from ds47.report.summary import Opening
 from ds47.report.targets import Targets
-from ds47.report.verdict import Counts
+from ds47.report.verdict import VerdictCounts
 from ds47.report.wrap import aligned, columns, fitted, wrap
 from ds47.spec.cyclic import telegrams
 
@@ -68,7 +68,7 @@ _COLORS = {"error": "31", "warning": "33", "note": "36", "ok": "32", "bold": "1"
 _SERIOUS_STATES = ("error", "mismatch", "refused")
 
 
-def write(report: Report, stream: TextIO, options: Options | None = None) -> None:
+def write(report: Report, stream: TextIO, options: ReportOptions | None = None) -> None:
     """Writes a complete report."""
     write_all(Writer(stream, options), report)
 
@@ -76,16 +76,16 @@ def write(report: Report, stream: TextIO, options: Options | None = None) -> Non
 class Writer(_Writer):
     """Prints a capture when it is complete; keeps only counts for the last lines."""
 
-    def __init__(self, stream: TextIO, options: Options | None = None) -> None:
+    def __init__(self, stream: TextIO, options: ReportOptions | None = None) -> None:
         super().__init__(stream, options)
         self._opening = Opening(self.options, self._paint)
-        self._counts = Counts()
+        self._counts = VerdictCounts()
         self._rows: list[CaptureRow] = []
         self._latency = Latency()
         self._clock = Clock(self.options.zone, None)
 
     def capture(self, result: CaptureResult) -> None:
-        counts, row = Counts.of(result), CaptureRow.of(result)
+        counts, row = VerdictCounts.of(result), CaptureRow.of(result)
         durations = (each.duration_ns for each in result.transactions)
         latency = Latency(each for each in durations if each is not None)
         if not self._many:
@@ -100,7 +100,7 @@ class Writer(_Writer):
         return self.options.detail != "all" and self.options.captures > MANY
 
     def _one(
-        self, result: CaptureResult, counts: Counts, row: CaptureRow, latency: Latency
+        self, result: CaptureResult, counts: VerdictCounts, row: CaptureRow, latency: Latency
     ) -> None:
         """A capture by itself."""
         if self._rows:
@@ -140,11 +140,11 @@ class Writer(_Writer):
         self._connections(result)
         self._buffers(result)
         self._table(result)
-        self._findings(result.findings, Places(result.files))
+        self._findings(result.findings, FileFrames(result.files))
 
     def unreadable(self, path: str, problem: str) -> None:
         self._rows.append(CaptureRow.unreadable(path, problem))
-        self._counts.add(Counts(captures=1, unreadable=1))
+        self._counts.add(VerdictCounts(captures=1, unreadable=1))
 
     def close(self) -> None:
         if len(self._rows) < 2:
@@ -186,7 +186,7 @@ class Writer(_Writer):
     def _say(self, key: str, **values: object) -> str:
         return say(key, **values).text(self.options.lang)
 
-    def _header(self, result: CaptureResult, counts: Counts) -> None:
+    def _header(self, result: CaptureResult, counts: VerdictCounts) -> None:
         frames = self._say("frames", n=result.frames)
         self._title(f"{escape(result.path)}: {frames}")
         if result.sha256:
@@ -433,7 +433,7 @@ class Writer(_Writer):
         name = state(item.state).text(self.options.lang)
         return self._paint(color, f"[{name} {words}]" if words else f"[{name}]")
 
-    def _findings(self, findings: Sequence[Finding], places: Places) -> None:
+    def _findings(self, findings: Sequence[Finding], places: FileFrames) -> None:
         if not findings:
             return
         self._line()
@@ -444,7 +444,7 @@ class Writer(_Writer):
         for group in sorted(groups.values(), key=_serious_first):
             self._group(group, places)
 
-    def _group(self, group: Sequence[Finding], places: Places) -> None:
+    def _group(self, group: Sequence[Finding], places: FileFrames) -> None:
         first = group[0]
         rule = self.options.rules.get(first.rule)
         name = f" {rule.name}" if rule else ""
@@ -462,7 +462,7 @@ class Writer(_Writer):
             where = f"{escape(file)}: " if file else ""
             self._copied(f"    {where}{self._paint('dim', text)}{note}")
 
-    def _finding(self, item: Finding, places: Places) -> str:
+    def _finding(self, item: Finding, places: FileFrames) -> str:
         text = escape(sentence(item, self.options.lang))
         text = at_offset(item.offset, text, self.options.lang)
         frame = escape(places.words(item.frame, self.options.lang))

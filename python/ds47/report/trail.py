@@ -33,7 +33,7 @@ _DOUBTFUL: Final = frozenset({"DS106", "DS309", "DS313", "DS315"})
 """Findings of a message that is not all there: what it does not say is not known."""
 
 
-class Known(NamedTuple):
+class KnownValue(NamedTuple):
     """A value that the capture shows, and how: "read" or "written", in the frame of the response."""
 
     value: Value
@@ -45,7 +45,7 @@ class Known(NamedTuple):
 
 
 @dataclass(slots=True)
-class Change:
+class WrittenChange:
     """One element that a request wrote. `old` is None where the value before is not known."""
 
     transaction: Transaction
@@ -53,7 +53,7 @@ class Change:
     subindex: int
     parameter: Parameter
     new: Value | None
-    old: Known | None = None
+    old: KnownValue | None = None
     outcome: str = SENT
 
     @property
@@ -63,7 +63,7 @@ class Change:
 
 
 @dataclass(slots=True)
-class Cell:
+class TrailCell:
     """One element of one drive object.
 
     Attributes:
@@ -75,7 +75,7 @@ class Cell:
 
     sample: Transaction
     access: DriveAccess
-    last: Known | None = None
+    last: KnownValue | None = None
     certain: bool = False
     name: str | None = None
     unit: str | None = None
@@ -103,8 +103,8 @@ class _Device:
 class Trail:
     """What a capture shows: all changes by their frames, and all cells."""
 
-    changes: list[Change] = field(default_factory=list)
-    cells: dict[Key, dict[Identity, Cell]] = field(default_factory=dict)
+    changes: list[WrittenChange] = field(default_factory=list)
+    cells: dict[Key, dict[Identity, TrailCell]] = field(default_factory=dict)
 
 
 def trail(result: CaptureResult) -> Trail:
@@ -112,7 +112,7 @@ def trail(result: CaptureResult) -> Trail:
     return _Walk(result).run()
 
 
-def changes(result: CaptureResult) -> list[Change]:
+def changes(result: CaptureResult) -> list[WrittenChange]:
     """Its changes alone: what was read of parameters that nobody wrote does not matter for them."""
     walk = _Walk(result)
     walk.written_alone()
@@ -131,7 +131,7 @@ class _Walk:
         self._devices: dict[str, _Device] = {}
         self._vendors = {each.ip: each.vendor_id for each in result.devices}
         self._ars: set[tuple[str, str]] = set()
-        self._pending: dict[int, list[tuple[Change, Cell]]] = {}
+        self._pending: dict[int, list[tuple[WrittenChange, TrailCell]]] = {}
         self._found = Trail()
         self._wanted: set[int | None] | None = None
         """The PNUs of parameters whose reads matter; None for all."""
@@ -190,7 +190,9 @@ class _Walk:
             assert parameter.pnu is not None
             for subindex, value in _elements(parameter):
                 cell = self._cell(item, parameter, subindex)
-                change = Change(item, parameter.pnu, subindex, parameter, value, None, outcome)
+                change = WrittenChange(
+                    item, parameter.pnu, subindex, parameter, value, None, outcome
+                )
                 change.old = self._old(item.device, parameter.pnu, cell)
                 pending.append((change, cell))
         for change, cell in pending:
@@ -199,7 +201,7 @@ class _Walk:
             for each in self._near(change, cell):
                 each.open += 1
 
-    def _old(self, device: str, pnu: int, cell: Cell) -> Known | None:
+    def _old(self, device: str, pnu: int, cell: TrailCell) -> KnownValue | None:
         state = self._device(device)
         changing = changes_itself(pnu, self._vendors.get(device))
         if cell.open or state.open or not cell.certain or changing:
@@ -234,7 +236,7 @@ class _Walk:
             if change.outcome == ACCEPTED and change.new is not None:
                 scaled = _scaled(change.parameter, change.subindex)
                 form = change.parameter.format
-                cell.last = Known(change.new, scaled, form, "written", frame, item.start_ns)
+                cell.last = KnownValue(change.new, scaled, form, "written", frame, item.start_ns)
                 cell.certain = sure
 
     def _read(self, item: Transaction, frame: int) -> None:
@@ -251,23 +253,25 @@ class _Walk:
                     cell.negative += 1
                 elif value is not None:
                     scaled = _scaled(parameter, subindex)
-                    cell.last = Known(value, scaled, parameter.format, "read", frame, item.start_ns)
+                    cell.last = KnownValue(
+                        value, scaled, parameter.format, "read", frame, item.start_ns
+                    )
                     asked = max(cell.touched, state.forgotten) < _first(item)
                     cell.certain = asked and not cell.open and not state.open
 
-    def _cell(self, item: Transaction, parameter: Parameter, subindex: int) -> Cell:
+    def _cell(self, item: Transaction, parameter: Parameter, subindex: int) -> TrailCell:
         assert parameter.pnu is not None
         there = self._found.cells.setdefault((item.device, parameter.pnu, subindex), {})
         access = access_of(item)
         identity = self._objects.identity(access, parameter.pnu)
         cell = there.get(identity)
         if cell is None:
-            cell = there[identity] = Cell(item, access)
+            cell = there[identity] = TrailCell(item, access)
         cell.name = parameter.name or cell.name
         cell.unit = parameter.unit or cell.unit
         return cell
 
-    def _near(self, change: Change, cell: Cell) -> list[Cell]:
+    def _near(self, change: WrittenChange, cell: TrailCell) -> list[TrailCell]:
         """The cells that a change reaches, or may reach."""
         there = self._found.cells[change.transaction.device, change.pnu, change.subindex].values()
         return [

@@ -33,7 +33,7 @@ LEVELS = ("none", "good", "warn", "bad")
 
 
 @dataclass(slots=True)
-class Counts:
+class VerdictCounts:
     """What a verdict rests on."""
 
     captures: int = 0
@@ -56,7 +56,7 @@ class Counts:
     """Messages that are cut before their record, by what is said of them and the bytes that are left of each."""
 
     @classmethod
-    def of(cls, result: CaptureResult) -> Counts:
+    def of(cls, result: CaptureResult) -> VerdictCounts:
         """The counts of one capture."""
         return cls(
             captures=1,
@@ -78,7 +78,7 @@ class Counts:
             cut=_cut(result),
         )
 
-    def add(self, other: Counts) -> None:
+    def add(self, other: VerdictCounts) -> None:
         """Adds another capture."""
         self.captures += other.captures
         self.frames += other.frames
@@ -119,7 +119,7 @@ def _devices(result: CaptureResult, names: Iterable[str]) -> set[str]:
     return {result.device(name).ip for name in set(names)}
 
 
-def verdict(counts: Counts) -> Both:
+def verdict(counts: VerdictCounts) -> Both:
     """One line: `NOT OK: 1 drive, 452 transactions, 412 refused`."""
     head = say(f"verdict_{counts.level}")
     if not counts.jobs:
@@ -152,7 +152,7 @@ def _undecoded(cut: Counter[tuple[str, int | None]]) -> Both | None:
     return None if length is None else say(word, n=cut.total(), bytes=str(length))
 
 
-def _who(counts: Counts) -> list[Both]:
+def _who(counts: VerdictCounts) -> list[Both]:
     """Whom transactions are of: drives, connections of S7, or both."""
     drives = (
         [say("drives", n=len(counts.drives))] if counts.drives or not counts.connections else []
@@ -163,7 +163,7 @@ def _who(counts: Counts) -> list[Both]:
 def told(states: Counter[str], *, smooth: bool) -> list[Both]:
     """What became of transactions that did not end well; where all did, that they are done.
 
-    Of a capture that is not `Counts.smooth` no more is said than that all have a response.
+    Of a capture that is not `VerdictCounts.smooth` no more is said than that all have a response.
     """
     return by_state(states, but=("ok",)) or [
         say("told_all_done" if smooth else "told_all_answered")

@@ -1,17 +1,17 @@
 """Addresses as the programs of a PLC write them: DB1.DBB0..443, DB1.DBX0.3, MW10, T5 (docs/s7.md 3).
 
-What one stands for is in `model.Address`; nothing is read here.
+What one stands for is in `model.S7Address`; nothing is read here.
 """
 
 from __future__ import annotations
 
-from ds47.s7.model import Address
+from ds47.s7.model import S7Address
 from ds47.spec import s7
 
 _BYTE = 8
 
 
-def text(address: Address) -> str:
+def text(address: S7Address) -> str:
     """An address as text: one element with its own letter, several as bytes from and up to.
 
     What has no such notation is written as a pointer: P#DB1.DBX0.3 BYTE 4.
@@ -36,7 +36,7 @@ def text(address: Address) -> str:
     return f"{front}B{byte}..{byte + address.length - 1}"
 
 
-def _pointer(front: str, address: Address) -> str:
+def _pointer(front: str, address: S7Address) -> str:
     """An address with its size and its count, as a pointer of the type ANY."""
     size = s7.sizes().get(address.transport)
     name = f"size {address.transport:02X}" if size is None else size.id

@@ -20,8 +20,8 @@ from ds47.s7.model import (
     OK,
     PUT,
     UNANSWERED,
-    Address,
-    Item,
+    S7Address,
+    S7Item,
     S7Job,
 )
 from ds47.spec import s7
@@ -42,17 +42,17 @@ EVEN = 3
 
 def byte_text(area: int, db: int, at: int) -> str:
     """One byte as text: DB1.DBB7."""
-    return text(Address(area, db, 8 * at, 8, 1))
+    return text(S7Address(area, db, 8 * at, 8, 1))
 
 
-def joined(addresses: Sequence[Address]) -> Address:
+def joined(addresses: Sequence[S7Address]) -> S7Address:
     """One address for areas of which each begins where the one before ends."""
     first = addresses[0]
     if first.area in ELEMENTS:
-        return Address(
+        return S7Address(
             first.area, first.db, first.start, first.size, sum(a.count for a in addresses)
         )
-    return Address(first.area, first.db, first.start, 8, sum(each.length for each in addresses))
+    return S7Address(first.area, first.db, first.start, 8, sum(each.length for each in addresses))
 
 
 # Accesses
@@ -89,7 +89,7 @@ def accesses(job: S7Job, first: int) -> list[ItemAccess]:
     return found
 
 
-def _access(job: S7Job, item: Item, address: Address, number: int) -> ItemAccess | None:
+def _access(job: S7Job, item: S7Item, address: S7Address, number: int) -> ItemAccess | None:
     write, done = job.operation == PUT, item.code == DONE and job.answered is not None
     whole = address.size >= 8 and address.start % 8 == 0
     if job.asked is None or item.value is None or not (write or (done and whole)):
@@ -113,7 +113,7 @@ def _access(job: S7Job, item: Item, address: Address, number: int) -> ItemAccess
 # Areas that are split
 
 
-class Part(NamedTuple):
+class AreaPart(NamedTuple):
     """A job that is a part of a larger area."""
 
     job: S7Job
@@ -122,13 +122,13 @@ class Part(NamedTuple):
 
 
 @dataclass(slots=True, eq=False)
-class Whole:
+class SplitArea:
     """An area that was read or written by several jobs, one after the other."""
 
-    parts: list[Part]
+    parts: list[AreaPart]
 
     @property
-    def address(self) -> Address:
+    def address(self) -> S7Address:
         """All of it."""
         return joined([each for part in self.parts if (each := self._item(part).address)])
 
@@ -141,7 +141,7 @@ class Whole:
             found += [each for each in accesses(part.job, part.first) if each.order == number]
         return found
 
-    def _item(self, part: Part) -> Item:
+    def _item(self, part: AreaPart) -> S7Item:
         """The item of a part that belongs to the area: the one at its border."""
         return part.job.items[-1 if part is self.parts[0] else 0]
 
@@ -156,11 +156,11 @@ class Splits:
 
     def __init__(self, most_ns: int, most: int) -> None:
         self._most_ns, self._most = most_ns, most
-        self._parts: list[Part] = []
+        self._parts: list[AreaPart] = []
         self._halves = False
         """Whether these are two halves, both asked for before one was there."""
 
-    def asked(self, part: Part) -> Whole | None:
+    def asked(self, part: AreaPart) -> SplitArea | None:
         """A GET or PUT was asked for; gives the area that is complete by that."""
         before = self._parts
         if before and len(before) < self._most and self._continues(part.job):
@@ -173,7 +173,7 @@ class Splits:
         self._parts = [part]
         return found
 
-    def over(self, job: S7Job) -> Whole | None:
+    def over(self, job: S7Job) -> SplitArea | None:
         """A job is over; gives the area of which it is the last part, as it does not fill its PDU."""
         parts = self._parts
         if not any(each.job is job for each in parts):
@@ -184,14 +184,14 @@ class Splits:
             return None
         return self.finish()
 
-    def finish(self) -> Whole | None:
+    def finish(self) -> SplitArea | None:
         """Nothing more comes."""
         parts, self._parts = self._parts, []
         halves, self._halves = self._halves, False
         if len(parts) < 2 or any(each.job.state != OK for each in parts):
             return None
         full = all(fills(each.job) for each in parts[:-1])
-        return Whole(parts) if halves or full or len(parts) >= EVEN else None
+        return SplitArea(parts) if halves or full or len(parts) >= EVEN else None
 
     def _continues(self, job: S7Job) -> bool:
         """Whether a job begins where the one before ends, and that one filled its PDU, or all have one length."""
@@ -219,7 +219,7 @@ class Splits:
         return before.area == behind.area and before.db == behind.db
 
 
-def _are_even(parts: Sequence[Part]) -> bool:
+def _are_even(parts: Sequence[AreaPart]) -> bool:
     """Whether all parts have one item of one length, which is no single variable."""
     lengths = {
         each.address.length if each.address is not None else 0
@@ -229,7 +229,7 @@ def _are_even(parts: Sequence[Part]) -> bool:
     return single and len(lengths) == 1 and min(lengths) > WIDEST
 
 
-def _start(part: Part) -> int:
+def _start(part: AreaPart) -> int:
     address = part.job.items[0].address
     return 0 if address is None else address.start
 

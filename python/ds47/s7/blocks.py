@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ds47.s7.model import Evidence
+from ds47.s7.model import SzlEvidence
 from ds47.spec import s7
 
 ANYBODY = ""
@@ -18,7 +18,7 @@ CHOSEN, KIND, SAID, ORDER = "block_chosen", "block_kind", "block_said", "block_o
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class BlockSize:
     """A number of bytes, and who says so."""
 
     size: int
@@ -40,28 +40,28 @@ class Blocks:
     """
 
     def __init__(self, sizes: Mapping[str, int], kinds: Mapping[str, str], most: int) -> None:
-        self._chosen = {ip: Block(size, CHOSEN) for ip, size in sizes.items()}
+        self._chosen = {ip: BlockSize(size, CHOSEN) for ip, size in sizes.items()}
         self._kinds = {
-            ip: Block(s7.cpus()[kind].block, KIND, None, kind) for ip, kind in kinds.items()
+            ip: BlockSize(s7.cpus()[kind].block, KIND, None, kind) for ip, kind in kinds.items()
         }
         self._most = most
-        self._told: dict[str, Block] = {}
+        self._told: dict[str, BlockSize] = {}
 
-    def evidence(self, ip: str, found: Evidence) -> None:
+    def evidence(self, ip: str, found: SzlEvidence) -> None:
         """A partner said what it is; of two numbers the larger one counts."""
         value = found.value
         if isinstance(value, str):
             cpu = s7.cpu_of_order(value)
-            block = Block(cpu.block, ORDER, found.at.frame, value) if cpu else None
+            block = BlockSize(cpu.block, ORDER, found.at.frame, value) if cpu else None
         else:
-            block = Block(value, SAID, found.at.frame) if value > 0 else None
+            block = BlockSize(value, SAID, found.at.frame) if value > 0 else None
         before = self._told.get(ip)
         if block is None or (before is not None and before.size >= block.size):
             return
         if before is not None or len(self._told) < self._most:
             self._told[ip] = block
 
-    def of(self, ip: str) -> Block | None:
+    def of(self, ip: str) -> BlockSize | None:
         """The block of a partner; None where nobody says."""
         for table in (self._chosen, self._kinds):
             block = table and (table.get(ip) or table.get(ANYBODY))

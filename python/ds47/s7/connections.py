@@ -22,14 +22,14 @@ from ds47.s7.model import (
     REFUSED,
     UNANSWERED,
     At,
-    Connection,
-    Counts,
-    Listener,
+    JobCounts,
+    S7Connection,
     S7Job,
+    S7Listener,
 )
-from ds47.s7.pdu import ACKNOWLEDGE, ANSWER, JOB, SETUP, USER_DATA, Pdu, UserData
-from ds47.s7.tcp import Piece, Segment, Streams, Talk
-from ds47.s7.tpkt import CC, CR, DR, DT, LEAST, Reader, Whole
+from ds47.s7.pdu import ACKNOWLEDGE, ANSWER, JOB, SETUP, USER_DATA, S7Pdu, UserData
+from ds47.s7.tcp import Streams, Talk, TcpPiece, TcpSegment
+from ds47.s7.tpkt import CC, CR, DR, DT, LEAST, TpduReader, WholeTpdu
 from ds47.s7.transfers import Transfers
 from ds47.spec.semantics import Limits
 
@@ -45,9 +45,9 @@ _EVIDENCE = 8
 class _Line:
     """What is kept of a TCP connection."""
 
-    forward: Reader = field(default_factory=Reader)
-    backward: Reader = field(default_factory=Reader)
-    connection: Connection | None = None
+    forward: TpduReader = field(default_factory=TpduReader)
+    backward: TpduReader = field(default_factory=TpduReader)
+    connection: S7Connection | None = None
     refused: bool = False
     asked: At | None = None
     """CR."""
@@ -70,11 +70,11 @@ class Connections:
         ports: frozenset[int],
         bounds: Limits,
         over: Hear,
-        listener: Listener | None = None,
+        listener: S7Listener | None = None,
     ) -> None:
         self._bounds = bounds
         self._settle = over
-        self._listener = Listener() if listener is None else listener
+        self._listener = S7Listener() if listener is None else listener
         self._streams = Streams(
             ports, self._take, self._over, bounds.s7_connections, bounds.s7_bytes
         )
@@ -83,11 +83,11 @@ class Connections:
         self._number = 0
         self._frame, self._place = 0, 0
         """The frame of the last PDU, and its place in it."""
-        self._all: list[Connection] = []
+        self._all: list[S7Connection] = []
         self.left_out = 0
         """Connections for which there was no room."""
 
-    def feed(self, segment: Segment, at: At) -> None:
+    def feed(self, segment: TcpSegment, at: At) -> None:
         """The next segment of TCP."""
         self._streams.feed(segment, at)
 
@@ -95,13 +95,13 @@ class Connections:
         """Nothing more comes."""
         self._streams.finish()
 
-    def all(self) -> Iterator[Connection]:
+    def all(self) -> Iterator[S7Connection]:
         """Those of S7, in the order of their first frames; connections of other protocols on its port are none."""
         return (each for each in self._all if not each.foreign or _is_s7(each))
 
     # From bytes to PDUs
 
-    def _take(self, talk: Talk, from_client: bool, piece: Piece) -> None:
+    def _take(self, talk: Talk, from_client: bool, piece: TcpPiece) -> None:
         line: _Line | None = talk.owner
         if line is None:
             line = talk.owner = _Line()
@@ -147,7 +147,7 @@ class Connections:
         self._listener.closed(connection)
         talk.owner = None
 
-    def _tpdu(self, talk: Talk, line: _Line, from_client: bool, whole: Whole) -> None:
+    def _tpdu(self, talk: Talk, line: _Line, from_client: bool, whole: WholeTpdu) -> None:
         tpdu, at = whole.tpdu, whole.at
         if tpdu.kind not in (CR, CC, DR, DT) or (tpdu.kind == DT and not whole.data):
             return
@@ -169,9 +169,9 @@ class Connections:
             else:
                 connection.confirmed = at
 
-    def _connection(self, talk: Talk, line: _Line, at: At) -> Connection:
+    def _connection(self, talk: Talk, line: _Line, at: At) -> S7Connection:
         self._number += 1
-        line.connection = Connection(
+        line.connection = S7Connection(
             self._number, talk.client, talk.server, at, at, talk.begun, talk.lacks
         )
         if len(self._all) < self._bounds.s7_told:
@@ -181,20 +181,24 @@ class Connections:
         self._listener.opened(line.connection)
         return line.connection
 
-    def _unconfirmed(self, line: _Line, connection: Connection) -> bool:
+    def _unconfirmed(self, line: _Line, connection: S7Connection) -> bool:
         """Whether there was no CC, and the capture lacks nothing of the server."""
         return (
             connection.confirmed is None and not line.backward.lost and not connection.lacks(False)
         )
 
-    def _refuse(self, line: _Line, connection: Connection, why: str, at: At, code: int = 0) -> None:
+    def _refuse(
+        self, line: _Line, connection: S7Connection, why: str, at: At, code: int = 0
+    ) -> None:
         if not line.refused:
             line.refused = True
             self._listener.refused(connection, why, at, code)
 
     # What a PDU is
 
-    def _data(self, line: _Line, connection: Connection, from_client: bool, whole: Whole) -> None:
+    def _data(
+        self, line: _Line, connection: S7Connection, from_client: bool, whole: WholeTpdu
+    ) -> None:
         first, at = whole.data[0], whole.at
         if first != pdus.PROTOCOL:
             if first == pdus.PLUS:
@@ -221,7 +225,7 @@ class Connections:
         connection.other += not known
 
     def _job(
-        self, line: _Line, connection: Connection, from_client: bool, pdu: Pdu, at: At
+        self, line: _Line, connection: S7Connection, from_client: bool, pdu: S7Pdu, at: At
     ) -> bool:
         if pdu.function in OPERATIONS:
             self._jobs.asked(connection, from_client, pdu, at)
@@ -234,7 +238,7 @@ class Connections:
         return True
 
     def _answer(
-        self, line: _Line, connection: Connection, from_client: bool, pdu: Pdu, at: At
+        self, line: _Line, connection: S7Connection, from_client: bool, pdu: S7Pdu, at: At
     ) -> bool:
         if self._jobs.answered(connection, from_client, pdu, at):
             return True
@@ -251,7 +255,7 @@ class Connections:
         self._listener.agreed(connection)
         return True
 
-    def _user_data(self, connection: Connection, from_client: bool, pdu: Pdu, at: At) -> bool:
+    def _user_data(self, connection: S7Connection, from_client: bool, pdu: S7Pdu, at: At) -> bool:
         sent = pdus.usend(pdu)
         if sent is not None:
             self._transfers.usend(connection, from_client, pdu, sent, at)
@@ -273,7 +277,7 @@ class Connections:
             self._szl(connection, told, at)
         return False
 
-    def _szl(self, connection: Connection, told: UserData, at: At) -> None:
+    def _szl(self, connection: S7Connection, told: UserData, at: At) -> None:
         for found in szl.evidence(told, at):
             known = [each.name for each in connection.evidence]
             if found.name not in known and len(known) < _EVIDENCE:
@@ -303,7 +307,7 @@ def _missing(talk: Talk) -> str | None:
     return "s7_bytes_missing" if lost else None
 
 
-def count(counts: Counts, job: S7Job) -> None:
+def count(counts: JobCounts, job: S7Job) -> None:
     """One more job is over."""
     state, operation = job.state, job.operation
     if state == ORPHAN:
@@ -330,7 +334,7 @@ def count(counts: Counts, job: S7Job) -> None:
         counts.total_ns += took
 
 
-def _is_s7(connection: Connection) -> bool:
+def _is_s7(connection: S7Connection) -> bool:
     """Whether a PDU of S7 or S7CommPlus was seen."""
     counts = connection.counts
     return bool(

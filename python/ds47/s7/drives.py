@@ -18,7 +18,7 @@ from ds47.profidrive.dictionary import family_of, listed, unit_of
 from ds47.profidrive.formats import codec
 from ds47.s7.addresses import text
 from ds47.s7.blocks import ANYBODY
-from ds47.s7.model import DB, DONE, GET, PUT, Address, Evidence, Item, S7Job
+from ds47.s7.model import DB, DONE, GET, PUT, S7Address, S7Item, S7Job, SzlEvidence
 from ds47.spec import format_named, s7
 
 CHOSEN, ORDER, RECORDS, VALUES, ADDRESSES = "chosen", "order", "records", "values", "addresses"
@@ -48,7 +48,7 @@ class DriveElement(NamedTuple):
     subindex: int
 
 
-def element(address: Address | None) -> DriveElement | None:
+def element(address: S7Address | None) -> DriveElement | None:
     """What an address stands for on a drive; None where it can be no element."""
     if address is None or address.area != DB or address.size < 8 or address.start % 8:
         return None
@@ -174,7 +174,7 @@ class Drives:
         """What the user says that a server is."""
         return self._kinds.get(ip) or self._kinds.get(ANYBODY)
 
-    def evidence(self, ip: str, found: Evidence) -> None:
+    def evidence(self, ip: str, found: SzlEvidence) -> None:
         """A server said what it is."""
         if not isinstance(found.value, str):
             return
@@ -212,14 +212,14 @@ class Drives:
             self._servers.popitem(last=False)
         return server
 
-    def _address(self, server: _Server, job: S7Job, address: Address) -> None:
+    def _address(self, server: _Server, job: S7Job, address: S7Address) -> None:
         found = _fits(job, address)
         if found is None or listed(found.pnu, SIEMENS) is None:
             server.other = True
         elif server.fits is None:
             server.fits = text(address), found
 
-    def _value(self, server: _Server, job: S7Job, item: Item) -> None:
+    def _value(self, server: _Server, job: S7Job, item: S7Item) -> None:
         """A value that is still there though a later one would have changed its bytes, if these were shared.
 
         Zero proves nothing: with it the program of a CPU takes back what others wrote.
@@ -250,7 +250,7 @@ class Drives:
             written.popitem(last=False)
 
 
-def _fits(job: S7Job, address: Address) -> DriveElement | None:
+def _fits(job: S7Job, address: S7Address) -> DriveElement | None:
     """The element that an address may stand for: a drive has slot 0, and one value at each address."""
     found, place = element(address), s7.place(job.connection.server_tsap)
     if found is None or place is None or place[1] or address.length not in SIZES:

@@ -22,11 +22,11 @@ from ds47.s7.model import (
     REFUSED,
     UNANSWERED,
     At,
-    Connection,
-    Item,
+    S7Connection,
+    S7Item,
     S7Job,
 )
-from ds47.s7.pdu import READ, WRITE, Pdu
+from ds47.s7.pdu import READ, WRITE, S7Pdu
 from ds47.spec.semantics import Limits
 
 OPERATIONS = {READ: GET, WRITE: PUT}
@@ -53,7 +53,7 @@ class Jobs:
         self._count: dict[tuple[int, bool], int] = {}
         self._bytes = 0
 
-    def asked(self, connection: Connection, from_client: bool, pdu: Pdu, at: At) -> None:
+    def asked(self, connection: S7Connection, from_client: bool, pdu: S7Pdu, at: At) -> None:
         """A read or a write."""
         found = pdus.variables(pdu)
         job = S7Job(
@@ -77,7 +77,7 @@ class Jobs:
         while self._bytes > self._bounds.s7_bytes:
             self._give_up(next(iter(self._open)))
 
-    def answered(self, connection: Connection, from_client: bool, pdu: Pdu, at: At) -> bool:
+    def answered(self, connection: S7Connection, from_client: bool, pdu: S7Pdu, at: At) -> bool:
         """An answer; False where it is none to a read or a write."""
         key = connection.number, not from_client, pdu.reference
         job, function = self._open.get(key), pdu.function
@@ -99,13 +99,13 @@ class Jobs:
         self._close(job)
         return True
 
-    def lose(self, connection: Connection) -> None:
+    def lose(self, connection: S7Connection) -> None:
         """Bytes of a connection are lost: the answers to its open jobs may be among them."""
         for key, job in self._open.items():
             if key[0] == connection.number:
                 job.lost = True
 
-    def close(self, connection: Connection, since: int | None) -> None:
+    def close(self, connection: S7Connection, since: int | None) -> None:
         """A connection is over; where there is a time, the capture is: an answer to what is younger may come."""
         for key in [each for each in self._open if each[0] == connection.number]:
             job = self._open[key]
@@ -114,9 +114,9 @@ class Jobs:
         for from_client in (True, False):
             self._count.pop((connection.number, from_client), None)
 
-    def _orphan(self, connection: Connection, from_client: bool, pdu: Pdu, at: At) -> None:
+    def _orphan(self, connection: S7Connection, from_client: bool, pdu: S7Pdu, at: At) -> None:
         """An answer to which there is no job."""
-        items = [Item(None, each.data, each.code) for each in pdus.results(pdu)]
+        items = [S7Item(None, each.data, each.code) for each in pdus.results(pdu)]
         job = S7Job(
             OPERATIONS[pdu.parameter[0]], connection, not from_client, pdu.reference, None, items,
             answered=at, response=pdu.data, error=pdu.error, state=ORPHAN, answer_flaws=pdu.flaws,
@@ -159,7 +159,7 @@ def is_recent(job: S7Job, since: int | None) -> bool:
     return since is not None and last is not None and last.time_ns >= since
 
 
-def _state(items: list[Item]) -> str:
+def _state(items: list[S7Item]) -> str:
     """What came of a job whose answer says something of its items."""
     done = 0
     for item in items:

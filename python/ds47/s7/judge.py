@@ -12,7 +12,7 @@ from typing import Any
 
 from ds47.findings.remark import Remark
 from ds47.s7.addresses import text
-from ds47.s7.blocks import Block, Blocks
+from ds47.s7.blocks import Blocks, BlockSize
 from ds47.s7.drives import ADDRESSES, Drives, element
 from ds47.s7.model import (
     BSEND,
@@ -27,12 +27,12 @@ from ds47.s7.model import (
     UNANSWERED,
     USEND,
     At,
-    Connection,
-    Evidence,
-    Item,
-    Listener,
+    BsendSegment,
+    S7Connection,
+    S7Item,
     S7Job,
-    Segment,
+    S7Listener,
+    SzlEvidence,
 )
 from ds47.s7.moments import Moments
 from ds47.s7.notes import Notes
@@ -45,7 +45,7 @@ _NAMED = 4
 """Addresses of a job that a finding names."""
 
 
-def areas(items: list[Item]) -> str:
+def areas(items: list[S7Item]) -> str:
     """What items name: DB1.DBB0..9, MB4; cut after four."""
     if not any(each.address for each in items):
         return f"{len(items)} x unknown address"
@@ -62,7 +62,7 @@ class _Crowd:
     frame: int
 
 
-class S7Judge(Listener):
+class S7Judge(S7Listener):
     """Hears of connections.
 
     Args:
@@ -121,11 +121,11 @@ class S7Judge(Listener):
 
     # Connections
 
-    def agreed(self, connection: Connection) -> None:
+    def agreed(self, connection: S7Connection) -> None:
         """The setup was seen."""
         self._without_setup.pop(connection.number, None)
 
-    def refused(self, connection: Connection, why: str, at: At, code: int) -> None:
+    def refused(self, connection: S7Connection, why: str, at: At, code: int) -> None:
         """Nothing comes of a connection."""
         tsap = connection.server_tsap
         rack, slot = s7.place(tsap) or (None, None)
@@ -138,7 +138,7 @@ class S7Judge(Listener):
         key = (connection.server, connection.client.ip, case, tsap, code)
         self._notes.add("DS917", key, at.frame, args)
 
-    def larger(self, connection: Connection, from_client: bool, at: At, size: int) -> None:
+    def larger(self, connection: S7Connection, from_client: bool, at: At, size: int) -> None:
         """A PDU is larger than was agreed."""
         if connection.setup is None:
             return
@@ -150,12 +150,12 @@ class S7Judge(Listener):
         if note is not None:
             note.more("size", size, at.frame)
 
-    def evidence(self, connection: Connection, found: Evidence) -> None:
+    def evidence(self, connection: S7Connection, found: SzlEvidence) -> None:
         """The server said what it is."""
         self._blocks.evidence(connection.server.ip, found)
         self._drives.evidence(connection.server.ip, found)
 
-    def closed(self, connection: Connection) -> None:
+    def closed(self, connection: S7Connection) -> None:
         """A connection is over."""
         self._moments.closed(connection)
         unfinished = self._unfinished.pop(connection.number, {})
@@ -180,7 +180,7 @@ class S7Judge(Listener):
             for key in [each for each in table if each[0] == connection.number]:
                 del table[key]
 
-    def _lacks(self, connection: Connection, what: str, frame: int, more: int) -> None:
+    def _lacks(self, connection: S7Connection, what: str, frame: int, more: int) -> None:
         key = connection.client.ip, connection.server.ip, what
         first, count = self._missing.get(key, (frame, 0))
         if count or len(self._missing) < self._bounds.s7_notes:
@@ -305,7 +305,7 @@ class S7Judge(Listener):
             elif code != DONE:
                 self._items(failed, job, at, code)
 
-    def _items(self, failed: list[Item], job: S7Job, at: At, code: int) -> None:
+    def _items(self, failed: list[S7Item], job: S7Job, at: At, code: int) -> None:
         """What is refused with one code: parameters of a drive, else items, of which one may be a parameter."""
         told = self._drives.told(job.partner.ip) if job.from_client else None
         named = [(element(each.address), each.address) for each in failed]
@@ -323,7 +323,7 @@ class S7Judge(Listener):
                 bytes=address.length, code=code,
             )  # fmt: skip
 
-    def _blocked(self, job: S7Job, at: At, operation: str, block: Block) -> None:
+    def _blocked(self, job: S7Job, at: At, operation: str, block: BlockSize) -> None:
         """Items that are larger than what the partner copies at once."""
         for item in job.items:
             address = item.address
@@ -389,7 +389,7 @@ class S7Judge(Listener):
             self._say("DS913", job, at, r_id=job.r_id, before=before[1], now=shape, first=before[0])
 
 
-def _incomplete(job: S7Job, parts: list[Segment], size: int) -> str | None:
+def _incomplete(job: S7Job, parts: list[BsendSegment], size: int) -> str | None:
     """What a BSEND lacks that was sent, None for nothing."""
     if not parts[-1].last:
         return "bsend_open"

@@ -17,7 +17,7 @@ MOST_BYTES = 1 << 17
 """Bytes that are remembered so: of accesses, and of reads."""
 
 
-class Mixed(NamedTuple):
+class MixedBytes(NamedTuple):
     """Two bytes of what was read that never were in the memory together, and a write that says so."""
 
     first: int
@@ -25,7 +25,7 @@ class Mixed(NamedTuple):
     write: ItemAccess
 
 
-class Image:
+class MemoryImage:
     """Values of bytes, as far as they are known."""
 
     def __init__(self) -> None:
@@ -33,9 +33,9 @@ class Image:
         """Bit n: whether the value of byte n is known."""
         self._values = bytearray()
 
-    def copy(self) -> Image:
+    def copy(self) -> MemoryImage:
         """The same, to change."""
-        other = Image()
+        other = MemoryImage()
         other.known, other._values = self.known, self._values[:]
         return other
 
@@ -82,7 +82,7 @@ class Memory:
 
     def __init__(self, most: int) -> None:
         self._most = most
-        self._before, self._latest = Image(), Image()
+        self._before, self._latest = MemoryImage(), MemoryImage()
         self._history: list[ItemAccess] = []
         self._open: dict[int, ItemAccess] = {}
         self._lost: list[ItemAccess] = []
@@ -138,7 +138,7 @@ class Memory:
     def forget(self, time_ns: int) -> None:
         """Until now the memory may have been written by somebody who was not heard."""
         self._since = max(self._since, time_ns)
-        self._before, self._latest = Image(), Image()
+        self._before, self._latest = MemoryImage(), MemoryImage()
         self._history.clear()
         self._reads.clear()
         self._bytes = self._read_bytes = 0
@@ -174,7 +174,7 @@ class Memory:
         parts: Sequence[ItemAccess],
         instead: Sequence[ItemAccess] = (),
         whole: ItemAccess | None = None,
-    ) -> Mixed | None:
+    ) -> MixedBytes | None:
         """What was read, if it never was in the memory at one moment; None where it may have been.
 
         Args:
@@ -202,7 +202,7 @@ class Memory:
         ]  # fmt: skip
         if not meant:
             return None
-        return Mixed(*two, min(meant, key=lambda each: (not each.sure, each.asked_ns)))
+        return MixedBytes(*two, min(meant, key=lambda each: (not each.sure, each.asked_ns)))
 
     def _unexplained(self, read: ItemAccess) -> None:
         """Marks the bytes of a read whose values come from nobody who was captured."""
@@ -218,7 +218,7 @@ class Memory:
             if not (_explains(at, value, others, known) and question.byte(at)):
                 self.foreign |= 1 << at
 
-    def _settled(self, time_ns: int) -> tuple[Image, list[ItemAccess]]:
+    def _settled(self, time_ns: int) -> tuple[MemoryImage, list[ItemAccess]]:
         """What is known from before a time, and everything that may have been in force later."""
         self._history.sort(key=lambda each: each.asked_ns)
         cut = self._cut(len(self._history), time_ns)
@@ -271,7 +271,7 @@ class Memory:
         return found
 
 
-def _come_over(image: Image, accesses: Sequence[ItemAccess]) -> None:
+def _come_over(image: MemoryImage, accesses: Sequence[ItemAccess]) -> None:
     """Accesses, in the order of their requests, that are over: what they leave, as far as that is certain."""
     unknown = 0
     for n, each in enumerate(accesses):

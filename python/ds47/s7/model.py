@@ -59,7 +59,7 @@ class Flaw:
 
 
 @dataclass(slots=True, init=False)
-class Address:
+class S7Address:
     """What an item names: `start` counts bits, in timers and counters elements; `count` elements of `size`.
 
     Jobs that name the same share it: nobody changes one.
@@ -97,10 +97,10 @@ class Address:
 
 
 @dataclass(slots=True, init=False, eq=False)
-class Item:
+class S7Item:
     """One variable of a job, or one area of a USEND; the data of a BSEND is one item."""
 
-    address: Address | None
+    address: S7Address | None
     """None where nothing of the request is known, where its syntax is an unknown one, and in what is sent."""
     value: bytes | None
     """What was read, where it was read, or what was to be written; None where it is not there."""
@@ -111,7 +111,7 @@ class Item:
 
     def __init__(
         self,
-        address: Address | None,
+        address: S7Address | None,
         value: bytes | None = None,
         code: int | None = None,
         syntax: int | None = None,
@@ -123,7 +123,7 @@ class Item:
 
 
 @dataclass(slots=True, eq=False)
-class Segment:
+class BsendSegment:
     """A part of a BSEND."""
 
     at: At
@@ -143,7 +143,7 @@ class Segment:
     """and its error word, 0 for none."""
 
 
-class Evidence(NamedTuple):
+class SzlEvidence(NamedTuple):
     """What the server said of itself in an SZL."""
 
     at: At
@@ -155,7 +155,7 @@ class Evidence(NamedTuple):
 
 
 @dataclass(slots=True, eq=False)
-class Counts:
+class JobCounts:
     """What came of the jobs of a connection."""
 
     jobs: int = 0
@@ -177,7 +177,7 @@ class Counts:
 
 
 @dataclass(slots=True, eq=False)
-class Connection:
+class S7Connection:
     """A TCP connection of S7; what the capture does not have of it is None.
 
     The client is the end that opened it; where that was not seen, the end that sent the first job.
@@ -226,8 +226,8 @@ class Connection:
     closed: bool = False
     most_open: int = 0
     """Jobs of one end without an answer, at the most."""
-    counts: Counts = field(default_factory=Counts)
-    evidence: list[Evidence] = field(default_factory=list)
+    counts: JobCounts = field(default_factory=JobCounts)
+    evidence: list[SzlEvidence] = field(default_factory=list)
 
     def end(self, from_client: bool) -> End:
         """Who sends in one direction."""
@@ -240,14 +240,14 @@ class S7Job:
 
     operation: str
     """One of OPERATIONS."""
-    connection: Connection
+    connection: S7Connection
     from_client: bool
     """Whether the end that opened the connection asks, or sends."""
     reference: int
     """PDU reference: of a BSEND that of its first segment."""
     asked: At | None
     """The request; None for an answer without one."""
-    items: list[Item]
+    items: list[S7Item]
     answered: At | None
     """The answer, of a BSEND the acknowledge of the last segment."""
     request: bytes
@@ -262,7 +262,7 @@ class S7Job:
     """Bytes that a BSEND announces."""
     groups: list[int]
     """Of each item the number of the address in the request: one address may name several."""
-    segments: list[Segment]
+    segments: list[BsendSegment]
     state: str
     flaws: list[Flaw]
     answer_flaws: list[Flaw]
@@ -280,11 +280,11 @@ class S7Job:
     def __init__(
         self,
         operation: str,
-        connection: Connection,
+        connection: S7Connection,
         from_client: bool,
         reference: int,
         asked: At | None,
-        items: list[Item],
+        items: list[S7Item],
         answered: At | None = None,
         request: bytes = b"",
         response: bytes = b"",
@@ -347,20 +347,20 @@ class S7Job:
         return self.answered.time_ns - self.asked.time_ns if both else None  # type: ignore[union-attr]
 
 
-class Listener:
+class S7Listener:
     """Hears of what happens on the connections, in the order of the frames; who wants a thing overrides that.
 
     A job that `asked` tells of is told to be `over` later, in the order in which answers come; then it stays as
     it is. An answer without a request is only told to be over.
     """
 
-    def opened(self, connection: Connection) -> None:
+    def opened(self, connection: S7Connection) -> None:
         """A connection has its first S7 PDU, CR or CC."""
 
-    def agreed(self, connection: Connection) -> None:
+    def agreed(self, connection: S7Connection) -> None:
         """The setup was answered: `pdu_length` and `parallel` are there."""
 
-    def refused(self, connection: Connection, why: str, at: At, code: int) -> None:
+    def refused(self, connection: S7Connection, why: str, at: At, code: int) -> None:
         """Nothing comes of a connection.
 
         Args:
@@ -370,7 +370,7 @@ class Listener:
             code: reason of DR, error class and code of the setup; else 0.
         """
 
-    def larger(self, connection: Connection, from_client: bool, at: At, size: int) -> None:
+    def larger(self, connection: S7Connection, from_client: bool, at: At, size: int) -> None:
         """A PDU says to have so many bytes, which are more than were agreed."""
 
     def asked(self, job: S7Job) -> None:
@@ -379,8 +379,8 @@ class Listener:
     def over(self, job: S7Job) -> None:
         """Nothing more comes of a job: it is answered, acknowledged, sent, or given up."""
 
-    def evidence(self, connection: Connection, found: Evidence) -> None:
+    def evidence(self, connection: S7Connection, found: SzlEvidence) -> None:
         """The server said what it is."""
 
-    def closed(self, connection: Connection) -> None:
+    def closed(self, connection: S7Connection) -> None:
         """A connection is over, or the capture is; its open jobs were told of before."""

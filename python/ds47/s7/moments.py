@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 
 from ds47.findings.remark import Remark
 from ds47.s7.addresses import text
-from ds47.s7.areas import Part, Splits, Whole, accesses, byte_text, is_clear
+from ds47.s7.areas import AreaPart, SplitArea, Splits, accesses, byte_text, is_clear
 from ds47.s7.consistency import ItemAccess
-from ds47.s7.memory import Memory, Mixed
-from ds47.s7.model import GET, ORPHAN, PUT, Connection, End, S7Job
+from ds47.s7.memory import Memory, MixedBytes
+from ds47.s7.model import GET, ORPHAN, PUT, End, S7Connection, S7Job
 from ds47.s7.notes import Notes
 from ds47.spec import s7
 from ds47.spec.semantics import Limits
@@ -42,7 +42,7 @@ class _Place:
     memory: Memory
     gets: deque[Sequence[ItemAccess]] = field(default_factory=lambda: deque(maxlen=_RECENT))
     puts: deque[_Put] = field(default_factory=lambda: deque(maxlen=_RECENT))
-    mixed: list[tuple[Mixed, Remark]] = field(default_factory=list)
+    mixed: list[tuple[MixedBytes, Remark]] = field(default_factory=list)
     known: deque[int] = field(default_factory=lambda: deque(maxlen=_KNOWN))
     """Numbers of accesses of which it is told already."""
 
@@ -57,7 +57,7 @@ class _Place:
 class _Partner:
     """Who answers, with what makes its memories doubtful."""
 
-    connections: dict[int, Connection] = field(default_factory=dict)
+    connections: dict[int, S7Connection] = field(default_factory=dict)
     doubt: int = 0
     left: int = 0
     """The doubt of connections that are over."""
@@ -76,7 +76,7 @@ class _Partner:
         return found
 
 
-def _doubt(connection: Connection) -> int:
+def _doubt(connection: S7Connection) -> int:
     return connection.lost_bytes + connection.plus + connection.other
 
 
@@ -115,7 +115,7 @@ class Moments:
         number = self._numbers[job] = self._number
         self._number += len(job.items) + 1
         partner = self._heard(job, job.asked.time_ns)
-        self._complete(self._side(job).asked(Part(job, number)))
+        self._complete(self._side(job).asked(AreaPart(job, number)))
         if job.operation == PUT:
             for access in _of(partner, job, number):
                 self._place(job, access).memory.sent(access)
@@ -137,7 +137,7 @@ class Moments:
             self._read(job, _of(partner, job, number))
         self._complete(self._side(job).over(job))
 
-    def closed(self, connection: Connection) -> None:
+    def closed(self, connection: S7Connection) -> None:
         """A connection is over."""
         for from_client in (True, False):
             splits = self._splits.pop((connection.number, from_client), None)
@@ -173,7 +173,7 @@ class Moments:
         partner.latest = latest
         return partner
 
-    def _partner(self, connection: Connection) -> _Partner:
+    def _partner(self, connection: S7Connection) -> _Partner:
         """Who answers on a connection; where there are too many, the one that was heard first is forgotten."""
         key = connection.server
         partner = self._partners.get(key)
@@ -247,7 +247,7 @@ class Moments:
                 return
 
     def _mixes(
-        self, place: _Place, parts: Sequence[ItemAccess], put: _Put | None, reader: Connection,
+        self, place: _Place, parts: Sequence[ItemAccess], put: _Put | None, reader: S7Connection,
         job: S7Job | None = None,
     ) -> bool:  # fmt: skip
         """The same by one of them; of each access it is told once."""
@@ -310,7 +310,7 @@ class Moments:
 
     # Areas in parts
 
-    def _complete(self, whole: Whole | None) -> None:
+    def _complete(self, whole: SplitArea | None) -> None:
         """An area was read or written in parts."""
         if whole is None:
             return
@@ -326,7 +326,7 @@ class Moments:
         else:
             self._put(self._partner(job.connection), place, parts)
 
-    def _split(self, whole: Whole, job: S7Job, area: str) -> None:
+    def _split(self, whole: SplitArea, job: S7Job, area: str) -> None:
         jobs = [each.job for each in whole.parts]
         args = {
             "device": job.partner.ip, "controller": job.asker.ip, "operation": job.operation.upper(),
@@ -356,7 +356,7 @@ class Moments:
 
 
 def _arguments(
-    found: Mixed, parts: Sequence[ItemAccess], put: Sequence[ItemAccess]
+    found: MixedBytes, parts: Sequence[ItemAccess], put: Sequence[ItemAccess]
 ) -> dict[str, Any]:
     """What DS905 says: the two bytes, the write, and all frames."""
     values = {at: byte for each in parts for at, byte in enumerate(each.data, each.start)}

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final, NamedTuple
 
-from ds47.s7.model import DB, DONE, Address, Flaw, Item
+from ds47.s7.model import DB, DONE, Flaw, S7Address, S7Item
 from ds47.spec import s7
 
 PROTOCOL, PLUS = 0x32, 0x72
@@ -39,7 +39,7 @@ _USER_HEAD = b"\x00\x01\x12"
 
 
 @dataclass(slots=True, init=False)
-class Pdu:
+class S7Pdu:
     """A PDU; what it does not have, or what cannot be known of it, is None or empty."""
 
     data: bytes
@@ -92,13 +92,13 @@ class Pdu:
         return self.head + len(self.parameter)
 
 
-def decode(data: bytes) -> Pdu:
+def decode(data: bytes) -> S7Pdu:
     """The PDU at the beginning of some bytes."""
     if not data or data[0] != PROTOCOL:
         other = "plus" if data and data[0] == PLUS else "protocol"
-        return Pdu(data, flaws=[Flaw(other, 0, {"byte": data[0]} if data else {"byte": 0})])
+        return S7Pdu(data, flaws=[Flaw(other, 0, {"byte": data[0]} if data else {"byte": 0})])
     if len(data) < _HEAD.size:
-        return Pdu(data, flaws=[Flaw("cut", 0, {"have": len(data), "want": _HEAD.size})])
+        return S7Pdu(data, flaws=[Flaw("cut", 0, {"have": len(data), "want": _HEAD.size})])
     _, kind, _, reference, parameters, contents = _HEAD.unpack_from(data)
     head, error = _HEAD.size, None
     if kind in (ACKNOWLEDGE, ANSWER):
@@ -108,8 +108,8 @@ def decode(data: bytes) -> Pdu:
     size = content_at + contents
     if kind not in s7.codes("kind"):
         flaw = Flaw("kind", 1, {"code": kind})
-        return Pdu(data[:size], kind, reference, size=size, head=head, flaws=[flaw])
-    pdu = Pdu(
+        return S7Pdu(data[:size], kind, reference, size=size, head=head, flaws=[flaw])
+    pdu = S7Pdu(
         data[:size], kind, reference, data[head:content_at], data[content_at:size], error, size, head
     )  # fmt: skip
     if len(data) < size:
@@ -127,7 +127,7 @@ class Setup(NamedTuple):
     pdu_length: int
 
 
-def setup(pdu: Pdu) -> Setup | None:
+def setup(pdu: S7Pdu) -> Setup | None:
     """What a setup, or its answer, says; None where it is too short."""
     if len(pdu.parameter) < 8:
         want = {"have": len(pdu.parameter), "want": 8}
@@ -142,24 +142,24 @@ def setup(pdu: Pdu) -> Setup | None:
 class Variables(NamedTuple):
     """The variables of a job. `groups` has the number of the address for each of them."""
 
-    items: list[Item]
+    items: list[S7Item]
     groups: list[int]
 
 
 class _Named(NamedTuple):
     """One of the variables that a request names: its address, or else the syntax that is not known."""
 
-    address: Address | None
+    address: S7Address | None
     syntax: int | None = None
 
 
-def variables(pdu: Pdu) -> Variables:
+def variables(pdu: S7Pdu) -> Variables:
     """The variables that a job reads or writes, with what it writes."""
     parameter = pdu.parameter
     named, groups, flaws = (_named_again if len(parameter) <= _SHORT else _named)(
         parameter, pdu.head
     )
-    items = [Item(address, syntax=syntax) for address, syntax in named]
+    items = [S7Item(address, syntax=syntax) for address, syntax in named]
     if flaws:
         pdu.flaws += flaws
     if pdu.function == WRITE:
@@ -206,19 +206,19 @@ def _addresses(part: bytes) -> list[_Named]:
         return [_Named(any_address(part[3:]))]
     if syntax == _DB_READ and len(part) > 3 and len(part) == 4 + 5 * part[3]:
         rows = (struct.unpack_from(">BHH", part, first) for first in range(4, len(part), 5))
-        return [_Named(Address(DB, db, 8 * start, 8, count)) for count, db, start in rows]
+        return [_Named(S7Address(DB, db, 8 * start, 8, count)) for count, db, start in rows]
     return [_Named(None, syntax if syntax is not None else part[0])]
 
 
-def any_address(data: bytes) -> Address:
+def any_address(data: bytes) -> S7Address:
     """The address in the nine bytes behind the syntax S7ANY."""
     transport, count, db, area, high, low = _ANY.unpack_from(data)
     row = s7.sizes().get(transport)
     start = high << 16 | low
-    return Address(area, db, start, 0 if row is None else row.bits, count, transport)
+    return S7Address(area, db, start, 0 if row is None else row.bits, count, transport)
 
 
-def _written(pdu: Pdu, items: Sequence[Item]) -> None:
+def _written(pdu: S7Pdu, items: Sequence[S7Item]) -> None:
     """The data of a write, an entry for each address."""
     values, _ = _data_items(pdu, len(items), answer=False)
     for item, value in zip(items, values, strict=False):
@@ -228,20 +228,20 @@ def _written(pdu: Pdu, items: Sequence[Item]) -> None:
 # Answers
 
 
-class Result(NamedTuple):
+class ItemResult(NamedTuple):
     """What an answer says of one address."""
 
     code: int
     data: bytes | None = None
 
 
-def results(pdu: Pdu) -> list[Result]:
+def results(pdu: S7Pdu) -> list[ItemResult]:
     """What the answer to a read or a write says, address by address."""
     says = pdu.parameter[1] if len(pdu.parameter) > 1 else 0
     if pdu.function == READ:
         values, at = _data_items(pdu, says, answer=True)
     else:
-        values, at = [Result(code) for code in pdu.content[:says]], says
+        values, at = [ItemResult(code) for code in pdu.content[:says]], says
     if len(values) < says:
         args = {"says": says, "there": len(values)}
         pdu.flaws.append(Flaw("items", pdu.content_at + min(at, len(pdu.content)), args))
@@ -250,18 +250,18 @@ def results(pdu: Pdu) -> list[Result]:
     return values
 
 
-def _data_items(pdu: Pdu, count: int, answer: bool) -> tuple[list[Result], int]:
+def _data_items(pdu: S7Pdu, count: int, answer: bool) -> tuple[list[ItemResult], int]:
     """Entries of data: code, transport size, length, bytes, and a fill byte behind all but the last.
 
     The length of one that failed says nothing (docs/s7.md 3): nothing follows its four bytes. Gives the entries,
     and where they end.
     """
     data, at = pdu.content, 0
-    found: list[Result] = []
+    found: list[ItemResult] = []
     while len(found) < count and at + _ITEM <= len(data):
         code, transport, length = data[at], data[at + 1], data[at + 2] << 8 | data[at + 3]
         if answer and code != DONE:
-            found.append(Result(code))
+            found.append(ItemResult(code))
             at += _ITEM
             continue
         row = s7.data_sizes().get(transport)
@@ -271,18 +271,18 @@ def _data_items(pdu: Pdu, count: int, answer: bool) -> tuple[list[Result], int]:
         size = (length * row.bits + 7) // 8
         have = len(data) - at - _ITEM
         if have < size:
-            found.append(Result(code))
+            found.append(ItemResult(code))
             args = {"have": have, "want": size}
             pdu.flaws.append(Flaw("data", pdu.content_at + len(data), args))
             return found, len(data)
-        found.append(Result(code, data[at + _ITEM : at + _ITEM + size]))
+        found.append(ItemResult(code, data[at + _ITEM : at + _ITEM + size]))
         at += _ITEM + size
         if size & 1 and len(found) < count:
             at += 1
     return found, at
 
 
-def settle(items: list[Item], groups: list[int], told: list[Result]) -> list[Flaw]:
+def settle(items: list[S7Item], groups: list[int], told: list[ItemResult]) -> list[Flaw]:
     """Puts results to the variables of their addresses (`Variables`); what does not fit is said."""
     if len(told) == len(items):
         for item, result in zip(items, told, strict=True):
@@ -300,7 +300,7 @@ def settle(items: list[Item], groups: list[int], told: list[Result]) -> list[Fla
     return []
 
 
-def _share(items: list[Item], result: Result) -> None:
+def _share(items: list[S7Item], result: ItemResult) -> None:
     """One result for several variables: their bytes one behind the other, if that fits."""
     lengths = [item.address.length if item.address else 0 for item in items]
     at = 0
@@ -331,7 +331,7 @@ class UserData:
     content: bytes = b""
 
 
-def user_data(pdu: Pdu) -> UserData | None:
+def user_data(pdu: S7Pdu) -> UserData | None:
     """What user data says; None where it is none of the known form. A USEND is not of that form."""
     parameter = pdu.parameter
     if len(parameter) < 8 or not parameter.startswith(_USER_HEAD):
@@ -363,7 +363,7 @@ class SegmentData(NamedTuple):
     last: bool
 
 
-def segment(pdu: Pdu, told: UserData) -> SegmentData | None:
+def segment(pdu: S7Pdu, told: UserData) -> SegmentData | None:
     """The segment of a BSEND in user data of that group; None where too little is there.
 
     Sequence 0 is that of a first segment: the acknowledgement gives those that follow their number.
@@ -386,7 +386,7 @@ class Usend(NamedTuple):
     areas: list[bytes]
 
 
-def usend(pdu: Pdu) -> Usend | None:
+def usend(pdu: S7Pdu) -> Usend | None:
     """A USEND; None where user data is none."""
     parameter = pdu.parameter
     if len(parameter) < 10 or not parameter.startswith(_USER_HEAD) or parameter[3] != 6:
@@ -396,7 +396,7 @@ def usend(pdu: Pdu) -> Usend | None:
         return None
     says = pdu.content[2] << 8 | pdu.content[3]
     # each area has four bytes in front of it as an entry of data has: the first of them means nothing here
-    inner = Pdu(pdu.data, pdu.kind, content=pdu.content[_ITEM:], head=pdu.content_at + _ITEM)
+    inner = S7Pdu(pdu.data, pdu.kind, content=pdu.content[_ITEM:], head=pdu.content_at + _ITEM)
     found, at = _data_items(inner, says, answer=False)
     pdu.flaws += inner.flaws
     if len(found) < says:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ds47.s7.model import DONE, At, Evidence
+from ds47.s7.model import DONE, At, SzlEvidence
 from ds47.s7.pdu import UserData
 
 # Entries of an SZL: the bytes of one, where in it the text or number begins, and how many bytes that has
@@ -22,7 +22,7 @@ _ENTRY_OF = {"consistent": 3, "order_number": 1, "module": 7}
 """The index of the entry that has it."""
 
 
-def evidence(told: UserData, at: At) -> Iterator[Evidence]:
+def evidence(told: UserData, at: At) -> Iterator[SzlEvidence]:
     """What the answer to the reading of an SZL says of the CPU."""
     content = told.content
     if told.code != DONE or len(content) < 8:
@@ -37,8 +37,8 @@ def evidence(told: UserData, at: At) -> Iterator[Evidence]:
             continue
         value = part[begin : begin + bytes_]
         if name == "consistent":
-            yield Evidence(at, szl_id, szl_index, name, int.from_bytes(value, "big"))
+            yield SzlEvidence(at, szl_id, szl_index, name, int.from_bytes(value, "big"))
             continue
         text = value.split(b"\0")[0].decode("latin-1").strip()
         if text and text.isprintable():
-            yield Evidence(at, szl_id, szl_index, name, text)
+            yield SzlEvidence(at, szl_id, szl_index, name, text)

@@ -42,7 +42,7 @@ Ends = tuple[End, End]
 
 
 @dataclass(slots=True, init=False)
-class Segment:
+class TcpSegment:
     """A TCP segment; `length` counts the bytes that were sent, of which the capture may lack the last ones."""
 
     source: End
@@ -82,7 +82,7 @@ class Segment:
 
 def parse(
     source: str, destination: str, payload: bytes, missing: int, captured: int = 0
-) -> Segment | None:
+) -> TcpSegment | None:
     """The segment in the payload of an IP packet of which so many bytes are missing; None where it is none.
 
     `captured`: bytes that the capture has of its frame, if that was cut.
@@ -97,10 +97,10 @@ def parse(
     ends = min(one, other), max(one, other)
     length = len(payload) + missing - begin
     data, cut = payload[begin:], captured if missing else 0
-    return Segment(one, other, ends, sequence, acknowledge, flags, data, length, cut)
+    return TcpSegment(one, other, ends, sequence, acknowledge, flags, data, length, cut)
 
 
-def from_frame(frame: Frame) -> Segment | None:
+def from_frame(frame: Frame) -> TcpSegment | None:
     """The segment of a frame as nearly all are: Ethernet without tag, IPv4 without option.
 
     None for every other frame: `link.dissect` and `parse` take those, and would give the same.
@@ -122,7 +122,7 @@ def from_frame(frame: Frame) -> Segment | None:
     known = _ENDS.get(both)
     source, destination, ends = known if known is not None else _ends(both)
     cut = len(data) if end > len(data) < frame.original_length else 0
-    return Segment(
+    return TcpSegment(
         source, destination, ends, sequence, acknowledge, flags, data[begin:end], end - begin, cut
     )
 
@@ -143,7 +143,7 @@ def _ends(both: bytes) -> tuple[End, End, Ends]:
 
 
 @dataclass(slots=True, init=False)
-class Piece:
+class TcpPiece:
     """Bytes in order. `lost` are those that are missing before it; a `late` piece belongs in such a place."""
 
     data: bytes
@@ -201,9 +201,9 @@ class Direction:
         if not seen:
             self.holes.append((-WINDOW, 0))
 
-    def feed(self, sequence: int, data: bytes, at: At) -> list[Piece]:
+    def feed(self, sequence: int, data: bytes, at: At) -> list[TcpPiece]:
         """Bytes of a segment; gives what is in order now."""
-        found: list[Piece] = []
+        found: list[TcpPiece] = []
         early = distance(sequence, self.next) if sequence != self.next else 0
         if early < 0:
             found += self._late(self.place + early, data, at)
@@ -214,19 +214,19 @@ class Direction:
                 found += self.give_up()
         elif data:
             self._pass(len(data))
-            found.append(Piece(data, at))
+            found.append(TcpPiece(data, at))
             if self.waiting:
                 found += self._drain(0)
         return found
 
-    def cut(self, sequence: int, count: int, at: At) -> list[Piece]:
+    def cut(self, sequence: int, count: int, at: At) -> list[TcpPiece]:
         """So many bytes from a number on were sent, and the capture cut them off."""
         if self.first is None or sequence != self.next:
             return []
         self.holes = [*self.holes[1 - _HOLES :], (self.place, self.place + count)]
         self.lost = True
         self._pass(count)
-        return [Piece(b"", at, count), *self._drain(0)]
+        return [TcpPiece(b"", at, count), *self._drain(0)]
 
     def ahead(self, number: int) -> bool:
         """Whether bytes before this number were not seen; the last one may be that of a FIN."""
@@ -244,9 +244,9 @@ class Direction:
             self.ahead(last) if self.first is not None else begun or last != self.acknowledged_first
         )
 
-    def acknowledged(self, number: int) -> list[Piece]:
+    def acknowledged(self, number: int) -> list[TcpPiece]:
         """The other side has everything before this number: what is missing there will not come any more."""
-        found: list[Piece] = []
+        found: list[TcpPiece] = []
         last = self.acknowledged_last
         if last is None:
             self.acknowledged_first = self.acknowledged_last = number
@@ -256,7 +256,7 @@ class Direction:
             found += self.give_up()
         return found
 
-    def give_up(self) -> list[Piece]:
+    def give_up(self) -> list[TcpPiece]:
         """What is missing before the first bytes that wait is lost."""
         if not self.waiting:
             return []
@@ -279,27 +279,27 @@ class Direction:
             self.waiting.insert(index, (begin, data, at))
             self.held += len(data) + _OVERHEAD
 
-    def _drain(self, lost: int) -> list[Piece]:
+    def _drain(self, lost: int) -> list[TcpPiece]:
         """What waited and is in order now; before the first of it so many bytes are missing."""
-        found: list[Piece] = []
+        found: list[TcpPiece] = []
         while self.waiting and self.waiting[0][0] <= self.place:
             begin, data, at = self.waiting.pop(0)
             self.held -= len(data) + _OVERHEAD
             fresh = data[self.place - begin :]
             if fresh:
                 self._pass(len(fresh))
-                found.append(Piece(fresh, at, lost))
+                found.append(TcpPiece(fresh, at, lost))
                 lost = 0
         return found
 
-    def _late(self, begin: int, data: bytes, at: At) -> list[Piece]:
+    def _late(self, begin: int, data: bytes, at: At) -> list[TcpPiece]:
         """What was lost comes after all: once."""
         for number, (left, right) in enumerate(self.holes):
             first, last = max(begin, left), min(begin + len(data), right)
             if first < last:
                 rest = [part for part in ((left, first), (last, right)) if part[0] < part[1]]
                 self.holes[number : number + 1] = rest
-                return [Piece(data[first - begin : last - begin], at, late=True)]
+                return [TcpPiece(data[first - begin : last - begin], at, late=True)]
         return []
 
 
@@ -319,7 +319,7 @@ class Talk:
     """Bytes that the listener keeps of it, as he says,"""
     held: int
     """and those of both directions with them, as they were counted last."""
-    early: list[tuple[Segment, At]]
+    early: list[tuple[TcpSegment, At]]
     """Segments that acknowledge what was not seen yet."""
     open_ended: bool
     """Whether the capture ends, or there is no more room, before the connection does."""
@@ -339,7 +339,7 @@ class Talk:
         self.open_ended = False
         self.cut = None
 
-    def count_cut(self, segment: Segment, at: At) -> None:
+    def count_cut(self, segment: TcpSegment, at: At) -> None:
         """Bytes of a segment are not there: because its frame was cut, or for another reason."""
         if segment.cut:
             first, frames, most = self.cut or Cut(at.frame, 0, 0)
@@ -361,7 +361,7 @@ class Talk:
         return self.forward if from_client else self.backward
 
 
-Take = Callable[[Talk, bool, Piece], None]
+Take = Callable[[Talk, bool, TcpPiece], None]
 Over = Callable[[Talk, bool, At], None]
 
 
@@ -388,7 +388,7 @@ class Streams:
         self._held = 0
         self._now = At(0, 0)
 
-    def feed(self, segment: Segment, at: At) -> None:
+    def feed(self, segment: TcpSegment, at: At) -> None:
         """The next segment of the capture."""
         talk = self._talks.get(segment.ends)
         if talk is None and not {segment.source.port, segment.destination.port} & self._ports:
@@ -415,7 +415,7 @@ class Streams:
             self._close(talk, reset=False)
         self._talks.clear()
 
-    def _in_order(self, talk: Talk, from_client: bool, segment: Segment, at: At) -> None:
+    def _in_order(self, talk: Talk, from_client: bool, segment: TcpSegment, at: At) -> None:
         """A segment, or what it acknowledges first, where that comes behind it in the capture."""
         other = talk.backward if from_client else talk.forward
         number = segment.acknowledge
@@ -430,7 +430,7 @@ class Streams:
             if not talk.over:
                 self._in_order(talk, each.source == talk.client, each, its_at)
 
-    def _segment(self, talk: Talk, from_client: bool, segment: Segment, at: At) -> None:
+    def _segment(self, talk: Talk, from_client: bool, segment: TcpSegment, at: At) -> None:
         own, other = talk.forward, talk.backward
         if not from_client:
             own, other = other, own
@@ -457,7 +457,7 @@ class Streams:
         if own.fin is not None and _ended(own) and _ended(other):
             self._close(talk, reset=False)
 
-    def _begin(self, segment: Segment, before: Talk | None) -> Talk:
+    def _begin(self, segment: TcpSegment, before: Talk | None) -> Talk:
         """A new connection of the ends of a segment, and the end of the one before it."""
         if before is not None:
             self._held -= before.held
@@ -469,7 +469,7 @@ class Streams:
         talk = self._talks[segment.ends] = Talk(source, destination, bool(segment.flags & SYN))
         return talk
 
-    def _is_new(self, talk: Talk, segment: Segment) -> bool:
+    def _is_new(self, talk: Talk, segment: TcpSegment) -> bool:
         """Whether a segment of the same two ends belongs to another connection than the one before."""
         own, flags = talk.of(segment.source == talk.client), segment.flags
         if flags & RST:

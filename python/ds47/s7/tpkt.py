@@ -1,7 +1,7 @@
 """TPKT and COTP: bytes in order to TPDUs, and the parts of a PDU put together (docs/s7.md 2).
 
-`Reader` takes what one end sends, finds its place again behind lost bytes, and gives what COTP carries. What that
-is, S7 or another protocol, is not known here.
+`TpduReader` takes what one end sends, finds its place again after lost bytes, and gives what COTP carries.
+Whether that is S7 or another protocol is not known here.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from ds47.s7.model import At, Flaw
-from ds47.s7.tcp import Piece
+from ds47.s7.tcp import TcpPiece
 
 VERSION = 3
 HEADER = 4
@@ -128,7 +128,7 @@ def begins(data: bytes | bytearray, at: int = 0) -> bool:
 
 
 @dataclass(slots=True, init=False)
-class Whole:
+class WholeTpdu:
     """A TPDU that is whole; of DT the last one of a PDU, with the data of all."""
 
     tpdu: Tpdu
@@ -147,7 +147,7 @@ class Whole:
 
 
 @dataclass(slots=True, init=False, eq=False)
-class Reader:
+class TpduReader:
     """What one end sends, as TPDUs.
 
     Attributes:
@@ -181,7 +181,7 @@ class Reader:
         """Bytes that are kept."""
         return len(self._buffer) + len(self._parts)
 
-    def take(self, piece: Piece) -> list[Whole]:
+    def take(self, piece: TcpPiece) -> list[WholeTpdu]:
         """Bytes in order; gives what is whole with them."""
         if piece.late:
             return _alone(piece)
@@ -217,9 +217,9 @@ class Reader:
         self._parts_frames = {}
         self._parts_at = _NOWHERE
 
-    def _read(self, data: bytes | bytearray) -> tuple[list[Whole], int]:
+    def _read(self, data: bytes | bytearray) -> tuple[list[WholeTpdu], int]:
         """What is whole in some bytes, and where that ends."""
-        found: list[Whole] = []
+        found: list[WholeTpdu] = []
         at, end = 0, len(data)
         while at < end:
             if not begins(data, at):
@@ -249,9 +249,9 @@ class Reader:
         self._forget()
         return behind
 
-    def _tpdu(self, tpdu: Tpdu) -> Whole | None:
+    def _tpdu(self, tpdu: Tpdu) -> WholeTpdu | None:
         if tpdu.kind != DT or (tpdu.last and not self._parts):
-            return Whole(tpdu, tpdu.data, self._at, list(self._frames))
+            return WholeTpdu(tpdu, tpdu.data, self._at, list(self._frames))
         if not tpdu.data and not tpdu.last:
             return None
         self._parts += tpdu.data
@@ -261,15 +261,15 @@ class Reader:
             self.lost += len(self._parts)
             self._forget()
         elif tpdu.last:
-            whole = Whole(tpdu, bytes(self._parts), self._parts_at, list(self._parts_frames))
+            whole = WholeTpdu(tpdu, bytes(self._parts), self._parts_at, list(self._parts_frames))
             self._forget()
             return whole
         return None
 
 
-def _alone(piece: Piece) -> list[Whole]:
+def _alone(piece: TcpPiece) -> list[WholeTpdu]:
     """Bytes that come when nobody waits for them: only what is whole in them counts."""
-    found = Reader().take(Piece(piece.data, piece.at))
+    found = TpduReader().take(TcpPiece(piece.data, piece.at))
     for whole in found:
         whole.late = True
     return found

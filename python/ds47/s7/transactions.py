@@ -10,9 +10,9 @@ from functools import lru_cache
 from ds47 import model
 from ds47.model import S7, Frames, Read, Transaction
 from ds47.s7 import addresses, drives
-from ds47.s7.blocks import Block
+from ds47.s7.blocks import BlockSize
 from ds47.s7.drives import DriveElement
-from ds47.s7.model import Address, Connection, Item, S7Job
+from ds47.s7.model import S7Address, S7Connection, S7Item, S7Job
 from ds47.spec import s7
 
 _BYTE = 8
@@ -68,7 +68,7 @@ def name_elements(transaction: Transaction) -> None:
             item.parameter = drives.parameter(found, item.value)
 
 
-def _item(item: Item, job: S7Job) -> model.Item:
+def _item(item: S7Item, job: S7Job) -> model.Item:
     """An item of the report; of what is sent the bytes are all that is known."""
     address = item.address
     if address is None:
@@ -78,7 +78,7 @@ def _item(item: Item, job: S7Job) -> model.Item:
 
 
 @lru_cache(maxsize=4096)
-def _named(address: Address) -> tuple[str, str | None, int | None, int, int | None, int | None]:
+def _named(address: S7Address) -> tuple[str, str | None, int | None, int, int | None, int | None]:
     """An address as the report has it: its text, letter of the area, DB, start, bit, bytes."""
     row = s7.areas().get(address.area)
     elements = row is not None and row.elements
@@ -94,7 +94,9 @@ def _named(address: Address) -> tuple[str, str | None, int | None, int, int | No
 
 
 def told(
-    item: Connection, block: Block | None, drive: tuple[str, tuple[str, DriveElement] | None] | None
+    item: S7Connection,
+    block: BlockSize | None,
+    drive: tuple[str, tuple[str, DriveElement] | None] | None,
 ) -> model.Connection:
     """A connection as the report has it, what its server copies at once, and what shows that it is a drive."""
     place, counts = s7.place(item.server_tsap), item.counts

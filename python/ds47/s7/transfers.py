@@ -21,12 +21,12 @@ from ds47.s7.model import (
     UNANSWERED,
     USEND,
     At,
-    Connection,
-    Item,
+    BsendSegment,
+    S7Connection,
+    S7Item,
     S7Job,
-    Segment,
 )
-from ds47.s7.pdu import Pdu, SegmentData, Usend, UserData
+from ds47.s7.pdu import S7Pdu, SegmentData, Usend, UserData
 from ds47.spec.semantics import Limits
 
 _Key = tuple[int, bool, int]
@@ -62,18 +62,18 @@ class Transfers:
         self._asked = asked
         self._over = over
         self._open: OrderedDict[_Key, _Open] = OrderedDict()
-        self._waiting: dict[_Key, tuple[_Open, Segment]] = {}
+        self._waiting: dict[_Key, tuple[_Open, BsendSegment]] = {}
         """Segments without acknowledgement, by their references."""
 
     def sent(
-        self, connection: Connection, from_client: bool, pdu: Pdu, told: SegmentData, at: At
+        self, connection: S7Connection, from_client: bool, pdu: S7Pdu, told: SegmentData, at: At
     ) -> None:
         """A segment of a BSEND."""
         key = connection.number, from_client, told.r_id
         found = self._open.get(key)
         if found is None or told.total is not None:
             found = self._begin(key, connection, pdu, told, at)
-        part = Segment(
+        part = BsendSegment(
             at, len(told.data), told.number, told.sequence, told.last, len(pdu.data), pdu.reference
         )
         found.job.segments.append(part)
@@ -86,7 +86,7 @@ class Transfers:
         self._waiting[connection.number, from_client, pdu.reference] = found, part
 
     def acknowledged(
-        self, connection: Connection, from_client: bool, pdu: Pdu, told: UserData, at: At
+        self, connection: S7Connection, from_client: bool, pdu: S7Pdu, told: UserData, at: At
     ) -> bool:
         """An acknowledgement; False where nothing waits for it."""
         key = connection.number, not from_client, pdu.reference
@@ -109,31 +109,31 @@ class Transfers:
         return True
 
     def usend(
-        self, connection: Connection, from_client: bool, pdu: Pdu, told: Usend, at: At
+        self, connection: S7Connection, from_client: bool, pdu: S7Pdu, told: Usend, at: At
     ) -> None:
         """A USEND: nothing answers it."""
         job = S7Job(
-            USEND, connection, from_client, pdu.reference, at, [Item(None, area) for area in told.areas],
+            USEND, connection, from_client, pdu.reference, at, [S7Item(None, area) for area in told.areas],
             request=pdu.data, r_id=told.r_id, state=OK, flaws=pdu.flaws, frames=pdu.frames,
         )  # fmt: skip
         self._asked(job)
         self._over(job)
         job.phase = "closed"
 
-    def lose(self, connection: Connection) -> None:
+    def lose(self, connection: S7Connection) -> None:
         """Bytes of a connection are lost: segments or acknowledgements may be among them."""
         for found in self._open.values():
             if found.job.connection is connection:
                 found.job.lost = True
 
-    def close(self, connection: Connection, since: int | None) -> None:
+    def close(self, connection: S7Connection, since: int | None) -> None:
         """A connection is over; where there is a time, the capture is: of what is younger more may come."""
         for found in [each for each in self._open.values() if each.job.connection is connection]:
             found.job.lost = found.job.lost or is_recent(found.job, since)
             self._give_up(found)
 
     def _begin(
-        self, key: _Key, connection: Connection, pdu: Pdu, told: SegmentData, at: At
+        self, key: _Key, connection: S7Connection, pdu: S7Pdu, told: SegmentData, at: At
     ) -> _Open:
         """A new one; the open one of its R_ID, which comes to nothing, is told of behind it."""
         job = S7Job(
@@ -162,6 +162,6 @@ class Transfers:
             key = job.connection.number, job.from_client, part.reference
             if self._waiting.get(key, (None,))[0] is found:
                 del self._waiting[key]
-        job.items = [Item(None, bytes(found.data))]
+        job.items = [S7Item(None, bytes(found.data))]
         self._over(job)
         job.phase = "closed"

@@ -92,7 +92,7 @@ class Vendor(Row):
     errors: Mapping[int, ErrorNumber]
 
 
-class Status(Row):
+class StatusTexts(Row):
     """The words of a PNIOStatus (docs/protocol.md E.5), per language."""
 
     code: Mapping[int, str]
@@ -381,7 +381,7 @@ def error_info_meaning(code: int) -> str:
 
 
 @cache
-def status(lang: str = "en") -> Status:
+def status(lang: str = "en") -> StatusTexts:
     """The words of a PNIOStatus in a language ("en" or "zh"; anything else gives English)."""
     table = _load("status.toml")
     key = "zh" if lang == "zh" else "en"
@@ -394,7 +394,7 @@ def status(lang: str = "en") -> Status:
             )
         return MappingProxyType(words)
 
-    return Status(
+    return StatusTexts(
         code=column("error_code"),
         decode=column("error_decode"),
         access=column("access"),

@@ -13,7 +13,7 @@ from ds47.spec import _load, error_fallback, of_maker, vendors
 from ds47.spec.rows import Row
 
 
-class Request(Row):
+class PkwRequest(Row):
     """One request of PKW by its AK (docs/cyclic.md 2)."""
 
     ak: int
@@ -29,7 +29,7 @@ class Request(Row):
     eeprom: bool = False
 
 
-class Answer(Row):
+class PkwAnswer(Row):
     """One answer of PKW by its AK; `width` in bits, None where PWE is no value."""
 
     ak: int
@@ -106,7 +106,7 @@ class Edge(Row):
     speed: bool = False
 
 
-class Telegram(Row):
+class PzdTelegram(Row):
     """The words of a telegram behind its PKW words, if any; "(2)" marks a double word."""
 
     number: int
@@ -116,18 +116,18 @@ class Telegram(Row):
 
 
 @cache
-def requests() -> Mapping[int, Request]:
+def requests() -> Mapping[int, PkwRequest]:
     """The requests of PKW by AK, all sixteen."""
     rows = _load("pkw.toml")["request"]
     return MappingProxyType(
-        {row["ak"]: Request(**{**row, "answers": tuple(row["answers"])}) for row in rows}
+        {row["ak"]: PkwRequest(**{**row, "answers": tuple(row["answers"])}) for row in rows}
     )
 
 
 @cache
-def answers() -> Mapping[int, Answer]:
+def answers() -> Mapping[int, PkwAnswer]:
     """The answers of PKW by AK, all sixteen."""
-    return MappingProxyType({row["ak"]: Answer(**row) for row in _load("pkw.toml")["answer"]})
+    return MappingProxyType({row["ak"]: PkwAnswer(**row) for row in _load("pkw.toml")["answer"]})
 
 
 @cache
@@ -271,11 +271,11 @@ def event_ids() -> tuple[str, ...]:
 
 
 @cache
-def telegrams() -> Mapping[int, Telegram]:
+def telegrams() -> Mapping[int, PzdTelegram]:
     """The telegrams whose words are known."""
     rows = _load("pzd.toml")["telegram"]
     return MappingProxyType({
-        row["number"]: Telegram(
+        row["number"]: PzdTelegram(
             number=row["number"], out=tuple(row["out"]), inward=tuple(row["in"]), pkw=row.get("pkw", False)
         )
         for row in rows
@@ -290,7 +290,7 @@ def full_scale(double: bool = False) -> int:
 
 def meaning(ak: int, answer: bool, lang: str = "en") -> str:
     """What the AK of a request or of an answer says, in "en" or "zh"."""
-    row: Request | Answer = answers()[ak] if answer else requests()[ak]
+    row: PkwRequest | PkwAnswer = answers()[ak] if answer else requests()[ak]
     return row.text(lang)
 
 

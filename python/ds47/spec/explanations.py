@@ -18,7 +18,7 @@ BASES = ("documented", "usual", "unconfirmed")
 
 
 @dataclass(frozen=True, slots=True)
-class Cause:
+class CodeCause:
     """One cause of a code; `basis` is one of BASES."""
 
     en: str
@@ -34,7 +34,7 @@ class Cause:
 class Explanation:
     """What is said about a code or a group of them; explain.toml says what the fields mean."""
 
-    causes: tuple[Cause, ...]
+    causes: tuple[CodeCause, ...]
     look_en: str
     look_zh: str
     en: str = ""
@@ -80,7 +80,7 @@ def _table() -> dict[str, Any]:
 @cache
 def _entry(table: str, place: int) -> Explanation:
     row = _table()[table][place]
-    causes = tuple(Cause(**cause) for cause in row.get("cause", ()))
+    causes = tuple(CodeCause(**cause) for cause in row.get("cause", ()))
     known = ("look_en", "look_zh", "en", "zh", "plc", "filter", "reserved")
     return Explanation(causes, **{name: row[name] for name in known if name in row})
 
@@ -154,7 +154,7 @@ def of_number(kind: str, code: int) -> Explanation | None:
 def of_unknown() -> Explanation:
     """What is said about a code of which nothing is known but its parts."""
     row = _table()["unknown"]
-    cause = Cause(row["cause_en"], row["cause_zh"], "usual")
+    cause = CodeCause(row["cause_en"], row["cause_zh"], "usual")
     return Explanation((cause,), row["look_en"], row["look_zh"], plc=row["plc"])
 
 

@@ -14,7 +14,7 @@ from ds47.spec.rows import Row
 from ds47.spec.words import Words
 
 
-class Code(Row):
+class ProfibusCode(Row):
     """A request, an answer, a start byte, a kind of station or of block by its code (docs/profibus.md 2)."""
 
     code: int
@@ -57,7 +57,7 @@ class Flag(Row):
         return self.byte < len(data) and bool(data[self.byte] >> self.bit & 1)
 
 
-class Ppo(Row):
+class PpoLayout(Row):
     """A PPO by the bytes of its modules; `pkw`: the first one is PKW."""
 
     number: int
@@ -83,9 +83,11 @@ FLAGS = ("diagnosis", "parameters", "control")
 
 
 @cache
-def codes(table: str) -> Mapping[int, Code]:
+def codes(table: str) -> Mapping[int, ProfibusCode]:
     """One of CODES, by code."""
-    return MappingProxyType({row["code"]: Code(**row) for row in _load("profibus.toml")[table]})
+    return MappingProxyType(
+        {row["code"]: ProfibusCode(**row) for row in _load("profibus.toml")[table]}
+    )
 
 
 @cache
@@ -156,10 +158,10 @@ def lengths() -> tuple[int, int]:
 
 
 @cache
-def ppos() -> tuple[Ppo, ...]:
+def ppos() -> tuple[PpoLayout, ...]:
     """The PPO that a configuration can be."""
     rows = _load("profibus.toml")["ppo"]
-    return tuple(Ppo(**{**row, "modules": tuple(row["modules"])}) for row in rows)
+    return tuple(PpoLayout(**{**row, "modules": tuple(row["modules"])}) for row in rows)
 
 
 @cache

@@ -14,7 +14,7 @@ from ds47.spec.rows import Row
 from ds47.spec.words import Words
 
 
-class Code(Row):
+class S7Code(Row):
     """A code with its words: a kind of PDU, a function, a return code, an error, a group, an owner of a TSAP."""
 
     code: int
@@ -50,7 +50,7 @@ class Size(Row):
     """With it one element is written: DB1.DBW0."""
 
 
-class Cpu(Row):
+class CpuKind(Row):
     """A kind of CPU and the bytes that it copies without interruption."""
 
     id: str
@@ -82,9 +82,9 @@ CODES = ("kind", "function", "return_code", "error_class", "error", "group", "ts
 
 
 @cache
-def codes(table: str) -> Mapping[int, Code]:
+def codes(table: str) -> Mapping[int, S7Code]:
     """One of CODES, by code."""
-    return MappingProxyType({row["code"]: Code(**row) for row in _load("s7.toml")[table]})
+    return MappingProxyType({row["code"]: S7Code(**row) for row in _load("s7.toml")[table]})
 
 
 @cache
@@ -106,9 +106,9 @@ def data_sizes() -> Mapping[int, Size]:
 
 
 @cache
-def cpus() -> Mapping[str, Cpu]:
+def cpus() -> Mapping[str, CpuKind]:
     """Kinds of CPU by their id."""
-    return MappingProxyType({row["id"]: Cpu(**row) for row in _load("s7.toml")["cpu"]})
+    return MappingProxyType({row["id"]: CpuKind(**row) for row in _load("s7.toml")["cpu"]})
 
 
 def is_drive(kind: str) -> bool:
@@ -140,7 +140,7 @@ def orders() -> tuple[Order, ...]:
     return tuple(Order(**row) for row in _load("s7.toml")["order"])
 
 
-def cpu_of_order(number: str) -> Cpu | None:
+def cpu_of_order(number: str) -> CpuKind | None:
     """The kind of CPU with an order number; None where it is none, or not known."""
     number = " ".join(number.upper().split())
     for row in orders():

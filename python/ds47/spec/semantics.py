@@ -96,7 +96,7 @@ def reasons(lang: str) -> dict[str, str]:
     return {name: words[lang] for name, words in _load("pairing.toml")["reason"].items()}
 
 
-class Known(Row):
+class DriveKnowledge(Row):
     """What the diagnoses know of drives and programs (diagnoses.toml): limits and numbers by their names there."""
 
     held: int
@@ -131,7 +131,7 @@ class Known(Row):
 
 
 @cache
-def known() -> Known:
+def known() -> DriveKnowledge:
     """The numbers and lists of the diagnoses as they are shipped."""
     table = _load("diagnoses.toml")
     numbers: dict[str, Any] = {
@@ -139,7 +139,7 @@ def known() -> Known:
         for name, value in table["numbers"].items()
     }
     states = {int(code): text for code, text in table["commissioning"].items()}
-    return Known(**table["limits"], **numbers, commissioning=states)
+    return DriveKnowledge(**table["limits"], **numbers, commissioning=states)
 
 
 @cache

@@ -1,7 +1,7 @@
 """The analysis that hands out at once: a transaction when it has its response, a finding when it is found.
 
 What may still come for a transaction that was shown (it is read again, the Write response is late) is
-shown when it is over: `Listener.changed`. All else is as in `ds47.analysis`.
+shown when it is over: `TrafficListener.changed`. All else is as in `ds47.analysis`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from ds47.capture import Capture
 from ds47.model import CaptureResult, Finding, Transaction
 
 
-class Listener(Protocol):
+class TrafficListener(Protocol):
     """A listener to live traffic."""
 
     def finished(self, transaction: Transaction, findings: list[Finding]) -> None:
@@ -31,7 +31,7 @@ class Listener(Protocol):
 class Live:
     """One analysis of a capture that goes on and on."""
 
-    def __init__(self, options: AnalysisOptions, listener: Listener) -> None:
+    def __init__(self, options: AnalysisOptions, listener: TrafficListener) -> None:
         self._listener = listener
         self._analysis = Analysis(options, self._over, Early(self._settled, self._found))
         self._shown: dict[int, tuple[Transaction, list[Finding]]] = {}

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import TextIO
 
 from ds47.model import OPERATIONS, SEVERITIES, STATES, CaptureResult, Finding, Transaction
-from ds47.report import Options, json, ndjson, text
+from ds47.report import ReportOptions, json, ndjson, text
 from ds47.report.bilingual import Both, joined, numbered, operation, say
 from ds47.report.clock import Clock
 from ds47.report.formatting import escape
@@ -80,7 +80,7 @@ class Tally:
 class TextShow(text.Writer):
     """A line per transaction, of S7 where it has findings, findings below; summaries on the same stream."""
 
-    def __init__(self, stream: TextIO, options: Options | None = None) -> None:
+    def __init__(self, stream: TextIO, options: ReportOptions | None = None) -> None:
         super().__init__(stream, options)
         self.tally = Tally()
         self._clock = Clock(self.options.zone, 0)
@@ -161,7 +161,7 @@ class NdjsonShow(ndjson.Writer):
     """An object a line; summaries on demand go elsewhere, as text."""
 
     def __init__(self, stream: TextIO, name: str, aside: TextIO, lang: str = "en") -> None:
-        super().__init__(stream, Options(lang=lang))
+        super().__init__(stream, ReportOptions(lang=lang))
         self.tally = Tally()
         self._name = name
         self._aside = aside

@@ -16,7 +16,7 @@ from typing import Literal
 
 from ds47.version import __version__
 from ds47.wireshark import bundle, install
-from ds47.wireshark.locate import NoWiresharkError, Run, Wireshark, find, run
+from ds47.wireshark.locate import NoWiresharkError, ProgramRun, Wireshark, find, run
 
 OLDEST = (3, 4)
 """The oldest Wireshark the plugin is tried with."""
@@ -69,12 +69,12 @@ class Patient:
         return list(found.values())
 
     @cached_property
-    def fields(self) -> Run:
+    def fields(self) -> ProgramRun:
         """The list of all fields: the plugin's too, where it was loaded."""
         return run(self.wireshark.program, "-G", "fields")
 
     @cached_property
-    def trial(self) -> Run:
+    def trial(self) -> ProgramRun:
         """A capture with one transaction, dissected."""
         return run(self.wireshark.program, "-n", "-r", self.sources.trial, "-T", "pdml")
 

@@ -55,7 +55,7 @@ class Marker:
 
 
 @dataclass(slots=True)
-class Outcome:
+class InstallOutcome:
     """What was done to one folder."""
 
     folder: Path
@@ -81,7 +81,7 @@ def profile_files(sources: Sources) -> dict[str, bytes]:
     return {name: path.read_bytes() for name, path in sources.profile.items()}
 
 
-def install_plugin(plugins: Path, sources: Sources, force: bool = False) -> Outcome:
+def install_plugin(plugins: Path, sources: Sources, force: bool = False) -> InstallOutcome:
     """Put the plugin into `plugins`/ds47, in place of an older one.
 
     Raises RefusedError where somebody else made a file that would be replaced (`force` replaces it),
@@ -98,7 +98,7 @@ def install_plugin(plugins: Path, sources: Sources, force: bool = False) -> Outc
         return _put(folder, files, marker, kept=[])
 
 
-def install_profile(folder: Path, sources: Sources, force: bool = False) -> Outcome:
+def install_profile(folder: Path, sources: Sources, force: bool = False) -> InstallOutcome:
     """Put the profile into `folder`; files of it that the user changed stay unless `force`.
 
     Their rows that name what the plugin no longer has become comments.
@@ -112,7 +112,7 @@ def install_profile(folder: Path, sources: Sources, force: bool = False) -> Outc
         return _put(folder, files, marker, kept)
 
 
-def uninstall(folder: Path, keep_changed: bool) -> Outcome | None:
+def uninstall(folder: Path, keep_changed: bool) -> InstallOutcome | None:
     """Remove what was installed into `folder`; None where nothing was.
 
     With `keep_changed` a folder stays as it is when somebody changed a file of ours in it or put
@@ -123,7 +123,7 @@ def uninstall(folder: Path, keep_changed: bool) -> Outcome | None:
         marker = read_marker(folder)
         if marker is None or folder.is_symlink():
             return None
-        outcome = Outcome(folder, replaced=marker.version, foreign=foreign(folder, marker))
+        outcome = InstallOutcome(folder, replaced=marker.version, foreign=foreign(folder, marker))
         if keep_changed:
             outcome.kept = changed(folder, marker, missing=False)
             if outcome.kept or outcome.foreign:
@@ -236,7 +236,7 @@ def is_entry(path: Path) -> bool:
 
 def _put(
     folder: Path, files: Mapping[str, bytes], marker: Marker | None, kept: list[str]
-) -> Outcome:
+) -> InstallOutcome:
     """Make `folder` anew beside the old one, then let it take its place."""
     _need_rights(folder)
     folder.parent.mkdir(parents=True, exist_ok=True)
@@ -248,7 +248,9 @@ def _put(
     state |= {LISTS} & present
     others = sorted(present - ours - set(files) - state - {MARKER})
     names = sorted(set(files) - set(kept) - state)
-    outcome = Outcome(folder, len(names), 0, marker.version if marker else None, kept, others)
+    outcome = InstallOutcome(
+        folder, len(names), 0, marker.version if marker else None, kept, others
+    )
     new = folder.with_name(f"{_NEW}{folder.name}-{os.getpid()}")
     try:
         digests = {name: _write(new / name, files[name]) for name in names}

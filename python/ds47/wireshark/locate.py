@@ -64,7 +64,7 @@ class Wireshark:
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class ProgramRun:
     """What a run of the program left behind."""
 
     status: int
@@ -141,7 +141,7 @@ def ask(program: Path) -> Wireshark:
     return Wireshark(program, version, parse_lua(about.output), folders)
 
 
-def run(program: Path, *arguments: str | Path) -> Run:
+def run(program: Path, *arguments: str | Path) -> ProgramRun:
     """Run the program to its end. Raises NoWiresharkError where that cannot be."""
     try:
         result = subprocess.run(
@@ -157,7 +157,7 @@ def run(program: Path, *arguments: str | Path) -> Run:
         raise NoWiresharkError(f"{program} did not end within {SECONDS} s") from problem
     except OSError as problem:
         raise NoWiresharkError(f"{program} cannot be run: {problem.strerror}") from problem
-    return Run(result.returncode, result.stdout, result.stderr)
+    return ProgramRun(result.returncode, result.stdout, result.stderr)
 
 
 def parse_version(text: str) -> tuple[int, int, int] | None:

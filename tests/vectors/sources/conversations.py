@@ -55,7 +55,7 @@ def implicit(client: Client, record: bytes, index: int = 0xB02F) -> None:
 
 def second(client: Client, **more: Any) -> Client:
     """A second controller on the same drive, with an AR of its own."""
-    settings = {"activity": UUID(int=0x47), "channel": wire.Channel(AR2), **more}
+    settings = {"activity": UUID(int=0x47), "channel": wire.RecordId(AR2), **more}
     return Client(client.stage, controller(2), **settings)
 
 
@@ -423,7 +423,7 @@ def p14_same_ar_uuid(client: Client) -> None:
     """The same AR UUID with two controllers and with two devices: three channels."""
     clients = [
         client,
-        second(client, channel=wire.Channel(CONTROLLER_AR)),
+        second(client, channel=wire.RecordId(CONTROLLER_AR)),
         Client(client.stage, device=drive(2), activity=UUID(int=0x48)),
     ]
     for client in clients:
@@ -631,7 +631,7 @@ def p20_echo_to_another(client: Client) -> None:
     """Three ARs write to a store, and one of them reads what another one wrote; the third never reads."""
     other = second(client)
     client.write(ask(1, 21))
-    second(client, channel=wire.Channel(UUID(int=0x4703))).write(ask(2, 22))
+    second(client, channel=wire.RecordId(UUID(int=0x4703))).write(ask(2, 22))
     other.write(ask(3, 23))
     client.read(ask(3, 23))
     other.write(put(4, 2.5))
@@ -1510,7 +1510,7 @@ def p38_release_of_another_ar(client: Client) -> None:
 )
 def p38_release_by_another_controller(client: Client) -> None:
     """An AR with the same UUID between another controller and the drive is another AR."""
-    other = second(client, channel=wire.Channel(CONTROLLER_AR))
+    other = second(client, channel=wire.RecordId(CONTROLLER_AR))
     client.write(ask())
     other.write(ask())
     other.release()

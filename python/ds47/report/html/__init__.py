@@ -11,7 +11,7 @@ from functools import partial
 from typing import Any, TextIO
 
 from ds47.model import CaptureResult, Report
-from ds47.report import Options, write_all
+from ds47.report import ReportOptions, write_all
 from ds47.report import Writer as _Writer
 from ds47.report.clock import Clock
 from ds47.report.heading import Heading
@@ -60,7 +60,7 @@ SCRIPTS = (
 """The files of templates/report/ that make the one script of the page, in this order."""
 
 
-def write(report: Report, stream: TextIO, options: Options | None = None) -> None:
+def write(report: Report, stream: TextIO, options: ReportOptions | None = None) -> None:
     """Writes a complete report."""
     write_all(Writer(stream, options), report)
 
@@ -68,7 +68,7 @@ def write(report: Report, stream: TextIO, options: Options | None = None) -> Non
 class Writer(_Writer):
     """Turns each capture into what the page says of it, and lets go of the rest."""
 
-    def __init__(self, stream: TextIO, options: Options | None = None) -> None:
+    def __init__(self, stream: TextIO, options: ReportOptions | None = None) -> None:
         super().__init__(stream, options)
         self.lang = "zh" if getattr(self.options, "lang", "en") == "zh" else "en"
         self._overview: list[Overview] = []

@@ -12,7 +12,7 @@ from typing import Any
 from ds47.report.formatting import count, duration, escape
 from ds47.report.html import embed
 from ds47.report.html.plots import Library
-from ds47.report.html.texts import Words
+from ds47.report.html.texts import PageWords
 from ds47.version import __version__
 
 _FOLDER = "report"
@@ -42,7 +42,7 @@ def known(
         scripts: the files of templates/report/ that make the one script of the page, in this order.
         library: that of the plots, None without.
     """
-    words = Words(lang)
+    words = PageWords(lang)
     script = _script(templates, scripts)
     return {
         "lang": lang,

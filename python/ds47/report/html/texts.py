@@ -19,7 +19,7 @@ from ds47.spec.reporting import command_words, report_words
 
 _FOR_SCRIPT = ("js_", "state_", "about_", "operation_")
 
-__all__ = ["LANGUAGES", "Both", "Words", "joined", "say", "texts"]
+__all__ = ["LANGUAGES", "Both", "PageWords", "joined", "say", "texts"]
 
 
 @cache
@@ -34,7 +34,7 @@ def say(key: str, **values: Any) -> Both:
     return filled(texts()[key], values)
 
 
-class Words:
+class PageWords:
     """What the templates call: `t`, `both`, `label`, `label_of`."""
 
     def __init__(self, lang: str) -> None:

@@ -30,14 +30,14 @@ from ds47.report.html.views.problems import Problem, first_screen, problems
 from ds47.report.html.views.rows import packed_rows
 from ds47.report.html.views.s7 import S7View
 from ds47.report.html.views.timelines import TimelineView
-from ds47.report.html.views.times import Moments, for_script
+from ds47.report.html.views.times import FrameClock, for_script
 from ds47.report.html.views.trail import TrailView
 from ds47.report.latency import percentile
 from ds47.report.narrowing import narrowed_words
 from ds47.report.overview import CaptureRow
 from ds47.report.reference import Reference
 from ds47.report.targets import Targets
-from ds47.report.verdict import KINDS, LEVELS, Counts, blind, verdict
+from ds47.report.verdict import KINDS, LEVELS, VerdictCounts, blind, verdict
 from ds47.report.zones import UNIVERSAL, Zone
 
 
@@ -47,7 +47,7 @@ class Overview:
 
     path: str
     number: int
-    counts: Counts
+    counts: VerdictCounts
     row: CaptureRow
     """What the overview of every other format says of it."""
     quality: str = "good"
@@ -71,12 +71,12 @@ class Overview:
     def unreadable(cls, path: str, number: int, problem: str) -> Overview:
         """A capture of which nothing could be read."""
         row = CaptureRow.unreadable(path, problem)
-        return cls(path, number, Counts(captures=1, unreadable=1), row, "bad", problem)
+        return cls(path, number, VerdictCounts(captures=1, unreadable=1), row, "bad", problem)
 
     @classmethod
     def of_all(cls, parts: Iterable[Overview]) -> Overview:
         """The sum over all captures."""
-        total = cls("", 0, Counts(), CaptureRow(""))
+        total = cls("", 0, VerdictCounts(), CaptureRow(""))
         for part in parts:
             total.counts.add(part.counts)
         return total
@@ -170,7 +170,7 @@ def capture_view(
     `reference` is what 100 % of a setpoint is, where somebody has said so; `zone` that in which times are said.
     """
     clock = Clock.of(result, zone)
-    moments = Moments(result, clock)
+    moments = FrameClock(result, clock)
     links = Links(result)
     found = groups(result, moments, links)
     targets = Targets(result.evidence)
@@ -180,7 +180,7 @@ def capture_view(
     trail = TrailView(result, targets, {row[0] for row in data["rows"]})
     data["trail"] = trail.data
     data["messages"] = _by_transaction(found)
-    counts = Counts.of(result)
+    counts = VerdictCounts.of(result)
     data["totals"] = {"transactions": counts.jobs, "states": counts.states}
     data["kinds"] = KINDS
     data["events"] = events(result, targets)

@@ -9,8 +9,8 @@ from ds47.report.clock import Clock
 from ds47.report.filters import display_filter
 from ds47.report.html import messages
 from ds47.report.html.texts import Both
-from ds47.report.html.views.links import Link, Links
-from ds47.report.html.views.times import Moments
+from ds47.report.html.views.links import FrameLink, Links
+from ds47.report.html.views.times import FrameClock
 from ds47.report.zones import UNIVERSAL
 from ds47.spec import rules
 
@@ -19,7 +19,7 @@ SHOWN = 100
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class ShownFinding:
     """One finding of a group."""
 
     frame: int
@@ -29,7 +29,7 @@ class Shown:
     """and the seconds since the first frame; empty where neither is."""
     transaction: int | None
     message: Both
-    others: list[Link]
+    others: list[FrameLink]
     """The further frames that it is about."""
 
 
@@ -43,7 +43,7 @@ class Group:
     count: int
     cause: Both
     advice: Both
-    shown: list[Shown]
+    shown: list[ShownFinding]
     filter: str
     filter_left_out: int
     """Frames for which the filter has no room."""
@@ -63,19 +63,19 @@ class Group:
 
 
 def groups(
-    result: CaptureResult, moments: Moments | None = None, links: Links | None = None
+    result: CaptureResult, moments: FrameClock | None = None, links: Links | None = None
 ) -> list[Group]:
     """The findings of a capture by rule, the serious rules first."""
     found: dict[str, list[Finding]] = {}
     for finding in result.findings:
         found.setdefault(finding.rule, []).append(finding)
     links = links or Links(result)
-    moments = moments or Moments(result, Clock.of(result, UNIVERSAL))
+    moments = moments or FrameClock(result, Clock.of(result, UNIVERSAL))
     made = [_group(rule, items, links, moments) for rule, items in found.items()]
     return sorted(made, key=lambda group: (-SEVERITIES.index(group.severity), group.rule))
 
 
-def _group(rule: str, items: list[Finding], links: Links, moments: Moments) -> Group:
+def _group(rule: str, items: list[Finding], links: Links, moments: FrameClock) -> Group:
     text, left_out = display_filter(frame for each in items for frame in each.counted)
     return Group(
         rule=rule,
@@ -90,8 +90,10 @@ def _group(rule: str, items: list[Finding], links: Links, moments: Moments) -> G
     )
 
 
-def _shown(item: Finding, links: Links, moments: Moments) -> Shown:
+def _shown(item: Finding, links: Links, moments: FrameClock) -> ShownFinding:
     others = links.of(frame for frame in item.frames if frame != item.frame)
     clock, known = moments.clock, item.time_ns
     time, since = ("", "") if known is None else (clock.at(known), f"{clock.since(known)} s")
-    return Shown(item.frame, time, since, item.transaction, messages.with_offset(item), others)
+    return ShownFinding(
+        item.frame, time, since, item.transaction, messages.with_offset(item), others
+    )

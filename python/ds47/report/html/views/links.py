@@ -8,7 +8,7 @@ from typing import NamedTuple
 from ds47.model import CaptureResult
 
 
-class Link(NamedTuple):
+class FrameLink(NamedTuple):
     """A frame, and the job that the page shows it in; None where no job has it."""
 
     frame: int
@@ -24,6 +24,6 @@ class Links:
             for frame in each.frames.all():
                 self._jobs.setdefault(frame, each.id)
 
-    def of(self, frames: Iterable[int]) -> list[Link]:
+    def of(self, frames: Iterable[int]) -> list[FrameLink]:
         """Links to frames, in their order."""
-        return [Link(frame, self._jobs.get(frame)) for frame in frames]
+        return [FrameLink(frame, self._jobs.get(frame)) for frame in frames]

@@ -26,8 +26,8 @@ from ds47.report.filters import display_filter
 from ds47.report.formatting import address
 from ds47.report.html import messages
 from ds47.report.html.texts import Both, joined, say
-from ds47.report.html.views.links import Link, Links
-from ds47.report.html.views.times import Moments
+from ds47.report.html.views.links import FrameLink, Links
+from ds47.report.html.views.times import FrameClock
 from ds47.report.targets import Targets
 from ds47.report.todo import answering, by_state, is_lowered, uncovered
 
@@ -63,7 +63,7 @@ class Problem:
     """That of the first frame, to look at."""
     time: str = ""
     """When that job began, or the frame was; empty where that is not known."""
-    others: list[Link] = field(default_factory=list)
+    others: list[FrameLink] = field(default_factory=list)
     """Further frames that the title is about."""
     state: Both | None = None
     """What the status word of the drive says of it."""
@@ -132,7 +132,7 @@ class Problem:
 def problems(
     result: CaptureResult,
     targets: Targets | None = None,
-    moments: Moments | None = None,
+    moments: FrameClock | None = None,
     links: Links | None = None,
 ) -> list[Problem]:
     """The problems of a capture, with their times where `moments` has these; findings that are notes are none."""

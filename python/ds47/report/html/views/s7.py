@@ -36,7 +36,7 @@ class Bar(NamedTuple):
     words: Both
 
 
-class Memory(NamedTuple):
+class MemoryTable(NamedTuple):
     """The bytes of a data block, or of another area, of a server that jobs are about."""
 
     name: str
@@ -53,7 +53,7 @@ class S7View(NamedTuple):
     rows: list[list[Both]]
     left_out: int
     evidence: list[Both]
-    memories: list[Memory]
+    memories: list[MemoryTable]
 
     @classmethod
     def of(cls, result: CaptureResult) -> S7View | None:
@@ -93,7 +93,7 @@ def marked(result: CaptureResult) -> dict[int, str]:
     return found
 
 
-def _memories(result: CaptureResult) -> list[Memory]:
+def _memories(result: CaptureResult) -> list[MemoryTable]:
     jobs = marked(result)
     found: dict[tuple[str, str], Counter[_Area]] = {}
     marks: dict[tuple[str, str, _Area], str] = {}
@@ -126,7 +126,7 @@ def _area(item: Item, job: Transaction) -> _Area | None:
 
 def _memory(
     device: str, name: str, areas: Counter[_Area], marks: dict[tuple[str, str, _Area], str]
-) -> Memory:
+) -> MemoryTable:
     chosen = sorted(areas.most_common(BARS), key=lambda each: (each[0][1], each[0][2], each[0][3]))
     first = min(start for (_, start, _, _), _ in chosen)
     end = max(start + length for (_, start, length, _), _ in chosen)
@@ -138,6 +138,6 @@ def _memory(
         )
         for area, jobs in chosen
     ]  # fmt: skip
-    return Memory(
+    return MemoryTable(
         f"{escape(device)} {escape(name)}", first, end - 1, bars, len(areas) - len(chosen)
     )

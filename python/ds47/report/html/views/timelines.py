@@ -12,7 +12,7 @@ from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ds47.cyclic.closeup import Seen, closeup
+from ds47.cyclic.closeup import SpeedSample, closeup
 from ds47.model import (
     S7,
     CaptureResult,
@@ -291,7 +291,9 @@ def _is_beside(job: Transaction, relation: Relation) -> bool:
     return job.channel == S7 and relation.controller in (job.controller, job.device)
 
 
-def _points(seen: Sequence[Seen], known: Sequence[Point], *, by_controller: bool) -> list[Point]:
+def _points(
+    seen: Sequence[SpeedSample], known: Sequence[Point], *, by_controller: bool
+) -> list[Point]:
     """The values of one side; none where they are no speed."""
     sent = [each for each in seen if each.by_controller == by_controller] if known else []
     return [Point(each.time_ns, each.raw, each.raw) for each in sent]

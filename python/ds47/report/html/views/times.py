@@ -27,7 +27,7 @@ def for_script(clock: Clock) -> dict[str, Any]:
     }
 
 
-class Moments:
+class FrameClock:
     """When the frames of findings were."""
 
     def __init__(self, result: CaptureResult, clock: Clock) -> None:

@@ -18,7 +18,7 @@ from ds47.report.formatting import value
 from ds47.report.html import messages
 from ds47.report.html.texts import Both
 from ds47.report.targets import Targets
-from ds47.report.trail import ACCEPTED, NEGATIVE, REFUSED, SENT, Change, Known, changes
+from ds47.report.trail import ACCEPTED, NEGATIVE, REFUSED, SENT, KnownValue, WrittenChange, changes
 from ds47.report.values import about, of_kind
 from ds47.spec import error_hex
 
@@ -73,7 +73,7 @@ class TrailView:
         places = self._tables[table]
         return places.setdefault(item, len(places))
 
-    def _row(self, change: Change) -> list[Any]:
+    def _row(self, change: WrittenChange) -> list[Any]:
         item, parameter = change.transaction, change.parameter
         name, reason = _name(about(parameter), parameter.scaled is None), _reason(change)
         return [
@@ -86,7 +86,7 @@ class TrailView:
             None if reason is None else self._place("reasons", reason),
         ]  # fmt: skip
 
-    def _object(self, change: Change) -> tuple[str, str, int | None]:
+    def _object(self, change: WrittenChange) -> tuple[str, str, int | None]:
         """Device, name and number of the drive object; without name and number of what the device has once."""
         item = change.transaction
         identity = self._targets.identity(item, change.pnu)
@@ -108,13 +108,13 @@ def _name(known: tuple[Any, ...], plain: bool) -> tuple[str, str, str | None, st
     return (*messages.name(item), item.unit if plain else None, number)
 
 
-def _from(old: Known | None) -> int:
+def _from(old: KnownValue | None) -> int:
     if old is None:
         return 0
     return -old.frame if old.how == "written" else old.frame
 
 
-def _reason(change: Change) -> tuple[str, str] | None:
+def _reason(change: WrittenChange) -> tuple[str, str] | None:
     """Why it was not accepted, in both languages; None where nothing says that."""
     error, status = change.parameter.error, change.transaction.write_status
     if change.outcome == NEGATIVE and error is not None:
