@@ -16,9 +16,10 @@ from typing import Any
 from ds47.s7 import pdu as pdus
 from ds47.s7 import tcp, tpkt
 from ds47.s7.consistency import ItemAccess, Question
-from ds47.s7.model import At, End, Flaw, S7Address, S7Item
+from ds47.s7.model import At, End, S7Address, S7Item
 from ds47.s7.tpkt import Tpdu, TpduReader
 from ds47.spec import s7
+from ds47.spec.words import Flaw
 
 PDUS, TALKS, QUESTIONS = 3000, 120, 6000
 PORTS = (102, 1102)

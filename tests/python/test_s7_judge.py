@@ -29,7 +29,6 @@ from ds47.s7.model import (
     At,
     BsendSegment,
     End,
-    Flaw,
     S7Address,
     S7Connection,
     S7Item,
@@ -38,6 +37,7 @@ from ds47.s7.model import (
 )
 from ds47.spec import rules, s7
 from ds47.spec.semantics import limits
+from ds47.spec.words import Flaw
 
 PUBLIC = Path(__file__).resolve().parents[3] / "shared" / "captures" / "s7"
 CLIENT, SERVER = End("10.0.0.1", 50_000), End("10.0.0.2", 102)

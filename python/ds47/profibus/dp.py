@@ -8,8 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from ds47.profibus.telegram import Flaw, Telegram
+from ds47.profibus.telegram import Telegram
 from ds47.spec import profibus
+from ds47.spec.words import Flaw
 
 DIAGNOSIS: Final = "diagnosis"
 PARAMETERS: Final = "parameters"

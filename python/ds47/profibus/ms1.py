@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ds47.profibus.telegram import Flaw
 from ds47.spec import profibus
+from ds47.spec.words import Flaw
 
 REQUEST, POLL, ANSWER, TAKEN, REFUSAL = "request", "poll", "answer", "taken", "refusal"
 """Kinds of a message: asked, asked again without data, answered, answered without data, refused."""

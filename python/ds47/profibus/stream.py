@@ -18,13 +18,13 @@ from ds47.profibus.telegram import (
     SD3,
     SD4,
     START,
-    Flaw,
     Telegram,
     check_byte,
     decode,
     size,
 )
 from ds47.spec import profibus
+from ds47.spec.words import Flaw
 
 _AHEAD = 1024
 """Bytes behind a frame that may decide what it is; all that is looked at from one place is shorter."""

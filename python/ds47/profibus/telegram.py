@@ -6,11 +6,12 @@ Here is one frame whose bytes are in hand; what its data says is `dp` and `ms1`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
 
 from ds47.spec import profibus
+from ds47.spec.words import Flaw
 
 SD1: Final = "SD1"
 SD2: Final = "SD2"
@@ -36,17 +37,6 @@ _LEAST: Final = 7
 """Its bytes up to the function code: more than a frame without data has."""
 _REMEMBERED: Final = 1024
 """Beginnings of frames, and whole short ones, that are remembered."""
-
-
-@dataclass(frozen=True, slots=True)
-class Flaw:
-    """What is wrong, where, and with which numbers; the words are in `spec.profibus`."""
-
-    kind: str
-    """One of `spec.profibus.flaw_ids()`."""
-    offset: int
-    """Bytes from the beginning of what was decoded."""
-    args: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(slots=True, init=False, eq=False)

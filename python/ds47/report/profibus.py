@@ -10,10 +10,11 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from ds47.profibus import dp, ms1
-from ds47.profibus.telegram import SC, SD2, SD4, Flaw, Telegram
+from ds47.profibus.telegram import SC, SD2, SD4, Telegram
 from ds47.report.bilingual import LANGUAGES, Both, joined, say
 from ds47.spec import profibus
 from ds47.spec.statuses import status_text
+from ds47.spec.words import Flaw
 
 Line = tuple[int, Both]
 """Where something stands in the frame, and what it means."""

@@ -13,9 +13,10 @@ from typing import Any
 from ds47.report.bilingual import LANGUAGES, Both, say
 from ds47.report.s7 import failure, tsap
 from ds47.s7 import addresses, pdu, tpkt
-from ds47.s7.model import DONE, Flaw, S7Address, S7Item
+from ds47.s7.model import DONE, S7Address, S7Item
 from ds47.s7.pdu import ItemResult, S7Pdu, SegmentData, Setup, Usend, UserData
 from ds47.spec import s7
+from ds47.spec.words import Flaw
 
 Line = tuple[int, Both]
 """Where something stands, and what it means."""

@@ -5,9 +5,11 @@ Plain values only, which every other module of this room fills or reads; nothing
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
+
+from ds47.spec.words import Flaw
 
 GET, PUT, BSEND, USEND = OPERATIONS = ("get", "put", "bsend", "usend")
 OK, ERROR, PARTIAL, REFUSED, UNANSWERED, INCOMPLETE, ORPHAN = (
@@ -45,17 +47,6 @@ class Cut(NamedTuple):
     frames: int
     captured: int
     """Bytes of one that the capture has, at the most."""
-
-
-@dataclass(frozen=True, slots=True)
-class Flaw:
-    """What is wrong, where, and with which numbers; the words are in `spec.s7`."""
-
-    kind: str
-    """One of `spec.s7.flaw_ids()`."""
-    offset: int
-    """Bytes from the beginning of what was decoded."""
-    args: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(slots=True, init=False)

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final, NamedTuple
 
-from ds47.s7.model import DB, DONE, Flaw, S7Address, S7Item
+from ds47.s7.model import DB, DONE, S7Address, S7Item
 from ds47.spec import s7
+from ds47.spec.words import Flaw
 
 PROTOCOL, PLUS = 0x32, 0x72
 """What a PDU of S7 begins with, and one of S7CommPlus."""

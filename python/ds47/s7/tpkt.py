@@ -10,8 +10,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from ds47.s7.model import At, Flaw
+from ds47.s7.model import At
 from ds47.s7.tcp import TcpPiece
+from ds47.spec.words import Flaw
 
 VERSION = 3
 HEADER = 4

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cache
 from types import MappingProxyType
 from typing import Any
@@ -13,6 +14,17 @@ from ds47.spec import _load
 @cache
 def _flaws(file: str) -> Mapping[str, Mapping[str, str]]:
     return MappingProxyType({row["id"]: row for row in _load(file)["flaw"]})
+
+
+@dataclass(frozen=True, slots=True)
+class Flaw:
+    """What is wrong with bytes, where, and with which numbers."""
+
+    kind: str
+    """One of `Words.flaw_ids()`."""
+    offset: int
+    """Bytes from the beginning of what was decoded."""
+    args: Mapping[str, int] = field(default_factory=dict)
 
 
 class Words:
