@@ -1,8 +1,7 @@
-"""What is made of a task, as bytes: the spool of a report, or the stored result of a capture.
+"""The product of a task, as bytes: the spool of a report, or the stored result of a capture.
 
-A product is written by whoever analyses, a process here or a worker elsewhere, and read by the one
-who writes the report. Here: the spool, and the way a product appears whole or not at all. The
-stored result is `ds47.batch.results`.
+The process or remote worker that analyses writes a product; the process that writes the report reads it.
+Lives here: the spool, and how a product appears whole or not at all. `ds47.batch.results` has the stored result.
 """
 
 from __future__ import annotations
@@ -26,26 +25,26 @@ _ABOUT_ALL = frozenset(
     getattr(errno, name, None)
     for name in ("ENOSPC", "EDQUOT", "EROFS", "EIO", "EMFILE", "ENFILE", "ENOMEM", "ENODEV")
 )
-"""What ails the disk or the machine, and so every product; all else is about one name or one file."""
+"""Errors of the disk or the machine, which hit every product; all others are about one name or file."""
 
 
 class Product(Protocol):
-    """Analyses a task and writes what came of it. Goes to other processes: plain data only."""
+    """Analyses a task and writes the outcome. It is sent to other processes, so it has plain data only."""
 
     @property
     def is_kept(self) -> bool:
-        """Whether it stays in its place; else nobody needs it once it was taken."""
+        """Whether its file stays; else the file can go once it was read."""
 
     def __call__(self, task: Task, stream: BinaryIO) -> None:
-        """Raises ds47.capture.CaptureError where nothing of the task can be read."""
+        """Raises ds47.capture.CaptureError if the task cannot be read at all."""
 
 
 @dataclass(frozen=True)
 class Spool:
     """Transactions as they are finished, if the report streams, then the rest of the result.
 
-    So a capture with more transactions than fit into memory is no more of a problem than one that
-    is analysed where the report is written.
+    So memory need not hold all transactions of a capture, just as if it were analysed in the process that
+    writes the report.
     """
 
     options: AnalysisOptions
@@ -54,7 +53,7 @@ class Spool:
     is_kept: ClassVar[bool] = False
 
     def __call__(self, task: Task, stream: BinaryIO) -> None:
-        """Writes lists of transactions with their findings, and the result last."""
+        """Writes lists of transactions with their findings, then the result."""
         told: list[tuple[Transaction, list[Finding]]] = []
 
         def finished(transaction: Transaction, findings: list[Finding]) -> None:
@@ -71,7 +70,7 @@ class Spool:
 
 
 def replay(stream: BinaryIO, finished: OnTransaction | None) -> CaptureResult:
-    """Tells what a `Spool` holds, in its order."""
+    """Hands out the transactions of a `Spool` in order, and returns its result."""
     while True:
         told = pickle.load(stream)
         if not isinstance(told, list):
@@ -83,7 +82,7 @@ def replay(stream: BinaryIO, finished: OnTransaction | None) -> CaptureResult:
 
 @contextmanager
 def whole(path: Path, draft: Path) -> Iterator[BinaryIO]:
-    """A stream whose file appears under its name when all of it is written, or not at all."""
+    """A stream into a file that appears under its name when complete, or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
     try:
         with draft.open("wb") as stream:
@@ -95,18 +94,18 @@ def whole(path: Path, draft: Path) -> Iterator[BinaryIO]:
 
 
 def discard(path: Path) -> None:
-    """Takes away what is there; nothing is under a name that no file can have."""
+    """Removes a file if it exists; impossible names are no error."""
     with suppress(OSError):
         path.unlink()
 
 
 def kept_from(problem: OSError) -> CaptureError:
-    """Why there is no product of one task. Raises `problem` itself where all others would have it too."""
+    """Why a task has no product. Raises `problem` itself if it would hit all other tasks, too."""
     if problem.errno in _ABOUT_ALL:
         raise problem
     return CaptureError(f"no result could be stored: {problem.strerror or problem}")
 
 
 def draft_of(path: Path, owner: int) -> Path:
-    """Where the product is written by the run of the process `owner`."""
+    """The path where the process `owner` writes the product."""
     return path.with_name(f".{path.name}.{owner}.tmp")

@@ -1,7 +1,7 @@
-"""What is to be analysed: captures, or series of files read as one, with what tells a changed file.
+"""What to analyse: captures, or series of files read as one, with a mark that shows a changed file.
 
-Lives here: `Task`, how it is read, and the name of what is made of it. Not here: which captures
-there are in a folder (`ds47.cli.paths`), which files are a series (`ds47.capture.rings`).
+Lives here: `Task`, how to read it, and the name of its product. Not here: which captures a folder has
+(`ds47.cli.paths`), and which files are a series (`ds47.capture.rings`).
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ STDIN = "-"
 class Source(NamedTuple):
     """One file of a task.
 
-    `name` is how the report names it, `place` what is opened, `size` its bytes. `mark` changes when
-    the file does; None where nobody can tell. `missing` files of its series are not there before it.
+    `name` is its name in the report, `place` what to open, `size` its bytes. `mark` changes with the
+    file; None if that cannot be seen. `missing` counts the files of its series that are missing before it.
     """
 
     name: str
@@ -41,7 +41,7 @@ class Source(NamedTuple):
 
 
 class Task(NamedTuple):
-    """One capture of the report; `series` says that its sources are read as one."""
+    """One capture of the report; with `series` its sources are read as one."""
 
     path: str
     sources: tuple[Source, ...]
@@ -54,12 +54,12 @@ class Task(NamedTuple):
 
     @property
     def parts(self) -> list[SeriesPart]:
-        """Its files, to read them as one."""
+        """Its files, to be read as one."""
         return [SeriesPart(each.name, each.place, each.missing) for each in self.sources]
 
     @property
     def own_name(self) -> str | None:
-        """NAME of a series (`ds47.capture.rings.own_name`); None: it goes by the name of its file."""
+        """NAME of a series (`ds47.capture.rings.own_name`); None: use the name of its file."""
         if not self.series:
             return None
         from ds47.capture.rings import own_name
@@ -69,7 +69,7 @@ class Task(NamedTuple):
 
 
 def plan(names: Sequence[str], series: bool) -> list[Task]:
-    """The tasks that the captures are, in order; a series stands where its first file does."""
+    """One task for each capture or series, in order; a series takes the position of its first file."""
     if not series:
         return [Task(name, (_source(name),)) for name in names]
     from ds47.capture.rings import rings
@@ -86,7 +86,7 @@ def plan(names: Sequence[str], series: bool) -> list[Task]:
 
 
 def in_folders(series: bool) -> Callable[[str], bool]:
-    """Which names of a folder are captures; with `series` also those that only tcpdump -C gives."""
+    """A test for names of captures in a folder; with `series` also for names that only tcpdump -C gives."""
     if not series:
         return is_capture
     from ds47.capture.rings import may_be_part
@@ -95,7 +95,7 @@ def in_folders(series: bool) -> Callable[[str], bool]:
 
 
 def names_in(folder: Path) -> list[str]:
-    """Names of the captures in a folder, files of tcpdump -C among them; none where nobody can tell."""
+    """Names of the captures in a folder, including files of tcpdump -C; none if it cannot be listed."""
     from ds47.capture.rings import may_be_part
 
     try:
@@ -109,7 +109,7 @@ def _series(ring: Ring) -> Task:
     sources = [
         _source(name, missing) for name, missing in zip(ring.names, ring.missing, strict=True)
     ]
-    if ring.cyclic:  # tcpdump -W: which file is the oldest stands only in the frames
+    if ring.cyclic:  # tcpdump -W: only the frames show which file is the oldest
         sources = _from_the_oldest(sources)
     return Task(sources[0].name, tuple(sources), series=True)
 
@@ -150,7 +150,7 @@ def read(
     """Analyses a task; `finished` as in `ds47.analysis.analyze`.
 
     Raises:
-        ds47.capture.CaptureError: nothing of it can be read, or its `ds47.toml` cannot be used.
+        ds47.capture.CaptureError: none of it can be read, or its `ds47.toml` cannot be used.
     """
     if task.series:
         with Series(task.parts) as series:
@@ -167,7 +167,7 @@ def read(
 
 
 def _digest(task: Task, result: CaptureResult) -> None:
-    """The SHA-256 of a capture; of a series that of each file that can be read."""
+    """The SHA-256 of a capture; for a series, of each readable file."""
     if not task.series:
         result.sha256 = sha256(task.sources[0].place)
         return

@@ -1,8 +1,7 @@
 """Capture files: the only place that opens them.
 
-`open_capture` reads pcap and pcapng (.gz, .zst, stdin) and yields the frames that may matter,
-`Series` those of several files in a row; `PcapngWriter` writes. What is in a frame is the business
-of `ds47.profinet`.
+`open_capture` reads pcap and pcapng (.gz, .zst, stdin) and yields the frames that may matter. `Series` reads
+several files in a row. `PcapngWriter` writes. `ds47.profinet` decodes what is in a frame.
 """
 
 from .errors import CaptureError

@@ -1,4 +1,4 @@
-"""Which file names are the files of one ring buffer, in which order, and its name.
+"""Which file names belong to one ring buffer, in which order, and its name.
 
 Nothing is opened here. Known are the names of dumpcap -b, NAME_00001_20240101120000.pcapng (also
 with the time first), of tcpdump -C, NAME.pcap, NAME.pcap1, NAME.pcap2, with -W NAME.pcap00 ..., and
@@ -30,15 +30,15 @@ _TIMED = re.compile(rf"(?P<stem>.+?)[-_.]?{_TIME}{_ENDING}", re.IGNORECASE)
 _WRAP = 100_000
 """dumpcap counts from 1 and goes on with 0 after 99999; editcap counts from 0."""
 _CLOCK = timedelta(hours=1, minutes=5)
-"""By so much may the time of a later file be earlier: it is local time, and summer ends."""
+"""A later file may have a time this much earlier: names have local time, and summer time ends."""
 
 
 @dataclass(frozen=True, slots=True)
 class Ring:
     """The files of one ring buffer in their order.
 
-    `missing[n]` are the files that are not there before the n-th: before the first those that the
-    ring has written over. `cyclic` says that the first in this order need not be the oldest.
+    `missing[n]` counts the missing files before the n-th; those before the first were overwritten.
+    `cyclic`: the first in this order need not be the oldest.
     """
 
     names: tuple[str, ...]
@@ -57,17 +57,17 @@ class _File:
 
 
 def is_part(name: str) -> bool:
-    """Whether a file has a name that only the files of tcpdump -C have: `x.pcap1`."""
+    """Whether a name is one that only tcpdump -C gives: `x.pcap1`."""
     return _SIZED.fullmatch(name) is not None
 
 
 def may_be_part(name: str) -> bool:
-    """Whether a file is read where series are asked for: it is a capture, or has such a name."""
+    """Whether a file is read with --series: it is a capture, or has such a name."""
     return is_capture(name) or is_part(name)
 
 
 def rings(names: Sequence[str]) -> list[Ring]:
-    """The ring buffers among the names of files; a name that is of none is in none of them."""
+    """The ring buffers among file names; other names are left out."""
     groups: dict[tuple[str, tuple[str, str]], list[_File]] = {}
     for name in names:
         file = _parsed(name)
@@ -85,9 +85,9 @@ def rings(names: Sequence[str]) -> list[Ring]:
 
 
 def own_name(first: str, names: Sequence[str]) -> str | None:
-    """NAME of the series that begins with the file `first`: `ring` of `ring_00001_20240101120000.pcapng`.
+    """NAME of the series that begins with the file `first`: `ring` for `ring_00001_20240101120000.pcapng`.
 
-    None where another series or capture among `names`, the files of the folder, has that NAME too.
+    None if another series or capture among `names`, the files of the folder, has the same NAME.
     """
     name = common_name(first)
     near = [each for each in names if each.startswith(name)]
@@ -98,7 +98,7 @@ def own_name(first: str, names: Sequence[str]) -> str | None:
 
 
 def common_name(name: str) -> str:
-    """NAME of the series that a file is of; of any other capture its name without the ending."""
+    """NAME of the series of a file; for any other capture its name without the ending."""
     file = _parsed(name)
     stem = name if file is None else file.group[0]
     ending = next((each for each in _LONGEST_FIRST if stem.lower().endswith(each)), "")
@@ -127,7 +127,7 @@ def _time(digits: str) -> datetime | None:
 
 
 def _chains(files: Iterable[_File]) -> list[list[_File]]:
-    """Splits files of one name into runs of dumpcap: in each the numbers rise and time does too."""
+    """Splits files of one name into runs of dumpcap: in each, numbers and times rise."""
     chains: list[list[_File]] = []
     for file in sorted(files, key=lambda each: (each.number, each.time)):
         before = [chain for chain in chains if _follows(chain[-1], file)]
@@ -146,7 +146,7 @@ def _follows(last: _File, file: _File) -> bool:
 
 
 def _joined(chains: list[list[_File]]) -> list[list[_File]]:
-    """Puts a run together again that has counted beyond 99999."""
+    """Rejoins a run that has counted beyond 99999."""
     for chain in chains:
         if chain[-1].number != _WRAP - 1:
             continue
@@ -164,7 +164,7 @@ def _joined(chains: list[list[_File]]) -> list[list[_File]]:
 
 
 def _ring(files: Sequence[_File], first: int | None) -> Ring:
-    """`first` is the number that the very first file of such a ring has; None for no numbers."""
+    """`first` is the number of the very first file of such a ring; None without numbers."""
     missing = []
     expected = first
     if first is not None and files[0].number == 0:  # editcap -c and -i
@@ -179,7 +179,7 @@ def _ring(files: Sequence[_File], first: int | None) -> Ring:
 
 
 def _sized(files: list[_File], base: str, names: Sequence[str]) -> Ring:
-    """Tcpdump -C; with -W too it begins again with the first file, which then has a number."""
+    """Tcpdump -C; with -W it starts over at the first file, which then has a number."""
     ordered = sorted(files, key=lambda file: file.number or 0)
     has_base = base in names
     cyclic = not has_base and ordered[0].digits.strip("0") == ""

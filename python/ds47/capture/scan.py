@@ -1,26 +1,26 @@
-"""The hot path: walk over the frames of a buffer and let only those through that may matter.
+"""The hot path: walk over the frames of a buffer and let through only those that may matter.
 
 Lives here: the predicate, and the two loops (pcap, pcapng) that apply it without making an object
-for a frame that is none of our business. Not here: file headers, blocks other than the Enhanced
-Packet Block, broken lengths (the loops stop in front of them; pcap.py and pcapng.py say why).
+for an irrelevant frame. Not here: file headers, blocks other than the Enhanced Packet Block, broken
+lengths (the loops stop in front of them; pcap.py and pcapng.py say why).
 
-This is the only file where speed may cost beauty. It is plain Python, and with the types of
-scan.pxd beside it also what Cython compiles. The two differ in one thing, how the fields of a record
-are fetched: compiled from the bytes; else by one `unpack` in the byte order of the file, so that the
-constants to compare with are swapped instead of the fields, and long runs of cyclic frames by
-a regular expression (`Runs`). A test holds both to the same answer. Compiled, a scan can also read
-the file itself, without the interpreter (`Scan.ahead`), for a thread (ahead.py).
+This is the only file where speed may cost beauty. It is plain Python, and Cython compiles it with the
+types of scan.pxd. The two differ only in how they fetch the fields of a record. Compiled code reads them
+from the bytes. Plain Python uses one `unpack` in the byte order of the file: it swaps the constants
+instead of the fields, and skips long runs of cyclic frames by a regular expression (`Runs`). A test
+checks that both give the same answer. Compiled, a scan can also read the file itself, without the
+interpreter (`Scan.ahead`), in a thread (ahead.py).
 
 A frame matters when, after VLAN tags or a cooked header, it is
-* IPv4 UDP with RPC version 4 and the PNIO interface UUID (docs/protocol.md E.2), on any port, or with that of the
-  endpoint mapper, whose calls are numbered with those of PROFINET;
+* IPv4 UDP with RPC version 4 and the PNIO interface UUID (docs/protocol.md E.2), on any port, or with the UUID of
+  the endpoint mapper, which shares its call numbers with PROFINET;
 * any fragment of an IPv4 UDP datagram: only reassembly can tell;
-* IPv4 TCP from or to a port that is wanted (`Scan.tcp`), no fragment;
+* IPv4 TCP from or to a wanted port (`Scan.tcp`), no fragment;
 * PROFINET DCP (0x8892, frame ids 0xFEFC..0xFEFF) or LLDP (0x88CC), which name the stations;
-* a cyclic frame of a watched sender (`Watch`) in which a watched byte is not what it was, the next one of whom
-  that is said to, and now and then one in which all are (`sampled`): values move in all of them.
-A frame that the snap length cut before the UUID matters while nothing in it contradicts; one that
-was cut before the UUID begins must have the PROFINET port 34964 on one side.
+* a cyclic frame of a watched sender (`Watch`) with a change in a watched byte, the next frame of its partner,
+  and a sample of unchanged ones (`sampled`), because other values move all the time.
+A frame truncated inside the UUID matters unless a byte contradicts. A frame truncated before the UUID
+must have the PROFINET port 34964 on one side.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ PNIO_PORT = 34964
 TCP, UDP = 6, 17
 
 MAX_FRAME = 1 << 18  # the limit of libpcap and Wireshark for these link types, in bytes
-PADDING = 64  # how far the loops may look beyond the last byte: there must be room, not zeros
+PADDING = 64  # how far the loops may look beyond the last byte: any bytes must be there
 ENHANCED_PACKET = 6  # type of the pcapng block that holds a frame
-BATCH = 1024  # frames that one call of a loop gives at the most
+BATCH = 1024  # the most frames that one call of a loop returns
 
 # The interface UUIDs of PROFINET (device, controller, supervisor, parameter server), in both orders
 UUIDS = b"".join(
@@ -67,30 +67,27 @@ _MAPPER_BIG_1, _MAPPER_BIG_2 = 0xE1AF8308, 0x5D1F11C9  # of the endpoint mapper
 _MAPPER_LITTLE_1, _MAPPER_LITTLE_2 = 0x0883AFE1, 0x1F5DC911
 _MAPPER_TAIL_1, _MAPPER_TAIL_2 = 0x91A40800, 0x2B14A0FA
 
-# Of so many frames of a watched sender one is given, whatever it says: at first, at last, and how often before
-# it is half as many. A short capture shows its values finely, and a long one costs no more for it.
+# One of so many frames of a watched sender is sampled: at first, at most, and how many samples until the interval
+# doubles. A short capture shows its values in detail, and a long one costs no more for it.
 _SAMPLE, _RAREST, _OFTEN = 4, 1024, 256
 _NEXT = 0x7FFF_FFFF
-"""A period in which no frame is: the next one is due."""
-_CONNECT, _REQUEST, _RESPONSE = (
-    0,
-    0,
-    2,
-)  # operation and types of the RPC messages that set up cyclic frames
+"""A period without frames: it makes the next frame due."""
+# Operation and types of the RPC messages that set up cyclic frames
+_CONNECT, _REQUEST, _RESPONSE = 0, 0, 2
 
 _LEARN_FROM = 4096  # frames after which it pays to learn the shapes of cyclic traffic
-# Bytes at the end of a pcap buffer that no run reaches into: the last frame is passed by itself, and has a time.
+# A run stops this many bytes before the end of a pcap buffer: the loop itself takes the last frame, for its time.
 _SINGLE = 128
 
-# What `ahead` gives at once. Few frames at first, because somebody waits for them, then twice as many each
-# time: behind each its thread has to wait for the interpreter, up to 5 ms.
+# What one call of `ahead` returns: few frames at first, because the caller waits for them, then twice as many
+# each time, because after each call its thread may wait up to 5 ms for the interpreter.
 _FIRST_AHEAD = 256
 _AHEAD = 4 * BATCH
 _KEPT = 1 << 20  # bytes of frames
-_FAR = 1 << 25  # bytes of the file: who reads a slow disk wants to see something
+_FAR = 1 << 25  # bytes of the file: shows progress on a slow disk
 
 
-MOST_PORTS = 16  # of TCP that can be wanted
+MOST_PORTS = 16  # of TCP
 NO_PORTS = b"\0"
 
 
@@ -111,8 +108,8 @@ def _is_tag(kind: int) -> bool:
 def is_pnio(data: Bytes, start: int, end: int, cut: bool = False, on_port: bool = False) -> bool:
     """True when data[start:end], a UDP payload, is an RPC PDU of PROFINET (docs/protocol.md E.2).
 
-    `cut` says that bytes are missing at the end; then what is there only has to fit, and when
-    not even the UUID has begun, `on_port` (port 34964 is involved) decides.
+    `cut` says that bytes are missing at the end. Then the rest only has to fit, and `on_port` (port 34964 is
+    involved) decides if it ends before the UUID.
     """
     return _is_pnio(data, start, end, cut, on_port)
 
@@ -141,7 +138,7 @@ def _is_pnio(data: Bytes, start: int, end: int, cut: bool, on_port: bool) -> boo
 
 
 def _is_mapper(data: Bytes, start: int) -> bool:
-    """Whether an RPC PDU is one of the endpoint mapper, in either byte order."""
+    """Whether an RPC PDU is for the endpoint mapper, in either byte order."""
     first, second = _u32(data, start + 24, True), _u32(data, start + 28, True)
     return (
         data[start] == 4
@@ -157,7 +154,7 @@ def _is_mapper(data: Bytes, start: int) -> bool:
 def network_layer(data: Bytes, start: int, end: int, link_type: int) -> tuple[int, int]:
     """Return (EtherType, offset of what follows it), after VLAN tags and cooked headers.
 
-    The EtherType is 0 for a frame too short or of an unknown link type.
+    The EtherType is 0 if the frame is too short or the link type is unknown.
     """
     at = _network(data, start, end, link_type)
     return (0, start) if at < 0 else (_kind(data, start, at, link_type), at)
@@ -171,7 +168,7 @@ def _kind(data: Bytes, start: int, at: int, link_type: int) -> int:
 
 
 def _network(data: Bytes, start: int, end: int, link_type: int) -> int:
-    """Offset of the network layer; -1 where there is none (`network_layer`)."""
+    """Offset of the network layer; -1 if there is none (`network_layer`)."""
     if link_type == _ETHERNET:
         at = start + 14
     elif link_type == _SLL:
@@ -199,7 +196,7 @@ def relevant(
 ) -> bool:
     """The exact predicate for the frame data[start:end] that was `original` bytes long.
 
-    `ports` are those of TCP that are wanted, as `tcp_ports` gives them.
+    `ports` are the wanted TCP ports in the form of `tcp_ports`.
     """
     return _relevant(data, start, end, link_type, original, ports)
 
@@ -227,13 +224,13 @@ def _relevant(
 
 
 def tcp_ports(ports: Iterable[int]) -> bytes:
-    """Ports as the loops want them: how many, then two bytes for each, at most MOST_PORTS."""
+    """Ports in the form that the loops use: their number, then two bytes for each, at most MOST_PORTS."""
     wanted = sorted(set(ports))[:MOST_PORTS]
     return struct.pack(f">B{len(wanted)}H", len(wanted), *wanted)
 
 
 def _is_tcp(data: Bytes, at: int, end: int, ports: bytes) -> bool:
-    """Whether the IPv4 packet at data[at:end], which is none of UDP, is one of a wanted port of TCP."""
+    """Whether the IPv4 packet at data[at:end], which is not UDP, has a wanted TCP port."""
     tcp = at + (data[at] & 15) * 4
     if data[at + 9] != _TCP or data[at + 7] or data[at + 6] & 0x3F or tcp + 4 > end:
         return False
@@ -246,10 +243,10 @@ def _is_tcp(data: Bytes, at: int, end: int, ports: bytes) -> bool:
 
 
 class Watch(NamedTuple):
-    """The cyclic frames of a sender (its MAC address), and which bytes of them matter.
+    """The cyclic frames of a sender (its MAC address), and which of their bytes matter.
 
-    Each part is an offset behind the frame id and a length. `follows`: the frame behind one that says something
-    new is given, too, whatever it says; `answered` names the sender and frame id of whom the next one is then.
+    Each part is an offset after the frame id, and a length. `follows`: a change also lets the sender's next frame
+    through. `answered`: a change also lets the next frame of this sender and frame id through.
     """
 
     source: bytes
@@ -260,19 +257,19 @@ class Watch(NamedTuple):
 
     @property
     def key(self) -> bytes:
-        """The sender and the frame id, as they stand in a frame."""
+        """The sender and the frame id as in a frame."""
         return self.source + self.frame_id.to_bytes(2)
 
 
-# A row of watched frames: MAC address and frame id, whether one was seen, `follows`, length of the row, where the
-# last part ends, the period of the last frame, number of parts, where the row of `answered` is; then offset and
-# length of each part, then their bytes. The last row is followed by one of length 0.
+# A row of watched frames: MAC address and frame id, whether one was seen, `follows`, length of the row, end of the
+# last part, period of the last frame, number of parts, offset of the row of `answered`; then offset and length of
+# each part, then their bytes. A row of length 0 ends the list.
 _ROW = 26
 _NOWHERE = 0xFFFF
 
 
 def _row(watch: Watch, answered: int = _NOWHERE) -> bytes:
-    """A `Watch` as the loop over bytes wants it; `answered` is where the row of that is."""
+    """A `Watch` in the form of the loop over bytes; `answered` is the offset of that row."""
     parts = b"".join(struct.pack(">HH", *part) for part in watch.parts)
     length = sum(part[1] for part in watch.parts)
     need = max((sum(part) for part in watch.parts), default=0)
@@ -298,7 +295,7 @@ def _rows(watches: Sequence[Watch]) -> bytearray:
 
 
 def sampled(number: int, senders: int) -> int:
-    """Of how many frames around the one of this number each watched sender has one given."""
+    """The sampling interval at this frame number: each watched sender gives one frame in so many."""
     return _sampled(number, senders)
 
 
@@ -310,7 +307,7 @@ def _sampled(number: int, senders: int) -> int:
 
 
 def _rt(data: Bytes, start: int, end: int, link_type: int) -> int:
-    """Offset of the frame id, where there is one; else -1."""
+    """Offset of the frame id; -1 without one."""
     at = start + 14
     if link_type != _ETHERNET or _u16(data, start + 12) != _PROFINET:
         at = _network(data, start, end, link_type)
@@ -322,7 +319,7 @@ def _rt(data: Bytes, start: int, end: int, link_type: int) -> int:
 def _is_due(
     rows: bytearray, data: Bytes, start: int, end: int, number: int, senders: int, link_type: int
 ) -> bool:
-    """Whether a frame is a watched one that says something else than before, or the first of a period."""
+    """Whether a frame is a watched one with a change, or the first of its sender in a period."""
     at = _rt(data, start, end, link_type)
     if at < 0:
         return False
@@ -342,7 +339,7 @@ def _is_due(
 
 
 def _is_news(rows: bytearray, row: int, data: Bytes, at: int, end: int, period: int) -> bool:
-    """The same of the frame of a row; keeps what it says."""
+    """The same for the frame of a row; remembers its bytes."""
     if at + _u16(rows, row + 12) > end:
         return False  # cut by the capture
     changed = rows[row + 8] == 0
@@ -366,7 +363,7 @@ def _is_news(rows: bytearray, row: int, data: Bytes, at: int, end: int, period: 
 
 
 class _Watched:
-    """A `Watch` with what was there last, for the loop over unpacked fields."""
+    """A `Watch` with the last bytes, for the loop over unpacked fields."""
 
     def __init__(self, watch: Watch) -> None:
         self.watch = watch
@@ -390,9 +387,9 @@ class _Watched:
         return news
 
     def shape(self, length: int, group: int) -> bytes:
-        """The bytes behind the frame id: those that matter are what they were in the frame before it in the run.
+        """The bytes after the frame id: those that matter equal the ones of the previous frame in the run.
 
-        They are the groups from the number `group` on. The first frame of a run has them at will.
+        They are the groups from number `group` on. In the first frame of a run they match anything.
         """
         shape, at = b"", 0
         for number, (first, count) in enumerate(self.watch.parts, group):
@@ -402,18 +399,18 @@ class _Watched:
 
 
 class Runs:
-    """Skips runs of PROFINET RT frames without looking at each; only where this is not compiled.
+    """Skips runs of PROFINET RT frames without looking at each. Compiled code does not use it.
 
-    A shape is a record that a loop has rejected, as a regular expression: its lengths, the types and
-    the first byte of the frame id; of a watched frame also sender, frame id, and that the bytes that
-    matter stay as they are. STRIDE records in a row that fit known shapes are one match.
+    A shape is the regular expression of a record that a loop has rejected: its lengths, the types and
+    the first byte of the frame id. For a watched frame it also has sender, frame id, and unchanged bytes
+    where they matter. STRIDE consecutive records of known shapes are one match.
     """
 
     STRIDE = 8
-    MOST = 24  # shapes; more than that is no cyclic traffic
+    MOST = 24  # shapes; cyclic traffic has fewer
 
     def __init__(self, front: bytes) -> None:
-        """`front`: the regular expression of what every record begins with."""
+        """`front`: the regular expression for the start of every record."""
         self._front = front
         self._shapes: list[bytes] = []
         self._matches: list[tuple[int, Callable[..., re.Match[bytes] | None]]] = []
@@ -421,11 +418,11 @@ class Runs:
         self._around: dict[bytes, tuple[bytes, int, bytes]] = {}
 
     def watch(self, watched: dict[bytes, _Watched]) -> None:
-        """From now on the frames of these senders and ids are told apart."""
+        """From now on frames of these senders and ids have their own shapes."""
         self._watched, self._around, self._matches = watched, {}, []
 
     def learn(self, before: bytes, data: Bytes, start: int, end: int, after: bytes) -> None:
-        """Take a record that was rejected: the Ethernet frame data[start:end] and what is around it."""
+        """Take a rejected record: the Ethernet frame data[start:end], and the expressions around it."""
         for at in (start + 12, start + 16):
             if at + 4 <= end and _u16(data, at) == PROFINET and data[at + 2] != 0xFE:
                 break
@@ -452,9 +449,9 @@ class Runs:
     def skip(
         self, data: Bytes, position: int, end: int, number: int, period: int
     ) -> tuple[int, int]:
-        """End of the run behind frame `number`, which begins at `position`, and how many records it has.
+        """End of the run that follows frame `number` at `position`, and its number of records.
 
-        They are whole strides. Watched frames among them are of one period, and say what was said before in it.
+        Runs are whole strides. Watched frames in them are of one period, and repeat what was seen in it.
         """
         if not self._matches:
             shapes = [*self._of_watched(), *self._shapes]
@@ -477,7 +474,7 @@ class Runs:
         return position, count
 
     def _known(self, period: int) -> tuple[Bytes | None, ...]:
-        """What the groups of a run have to be: nothing that they can be for a frame that is due in this period."""
+        """What the groups of a run must be; None, equal to no group, for a sender that is due in this period."""
         known: list[Bytes | None] = []
         for key in self._around:
             watched = self._watched[key]
@@ -494,7 +491,7 @@ class Runs:
 
 
 def _agree(told: tuple[Bytes | None, ...], known: tuple[Bytes | None, ...]) -> bool:
-    """Whether a run has nothing in a group but what is known; frames that do not occur in it have none."""
+    """Whether the groups of a run have only known content; frames that do not occur have none."""
     return told == known or all(
         one is None or one == other for one, other in zip(told, known, strict=True)
     )
@@ -506,7 +503,7 @@ def _sender(key: bytes, tag: bytes = rb"(?:\x81\x00..)?") -> bytes:
 
 
 class _Swapped:
-    """The constants of the cheap test as `unpack` shows them in a file of that byte order."""
+    """The constants of the cheap test as `unpack` reads them in a file of that byte order."""
 
     def __init__(self, order: ByteOrder) -> None:
         self._order = order
@@ -517,22 +514,22 @@ class _Swapped:
         self.kept = self.seen((IPV4, LLDP))
 
     def seen(self, values: Iterable[int]) -> frozenset[int]:
-        """Words in network order as `unpack` shows them."""
+        """Words in network order as `unpack` reads them."""
         return frozenset(int.from_bytes(value.to_bytes(2), self._order) for value in values)
 
 
-_OPERATION_END = 112  # of the header of an RPC PDU there
+_OPERATION_END = 112  # where the operation ends in a plain RPC PDU
 _ANY_UUID = b"|".join(re.escape(UUIDS[at : at + 16]) for at in range(0, len(UUIDS), 16))
 is_plain = re.compile(
     rb".{12}\x08\x00E.{5}[\x00\x40\x80\xc0]\x00.\x11.{18}\x04"
     rb"(?:[^\x00\x02].{22}(?:%s)|[\x00\x02].{22}(?:%s).{28}(?!\x00\x00))" % (_ANY_UUID, _ANY_UUID),
     re.DOTALL,
 ).match
-"""Finds a PDU as nearly all are, and none of a Connect: Ethernet, no tag, no IP option, no fragment."""
+"""Finds the usual PDU, and no Connect: Ethernet, no tag, no IP option, no fragment."""
 
 
 def _is_rt(data: Bytes, start: int, captured: int) -> bool:
-    """Whether an Ethernet frame is RT, with or without one VLAN tag: what there is most of."""
+    """Whether an Ethernet frame is RT, with or without one VLAN tag: by far the most common kind."""
     at = start + 12
     kind = _u16(data, at)
     if kind == 0x8100:
@@ -541,7 +538,7 @@ def _is_rt(data: Bytes, start: int, captured: int) -> bool:
     return kind == _PROFINET and data[at + 2] != 0xFE and captured >= 20
 
 
-# Behind the record header: two MAC addresses, then type, frame id or tag, inner type, inner id.
+# After the record header: two MAC addresses, then type, frame id or tag, inner type, inner id.
 _TYPES = "12xHHHH"
 
 Found = tuple[int, int, int, int, int, bytes]
@@ -549,8 +546,8 @@ Found = tuple[int, int, int, int, int, bytes]
 
 The parts are seconds and fraction in a pcap file, high and low half in a pcapng file."""
 
-# Where the loops over bytes keep what they have found: seven numbers of eight bytes a frame, those of
-# `Found` with the captured length and the offset of the first byte for the bytes.
+# An entry of the loops over bytes: seven numbers of eight bytes. They are those of `Found`, with the captured
+# length and the offset of the first byte in place of the bytes.
 _ENTRY = 56
 
 
@@ -570,7 +567,7 @@ def _note(
     entries: bytearray, count: int, number: int, interface: int, high: int, low: int,
     original: int, captured: int, start: int,
 ) -> int:  # fmt: skip
-    """Keep one more entry behind the `count` that are there; how many there are now."""
+    """Append an entry after `count` others; returns the new count."""
     at = count * _ENTRY
     _put(entries, at, number)
     _put(entries, at + 8, interface)
@@ -583,7 +580,7 @@ def _note(
 
 
 def _told(entries: Bytes, count: int, data: Bytes) -> list[Found]:
-    """The first `count` entries, their bytes taken out of `data`."""
+    """The first `count` entries with their bytes from `data`."""
     found: list[Found] = []
     numbers = entries
     view: Any = data
@@ -602,20 +599,20 @@ def _told(entries: Bytes, count: int, data: Bytes) -> list[Found]:
     return found
 
 
-# Only there where this is compiled: scan.pxd has them.
+# Only in compiled code: scan.pxd has them.
 _read: Callable[[int, bytearray, int, int], int]
-"""Read from a file descriptor to an offset, so many bytes at the most; how many, 0 or less at the end."""
+"""Read from a file descriptor to an offset, at most so many bytes; returns how many, 0 or less at the end."""
 _unlocked: Callable[..., int]
 """`Scan._ahead` while other threads of Python run."""
 
 
 class Scan:
-    """What the two walks have in common.
+    """What the two walks share.
 
-    `position` is the offset in the buffer of the next record, `frames` counts what was passed,
-    `links` are the LINKTYPE_ numbers of the interfaces. `stopped` ends `ahead` soon. `paused`: the last of the
-    frames told what to watch from there on, so that nothing is passed before somebody has looked at it.
-    `interface`, `high` and `low` are of the last frame that was passed, as in `Found`.
+    `position` is the offset of the next record in the buffer, `frames` counts the passed ones,
+    `links` are the LINKTYPE_ numbers of the interfaces. `stopped` ends `ahead` soon. `paused`: the last frame
+    may change what to watch, so the caller must look at it before anything else is passed.
+    `interface`, `high` and `low` are of the last passed frame, as in `Found`.
     """
 
     def __init__(self, order: ByteOrder) -> None:
@@ -641,25 +638,23 @@ class Scan:
         self._swapped = _Swapped(order)
         self._big = order == "big"
         self._ports = NO_PORTS
-        self._pieces = (
-            -1
-        )  # number of the datagram in fragments that may be the response to a Connect
+        self._pieces = -1
+        """The number of the fragmented datagram that may be the response to a Connect."""
 
     def tcp(self, ports: Iterable[int]) -> None:
-        """From now on frames of these ports of TCP matter, and of no others."""
+        """From now on frames of exactly these TCP ports matter."""
         self._ports = tcp_ports(ports)
 
     @property
     def ports(self) -> bytes:
-        """Ports of TCP that are wanted, as `relevant` likes them."""
+        """The wanted TCP ports, in the form of `tcp_ports`."""
         return self._ports
 
     def scan(self, data: bytearray, end: int) -> list[Found]:
-        """The next frames that matter in data[:end], at most BATCH; PADDING bytes must be behind `end`.
+        """The next frames that matter in data[:end], at most BATCH; PADDING bytes must follow `end`.
 
-        With fewer than BATCH it stands in front of something that it cannot pass: a record that is
-        not wholly there, that is longer than MAX_FRAME or, in a pcapng file, that is not a sound
-        Enhanced Packet Block of a known interface.
+        After fewer than BATCH frames it stops at something it cannot pass: a record that is incomplete, longer
+        than MAX_FRAME or, in a pcapng file, not a sound Enhanced Packet Block of a known interface.
         """
         if len(data) < end + PADDING:
             raise ValueError("no room behind the buffer")
@@ -667,7 +662,7 @@ class Scan:
         return self._compiled(data, end) if COMPILED else self._plain(data, end)
 
     def watch(self, watches: Sequence[Watch]) -> None:
-        """From now on these cyclic frames matter, and no others. Parts are in order and do not overlap."""
+        """From now on exactly these cyclic frames matter. Parts are in order and do not overlap."""
         self._watches = watches
         self._rows = _rows(watches)
         self._senders = len(watches)
@@ -679,7 +674,7 @@ class Scan:
         self._runs.watch(self._watched)
 
     def is_due(self, data: bytes, link_type: int) -> bool:
-        """Whether the frame behind those that were passed is a watched one to be given."""
+        """Whether the frame after the passed ones is a watched one that is due."""
         end, frames, senders = len(data), self.frames, self._senders
         if end < 20:
             return False
@@ -700,7 +695,7 @@ class Scan:
         self, data: Bytes, start: int, end: int, link_type: int, original: int, number: int,
         rows: bytearray, ports: bytes,
     ) -> bool:  # fmt: skip
-        """Whether the loop over bytes gives the frame data[start:end]; pauses behind what tells what to watch."""
+        """Whether the loop over bytes returns the frame data[start:end]; pauses if it may change what to watch."""
         cyclic = link_type == _ETHERNET and _is_rt(data, start, end - start)
         if not cyclic and _relevant(data, start, end, link_type, original, ports):
             self.paused = self._sets_up(data, start, end, link_type)
@@ -709,10 +704,10 @@ class Scan:
         return senders > 0 and _is_due(rows, data, start, end, number, senders, link_type)
 
     def _sets_up(self, data: Bytes, start: int, end: int, link_type: int) -> bool:
-        """Whether a frame that matters may complete a Connect, which tells what to watch: response or request.
+        """Whether a frame that matters may complete a Connect, by its response or request: it says what to watch.
 
-        Out of order, the request comes last. The first fragment shows what it is, if there is room;
-        each of its number may be the last that came.
+        Out of order, the request comes last. The first fragment shows the call, if it is long enough;
+        any fragment with its number may be the last to arrive.
         """
         at = _network(data, start, end, link_type)
         if at < 0 or _kind(data, start, at, link_type) != _IPV4:
@@ -735,12 +730,11 @@ class Scan:
         return True
 
     def ahead(self, descriptor: int, data: bytearray, end: int) -> list[Found]:
-        """The next frames that matter in data[:end] and in the file behind it. Only where this is compiled.
+        """The next frames that matter in data[:end] and in the rest of the file. Only in compiled code.
 
-        Reads by itself, into `data`, and lets other threads run meanwhile. Afterwards data[:self.end] is
-        what is left, and `passed` bytes before that are gone. `more` says that this was enough for
-        once; otherwise it stands at the end of the file or in front of something that it cannot
-        pass, as `scan` does.
+        Reads the file itself, into `data`, and lets other threads run meanwhile. Afterwards data[:self.end] is
+        the rest, and `passed` bytes before it are gone. `more` says that this was enough for one call;
+        otherwise it stopped at the end of the file, or at something it cannot pass, like `scan`.
         """
         self.paused = False
         links, size = self._links(), len(data) - PADDING
@@ -755,12 +749,12 @@ class Scan:
         return _told(entries, count, kept)
 
     def _links(self) -> bytes:
-        """The link types as the loop over bytes wants them."""
+        """The link types in the form of the loop over bytes."""
         self._known = len(self.links)
         return struct.pack(f">{len(self.links)}I", *self.links)
 
     def _compiled(self, data: bytearray, end: int) -> list[Found]:
-        """The loop over bytes. Runs uncompiled too, slowly."""
+        """The loop over bytes. It also runs uncompiled, slowly."""
         if not self._entries:
             self._entries = bytearray(_BATCH * _ENTRY)
         links, entries, rows, ports = self._links(), self._entries, self._rows, self._ports
@@ -775,14 +769,14 @@ class Scan:
         self, data: Bytes, end: int, links: Bytes, entries: bytearray, count: int, most: int,
         rows: bytearray, ports: bytes,
     ) -> int:  # fmt: skip
-        """Pass what can be passed of data[:end], until there are `most` entries; how many there are now."""
+        """Pass records of data[:end] until there are `most` entries; returns their number."""
         raise NotImplementedError
 
     def _ahead(
         self, descriptor: int, data: bytearray, end: int, size: int, links: Bytes,
         entries: bytearray, kept: bytearray, room: int, rows: bytearray, ports: bytes,
     ) -> int:  # fmt: skip
-        """`ahead` without an object: how many entries there are now, their bytes in `kept`."""
+        """`ahead` without Python objects: returns the number of entries; their bytes are in `kept`."""
         count, used, passed, more = 0, 0, 0, False
         while not self.stopped:
             before = count
@@ -805,7 +799,7 @@ class Scan:
 def _keep(
     data: Bytes, kept: bytearray, used: int, entries: bytearray, first: int, count: int
 ) -> int:
-    """Copy the bytes of the entries from `first` on, behind those that are kept; how many there are now."""
+    """Append the bytes of the entries from `first` on to `kept`; returns the used length."""
     for entry in range(first, count):
         at = entry * _ENTRY
         start, captured = _get(entries, at + 48), _get(entries, at + 40)
@@ -817,7 +811,7 @@ def _keep(
 
 
 def _to_front(data: bytearray, start: int, end: int) -> int:
-    """Move data[start:end] to the front; its length."""
+    """Move data[start:end] to the front; returns its length."""
     for byte in range(end - start):
         data[byte] = data[start + byte]
     return end - start
@@ -875,7 +869,7 @@ class PcapScan(Scan):
         ids, news, senders, ports = self._ids, self._news, self._senders, self._ports
         quiet = 0  # rejected in a row by this loop
         due = False
-        newest = -1  # where the last record is, or a run that ends with it
+        newest = -1  # offset of the last record, or of a run that ends with it
         while position <= last and not self.paused:
             captured, kind, first, inner, second = layout(data, position)
             start = position + header
@@ -925,7 +919,7 @@ class PcapScan(Scan):
         return found
 
     def _ended(self, data: Bytes, at: int, position: int) -> None:
-        """Keep the time of the last record before `position`; it, or one before it, is at `at`, -1 for none."""
+        """Keep the time of the last record before `position`; `at` is an offset at or before it, -1 for none."""
         if at < 0:
             return
         record, header = self._record, self._header
@@ -936,7 +930,7 @@ class PcapScan(Scan):
         self.high, self.low = seconds, fraction
 
     def _everything(self, data: bytearray, end: int) -> list[Found]:
-        """As `_plain`, where the frames are of a link type of which all matter."""
+        """As `_plain`, for a link type whose frames all matter."""
         found: list[Found] = []
         view, record, header = memoryview(data), self._record, self._header
         position, number, last, newest = self.position, self.frames, end - header, -1
@@ -963,7 +957,7 @@ class PcapngScan(Scan):
         self.section("little")
 
     def section(self, order: ByteOrder) -> None:
-        """A section of that byte order begins, without interfaces yet."""
+        """A section of that byte order begins; it has no interfaces yet."""
         self.links = []
         self._big = order == "big"
         self._swapped = _Swapped(order)
@@ -1065,7 +1059,7 @@ class PcapngScan(Scan):
                 self.paused = not (due or plain) and self._sets_up(data, start, behind, link_type)
                 if len(found) == BATCH:
                     break
-        if number > self.frames:  # a block says at its end, too, how long it is
+        if number > self.frames:  # a block repeats its length at its end
             newest = position - word(data, position - 4)[0]
             self.interface, self.high, self.low = (word(data, newest + at)[0] for at in (8, 12, 16))
         self.position, self.frames = position, number

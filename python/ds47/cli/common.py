@@ -1,4 +1,4 @@
-"""What several commands share: options, the streams they write to, rule texts.
+"""What several commands share: options, output streams, rule texts.
 
 Nothing that only one command needs, and nothing about captures or messages.
 """
@@ -30,7 +30,7 @@ lang_option = click.option(
 
 
 def format_option(*formats: str, about: str | None = None) -> Callable[[Function], Function]:
-    """`-f`: how what is found is written; the first format where none is named."""
+    """`-f`: the output format; the first one is the default."""
     return click.option(
         "-f",
         "--format",
@@ -52,7 +52,7 @@ pkw_layout_option = click.option(
 
 
 def dialect_options(function: Function) -> Function:
-    """The options that say which dialect of the formats the drive speaks (docs/protocol.md A.6)."""
+    """The options for the dialect of formats that the drive speaks (docs/protocol.md A.6)."""
     for name, text in (
         ("--profile-v3-types", "Formats by their numbers in PROFIdrive profile V3."),
         ("--legacy-g120-formats", "Formats as old SINAMICS G120 firmware numbers them."),
@@ -62,7 +62,7 @@ def dialect_options(function: Function) -> Function:
 
 
 def vendor_number(text: str) -> int:
-    """The PROFINET vendor id of a name that ds47 knows, or of a number.
+    """The PROFINET vendor id of a known name, or from a number.
 
     Raises:
         click.BadParameter: it is neither.
@@ -92,7 +92,7 @@ def codec_options(
     """The codec's options from those of the command line.
 
     Raises:
-        click.BadParameter: `vendor` is neither a name that is known nor an id.
+        click.BadParameter: `vendor` is neither a known name nor an id.
     """
     from ds47.profidrive import Options
 
@@ -101,9 +101,9 @@ def codec_options(
 
 
 def stdout() -> TextIO:
-    """Standard output in UTF-8, whatever the console's code page; LF everywhere.
+    """Standard output in UTF-8 with LF, whatever the console's code page.
 
-    What UTF-8 cannot hold (half a surrogate in a file name) is written as an escape.
+    What UTF-8 cannot hold (half a surrogate in a file name) becomes an escape.
     """
     reconfigure = getattr(sys.stdout, "reconfigure", None)
     if reconfigure is not None:
@@ -112,10 +112,10 @@ def stdout() -> TextIO:
 
 
 def color(stream: TextIO) -> bool:
-    """Whether to use colours: only on a terminal, and not against NO_COLOR."""
+    """Whether to use colours: only on a terminal, and never with NO_COLOR."""
     if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb" or not stream.isatty():
         return False
-    if sys.platform == "win32":  # an old console shows escapes as they are unless told
+    if sys.platform == "win32":  # an old console prints escapes unless set up
         with suppress(ImportError):
             from colorama import just_fix_windows_console
 
@@ -124,7 +124,7 @@ def color(stream: TextIO) -> bool:
 
 
 def shell_word(text: str) -> str:
-    """A word as the shell of this system takes it, quoted where needed; cmd.exe knows only double quotes."""
+    """A word for the shell of this system, quoted if needed; cmd.exe knows only double quotes."""
     if sys.platform == "win32":
         from subprocess import list2cmdline
 
@@ -135,14 +135,14 @@ def shell_word(text: str) -> str:
 
 
 def warn(text: str) -> None:
-    """One line on stderr; results alone go to stdout."""
+    """One line on stderr; stdout is for results."""
     from ds47.report.formatting import escape
 
     click.echo(f"ds47: {escape(text)}", err=True)
 
 
 def tell_no_plots(lang: str) -> None:
-    """Says on stderr that a page has no plots where their library is missing, and how this Python gets it."""
+    """If the library for plots is missing, says so on stderr, and how to install it for this Python."""
     from ds47.report.bilingual import say
     from ds47.report.html import plots
     from ds47.spec.extras import install
@@ -153,7 +153,7 @@ def tell_no_plots(lang: str) -> None:
 
 
 class Misses:
-    """Says on stderr what could not be read; true once there was something."""
+    """Says on stderr what could not be read; true after the first line."""
 
     def __init__(self) -> None:
         self._any = False
@@ -176,7 +176,7 @@ def counted(number: int, noun: str) -> str:
 def output(name: str) -> Iterator[TextIO]:
     """The stream for `-o`: `-` is stdout, a file appears whole or not at all.
 
-    Raises click.ClickException where the file cannot be written, or is a capture.
+    Raises click.ClickException if the file cannot be written, or is a capture.
     """
     from ds47.cli.targets import spare_captures
 
@@ -203,7 +203,7 @@ def output(name: str) -> Iterator[TextIO]:
 
 
 def _take_its_place(draft: Path, target: Path, name: str) -> None:
-    """The file that was written under its name. Windows refuses that while a program has the old one open."""
+    """Renames the finished draft. Windows refuses that while a program has the old file open."""
     try:
         draft.replace(target)
     except OSError as problem:
@@ -221,15 +221,15 @@ class RuleWords(NamedTuple):
     cause: str
     advice: str
     args: str
-    """What a finding carries: names and types."""
+    """The arguments of a finding: names and types."""
     analyzer_only: bool
-    """Whether the Wireshark plugin has it not."""
+    """Whether the Wireshark plugin lacks it."""
     changed: tuple[str, ...]
-    """The versions from which on it finds more or less than before."""
+    """The versions that changed what it finds."""
 
 
 def rule_text(rule: Rule, lang: str) -> RuleWords:
-    """The texts of a rule in `lang`, in English where there are none."""
+    """The texts of a rule in `lang`, or else in English."""
 
     def text(key: str) -> str:
         own = getattr(rule, f"{key}_{lang}", None) if lang != "en" else None
@@ -243,7 +243,7 @@ def rule_text(rule: Rule, lang: str) -> RuleWords:
 
 
 def flaw_text(flaw: Flaw, lang: str = "en") -> str:
-    """What is wrong with a message, the offset in front with a word in `lang`."""
+    """What is wrong with a message, in `lang`, with its offset in front."""
     from ds47.report.sentences import at_offset, words
 
     return at_offset(flaw.offset, words(flaw.rule, flaw.args, lang), lang)

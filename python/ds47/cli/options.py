@@ -1,6 +1,6 @@
-"""The options that say how a capture is analysed, for every command that analyses captures.
+"""The options of every command that analyses captures.
 
-From the words of the command line to `ds47.analysis.AnalysisOptions`.
+Turns the command line into `ds47.analysis.AnalysisOptions`.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ def _zone(_context: click.Context, _parameter: click.Parameter, text: str) -> Zo
 
 
 def zone_for_paths(where: Zone, paths: Sequence[str]) -> Zone:
-    """The zone of --tz; that of the `ds47.toml` beside the captures where nothing was typed.
+    """The zone of --tz; without that option, the zone of the `ds47.toml` beside the captures.
 
-    A file that says something that cannot be is told of with the captures.
+    Errors in that file are reported with the captures.
     """
     from click.core import ParameterSource
 
@@ -85,7 +85,7 @@ def heading_options(function: Function) -> Function:
 
 
 def analysis_options(function: Function) -> Function:
-    """Adds --select, --ignore, --index, --lang, --slow, --params, --vendor, --channels, and what these have."""
+    """Adds --select, --ignore, --index, --lang, --slow, --params, --vendor, --channels, and their companions."""
     for option in (
         dialect_options,
         s7_options,
@@ -208,13 +208,13 @@ def options_from(
     kept_lists: bool = False,
     **others: Any,
 ) -> AnalysisOptions:
-    """The options of an analysis, of those of the command line.
+    """The options of an analysis from those of the command line.
 
-    With `kept_lists` the lists of parameters that the user took in count too: not where a result is compared with
-    one that somebody else has stored.
+    With `kept_lists` the user's imported lists of parameters count, too. A comparison with a stored result must
+    not use them, as another user may have stored it.
 
     Raises:
-        click.UsageError: a rule, an index, a limit, a layout or a channel that there cannot be.
+        click.UsageError: an impossible rule, index, limit, layout or channel.
     """
     from ds47.analysis import AnalysisOptions
 
@@ -239,7 +239,7 @@ def options_from(
 
 
 def _lists(names: Sequence[str], kept: bool) -> tuple[ParameterList, ...]:
-    """The lists that were taken in, then those that were named: of equals these count."""
+    """The imported lists, then the named ones, which win."""
     if not names and not kept:
         return ()
     from ds47.parameters import store
@@ -256,7 +256,7 @@ def _lists(names: Sequence[str], kept: bool) -> tuple[ParameterList, ...]:
 
 
 def _channels(names: str) -> tuple[str, ...]:
-    """The channels of a list with commas."""
+    """The channels in a comma-separated list."""
     chosen = [name.strip().lower() for name in names.split(",")]
     unknown = [name for name in chosen if name not in CHANNELS]
     if unknown:
@@ -267,7 +267,7 @@ def _channels(names: str) -> tuple[str, ...]:
 
 
 def _named(texts: Sequence[str]) -> tuple[Name, ...]:
-    """The channels that are named by hand."""
+    """The channels named by hand."""
     if not texts:
         return ()
     from ds47.cyclic import named
@@ -281,7 +281,7 @@ def _named(texts: Sequence[str]) -> tuple[Name, ...]:
 
 
 def _ppos(texts: Sequence[str]) -> tuple[tuple[int, int], ...]:
-    """The PPO of stations that are named by hand."""
+    """The PPOs of stations named by hand."""
     if not texts:
         return ()
     from ds47.cyclic import named
@@ -305,10 +305,10 @@ def _s7(
 
 
 def known_rules(names: Sequence[str]) -> tuple[str, ...]:
-    """How the ids of these rules begin; a word that means no rule is a typing error.
+    """The prefixes of rule ids for these words.
 
     Raises:
-        click.UsageError: it is no id, no beginning of one, and no name.
+        click.UsageError: a word is neither an id, nor the start of one, nor a name.
     """
     return tuple(_known_rule(name) for name in names)
 

@@ -1,5 +1,5 @@
-"""The channels inside cyclic frames: PKW (parameters) and PZD (control, status, setpoints).
+"""The channels inside cyclic frames: PKW (parameters) and PZD (control, status, setpoints; docs/cyclic.md).
 
-Here are words and what they say (docs/cyclic.md): `pkw` the four words of a request or an answer, `pzd`
-the control and the status word. Frames, and which bytes of them are a channel, are not known here.
+`pkw` decodes the four words of a request or an answer, `pzd` the control and the status word. `relations` and
+`channels` find them in frames.
 """

@@ -1,6 +1,6 @@
-"""A finding in the making: what a judge says of a transaction, before anybody asks whether it is wanted.
+"""A finding in the making: what a judge says of a transaction, before rules are selected.
 
-Used by every channel. What the arguments of a rule are is in spec/rules.toml.
+Used by every channel. spec/rules.toml lists the arguments of each rule.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from ds47.spec.plain import Plain
 
 
 class AnyJob(Protocol):
-    """The transaction in the making that a remark is about, of whatever channel."""
+    """The transaction in the making that a remark is about, on any channel."""
 
     order: int
-    """Its number among all, by their beginnings."""
+    """Its number among all transactions, in the order of their first frames."""
 
     @property
     def over(self) -> bool:
-        """Whether its transaction was told."""
+        """Whether its transaction was handed out."""
         ...
 
     @property
@@ -30,11 +30,11 @@ class AnyJob(Protocol):
 
 
 class Subject(Protocol):
-    """Whose drive a remark is about."""
+    """The drive that a remark is about."""
 
     @property
     def is_foreign(self) -> bool:
-        """Whether it is none of the maker whose tables the rule reads."""
+        """Whether its maker is not the one whose tables the rule reads."""
         ...
 
 
@@ -43,7 +43,7 @@ Corrected = bytes | Callable[[], bytes | None] | None
 
 @dataclass(slots=True, repr=False, eq=False)
 class Remark(Plain):
-    """A finding in the making: the rule, where it shows, and what spec/rules.toml says that it carries."""
+    """A finding in the making: the rule, its frame, and its arguments as in spec/rules.toml."""
 
     rule: str
     frame: int
@@ -51,10 +51,10 @@ class Remark(Plain):
     offset: int | None = None
     job: AnyJob | None = None
     corrected: Corrected = None
-    """Of a diagnosis: the request as it should have been, or who knows it when the capture is over."""
+    """For a diagnosis: the corrected request, or a function that gives it at the end of the capture."""
     time_ns: int | None = None
-    """Time of its frame, where that was known when it was made."""
+    """Time of its frame, if known when it was made."""
     withdrawn: bool = False
-    """Whether a later frame has shown that it is not so."""
+    """Whether a later frame has disproved it."""
     of: Subject | None = None
-    """Whose drive it is, where that decides how serious it is."""
+    """The drive, if its maker decides the severity."""

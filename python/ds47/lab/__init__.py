@@ -1,11 +1,11 @@
 """The lab: a simulated controller and drive that write captures.
 
-Here are the list of scenarios and how one becomes a file. What happens in them is in the modules
-`seeds`, `formats`, `transport`, `records`, `messages`, `conversation`, `naming`, `tour`, (causes, DS7xx)
-the `diagnoses`, and the stories and scenes of cyclic frames and of PROFIBUS. Who talks on PROFINET is `client`, on
-PROFIBUS `master`, how it is carried `stage`, and its bytes come from `wire`, `message`, `ether` and `fdl`; a drive
-in cyclic frames is `drive`, `machine` its program, `cyclic` and `ppo` what carries both.
-Needs scapy, but only when a capture of Ethernet is made.
+Lives here: the list of scenarios, and how one becomes a file. The scenarios are in the modules
+`seeds`, `formats`, `transport`, `records`, `messages`, `conversation`, `naming`, `tour`, `diagnoses*` (causes,
+DS7xx), and in the stories and scenes of cyclic frames and PROFIBUS. `client` talks on PROFINET, `master` on
+PROFIBUS. `stage` carries what they say; `wire`, `message`, `ether` and `fdl` make its bytes. `drive` is a drive
+in cyclic frames, `machine` its program; `cyclic` and `ppo` carry both.
+Needs scapy, but only to write a capture of Ethernet.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ BOOKS = (
     "diagnoses_whole", "formats", "messages", "naming", "profibus_stories", "records", "s7_stories", "seeds",
     "tour", "transport",
 )  # fmt: skip
-"""The modules with scenarios that are stored,"""
+"""The modules with stored scenarios."""
 RULE_BOOKS = ("cyclic_scenes", "profibus_scenes")
-"""and those that show rules one by one: `ds47 lab` writes them, and tests play them."""
+"""Modules that show one rule at a time: `ds47 lab` writes their scenarios, and tests play them."""
 _INTERFACE_STATISTICS, _ISB_IFDROP = 5, 5
 
 
 def scenarios() -> Mapping[str, Scenario]:
-    """Every scenario that is stored, by its name, in the order of the names."""
+    """Every stored scenario by name, sorted."""
     return _of(BOOKS)
 
 
 def everything() -> Mapping[str, Scenario]:
-    """Those that show rules one by one, too."""
+    """The same, with the scenarios of RULE_BOOKS."""
     return _of(BOOKS + RULE_BOOKS)
 
 
@@ -56,11 +56,11 @@ def _of(books: tuple[str, ...]) -> Mapping[str, Scenario]:
 
 
 def write(name: str, path: str | Path) -> Stage:
-    """Write the capture of a scenario as pcapng; the stage on which it was played.
+    """Write the capture of a scenario as pcapng; returns the stage that played it.
 
     The same scenario gives the same bytes every time.
 
-    Raises KeyError for an unknown name, OSError where the file cannot be written.
+    Raises KeyError for an unknown name, OSError if the file cannot be written.
     """
     stage = everything()[name].play()
     Path(path).write_bytes(captured(stage))
@@ -68,7 +68,7 @@ def write(name: str, path: str | Path) -> Stage:
 
 
 def captured(stage: Stage) -> bytes:
-    """What went past on a stage, as pcapng."""
+    """The frames of a stage as pcapng."""
     from ds47.capture.writer import PcapngWriter
 
     target = BytesIO()
@@ -80,9 +80,9 @@ def captured(stage: Stage) -> bytes:
 
 
 def write_log(name: str, path: str | Path) -> Stage:
-    """Write the frames of a scenario of PROFIBUS as a log, a line each; the stage on which it was played.
+    """Write the frames of a PROFIBUS scenario as a log, one line each; returns the stage that played it.
 
-    Raises KeyError for an unknown name, OSError where the file cannot be written.
+    Raises KeyError for an unknown name, OSError if the file cannot be written.
     """
     scenario = everything()[name]
     stage = scenario.play()

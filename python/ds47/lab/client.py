@@ -1,7 +1,7 @@
-"""A simulated controller on one device: RPC calls and record services, answered or not.
+"""A simulated controller of one device: RPC calls and record services, answered or not.
 
-The device has no mind of its own: a scenario says what it answers. That is what makes faults,
-lost frames and dialects one-liners.
+The device has no logic of its own: the scenario says what it answers. So faults, lost frames and
+dialects are one-liners.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ CONTROLLER_ACTIVITY = UUID("1f2e3d4c-5b6a-11f0-8a47-00000a0b0c01")
 
 
 def controller(number: int = 1) -> Host:
-    """Controller n of the lab: 192.168.133.n+1, with a port of its own."""
+    """Controller n of the lab: 192.168.133.n+1, with its own port."""
     return Host(f"192.168.133.{number + 1}", f"00:1c:06:00:00:{number:02x}", port=49151 + number)
 
 
@@ -37,7 +37,7 @@ def drive(number: int = 1, device_id: int = 0x0501, vendor_id: int = 0x002A) -> 
 
 @dataclass(slots=True)
 class Client:
-    """One controller's AR with one device."""
+    """One AR of a controller with a device."""
 
     stage: Stage
     host: Host = field(default_factory=controller)
@@ -51,7 +51,7 @@ class Client:
     fragment: int | None = None
     """Bytes of body per RPC fragment; None sends each body in one PDU."""
     answer_port: int | None = None
-    """Port that the device answers from and is asked at after its first answer."""
+    """The port of the device's answers, and of requests after its first answer."""
     server_port: int | None = None
 
     def at(self, **place: Any) -> RecordId:
@@ -85,7 +85,7 @@ class Client:
         self.stage.said = None
 
     def reply(self, call: Call, body: bytes, kind: int = wire.RESPONSE, **said: Any) -> None:
-        """The device sends a PDU of a call; the body is complete, `said` are fields of `PduContent`."""
+        """The device sends a PDU of a call with a complete body; `said` are fields of `PduContent`."""
         ports = (self.answer_port or self.device.port, self.host.port)
         self.server_port = self.answer_port
         self.stage.said = PduContent(call, False, self.host.ip, **said)
@@ -99,12 +99,12 @@ class Client:
         return self.answer_order or self.order
 
     def accept(self, call: Call, status: int, blocks: bytes, record: bytes = b"") -> None:
-        """The device answers a call with a PNIOStatus and blocks, and the record that they bring."""
+        """The device answers a call with a PNIOStatus and blocks; `record` is the record in them."""
         body = wire.response_body(self.reply_order, status, blocks)
         self.reply(call, body, status=status, record=record)
 
     def connect(self, station: str, kind: int = wire.IO_AR) -> None:
-        """The AR is set up, of this kind; the controller calls itself `station`."""
+        """The AR is set up with this kind; the controller calls itself `station`."""
         call = self.call(wire.CONNECT)
         self.ask(call, wire.ar_request(self.channel.ar, self.host, station, kind))
         self.accept(call, OK, wire.ar_response(self.channel.ar, self.device))
@@ -124,7 +124,7 @@ class Client:
         stated: int | None = None,
         again: Call | None = None,
     ) -> Call:
-        """Write request alone; `again` is the call whose request is sent once more."""
+        """Write request alone; `again` is an earlier call to repeat."""
         call = again or self.call(wire.WRITE)
         channel = at or self.channel
         block = wire.write_request(call.sequence, channel, record, stated)
@@ -146,7 +146,7 @@ class Client:
     def ask_read(
         self, at: RecordId | None = None, maximum: int = 4096, again: Call | None = None
     ) -> Call:
-        """Read request alone; `again` is the call whose request is sent once more."""
+        """Read request alone; `again` is an earlier call to repeat."""
         call = again or self.call(wire.READ)
         place = at or self.channel
         block = wire.read_request(call.sequence, place, maximum)
@@ -154,7 +154,7 @@ class Client:
         return call
 
     def ask_implicit(self, at: RecordId) -> Call:
-        """Request of a ReadImplicit alone; the place has no AR."""
+        """Request of a ReadImplicit alone; the record has no AR."""
         call = self.call(wire.READ_IMPLICIT)
         self.ask(call, wire.read_request(call.sequence, at), place=at)
         return call
@@ -174,7 +174,7 @@ class Client:
         self.accept(call, status, block)
 
     def read(self, record: bytes, at: RecordId | None = None) -> None:
-        """A whole Read that brings the record."""
+        """A whole Read that returns the record."""
         self.accept_read(self.ask_read(at), record, at)
 
     def poll(

@@ -1,4 +1,4 @@
-"""What a scenario is, what it expects of the analysis, and the book that lists a module's own."""
+"""What a scenario is, what it expects of the analysis, and the book of the scenarios of a module."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ds47.lab.stage import Stage
 
 
 class Actor(Protocol):
-    """Who acts in a scene, on a stage of its own."""
+    """The actor of a scene, on its own stage."""
 
     stage: Stage
 
@@ -21,9 +21,9 @@ class Actor(Protocol):
 Who = TypeVar("Who", bound=Actor)
 Build = Callable[[Client], None]
 Transaction = TypeVar("Transaction")
-"""What is expected of a transaction, in the words of the book."""
+"""What a book expects of a transaction."""
 DIAGNOSES = "DS7"
-"""How the ids of diagnoses begin."""
+"""The prefix of the ids of diagnoses."""
 OK_READ = ("read", "ok")
 OK_CHANGE = ("change", "ok")
 
@@ -35,9 +35,9 @@ class Expect:
     transactions: tuple[tuple[str, str], ...]
     """(operation, state) in the order of transaction ids."""
     rules: frozenset[str]
-    """Ids DS1xx to DS6xx of all rules that are found, and of no other."""
+    """Exactly the rules DS1xx to DS6xx that are found."""
     diagnoses: frozenset[str] = frozenset()
-    """Ids DS7xx of all diagnoses that are given, and of no other."""
+    """Exactly the diagnoses DS7xx that are made."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,21 +52,21 @@ class Scenario:
     actor: Callable[[], Actor]
 
     def play(self) -> Stage:
-        """Let it happen on a fresh stage: the same frames every time."""
+        """Play it on a fresh stage: the same frames every time."""
         actor = self.actor()
         self.build(actor)
         return actor.stage
 
 
 class Scenes(ABC, Generic[Who, Transaction]):
-    """A book of any kind: scenes, who acts in them, and with each what is expected of its transactions."""
+    """A book of any kind: scenes, their actor, and what each expects of its transactions."""
 
     def scene(
         self, shows: str, *transactions: Transaction, rules: str = ""
     ) -> Callable[[Callable[[Who], None]], Callable[[Who], None]]:
-        """Decorator: a function of what somebody does becomes a scene of its name; its docstring is the title.
+        """Decorator: a function that acts becomes a scene of its name; its docstring is the title.
 
-        `rules` are the ids that are expected, with spaces, those of diagnoses among them.
+        `rules` are the expected ids, separated by spaces, including those of diagnoses.
         """
 
         def enter(build: Callable[[Who], None]) -> Callable[[Who], None]:
@@ -87,19 +87,19 @@ class Scenes(ABC, Generic[Who, Transaction]):
         transactions: Sequence[Transaction],
         rules: str = "",
     ) -> None:
-        """Enter a scene that a table makes."""
+        """Add a scene directly, for example from a table."""
 
 
 @dataclass(slots=True)
 class _Captures(Scenes[Who, tuple[str, str]]):
-    """The scenarios of one module, in the order in which they stand there: transactions are (operation, state)."""
+    """The scenarios of one module in their order; transactions are (operation, state)."""
 
     topic: str
     scenarios: list[Scenario] = field(default_factory=list)
 
     @abstractmethod
     def actor(self) -> Actor:
-        """Who acts, on a fresh stage."""
+        """A new actor on a fresh stage."""
 
     def add(
         self,
@@ -110,7 +110,7 @@ class _Captures(Scenes[Who, tuple[str, str]]):
         transactions: Sequence[tuple[str, str]],
         rules: str = "",
     ) -> None:
-        """Enter a scenario that is written to a capture of this topic and name."""
+        """Add a scenario for the capture of this topic and name."""
         ids = frozenset(rules.split())
         diagnoses = frozenset(rule for rule in ids if rule.startswith(DIAGNOSES))
         expect = Expect(tuple(transactions), ids - diagnoses, diagnoses)

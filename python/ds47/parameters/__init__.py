@@ -1,7 +1,6 @@
-"""Parameter lists of users: read from CSV, XLSX and TOML, kept in a folder of theirs, looked up by device.
+"""Parameter lists of users: read from CSV, XLSX and TOML, kept in their folder, looked up by device.
 
-`lists` reads and checks, `columns` knows how tables of engineers name their columns, `store` keeps lists,
-`catalogue` answers what a number means on a device, `naming` tells it of transactions, `table` writes lists
-for Wireshark. What ds47 ships itself is spec/parameters.toml; what a drive
-says of its own parameters is `ds47.profidrive.dictionary`.
+`lists` reads and checks, `columns` knows the usual headings, `store` keeps lists, `catalogue` says what a number
+means on a device, `naming` adds that to transactions, `table` writes lists for Wireshark. spec/parameters.toml is
+the list that ships with ds47; `ds47.profidrive.dictionary` has what a drive says about its own parameters.
 """

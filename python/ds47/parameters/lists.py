@@ -1,8 +1,7 @@
-"""Lists of parameters: what a row has, and how it is read from CSV, XLSX and TOML.
+"""Lists of parameters: what a row has, and how to read it from CSV, XLSX and TOML.
 
-A list says for which device it is; a row says what a parameter is called, its unit, type and the texts of its
-values; a message is the text of a fault or alarm. Nothing is kept here (`store`), and nothing is looked up
-(`catalogue`).
+A list names its device. A row has the name of a parameter, its unit, type and the texts of its values. A message
+is the text of a fault or alarm. `store` keeps lists, `catalogue` looks things up.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from ds47.parameters.columns import guessed
 from ds47.profidrive.naming import spelled
 
 MOST_ROWS: Final = 200_000
-"""Rows of one list: more than any drive has."""
+"""The most rows of one list: more than any drive has parameters."""
 _MESSAGE = re.compile(r"(?P<letter>[FACNfacn]) ?0*(?P<number>\d{1,6})")
 _VALUE = re.compile(r"(?P<number>-?\d{1,10})\s*[:=]\s*(?P<text>[^;|\n]+)")
 _ENCODINGS: Final = ("utf-8-sig", "utf-16", "cp1252")
@@ -34,23 +33,23 @@ _TYPES: Final = {
     "floatingpoint64": "Float64",
     "byte": "Byte", "word": "Word", "dword": "DoubleWord", "bool": "Boolean", "string": "VisibleString",
 }  # fmt: skip
-"""Types as lists of makers and PLCs call them, in small letters without blanks."""
+"""Types as makers' lists and PLCs name them, in lower case without blanks."""
 
 
 _ACCESS: Final = {
     "p": ("p", "rw", "wr", "w", "wo", "readwrite", "write", "lesenschreiben", "读写", "可读写"),
     "r": ("r", "ro", "read", "readonly", "lesen", "nurlesen", "只读"),
 }  # fmt: skip
-"""Access as lists call it, in small letters without blanks and strokes."""
+"""Access as lists name it, in lower case without blanks and punctuation."""
 
 
 class ListError(Exception):
-    """A list that cannot be read; one line that says what, where and what to do."""
+    """A list that cannot be read; the text is one line with the problem, its position and what to do."""
 
 
 @dataclass(frozen=True, slots=True)
 class ListedParameter:
-    """A parameter. `access` is "p" or "r", None where the list does not say; `values` are texts of its values."""
+    """A parameter. `access` is "p", "r", or None if the list does not say; `values` are texts of its values."""
 
     number: int
     name: str
@@ -62,7 +61,7 @@ class ListedParameter:
 
 @dataclass(frozen=True, slots=True)
 class ListedMessage:
-    """The text of a fault ("F") or an alarm ("A"), or another letter of the maker."""
+    """The text of a fault ("F"), an alarm ("A"), or a message with another letter of the maker."""
 
     letter: str
     number: int
@@ -73,7 +72,7 @@ class ListedMessage:
 class ParameterList:
     """Parameters and messages of one kind of device.
 
-    `vendor_id` and `device_ids` are those of PROFINET; without them the list is for every device. `firmware` is a
+    `vendor_id` and `device_ids` are PROFINET ids; without them the list is for every device. `firmware` is a
     text, such as "4.7".
     """
 
@@ -85,21 +84,21 @@ class ParameterList:
     rows: list[ListedParameter] = field(default_factory=list)
     messages: list[ListedMessage] = field(default_factory=list)
     passed_over: list[str] = field(default_factory=list)
-    """What of the file is in no row, each in a line; for who imports it."""
+    """Skipped content of the file, one line each, for the user who imports it."""
 
 
 def read(
     path: Path, columns: Mapping[str, str] | None = None, sheet: str | None = None
 ) -> ParameterList:
-    """Reads a list from a file, by its ending.
+    """Reads a list from a file; the ending says how.
 
     Args:
         path: .csv, .tsv, .txt, .xlsx or .toml.
-        columns: key of COLUMNS -> heading of its column; keys that are missing are guessed by usual headings.
-        sheet: of a workbook; else its first one.
+        columns: key of COLUMNS -> heading of its column; missing keys are guessed from usual headings.
+        sheet: of a workbook; None takes the first one.
 
     Raises:
-        ListError: the file cannot be read, or has no parameter.
+        ListError: the file cannot be read, or has neither parameters nor messages.
     """
     ending = path.suffix.lower()
     try:
@@ -120,7 +119,7 @@ def read(
 
 
 def _lines(path: Path) -> Iterator[list[str]]:
-    """The rows of a file of separated values, whatever separates them."""
+    """The rows of a file of separated values, with any separator."""
     text = _text(path.read_bytes())
     sample = text[:8192]
     try:
@@ -134,7 +133,7 @@ def _lines(path: Path) -> Iterator[list[str]]:
 
 
 def _text(data: bytes) -> str:
-    """A text in one of the encodings that spreadsheets write."""
+    """A text in one of the encodings of spreadsheets."""
     for encoding in _ENCODINGS:
         if encoding == "utf-16" and not data.startswith((b"\xff\xfe", b"\xfe\xff")):
             continue
@@ -155,7 +154,7 @@ def _sheet(path: Path, name: str | None) -> Iterator[list[str]]:
         book = load_workbook(path, read_only=True, data_only=True)
     except OSError:
         raise
-    except Exception as problem:  # whatever a broken workbook makes of the library
+    except Exception as problem:  # a broken workbook can raise anything in the library
         raise ListError("no workbook of Excel 2007 or later") from problem
     if name is not None and name not in book.sheetnames:
         raise ListError(f"no sheet {name!r}; there are: {', '.join(book.sheetnames)}")
@@ -165,7 +164,7 @@ def _sheet(path: Path, name: str | None) -> Iterator[list[str]]:
 
 
 def _of_table(name: str, table: Iterator[list[str]], columns: Mapping[str, str]) -> ParameterList:
-    """A list from rows of cells; the headings are in the first row that has those that are wanted."""
+    """A list from rows of cells; the first row with the wanted headings is the header."""
     found = ParameterList(name)
     places: dict[str, int] = {}
     headings: list[str] = []
@@ -192,7 +191,7 @@ def _of_table(name: str, table: Iterator[list[str]], columns: Mapping[str, str])
 
 
 def _add(found: ParameterList, cells: Mapping[str, str], where: str) -> None:
-    """A row of a table: a parameter, a message, or what is passed over."""
+    """Adds a row of a table: a parameter, a message, or skipped content."""
     text, name = cells.get("number", ""), " ".join(cells.get("name", "").split())
     if not text and not name:
         return
@@ -209,7 +208,7 @@ def _add(found: ParameterList, cells: Mapping[str, str], where: str) -> None:
         )
         return
     if parameter.subindex:
-        return  # a further element of an array: its first one has the name
+        return  # a later element of an array: the first one has the name
     found.rows.append(
         ListedParameter(
             parameter.number, name, parameter.letter or access_of(cells.get("access", "")),
@@ -219,13 +218,13 @@ def _add(found: ParameterList, cells: Mapping[str, str], where: str) -> None:
 
 
 def access_of(text: str) -> str | None:
-    """Whether a parameter may be written ("p") or only be read ("r"), as lists say it; None where they do not."""
+    """Whether a list calls a parameter writable ("p") or read-only ("r"); None if it does not say."""
     plain = re.sub(r"[\s_/.-]", "", text).lower()
     return next((letter for letter, words in _ACCESS.items() if plain in words), None)
 
 
 def type_of(text: str) -> str | None:
-    """The name of a format of ds47, whatever a list calls it; None where it is none of those."""
+    """The format of ds47 that a list means, by any of its names; None if it is unknown."""
     plain = re.sub(r"[\s_/-]", "", text.split("/")[0]).lower()
     for row in spec.formats().values():
         if row.name.lower() == plain:
@@ -234,7 +233,7 @@ def type_of(text: str) -> str | None:
 
 
 def values_of(text: str) -> dict[int, str]:
-    """The texts of values in a cell: `0: no; 1: yes`, one a line as well."""
+    """The texts of values in a cell: `0: no; 1: yes`, also one per line."""
     return {int(match["number"]): match["text"].strip() for match in _VALUE.finditer(text)}
 
 

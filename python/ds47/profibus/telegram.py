@@ -1,6 +1,6 @@
 """One frame of PROFIBUS: start byte, addresses, function code, SAPs, data, check byte (docs/profibus.md 2).
 
-Here is one frame whose bytes are in hand; what its data says is `dp` and `ms1`.
+Decodes the bytes of one frame; `dp` and `ms1` decode its data.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ SD4: Final = "SD4"
 SC: Final = "SC"
 START: Final = 0x68
 END: Final = 0x16
-"""What begins SD2, twice, and what ends every frame but SD4 and SC."""
+"""SD2 has START twice. END ends every frame but SD4 and SC."""
 ALL_STATIONS: Final = 127
-"""The address that stands for all of them."""
+"""The broadcast address."""
 SIZES: Mapping[str, int] = {SD1: 6, SD3: 14, SD4: 3, SC: 1}
-"""Bytes of the frames that have always as many."""
+"""The bytes of frames with a fixed length."""
 
 _REQUEST, _FCB, _FCV, _RESERVED = 0x40, 0x20, 0x10, 0x80
 _EXTENDED, _ADDRESS = 0x80, 0x7F
@@ -32,53 +32,53 @@ _SEGMENT, _SAP = 0x40, 0x3F
 _TRAILER: Final = 2
 """Check byte and end byte."""
 _HEAD: Final = 4
-"""Start byte, both length bytes, start byte: what SD2 begins with."""
+"""The head of SD2: start byte, both length bytes, start byte."""
 _LEAST: Final = 7
-"""Its bytes up to the function code: more than a frame without data has."""
+"""The bytes of SD2 up to the function code: longer than a frame without data."""
 _REMEMBERED: Final = 1024
-"""Beginnings of frames, and whole short ones, that are remembered."""
+"""The size of each cache, for fronts and for short frames."""
 
 
 @dataclass(slots=True, init=False, eq=False)
 class Front:
-    """What a frame begins with, and what that means; what is not there, or cannot be known, is None or empty.
+    """The beginning of a frame, decoded; None or empty for what is missing or unknown.
 
-    Frames that begin alike share one.
+    Frames with the same beginning share one object.
     """
 
     kind: str
-    """SD1 to SD4 or SC; empty where no frame begins so."""
+    """SD1 to SD4 or SC; empty if no frame begins like this."""
     da: int | None
     sa: int | None
-    """The stations, without the bit that announces an extension,"""
+    """The stations, without the bit that announces an extension."""
     fc: int | None
     dae: bytes
     sae: bytes
-    """and the extension bytes."""
+    """The extension bytes."""
     request: bool | None
-    """Whether a master asks or says something; False for an answer, None without a function code."""
+    """True for a request of a master, False for an answer, None without a function code."""
     code: int | None
     """The function, bits 3 to 0 of the function code."""
     fcb: int | None
-    """The frame count bit of a request; the same again is a retry, where `fcv` is 1."""
+    """The frame count bit of a request; a repeated value marks a retry, if `fcv` is 1."""
     fcv: int | None
     """Whether `fcb` counts: 0 in the first request to a station."""
     dsap: int | None
-    """The SAP at the destination,"""
+    """The SAP at the destination."""
     ssap: int | None
-    """and at the source."""
+    """The SAP at the source."""
     way: bytes
-    """The stations as two bytes, source and destination; empty without them,"""
+    """The stations as two bytes, source and destination; empty without them."""
     back: bytes
-    """and turned round."""
+    """`way` reversed."""
     service: str | None
-    """What it belongs to (`spec.profibus.service_id`)."""
+    """The service (`spec.profibus.service_id`)."""
     silent: bool
-    """Whether nobody answers such a request."""
+    """Whether this request gets no answer."""
     exchanges: bool
-    """Of an answer: whether it has data of data exchange; SC has none,"""
+    """Whether this answer has data of data exchange; SC has none."""
     wants: bool
-    """and whether the slave asks for Slave_Diag in it."""
+    """Whether the slave asks for Slave_Diag in this answer."""
 
     def __init__(
         self, kind: str, da: int | None = None, sa: int | None = None, fc: int | None = None,
@@ -104,9 +104,9 @@ class Front:
 
 @dataclass(slots=True, init=False, eq=False)
 class Telegram:
-    """A frame; what it begins with is `front`.
+    """A frame; `front` is its beginning.
 
-    `flaws` are those of the frame itself: with one of them none of its content is proved.
+    `flaws` are about the frame itself: with any of them its content is not reliable.
     """
 
     front: Front
@@ -127,7 +127,7 @@ class Telegram:
         self.flaws = flaws
 
     def __eq__(self, other: object) -> bool:
-        """All of a frame is in its bytes; what is wrong about it may be in those around it."""
+        """The bytes define a frame, but its flaws may come from the bytes around it."""
         return isinstance(other, Telegram) and self.data == other.data and self.flaws == other.flaws
 
     def __hash__(self) -> int:
@@ -135,17 +135,17 @@ class Telegram:
 
     @property
     def kind(self) -> str:
-        """As in `Front`, like those that follow."""
+        """As in `Front`, like the next ones."""
         return self.front.kind
 
     @property
     def da(self) -> int | None:
-        """The station that it goes to."""
+        """The destination station."""
         return self.front.da
 
     @property
     def sa(self) -> int | None:
-        """The station that sends it."""
+        """The source station."""
         return self.front.sa
 
     @property
@@ -165,7 +165,7 @@ class Telegram:
 
     @property
     def request(self) -> bool | None:
-        """Whether a master asks or says something."""
+        """Whether it is a request of a master."""
         return self.front.request
 
     @property
@@ -205,16 +205,16 @@ class Telegram:
 
 
 def check_byte(content: bytes) -> int:
-    """The check byte of what stands between start and check byte, DA to the last byte of data."""
+    """The check byte of the content of a frame, DA to the last byte of data."""
     return sum(content) & 0xFF
 
 
 def size(data: bytes) -> int | None:
-    """How many bytes the frame has that begins here (docs/profibus.md 2).
+    """The length of the frame that begins here (docs/profibus.md 2).
 
     Returns:
-        None where no frame begins with this byte, where too few bytes are there to know, or where SD2 has length
-        bytes that differ or that no frame has.
+        None if no frame begins with this byte, if there are too few bytes to know, or if the length bytes of SD2
+        differ or are out of range.
     """
     start = profibus.codes("start").get(data[0]) if data else None
     if start is None:
@@ -228,10 +228,10 @@ def size(data: bytes) -> int | None:
 
 
 def decode(data: bytes) -> Telegram:
-    """The frame that these bytes are; whatever they are, with what is wrong about it (docs/profibus.md 2).
+    """The frame in these bytes, with its flaws; takes any bytes (docs/profibus.md 2).
 
     Args:
-        data: all bytes of one frame, from its start byte; further ones are a flaw.
+        data: all bytes of one frame, from its start byte; extra ones are a flaw.
     """
     if len(data) < _LEAST:
         return _short(data)
@@ -248,19 +248,19 @@ def decode(data: bytes) -> Telegram:
 
 @lru_cache(maxsize=_REMEMBERED)
 def _short(data: bytes) -> Telegram:
-    """A frame without data: there are few of them on a line, and they come all the time."""
+    """A frame without data, cached: a line has few of them, and repeats them all the time."""
     return _decode(data)
 
 
 _usual: Final[dict[bytes, Front | None]] = {}
-"""By the bytes of SD2 up to the function code: the front of a sound frame that begins so; None for anything else.
+"""The bytes of SD2 up to the function code -> the front of a sound frame with this beginning, or None.
 
-With its length, check byte and end byte right such a frame has no flaw, whatever its data is.
+If length, check byte and end byte are right, such a frame has no flaw, whatever its data is.
 """
 
 
 def _learn(begin: bytes) -> Front | None:
-    """What `_usual` says of frames that begin so, from now on."""
+    """Adds the entry of `_usual` for this beginning."""
     front: Front | None = None
     if begin[0] == START:
         content = begin[_HEAD:].ljust(begin[1], b"\0")
@@ -273,7 +273,7 @@ def _learn(begin: bytes) -> Front | None:
 
 
 def _decode(data: bytes) -> Telegram:
-    """As `decode`; nothing is remembered."""
+    """As `decode`, without a cache."""
     if not data:
         return Telegram(_front("", b""), data, flaws=(Flaw("cut", 0, {"have": 0, "want": 1}),))
     start = profibus.codes("start").get(data[0])
@@ -293,7 +293,7 @@ def _decode(data: bytes) -> Telegram:
 
 @lru_cache(maxsize=_REMEMBERED)
 def _front(kind: str, begin: bytes) -> Front:
-    """What a frame begins with, of the bytes from DA to the last one in front of its data."""
+    """The front of a frame, from its bytes between start byte and data."""
     da, sa, fc = (begin[at] if at < len(begin) else None for at in range(3))
     dae, at = _extension(begin, 3, da or 0)
     sae, _ = _extension(begin, at, sa or 0)
@@ -309,15 +309,15 @@ def encode(
     """The bytes of a frame: SD1 without data and SAPs, else SD2 (docs/profibus.md 2).
 
     Args:
-        da: the station that it goes to, 0 to 127.
-        sa: the station that sends it, 0 to 126.
+        da: the destination station, 0 to 127.
+        sa: the source station, 0 to 126.
         fc: the function code, 0 to 127.
         du: its data.
         dsap: the SAP at the destination, 0 to 63; None for none.
         ssap: the SAP at the source.
 
     Raises:
-        ValueError: a number is too large, or the data does not fit into a frame.
+        ValueError: a number is out of range, or the data does not fit into a frame.
     """
     if not (0 <= da <= ALL_STATIONS and 0 <= sa < ALL_STATIONS and 0 <= fc < _RESERVED):
         raise ValueError(f"no frame goes from {sa} to {da} with function code {fc}")
@@ -361,7 +361,7 @@ def _border_flaws(data: bytes, whole: int) -> list[Flaw]:
 
 
 def _token(data: bytes, flaws: list[Flaw]) -> Telegram:
-    """A token has addresses alone: no check byte proves them."""
+    """A token has only addresses, and no check byte."""
     flaws += [
         Flaw("address", at, {"address": data[at]})
         for at in (1, 2)
@@ -371,7 +371,7 @@ def _token(data: bytes, flaws: list[Flaw]) -> Telegram:
 
 
 def _body(kind: str, data: bytes, head: int, end: int, flaws: list[Flaw]) -> Telegram:
-    """SD1, SD2 or SD3, as far as it is there; its content stands from `head` to `end`."""
+    """SD1, SD2 or SD3, perhaps incomplete; its content is data[head:end]."""
     content = data[head:end]
     if len(content) < 3:
         return Telegram(_front(kind, b""), data, flaws=tuple(flaws))
@@ -395,7 +395,7 @@ def _body(kind: str, data: bytes, head: int, end: int, flaws: list[Flaw]) -> Tel
 
 
 def _extension(content: bytes, at: int, address: int) -> tuple[bytes, int]:
-    """The extension bytes that an address announces, and where they end: bit 7 announces another one."""
+    """The extension bytes of an address, and where they end: bit 7 announces another one."""
     first, more = at, bool(address & _EXTENDED)
     while more and at < len(content):
         more = bool(content[at] & _EXTENDED)
@@ -408,5 +408,5 @@ def _whole(extension: bytes) -> bool:
 
 
 def _sap(extension: bytes) -> int | None:
-    """The SAP among extension bytes; those with bit 6 name a segment of the net."""
+    """The SAP in extension bytes; bytes with bit 6 name a network segment instead."""
     return next((byte & _SAP for byte in extension if not byte & _SEGMENT), None)

@@ -1,7 +1,7 @@
 """The PROFIdrive parameter channel without any I/O: messages to bytes and back.
 
 Only names are collected here: `model` has the data, `formats` the values, `parameter` the decoder
-and encoder, `build` what makes messages, `notation` hexadecimal text and readable lines.
+and encoder. `build` makes messages, `notation` reads hexadecimal text and readable lines.
 """
 
 from ds47.profidrive.build import (

@@ -1,10 +1,9 @@
-"""What a parameter is called, in what it is measured, and of which type it is: one door to all that says so.
+"""The name, unit and type of a parameter: one door to all sources.
 
-Sources, of each thing the first that says it: what the drive itself has said in this capture (descriptions,
-attribute 0x20; docs/protocol.md C), then the tables in spec/parameters.toml and drives.toml, where they speak of
-the maker of the device. A description holds for the drive object that was asked, as far as `drive_objects`
-proves that another request reaches the same one. Which responses are believed is decided in
-`ds47.acyclic.learning`; no words here.
+The first source that has a thing wins. First comes what the drive itself said in this capture (descriptions,
+attribute 0x20; docs/protocol.md C), then spec/parameters.toml and drives.toml, if they cover the maker of the
+device. A description holds for the drive object that was asked, and for other requests if `drive_objects` proves
+that they reach the same one. `ds47.acyclic.learning` decides which responses to believe. No words here.
 """
 
 from __future__ import annotations
@@ -20,47 +19,47 @@ from ds47.profidrive.drive_objects import DriveAccess, DriveObjects, access_of
 from ds47.spec import descriptions
 
 _UNKNOWN: Final = "unknown"
-"""The type of a parameter of which no source says it."""
+"""The type of a parameter, if no source knows it."""
 _WHOLE: Final = 0
 """The subindex of a whole description."""
 _WAYS: Final = 16
-"""Ways in which a parameter was described; of more of them the one that was described longest ago is forgotten."""
+"""How many accesses to remember for the descriptions of a parameter; the least recent one is forgotten first."""
 _NO_TYPES: Final = (0x00, 0x40, 0x44)
-"""Codes that are the type of no parameter: Reserved, and of a value block Zero and Error."""
+"""Codes that are never the type of a parameter: Reserved; Zero and Error of a value block."""
 _INTEGERS: Final = range(0x02, 0x08)
-"""Codes of the integers that are scaled: those that a double holds exactly."""
+"""Codes of the integers that are scaled: a double holds them exactly."""
 _UNSIGNED: Final = {"Unsigned8": "Byte", "Unsigned16": "Word", "Unsigned32": "DoubleWord"}
-"""Types whose values are the same in a format that says no more than their size."""
+"""Types with the same values in a format that gives only their size."""
 _FLOATS: Final = (0x08, 0x0F)
 _POWERS: Final = 22
 """The largest power of ten that a double holds exactly."""
 
 
 class Statement(NamedTuple):
-    """What a description says in one of its elements, and the frame of the response."""
+    """One element of a description, and the frame of the response."""
 
     value: Any
     frame: int
 
 
 class Measure(NamedTuple):
-    """What an integer is multiplied with, as a power of ten, and the unit that it has then."""
+    """The power of ten that scales an integer, and the unit after scaling."""
 
     power: int
     unit: str
     frames: tuple[int, ...]
-    """Of the descriptions that say so."""
+    """The descriptions it comes from."""
 
 
 class Meaning(NamedTuple):
-    """What is known of a parameter; None what no source says.
+    """What is known about a parameter; None for what no source says.
 
     Attributes:
-        listed: its row in the tables, where one speaks of this device.
-        name: as the drive calls it.
-        type: name of its data type, as the drive says.
-        measure: how the drive says that a value of this type is measured.
-        low, high: its limits in that type, as the drive says.
+        listed: its row in the tables, if one covers this device.
+        name: from the drive.
+        type: name of its data type, from the drive.
+        measure: scale and unit of values of this type, from the drive.
+        low, high: its limits in that type, from the drive.
     """
 
     listed: spec.Pnu | None
@@ -72,11 +71,11 @@ class Meaning(NamedTuple):
 
     @property
     def is_said(self) -> bool:
-        """Whether the drive has said anything of it."""
+        """Whether the drive has said anything about it."""
         return any(each is not None for each in self[1:])
 
     def fits(self, format_name: str | None) -> bool:
-        """Whether a value in this format is one of the type that the drive says."""
+        """Whether a value in this format has the type that the drive says."""
         if self.type is None:
             return False
         own = self.type.value
@@ -84,21 +83,21 @@ class Meaning(NamedTuple):
 
 
 def family_of(vendor_id: int | None, family: str | None = None) -> str:
-    """Whose parameters a device of this vendor has: "sinamics", "micromaster" or, of any other, "profile".
+    """The family of parameters of a vendor's device: "sinamics", "micromaster", or "profile" for all others.
 
-    On PROFINET a device of Siemens is no MICROMASTER, whose numbers mean other things: 1082 is a frequency there
-    and a speed on SINAMICS. On PROFIBUS the ident number says the family.
+    On PROFINET no device of Siemens is a MICROMASTER. Its numbers mean other things: 1082 is a frequency there
+    and a speed on SINAMICS. On PROFIBUS the ident number gives the family.
     """
     return family or ("sinamics" if vendor_id == SIEMENS else "profile")
 
 
 def listed(pnu: int | None, vendor_id: int | None, family: str | None = None) -> spec.Pnu | None:
-    """The row of a parameter in spec/parameters.toml and drives.toml that speaks of a device of this vendor."""
+    """The row in spec/parameters.toml or drives.toml for a parameter of a device of this vendor."""
     return None if pnu is None else spec.parameter(pnu, family_of(vendor_id, family))
 
 
 def unit_of(row: spec.Pnu | None, format_name: str | None) -> str | None:
-    """The unit that the tables give to values in a format; None where the tables say another type."""
+    """The unit of the tables for values in a format; None if the tables have another type."""
     if row is None or format_name is None:
         return None if row is None else row.unit
     own = row.type.partition("[")[0]
@@ -107,7 +106,7 @@ def unit_of(row: spec.Pnu | None, format_name: str | None) -> str | None:
 
 
 def changes_itself(pnu: int, vendor_id: int | None, family: str | None = None) -> bool:
-    """Whether a drive may change a parameter itself: by any table, of another make by that of the profile."""
+    """Whether a drive may change a parameter itself, by any table; for other makers only by the profile."""
     if vendor_id in (None, SIEMENS) or family is not None:
         return spec.changes_itself(pnu)
     row = spec.parameter(pnu)
@@ -115,18 +114,18 @@ def changes_itself(pnu: int, vendor_id: int | None, family: str | None = None) -
 
 
 def is_known(pnu: int, vendor_id: int | None, family: str | None = None) -> bool:
-    """Whether there is such a parameter on a device; of an unknown make on any."""
+    """Whether a device has such a parameter; if its maker is unknown, whether any device has it."""
     if vendor_id is None and family is None:
         return pnu in spec.parameters()
     return listed(pnu, vendor_id, family) is not None
 
 
 class Dictionary:
-    """What the descriptions of a capture have said up to now, before what is listed.
+    """What the descriptions of a capture have said so far; they win over the tables.
 
     Args:
-        objects: what the capture shows of drive objects; whoever has it keeps it up to date.
-        most: how many descriptions are remembered; of more the one that came longest ago is forgotten.
+        objects: what the capture shows about drive objects; the caller keeps it up to date.
+        most: how many descriptions are remembered; the least recent one is forgotten first.
     """
 
     def __init__(self, objects: DriveObjects, most: int) -> None:
@@ -134,7 +133,7 @@ class Dictionary:
         self._most = most
         self._said: OrderedDict[tuple[DriveAccess, int], dict[str, Statement]] = OrderedDict()
         self._ways: dict[tuple[str, int], list[DriveAccess]] = {}
-        """Device and PNU -> ways in which it was described, the newest last."""
+        """Device and PNU -> accesses that brought a description, the newest last."""
         self.is_empty = True
         """Whether no description was learned."""
 
@@ -147,12 +146,12 @@ class Dictionary:
         values: Sequence[Value],
         frame: int,
     ) -> None:
-        """A description was read, whole or one element of it; one that is not sensible is not believed.
+        """A description was read, whole or one element of it; an absurd one is not believed.
 
-        What was said before counts no more as far as it is said anew: none of it, where the description is whole.
+        It replaces what was said before: the elements it has, or all of them if it is whole.
 
         Args:
-            access: how it was asked for.
+            access: of the request.
             pnu: of the parameter.
             subindex: 0 for all elements, else the number of one.
             format_name: of the values.
@@ -196,14 +195,14 @@ class Dictionary:
         until: int | None = None,
         family: str | None = None,
     ) -> Meaning:
-        """What is known of a parameter.
+        """What is known about a parameter.
 
         Args:
-            access: how it is asked for.
+            access: of the request.
             pnu: its number.
-            vendor_id: PROFINET vendor id of the device; None where it is not known.
-            until: the last frame whose description counts; None: all that came up to now.
-            family: of its parameters, where the capture says it.
+            vendor_id: PROFINET vendor id of the device; None if unknown.
+            until: descriptions after this frame do not count; None: all so far count.
+            family: of its parameters, if the capture gives it.
         """
         known = listed(pnu, vendor_id, family)
         said: dict[str, Statement] = {}
@@ -224,7 +223,7 @@ class Dictionary:
 def explain_transaction(
     dictionary: Dictionary, item: Transaction, vendor_id: int | None, family: str | None = None
 ) -> None:
-    """What the drive has said, up to its response, of the parameters that a transaction of PKW is about."""
+    """Adds to a transaction of PKW what the drive has said about its parameters up to its response."""
     if dictionary.is_empty:
         return
     access, last = access_of(item), item.frames.read_response
@@ -234,7 +233,7 @@ def explain_transaction(
 
 
 def _add_newer(said: dict[str, Statement], more: dict[str, Statement], until: int | None) -> None:
-    """Adds what another way was answered with, as far as it is newer; nothing of later frames than `until`."""
+    """Adds what another access brought, if it is newer, but nothing from frames after `until`."""
     for name, each in more.items():
         before = said.get(name)
         if (until is None or each.frame <= until) and (
@@ -244,7 +243,7 @@ def _add_newer(said: dict[str, Statement], more: dict[str, Statement], until: in
 
 
 def _is_sensible(found: Description) -> bool:
-    """Whether a drive may mean what it says: a type that there is, a name of characters that can be read."""
+    """Whether a description makes sense: an existing type, a name of printable characters."""
     if found.type is not None:
         row = spec.format_named(found.type)
         if row is None or row.code in _NO_TYPES:
@@ -253,7 +252,7 @@ def _is_sensible(found: Description) -> bool:
 
 
 def _parts(found: Description) -> list[tuple[str, Any]]:
-    """What is remembered of a description. An empty name is none."""
+    """The parts of a description to remember. An empty name does not count."""
     variable = None if found.quantity is None else (found.quantity, found.conversion)
     relevant = None
     if found.identifier is not None:
@@ -266,14 +265,14 @@ def _parts(found: Description) -> list[tuple[str, Any]]:
 
 
 def _measure(kind: Statement, said: dict[str, Statement]) -> Measure | None:
-    """How values are measured, where all elements that are about it agree."""
+    """Scale and unit of values, if all elements about them agree."""
     variable, factor = said.get("variable"), said.get("factor")
     plain = _code(kind.value) in (*_INTEGERS, *_FLOATS)
     if variable is None or not plain or not said["relevant"].value:
         return None
     quantity, power = variable.value
     unit, known = descriptions.unit(quantity, power), descriptions.quantities().get(quantity)
-    # Sources differ about the direction of the factor, so it may only repeat what the conversion index says.
+    # Sources disagree on the direction of the factor, so it must only repeat the conversion index.
     if unit is None or known is None or (factor is not None and not _agrees(factor.value, power)):
         return None
     frames = {each.frame for each in (kind, variable, factor) if each is not None}
@@ -290,12 +289,12 @@ def _code(type_name: str) -> int | None:
 
 
 def _agrees(factor: Value, power: int) -> bool:
-    """Whether a factor says nothing else than a conversion index."""
+    """Whether a factor does not contradict a conversion index."""
     return factor in (1.0, float(f"1e{power}"), float(f"1e{-power}"))
 
 
 def scaled(values: Sequence[Value], power: int) -> list[Value] | None:
-    """Integers times a power of ten; None where one of them is none."""
+    """Integers times a power of ten; None if one of them is not an integer."""
     found: list[Value] = []
     times = 10 ** abs(power)
     for value in values:
@@ -306,16 +305,16 @@ def scaled(values: Sequence[Value], power: int) -> list[Value] | None:
 
 
 def explain(item: Parameter, meaning: Meaning) -> None:
-    """Puts into a parameter what the drive has said of it: its name; unit and physical values, where they fit."""
+    """Adds to a parameter what the drive has said about it: its name; unit and physical values, if they fit."""
     frames = set() if meaning.name is None else {meaning.name.frame}
     fits, measure = meaning.fits(item.format), meaning.measure
     if item.format is None and item.values:
-        fits = False  # a number of elements, as PKW tells it
+        fits = False  # a number of elements of PKW
     if fits and measure is not None and item.scaled is None:
         item.unit, frames = measure.unit, frames.union(measure.frames)
         item.scaled = scaled(item.values, measure.power)
     elif meaning.type is not None and not _is_listed_as(meaning.listed, meaning.type.value):
-        item.unit = None  # that of the list belongs to another parameter
+        item.unit = None  # the unit of the list belongs to another parameter
     if frames:
         name = None if meaning.name is None else meaning.name.value
         item.described = Described(name, tuple(sorted(frames)))

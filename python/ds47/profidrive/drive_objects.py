@@ -1,9 +1,9 @@
 """Which drive object a request reaches, and whether two requests reach the same one (docs/pairing.md, P60).
 
 A parameter is (device, drive object, PNU, subindex). Index 47 and 0xB02F reach the drive object of the axis
-byte; 0xB02E that of its submodule, whatever the axis byte says. Which submodule that is, and whether a device
-looks at the axis byte at all, is known only from what the capture shows. Nothing is guessed: what is not
-proved is neither the same nor another one. No values and no findings live here.
+byte; 0xB02E reaches the one of its submodule, whatever the axis byte says. Only the capture can show which
+submodule that is, and whether a device uses the axis byte at all. Nothing is guessed: without proof, two drive
+objects are neither the same nor different. No values and no findings live here.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ DO_IDENTIFICATION: Final = 975
 """PNU of the DO identification; element 7 is the DO-ID (docs/protocol.md D.1)."""
 _DO_ID: Final = 7
 _MOST: Final = 0xFFFF
-"""No DO-ID is greater."""
+"""The largest DO-ID."""
 
 
 class DriveAccess(NamedTuple):
-    """How a request reaches a parameter. `axis` is that of the request; None where it has none that counts."""
+    """How a request reaches a parameter. `axis` is None if the axis byte does not count."""
 
     device: str
     record_index: int
@@ -40,13 +40,13 @@ class DriveAccess(NamedTuple):
 
 
 class Identity(NamedTuple):
-    """What all requests have in common that reach the same drive object."""
+    """What all requests for the same drive object share."""
 
     device: str
     number: int | None = None
-    """Its DO-ID; None where it is not known, or does not matter."""
+    """Its DO-ID; None if it is unknown, or does not matter."""
     slot: int | None = None
-    """With `subslot`: the submodule, where the number alone does not prove that two are the same."""
+    """With `subslot`: the submodule, if the number alone does not identify the drive object."""
     subslot: int | None = None
     local: bool = False
     axis: int | None = None
@@ -58,24 +58,24 @@ class Identity(NamedTuple):
 
 
 class DriveObjects:
-    """What a capture shows of the drive objects of its devices, up to now.
+    """What a capture has shown about the drive objects of its devices so far.
 
-    Memory is bounded: of too many the oldest is forgotten, and what it proved is unknown again.
+    Memory is bounded: the oldest entry goes first, and what it proved is unknown again.
     """
 
     def __init__(self) -> None:
         self._submodules: OrderedDict[tuple[str, int | None, int | None], int | None] = (
             OrderedDict()
         )
-        """DO-ID of a submodule, by PNU 975; None where it was read twice and differs."""
+        """DO-ID of a submodule, from PNU 975; None if two reads differ."""
         self._distinguishing: OrderedDict[str, None] = OrderedDict()
-        """Devices that have refused an axis number: they look at it."""
+        """Devices that have refused an axis number, and so use the axis byte."""
         self._missing: OrderedDict[tuple[str, int], None] = OrderedDict()
-        """Device and axis number that does not exist there."""
+        """Device and an axis number that does not exist there."""
 
     @classmethod
     def of(cls, transactions: Iterable[Transaction]) -> DriveObjects:
-        """All that a whole capture shows."""
+        """What a whole capture shows."""
         shown = cls()
         for each in transactions:
             shown.transaction(each)
@@ -84,7 +84,7 @@ class DriveObjects:
     # What is seen
 
     def transaction(self, item: Transaction) -> None:
-        """A finished transaction; the response to another request proves nothing."""
+        """A finished transaction; a response that belongs to another request proves nothing."""
         if item.operation not in ("read", "change") or item.state == "mismatch":
             return
         for each in item.parameters:
@@ -96,7 +96,7 @@ class DriveObjects:
                     self.identified(access_of(item), first, each.values)
 
     def refused(self, access: DriveAccess, code: int | None) -> None:
-        """A parameter has a negative response with this error number."""
+        """A parameter got a negative response with this error number."""
         if code != known().axis_error or access.local:
             return
         put(self._distinguishing, access.device, None)
@@ -116,18 +116,18 @@ class DriveObjects:
     # What that proves
 
     def number(self, access: DriveAccess) -> int | None:
-        """The DO-ID of the drive object that a request reaches; None where it is not proved.
+        """The DO-ID of the drive object that a request reaches; None without proof.
 
-        0 stands for the device itself or the one drive object that there is: it names none.
+        Axis 0 is the device itself, or its only drive object: it names none.
         """
         if access.local:
             return self._submodules.get((access.device, access.slot, access.subslot))
         return access.axis or None
 
     def reached(self, item: Transaction) -> int | None:
-        """The number of the drive object that is reached; None where it is not known or does not exist.
+        """The number of the drive object that is reached; None if it is unknown or does not exist.
 
-        Addresses of S7 name it: None where those of a job name several.
+        Addresses of S7 name it; a job that names several has None.
         """
         if item.items:
             named = {each.drive_object for each in item.items}
@@ -138,15 +138,15 @@ class DriveObjects:
         return number if number is not None and (device, number) not in self._missing else None
 
     def exists(self, device: str, number: int) -> bool:
-        """False where the device has said that there is no such drive object."""
+        """False if the device has said that there is no such drive object."""
         return (device, number) not in self._missing
 
     def looks_at_axis(self, device: str) -> bool:
-        """Whether the device has refused an axis number, and so looks at it."""
+        """Whether the device has refused an axis number, and so uses the axis byte."""
         return device in self._distinguishing
 
     def same(self, one: DriveAccess, other: DriveAccess, pnu: int) -> bool:
-        """Whether two requests for a parameter reach the same drive object, whatever is not known."""
+        """Whether two requests for a parameter provably reach the same drive object."""
         if one.device != other.device:
             return False
         if pnu in known().global_pnus or _is_same_way(one, other):
@@ -154,11 +154,11 @@ class DriveObjects:
         mine, theirs = self.number(one), self.number(other)
         if mine is None or mine != theirs:
             return False
-        # A device that never looked at the axis byte may go by the submodule alone.
+        # A device that has shown no use of the axis byte may go by the submodule alone.
         return (one.local and other.local) or one.device in self._distinguishing
 
     def identity(self, access: DriveAccess, pnu: int | None = None) -> Identity:
-        """Two requests have the same one if `same` says so of them, and only then."""
+        """Two requests have equal identities if and only if `same` is true for them."""
         if pnu is not None and pnu in known().global_pnus:
             return Identity(access.device)
         number = self.number(access)
@@ -169,7 +169,7 @@ class DriveObjects:
         return Identity(access.device, None, access.slot, access.subslot, access.local, access.axis)
 
     def other(self, one: DriveAccess, other: DriveAccess, pnu: int) -> bool:
-        """Whether they reach two drive objects, whatever is not known."""
+        """Whether two requests provably reach different drive objects."""
         if one.device != other.device:
             return True
         mine, theirs = self.number(one), self.number(other)
@@ -179,7 +179,7 @@ class DriveObjects:
 
 
 def access_of(item: Transaction) -> DriveAccess:
-    """How the request of a transaction reaches its parameters; one of PKW by its submodule."""
+    """How the request of a transaction reaches its parameters; PKW goes by the submodule."""
     index = LOCAL if item.index is None else item.index
     return access(item.device, index, item.slot, item.subslot, item.axis)
 
@@ -187,12 +187,12 @@ def access_of(item: Transaction) -> DriveAccess:
 def access(
     device: str, record_index: int, slot: int | None, subslot: int | None, axis: int | None
 ) -> DriveAccess:
-    """An access; of a local one the axis byte says nothing."""
+    """An access; a local one ignores the axis byte."""
     return DriveAccess(device, record_index, slot, subslot, None if record_index == LOCAL else axis)
 
 
 def _is_same_way(one: DriveAccess, other: DriveAccess) -> bool:
-    """The same submodule, and where it counts the same axis byte: the same request twice."""
+    """The same submodule, and the same axis byte if it counts: the same request twice."""
     if (one.slot, one.subslot, one.local) != (other.slot, other.subslot, other.local):
         return False
     return one.local or one.axis == other.axis
@@ -203,7 +203,7 @@ _V = TypeVar("_V")
 
 
 def put(memory: OrderedDict[_K, _V], key: _K, value: _V) -> _V:
-    """Remembers a value as the newest one, and returns it; over the limit the oldest one is forgotten."""
+    """Remembers a value as the newest one and returns it; beyond the limit the oldest one is forgotten."""
     memory[key] = value
     memory.move_to_end(key)
     if len(memory) > known().history:

@@ -1,6 +1,6 @@
-"""What a parameter-channel message is, once decoded: plain data without any decoding.
+"""A decoded message of the parameter channel: plain data, no decoding.
 
-The wire is in `parameter`, the values of the formats are in `formats`.
+`parameter` has the wire format, `formats` the values.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from ds47 import spec
 from ds47.spec.plain import Plain
 
 Value = int | float | str
-"""One value as JSON shows it: whole numbers beyond 2^53, NaN and infinities are strings."""
+"""One value as in JSON: whole numbers beyond 2^53, NaN and infinities are strings."""
 
 VALUE: Final = 0x10
 DESCRIPTION: Final = 0x20
@@ -75,9 +75,9 @@ class Address(Plain):
 class ErrorValue(Plain):
     """The words of an error block (docs/protocol.md A.7).
 
-    `code` is the whole first word, 0..0xFFFF. `code` and `info` are None where the block has no such
-    word, and inside vendor messages where the first word is up to 0xFF: there it is no PROFIdrive
-    error number. `spec.error_hex` has the number as people write it.
+    `code` is the whole first word, 0..0xFFFF. `code` and `info` are None if the block lacks the word, and
+    also in vendor messages with a first word up to 0xFF, which is not a PROFIdrive error number.
+    `spec.error_hex` gives the number as people write it.
     """
 
     code: int | None
@@ -89,8 +89,8 @@ class ErrorValue(Plain):
 class Block(Plain):
     """One value block (docs/protocol.md A.5 to A.7).
 
-    `raw` and `pad` are the bytes of the wire and what encoding writes; `values` and `scaled` are
-    views of them. To change a value make a new block with `make_block`.
+    `raw` and `pad` are the bytes on the wire, and what encoding writes. `values` and `scaled` are
+    views of them. To change a value, make a new block with `make_block`.
     """
 
     format: int
@@ -102,7 +102,7 @@ class Block(Plain):
     offset: int
     pad: bytes
     meaning: int | None
-    """The format code whose meaning was used, where a dialect gives this code another one."""
+    """The format code whose meaning was used, if a dialect changes the meaning of `format`."""
 
     def __init__(
         self,
@@ -128,7 +128,7 @@ class Block(Plain):
 
     @property
     def format_name(self) -> str | None:
-        """Name of the format, "0x7F" where it has none, None for an error."""
+        """Name of the format, "0x7F" for an unknown one, None for an error."""
         return None if self.error is not None else format_name(self.format, self.meaning)
 
 
@@ -136,8 +136,8 @@ class Block(Plain):
 class Request(Plain):
     """A parameter request: the data of a Write record (docs/protocol.md A.1).
 
-    Header fields are None where the message ends before them. `rest` holds the bytes that could
-    not be decoded or do not belong to the message, `length` is that of everything.
+    Header fields are None if the message ends before them. `rest` holds the bytes that could
+    not be decoded or do not belong to the message. `length` counts all bytes.
     """
 
     request_reference: int | None
@@ -150,7 +150,7 @@ class Request(Plain):
     rest: bytes
     length: int
     operation: str
-    """One of "read", "change", "vendor", or "unknown" where the request id is in no table."""
+    """One of "read", "change", "vendor", or "unknown" for a request id in no table."""
     describes: bool
     """Whether it addresses a description."""
     asked: int | None
@@ -182,7 +182,7 @@ class Request(Plain):
         self.asked = len(self.addresses)
 
     def asked_as(self, reference: int) -> Request:
-        """The same request under another reference; it shares the lists, which nobody changes."""
+        """The same request under another reference. It shares the lists, which are never changed."""
         if self.request_reference == reference:
             return self
         other = Request(
@@ -194,7 +194,7 @@ class Request(Plain):
 
     @property
     def shaped(self) -> bool:
-        """Whether this looks like a request: known id, at least one parameter, length fits."""
+        """Whether this looks like a request: known id, at least one parameter, matching length."""
         return (
             self.operation != "unknown"
             and bool(self.parameter_count)
@@ -264,7 +264,7 @@ def attribute_name(code: int) -> str:
 
 @lru_cache(maxsize=1024)
 def format_name(code: int, meaning: int | None) -> str:
-    """The name of a format, or its code as "0x7F"; `meaning` as that of a block."""
+    """The name of a format, or its code as "0x7F"; `meaning` as in `Block`."""
     known = spec.formats().get(code if meaning is None else meaning)
     return known.name if known else f"0x{code:02X}"
 

@@ -1,8 +1,8 @@
 """How people write the number of a parameter: p0945, r945[0], P700, PNU 945, 61000.
 
-The letter is a habit of Siemens, as are the four digits: `p` may be written, `r` may only be read, and
-MICROMASTER has a capital `P`. On the wire there is the number alone; which parameters of a family of drives may
-only be read is in the tables of spec, and any other is a `p` (docs/protocol.md D.3).
+The letter is a habit of Siemens, as are the four digits: `p` can be written, `r` is read-only, and
+MICROMASTER has a capital `P`. The wire has only the number. The tables of spec say which parameters of a family
+are read-only; all others are a `p` (docs/protocol.md D.3).
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from ds47 import spec
 
 LARGEST = 0xFFFF
 BARE = 60000
-"""From here on numbers are those of profiles, which have no letter."""
+"""Numbers from here on belong to profiles, and have no letter."""
 WRITABLE: Final[Mapping[str | None, str]] = {spec.MICROMASTER: "P"}
-"""The letter of what may be written, where it is no `p`."""
+"""The letter of writable parameters, if it is not `p`."""
 _FORM = re.compile(
     r"(?:(?P<letter>[pr])|pnu\.?)? ?0*(?P<number>\d{1,5})"
     r"(?:[\[.](?P<subindex>\d{1,5})(?:(?:\.\.\.?|-)[\w-]*)?\]?)?",
@@ -26,7 +26,7 @@ _FORM = re.compile(
 
 
 class Spelled(NamedTuple):
-    """A number as it was written: `letter` is "p" or "r", None without; `subindex` None without an index."""
+    """A number as written: `letter` is "p", "r" or None, `subindex` is None without an index."""
 
     number: int
     letter: str | None
@@ -34,7 +34,7 @@ class Spelled(NamedTuple):
 
 
 def spelled(text: str) -> Spelled | None:
-    """What a text names, None where it is no parameter.
+    """The parameter that a text names, None if it names none.
 
     Args:
         text: such as `p0945`, `r945[0]`, `P1120[0...3]`, `PNU 945`, `61000`.
@@ -50,11 +50,11 @@ def spelled(text: str) -> Spelled | None:
 
 
 def spelling(number: int, family: str | None = None) -> str:
-    """A number as it is printed: `p0010`, `r0945`, `P0700`, `61000` (also lua/ds47/profidrive/naming.lua).
+    """A number in print: `p0010`, `r0945`, `P0700`, `61000` (also lua/ds47/profidrive/naming.lua).
 
     Args:
         number: of the parameter.
-        family: of the drive that has it (`ds47.profidrive.dictionary.family_of`); None where no drive is named.
+        family: of the drive (`ds47.profidrive.dictionary.family_of`); None if no drive is named.
     """
     if number >= BARE:
         return str(number)

@@ -8,9 +8,8 @@
     change p50304[0..1] := REAL:10, 5        as many values as the range has elements
     0x51 ref 1 p10                           any other request id
 
-`ref` and `axis` are 1 if not given; the way in which reports write a parameter is understood too:
-`DO 2`, `p922[0] (its name) := `, spaces behind commas. Formats and values are read in `literals`;
-bytes and messages are made in `build` and `parameter`.
+`ref` and `axis` are 1 if not given. The style of reports is understood, too: `DO 2`, `p922[0] (its name) := `,
+spaces after commas. `literals` reads formats and values; `build` and `parameter` make messages and bytes.
 """
 
 from __future__ import annotations
@@ -47,13 +46,13 @@ _FIELDS = {"ref": "ref", "axis": "axis", "do": "axis"}
 
 
 def parse_hex(text: str) -> bytes:
-    """Bytes from hexadecimal text as an engineer has it in hand.
+    """Bytes from hexadecimal text in the forms that engineers use.
 
-    Takes `03 01 02`, `030102`, `03-01:02`, `0x03,0x01`, `16#0301 W#16#0203` and several lines. A
-    number with a prefix has the width of its prefix or of its digits. `03h` and `0301h` are read, too.
+    Takes `03 01 02`, `030102`, `03-01:02`, `0x03,0x01`, `16#0301 W#16#0203`, `03h`, `0301h`, and several
+    lines. A number with a prefix has the width of its prefix or of its digits.
 
     Raises:
-        ValueError: something is no hexadecimal number, or an odd digit is left.
+        ValueError: a part is not a hexadecimal number, or has an odd number of digits.
     """
     separated = re.sub(r"(?<=.)(?=\\x)", " ", text)
     tokens = [token for token in re.split(r"[\s,;:\[\](){}-]+", separated) if token]
@@ -79,12 +78,12 @@ def _hex_token(token: str) -> bytes:
 
 
 class RequestLine(NamedTuple):
-    """A request as a line asks for it, and what the line left out.
+    """The request of a line, and what the line left out.
 
     Attributes:
-        request: whole.
+        request: the complete request.
         axis_given: whether the line names the drive object.
-        taken: places, from 0, of the parameters whose format is that of the table of parameters.
+        taken: positions, from 0, of the parameters with a format from the table of parameters.
     """
 
     request: Request
@@ -93,21 +92,20 @@ class RequestLine(NamedTuple):
 
 
 def parse_request_line(text: str) -> Request:
-    """The request a readable line describes (see the top of this file).
+    """The request in a readable line (see the top of this file).
 
     Raises:
-        ValueError: the line cannot be understood, or a value does not fit; the message says which
-            part.
+        ValueError: the line cannot be understood, or a value does not fit; the message names the part.
     """
     return read_request_line(text, complete=False).request
 
 
 def read_request_line(text: str, complete: bool = True) -> RequestLine:
-    """`parse_request_line` for people: a value without its format has that of a parameter that is known.
+    """`parse_request_line` for people: a value without a format takes the format of a known parameter.
 
     Args:
         text: the line.
-        complete: whether formats are taken from the table of parameters.
+        complete: whether to take formats from the table of parameters.
 
     Raises:
         ValueError: like `parse_request_line`.
@@ -143,7 +141,7 @@ def read_request_line(text: str, complete: bool = True) -> RequestLine:
 
 
 def _with_format(token: str) -> str:
-    """`p2900=10.0` with the format of this parameter; as it is where it has one, or nobody knows it."""
+    """`p2900=10.0` with the format of this parameter; unchanged if it has one, or if that is unknown."""
     match = _PARAMETER.fullmatch(token)
     if not match or not match["value"] or match["early"] or match["late"]:
         return token
@@ -154,7 +152,7 @@ def _with_format(token: str) -> str:
 
 
 def _known_format(match: re.Match[str]) -> spec.Format | None:
-    """The format of a parameter that is in the table."""
+    """The format of a parameter from the table."""
     known = spec.usual(int(match["pnu"]))
     return spec.format_named(known.type.partition("[")[0]) if known else None
 
@@ -164,11 +162,11 @@ def format_request_line(request: Request, family: str | None = None) -> str:
 
     Args:
         request: what to write.
-        family: whose parameters the drive has; None where no drive is named.
+        family: of the drive's parameters; None if no drive is named.
 
     Raises:
-        ValueError: the request cannot be written as a line: cut, with bytes left over, or odd in
-            its pads.
+        ValueError: the request cannot be written as a line: truncated, with extra bytes, or with
+            unusual padding.
     """
     head = (request.request_reference, request.request_id, request.axis)
     blocks = request.blocks
@@ -205,7 +203,7 @@ def _number(word: str, name: str) -> int:
 
 
 def _tokens(text: str) -> list[str]:
-    """The words of a line; of a parameter as reports print it one word is made."""
+    """The words of a line; a parameter in the style of reports becomes one word."""
     parts = re.split(f"({QUOTED})", text)
     for at in range(0, len(parts), 2):  # between the quoted ones
         separated = _COMMA.sub(",", _NEXT.sub(" ", _PNU.sub(r"\1", parts[at])))
@@ -247,7 +245,7 @@ def _name(match: re.Match[str]) -> str:
 
 
 def _stated(match: re.Match[str]) -> int | None:
-    """The number of elements as the line says it with `[a..b]` or `*n`."""
+    """The number of elements that the line gives with `[a..b]` or `*n`."""
     if not match["last"]:
         return int(match["count"]) if match["count"] else None
     if match["count"]:
@@ -284,7 +282,7 @@ def _without_format(match: re.Match[str]) -> str:
 
 
 def _refuse_comma(match: re.Match[str], code: int, text: str) -> None:
-    """Raises ValueError where a decimal comma would write several values, and nobody said how many."""
+    """Raises ValueError if a decimal comma would give several values, and the line does not say how many."""
     meant, count = literals.as_one_number(code, text), text.count(",") + 1
     if not meant or _stated(match) == count:
         return

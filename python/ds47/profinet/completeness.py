@@ -1,8 +1,8 @@
-"""What of a conversation is not in the capture: one judgement, asked by every rule of absence.
+"""What the capture lacks of a conversation: one judgement for every rule about absence.
 
-Lives here: calls whose sequence numbers are missing, Writes whose requests are, and who was never heard. A missing
-number shows that a call may be missing, and says nothing of responses; that none is missing proves nothing across
-activities. What that means for a transaction is the business of `ds47.acyclic.pairing` (docs/pairing.md, P73).
+Lives here: missing sequence numbers of calls, Writes without their requests, and stations that were never heard. A
+missing number shows that a call may be missing, and says nothing about responses. Gapless numbers prove nothing
+across activities. `ds47.acyclic.pairing` decides what that means for a transaction (docs/pairing.md, P73).
 """
 
 from __future__ import annotations
@@ -15,25 +15,25 @@ from ds47.profinet.rpc import Pdu
 from ds47.spec.layouts import RPC_READ, RPC_READ_IMPLICIT, RPC_WRITE
 
 What = Literal["one_direction", "requests", "renewed", "halves"]
-"""All that one side sent; requests of Writes; calls whose numbers came twice; the other halves of calls."""
+"""Missing: all that one side sent; requests of Writes; calls with repeated numbers; the other halves of calls."""
 STATION: Final = "dp"
-"""What the name of a station of PROFIBUS begins with; its address follows."""
+"""The prefix of the name of a PROFIBUS station; its address follows."""
 _RESPONSE: Final = 2
 _KEPT: Final = 64
-"""Holes of one activity, and responses without requests of a pair, that are kept by themselves."""
+"""How many holes of an activity, and lone responses of a pair, are kept one by one."""
 _RARELY: Final = 4
-"""One of so many calls is none of a habit."""
+"""If only one in so many calls is an exception, there is a habit."""
 
 
 class Hole:
-    """Sequence numbers of an activity that are missing between two of its requests.
+    """Missing sequence numbers of an activity, between two of its requests.
 
     Attributes:
-        after: frame of the request before it, 0 where that is not known,
-        before: and of the one behind it.
-        first: the first number that is missing,
-        last: and the last one.
-        over: whether its client counts anew since: what comes is none of these.
+        after: frame of the request before the hole, 0 if unknown.
+        before: frame of the request after it.
+        first: the first missing number.
+        last: the last missing number.
+        over: whether the client has restarted its numbers since, so that none of these can come any more.
     """
 
     __slots__ = ("after", "before", "first", "last", "over")
@@ -43,11 +43,11 @@ class Hole:
         self.over = False
 
     def has(self, number: int) -> bool:
-        """Whether a number is missing that may still come."""
+        """Whether a number is missing, and may still come."""
         return self.first <= number <= self.last and not self.over
 
     def without(self, number: int) -> list[Hole]:
-        """What is left of it, when one of its numbers came."""
+        """What is left of it after one of its numbers came."""
         parts = (self.first, number - 1), (number + 1, self.last)
         return [Hole(self.after, self.before, *each) for each in parts if each[0] <= each[1]]
 
@@ -56,7 +56,7 @@ class Hole:
         return str(self.first) if self.first == self.last else f"{self.first}..{self.last}"
 
     def take_in(self, older: Hole) -> None:
-        """Covers an older one, too, and what is between them."""
+        """Merges an older hole and everything between."""
         self.after, self.first = older.after, min(older.first, self.first)
         self.last = max(older.last, self.last)
 
@@ -72,26 +72,26 @@ class Numbers:
     def __init__(self, pdu: Pdu) -> None:
         self.lowest = self.highest = pdu.seq
         self.following: int | None = None
-        """The number behind the newest one that was there before: it tells that the client counts anew."""
+        """If this number comes, the client has restarted its numbers."""
         self.anew = 0
-        """The newest frame from which on a client counts anew: what came up to there nobody knows. 0 for none."""
+        """The newest frame at which a client may have restarted: calls up to there are unknown. 0 for none."""
         self.newest = pdu
         """The request with the highest number."""
         self.answered = -1
-        """The highest one that was answered, since its client counts so: it has gone on from those before it."""
+        """The highest answered number since the last restart: the client has moved on from those before it."""
         self.waited = self.ahead = 0
-        """How many calls were answered before the next one was sent, and how many behind that."""
+        """How many calls were answered before the next one was sent, and how many after it."""
         self.holes: list[Hole] = []
         """In the order of their frames."""
         self.below: list[Hole] = []
-        """Numbers below the first one that was there: they may have come before the capture began;"""
+        """Missing numbers below the first one seen: they may be from before the capture."""
         self.under = -1
-        """and the newest of those that were there."""
+        """The newest number seen below the first one."""
 
     def add(self, pdu: Pdu, *, renewed: bool = False) -> None:
-        """One more number: that of a request, or of a response whose request is not there.
+        """One more number, of a request, or of a response without its request.
 
-        `renewed`: it stands for another call, if it was there before.
+        `renewed`: if the number was there before, this is another call.
         """
         number = pdu.seq
         if number > self.highest:
@@ -99,7 +99,7 @@ class Numbers:
                 _put(self.holes, Hole(self.newest.frame, pdu.frame, self.highest + 1, number - 1))
             self.highest, self.newest = number, pdu
         elif pdu is self.newest:
-            return  # its first one
+            return  # the first request of the activity
         elif number < self.lowest:
             if number < self.lowest - 1:
                 _put(self.below, Hole(0, pdu.frame, number + 1, self.lowest - 1))
@@ -110,7 +110,7 @@ class Numbers:
                 hole.over = True
         elif _fills(self.below, number):
             if number == self.under + 1:
-                self.following = number + 1  # it counts up from there
+                self.following = number + 1  # the client counts up from there
             self.under = number
         elif not _fills(self.holes, number) and renewed:
             self.following, self.answered = number + 1, -1
@@ -120,11 +120,11 @@ class Numbers:
 
     @property
     def heard(self) -> bool:
-        """Whether one of its calls was answered."""
+        """Whether any of its calls was answered."""
         return self.waited + self.ahead > 0
 
     def is_late(self, pdu: Pdu) -> bool:
-        """Whether a message is of a call before the newest one, by its number and by the clock."""
+        """Whether a message belongs to a call before the newest one, by number and by clock."""
         return pdu.seq < self.highest and pdu.time_ns < self.newest.time_ns
 
     def has(self, number: int) -> bool:
@@ -134,7 +134,7 @@ class Numbers:
         )
 
     def fills(self, number: int) -> bool:
-        """Whether a number was missing up to now; now it is there."""
+        """Whether a number was missing until now, and fills its hole."""
         return _fills(self.holes, number) or _fills(self.below, number)
 
 
@@ -148,14 +148,14 @@ def _fills(holes: list[Hole], number: int) -> bool:
 
 
 def _put(holes: list[Hole], *more: Hole) -> None:
-    """More holes; the oldest are as one where there are too many."""
+    """Adds holes; beyond the limit the oldest ones are merged."""
     holes += more
     while len(holes) > _KEPT:
         holes[1].take_in(holes.pop(0))
 
 
 class Pair:
-    """What one station says to another one."""
+    """What one station has said to another, as client to server."""
 
     __slots__ = (
         "activities", "disorder", "doubled", "half", "halves", "heard", "lost", "since", "unasked", "unread",
@@ -164,57 +164,57 @@ class Pair:
     def __init__(self) -> None:
         self.activities: list[Numbers] = []
         self.since = 0
-        """Since which frame all calls are of activities that were there before."""
+        """The frame of the first call of the newest activity."""
         self.heard = False
-        """Whether the station that is called has said anything,"""
+        """Whether the server has said anything."""
         self.unasked: list[int] = []
-        """and in which frames to a Write that is not there: the oldest one, and the newest ones."""
+        """Frames of responses to a missing Write: the oldest one, and the newest ones."""
         self.unread: list[int] = []
-        """The same of Reads that are not there,"""
+        """Frames of responses to a missing Read, likewise."""
         self.lost: list[int] = []
-        """and the frames of calls without their responses: what was asked is known of those."""
+        """Frames of calls without their responses; their requests are known."""
         self.disorder = 0
-        """The newest frame that was sent before one that comes before it; 0 for none."""
+        """The newest frame that was sent earlier than a frame before it; 0 for none."""
         self.doubled = False
-        """Whether a response came twice on the wire, one behind the other."""
+        """Whether a response came twice on the wire, one after the other."""
         self.half = self.halves = 0
-        """The first frame of any call with one half, and how many there are."""
+        """The first frame of a call with only one half, and the number of such calls."""
 
     @property
     def hears(self) -> bool:
-        """Whether anything that the server sent to the client is in the capture up to now."""
+        """Whether the capture so far has anything that the server sent to the client."""
         self.heard = self.heard or any(each.heard for each in self.activities)
         return self.heard
 
     @property
     def asks(self) -> bool:
-        """Whether a call of the client is."""
+        """Whether the capture so far has a call of the client."""
         return bool(self.activities)
 
     @property
     def holes(self) -> list[Hole]:
-        """All of them in the order of their frames."""
+        """All holes in the order of their frames."""
         return sorted(
             (hole for each in self.activities for hole in each.holes), key=lambda hole: hole.before
         )
 
     @property
     def newest_call(self) -> int:
-        """The frame of the newest call of the client."""
+        """The frame of the client's newest call."""
         return max((each.newest.frame for each in self.activities), default=0)
 
     def has_half(self, frame: int) -> None:
-        """A call is there in one half."""
+        """A call has only one half."""
         self.half = min(self.half or frame, frame)
         self.halves += 1
 
     def unknown(self, frame: int) -> None:
-        """A Write was sent, and nobody knows where."""
+        """A Write went to an unknown place."""
         _keep(self.unasked, frame)
 
     @property
     def newest(self) -> int:
-        """The newest frame behind which something may be missing; 0 for none."""
+        """The newest frame at a possible gap; 0 for none."""
         holes = (each.holes[-1].before for each in self.activities if each.holes)
         return max([0, *self.lost, *self.unasked, *self.unread, *holes])
 
@@ -222,23 +222,23 @@ class Pair:
 def _keep(frames: list[int], frame: int) -> None:
     frames.append(frame)
     if len(frames) > _KEPT:
-        del frames[1]  # the newest ones are asked for
+        del frames[1]  # the newest ones are needed
 
 
 class Completeness:
-    """Of every client and server, what is missing between them.
+    """What is missing between each client and server.
 
     Args:
-        most: pairs and their activities that are remembered; the oldest goes first.
+        most: how many pairs to remember; the oldest goes first.
     """
 
     def __init__(self, most: int, lost_on_line: Callable[[int], int] = lambda _: 0) -> None:
         self._most = most
         self.lost_on_line = lost_on_line
-        """The newest frame behind which something may be missing that was said with a station of PROFIBUS."""
+        """The newest frame at a possible gap in the traffic of a PROFIBUS station."""
         self._pairs: OrderedDict[tuple[str, str], Pair] = OrderedDict()
         self.late = self.first_late = 0
-        """How many responses come before their request, and the frame of the first one."""
+        """How many responses come before their requests, and the frame of the first one."""
 
     # What is heard
 
@@ -255,21 +255,21 @@ class Completeness:
             back.heard = True
 
     def unasked(self, pdu: Pdu) -> None:
-        """A response or fault whose request is not in the capture, as far as is known."""
+        """A response or fault without its request in the capture, so far."""
         pair = self._pair(pdu.client, pdu.server)
         pair.heard = True
         pair.has_half(pdu.frame)
-        if pdu.opnum == RPC_WRITE or pdu.ptype != _RESPONSE:  # a fault tells no place
+        if pdu.opnum == RPC_WRITE or pdu.ptype != _RESPONSE:  # a fault names no place
             pair.unknown(pdu.frame)
         else:
             _keep(pair.unread, pdu.frame)
 
     def cut(self, pdu: Pdu) -> None:
-        """A call of which nobody knows where it goes: a Write that is cut, or a response without a record."""
+        """A call to an unknown place: a truncated Write, or a response without a record."""
         self._pair(pdu.client, pdu.server).unknown(pdu.frame)
 
     def asked_after_all(self, response: Pdu) -> None:
-        """The request of such a response came behind it."""
+        """The request of such a response came after it."""
         pair = self._pair(response.client, response.server)
         for frames in (pair.unasked, pair.unread):
             if response.frame in frames:
@@ -279,17 +279,17 @@ class Completeness:
         self.first_late = min(self.first_late or response.frame, response.frame)
 
     def disordered(self, pdu: Pdu) -> None:
-        """A call of records stands behind one made later, by its number, and by the clock or an answer."""
+        """A record call comes after one that was made later, by its number, and by the clock or an answer."""
         if pdu.opnum in (RPC_READ, RPC_WRITE, RPC_READ_IMPLICIT):
             pair = self._pair(pdu.client, pdu.server)
             pair.disorder = max(pair.disorder, pdu.frame)
 
     def doubled(self, response: Pdu) -> None:
-        """A response came once more, later than a mirror port brings one."""
+        """A response came once more, too late for a copy of a mirror port."""
         self._pair(response.client, response.server).doubled = True
 
     def lost(self, request: Pdu, *, went_on: bool) -> None:
-        """A call has no response; where its client went on, the capture lacks one half."""
+        """A call has no response; if its client went on, the capture lacks one half."""
         pair = self._pair(request.client, request.server)
         _keep(pair.lost, request.frame)
         if went_on:
@@ -314,12 +314,11 @@ class Completeness:
     def behind(
         self, client: str, server: str, since: int, *, ordered: bool = False
     ) -> What | Hole | None:
-        """What may be missing of the calls of a client behind a frame; None where nothing can be.
+        """What may be missing of the calls of a client after a frame; None for nothing.
 
-        That calls are out of order does not count where they are known to be `ordered`.
+        Out-of-order calls do not count if the calls are known to be `ordered`.
 
-        Of two activities nothing follows from their numbers. There it counts whether the capture lacks anything of
-        this pair.
+        Numbers prove nothing across activities. There it counts whether the capture lacks anything of this pair.
         """
         pair = self._pairs.get((client, server))
         if pair is None or not pair.activities:
@@ -340,9 +339,9 @@ class Completeness:
         return "halves" if across and (pair.lost or pair.unread) else None
 
     def waits(self, client: str, server: str) -> bool:
-        """Whether a client waits for each response as a rule, on a wire that doubles them.
+        """Whether a client usually waits for each response, on a wire that doubles them.
 
-        Then one that came behind its next call may be the second one, and the first is not in the capture.
+        Then a response after the client's next call may be the second copy, with the first one not captured.
         """
         pair = self._pairs.get((client, server))
         if pair is None or not pair.doubled:
@@ -351,22 +350,22 @@ class Completeness:
         return _RARELY * ahead < sum(each.waited for each in pair.activities)
 
     def spoke_ns(self, client: str, server: str) -> int | None:
-        """The time of the newest call of a client to a server, by the numbers; None for none."""
+        """The time of the newest call of a client to a server, by its number; None for none."""
         pair = self._pairs.get((client, server))
         times = [each.newest.time_ns for each in pair.activities] if pair is not None else []
         return max(times, default=None)
 
     def newest(self, server: str) -> int:
-        """The newest frame behind which something that was said with a server may be missing; 0 for none."""
+        """The newest frame at a possible gap in the traffic of a server; 0 for none."""
         if server.startswith(STATION):
             return self.lost_on_line(int(server.removeprefix(STATION)))
         pairs = (pair for (_, called), pair in self._pairs.items() if called == server)
         return max((pair.newest for pair in pairs), default=0)
 
     def newest_gap(self, server: str) -> int:
-        """The newest frame before which a request to a server may be missing; 0 for none.
+        """The newest frame with a request to a server possibly missing before it; 0 for none.
 
-        So it is before numbers that are missing of anybody. A call without its response hides none.
+        Missing numbers of any pair count. A call without its response hides no request.
         """
         found = [hole.before for pair in self._pairs.values() for hole in pair.holes]
         if server.startswith(STATION):

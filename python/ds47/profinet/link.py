@@ -1,8 +1,7 @@
-"""From frames to packets: Ethernet, VLAN tags, cooked headers, IPv4, UDP; of TCP the segments as they are.
+"""From frames to packets: Ethernet, VLAN tags, cooked headers, IPv4, UDP, and raw TCP segments.
 
-Lives here: `Packet`, `dissect`, and `Packets`, which puts fragments together. Not
-here: which frames are worth it (ds47.capture.scan), fragments (ip.py), what is in a payload
-(rpc.py, dcp.py, lldp.py).
+Lives here: `Packet`, `dissect`, and `Packets`, which puts fragments together. Not here: which frames
+matter (ds47.capture.scan), fragments (ip.py), payloads (rpc.py, dcp.py, lldp.py).
 """
 
 from __future__ import annotations
@@ -30,22 +29,22 @@ from ds47.spec.plain import Plain
 from . import ip
 
 GROUP = 0x01
-"""The bit of the first byte of a MAC address that several stations have."""
+"""The bit in the first byte of a MAC address that marks a group of stations."""
 Kind = Literal["udp", "tcp", "dcp", "lldp", "rt"]
 
 
 @dataclass(slots=True, repr=False, eq=False)
 class Packet(Plain):
-    """What one frame, or the last of several fragments, brings.
+    """The content of one frame, or of several fragments.
 
-    * "udp": `payload` is that of the UDP datagram, a PROFINET RPC PDU (docs/protocol.md E.2);
-    * "tcp": `payload` is a TCP segment from its header on; fragments of one bring nothing;
+    * "udp": `payload` is the payload of the UDP datagram, a PROFINET RPC PDU (docs/protocol.md E.2);
+    * "tcp": `payload` is a TCP segment from its header on; fragmented segments are dropped;
     * "dcp": `payload` begins with the frame id;
     * "lldp": `payload` is the LLDPDU;
-    * "rt": `payload` begins with the frame id, a cyclic frame follows.
-    `missing` counts the payload bytes that the snap length cut off, `cut` is the frame in which it did.
-    `frame` and `time_ns` (nanoseconds since 1970) are those of the frame that completes it. MAC addresses
-    are None where the link type has none.
+    * "rt": `payload` begins with the frame id of a cyclic frame.
+    `missing` counts the payload bytes that the snap length cut off, `cut` is the truncated frame.
+    `frame` and `time_ns` (nanoseconds since 1970) belong to the frame that completes the packet. MAC addresses
+    are None if the link type has none.
     """
 
     kind: Kind
@@ -68,10 +67,10 @@ def dissect(
     reassembler: ip.Reassembler | None = None,
     begun: list[Packet] | None = None,
 ) -> Packet | None:
-    """Return what the frame brings; None when it is none of our business or not whole yet.
+    """Return the packet that a frame completes; None if it is irrelevant or not whole yet.
 
-    A fragment goes into `reassembler`; without one it brings nothing. `begun` gets what begins a
-    datagram and does not complete it. Never raises on any bytes.
+    A fragment goes into `reassembler`, or is dropped without one. `begun` gets each fragment that
+    begins a datagram without completing it. Never raises on any bytes.
     """
     data = frame.data
     kind, at = network_layer(data, 0, len(data), frame.link_type)
@@ -87,7 +86,7 @@ def dissect(
             packet = None if reassembler is None else _joined(datagram, frame, reassembler, begun)
         else:
             if reassembler is not None and reassembler.traces is not None:
-                from .traces import DatagramPiece  # only an export wants them
+                from .traces import DatagramPiece  # only an export needs it
 
                 piece = DatagramPiece(
                     frame.number, frame.time_ns, datagram.at, 0, len(datagram.payload)
@@ -114,7 +113,7 @@ def _joined(
     reassembler: ip.Reassembler,
     begun: list[Packet] | None,
 ) -> Packet | None:
-    """What a fragment completes; `begun` gets it where it begins something."""
+    """The packet that a fragment completes; a first fragment goes to `begun`."""
     whole = reassembler.feed(part, frame.number, frame.time_ns)
     if whole is not None:
         return _udp(whole, frame.number, frame.time_ns)
@@ -126,12 +125,12 @@ def _joined(
 
 
 def _udp(datagram: ip.Datagram, frame: int, time_ns: int) -> Packet | None:
-    """The UDP header; None when the payload is no PROFINET RPC PDU."""
+    """The packet of a UDP datagram; None if its payload is not a PROFINET RPC PDU."""
     data = datagram.payload
     if len(data) < 8:
         return None
     source, destination, stated = struct.unpack_from(">3H", data)
-    length = stated if stated >= 8 else datagram.length  # 0 where the sender left it to its card
+    length = stated if stated >= 8 else datagram.length  # 0 if left to the network card
     payload = data[8:length]
     missing = max(0, length - 8 - len(payload))
     on_port = PNIO_PORT in (source, destination)
@@ -146,7 +145,7 @@ def _udp(datagram: ip.Datagram, frame: int, time_ns: int) -> Packet | None:
 
 
 def _tcp(datagram: ip.Datagram, frame: Frame) -> Packet | None:
-    """A TCP segment; None for anything else, and for a fragment."""
+    """The packet of a TCP segment; None for anything else, and for a fragment."""
     if datagram.protocol != ip.TCP or not datagram.whole:
         return None
     have, sent = len(frame.data), frame.original_length
@@ -158,7 +157,7 @@ def _tcp(datagram: ip.Datagram, frame: Frame) -> Packet | None:
 
 
 def addresses(frame: Frame) -> tuple[str | None, str | None]:
-    """Source and destination MAC address; a cooked header knows the source only."""
+    """Source and destination MAC address; a cooked header has only the source."""
     data = frame.data
     if frame.link_type == ETHERNET:
         return mac(data[6:12]), mac(data[:6])
@@ -175,7 +174,7 @@ def mac(data: bytes) -> str:
 
 
 class Packets:
-    """The packets that frames bring, fragments put together.
+    """The packets in frames, with fragments put together.
 
     Args:
         reassembler: puts IP fragments together.
@@ -186,14 +185,14 @@ class Packets:
         self._begun: list[Packet] = []
 
     def of(self, frames: Iterable[Frame]) -> Iterator[Packet]:
-        """What frames bring, one packet after the other."""
+        """The packets of frames, one after the other."""
         for frame in frames:
             packet = self.packet(frame)
             if packet is not None:
                 yield packet
 
     def packet(self, frame: Frame) -> Packet | None:
-        """What one frame brings; None where that is nothing, or a datagram that is not whole yet."""
+        """The packet that a frame completes; None if there is none."""
         return dissect(frame, self._reassembler, self._begun)
 
     def begun(self) -> list[Packet]:
@@ -202,10 +201,10 @@ class Packets:
         return begun
 
     def given_up(self) -> list[tuple[Packet, int, str]]:
-        """PROFINET datagrams that are not waited for any more, each told once.
+        """PROFINET datagrams that were given up, each returned once.
 
-        Packet and number of fragments as in `unfinished`; then the name of the limit that pushed the
-        datagram out (spec/limits.toml), "" where its time was over.
+        Packet and number of fragments as in `unfinished`; then the name of the limit that evicted the
+        datagram (spec/limits.toml), "" if it expired.
         """
         entries = self._reassembler.given_up
         if not entries:
@@ -218,10 +217,10 @@ class Packets:
         ]
 
     def unfinished(self) -> list[tuple[Packet, int]]:
-        """PROFINET datagrams that are still waited for, with the number of fragments seen.
+        """PROFINET datagrams that are still incomplete, with the number of fragments seen.
 
-        The packet holds the payload up to the first hole; `missing` counts what is known to lack,
-        and its frame and time are those of the last fragment seen. MAC addresses are not kept.
+        The packet holds the payload up to the first hole; `missing` counts the bytes known to be missing.
+        Its frame and time are those of the last fragment seen. MAC addresses are not kept.
         """
         return [
             (packet, len(entry.pieces))

@@ -1,8 +1,8 @@
 """Two captures (or results) side by side: parameters, states, findings, latency.
 
-What an engineer asks after a firmware update. Pure: capture objects of `ds47.report/1` or `/2` in, a
-`Difference` out; how it looks is in `difference_report`. Reads are compared with reads and changes with changes,
-and only facts are compared: the last value, the kinds of negative response, never a sequence.
+Answers what an engineer asks after a firmware update. Pure: takes capture objects of `ds47.report/1` or `/2`, and
+gives a `Difference`; `difference_report` formats it. Reads are compared with reads, changes with changes, and only
+by facts: the last value and the kinds of negative response, never a sequence.
 
 Unlike `ds47.regression.compare` this does not expect the same requests in the same order.
 """
@@ -34,31 +34,30 @@ _FEW = 8
 
 SAME: Final = "same"
 DIFFERENT: Final = "different"
-"""The last values differ, the same request brings a value in one capture only, or it fails more often than
+"""The last values differ, the same request returns a value in only one capture, or it fails more often than
 chance explains."""
 SOMETIMES: Final = "sometimes"
-"""The last value is the same in both, and negative responses beside it are not: by chance, as far as is known."""
+"""The last values are the same, but negative responses differ, probably by chance."""
 OTHER_REQUESTS: Final = "other requests"
-"""The kinds of negative response differ, and the requests were not the same: by another way, number of
-elements, value or format."""
+"""The kinds of negative response differ, and so do the requests: access, number of elements, value or format."""
 OPEN: Final = "open"
-"""One of the captures does not show what came of it."""
+"""One capture does not show the outcome."""
 ONLY: Final = "only"
-"""Only one of the captures asked for this element at all."""
+"""Only one capture asked for this element at all."""
 OTHER_OPERATION: Final = "other operation"
 """The other capture asked for the element, but did not read it (or did not change it)."""
 OTHER_WAY: Final = "other way"
-"""The other capture asked for this PNU and subindex at what may be the same drive object, or another one."""
+"""The other capture asked for this PNU and subindex at a drive object that may or may not be the same."""
 
 
 LAST: Final = "last"
-"""The operation of rows that compare last values, however these are known (`regression.last_values`)."""
+"""The operation of rows that compare last values from any source (`regression.last_values`)."""
 FAULT: Final = "fault"
 """The event of spec/pzd.toml."""
 
 
 class ElementDifference(NamedTuple):
-    """The reads, the changes, or the last value of one element in both captures; None where there are none."""
+    """The reads, the changes, or the last value of one element in both captures; None for a capture without."""
 
     element: ElementKey
     operation: str
@@ -68,7 +67,7 @@ class ElementDifference(NamedTuple):
     name: str | None
     unit: str | None
     family: str | None = None
-    """Whose parameters the drive has; None where no side says it."""
+    """The family of parameters of the drive; None if no side gives it."""
 
 
 Took = tuple[str | None, float]
@@ -78,8 +77,8 @@ Took = tuple[str | None, float]
 class LatencyDifference:
     """Durations of one operation on one device in both captures, in milliseconds.
 
-    `probability`: that a difference as large comes by chance (Mann-Whitney, two-sided); None where
-    there are too few.
+    `probability`: of an equally large difference by chance (Mann-Whitney, two-sided); None for too few
+    durations.
     """
 
     device: str
@@ -89,7 +88,7 @@ class LatencyDifference:
     p95: tuple[float, float]
     probability: float | None
     points: tuple[list[Took], list[Took]] = ([], [])
-    """When each transaction began, as the report has it, and how long it took."""
+    """The start of each transaction, in the form of the report, and its duration."""
 
     @property
     def significant(self) -> bool:
@@ -103,7 +102,7 @@ class LatencyDifference:
 
 
 class Faults(NamedTuple):
-    """How often the status word of a drive began to say a fault (bit 3 of ZSW1), in both captures."""
+    """How often the status word of a drive began to signal a fault (bit 3 of ZSW1), in both captures."""
 
     device: str
     slot: int | None
@@ -114,7 +113,7 @@ class Faults(NamedTuple):
 
 @dataclass(slots=True)
 class Difference:
-    """All that `ds47 diff` says."""
+    """The content of `ds47 diff`."""
 
     names: tuple[str, str]
     rows: list[ElementDifference] = field(default_factory=list)
@@ -123,13 +122,13 @@ class Difference:
     states: list[tuple[str, int, int]] = field(default_factory=list)
     latencies: list[LatencyDifference] = field(default_factory=list)
     faults: list[Faults] = field(default_factory=list)
-    """Of drives whose words both captures have."""
+    """Only drives with control and status words in both captures."""
     unknown: tuple[int, int] = (0, 0)
-    """For each capture: transactions that asked for something that it does not show."""
+    """For each capture: transactions whose parameters it does not show in full."""
     starts: tuple[str | None, str | None] = (None, None)
-    """When the first transaction of each capture began."""
+    """The start of the first transaction of each capture."""
     texts: dict[tuple[str, int | None], str] = field(default_factory=dict)
-    """The words of error numbers, by device and number."""
+    """The meaning of error numbers, by device and number."""
 
     def of(self, *results: str) -> list[ElementDifference]:
         """The rows with one of these results."""
@@ -137,17 +136,17 @@ class Difference:
 
     @property
     def of_last_values(self) -> bool:
-        """Whether nothing but last values is compared."""
+        """Whether only last values are compared."""
         return all(row.operation == LAST for row in self.rows) and bool(self.rows)
 
     @property
     def compared(self) -> int:
-        """Elements that can be compared: both captures asked for them in the same way, and show an outcome."""
+        """The number of comparable elements: both captures asked in the same way, and show the outcome."""
         return len({row.element for row in self.of(SAME, DIFFERENT, SOMETIMES)})
 
     @property
     def different(self) -> int:
-        """Elements of which something differs, asked for in the same way."""
+        """The number of elements that differ, asked for in the same way."""
         return len({row.element for row in self.of(DIFFERENT)})
 
     @property
@@ -159,8 +158,8 @@ class Difference:
 def difference(a: Json, b: Json, names: tuple[str, str]) -> Difference:
     """Compares two capture objects.
 
-    Devices are the same by station name, else by IP address; where each capture has one device,
-    these two are the same whatever they are called.
+    Devices match by station name, else by IP address. If each capture has only one device, the two match
+    whatever their names are.
     """
     drives = _without_s7(a), _without_s7(b)
     called = _devices(*drives)
@@ -201,7 +200,7 @@ def _devices(a: Json, b: Json) -> tuple[dict[str, str], dict[str, str]]:
 def named_alike(
     a: Mapping[str, str], b: Mapping[str, str]
 ) -> tuple[dict[str, str], dict[str, str]]:
-    """The same of stations by IP address; an empty one has no name."""
+    """The same for station names by IP address; an empty string is no name."""
     return _alike(_unique(a), _unique(b))
 
 
@@ -214,7 +213,7 @@ def _alike(one: dict[str, str], other: dict[str, str]) -> tuple[dict[str, str], 
 
 
 def _completed(names: dict[str, str], others: dict[str, str]) -> dict[str, str]:
-    """The names; an address without one has that of the other capture."""
+    """The names; an address without a name takes it from the other capture."""
     taken = set(names.values())
     return {
         ip: others[ip] if name == ip and others.get(ip, ip) not in taken else name
@@ -223,7 +222,7 @@ def _completed(names: dict[str, str], others: dict[str, str]) -> dict[str, str]:
 
 
 def _named(capture: Json) -> dict[str, str]:
-    """Station names by IP address; the address where there is none, or where two devices have the same."""
+    """Station names by IP address; the address itself without a name, or if two devices share it."""
     stations = {each["ip"]: each.get("station") for each in capture.get("devices", [])}
     ips = sorted({each["device"] for each in capture["transactions"]})
     return _unique({ip: stations.get(ip) for ip in ips})
@@ -235,7 +234,7 @@ def _unique(stations: Mapping[str, str | None]) -> dict[str, str]:
 
 
 def _family(*sides: History | None) -> str | None:
-    """Whose parameters the drive has: that of a maker where one side shows it."""
+    """The family of parameters of the drive: a maker's family if either side shows one."""
     known = {each.family for each in sides if each is not None}
     return next(iter(known - {"profile"}), "profile")
 
@@ -262,7 +261,7 @@ def _rows(a: CaptureElements, b: CaptureElements, places: Places) -> Iterator[El
 
 
 def compare(a: Outcomes, b: Outcomes) -> str:
-    """SAME, DIFFERENT, SOMETIMES, OTHER_REQUESTS or OPEN: of the reads, or changes, of an element in both."""
+    """SAME, DIFFERENT, SOMETIMES, OTHER_REQUESTS or OPEN, for the reads or changes of an element."""
     if not equal_last(a, b):
         return DIFFERENT
     if not a.kinds or not b.kinds:
@@ -276,12 +275,12 @@ def compare(a: Outcomes, b: Outcomes) -> str:
 
 
 def equal_last(a: Outcomes, b: Outcomes) -> bool:
-    """Whether the last values are the same; True where a capture has none."""
+    """Whether the last values are the same; True if a capture has none."""
     return not (a.values and b.values) or equal(a.last, a.format, b.last, b.format)
 
 
 Pair = tuple[Counter[object], Counter[object]]
-"""How often the same request had which kind of outcome, in A and in B."""
+"""The kinds of outcome of one request, counted, in A and in B."""
 
 
 def shared_requests(a: Outcomes, b: Outcomes) -> list[Pair]:
@@ -291,9 +290,9 @@ def shared_requests(a: Outcomes, b: Outcomes) -> list[Pair]:
 
 
 def turned(pair: Pair) -> bool:
-    """Whether the same request is answered otherwise in B.
+    """Whether B answers the same request differently.
 
-    It brings a value in one capture only, fails in both with other errors, or fails more often in one of them than
+    It returns a value in only one capture, fails with different errors, or fails more often in one capture than
     chance explains.
     """
     one, other = pair
@@ -311,7 +310,7 @@ def fails_otherwise(pair: Pair) -> bool:
 
 
 def _one_sided(element: ElementKey, asked: Iterable[Place], places: Places) -> str:
-    """`asked`: where the other capture asked for the same PNU and subindex."""
+    """ONLY or OTHER_WAY; `asked` are the places where the other capture asked for the same PNU and subindex."""
     unclear = any(not places.are_different(place, element.place) for place in asked)
     return OTHER_WAY if unclear else ONLY
 
@@ -325,7 +324,7 @@ def _near(side: CaptureElements) -> Mapping[tuple[int, int], list[Place]]:
 
 
 def _about(*histories: History | None) -> tuple[str | None, str | None]:
-    """Name and unit of an element, where either capture has them."""
+    """Name and unit of an element from either capture."""
     known = [each for each in histories if each is not None]
     name = next((each.name for each in known if each.name), None)
     return name, next((each.unit for each in known if each.unit), None)
@@ -368,7 +367,7 @@ def _latency(device: str, operation: str, one: list[Took], other: list[Took]) ->
 
 
 def _percentile(values: list[float], percent: int) -> float:
-    """The nearest-rank percentile: always one that was measured."""
+    """The nearest-rank percentile: always a measured value."""
     return sorted(values)[max(0, -(-percent * len(values) // 100) - 1)]
 
 
@@ -379,7 +378,7 @@ def _faults(a: Json, b: Json, called: tuple[dict[str, str], dict[str, str]]) -> 
 
 
 def _counted(capture: Json, names: dict[str, str]) -> dict[tuple[str, int | None, int | None], int]:
-    """The faults of each drive whose events are all there."""
+    """The faults of each drive with complete events."""
     relations = capture.get("relations") or []
     found: Counter[tuple[str, int | None, int | None]] = Counter()
     partly = set()

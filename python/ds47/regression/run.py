@@ -1,7 +1,7 @@
-"""One capture against its stored result: analyse, load, compare, and whether that is a failure.
+"""One capture against its stored result: analyse, load, compare, and decide whether it failed.
 
-What `ds47 check`, `ds47 accept` and the pytest plugin have in common: also what of a folder there is to
-check, its captures and the stored results that have none.
+Shared by `ds47 check`, `ds47 accept` and the pytest plugin. Also lists what to check in a folder: its captures,
+and the stored results that belong to none of them.
 """
 
 from __future__ import annotations
@@ -23,17 +23,16 @@ from ds47.regression.versions import Origin
 
 @dataclass(slots=True)
 class CheckOutcome:
-    """What came of one capture.
+    """The outcome of checking one capture.
 
     Attributes:
-        path: the capture as it was named, of a series its first file; the stored result where its
-            capture is gone.
-        place: where its stored result stands.
-        now: its present capture object, None where nothing of it can be read.
-        stored: the stored one, None where there is none.
-        origin: which version stored it.
-        changes: what is not as it was stored.
-        pairs: which transaction of the stored result is which of the present one.
+        path: the capture as given, or the first file of a series; the stored result if its capture is gone.
+        place: the path of its stored result.
+        now: its present capture object, None if it cannot be read at all.
+        stored: the stored one, None if there is none.
+        origin: the version that stored it.
+        changes: what differs from the stored result.
+        pairs: the matching transactions, stored and present.
         error: why there is nothing to compare.
         unreadable: whether the capture could not be read, or only in part.
         problem: why it was read only in part.
@@ -60,7 +59,7 @@ class CheckOutcome:
 
     @property
     def missing_files(self) -> list[int]:
-        """How many files of a series are missing before each that is there."""
+        """How many files of a series are missing before each present one."""
         return [file["missing_before"] for file in (self.now or {}).get("files", ())]
 
     @property
@@ -70,15 +69,15 @@ class CheckOutcome:
 
     @property
     def failed(self) -> bool:
-        """Whether a check fails for this capture."""
+        """Whether the check of this capture fails."""
         return self.error is not None or bool(self.failures)
 
 
 def fails(change: Change, fail_on: str) -> bool:
     """Whether a change makes a check fail.
 
-    A finding that came counts from the severity `fail_on` on, one that went never does, nor does what
-    comes of the version of ds47 alone; everything else always counts.
+    A new finding counts from the severity `fail_on` on. A finding that is gone never counts, nor does a change
+    caused by the version of ds47 alone. Everything else always counts.
     """
     if change.kind == "finding_gone" or change.version:
         return False
@@ -91,24 +90,24 @@ def fails(change: Change, fail_on: str) -> bool:
 
 
 def place_of(task: Task) -> Path:
-    """Where the stored result of a capture or series stands."""
+    """The path of the stored result of a capture or series."""
     return baseline.path_of(Path(task.path), task.own_name)
 
 
 def result_of(task: Task, options: AnalysisOptions | None = None) -> CaptureResult:
-    """Analyses a capture or series with its digest.
+    """Analyses a capture or series, with its digest.
 
     Raises:
-        ds47.capture.CaptureError: nothing of it can be read.
+        ds47.capture.CaptureError: it cannot be read at all.
     """
     return readable(task, (options or AnalysisOptions())._replace(digest=True))
 
 
 def readable(task: Task, options: AnalysisOptions) -> CaptureResult:
-    """Analyses a capture, or a series of which at least one file can be read.
+    """Analyses a capture, or a series with at least one readable file.
 
     Raises:
-        ds47.capture.CaptureError: nothing of it can be read.
+        ds47.capture.CaptureError: it cannot be read at all.
     """
     result = read(task, options)
     if result.files and not any(file.readable for file in result.files):
@@ -118,13 +117,13 @@ def readable(task: Task, options: AnalysisOptions) -> CaptureResult:
 
 @dataclass(frozen=True, slots=True)
 class Lonely:
-    """A stored result whose capture is not looked at: a test that lost its recording would pass for ever."""
+    """A stored result that belongs to no checked capture: a test that lost its recording would pass forever."""
 
     place: Path
     error: str
 
     def outcome(self, fail_on: str | None = None) -> CheckOutcome:
-        """What a check says of it: it fails. `fail_on` and ConfigError as in `check`."""
+        """The outcome of its check, a failure. `fail_on` and ConfigError as in `check`."""
         settings = config.find(self.place)
         label = settings.label(self.place)
         fail_on = fail_on or settings.fail_on
@@ -135,21 +134,21 @@ class Lonely:
 
 @dataclass(frozen=True, slots=True)
 class Content:
-    """What of one folder there is to check: all that a check, and a run of pytest, has to look at."""
+    """Everything to check in one folder, by `ds47 check` or pytest."""
 
     tasks: list[Task]
     lonely: list[Lonely]
 
 
 def content(folder: Path, names: Sequence[str], *, series: bool) -> Content:
-    """What there is to check of a folder (not of those below it) with files of these names."""
+    """What to check in a folder with files of these names, without its subfolders."""
     captures = sorted(str(folder / name) for name in names if in_folders(series)(name))
     gone = [Lonely(folder / name, error) for name, error in baseline.orphans(names, series=series)]
     return Content(plan(captures, series), gone)
 
 
 def lonely(folder: str, *, series: bool) -> Iterator[Lonely]:
-    """The stored results in a folder, with all below it, whose capture is not looked at."""
+    """The stored results in a folder and its subfolders that belong to no checked capture."""
     for parent, below, names in os.walk(folder):
         below.sort()
         for name, error in baseline.orphans(names, series=series):
@@ -162,13 +161,13 @@ def check(
     fail_on: str | None = None,
     lang: str = "en",
 ) -> CheckOutcome:
-    """Compares a capture with its stored result. Files that cannot be used are in `error`.
+    """Compares a capture with its stored result. Problems with either file go to `error`.
 
     Args:
         task: the capture or series.
         options: how to analyse it; the same as when the result was stored.
-        fail_on: from which severity on a new finding is a failure; None for what `ds47.toml` says.
-        lang: language in which it is said what changed, "en" or "zh".
+        fail_on: the least severity of a new finding that fails; None takes it from `ds47.toml`.
+        lang: language of the changes, "en" or "zh".
 
     Raises:
         ds47.regression.config.ConfigError: the `ds47.toml` of the capture cannot be used.
@@ -206,7 +205,7 @@ def _stored(task: Task, place: Path) -> baseline.Stored:
     """The stored result of a capture or series.
 
     Raises:
-        ds47.regression.baseline.BaselineError: there is none, or it is not its own.
+        ds47.regression.baseline.BaselineError: there is none, or it belongs to something else.
     """
     try:
         stored = baseline.load(place)
@@ -219,7 +218,7 @@ def _stored(task: Task, place: Path) -> baseline.Stored:
 
 
 def _refuse_a_part(task: Task, place: Path, stored: Json | None = None) -> None:
-    """Raises BaselineError where `place` has the result of the series that one file alone is of."""
+    """Raises BaselineError if a single file is checked against the result of its whole series."""
     if task.series:
         return
     if stored is None:

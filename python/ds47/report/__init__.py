@@ -1,12 +1,12 @@
 """Reports: one result model, one serializer per format.
 
-Here live what the serializers share: their shape, their options and the way to open one by the
-name of its format. What a format looks like lives in the module of that name (`ds47.report.text`,
-`.json`, `.ndjson`, `.csv`); what the words mean in `ds47.model`. Nothing here analyses anything.
+Lives here: what the serializers share. That is their shape, their options, and how to open one by the
+name of its format. Each format has the module of its name (`ds47.report.text`, `.json`, `.ndjson`, `.csv`).
+`ds47.model` says what the words mean. Nothing here analyses anything.
 
 Each module has `write(report, stream, options)` for a whole result, and `Writer(stream, options)`
-for results that come one by one. A writer whose `streams` is true wants every transaction as soon
-as it is finished, and then holds no more than one.
+for results that come one by one. A writer with `streams` takes every transaction as soon as it is
+finished, and holds no more than one.
 """
 
 from __future__ import annotations
@@ -58,13 +58,13 @@ class RuleText(Protocol):
 class ReportOptions(NamedTuple):
     """How to print. `color`: ANSI colours (text only). `rules`: the catalogue, for rule names.
 
-    `fail_on`: the severity from which on a finding is a failure (junit only). `lang`: the language of
-    the words of a report (text), or in which a page starts (html). `plc`: what the PLC saw
-    of every job, not only of those that are not ok (text only). `reference`: what 100 % of a setpoint
-    is (text, html). `s7`: every transaction of S7, not only those with findings (text only). `heading`: the
-    title block (html). `zone`: in which times of day are said (text, html). `width`: columns of a line (text).
-    `detail`: "all"; "summary" without transactions, events and findings; "auto" for that where there are many
-    (text). `captures`: of how many the report is; of many, and not "all", the text has what they come to.
+    `fail_on`: the least severity of a finding that is a failure (junit only). `lang`: the language of the
+    report (text), or the one a page starts in (html). `plc`: also show what the PLC saw of jobs that are ok
+    (text only). `reference`: the meaning of 100 % of a setpoint (text, html). `s7`: also show transactions of
+    S7 without findings (text only). `heading`: the title block (html). `zone`: the time zone (text, html).
+    `width`: columns of a line (text). `detail`: "all"; "summary" leaves out transactions, events and findings;
+    "auto" is "summary" where these are many (text). `captures`: how many captures the report covers. For many
+    of them, unless `detail` is "all", the text shows totals.
     """
 
     color: bool = False
@@ -97,7 +97,7 @@ class Writer:
         """Takes a capture at its end; for a writer that streams, without its transactions."""
 
     def unreadable(self, path: str, problem: str) -> None:
-        """Takes a capture of which nothing could be read, instead of `capture`."""
+        """Takes a capture that could not be read at all, instead of `capture`."""
 
     def close(self) -> None:
         """Ends the report. The stream stays open: it belongs to the caller."""
@@ -112,7 +112,7 @@ def open_writer(name: str, stream: TextIO, options: ReportOptions | None = None)
 
     Raises:
         ValueError: for other names.
-        CannotWriteError: the format needs a package that is missing, or another kind of stream.
+        CannotWriteError: the format needs a missing package, or another kind of stream.
     """
     if name not in FORMATS:
         raise ValueError(f"no report format {name!r}: one of {', '.join(FORMATS)}")
@@ -121,14 +121,14 @@ def open_writer(name: str, stream: TextIO, options: ReportOptions | None = None)
 
 
 def write_all(writer: Writer, report: Report) -> None:
-    """Drives a writer with a result that is already complete: `write` of every format."""
+    """Drives a writer with a complete result: `write` of every format."""
     for result in report.captures:
         write_one(writer, result)
     writer.close()
 
 
 def write_one(writer: Writer, result: CaptureResult) -> None:
-    """Hands one complete result to a writer, in the way that it wants it."""
+    """Hands one complete result to a writer, as a stream if the writer streams."""
     if writer.streams:
         _replay(writer, result)
     else:
@@ -136,7 +136,7 @@ def write_one(writer: Writer, result: CaptureResult) -> None:
 
 
 def _replay(writer: Writer, result: CaptureResult) -> None:
-    """Hands a complete result over as an analysis that streams would have."""
+    """Hands over a complete result as a streaming analysis would."""
     by_transaction: dict[int | None, list[Finding]] = {}
     for finding in result.findings:
         by_transaction.setdefault(finding.transaction, []).append(finding)
@@ -166,9 +166,9 @@ def _replay(writer: Writer, result: CaptureResult) -> None:
 
 
 def is_text(format_name: str | None) -> bool:
-    """Whether a value that is a string is text from the drive (docs/protocol.md A.6).
+    """Whether a string value of this format is text from the drive (docs/protocol.md A.6).
 
-    In the other formats it is a number that JSON cannot hold (NaN, 64 bits) or hex digits.
+    In other formats a string is hex digits, or a number that JSON cannot hold (NaN, 64 bits).
     """
     return format_name is None or format_name.startswith(("VisibleString", "UNICODE", "Unicode"))
 
@@ -177,10 +177,9 @@ def schema(name: str = "report-2") -> dict[str, Any]:
     """A JSON Schema of the package.
 
     Args:
-        name: `report-2` is the report, its `$defs` has `message` (decode); `transaction-2` is a
-            line of ndjson; `report-1` and `transaction-1` are what both were before; `table-1` has
-            `csv` and `parquet` in its `$defs`, a row each; `overview-1` is the overview of a folder
-            of results.
+        name: `report-2` is the report; its `$defs` has `message` (decode). `transaction-2` is a line of
+            ndjson. `report-1` and `transaction-1` are their predecessors. `table-1` has the rows of
+            `csv` and `parquet` in its `$defs`. `overview-1` is the overview of a folder of results.
     """
     from importlib import resources  # takes as long to import as a small report to write
     from json import loads

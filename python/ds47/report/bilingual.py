@@ -1,6 +1,6 @@
-"""A text in English and Chinese at once, and words of the tables in spec/ with their values filled in.
+"""A text in both English and Chinese, and words of the tables in spec/ with their values filled in.
 
-The text report shows one of the two languages, the HTML page holds both.
+The text report shows one language, the HTML page holds both.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ class Both(NamedTuple):
 
     @classmethod
     def same(cls, text: str) -> Both:
-        """A text that has only one language: a name, a number."""
+        """A text that is the same in both: a name, a number."""
         return cls(text, text)
 
     def joined(self, other: Both, en: str = " ", zh: str = "") -> Both:
-        """This text and another one behind it."""
+        """This text followed by another one."""
         return Both(self.en + en + other.en, self.zh + zh + other.zh)
 
     def text(self, lang: str) -> str:
@@ -37,34 +37,34 @@ class Both(NamedTuple):
 def say(key: str, **values: Any) -> Both:
     """A text of spec/report.toml or commands.toml, filled in; `n` also chooses between `one|several`.
 
-    An integer is written with commas; one that shall not be comes as a string.
+    Integers are written with commas. Pass a string to avoid that.
     """
     return filled(report_words().get(key) or command_words()[key], values)
 
 
 @lru_cache(maxsize=1024)
 def counted(key: str, n: int) -> Both:
-    """`say` with a number alone, kept: few numbers stand in most lines of a report."""
+    """`say` with nothing but a number, cached: most lines of a report repeat a few numbers."""
     return say(key, n=n)
 
 
 def filled(texts: Mapping[str, str], values: Mapping[str, Any]) -> Both:
-    """A text of a table of both languages with its values filled in."""
+    """A text of a table in both languages, with its values filled in."""
     return Both(*(_fill(texts[lang], index, values) for index, lang in enumerate(LANGUAGES)))
 
 
 def state(word: str) -> Both:
-    """The name of a state of a transaction: one and the same in every report."""
+    """The name of a state of a transaction, the same in every report."""
     return _named(f"state_{word}", word)
 
 
 def operation(word: str) -> Both:
-    """The name of what a transaction asks."""
+    """The name of the operation of a transaction."""
     return _named(f"operation_{word}", word)
 
 
 def _named(key: str, word: str) -> Both:
-    """A word of the table; one that a stored result has and the table does not know stays as it is."""
+    """A word of the table. A stored result may have others; they stay as they are."""
     return say(key) if key in report_words() else Both.same(word)
 
 
@@ -76,7 +76,7 @@ def joined(parts: Sequence[Both], en: str = ", ", zh: str = "，") -> Both:
 
 
 def numbered(numbers: Mapping[str, str], words: str = "") -> Both:
-    """`4 ok, 1 error`, of the text of each number; `words` begins the keys of words that are translated."""
+    """`4 ok, 1 error`, from key -> text of a number; `words` is the prefix of keys to translate."""
     told = [
         Both.same(number).joined(say(words + key) if words else Both.same(key), zh=" ")
         for key, number in numbers.items()

@@ -1,7 +1,7 @@
 """Times of a capture as a person reads them: time of day in a zone, and seconds since the first frame.
 
-JSON, CSV and what a program reads stay in UTC. The zone is said once, with the date and what it is ahead of UTC.
-In a capture over midnight each time has its date, over a change of summer time its offset too.
+JSON, CSV and other formats for programs stay in UTC. The zone is given once, with the date and the offset.
+If a capture crosses midnight, each time has its date; across a change of summer time, its offset too.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from ds47.report.zones import Zone
 from ds47.spec.units import SECOND_NS, timestamp
 
 NO_DATE_BEFORE = 315_532_800
-"""Seconds since 1970 (1980-01-01). Nothing was captured then: a clock before it was never set."""
+"""1980-01-01 in seconds since 1970. An earlier time means that the clock was never set."""
 _DAY = 86_400
 _LONG_NS = 30 * _DAY * SECOND_NS
-"""Summer time may begin and end again in a longer capture."""
+"""In a longer capture summer time may begin and end again."""
 _DAYS = 20_000
-"""Days in which changes are looked for: who set a clock to the year 5000 gets no summer time."""
+"""How many days to search for changes: a clock set to the year 5000 gets no summer time."""
 
 
 class Clock:
     """The times of one capture in a zone.
 
-    `first_ns` is the time of the first frame (None where there is none), `last_ns` the last time that is known.
-    `known`: whether it was ever set. `dated`, `has_offsets`: whether each time has its date, its offset.
+    `first_ns` is the time of the first frame (None without frames), `last_ns` the last known time. `known`: the
+    clock was set at some time. `dated`, `has_offsets`: each time is shown with its date, its offset.
     """
 
     def __init__(self, where: Zone, first_ns: int | None, last_ns: int | None = None) -> None:
@@ -43,7 +43,7 @@ class Clock:
 
     @classmethod
     def of(cls, result: CaptureResult, where: Zone) -> Clock:
-        """That of a capture; a result that was stored before it had a start begins with its first transaction."""
+        """The clock of a capture. Old stored results have no start: there the first transaction counts."""
         first = result.start_ns
         if first is None:
             first = min((each.start_ns for each in result.transactions), default=None)
@@ -55,7 +55,7 @@ class Clock:
         return date, offset
 
     def at(self, time_ns: int) -> str:
-        """`12:14:03.412`, with its date and offset where these are needed; empty where no time of day is known."""
+        """`12:14:03.412`, with date and offset if needed; empty if the time of day is unknown."""
         if not self.known:
             return ""
         clock, date, offset = self._local(time_ns)
@@ -64,15 +64,15 @@ class Clock:
         )
 
     def time_of_day(self, time_ns: int) -> str:
-        """`12:14:03.412`, whatever the day; empty where no time of day is known."""
+        """`12:14:03.412`, never with a date; empty if the time of day is unknown."""
         return self._local(time_ns)[0] if self.known else ""
 
     def moment(self, time_ns: int) -> str:
-        """The time of day, or the seconds since the first frame where none is known: `0.412 s`."""
+        """The time of day, or if that is unknown the seconds since the first frame: `0.412 s`."""
         return self.at(time_ns) or f"{self.since(time_ns)} s"
 
     def since(self, time_ns: int) -> str:
-        """Seconds since the first frame, as in Wireshark: `0.412`. Cut to milliseconds, as times of day are."""
+        """Seconds since the first frame, as in Wireshark: `0.412`. Cut to milliseconds, like times of day."""
         return f"{floor(self.elapsed_ns(time_ns) / 1e6) / 1000:.3f}"
 
     def elapsed_ns(self, time_ns: int) -> int:
@@ -91,11 +91,11 @@ class Clock:
 
     @property
     def zone_name(self) -> str:
-        """`Europe/Berlin`, or `+02:00` of a mere offset."""
+        """`Europe/Berlin`, or `+02:00` for a mere offset."""
         return self._zone.name or self.day(self.first_ns or 0)[1]
 
     def changes(self) -> list[tuple[int, int]]:
-        """From when on (ns) the clock is how many seconds ahead of UTC: from the first frame, and each change."""
+        """Start (ns) and offset from UTC (s) of each period: from the first frame, and from each change."""
         first, last = self.first_ns or 0, self._last_ns or 0
         found = [(first, self._zone.offset(first // SECOND_NS))]
         if not self.has_offsets:
@@ -110,7 +110,7 @@ class Clock:
         return found
 
     def _change(self, before: int, after: int) -> int:
-        """The second between two others from which on the clock is as at the later one."""
+        """The second of the change between two times: the first with the later offset."""
         there = self._zone.offset(after)
         while after - before > 1:
             middle = (before + after) // 2
@@ -124,9 +124,9 @@ class Clock:
         return say("time_first_transaction", start=self.start())
 
     def span(self, result: CaptureResult) -> Both | None:
-        """When the capture was taken; None where it has no frame.
+        """When the capture was taken; None without frames.
 
-        It ends with its last frame; one that was stored before that was kept with the last that is known.
+        It ends with its last frame. Old stored results lack that time: there the last known time counts.
         """
         if self.first_ns is None:
             return None
@@ -150,12 +150,12 @@ class Clock:
 
 
 def seen_at(result: CaptureResult) -> dict[int, int]:
-    """When the frames of findings were, by number: nanoseconds since 1970."""
+    """The times of the frames of findings, by frame number: nanoseconds since 1970."""
     return {each.frame: each.time_ns for each in result.findings if each.time_ns is not None}
 
 
 def beginning(where: Zone, time_ns: int | None) -> str:
-    """`2026-11-21 12:14:03`: when a capture begins, for a table of many; empty where no time of day is known."""
+    """`2026-11-21 12:14:03`, the start of a capture in a table of many; empty if the time of day is unknown."""
     clock = Clock(where, time_ns)
     if time_ns is None or not clock.known:
         return ""
@@ -163,7 +163,7 @@ def beginning(where: Zone, time_ns: int | None) -> str:
 
 
 def _times(result: CaptureResult) -> Iterator[int]:
-    """When the last frame was, transactions ended and something happened to drives."""
+    """The times of the last frame, the ends of transactions, and the last event of each drive."""
     if result.end_ns is not None:
         yield result.end_ns
     yield from map(_ended, result.transactions)

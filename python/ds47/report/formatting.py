@@ -18,7 +18,7 @@ from ds47.report.sentences import error_words
 from ds47.report.sentences import name as parameter_name
 
 VALUES_SHOWN = 8
-"""A longer list of values is cut, and its length stated."""
+"""A longer list of values is cut, and its length given."""
 
 
 def count(number: int, noun: str) -> str:
@@ -27,7 +27,7 @@ def count(number: int, noun: str) -> str:
 
 
 def duration(nanoseconds: int) -> str:
-    """A time in the unit that fits it: `0.412 ms`, `12.4 ms`, `12.3 s`."""
+    """A duration in a suitable unit: `0.412 ms`, `12.4 ms`, `12.3 s`."""
     milliseconds = nanoseconds / 1e6
     if abs(milliseconds) >= 10_000:
         return f"{milliseconds / 1000:.1f} s"
@@ -35,7 +35,7 @@ def duration(nanoseconds: int) -> str:
 
 
 def address(item: Parameter) -> str:
-    """`p50303[0]`, `r2902[2..5]`, `P0700[0]`, `r0944[0].text`; `p?` where no request names it."""
+    """`p50303[0]`, `r2902[2..5]`, `P0700[0]`, `r0944[0].text`; `p?` if no request names it."""
     if item.pnu is None:
         return "p?"
     first, elements = item.subindex, item.element_count or 0
@@ -56,7 +56,7 @@ def value(item: Value, format_name: str | None) -> str:
 def values(
     items: Sequence[Value], format_name: str | None, lang: str = "en", stated: int = 0
 ) -> str:
-    """A list of values, cut where it grows long or the record is cut: `1, 2, 3, ... (40 values)`."""
+    """A list of values, cut if it is long or its record is cut: `1, 2, 3, ... (40 values)`."""
     shown = ", ".join(value(each, format_name) for each in items[:VALUES_SHOWN])
     many = max(len(items), stated)
     if many <= min(len(items), VALUES_SHOWN):
@@ -77,7 +77,7 @@ def error(item: ParameterError, lang: str = "en") -> str:
 
 
 def name(item: Parameter, lang: str = "en") -> str | None:
-    """`Maximum speed`; as the drive calls it in quotes, `"Max_frequency"`; None where it has no name."""
+    """`Maximum speed`; a name from the drive in quotes, `"Max_frequency"`; None without a name."""
     found, said = parameter_name(item, lang), item.described
     if found is None or said is None or said.name is None:
         return found
@@ -85,7 +85,7 @@ def name(item: Parameter, lang: str = "en") -> str | None:
 
 
 def parameter(item: Parameter, written: bool, lang: str = "en") -> str:
-    """A parameter with what is known of it: `p50303[0] = 10.0`, with `:=` if it was written."""
+    """A parameter with its values or error: `p50303[0] = 10.0`, with `:=` if it was written."""
     called = name(item, lang)
     about = f" ({called})" if called else ""
     told = _told(item, lang)
@@ -95,7 +95,7 @@ def parameter(item: Parameter, written: bool, lang: str = "en") -> str:
 
 
 def _told(item: Parameter, lang: str) -> str:
-    """Values with their unit, or what they describe; empty where there are none."""
+    """Values with their unit, or the description they form; empty without values."""
     described = descriptions.words(item)
     if described is not None:
         return described.text(lang)

@@ -1,8 +1,7 @@
-"""Many captures in one view: a line for each, the worst first, then the sums over all of them.
+"""Many captures in one view: a line for each, the worst first, then the totals.
 
-Lives here: `CaptureRow`, what is kept of a capture (some hundred bytes, whatever its length), the text,
-and the document `ds47.overview/1`. What to do is `ds47.report.causes`; what is in one capture is told by the
-other formats.
+Lives here: `CaptureRow`, the summary of a capture (a few hundred bytes, whatever its length), the text,
+and the document `ds47.overview/1`. `ds47.report.causes` says what to do; other formats show single captures.
 """
 
 from __future__ import annotations
@@ -27,16 +26,16 @@ from ds47.version import __version__
 
 SCHEMA = "ds47.overview/1"
 _CYCLIC = "DS5"
-"""How the rules begin that are notes for drives of makers whose tables are not known."""
+"""The prefix of the rules that are only notes for drives of makers without tables."""
 
 
 @dataclass(slots=True)
 class CaptureRow:
     """One capture; the names are those of the report.
 
-    `readable` is False where nothing of it could be read, and `problem` says why. `findings` counts
-    by severity, `rules` by rule; `diagnoses` has the causes by rule, `slowest_ns` is the longest duration. `start`
-    and `end` are the times of the first and the last frame, as the report has them.
+    `readable` is False if it could not be read at all; `problem` says why. `findings` counts by severity, `rules`
+    by rule. `diagnoses` has the causes by rule, `slowest_ns` is the longest duration. `start` and `end` are the
+    times of the first and the last frame, in the form of the report.
     """
 
     path: str
@@ -58,7 +57,7 @@ class CaptureRow:
 
     @classmethod
     def of(cls, result: CaptureResult) -> CaptureRow:
-        """What a whole result (its transactions and findings included) comes to."""
+        """The row of a complete result, which has its transactions and findings."""
         transactions, findings = result.transactions, result.findings
         times = [each.duration_ns for each in transactions if each.duration_ns is not None]
         return cls(
@@ -81,12 +80,12 @@ class CaptureRow:
 
     @classmethod
     def unreadable(cls, path: str, problem: str) -> CaptureRow:
-        """A capture of which nothing could be read."""
+        """A capture that could not be read at all."""
         return cls(path, readable=False, complete=False, problem=problem)
 
     @classmethod
     def loaded(cls, plain: dict[str, Any]) -> CaptureRow:
-        """A row that `plain` has written; ten thousand of them share their words."""
+        """A row written by `plain`; words are interned, as there may be ten thousand rows."""
         for key in ("operations", "states", "findings", "rules"):
             plain[key] = {sys.intern(word): number for word, number in plain[key].items()}
         plain["diagnoses"] = causes.loaded(plain["diagnoses"])
@@ -100,7 +99,7 @@ class CaptureRow:
 
     @property
     def transactions(self) -> int:
-        """How many."""
+        """The number of transactions."""
         return sum(self.states.values())
 
     @property
@@ -110,7 +109,7 @@ class CaptureRow:
 
     @property
     def length_ns(self) -> int | None:
-        """From the first frame to the last one; None where these are not known, or come in another order."""
+        """From the first frame to the last one; None if these are unknown, or out of order."""
         if self.start is None or self.end is None:
             return None
         length = nanoseconds(self.end) - nanoseconds(self.start)
@@ -118,11 +117,11 @@ class CaptureRow:
 
     @property
     def worst(self) -> int:
-        """Index of the most serious severity, -1 where nothing was found."""
+        """Index of the most serious severity, -1 without findings."""
         return max((SEVERITIES.index(name) for name in self.findings), default=-1)
 
     def badness(self) -> tuple[bool | int | str, ...]:
-        """Sorts the worst first: not readable, errors, warnings, cut off, not ok; then the path."""
+        """A sort key, the worst first: not readable, errors, warnings, truncated, not ok, notes; then the path."""
         found = self.findings
         return (
             self.readable,
@@ -136,7 +135,7 @@ class CaptureRow:
 
     @property
     def quiet(self) -> bool:
-        """Whether nobody need look at it: read as a whole, no error, no warning, every job ok."""
+        """Whether it needs no attention: read completely, no error, no warning, every job ok."""
         return (
             self.complete
             and not ({"error", "warning"} & self.findings.keys())
@@ -148,7 +147,7 @@ class CaptureRow:
 
 
 def total(rows: Sequence[CaptureRow]) -> dict[str, Any]:
-    """The sums over captures, in the order of the run, as an object of `ds47.overview/1`."""
+    """The totals over captures, in the order of the run, as an object of `ds47.overview/1`."""
     sums: dict[str, Counter[str]] = {
         key: Counter() for key in ("operations", "states", "findings", "rules", "rule_captures")
     }
@@ -186,7 +185,7 @@ def total(rows: Sequence[CaptureRow]) -> dict[str, Any]:
 
 
 def document(rows: Sequence[CaptureRow]) -> Iterator[str]:
-    """The overview as pieces of JSON text, the worst capture first, one a line."""
+    """The overview as pieces of JSON text, one capture per line, the worst first."""
     from ds47.report import json  # text needs none of the contract
 
     head = {
@@ -206,7 +205,7 @@ def write(report: Report, stream: TextIO, options: ReportOptions | None = None) 
 
 
 class Writer(_Writer):
-    """Keeps a row of each capture, and prints at the end."""
+    """Keeps a row for each capture, and prints at the end."""
 
     def __init__(self, stream: TextIO, options: ReportOptions | None = None) -> None:
         super().__init__(stream, options)
@@ -224,7 +223,7 @@ class Writer(_Writer):
 
 
 def lines(rows: Sequence[CaptureRow], options: ReportOptions) -> list[str]:
-    """The overview as text: which captures need a look, what to do, what was found, sums."""
+    """The overview as text: captures that need attention, what to do, what was found, totals."""
     summed = total(rows)
     return [
         *_spaced(table(rows, options.lang, zone=options.zone)),
@@ -245,9 +244,9 @@ _TIMES = ("start", "length")
 def table(
     rows: Iterable[CaptureRow], lang: str, most: int | None = None, zone: Zone = UNIVERSAL
 ) -> list[str]:
-    """A line for each capture that needs a look, the worst first; of more than `most` those.
+    """A line for each capture that needs attention, the worst first, at most `most`.
 
-    Where any of them has a time, each has its start in `zone` and its length.
+    If the time of any is known, all have the columns start (in `zone`) and length.
     """
     ordered = sorted((row for row in rows if not row.quiet), key=CaptureRow.badness)
     if not ordered:
@@ -272,7 +271,7 @@ def table(
 
 
 def told_times(row: CaptureRow, zone: Zone) -> tuple[str, str]:
-    """When a capture begins and how long it is; `-` for what is not known."""
+    """The start and the length of a capture; `-` if unknown."""
     length = row.length_ns
     return beginning(zone, row.start_ns) or "-", "-" if length is None else duration(length)
 
@@ -299,7 +298,7 @@ def _cells(row: CaptureRow, lang: str) -> tuple[str, ...]:
 
 
 def _about(row: CaptureRow) -> Both:
-    """The problem without the name that stands before it."""
+    """The problem without the name in front of it."""
     if not row.problem:
         return say("file_ends_early")
     problem = " ".join(row.problem.split())
@@ -307,7 +306,7 @@ def _about(row: CaptureRow) -> Both:
 
 
 def _rules(summed: dict[str, Any], options: ReportOptions) -> list[str]:
-    """The rules but the diagnoses, which stand under what to do."""
+    """The rules without the diagnoses, which are under what to do."""
     found = [each for each in summed["rules"].items() if not each[0].startswith(DIAGNOSIS)]
     if not found:
         return []

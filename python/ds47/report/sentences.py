@@ -1,8 +1,8 @@
-"""What an analysis found in words, English or Chinese: findings and diagnoses, error numbers, names of parameters.
+"""What an analysis found, in English or Chinese: findings and diagnoses, error numbers, names of parameters.
 
-The only place that words them; nothing reads a value back out of what it gives. What the types of arguments
-mean is in spec/rules.toml, the words of keys are in spec/diagnoses.toml and spec/pairing.toml. Used by every
-report, by `watch`, `check` and `decode`; lua/ds47/report/sentences.lua says the same.
+Only this module words them, and nothing parses its texts. spec/rules.toml explains the types of arguments;
+spec/diagnoses.toml and spec/pairing.toml have the words of keys. Used by every report, by `watch`, `check` and
+`decode`. lua/ds47/report/sentences.lua says the same.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from ds47.spec.semantics import diagnosis_words, parts, reasons
 from ds47.spec.statuses import status_text
 
 VALUES_SHOWN: Final = 4
-"""Values of a list that a sentence names."""
+"""The most values of a list that a sentence names."""
 _LINE: Final = 100
 _NUMBER: Final = re.compile(r"\d+")
 _OF_ERROR: Final = re.compile(r"(?=0x[0-9A-F]{2}(?:, several parameters|，多个参数)?[:：])")
-"""Where a part of an advice begins that is about one error number;"""
+"""The start of a part of an advice that is about one error number."""
 _SEVERAL: Final = (", several parameters", "，多个参数")
-"""what stands behind the number where that part is about requests of several parameters alone."""
+"""What follows the number if the part is only about requests with several parameters."""
 _FRAMES: Final = ("frame", "frames")
 
 
 def sentence(item: Finding | Diagnosis, lang: str = "en") -> str:
-    """What a finding says, or what is true of all cases of a diagnosis: a line, with texts as captured."""
+    """What a finding says, or what all cases of a diagnosis share: one line, with texts as captured."""
     if item.said is not None:
         return item.said
     if isinstance(item, Diagnosis) and item.differs:
@@ -43,7 +43,7 @@ def sentence(item: Finding | Diagnosis, lang: str = "en") -> str:
 
 
 def _in_common(item: Diagnosis, lang: str) -> str:
-    """The sentence of one case where nothing that it names differs, else that of many, else the title."""
+    """The sentence for one case if none of its arguments differ, else the one for many cases, else the title."""
     row = rules()[item.rule]
     for template, many in ((row.message, False), (row.many, True)):
         names = _names(row, template, item.args, many)
@@ -58,7 +58,7 @@ def _in_common(item: Diagnosis, lang: str) -> str:
 
 
 def _names(row: Rule, template: str, args: Mapping[str, Any], many: bool) -> set[str]:
-    """The arguments that a sentence shows, those in the words of a key among them."""
+    """The arguments that a sentence shows, including those in the words of a key."""
     found = set(_fields(template))
     for name in list(found):
         if row.args.get(name) == "key" and args.get(name) is not None:
@@ -102,16 +102,16 @@ def words(rule: str, args: Mapping[str, Any], lang: str = "en") -> str:
 def advice(
     row: RuleText, args: Mapping[str, Any], lang: str = "en", said: Collection[str] = ()
 ) -> str:
-    """What a rule advises: what is about the error number that was seen first, about no other one.
+    """What a rule advises. Of the parts about error numbers only the one for the number seen is kept.
 
-    What was `said` already (`advice_parts`) is left out.
+    Parts that were `said` already (`advice_parts`) are left out.
     """
     parts = [part for part in advice_parts(row, args, lang) if part not in said]
     return ("" if lang == "zh" else " ").join(parts)
 
 
 def advice_parts(row: RuleText, args: Mapping[str, Any], lang: str = "en") -> list[str]:
-    """The same, what is about an error number apart from the rest; where a key has an advice of its own, that."""
+    """The parts of `advice`, first the one about the error number. A key may have an advice of its own."""
     what = _which(args) if "area" in args else args.get("what")
     own, code = diagnosis_words(lang).get(f"advice_{what}"), args.get("code")
     text = own or (row.advice_zh if lang == "zh" else row.advice)
@@ -126,29 +126,29 @@ def advice_parts(row: RuleText, args: Mapping[str, Any], lang: str = "en") -> li
 
 
 def _which(args: Mapping[str, Any]) -> str:
-    """How an item of S7 is told that an address only suggests to be an element of a drive, and any other."""
+    """The key for an item of S7: its address may suggest an element of a drive."""
     return "item" if args.get("pnu") is None else "item_or_element"
 
 
 def at_offset(offset: int | None, text: str, lang: str = "en") -> str:
-    """A text with the byte of the message in front that it is about; offsets count from 0, None is the whole."""
+    """A text with its byte offset in the message in front; offsets count from 0, None means the whole message."""
     if offset is None:
         return text
     return say("finding_offset", offset=str(offset), message=text).text(lang)
 
 
 def message(item: Finding, lang: str = "en") -> str:
-    """The sentence of a finding; where it is about a byte of a message, with its offset in front."""
+    """The sentence of a finding, with the offset in front if it is about a byte of a message."""
     return at_offset(item.offset, sentence(item, lang), lang)
 
 
 def error_words(item: ParameterError, lang: str = "en") -> str:
-    """What an error number means on the drive that sent it; empty where there is no number."""
+    """What an error number means on the drive that sent it; empty without a number."""
     return model.error_words(item, lang)
 
 
 def name(item: Parameter, lang: str = "en") -> str | None:
-    """As the drive calls it; else the name of a listed parameter; None of any other."""
+    """The name the drive gives, else the name of a listed parameter, else None."""
     if item.described is not None and item.described.name is not None:
         return item.described.name
     known = item.listed
@@ -158,7 +158,7 @@ def name(item: Parameter, lang: str = "en") -> str | None:
 
 
 def renumbered(rule: str, args: Mapping[str, Any], number: Callable[[int], int]) -> dict[str, Any]:
-    """The arguments with other frame numbers: those of a frame are looked up in `number`."""
+    """The arguments with new frame numbers: `number` gives the new one for each."""
     types = rules()[rule].args
     changed = dict(args)
     for name, value in args.items():
@@ -168,7 +168,7 @@ def renumbered(rule: str, args: Mapping[str, Any], number: Callable[[int], int])
 
 
 class _Shown(dict[str, str]):
-    """The arguments of a finding by name, as a sentence shows them."""
+    """The arguments of a finding by name, worded for a sentence."""
 
     def __init__(self, row: Rule, args: Mapping[str, Any], lang: str, many: bool = False) -> None:
         super().__init__()
@@ -193,7 +193,7 @@ class _Shown(dict[str, str]):
         return text
 
     def _error(self) -> str:
-        """The error number that the rule is about, and what it means."""
+        """The error number of the finding, and what it means."""
         code, kind = self._args.get("code"), self._row.args["code"]
         if code is None:
             known = "no_known_number" if kind == "pkw" else "no_error_number"
@@ -210,7 +210,7 @@ class _Shown(dict[str, str]):
         return diagnosis_words(self._lang)["among"].format(error=text)
 
     def _text(self) -> str:
-        """The words of the status that the rule is about."""
+        """The status of the finding in words."""
         status = self._args.get("status")
         return status_text(int(status, 16), self._lang) if status is not None else ""
 
@@ -233,14 +233,14 @@ class _Shown(dict[str, str]):
 
 
 def drive(device: str, slot: int | None, lang: str) -> str:
-    """A drive in cyclic frames: its device and slot; one that was named by hand has no slot."""
+    """A drive in cyclic frames: its device and slot; a drive named by hand has no slot."""
     if slot is None:
         return device
     return diagnosis_words(lang)["drive"].format(device=device, slot=slot)
 
 
 def part(text: str, lang: str) -> str:
-    """A part of a message, such as `value block 1 of 2`; what no table has stays as it is."""
+    """A part of a message, such as `value block 1 of 2`; a part in no table stays as it is."""
     numbers = _NUMBER.findall(text)
     names = iter("nm")
     known = parts().get(_NUMBER.sub(lambda _: f"{{{next(names, '')}}}", text))
@@ -266,7 +266,7 @@ def record_index(index: int) -> str:
 
 
 def shown(kind: str, value: Any) -> str:
-    """A value of one of the types that need no words."""
+    """A value of a type that needs no words."""
     if value is None:
         return "-" if kind in _ABSENT else "?"
     return _SHOW.get(kind, str)(value)

@@ -1,8 +1,7 @@
-"""What requests address, in words: a drive object only where the capture proves that it is one.
+"""What requests address, in words: a drive object only if the capture proves it.
 
-Which two requests reach the same drive object is the business of `profidrive.drive_objects`. Here it gets a name:
-`DO 2`, `axis 9` for an axis byte that names none or one that the device does not have, and the slot where only
-that is known.
+`profidrive.drive_objects` decides which requests reach the same drive object. Here it gets a name: `DO 2`;
+`axis 9` for an axis byte that names none, or one that the device lacks; or the slot if only that is known.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from ds47.profidrive.drive_objects import DriveObjects, Identity, access_of
 from ds47.report.sentences import slot_number
 
 ANSWERED = ("ok", "partial", "error")
-"""States of a transaction that has its response."""
+"""States of a transaction with a response."""
 
 
 _Way = tuple[str, int | None, int | None, int | None, int | None, int | None]
@@ -28,32 +27,32 @@ class Targets:
     def __init__(self, transactions: Iterable[Transaction]) -> None:
         self._shown = DriveObjects.of(transactions)
         self._identities: dict[_Way, Identity] = {}
-        """Of the ways that were asked for, until something more is shown."""
+        """A cache, valid until the next transaction."""
 
     def transaction(self, item: Transaction) -> None:
-        """One more transaction, and what it shows."""
+        """Takes one more transaction."""
         self._shown.transaction(item)
         self._identities.clear()
 
     def drive_object(self, item: Transaction) -> int | None:
-        """The number of the drive object that a request reaches; None where it is not known or does not exist."""
+        """The number of the drive object that a request reaches; None if it is unknown or does not exist."""
         return self._shown.reached(item)
 
     def words(self, item: Transaction) -> str:
-        """`DO 2`, `axis 0`; empty where only the submodule is known."""
+        """`DO 2`, `axis 0`; empty if only the submodule is known."""
         number, axis = self.drive_object(item), access_of(item).axis
         if number is not None:
             return f"DO {number}"
         return "" if axis is None else f"axis {axis}"
 
     def place(self, item: Transaction, *, with_slot: bool = False) -> str:
-        """The same with the slot in front, if that is wanted or where the submodule decides."""
+        """The same with the slot in front, if asked for or if the submodule decides."""
         where = slot(item) if with_slot or access_of(item).local else ""
         channel = "" if item.channel == DS47 else item.channel.upper()
         return " ".join(filter(None, (where, self.words(item), channel)))
 
     def identity(self, item: Transaction, pnu: int | None = None) -> Identity:
-        """What two transactions have in common that reach the same drive object; for a PNU, if it is given."""
+        """What transactions that reach the same drive object share; for one PNU, if given."""
         way = item.device, item.index, item.slot, item.subslot, item.axis, pnu
         found = self._identities.get(way)
         if found is None:
@@ -63,7 +62,7 @@ class Targets:
         return found
 
     def labels(self, transactions: Sequence[Transaction]) -> dict[Identity, str]:
-        """A name for each drive object of the page, on one device never the same for two."""
+        """A name for each drive object of the page, unique on each device."""
         first: dict[Identity, Transaction] = {}
         for each in transactions:
             first.setdefault(self.identity(each), each)
@@ -81,5 +80,5 @@ class Targets:
 
 
 def slot(item: Transaction) -> str:
-    """`slot 1.1`, on PROFIBUS `slot 1`; nothing of a channel that was named by hand."""
+    """`slot 1.1`, on PROFIBUS `slot 1`; empty for a channel named by hand."""
     return "" if item.slot is None else f"slot {slot_number(item.slot, item.subslot)}"

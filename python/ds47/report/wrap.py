@@ -1,4 +1,4 @@
-"""Text in lines of a terminal: Chinese takes two columns a character, and may break between any two."""
+"""Text in lines of a terminal: a Chinese character takes two columns, and lines may break after any."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import unicodedata
 from collections.abc import Iterator, Sequence
 
 _STAYS = tuple("，。；：、）”")
-"""Characters that do not begin a line."""
+"""Characters that never begin a line."""
 _COLOR = re.compile(r"\x1b\[\d*m")
 _WORDS = re.compile("(?<= )(?! )")
 
@@ -28,14 +28,14 @@ def wrap(text: str, width: int, hanging: int = 0) -> list[str]:
 
 
 def fitted(text: str, width: int) -> list[str]:
-    """A line of a report in lines that fit: all but the first stand four columns behind its beginning."""
+    """A line of a report in lines that fit: all but the first are indented by four more columns."""
     if columns(text) <= width:
         return [text]
     return wrap(text, width, len(text) - len(text.lstrip()) + 4)
 
 
 def columns(text: str) -> int:
-    """How many columns of a terminal a text takes; colours take none."""
+    """The width of a text on a terminal; colours have none."""
     if "\x1b" in text:
         text = _COLOR.sub("", text)
     if text.isascii():
@@ -44,12 +44,12 @@ def columns(text: str) -> int:
 
 
 def padded(text: str, width: int) -> str:
-    """The text with blanks behind it, so that it takes `width` columns."""
+    """The text, padded with blanks to `width` columns."""
     return text + " " * (width - columns(text))
 
 
 def _pieces(text: str) -> Iterator[str]:
-    """The text in pieces that stay whole: a word with the blanks behind it, or a wide character."""
+    """The text in unbreakable pieces: a word with the blanks after it, or a wide character."""
     for word in _WORDS.split(text):
         if word.isascii():
             yield word
@@ -64,7 +64,7 @@ def _pieces(text: str) -> Iterator[str]:
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Cells in columns, each as wide as its widest cell, two blanks between them."""
+    """Cells in columns, each as wide as its widest cell, with two blanks between."""
     widths = [max(map(columns, cells)) for cells in zip(*rows, strict=True)]
     return [
         "  ".join(padded(cell, width) for cell, width in zip(row, widths, strict=True)).rstrip()

@@ -1,4 +1,4 @@
-"""Time zones by the words of the command line: from `Europe/Berlin` to how far a clock there is ahead of UTC."""
+"""Time zones of the command line: from `Europe/Berlin` to the offset from UTC."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ _OFFSET = re.compile(r"([+-])(\d\d):?(\d\d)")
 
 
 class Zone(NamedTuple):
-    """Where a clock hangs. `info` is None for the zone of this machine, `name` is empty for a mere offset."""
+    """A time zone. `info` is None for the zone of this machine, `name` is empty for a mere offset."""
 
     name: str
     info: tzinfo | None
 
     def offset(self, seconds: int) -> int:
-        """By how many seconds it is ahead of UTC then; 0 in years that no calendar of Python has."""
+        """How many seconds it is ahead of UTC at that time; 0 in years beyond Python's calendar."""
         try:
             there = datetime.fromtimestamp(seconds, UTC).astimezone(self.info).utcoffset()
         except (OverflowError, OSError, ValueError):
@@ -32,7 +32,7 @@ def zone(text: str) -> Zone:
     """`Europe/Berlin`, `UTC`, `local`, `+02:00`.
 
     Raises:
-        ValueError: nobody knows this zone.
+        ValueError: the zone is unknown.
     """
     if text.lower() == LOCAL:
         return Zone(LOCAL, None)
@@ -42,7 +42,7 @@ def zone(text: str) -> Zone:
         ahead = timedelta(hours=int(offset[2]), minutes=int(offset[3]))
         if ahead < timedelta(hours=24) and int(offset[3]) < 60:
             return Zone("", timezone(-ahead if offset[1] == "-" else ahead))
-    from zoneinfo import ZoneInfo  # not for reports in UTC
+    from zoneinfo import ZoneInfo  # reports in UTC do not need it
 
     try:
         return Zone(text, ZoneInfo(text))

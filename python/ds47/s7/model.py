@@ -1,6 +1,6 @@
-"""What is known of S7 communication: connections, PDUs, items, jobs (docs/s7.md).
+"""The data of S7 communication: connections, PDUs, items, jobs (docs/s7.md).
 
-Plain values only, which every other module of this room fills or reads; nothing is decoded, paired or judged here.
+Plain values only. The other modules of this room fill and read them; nothing is decoded, paired or judged here.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ GET, PUT, BSEND, USEND = OPERATIONS = ("get", "put", "bsend", "usend")
 OK, ERROR, PARTIAL, REFUSED, UNANSWERED, INCOMPLETE, ORPHAN = (
     "ok", "error", "partial", "refused", "unanswered", "incomplete", "orphan",
 )  # fmt: skip
-"""States of a job: all items went well, none, some; the whole job was refused; no answer; none in a capture that
-lacks something there; no request."""
+"""States of a job: all items succeeded, none, some; the whole job was refused; no answer; no answer, but the
+capture has a gap there; no request."""
 DB = 0x84
-"""The area of data blocks; all others have no number."""
+"""The area of data blocks; other areas have no number."""
 ELEMENTS = frozenset((0x1C, 0x1D))
 """Areas whose addresses are numbers of elements: counters and timers."""
 DONE = 0xFF
-"""The return code of an item that went well."""
+"""The return code of an item that succeeded."""
 
 
 class End(NamedTuple):
@@ -33,27 +33,27 @@ class End(NamedTuple):
 
 
 class At(NamedTuple):
-    """Where something stands in the capture: the frame that completes it, nanoseconds since 1970."""
+    """Where something is in the capture: the frame that completes it, nanoseconds since 1970."""
 
     frame: int
     time_ns: int
 
 
 class Cut(NamedTuple):
-    """Frames that the capture cut to a length."""
+    """Frames that the capture truncated."""
 
     frame: int
     """The first of them."""
     frames: int
     captured: int
-    """Bytes of one that the capture has, at the most."""
+    """The most bytes that the capture has of one."""
 
 
 @dataclass(slots=True, init=False)
 class S7Address:
-    """What an item names: `start` counts bits, in timers and counters elements; `count` elements of `size`.
+    """The address of an item: `count` elements of `size` from `start`, in bits (timers and counters: in elements).
 
-    Jobs that name the same share it: nobody changes one.
+    Jobs with the same address share one object, so it must not be changed.
     """
 
     area: int
@@ -62,12 +62,12 @@ class S7Address:
     """Number of the data block; 0 in all other areas."""
     start: int
     size: int
-    """Bits of one element; 0 where that is not known."""
+    """Bits of one element; 0 if unknown."""
     count: int
     transport: int
     """Transport size of the item (spec/s7.toml)."""
     end: int = field(compare=False, repr=False)
-    """The first bit behind it, in timers and counters the first element."""
+    """The first bit after it (timers and counters: the first element)."""
     length: int = field(compare=False, repr=False)
     """Bytes of its data."""
 
@@ -92,13 +92,13 @@ class S7Item:
     """One variable of a job, or one area of a USEND; the data of a BSEND is one item."""
 
     address: S7Address | None
-    """None where nothing of the request is known, where its syntax is an unknown one, and in what is sent."""
+    """None if the request is missing, if its syntax is unknown, and for BSEND and USEND."""
     value: bytes | None
-    """What was read, where it was read, or what was to be written; None where it is not there."""
+    """The value that was read, or was to be written; None if it is missing."""
     code: int | None
-    """What the partner answered (spec/s7.toml); None without an answer, and in what is sent."""
+    """The return code of the partner (spec/s7.toml); None without an answer, and for BSEND and USEND."""
     syntax: int | None
-    """Syntax of the address, where it is an unknown one."""
+    """Syntax of the address, if it is an unknown one."""
 
     def __init__(
         self,
@@ -121,7 +121,7 @@ class BsendSegment:
     size: int
     """Bytes of data."""
     number: int
-    """Its place in the stream of segments, as the sender counts it."""
+    """Its position in the stream of segments, as the sender counts."""
     sequence: int
     last: bool
     pdu: int = 0
@@ -129,39 +129,39 @@ class BsendSegment:
     reference: int = 0
     acknowledged: At | None = None
     assigned: int | None = None
-    """The sequence that its acknowledge names,"""
+    """The sequence in its acknowledge,"""
     error: int | None = None
-    """and its error word, 0 for none."""
+    """and the error word there, 0 for none."""
 
 
 class SzlEvidence(NamedTuple):
-    """What the server said of itself in an SZL."""
+    """What the server says about itself in an SZL."""
 
     at: At
     szl_id: int
     szl_index: int
     name: str
-    """"consistent" for the bytes that can be read consistently, "order" for the order number."""
+    """"consistent": the bytes that can be read consistently; "order": the order number."""
     value: int | str
 
 
 @dataclass(slots=True, eq=False)
 class JobCounts:
-    """What came of the jobs of a connection."""
+    """The outcomes of the jobs of a connection, counted."""
 
     jobs: int = 0
-    """All that are over."""
+    """All finished jobs."""
     refused: int = 0
-    """Those that were refused, or of which an item was;"""
+    """Jobs that were refused as a whole or in part."""
     unanswered: int = 0
     orphans: int = 0
-    """answers without a job."""
+    """Answers without a job."""
     read: int = 0
-    """Bytes that GET brought, PUT took, and BSEND and USEND sent."""
+    """Bytes read by GET, written by PUT, sent by BSEND and USEND."""
     written: int = 0
     sent: int = 0
     timed: int = 0
-    """Jobs with a request and an answer, and their times in nanoseconds."""
+    """Jobs with a request and an answer, and their durations in nanoseconds."""
     total_ns: int = 0
     least_ns: int = 0
     most_ns: int = 0
@@ -169,36 +169,36 @@ class JobCounts:
 
 @dataclass(slots=True, eq=False)
 class S7Connection:
-    """A TCP connection of S7; what the capture does not have of it is None.
+    """A TCP connection of S7; None stands for what the capture lacks.
 
-    The client is the end that opened it; where that was not seen, the end that sent the first job.
+    The client is the end that opened it, or sent the first job if the opening was not captured.
     """
 
     number: int
-    """From 1, by the first frame."""
+    """Counts from 1, in the order of the first frames."""
     client: End
     server: End
     opened: At
-    """The first frame of it."""
+    """Its first frame."""
     last: At
     begun: bool = False
-    """Whether its beginning is in the capture (SYN, or CR)."""
+    """Whether the capture has its beginning (SYN, or CR)."""
     lacks: Callable[[bool], bool] = lambda _: False
-    """Whether the capture lacks what the client, or the server, has sent last, or all of it."""
+    """Whether the capture lacks the last bytes of the client (of the server, for False), or all of them."""
     cut: Cut | None = None
-    """Frames of it that the capture cut."""
+    """Its frames that the capture truncated."""
     missing: str | None = None
-    """What the capture lacks of it when it is over: all that one end sent, or a part; a key of diagnoses.toml."""
+    """Known at its end: whether the capture lacks a part, or all that one end sent; a key of diagnoses.toml."""
     client_tsap: bytes | None = None
     server_tsap: bytes | None = None
     tpdu_size: int | None = None
-    """Bytes of a TPDU, as it was agreed."""
+    """The negotiated size of a TPDU in bytes."""
     confirmed: At | None = None
     """CC."""
     asked_pdu: int | None = None
-    """PDU length of the setup, as the client wants it,"""
+    """The PDU length that the client asks for in the setup."""
     pdu_length: int | None = None
-    """and as it was agreed; parallel jobs too."""
+    """The negotiated PDU length, and number of parallel jobs."""
     parallel: int | None = None
     setup: At | None = None
     """The answer to the setup."""
@@ -207,21 +207,21 @@ class S7Connection:
     cyclic: int = 0
     """PDUs of cyclic services, which bring data without a job."""
     other: int = 0
-    """All other PDUs that are no job and belong to none: SZL, blocks, programming device."""
+    """All other PDUs that belong to no job: SZL, blocks, programming device."""
     lost_bytes: int = 0
-    """Bytes that the capture does not have."""
+    """Bytes that the capture lacks."""
     disordered: bool = False
-    """Whether its frames are not in the order of their times: which job was open then is not known."""
+    """Whether its frames are not in the order of their times, so that the open jobs are unknown."""
     foreign: int = 0
     """PDUs of other protocols."""
     closed: bool = False
     most_open: int = 0
-    """Jobs of one end without an answer, at the most."""
+    """The most jobs of one end that were open at once."""
     counts: JobCounts = field(default_factory=JobCounts)
     evidence: list[SzlEvidence] = field(default_factory=list)
 
     def end(self, from_client: bool) -> End:
-        """Who sends in one direction."""
+        """The sender in one direction."""
         return self.client if from_client else self.server
 
 
@@ -233,40 +233,40 @@ class S7Job:
     """One of OPERATIONS."""
     connection: S7Connection
     from_client: bool
-    """Whether the end that opened the connection asks, or sends."""
+    """Whether the client sends the job, not the server."""
     reference: int
-    """PDU reference: of a BSEND that of its first segment."""
+    """PDU reference; for a BSEND, the one of its first segment."""
     asked: At | None
     """The request; None for an answer without one."""
     items: list[S7Item]
     answered: At | None
-    """The answer, of a BSEND the acknowledge of the last segment."""
+    """The answer; for a BSEND, the acknowledge of the last segment."""
     request: bytes
-    """The S7 PDU, from its header on; empty for a BSEND,"""
+    """The S7 PDU from its header on; empty for a BSEND."""
     response: bytes
-    """and that of the answer."""
+    """The S7 PDU of the answer."""
     error: int | None
-    """Error class and code of the answer as one word, of a BSEND that of an acknowledge; 0 for none."""
+    """Error class and code of the answer (BSEND: of an acknowledge) as one word; 0 for none."""
     r_id: int | None
     """Of BSEND and USEND."""
     total: int | None
     """Bytes that a BSEND announces."""
     groups: list[int]
-    """Of each item the number of the address in the request: one address may name several."""
+    """For each item the number of its address in the request: one address may name several items."""
     segments: list[BsendSegment]
     state: str
     flaws: list[Flaw]
     answer_flaws: list[Flaw]
     frames: list[int]
-    """All frames that it stands in: a PDU may be in several segments of TCP."""
+    """All its frames: a PDU may span several TCP segments."""
     lost: bool
-    """Whether the capture lacks bytes of the connection while it was open: its answer may be among them."""
+    """Whether the capture lacks bytes of the connection while the job was open: they may hold its answer."""
     place: int
-    """Among the PDU that begin in the frame of the first one."""
+    """Its position among the PDUs that begin in the frame of its first one."""
     order: int
-    """Its number among all transactions of the capture; the analysis gives it."""
+    """Its number among all transactions of the capture; the analysis sets it."""
     phase: str
-    """"closed" when everybody knows that it is over."""
+    """"closed" when all listeners know that it is over."""
 
     def __init__(
         self,
@@ -313,22 +313,22 @@ class S7Job:
 
     @property
     def asker(self) -> End:
-        """Who asks, or sends."""
+        """The end that asks, or sends."""
         return self.connection.end(self.from_client)
 
     @property
     def partner(self) -> End:
-        """Who answers, or receives."""
+        """The end that answers, or receives."""
         return self.connection.end(not self.from_client)
 
     @property
     def device(self) -> str:
-        """IP address of the partner: whoever wants findings by device asks for it so."""
+        """IP address of the partner: the device of its findings."""
         return self.partner.ip
 
     @property
     def over(self) -> bool:
-        """Whether nothing more comes of it."""
+        """Whether it is finished."""
         return self.phase == "closed"
 
     @property
@@ -339,10 +339,10 @@ class S7Job:
 
 
 class S7Listener:
-    """Hears of what happens on the connections, in the order of the frames; who wants a thing overrides that.
+    """Hears what happens on the connections, in the order of the frames. Subclasses override what they need.
 
-    A job that `asked` tells of is told to be `over` later, in the order in which answers come; then it stays as
-    it is. An answer without a request is only told to be over.
+    Each job of `asked` is later passed to `over`, in the order of the answers, and does not change after that.
+    An answer without a request is passed to `over` alone.
     """
 
     def opened(self, connection: S7Connection) -> None:
@@ -352,26 +352,26 @@ class S7Listener:
         """The setup was answered: `pdu_length` and `parallel` are there."""
 
     def refused(self, connection: S7Connection, why: str, at: At, code: int) -> None:
-        """Nothing comes of a connection.
+        """A connection was not established.
 
         Args:
             connection: it.
             why: "no_confirm" (CR without CC), "disconnect" (DR), "reset" (RST of the server), "setup" (refused).
             at: the frame that shows it.
-            code: reason of DR, error class and code of the setup; else 0.
+            code: reason of DR, or error class and code of the setup; else 0.
         """
 
     def larger(self, connection: S7Connection, from_client: bool, at: At, size: int) -> None:
-        """A PDU says to have so many bytes, which are more than were agreed."""
+        """A PDU announces more bytes than were negotiated."""
 
     def asked(self, job: S7Job) -> None:
         """A request, or the first segment, was seen."""
 
     def over(self, job: S7Job) -> None:
-        """Nothing more comes of a job: it is answered, acknowledged, sent, or given up."""
+        """A job is finished: it is answered, acknowledged, sent, or given up."""
 
     def evidence(self, connection: S7Connection, found: SzlEvidence) -> None:
         """The server said what it is."""
 
     def closed(self, connection: S7Connection) -> None:
-        """A connection is over, or the capture is; its open jobs were told of before."""
+        """A connection is over, or the capture is. Its open jobs went to `over` before."""

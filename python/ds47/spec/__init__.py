@@ -1,7 +1,7 @@
 """The protocol tables as Python objects: lazy, cached loading of spec/*.toml and lookup.
 
-Everything that is a table lives in the TOML files; nothing is decoded here. The limits and the
-state table of pairing are in `ds47.spec.semantics`.
+All tables live in the TOML files. Nothing is decoded here. The limits and the state table of pairing are
+in `ds47.spec.semantics`.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class ErrorNumber(Row):
 
 
 class Vendor(Row):
-    """The error numbers of a vendor; `id` is its PROFINET vendor id, None where not known."""
+    """The error numbers of a vendor; `id` is its PROFINET vendor id, None if unknown."""
 
     name: str
     id: int | None
@@ -107,9 +107,8 @@ class StatusTexts(Row):
 class Pnu(Row):
     """A well-known parameter (docs/protocol.md D; parameters.toml, drives.toml).
 
-    `volatile`: the drive itself changes the value, so that reading back another one than was
-    written is no finding. `family` says on which drives the number has this meaning; "profile" is
-    all of them.
+    `volatile`: the drive itself changes the value, so a readback that differs from what was written is
+    not a finding. `family` names the drives that use the number in this meaning; "profile" means all.
     """
 
     number: int
@@ -120,18 +119,18 @@ class Pnu(Row):
     volatile: bool
     family: str
     access: str | None = None
-    """"p" may be written, "r" is only read; None where that is not known, or drives differ."""
+    """"p" can be written, "r" is read-only; None if that is unknown, or if drives differ."""
     connects: str | None = None
     """The value says where a signal comes from: "bit" (binector input) or "index" (connector input)."""
     buffer: str | None = None
-    """It is a buffer of "faults" or "alarms", eight places of each situation."""
+    """It is a buffer of "faults" or "alarms", with eight entries for each situation."""
     entry: tuple[str, str] | None = None
-    """What it is of the entries of "faults" or "alarms": "number", "code", "time", "value" or "gone"."""
+    """The column of the "faults" or "alarms" buffer that it holds: "number", "code", "time", "value" or "gone"."""
     messages: str | None = None
-    """Its values are numbers of messages, first of all of faults ("F") or alarms ("A")."""
+    """Its values are message numbers, looked up first among faults ("F") or alarms ("A")."""
     values_en: Mapping[int, str] = MappingProxyType({})
     values_zh: Mapping[int, str] = MappingProxyType({})
-    """What values mean, as far as they are known."""
+    """The known meanings of values."""
     sources: tuple[str, ...] = ()
     """Where it was read: keys of `parameter_sources`."""
 
@@ -180,9 +179,9 @@ class Rule(Row):
     args: Mapping[str, str] = MappingProxyType({})
 
     def carried(self, args: Mapping[str, Any]) -> dict[str, Any]:
-        """Its arguments, each of them and in their order; None for what is not known.
+        """All its arguments, in their order; None for an unknown one.
 
-        In a place, too: those of PROFIBUS have no subslot.
+        The same goes for the keys of a place: places of PROFIBUS have no subslot.
         """
         return {
             name: _whole_place(args[name]) if kind == "place" and args.get(name) else args.get(name)
@@ -191,11 +190,11 @@ class Rule(Row):
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """The names of those of its arguments that are frames."""
+        """The names of its arguments that are frames."""
         return tuple(name for name, kind in self.args.items() if kind in ("frame", "frames"))
 
     def named_frames(self, args: Mapping[str, Any]) -> list[int]:
-        """The frames that such arguments name, sorted, each once."""
+        """The frames in these arguments, sorted, each once."""
         found: set[int] = set()
         for name in self.frames:
             value = args.get(name)
@@ -215,9 +214,9 @@ def _load(name: str) -> dict[str, Any]:
 
 @cache
 def _ready() -> dict[str, bytes]:
-    """The files as JSON, because TOML takes long to parse: a line each, by the name and checksum of the file.
+    """The files as JSON, because TOML is slow to parse: one line each, by file name and checksum.
 
-    An installation writes them (hatch_build.py). A file that was changed since then is parsed.
+    The installation writes them (hatch_build.py). A file that has changed since is parsed.
     """
     try:
         lines = _content("tables.ndjson").splitlines()
@@ -233,20 +232,20 @@ def _parsed(text: bytes) -> dict[str, Any]:
 
 
 def _content(name: str) -> bytes:
-    """Also out of a zip file; `importlib.resources` would be the long way, and takes long to import."""
+    """The loader also reads from a zip file; `importlib.resources` does too, but is slow to import."""
     loader: Any = __spec__.loader
     return cast(bytes, loader.get_data(str(Path(__file__).with_name(name))))
 
 
 @cache
 def formats() -> Mapping[int, Format]:
-    """All format codes that have a name."""
+    """All named format codes."""
     return MappingProxyType({row["code"]: Format(**row) for row in _load("formats.toml")["format"]})
 
 
 @cache
 def _format_names() -> Mapping[str, Format]:
-    """Formats by every name they have, in lower case; our own names come first."""
+    """Formats by each of their names, in lower case; our own names win."""
     rows = formats().values()
     named = [(name, row) for row in rows for name in (row.wireshark, row.plc) if name]
     return {name.lower(): row for name, row in [*named, *((row.name, row) for row in rows)]}
@@ -254,13 +253,13 @@ def _format_names() -> Mapping[str, Format]:
 
 @lru_cache(maxsize=1024)
 def format_named(name: str) -> Format | None:
-    """The format of that name: ours, Wireshark's or a PLC's (REAL), in any case; None where there is none."""
+    """The format of that name: ours, Wireshark's or a PLC's (REAL), in any case; None if there is none."""
     return _format_names().get(name.lower())
 
 
 @cache
 def dialect(name: str) -> Mapping[int, int]:
-    """Format codes of a dialect -> the code of `formats()` whose meaning they have there.
+    """Format codes of a dialect -> the code of `formats()` with the same meaning.
 
     Raises:
         KeyError: there is no dialect of that name.
@@ -271,7 +270,7 @@ def dialect(name: str) -> Mapping[int, int]:
 
 @cache
 def attributes() -> Mapping[int, Attribute]:
-    """The attributes that have a name."""
+    """The named attributes."""
     return MappingProxyType(
         {row["code"]: Attribute(**row) for row in _load("ids.toml")["attribute"]}
     )
@@ -313,7 +312,7 @@ def errors() -> Mapping[int, ErrorNumber]:
 
 @cache
 def vendors() -> tuple[Vendor, ...]:
-    """The vendors whose own error numbers are known."""
+    """The vendors with a table of their own error numbers."""
     rows = _load("errors.toml")["vendor"]
     return tuple(
         Vendor(name=row["name"], id=row.get("id"), errors=_error_rows(row["error"])) for row in rows
@@ -335,7 +334,7 @@ def error_hex(code: int) -> str:
 
 
 MAKERS: Final = range(0x65, 0x100)
-"""The error numbers of one byte that are the maker's, and not the profile's."""
+"""The one-byte error numbers that belong to the maker, not to the profile."""
 
 
 @lru_cache(maxsize=4096)
@@ -343,11 +342,11 @@ def error_text(code: int | None, lang: str = "en", vendor_id: int | None = None)
     """What an error number means, in words (docs/protocol.md B).
 
     Args:
-        code: error value 1, 0..0xFFFF; of None the text is empty.
+        code: error value 1, 0..0xFFFF; the text for None is empty.
         lang: "en" or "zh"; anything else gives English.
-        vendor_id: PROFINET vendor id of the device. Numbers from 0x65 on belong to the vendor:
-            without an id the meaning on SINAMICS is given as such, and a vendor without a table
-            gets no meaning.
+        vendor_id: PROFINET vendor id of the device. Numbers from 0x65 on belong to the vendor.
+            Without an id the text gives the meaning on SINAMICS, marked as such. For a vendor without
+            a table it gives no meaning.
     """
     if code is None:
         return ""
@@ -364,12 +363,12 @@ def error_text(code: int | None, lang: str = "en", vendor_id: int | None = None)
 
 
 def error_fallback(code: str, lang: str) -> str:
-    """The words for a number of which nobody knows more than that it is the maker's."""
+    """The words for a number of the maker that no table explains."""
     return str(_load("errors.toml")["fallback"]["zh" if lang == "zh" else "en"]).format(code=code)
 
 
 def of_maker(vendor_id: int, lang: str) -> str:
-    """What follows a number of a maker without a table: whose manual has it."""
+    """What follows such a number: the maker whose manual explains it."""
     row = _load("errors.toml")["of_maker"]
     return str(row["zh" if lang == "zh" else "en"]).format(vendor=f"0x{vendor_id:04X}")
 
@@ -409,12 +408,12 @@ FAMILIES: Mapping[str, tuple[str, ...]] = {
     MICROMASTER: (MICROMASTER, "siemens", "profile"),
     "profile": ("profile",),
 }
-"""Which rows speak of a drive of a family, the one that counts most first."""
+"""The rows that apply to a drive of a family, the most specific first."""
 
 
 @cache
 def parameters() -> Mapping[int, Mapping[str, Pnu]]:
-    """The well-known parameters by number, then by family: one number means other things on other drives."""
+    """The well-known parameters by number, then by family: families use the same number differently."""
     table: dict[int, dict[str, Pnu]] = {}
     for row in (*_load("parameters.toml")["parameter"], *_load("drives.toml")["parameter"]):
         for number in range(row["number"], row.get("last", row["number"]) + 1):
@@ -456,13 +455,13 @@ def _row(number: int, family: str) -> Pnu:
 
 
 def parameter(number: int, family: str = "profile") -> Pnu | None:
-    """What a number is on drives of a family: "sinamics", "micromaster" or, of all others, "profile"."""
+    """What a number is on drives of a family: "sinamics", "micromaster", or "profile" for all others."""
     return _of_family(family).get(number)
 
 
 @cache
 def _of_family(family: str) -> Mapping[int, Pnu]:
-    """What numbers are on drives of a family."""
+    """All numbers on drives of a family."""
     found: dict[int, Pnu] = {}
     for number, rows in parameters().items():
         if row := next((rows[each] for each in FAMILIES[family] if each in rows), None):
@@ -471,7 +470,7 @@ def _of_family(family: str) -> Mapping[int, Pnu]:
 
 
 def of_families(number: int) -> list[Pnu]:
-    """What a number is on each family of drives, that of most drives first."""
+    """What a number is on each family of drives, the most common first."""
     rows = parameters().get(number, {})
     order = dict.fromkeys(("profile", *FAMILIES["sinamics"], *FAMILIES["micromaster"]))
     found = {(row.name_en, row.type): row for name in reversed(order) if (row := rows.get(name))}
@@ -479,13 +478,13 @@ def of_families(number: int) -> list[Pnu]:
 
 
 def usual(number: int) -> Pnu | None:
-    """What a number is where no drive is named: the row of most drives, before that one that has a type."""
+    """What a number is if no drive is named: the most common row with a type, else the most common row."""
     rows = of_families(number)
     return next((row for row in rows if row.type != "unknown"), rows[0] if rows else None)
 
 
 def changes_itself(number: int) -> bool:
-    """Whether the drives of any family change a parameter themselves."""
+    """Whether drives of any family change a parameter themselves."""
     return number in _changing()
 
 
@@ -497,9 +496,9 @@ def _changing() -> frozenset[int]:
 
 @cache
 def read_only(family: str | None = None) -> frozenset[int]:
-    """The numbers that may only be read on drives of a family, as far as a table says it.
+    """The numbers that the tables call read-only on drives of a family.
 
-    Without a family: where no drive is named those that every table which says it has so.
+    Without a family: those that are read-only in every table that states their access.
     """
     found = set()
     for number, rows in parameters().items():
@@ -513,29 +512,29 @@ def read_only(family: str | None = None) -> frozenset[int]:
 
 
 def _accesses(rows: Mapping[str, Pnu], families: tuple[str, ...]) -> Iterator[str]:
-    """What rows say of the access, that of the nearest family first."""
+    """The access that the rows state, the nearest family first."""
     for name in families:
         if name in rows and (access := rows[name].access) is not None:
             yield access
 
 
 def is_changing(number: int, name: str | None) -> bool:
-    """Whether the drive changes a parameter itself that has this name: None where no table speaks of its drive."""
+    """Whether the drive itself changes the parameter of this name; `name` is None if no table covers the drive."""
     rows = parameters().get(number, {}).values()
     meant = [row for row in rows if row.family == "profile" or name in (row.name_en, row.name_zh)]
     if not meant and name is not None:
-        return changes_itself(number)  # the drive, or a list of a user, calls it so
+        return changes_itself(number)  # the name is from the drive, or from a list of the user
     return any(row.volatile for row in meant)
 
 
 def parameter_sources() -> Mapping[str, str]:
-    """Where the parameters of drives.toml were read, by their keys."""
+    """The sources of the parameters of drives.toml, by their keys."""
     return cast("Mapping[str, str]", _load("drives.toml")["sources"])
 
 
 @cache
 def instructions() -> Mapping[str, tuple[InstructionParameter, ...]]:
-    """The parameters of the instructions that a function block calls, by the name of the instruction."""
+    """The parameters of instructions that function blocks call, by the name of the instruction."""
     return MappingProxyType(
         {
             row["name"]: tuple(
@@ -548,7 +547,7 @@ def instructions() -> Mapping[str, tuple[InstructionParameter, ...]]:
 
 
 def instruction_sources() -> Mapping[str, str]:
-    """Where the parameters of the instructions were read: document and place, by their keys."""
+    """The sources of the parameters of the instructions, document and page, by their keys."""
     return cast("Mapping[str, str]", _load("instructions.toml")["sources"])
 
 
@@ -564,13 +563,13 @@ def rules() -> Mapping[str, Rule]:
 
 @cache
 def new_states() -> Mapping[str, str]:
-    """The states of a transaction that came after 1.0.0, with the version of each."""
+    """The states of a transaction that were added after 1.0.0, with the version of each."""
     return MappingProxyType(_load("rules.toml")["states"])
 
 
 @cache
 def otherwise(what: str, channel: str = "any") -> str | None:
-    """The last version that changed "frames", "requests" or "names" of a channel, as rules.toml has them."""
+    """The last version that changed the "frames", "requests" or "names" of a channel (rules.toml)."""
     version: str | None = _load("rules.toml")["otherwise"][what].get(channel)
     return version
 
@@ -581,10 +580,9 @@ def _rules_by_name() -> Mapping[str, str]:
 
 
 def rule_prefix(word: str) -> str | None:
-    """How the ids of the rules begin that a word means, None where it means none.
+    """The prefix of the rule ids that a word means, None if it means none.
 
-    An id (`DS410`), the beginning of ids (`ds4`), or the name of one rule (`drive-error`), in whatever
-    case: everywhere people name rules.
+    A word is an id (`DS410`), the start of ids (`ds4`), or the name of one rule (`drive-error`), in any case.
     """
     word = word.strip()
     start = word.upper()

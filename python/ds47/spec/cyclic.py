@@ -22,15 +22,15 @@ class PkwRequest(Row):
     access: str
     """ "read", "change", "description", "count", "text", "none" or "unknown"."""
     answers: tuple[int, ...]
-    """The AK of the answers that fit, apart from 7 and 8."""
+    """The AK of matching answers, apart from 7 and 8."""
     array: bool = False
     width: int | None = None
-    """Bits of the value that is written."""
+    """Bits of the value to write."""
     eeprom: bool = False
 
 
 class PkwAnswer(Row):
-    """One answer of PKW by its AK; `width` in bits, None where PWE is no value."""
+    """One answer of PKW by its AK; `width` in bits, None if PWE is not a value."""
 
     ak: int
     en: str
@@ -39,7 +39,7 @@ class PkwAnswer(Row):
 
 
 class Bit(Row):
-    """What a bit of STW1 or ZSW1 says as 1 and as 0; "" where it says nothing."""
+    """What a bit of STW1 or ZSW1 says as 1 and as 0; "" for nothing."""
 
     bit: int
     set: str
@@ -49,14 +49,14 @@ class Bit(Row):
     family: str | None = None
 
     def said(self, value: int, lang: str = "en") -> str:
-        """The words of the bit of a word, in "en" or "zh"."""
+        """What the bit says in a control or status word, in "en" or "zh"."""
         name = "set" if value >> self.bit & 1 else "clear"
         words: str = getattr(self, name + ("_zh" if lang == "zh" else ""))
         return words
 
 
 class State(Row):
-    """A state, or what is shown beside it: the bits of ZSW1 under a mask; `missing` leads to the next one."""
+    """A state or an overlay: the bits of ZSW1 under a mask; `missing` says what leads to the next state."""
 
     id: str
     mask: int
@@ -68,9 +68,9 @@ class State(Row):
 
 
 class Stopping(Row):
-    """The state S5, which only the control word tells: one of `states` while one of `bits` is 0.
+    """The state S5, which only the control word shows: one of `states` while one of `bits` is 0.
 
-    Not so while one of `unless` is 1, or `heeded` is 0.
+    It does not apply while one of `unless` is 1, or `heeded` is 0.
     """
 
     id: str
@@ -85,7 +85,7 @@ class Stopping(Row):
 
 
 class Needed(Row):
-    """A bit of STW1 without which a drive does not run; `setpoint`: it runs, but does not turn."""
+    """A bit of STW1 that a drive needs to run; `setpoint`: it runs without the bit, but does not turn."""
 
     bit: int
     en: str
@@ -94,20 +94,20 @@ class Needed(Row):
 
 
 class Edge(Row):
-    """An edge of a bit of STW1 or ZSW1 as an event; `speed`: only in telegrams that give a speed."""
+    """An edge of a bit of STW1 or ZSW1 as an event; `speed`: only in telegrams with a speed."""
 
     id: str
     word: str
     bit: int
     value: int
-    """What the bit becomes."""
+    """The new value of the bit."""
     en: str
     zh: str
     speed: bool = False
 
 
 class PzdTelegram(Row):
-    """The words of a telegram behind its PKW words, if any; "(2)" marks a double word."""
+    """The words of a telegram after its PKW words, if any; "(2)" marks a double word."""
 
     number: int
     out: tuple[str, ...]
@@ -132,7 +132,7 @@ def answers() -> Mapping[int, PkwAnswer]:
 
 @cache
 def weights() -> Mapping[int, int]:
-    """Bit of the page byte -> what it adds to the parameter number."""
+    """Bit of the page byte -> its weight in the parameter number."""
     table = _load("pkw.toml")["page"]["weights"]
     return MappingProxyType({int(bit): weight for bit, weight in table.items()})
 
@@ -146,7 +146,7 @@ def _errors() -> Mapping[int, tuple[str, str]]:
 
 @cache
 def error_codes(family: str | None = None) -> frozenset[int]:
-    """The error numbers that a family of drives knows; of all together without one.
+    """The error numbers of a family of drives; without one, of all families.
 
     Raises:
         KeyError: there is no family of that name.
@@ -158,13 +158,13 @@ def error_codes(family: str | None = None) -> frozenset[int]:
 
 
 def error_text(code: int, lang: str = "en", vendor_id: int | None = None) -> str | None:
-    """What an error number of PKW means, in "en" or "zh" (docs/cyclic.md 2); None where nobody says.
+    """What an error number of PKW means, in "en" or "zh" (docs/cyclic.md 2); None if unknown.
 
     Args:
         code: the number.
         lang: "en" or "zh".
-        vendor_id: PROFINET vendor id of the device. Numbers behind those of the profile belong to the maker: only
-            those of Siemens have words.
+        vendor_id: PROFINET vendor id of the device. Numbers above those of the profile belong to the maker: only
+            Siemens has words for them.
     """
     if is_of_profile(code) or vendor_id == vendors()[0].id:
         row = _errors().get(code)
@@ -174,30 +174,30 @@ def error_text(code: int, lang: str = "en", vendor_id: int | None = None) -> str
 
 
 def families() -> tuple[str, ...]:
-    """The families of drives whose error numbers are known."""
+    """The families of drives with known error numbers."""
     return tuple(row["name"] for row in _load("pkw.toml")["family"])
 
 
 def is_of_profile(code: int | None) -> bool:
-    """Whether an error number of PKW is one of the PROFIdrive profile; the others are the makers'."""
+    """Whether an error number of PKW belongs to the PROFIdrive profile, not to the maker."""
     return code is not None and code <= profile_errors()
 
 
 def profile_errors() -> int:
-    """The last error number of PKW that is the profile's."""
+    """The last error number of PKW in the profile."""
     last: int = _load("pkw.toml")["errors"]["profile"]
     return last
 
 
 def connector_mark() -> int:
-    """The bits of PWE2 that say that a value is a connector."""
+    """The bits of PWE2 that mark a value as a connector."""
     mark: int = _load("pkw.toml")["connector"]["mark"]
     return mark
 
 
 @cache
 def float_range() -> tuple[float, float]:
-    """The least and the greatest amount that a double word is shown as a float with."""
+    """The smallest and the largest absolute value of a double word that is shown as a float."""
     row = _load("pkw.toml")["value"]
     return row["float_least"], row["float_most"]
 
@@ -214,37 +214,37 @@ def bits(word: str, family: str | None = None) -> tuple[Bit, ...]:
 
 @cache
 def states() -> tuple[State, ...]:
-    """The states in the order in which they are tried."""
+    """The states in the order of matching."""
     return tuple(State(**row) for row in _load("pzd.toml")["state"])
 
 
 def state_ids() -> tuple[str, ...]:
-    """All states that there are."""
+    """The ids of all states."""
     return (*(row.id for row in states()), stopping().id)
 
 
 @cache
 def state_errors() -> frozenset[int]:
-    """Error numbers of a change that are about the state of the drive."""
+    """Error numbers of a change that blame the state of the drive."""
     return frozenset(_load("pzd.toml")["operation"]["errors"])
 
 
 @cache
 def overlays() -> tuple[State, ...]:
-    """What is shown beside a state: fault, alarm, OFF2, OFF3."""
+    """The overlays of a state: fault, alarm, OFF2, OFF3."""
     return tuple(State(**row) for row in _load("pzd.toml")["overlay"])
 
 
 @cache
 def stopping() -> Stopping:
-    """The state of a drive that switches off."""
+    """The state of a drive that is switching off."""
     row = _load("pzd.toml")["stopping"]
     return Stopping(**{name: tuple(v) if isinstance(v, list) else v for name, v in row.items()})
 
 
 @cache
 def needed() -> tuple[Needed, ...]:
-    """The bits of STW1 that a drive wants, in the order in which it asks for them."""
+    """The bits of STW1 that a drive needs, in the order of its start sequence."""
     return tuple(Needed(**row) for row in _load("pzd.toml")["needed"])
 
 
@@ -266,13 +266,13 @@ def event_text(event_id: str, lang: str = "en") -> str:
 
 
 def event_ids() -> tuple[str, ...]:
-    """All events that there are."""
+    """The ids of all events."""
     return tuple(_events())
 
 
 @cache
 def telegrams() -> Mapping[int, PzdTelegram]:
-    """The telegrams whose words are known."""
+    """The telegrams with known words."""
     rows = _load("pzd.toml")["telegram"]
     return MappingProxyType({
         row["number"]: PzdTelegram(
@@ -283,13 +283,13 @@ def telegrams() -> Mapping[int, PzdTelegram]:
 
 
 def full_scale(double: bool = False) -> int:
-    """The raw value of 100 %, of a word or of a double word."""
+    """The raw value of 100 % in a word or a double word."""
     value: int = _load("pzd.toml")["scale"]["double_word" if double else "word"]
     return value
 
 
 def meaning(ak: int, answer: bool, lang: str = "en") -> str:
-    """What the AK of a request or of an answer says, in "en" or "zh"."""
+    """What the AK of a request or an answer means, in "en" or "zh"."""
     row: PkwRequest | PkwAnswer = answers()[ak] if answer else requests()[ak]
     return row.text(lang)
 
@@ -300,7 +300,7 @@ def _state(state_id: str) -> State | Stopping:
 
 
 def state_text(state_id: str, beside: Collection[str], lang: str = "en") -> str:
-    """`S2 ready to switch on, fault`: a state and the overlays beside it, in "en" or "zh"."""
+    """`S2 ready to switch on, fault`: a state and its overlays, in "en" or "zh"."""
     own = _state(state_id).text(lang)
     first = f"{state_id} {own}" if state_id.startswith("S") else own
     shown = [each.text(lang) for each in overlays() if each.id in beside]
@@ -308,13 +308,13 @@ def state_text(state_id: str, beside: Collection[str], lang: str = "en") -> str:
 
 
 def overlay_text(overlay_id: str, lang: str = "en") -> str:
-    """What is shown beside a state, in "en" or "zh"."""
+    """An overlay in words, in "en" or "zh"."""
     row = next(each for each in overlays() if each.id == overlay_id)
     return row.text(lang)
 
 
 def next_step(state_id: str, beside: Collection[str], lang: str = "en") -> str:
-    """What leads a drive on from its state, in "en" or "zh": out of a fault first, "" where nothing does."""
+    """What the drive needs to leave its state, in "en" or "zh": a fault comes first, "" for nothing."""
     rows: list[State | Stopping] = [row for row in overlays() if row.id in beside and row.missing]
     rows.append(_state(state_id))
     return rows[0].missing_zh if lang == "zh" else rows[0].missing

@@ -1,4 +1,4 @@
-"""Numbers, states and lists that decide: limits.toml, pairing.toml and diagnoses.toml as Python objects."""
+"""The numbers, states and lists that decide: limits.toml, pairing.toml and diagnoses.toml as Python objects."""
 
 from __future__ import annotations
 
@@ -92,12 +92,12 @@ def phases() -> dict[str, dict[str, str]]:
 
 @cache
 def reasons(lang: str) -> dict[str, str]:
-    """Why a request stayed without its response, in words ("en" or "zh")."""
+    """Why a request has no response, in words ("en" or "zh")."""
     return {name: words[lang] for name, words in _load("pairing.toml")["reason"].items()}
 
 
 class DriveKnowledge(Row):
-    """What the diagnoses know of drives and programs (diagnoses.toml): limits and numbers by their names there."""
+    """What the diagnoses know about drives and programs: limits and numbers, named as in diagnoses.toml."""
 
     held: int
     held_jitter: int
@@ -144,7 +144,7 @@ def known() -> DriveKnowledge:
 
 @cache
 def never_written() -> tuple[tuple[range, ...], frozenset[tuple[int, int]]]:
-    """What no corrected request writes: PNUs, and single values of a PNU."""
+    """What a corrected request never writes: PNUs, and single values of a PNU."""
     table = _load("diagnoses.toml")["never_written"]
     pnus = tuple(range(first, last + 1) for first, last in table["ranges"])
     return pnus, frozenset((pnu, value) for pnu, value in table["values"])
@@ -152,13 +152,13 @@ def never_written() -> tuple[tuple[range, ...], frozenset[tuple[int, int]]]:
 
 @cache
 def parts() -> dict[str, str]:
-    """The parts of a message, as the arguments of a finding have them, with what they are called in Chinese."""
+    """The parts of a message as the arguments of a finding name them -> their Chinese names."""
     return dict(_load("diagnoses.toml")["parts"])
 
 
 @cache
 def diagnosis_words(lang: str) -> dict[str, str]:
-    """The words that the sentences of the diagnoses are filled with ("en" or "zh")."""
+    """The words that fill the sentences of the diagnoses ("en" or "zh")."""
     return {
         **plugin_words(lang),
         **_load("diagnoses.toml")["analyzer"]["zh" if lang == "zh" else "en"],
@@ -166,5 +166,5 @@ def diagnosis_words(lang: str) -> dict[str, str]:
 
 
 def plugin_words(lang: str) -> dict[str, str]:
-    """Those of them that rules of the plugin need."""
+    """The words that the rules of the plugin need, too."""
     return dict(_load("diagnoses.toml")["words"]["zh" if lang == "zh" else "en"])

@@ -11,7 +11,7 @@ _ACCESS, _PROTOCOL = 0x80, 0x81
 
 
 def status_hex(status: int) -> str:
-    """A status as engineers know it, ErrorCode first: `DE80B500`."""
+    """A status as engineers write it, ErrorCode first: `DE80B500`."""
     return f"{status:08X}"
 
 
@@ -20,7 +20,7 @@ def status_text(status: int, lang: str = "en") -> str:
     """A status in words: `read: access: state conflict`.
 
     Args:
-        status: 32 bits, ErrorCode in the highest byte, whatever the byte order on the wire was.
+        status: 32 bits, ErrorCode in the highest byte, for either byte order on the wire.
         lang: "en" or "zh"; anything else gives English.
     """
     words = spec.status(lang)

@@ -1,4 +1,4 @@
-"""Times, durations and statuses as the contract writes them: JSON, CSV, and the attributes of a result."""
+"""Times, durations and statuses in the form of the contract: JSON, CSV, and the attributes of a result."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ _TIMESTAMP: Final = re.compile(r"(-?\d+)-(\d\d)-(\d\d)T(\d\d):(\d\d):(\d\d)\.(\d
 
 
 def timestamp(time_ns: int) -> str:
-    """Nanoseconds since 1970 as ISO 8601 in UTC with nine digits; any number, as captures may lie.
+    """Nanoseconds since 1970 as ISO 8601 in UTC with nine digits; takes any number, as captures may lie.
 
-    `datetime` ends with the year 9999; the calendar repeats every 400 years, so only the years
-    inside one cycle are asked of it.
+    `datetime` ends with the year 9999. The calendar repeats every 400 years, so `date` gets only years
+    of one cycle.
     """
     seconds = time_ns // SECOND_NS
     digits = str(time_ns - seconds * SECOND_NS + SECOND_NS)  # a 1, and then all nine of them
@@ -38,9 +38,9 @@ def second(seconds: int) -> str:
 
 
 def nanoseconds(text: str) -> int:
-    """Nanoseconds since 1970 of a time as the report writes it, in any year.
+    """Nanoseconds since 1970 from a time of a report, in any year.
 
-    Raises ValueError where it is none.
+    Raises ValueError for any other text.
     """
     match = _TIMESTAMP.fullmatch(text)
     if match is None:
@@ -53,12 +53,12 @@ def nanoseconds(text: str) -> int:
 
 
 def milliseconds(duration_ns: int | None) -> float | None:
-    """A duration in ms, correctly rounded from integer nanoseconds (beyond 2^53 rounded twice, as in Lua)."""
+    """A duration in ms, correctly rounded from nanoseconds (beyond 2^53 rounded twice, as in Lua)."""
     return None if duration_ns is None else duration_ns / 1e6
 
 
 def duration(shown_ms: float | None) -> int | None:
-    """Whole nanoseconds of a duration in ms: those it was rounded from."""
+    """A duration in ms back in the whole nanoseconds it was rounded from."""
     if shown_ms is None:
         return None
     from fractions import Fraction  # only results that are loaded need it
@@ -74,5 +74,5 @@ def uuid_text(raw: bytes) -> str:
 
 
 def status(word: int | None) -> str | None:
-    """A PNIO status as the 8 hex digits that people know (docs/protocol.md C): `DE80B500`."""
+    """A PNIO status as 8 hex digits (docs/protocol.md C): `DE80B500`."""
     return None if word is None else f"{word:08X}"

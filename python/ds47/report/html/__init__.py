@@ -1,8 +1,8 @@
 """Report as one HTML file: opens offline, on a phone, on paper; nothing is fetched, ever.
 
-Here the page is put together: what it says is worked out in `views` and `verdict`, what its words
-are in `texts.toml`, what it looks like in templates/report.html.j2 with the partials, the style
-and the scripts in templates/report/. `embed` makes text and data safe to stand in a page.
+This module assembles the page. `views` and `verdict` work out its content, `texts.toml` has its words.
+templates/report.html.j2 and the partials, style and scripts in templates/report/ define its looks. `embed` makes
+text and data safe for a page.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ from ds47.report.verdict import KINDS, LEVELS
 from ds47.report.zones import UNIVERSAL, Zone
 
 ROWS = 100_000
-"""Transactions that one page lists; those that went wrong come first, and the page says so."""
+"""The most transactions on a page; failed ones come first, and the page says so."""
 ROWS_EACH = 500
-"""Transactions that every capture may list, however many the ones before it had."""
+"""Transactions that each capture may list, even if the captures before it used up ROWS."""
 DETAILED = 40
-"""Captures shown with all their parts; of more, the worst ones. The overview has all of them."""
+"""The most captures shown in detail; the worst ones win. The overview has all of them."""
 PRINTED = 8
-"""Findings of one rule that go to paper."""
+"""Findings of one rule that are printed on paper."""
 DRIVES = 250
-"""Drives that a page lists for one capture."""
+"""The most drives that a page lists for one capture."""
 SCRIPTS = (
     "base",
     "clock",
@@ -57,7 +57,7 @@ SCRIPTS = (
     "timelines",
     "page",
 )
-"""The files of templates/report/ that make the one script of the page, in this order."""
+"""The files of templates/report/ that form the script of the page, in this order."""
 
 
 def write(report: Report, stream: TextIO, options: ReportOptions | None = None) -> None:
@@ -66,7 +66,7 @@ def write(report: Report, stream: TextIO, options: ReportOptions | None = None) 
 
 
 class Writer(_Writer):
-    """Turns each capture into what the page says of it, and lets go of the rest."""
+    """Turns each capture into its part of the page, and drops the rest."""
 
     def __init__(self, stream: TextIO, options: ReportOptions | None = None) -> None:
         super().__init__(stream, options)

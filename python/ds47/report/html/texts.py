@@ -1,7 +1,7 @@
 """The words of the page in English and Chinese (texts.toml, spec/*.toml), and how they get into it.
 
-A page holds both languages: every text stands in it twice, and the `lang` of the document says
-which one shows. So it can be read, and switched, without asking anybody.
+A page has every text in both languages. The `lang` of the document selects the one to show, so switching needs
+no server.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ __all__ = ["LANGUAGES", "Both", "PageWords", "joined", "say", "texts"]
 
 @cache
 def texts() -> Mapping[str, Mapping[str, str]]:
-    """Every text by its key, then by language: those of the page, and those that it shares with others."""
+    """Every text by key, then by language: its own texts, and those it shares with other formats."""
     own = tomllib.loads((files(__package__) / "texts.toml").read_text("utf-8"))
     return {**command_words(), **report_words(), **own}
 
@@ -41,27 +41,27 @@ class PageWords:
         self.lang = lang
 
     def spans(self, key: str, **values: Any) -> Markup:
-        """A text in both languages, of which the style sheet shows one."""
+        """A text in both languages; the style sheet shows one."""
         return self.pair(say(key, **values))
 
     def pair(self, text: Both) -> Markup:
-        """A text that is there in both languages already."""
+        """The same for a `Both`."""
         if text.en == text.zh:
             return escape(text.en)
         return Markup('<span lang="en">{}</span><span lang="zh">{}</span>').format(*text)
 
     def attributes(self, name: str, key: str, **values: Any) -> Markup:
-        """An attribute (title, aria-label, placeholder) that the script sets when the language changes."""
+        """An attribute (title, aria-label, placeholder); the script updates it when the language changes."""
         return self.attribute(name, say(key, **values))
 
     def attribute(self, name: str, text: Both) -> Markup:
-        """The same, of a text that is there in both languages already."""
+        """The same for a `Both`."""
         now = text[LANGUAGES.index(self.lang)]
         start = f'{name}="{{}}" data-{name}-en="{{}}" data-{name}-zh="{{}}"'
         return Markup(start).format(now, *text)
 
     def for_script(self) -> dict[str, dict[str, str]]:
-        """The texts that the script needs: those whose key begins with `js_`, states and operations."""
+        """The texts for the script: keys that begin with `js_`, states and operations."""
         found = {
             key.removeprefix("js_"): words
             for key, words in texts().items()
