@@ -326,8 +326,8 @@ class Analysis:
             summary=self._summary,
             relations=self._relations(),
             timelines=[] if self._cyclic is None else self._channels().timelines(),
-            bus=None if self._lines is None else self._lines.told(capture.timed),
-            connections=self._s7.told(),
+            bus=None if self._lines is None else self._lines.result(capture.timed),
+            connections=self._s7.result(),
             connections_left_out=self._s7.left_out,
         )
 
@@ -342,7 +342,7 @@ class Analysis:
         """The channels in cyclic frames, where any is reported: timelines count in all of them."""
         if self._cyclic is None or not {PKW, PZD} & set(self._options.channels):
             return []
-        return [each.told() for each in self._channels().relations()]
+        return [each.result() for each in self._channels().relations()]
 
     def _frames(self, frames: Capture | Series) -> None:
         note, other, records = self._times.note, self._other, self._records.take
@@ -663,7 +663,7 @@ class Analysis:
         if remarks:
             remarks = [remark for remark in remarks if self._findings.wanted(remark.rule)]
             transaction.findings = sorted({remark.rule for remark in remarks})
-            findings = [self._findings.told(remark, order) for remark in remarks]
+            findings = [self._findings.reported(remark, order) for remark in remarks]
         to(transaction, findings)
 
     def _nothing_to_read(self, record: Record, missing: Missing | None) -> None:

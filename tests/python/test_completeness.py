@@ -64,7 +64,7 @@ def holes(*numbers: int) -> list[str]:
             made.highest, made.newest = number, said(number, frame)
         else:
             made.add(said(number, frame), renewed=True)
-    return [f"{hole.after}-{hole.before}: {hole.told()}" for hole in made.holes]
+    return [f"{hole.after}-{hole.before}: {hole.numbers()}" for hole in made.holes]
 
 
 @pytest.mark.parametrize(
@@ -135,8 +135,8 @@ def test_of_many_holes_the_oldest_are_as_one() -> None:
         made.add(said(2 * step, step + 1))
     assert len(made.holes) == 64
     first, second = made.holes[:2]
-    assert (first.after, first.before, first.told()) == (1, 4, "1..5")
-    assert (second.after, second.before, second.told()) == (4, 5, "7")
+    assert (first.after, first.before, first.numbers()) == (1, 4, "1..5")
+    assert (second.after, second.before, second.numbers()) == (4, 5, "7")
 
 
 # Of two stations
@@ -156,7 +156,7 @@ def test_a_missing_call_is_a_hole_behind_what_came_before_it() -> None:
     found = without(three, 5, 6)
     hole = found.behind(CLIENT, SERVER, 3)
     assert isinstance(hole, Hole)
-    assert (hole.after, hole.before, hole.told()) == (3, 7, "2")
+    assert (hole.after, hole.before, hole.numbers()) == (3, 7, "2")
     assert found.behind(CLIENT, SERVER, 6) is hole
     assert found.behind(CLIENT, SERVER, 7) is None
     assert found.newest(SERVER) == 7

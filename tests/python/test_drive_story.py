@@ -22,7 +22,7 @@ def told(*steps: tuple[int | str, float], begin: tuple[int, int] = (OFF, READY))
     say(recorder, begin[1], 2, 0)
     for number, (what, seconds) in enumerate(steps, 3):
         say(recorder, what, number, round(seconds * 1e9))
-    rows = timelines.rows(Timeline(1, recorder.told()))
+    rows = timelines.rows(Timeline(1, recorder.result()))
     return [timelines.words(each).en for each in rows][2:]
 
 

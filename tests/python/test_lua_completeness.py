@@ -107,7 +107,7 @@ def many(seed: int) -> Iterator[str]:
 
 def told(found: What | Hole | None) -> str:
     if isinstance(found, Hole):
-        return f"calls {found.after or '-'} {found.before} {found.told()}"
+        return f"calls {found.after or '-'} {found.before} {found.numbers()}"
     return "nothing" if found is None else f"{found} - - -"
 
 

@@ -580,7 +580,7 @@ def test_pkw_without_consistency(configured: str, identifier: str | None) -> Non
 )
 def test_what_slave_diag_says(told: str, cases: list[str]) -> None:
     wire = Master()
-    wire.start(STATION, told=told)
+    wire.start(STATION, diagnosis=told)
     wire.diagnose(STATION, told)
     findings = found(wire, "DS814")
     assert sorted(each.args["case"] for each in findings) == cases

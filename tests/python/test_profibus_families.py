@@ -77,7 +77,7 @@ def lines() -> Iterator[tuple[str, Master, list[list[str | None]]]]:
     yield "it counts from its frame on", later, [PROFILE, MICROMASTER]
     for project, device, found in ((MM4, OTHER, PROFILE), (OTHER, MM4, MICROMASTER)):
         wrong = Master()
-        wrong.start(STATION, sent(project), told=READY[:8] + device)
+        wrong.start(STATION, sent(project), diagnosis=READY[:8] + device)
         asked(wrong)
         yield f"the project says {project}, the slave {device}", wrong, [found]
     for cut in (WITHOUT_IDENT, SET_PRM[:2], ""):

@@ -1,8 +1,8 @@
-"""Which responses teach the dictionary, and when it is asked about the parameters of a job.
+"""Which responses teach the dictionary, and when it explains the parameters of a job.
 
-A description counts from its response on: a transaction is told with what was said up to its own response, or
-up to its end where it has none. So a line of ndjson, which nobody can take back, has the same names as a report.
-What elements of a description are worth, and for whom they hold, is in `ds47.profidrive.dictionary`.
+A description counts from its response on: a transaction uses what was said up to its own response, or up to its
+end if it has none. So a line of ndjson, which cannot be changed later, has the same names as a report.
+`ds47.profidrive.dictionary` decides what the elements of a description mean, and for which drive objects.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ class ProfibusLine:
         limits: numbers of spec/limits.toml.
         events: hears of records,
         pairing: and of stations that start up.
-        told: gets findings about services, and answered Writes to an index that is not ours.
+        queue: gets findings about services, and answered Writes to an index that is not ours.
         cyclic: takes PPOs.
         ppos: numbers of PPO by the address of the station, for captures without Chk_Cfg.
     """
@@ -46,14 +46,14 @@ class ProfibusLine:
         limits: Limits,
         events: RecordEvents,
         pairing: Pairing,
-        told: list[Told],
+        queue: list[Told],
         cyclic: CyclicChannels,
         ppos: dict[int, int],
     ) -> None:
         self._judge = LineJudge(limits)
         self._stations = LineStations(self._judge.heard)
         idents = Idents()
-        self._ms1 = Ms1Calls(events, told, self._judge, idents)
+        self._ms1 = Ms1Calls(events, queue, self._judge, idents)
         self._services = ServiceTracker()
         self._start_ups = StartUps(pairing.started)
         ppo = PpoFeed(cyclic, ppos, idents)
@@ -85,9 +85,9 @@ class ProfibusLine:
         """What the line shows when it is over."""
         return self._judge.finish(self._stations)
 
-    def told(self, timed: bool) -> Bus | None:
+    def result(self, timed: bool) -> Bus | None:
         """As the result has it; `timed`: whether the recording has times."""
-        return self._stations.told(self.line.stray, self.line.echoes, timed)
+        return self._stations.result(self.line.stray, self.line.echoes, timed)
 
     def unseen(self, device: str) -> int:
         """The newest frame before which something that was said with a station was not seen; 0 for none."""

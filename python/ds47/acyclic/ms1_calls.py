@@ -28,7 +28,7 @@ class Ms1Calls:
 
     Args:
         events: hears of every record that may be ours.
-        told: gets what is wrong with a request, and answered Writes that cannot be ours, or have no request.
+        queue: gets what is wrong with a request, and answered Writes that cannot be ours, or have no request.
         judge: hears of refusals of what is not ours, and of polls.
         idents: knows of which make stations are.
     """
@@ -36,13 +36,13 @@ class Ms1Calls:
     def __init__(
         self,
         events: RecordEvents,
-        told: list[Told],
+        queue: list[Told],
         judge: LineJudge,
         idents: Idents,
     ) -> None:
         self._events = events
         self._idents = idents
-        self._told = told
+        self._queue = queue
         self._judge = judge
         self._written: dict[tuple[str, int], int] = {}
         """Stations and indices that were written there, with the frame of the first time."""
@@ -87,7 +87,7 @@ class Ms1Calls:
         self._written.setdefault((device, record.index), half.frame)
         if half.stated > MOST_DATA:
             args = {"device": device, "length": half.stated, "most": MOST_DATA}
-            self._told.append(("remark", Remark("DS809", half.frame, args), None))
+            self._queue.append(("remark", Remark("DS809", half.frame, args), None))
 
     def _judged(self, call: ServiceCall, ours: bool) -> None:
         """To the judge: how long the answer took, and whether it is a refusal of what is not ours."""
@@ -106,7 +106,7 @@ class Ms1Calls:
         if record is not None:
             self._events.answered(record, None)
         elif call.record.write:
-            self._told.append(("foreign", self._whose(call), None))
+            self._queue.append(("foreign", self._whose(call), None))
 
     def _failed(self, call: ServiceCall) -> None:
         record, half = self._open.pop(call, None), call.record.response
@@ -126,7 +126,7 @@ class Ms1Calls:
     def _unasked(self, call: ServiceCall) -> None:
         record = self._whose(call)
         if call.record.write:
-            self._told.append(("foreign", record, None))
+            self._queue.append(("foreign", record, None))
         if record.ours:
             self._events.unasked(record, None)
 
@@ -137,7 +137,7 @@ class StartUps:
     A station may have been switched off and on before that, as a device before its Connect.
 
     Args:
-        started: is told the station, and when.
+        started: gets the station, and the frame.
     """
 
     SERVICES: ClassVar = frozenset({dp.PARAMETERS})

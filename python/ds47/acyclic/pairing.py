@@ -561,7 +561,7 @@ class Pairing:
         found = self._completeness.behind(peer.controller, peer.device, frame, ordered=ordered)
         if not isinstance(found, Hole):
             return None if found is None else Missing(found)
-        return Missing("calls", found.after or None, found.before, found.told())
+        return Missing("calls", found.after or None, found.before, found.numbers())
 
     def _lacks(self, job: Job, reason: str) -> Missing | None:
         """Why nobody knows whether the response of a job was fetched, or came."""

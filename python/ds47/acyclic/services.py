@@ -49,12 +49,12 @@ Became = tuple[Literal["asked", "answered", "failed", "lost", "unasked"], Servic
     answered   it has its answer, positive or negative
     failed     the station refused it before MS1 (`fault`); `record.response` has the place alone
     lost       another service began, or nothing came any more; or it is the oldest of too many
-    unasked    an answer without its request; a negative one has neither slot nor index, and is not told
+    unasked    an answer without its request; a negative one has neither slot nor index, and is left out
 """
 
 
 class ServiceTracker:
-    """Takes the exchanges of a line and tells what becomes of the calls in them."""
+    """Takes the exchanges of a line and returns what becomes of the calls in them."""
 
     SERVICES: ClassVar = frozenset({dp.RECORD, dp.MS2})
 
@@ -63,34 +63,34 @@ class ServiceTracker:
 
     def take(self, exchange: Exchange) -> list[Became]:
         """What becomes of calls by an exchange; those of other services than MS1 and MS2 say nothing here."""
-        item, told = exchange.request.item, list[Became]()
+        item, news = exchange.request.item, list[Became]()
         if dp.service(item) not in self.SERVICES or not item.request:
-            return told
+            return news
         station, sap, master = item.da, item.dsap, item.sa
         if station is None or sap is None or master is None:
-            return told
+            return news
         key = (master, station, sap)
         asked = ms1.decode(item.du, request=True)
         if asked.kind == ms1.REQUEST and asked.function != _IDLE and not exchange.again:
-            self._asked(key, asked, exchange, told)
-        self._answer(key, exchange, told)
-        return told
+            self._asked(key, asked, exchange, news)
+        self._answer(key, exchange, news)
+        return news
 
     def finish(self) -> list[Became]:
         """No exchange comes any more."""
-        told: list[Became] = []
+        news: list[Became] = []
         for key in list(self._open):
-            self._lose(key, told)
-        return told
+            self._lose(key, news)
+        return news
 
     def _asked(
         self,
         key: tuple[int, int, int],
         asked: ms1.Ms1Message,
         exchange: Exchange,
-        told: list[Became],
+        news: list[Became],
     ) -> None:
-        self._lose(key, told)
+        self._lose(key, news)
         if asked.code not in (ms1.READ, ms1.WRITE) or asked.slot is None or asked.index is None:
             return
         write = asked.code == ms1.WRITE
@@ -98,21 +98,21 @@ class ServiceTracker:
         record = Record(write, False, NIL_UUID, NO_API, asked.slot, 0, asked.index, 0, half)
         master, station, sap = key
         call = self._open[key] = ServiceCall(master, station, sap, record)
-        told.append(("asked", call))
+        news.append(("asked", call))
         if len(self._open) > MOST_OPEN:
-            self._lose(next(iter(self._open)), told)
+            self._lose(next(iter(self._open)), news)
 
-    def _answer(self, key: tuple[int, int, int], exchange: Exchange, told: list[Became]) -> None:
+    def _answer(self, key: tuple[int, int, int], exchange: Exchange, news: list[Became]) -> None:
         seen, call = exchange.answer, self._open.get(key)
         answer = None if seen is None else ms1.decode(seen.item.du, request=False)
         if call is not None and _may_be_of_another(call, exchange, answer):
-            self._lose(key, told)
+            self._lose(key, news)
             return
         if call is not None and seen is not None and dp.refuses(seen.item):
             call.fault = seen.item.code
             call.record.response = Half(seen.frame, seen.time_ns)
             del self._open[key]
-            told.append(("failed", call))
+            news.append(("failed", call))
             return
         if seen is None or answer is None or answer.kind == ms1.TAKEN or answer.function == _IDLE:
             if call is not None:
@@ -120,28 +120,28 @@ class ServiceTracker:
                 if call.polled <= MOST_POLLS:
                     call.polls.append(exchange)
         elif answer.function not in ("read", "write"):
-            self._lose(key, told)
+            self._lose(key, news)
         elif call is not None and _is_of(call.record, answer):
             del self._open[key]
             call.record.response = _half(seen, answer)
-            told.append(("answered", call))
+            news.append(("answered", call))
         elif not exchange.again:
-            self._unasked(key, answer, seen, told)
+            self._unasked(key, answer, seen, news)
 
     def _unasked(
-        self, key: tuple[int, int, int], answer: ms1.Ms1Message, seen: LineFrame, told: list[Became]
+        self, key: tuple[int, int, int], answer: ms1.Ms1Message, seen: LineFrame, news: list[Became]
     ) -> None:
         if answer.slot is not None and answer.index is not None:
-            self._lose(key, told)
+            self._lose(key, news)
             write = answer.function == "write"
             record = Record(write, False, NIL_UUID, NO_API, answer.slot, 0, answer.index, 0)
             record.response = _half(seen, answer)
-            told.append(("unasked", ServiceCall(*key, record)))
+            news.append(("unasked", ServiceCall(*key, record)))
 
-    def _lose(self, key: tuple[int, int, int], told: list[Became]) -> None:
+    def _lose(self, key: tuple[int, int, int], news: list[Became]) -> None:
         call = self._open.pop(key, None)
         if call is not None:
-            told.append(("lost", call))
+            news.append(("lost", call))
 
 
 def _is_of(record: Record, answer: ms1.Ms1Message) -> bool:

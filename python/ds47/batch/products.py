@@ -54,28 +54,28 @@ class Spool:
 
     def __call__(self, task: Task, stream: BinaryIO) -> None:
         """Writes lists of transactions with their findings, then the result."""
-        told: list[tuple[Transaction, list[Finding]]] = []
+        batch: list[tuple[Transaction, list[Finding]]] = []
 
         def finished(transaction: Transaction, findings: list[Finding]) -> None:
-            told.append((transaction, findings))
-            if len(told) == _AT_ONCE:
-                pickle.dump(told, stream, pickle.HIGHEST_PROTOCOL)
-                told.clear()
+            batch.append((transaction, findings))
+            if len(batch) == _AT_ONCE:
+                pickle.dump(batch, stream, pickle.HIGHEST_PROTOCOL)
+                batch.clear()
 
-        told_at_once = finished if self.streams else None
-        result = read(task, self.options, told_at_once)
-        if told:
-            pickle.dump(told, stream, pickle.HIGHEST_PROTOCOL)
+        on_finished = finished if self.streams else None
+        result = read(task, self.options, on_finished)
+        if batch:
+            pickle.dump(batch, stream, pickle.HIGHEST_PROTOCOL)
         pickle.dump(result, stream, pickle.HIGHEST_PROTOCOL)
 
 
 def replay(stream: BinaryIO, finished: OnTransaction | None) -> CaptureResult:
     """Hands out the transactions of a `Spool` in order, and returns its result."""
     while True:
-        told = pickle.load(stream)
-        if not isinstance(told, list):
-            return cast(CaptureResult, told)
-        for transaction, findings in told:
+        loaded = pickle.load(stream)
+        if not isinstance(loaded, list):
+            return cast(CaptureResult, loaded)
+        for transaction, findings in loaded:
             assert finished is not None
             finished(transaction, findings)
 

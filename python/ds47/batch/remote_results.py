@@ -100,7 +100,7 @@ class RemoteResults(Results):
             raise Lost(f"cannot write {self.shown(task)}: {problem.strerror}") from problem
         self._done.add(task.path)
 
-    def told(self, task: Task) -> None:
+    def reported(self, task: Task) -> None:
         """What the report has need not stay here."""
         discard(self.place(task))
 

@@ -195,7 +195,7 @@ class Results:
     def keep(self, task: Task) -> None:
         """Takes a new result to where it stays. Here it does."""
 
-    def told(self, task: Task) -> None:
+    def reported(self, task: Task) -> None:
         """The report has a result. Here it stays."""
 
     def done(self, tasks: Sequence[Task]) -> int:

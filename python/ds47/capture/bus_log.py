@@ -28,8 +28,8 @@ _PROOFS = 2
 _LONGEST = 1 << 20
 """Characters of a line; a longer one is read as several."""
 _BATCH = 256
-_TOLD = 5
-"""Lines that cannot be read of which the numbers are told."""
+_LISTED = 5
+"""The most unreadable lines that are listed by number."""
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
     (codecs.BOM_UTF16_LE, "utf-16"),
@@ -51,10 +51,10 @@ class _Unread:
 
     def add(self, line: listing.Unread) -> None:
         self.count += 1
-        if len(self.first) < _TOLD:
+        if len(self.first) < _LISTED:
             self.first.append(line)
 
-    def told(self) -> str | None:
+    def text(self) -> str | None:
         """One line for a person; None where all was read."""
         if not self.count:
             return None
@@ -122,7 +122,7 @@ class BusLogReader:
                 self.first_ns = time_ns
             self.frames += 1
             yield Frame(self.frames, now, PROFIBUS_DL, item.data, len(item.data))
-        self.problem = self._window.broken or self._unread.told()
+        self.problem = self._window.broken or self._unread.text()
 
     def _entries(self) -> Iterator[Entry]:
         if self._encoding is None:

@@ -79,7 +79,7 @@ cdef Py_ssize_t _note(
 
 @cython.locals(found=list, numbers="const unsigned char*", view="const unsigned char*", at=Py_ssize_t,
                end=Py_ssize_t, start=Py_ssize_t, after=Py_ssize_t, frame=bytes)
-cdef list _told(entries, Py_ssize_t count, data)
+cdef list _found(entries, Py_ssize_t count, data)
 
 @cython.locals(entry=Py_ssize_t, at=Py_ssize_t, start=Py_ssize_t, captured=Py_ssize_t, byte=Py_ssize_t)
 cdef Py_ssize_t _keep(

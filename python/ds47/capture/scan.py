@@ -490,10 +490,10 @@ class Runs:
             group += len(watched.watch.parts)
 
 
-def _agree(told: tuple[Bytes | None, ...], known: tuple[Bytes | None, ...]) -> bool:
+def _agree(groups: tuple[Bytes | None, ...], known: tuple[Bytes | None, ...]) -> bool:
     """Whether the groups of a run have only known content; frames that do not occur have none."""
-    return told == known or all(
-        one is None or one == other for one, other in zip(told, known, strict=True)
+    return groups == known or all(
+        one is None or one == other for one, other in zip(groups, known, strict=True)
     )
 
 
@@ -579,7 +579,7 @@ def _note(
     return count + 1
 
 
-def _told(entries: Bytes, count: int, data: Bytes) -> list[Found]:
+def _found(entries: Bytes, count: int, data: Bytes) -> list[Found]:
     """The first `count` entries with their bytes from `data`."""
     found: list[Found] = []
     numbers = entries
@@ -746,7 +746,7 @@ class Scan:
         count = _unlocked(  # noqa: F821
             self, descriptor, data, end, size, links, entries, kept, room, rows, ports
         )
-        return _told(entries, count, kept)
+        return _found(entries, count, kept)
 
     def _links(self) -> bytes:
         """The link types in the form of the loop over bytes."""
@@ -759,7 +759,7 @@ class Scan:
             self._entries = bytearray(_BATCH * _ENTRY)
         links, entries, rows, ports = self._links(), self._entries, self._rows, self._ports
         count = self._walk(data, end, links, entries, 0, _BATCH, rows, ports)
-        return _told(entries, count, data)
+        return _found(entries, count, data)
 
     def _plain(self, data: bytearray, end: int) -> list[Found]:
         """The loop over unpacked fields."""

@@ -139,14 +139,14 @@ def _print_text(
         if not outcome.changes:
             continue
         line("check_changed" if outcome.failures else "check_noted", escape(outcome.path))
-        for text in _told(outcome, most, lang):
+        for text in _changes(outcome, most, lang):
             line("", text)
     if summary:
         write("\n".join(_summary(outcomes).lines(lang)) + "\n")
     write(_last_line(outcomes, series).text(lang) + "\n")
 
 
-def _told(outcome: CheckOutcome, most: int | None, lang: str) -> Iterator[str]:
+def _changes(outcome: CheckOutcome, most: int | None, lang: str) -> Iterator[str]:
     """The changes of a capture. Those of the version alone are summed up; where all are wanted, they follow."""
     from ds47.report.bilingual import say
     from ds47.report.formatting import escape

@@ -63,23 +63,23 @@ def rows(message: Message, lang: str) -> Iterator[tuple[int, str]]:
 
 def _address_words(item: Parameter, lang: str) -> str:
     bare = Parameter(item.pnu, item.subindex, item.attribute, item.element_count)
-    told = say(
+    words = say(
         "decode_elements",
         parameter=formatting.address(bare),
         attribute=item.attribute,
         n=item.element_count or 0,
     )
-    return told.text(lang)
+    return words.text(lang)
 
 
 def _block_words(item: Parameter, written: bool, lang: str) -> str:
-    told = say(
+    words = say(
         "decode_words" if item.error else "decode_values",
         format=item.format or "Error",
         n=item.value_count or 0,
         parameter=formatting.parameter(item, written, lang),
     )
-    return told.text(lang)
+    return words.text(lang)
 
 
 def _id_words(kind: str, lang: str) -> Any:

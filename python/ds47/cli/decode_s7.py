@@ -34,7 +34,7 @@ def _lines(found: Decoded, lang: str) -> Iterator[str]:
     from ds47.report.bilingual import say
 
     yield say("decode_head", kind=s7_pdu.headline(found), n=len(found.data)).text(lang)
-    rows = [(at, told.text(lang)) for at, told in s7_pdu.lines(found)]
+    rows = [(at, words.text(lang)) for at, words in s7_pdu.lines(found)]
     rows = rows or [(0, say("decode_rest").text(lang))]
     ends = [at for at, _ in rows[1:]] + [len(found.data)]
     for (at, meaning), end in zip(rows, ends, strict=True):

@@ -104,7 +104,7 @@ class Execution(NamedTuple):
                 self._spooled(run, tasks)
         except Failed as problem:
             raise click.ClickException(str(problem)) from problem
-        except Lost as problem:  # was told, with how far the run came
+        except Lost as problem:  # was reported, with the progress of the run
             raise click.exceptions.Exit(_NOT_ALL) from problem
 
     def _spooled(self, run: Run, tasks: Sequence[Task]) -> None:

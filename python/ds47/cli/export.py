@@ -198,13 +198,13 @@ def _examples_of(
             if isinstance(each.item, Finding)
             else sentence(each.item, lang)
         )
-        told = say(
+        shown = say(
             "export_example",
             target=escape(f"{stem}.{each.name}{EXPORTED}"),
             frames=say("frames", n=len(done.frames)),
             text=escape(text),
         )
-        lines.append("  " + told.text(lang))
+        lines.append("  " + shown.text(lang))
     name = "stdin" if task.path == STDIN else task.path
     if not lines:
         warn(f"{name}: nothing to export")
@@ -308,14 +308,14 @@ class _Run:
             warn(f"{name}: nothing to export")
             return
         self.written += 1
-        told = say(
+        words = say(
             "export_frames",
             name=escape(name),
             part=len(done.frames),
             frames=say("frames", n=done.result.frames),
             transactions=say("transactions", n=done.transactions),
         )
-        tell(told.text(lang))
+        tell(words.text(lang))
         if target != STDIN:
             key = "export_replaced" if target in self.replaced else "export_written"
             tell("  " + say(key, target=escape(target)).text(lang))

@@ -86,18 +86,18 @@ class _Row(NamedTuple):
 
     def orders(self) -> set[bool]:
         """Whether the bytes of words of xxd are the other way round: False and True where its text fits both."""
-        told, swapped, wide = bytearray(), bytearray(), False
+        plain, swapped, wide = bytearray(), bytearray(), False
         for token in _TOKEN.finditer(self.rest if ":" in self.between else ""):
             if not re.fullmatch(r"(?:[0-9a-fA-F]{2})+", token[0]):
                 break
             word, behind = bytes.fromhex(token[0]), self.rest[token.end() :]
-            told += word
+            plain += word
             swapped += word[::-1]
             wide |= len(word) > _USUAL
-            if behind.startswith("  ") and told != swapped and _spells(behind, swapped):
-                straight = _spells(behind, told)
+            if behind.startswith("  ") and plain != swapped and _spells(behind, swapped):
+                straight = _spells(behind, plain)
                 return {not straight, True} if wide else {not straight}
-            if behind.startswith("  ") and _spells(behind, told):
+            if behind.startswith("  ") and _spells(behind, plain):
                 return {False}
         return set()
 
@@ -217,12 +217,12 @@ def _refuse_words(rows: list[_Row]) -> None:
     orders = [row.orders() for row in rows]
     swapped = {True} in orders or ({False, True} in orders and {False} not in orders)
     tool = any(_steps(rows, base) for base in _BASES)
-    told = [
+    words = [
         row.rest for row in rows if row.rest and (swapped or (tool and _SPACED.match(row.rest)))
     ]
-    if told:
+    if words:
         raise ValueError(
-            f"{told[0].split()[0]!r} is no byte in hexadecimal, but a word in the byte order of a machine, octal"
+            f"{words[0].split()[0]!r} is no byte in hexadecimal, but a word in the byte order of a machine, octal"
             " or decimal: dump bytes with hexdump -C, xxd or od -tx1"
         )
 

@@ -25,7 +25,7 @@ def captures(
 
     Args:
         paths: files, folders, URLs of either, or - for stdin.
-        missing: is told in one line of a folder that cannot be read or has no capture.
+        missing: gets one line for each folder that cannot be read or has no capture.
         accept: which names in a folder are captures.
     """
     seen = set()

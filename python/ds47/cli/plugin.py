@@ -60,7 +60,7 @@ def install(folder: Path | None, no_profile: bool, force: bool, tshark: str | No
     stream = stdout()
     try:
         outcome = files.install_plugin(plugins, sources, force)
-        stream.write(_told(f"plugin {__version__}", outcome))
+        stream.write(_installed(f"plugin {__version__}", outcome))
     except files.RefusedError as problem:
         warn(str(problem))
         return 1
@@ -155,7 +155,7 @@ def _install_profile(shark: Wireshark | None, force: bool) -> int:
     except files.RefusedError as problem:
         warn(str(problem))
         return 1
-    stdout().write(_told("profile DS47", outcome))
+    stdout().write(_installed("profile DS47", outcome))
     return _warn_of_left(outcome)
 
 
@@ -194,7 +194,7 @@ def _sources() -> Sources:
         raise click.ClickException(str(problem)) from problem
 
 
-def _told(what: str, outcome: InstallOutcome) -> str:
+def _installed(what: str, outcome: InstallOutcome) -> str:
     before = f", {outcome.replaced} replaced" if outcome.replaced else ""
     lines = [f"{what}: {outcome.folder} ({counted(outcome.written, 'file')}{before})"]
     if outcome.kept:

@@ -80,8 +80,8 @@ def _explained(rule: RuleWords, lang: str) -> str:
     ):
         if not text:
             continue
-        told = say(key, text=" ".join(text.split())).text(lang)
-        lines += ("  " + line for line in wrap(told, _WIDTH - 2, 2))
+        shown = say(key, text=" ".join(text.split())).text(lang)
+        lines += ("  " + line for line in wrap(shown, _WIDTH - 2, 2))
     if rule.analyzer_only:
         lines.append("  " + say("rules_analyzer_only").text(lang))
     if rule.changed:

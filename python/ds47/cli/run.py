@@ -178,7 +178,7 @@ class Run:
             result = results.load(task)
             self._gaps(result)
             write_one(self._writer, result)
-        results.told(task)
+        results.reported(task)
         return row
 
     def _unreadable(self, task: Task, problem: CaptureError, *, told: bool = True) -> str:

@@ -62,9 +62,9 @@ def tell_lacking(
     problem: str | None,
     misses: Callable[[str], None] = warn,
 ) -> None:
-    """Says on stderr what of a capture was not there to read: `missing_files`, and what was damaged.
+    """Says on stderr what could not be read of a capture: `missing_files`, and damage.
 
-    The second is a reason for another exit status, and is told by `misses`.
+    Damage changes the exit status, so it goes through `misses`.
     """
     lost = missing_files(path, missing)
     if lost:

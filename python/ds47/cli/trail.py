@@ -62,8 +62,8 @@ def command(
             devices |= dict.fromkeys(names(result))
             if left:
                 asked = ", ".join(map(str, choice.selection.drive_objects))
-                told = say("trail_unproved", path=escape(result.path), n=left, do=asked)
-                warn(told.text(lang))
+                words = say("trail_unproved", path=escape(result.path), n=left, do=asked)
+                warn(words.text(lang))
             if not result.complete:
                 misses(about(task.path, result.problem or ""))
             tell_lacking(task.path, result.missing_files, result.lacking, misses)

@@ -2,8 +2,8 @@
 
 Relations come from Connects, or are named by hand; a later Connect of the same stations replaces what an earlier
 one said. Transactions of PKW are handed out when their relation is proven: a request and the response that
-followed it were seen. PZD is proven by its words, or by PKW beside it. What a change of the bytes means is the
-business of `handshake` and `timeline`; frames are found by `ds47.capture`, which is told what to watch.
+followed it were seen. PZD is proven by its words, or by PKW beside it. `handshake` and `timeline` decide what a
+change of the bytes means; `ds47.capture` finds the frames that this module watches.
 """
 
 from __future__ import annotations
@@ -335,12 +335,12 @@ class CyclicChannels:
     """All channels of drives in the cyclic frames of a capture.
 
     Args:
-        closed: is told of each transaction of a proven relation when it is over.
-        watch: is told which cyclic frames to give from now on.
+        closed: gets each finished transaction of a proven relation.
+        watch: gets the cyclic frames to watch from now on.
         bounds: how many relations and events are kept.
-        wanted: which channels are looked for. PKW is always: it proves what stands beside it.
-        vendor: of devices of which the capture shows none, by their IP address.
-        maker: of a station, by its MAC address: of that whose channels were named.
+        wanted: which channels to look for. PKW is always one of them: it proves the PZD beside it.
+        vendor: the vendor of a device by its IP address, if the capture does not show it.
+        maker: the vendor of a station by its MAC address, for channels named by hand.
     """
 
     def __init__(
@@ -415,7 +415,7 @@ class CyclicChannels:
         return [
             Timeline(
                 1 + next(n for n, each in enumerate(relations) if each is drive.relation),
-                it.told(), it.left_out, it.end_ns, it.setpoint.points, it.actual.points,
+                it.result(), it.left_out, it.end_ns, it.setpoint.points, it.actual.points,
             )
             for drive in self.drives() for it in (drive.recorder,)
         ]  # fmt: skip
@@ -439,11 +439,11 @@ class CyclicChannels:
 
     def connected(self, request: Pdu, response: Pdu) -> None:
         """A Connect and its response; nothing happens where it was refused, or sets up no such channel."""
-        asked, told = parse_request(request), parse_response(response)
-        if asked is None or told is None or told[0] != asked.ar:
+        asked, answer = parse_request(request), parse_response(response)
+        if asked is None or answer is None or answer[0] != asked.ar:
             return
         self.is_set_up = True
-        device_mac, frame_ids = told[1:]
+        device_mac, frame_ids = answer[1:]
         identity = device_identity(response.object_uuid)
         vendor_id = identity[0] if identity else self._vendor and self._vendor(request.server)
         connect = asked.answered(frame_ids)

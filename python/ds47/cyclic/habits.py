@@ -67,10 +67,11 @@ class Habits:
         if job.answer is None:
             return
         self._time(job.reaction_ns, job.answer.at.frame)
-        told = pkw.decode(job.answer.data, answer=True, layout=self.layout)
-        if row.access == "read" and cyclic.answers()[told.ak].width == 32 and which in self._reads:
+        answer = pkw.decode(job.answer.data, answer=True, layout=self.layout)
+        width = cyclic.answers()[answer.ak].width
+        if row.access == "read" and width == 32 and which in self._reads:
             self._double[which] = job.answer.at.frame
-        wrong = told.error is not None and told.error.code == _WRONG_TYPE
+        wrong = answer.error is not None and answer.error.code == _WRONG_TYPE
         if row.access == "change" and row.width == 16 and wrong and which in self._double:
             args = {"pnu": asked.pnu, "subindex": asked.subindex, "read": self._double[which]}
             yield Remark("DS507", job.answer.at.frame, self.where | args)

@@ -61,14 +61,13 @@ class FrameGap(NamedTuple):
 
 @dataclass(slots=True)
 class PkwJob:
-    """A request as long as it stands, with its answer; None for what did not come.
+    """A request while it lasts, with its answer; None for what did not come.
 
-    `answer` is the one that counted. It is `settled` where no edge told it: it was there already, so nobody
-    knows how long the drive took. `began` is False where the request stood there when the capture began.
-    `updates` are further values under the same answer. `halves`: the frame in which a part of the request
-    changed before the rest of it. `late`: that of an answer to the request before. `heard`: whether a frame of the
-    drive came while it stood. `last`: where the request was looked at last. `hole`: where its response may be,
-    though the capture has it not.
+    `answer` is the one that counted. It is `settled` if no edge showed it: it was there before, so the time that
+    the drive took is unknown. `began` is False if the request was there when the capture began. `updates` are
+    further values under the same answer. `halves`: the frame in which a part of the request changed before the
+    rest. `late`: the frame of an answer to the previous request. `heard`: whether a frame of the drive came during
+    the request. `last`: the last frame seen of the request. `hole`: where its response may be missing.
     """
 
     request: Sight
@@ -110,9 +109,9 @@ class PkwJob:
 
     @property
     def cycles(self) -> int | None:
-        """From the request to its answer, in frames of one direction; None where no edge told it.
+        """From the request to its answer, in frames of one direction; None if no edge showed the answer.
 
-        Nor where somebody set the clock back meanwhile: they are counted by the time.
+        They are counted by time, so None also if the clock was set back in between.
         """
         if self.answer is None or self.settled or not self.began:
             return None
@@ -121,7 +120,7 @@ class PkwJob:
 
     @property
     def duration_ns(self) -> int | None:
-        """From the first frame of the request to the first of its answer; None where no edge told it."""
+        """From the first frame of the request to the first of its answer; None if no edge showed the answer."""
         if self.answer is None or self.settled or not self.began:
             return None
         return self.answer.at.time_ns - self.request.at.time_ns
@@ -331,7 +330,7 @@ class PkwChannel:
         )  # the read before it was not answered: this is what it asked for
 
     def _stands(self, job: PkwJob, data: bytes) -> bool:
-        """Whether the answer that stands when a request ends may be its own, though no edge told it."""
+        """Whether the answer at the end of a request may be its own, though no edge showed it."""
         if not _fits(job.request.data, data) or _is_refusal(data):
             return False
         if _access(job.request.data) != "change" or job.moving or not self._echoes:

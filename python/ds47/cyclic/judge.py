@@ -66,11 +66,11 @@ def _request(job: PkwJob, asked: pkw.PkwMessage, which: dict[str, Any]) -> Itera
 def _response(
     relation: CyclicRelation, answer: handshake.Sight, which: dict[str, Any], layout: str
 ) -> Iterator[Remark]:
-    told = pkw.decode(answer.data, answer=True, layout=layout)
-    if told.ak == pkw.ERROR and told.error is not None:
-        args = {"code": told.error.code, "vendor_id": relation.vendor_id}
+    decoded = pkw.decode(answer.data, answer=True, layout=layout)
+    if decoded.ak == pkw.ERROR and decoded.error is not None:
+        args = {"code": decoded.error.code, "vendor_id": relation.vendor_id}
         yield Remark("DS501", answer.at.frame, which | args)
-    elif told.ak == pkw.NO_RIGHTS:
+    elif decoded.ak == pkw.NO_RIGHTS:
         yield Remark("DS502", answer.at.frame, which)
 
 

@@ -47,7 +47,7 @@ class Now(NamedTuple):
 
 @dataclass(slots=True)
 class _Standing:
-    """Something that has to stand for so long before it is said, and is said once, when it ends."""
+    """A condition that is reported once, at its end, if it lasted long enough."""
 
     rule: str
     limit_ns: int
@@ -55,16 +55,16 @@ class _Standing:
     """Whether values decide. These are not looked at in each frame: it stood until it was seen last."""
     begun: Now | None = None
     newest: Now | None = None
-    told: bool = False
-    """Whether it was said, and may stand still behind frames that are missing."""
+    reported: bool = False
+    """Whether it was reported before a gap in the frames, and may still hold after it."""
 
     def look(self, holds: bool, now: Now) -> tuple[Now, float] | None:
         """Where it began and how many seconds it stood, if it ended and stood for long enough."""
         if holds:
-            if not self.told:
+            if not self.reported:
                 self.begun, self.newest = self.begun or now, now
             return None
-        self.told = False
+        self.reported = False
         if self.begun is not None and not self.of_values:
             self.newest = now  # it stood until this frame
         return self.ended()
@@ -141,7 +141,7 @@ class Operation:
         """Frames are missing from here on: what stands, stood until here at least, and no edge is one."""
         for standing in self._all():
             stood = standing.ended()
-            standing.told = standing.told or stood is not None
+            standing.reported = standing.reported or stood is not None
             self._over(standing, stood)
         self._last = self._span = None
         self._was_equal = False

@@ -95,7 +95,7 @@ def _identifiers(row: profibus.PpoLayout) -> bytes:
 def relations(
     master: int,
     station: int,
-    told: dp.Configuration,
+    configuration: dp.Configuration,
     vendor_id: int | None,
     frame: int | None,
     family: str | None = None,
@@ -112,11 +112,11 @@ def relations(
     output = input_ = 0
     words = [
         (each.outputs.length, each.inputs.length)
-        for each, role in zip(told.modules, told.roles, strict=True)
+        for each, role in zip(configuration.modules, configuration.roles, strict=True)
         if role == dp.PZD and each.outputs and each.inputs
     ]
-    telegrams = fitting_telegrams(words, pkw=dp.PKW in told.roles)
-    for module, role in zip(told.modules, told.roles, strict=True):
+    telegrams = fitting_telegrams(words, pkw=dp.PKW in configuration.roles)
+    for module, role in zip(configuration.modules, configuration.roles, strict=True):
         lengths = [0 if area is None else area.length for area in (module.outputs, module.inputs)]
         if role is not None:
             sides = [

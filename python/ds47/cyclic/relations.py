@@ -59,8 +59,8 @@ class CyclicSide(NamedTuple):
         same = (self.source, self.frame_id) == (other.source, other.frame_id)
         return distance if same and -self.length < distance < other.length else None
 
-    def told(self) -> model.Side:
-        """As the report has it."""
+    def result(self) -> model.Side:
+        """The side in the form of the report."""
         if len(self.source) == _STATIONS:
             return model.Side(f"dp{self.source[0]}", None, self.offset, self.length)
         return model.Side(self.source.hex(":"), self.frame_id, self.offset, self.length)
@@ -140,12 +140,12 @@ class CyclicRelation:
         """Whether it is of no maker whose tables are known, as far as anything says whose it is."""
         return self.vendor_id != SIEMENS
 
-    def told(self) -> model.Relation:
-        """As the report has it."""
+    def result(self) -> model.Relation:
+        """The relation in the form of the report."""
         return model.Relation(
             channel=self.channel, controller=self.controller, device=self.device, api=self.api,
             slot=self.slot, subslot=self.subslot, telegrams=list(self.telegrams),
-            output=self.output.told(), input=self.input.told(),
+            output=self.output.result(), input=self.input.result(),
             cycle_ms=self.input.cycle_ns / 1e6 or None, frame=self.frame, certainty=self.certainty,
         )  # fmt: skip
 

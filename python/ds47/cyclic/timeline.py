@@ -83,7 +83,7 @@ class Recorder:
     """What happened to a drive, as far as its cyclic frames say.
 
     Args:
-        operation: is told of every frame, as long as the data of both sides is valid.
+        operation: gets every frame while the data of both sides is valid.
         trusted: whether the words alone prove a drive; else only what it does after ON.
         speed: whether the word behind STW1 is a setpoint of speed; None where the lengths do not tell.
         codes: where in the drive's data WARN_CODE and FAULT_CODE are, None where the telegram has none.
@@ -188,13 +188,13 @@ class Recorder:
             self.trips.lost(self._zsw1, time_ns)
         self._lost.add(by_controller)
         self.end_ns = time_ns
-        self.trips.told = self.operation.lost(frame, by_controller) or self.trips.told
+        self.trips.explained = self.operation.lost(frame, by_controller) or self.trips.explained
         self._happened("output-lost" if by_controller else "input-lost", frame, time_ns)
 
     def _back(self, by_controller: bool, frame: int, time_ns: int) -> None:
         if by_controller in self._lost:
             self._lost.remove(by_controller)
-            self.trips.told = self.trips.told and not by_controller
+            self.trips.explained = self.trips.explained and not by_controller
             self._happened("output-back" if by_controller else "input-back", frame, time_ns)
 
     def _control(self, stw1: int, frame: int, time_ns: int) -> None:
@@ -290,7 +290,7 @@ class Recorder:
         if self.trusted and comes and self.fault_since is not None:
             self.proven = self.proven or self._stw1 in (0, _ACKNOWLEDGE)
 
-    def told(self) -> list[Event]:
+    def result(self) -> list[Event]:
         """The events; those of bits that are about a speed only where it is known to be one."""
         if self.speed:
             return self.events

@@ -60,11 +60,11 @@ def _parameter(
     relation: CyclicRelation, asked: pkw.PkwMessage, access: str, job: PkwJob, layout: str
 ) -> Parameter:
     """The parameter, with the value that was written or is answered."""
-    told = None if job.answer is None else pkw.decode(job.answer.data, answer=True, layout=layout)
+    answer = None if job.answer is None else pkw.decode(job.answer.data, answer=True, layout=layout)
     error = None
-    if told is not None and told.error is not None:
-        error = ParameterError(told.error.code, None, relation.vendor_id, ak=told.ak)
-    source = asked if access == "change" else told
+    if answer is not None and answer.error is not None:
+        error = ParameterError(answer.error.code, None, relation.vendor_id, ak=answer.ak)
+    source = asked if access == "change" else answer
     value = None if source is None or (error and access != "change") else source.value
     count = access == "count"  # the number of elements is no value of the parameter
     known, family = None, relation.drives

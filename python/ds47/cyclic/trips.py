@@ -25,9 +25,9 @@ class Trips:
 
     limit_ns: int
     frames: list[int] = field(default_factory=list)
-    """Those in which the faults came; their numbers may come later."""
-    told: bool = False
-    """Whether something else is said to have stopped it, as long as that lasts."""
+    """The frames in which the faults came; their numbers may come later."""
+    explained: bool = False
+    """Whether another finding explains why it stopped, while that lasts."""
     _asked: bool = False
     """Whether it is asked to run."""
     _anew: bool = False
@@ -60,7 +60,7 @@ class Trips:
         if ran and seen:
             self._stops(before, time_ns)
         stopped = (ran and seen) or self._is_near(ran, time_ns)
-        if zsw1 & ~before & _FAULT and stopped and not self.told:
+        if zsw1 & ~before & _FAULT and stopped and not self.explained:
             self.frames.append(frame)
         if zsw1 & _RUNNING:
             self._anew = False
@@ -70,7 +70,7 @@ class Trips:
     def _stops(self, zsw1: int, time_ns: int) -> None:
         free = (
             self._asked
-            and not (self._anew or self.told)
+            and not (self._anew or self.explained)
             and zsw1 & _UNDER_CONTROL == _UNDER_CONTROL
         )
         self._since_ns = time_ns if free else None

@@ -540,7 +540,7 @@ class WholeCapture:
 
 def _numbers(holes: list[Hole]) -> str:
     """The sequence numbers that are missing, of some holes only where these are many."""
-    told = dict.fromkeys(hole.told() for hole in holes[:_TOLD])
+    told = dict.fromkeys(hole.numbers() for hole in holes[:_TOLD])
     return ", ".join([*told, "..."] if len(holes) > _TOLD else told)
 
 

@@ -155,8 +155,8 @@ def _meanings(
         errors = [*_wide_errors(value, kind, lang, vendor), *_s7_error(reading, kind, lang)]
         yield from errors
         if kind in (None, "status", "index"):
-            told = any(each.known for each in errors)
-            yield from (each for each in _word(value, kind, lang) if each.known or not told)
+            known = any(each.known for each in errors)
+            yield from (each for each in _word(value, kind, lang) if each.known or not known)
     elif reading.decimal and kind is None:
         yield from _decimal_byte(value, lang, vendor)
     else:
@@ -566,8 +566,8 @@ def _cyclic_word(name: str, value: int, lang: str) -> CodeMeaning:
     else:
         found = state(value)
         step = cyclic.next_step(found.state, found.overlays, lang)
-        told = cyclic.state_text(found.state, found.overlays, lang)
-        title = words["zsw1"].format(code=code, decimal=signed(value), state=told)
+        shown = cyclic.state_text(found.state, found.overlays, lang)
+        title = words["zsw1"].format(code=code, decimal=signed(value), state=shown)
         advice = words["zsw1_next"].format(text=step) if step else words["zsw1_last"]
     parts = tuple(
         CodePart(str(row.bit), "", text)

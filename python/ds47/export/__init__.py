@@ -298,8 +298,8 @@ class _Survey:
         if packet.dst_mac is None:  # a cooked header does not say to whom
             return False
         station = dcp.parse(packet) if message.kind == "dcp" else lldp.parse(packet)
-        told = (station.ip, station.mac) if station else ()
-        return not (chosen.ips | chosen.macs).isdisjoint((packet.src_mac, packet.dst_mac, *told))
+        stated = (station.ip, station.mac) if station else ()
+        return not (chosen.ips | chosen.macs).isdisjoint((packet.src_mac, packet.dst_mac, *stated))
 
 
 def _description(message: TrackedMessage) -> str:

@@ -21,13 +21,13 @@ NOTE = "note"
 class Findings:
     """Collects remarks and makes findings of them.
 
-    What is added is kept until `result`, unless `found` takes it: some 0.6 kB a finding that belongs to no
-    transaction, because the end of a capture tells them all in the order of their frames.
+    Remarks are kept until `result`, unless `found` takes them: some 0.6 kB for a finding that belongs to no
+    transaction, because the end of a capture reports all findings in the order of their frames.
 
     Args:
         select: rule ids or prefixes that are wanted; empty for all.
-        ignore: rule ids or prefixes that are not.
-        found: is told of each at once; then none is kept for `result`.
+        ignore: rule ids or prefixes that are not wanted.
+        found: gets each finding at once; then none is kept for `result`.
         times: when frames were.
     """
 
@@ -48,12 +48,12 @@ class Findings:
         """Whether the capture says that frames are missing; unanswered and orphan say so then."""
 
     def add(self, remark: Remark) -> None:
-        """Keeps a remark for `result`, or tells of it at once, if its rule is wanted."""
+        """Keeps a remark for `result`, or reports it at once, if its rule is wanted."""
         if not self.wanted(remark.rule):
             return
         remark.time_ns = self._times.of(remark.frame)
         if self._found is not None:
-            self._found(self.told(remark))
+            self._found(self.reported(remark))
         else:
             self._remarks.append(remark)
 
@@ -63,7 +63,7 @@ class Findings:
             return False
         return not (self._ignore and rule.startswith(self._ignore))
 
-    def told(self, remark: Remark, transaction: int | None = None) -> Finding:
+    def reported(self, remark: Remark, transaction: int | None = None) -> Finding:
         """The finding of a remark, counted among the diagnoses if it is one."""
         finding = self.finding(remark, transaction)
         if remark.rule.startswith(DIAGNOSIS):
@@ -73,7 +73,7 @@ class Findings:
         return finding
 
     def diagnoses(self) -> list[Diagnosis]:
-        """The causes of all findings told so far."""
+        """The causes of all findings reported so far."""
         return self._grouping.result()
 
     def finding(self, remark: Remark, transaction: int | None = None) -> Finding:
@@ -101,7 +101,7 @@ class Findings:
         remarks = (remark for remark in self._remarks if not remark.withdrawn)
         for remark in sorted(remarks, key=lambda remark: remark.frame):
             owner = transactions.get(remark.job.order) if remark.job else None
-            findings.append(self.told(remark, owner.id if owner else None))
+            findings.append(self.reported(remark, owner.id if owner else None))
             if owner and remark.rule not in owner.findings:
                 owner.findings.append(remark.rule)
                 owners[owner.id] = owner

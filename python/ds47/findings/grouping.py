@@ -42,19 +42,21 @@ class _Cases:
     """The cases of one cause, as they come."""
 
     def __init__(self, first: Finding, device: str | None) -> None:
-        self.told = Diagnosis(first.rule, first.severity, dict(first.args), device, said=first.said)
+        self.diagnosis = Diagnosis(
+            first.rule, first.severity, dict(first.args), device, said=first.said
+        )
         self._last = 0
         """The last frame that had no room: it may come again."""
 
     def add(self, finding: Finding) -> None:
-        told = self.told
-        told.count += 1
-        agree(told, finding.args)
+        diagnosis = self.diagnosis
+        diagnosis.count += 1
+        agree(diagnosis, finding.args)
         for frame in finding.counted:
-            if not _keep(told.frames, frame) and self._last != frame:
+            if not _keep(diagnosis.frames, frame) and self._last != frame:
                 self._last = frame
-                told.frames_left_out += 1
-        jobs, job = told.transactions, finding.transaction
+                diagnosis.frames_left_out += 1
+        jobs, job = diagnosis.transactions, finding.transaction
         if job is not None and len(jobs) < known().frames and job not in jobs:
             jobs.append(job)
 
@@ -86,20 +88,20 @@ class Grouping:
         """The diagnoses: what the capture lacks, then the worst first, then the most frequent."""
 
         def order(item: tuple[Cause, _Cases]) -> tuple[Any, ...]:
-            about, each = item[0], item[1].told
+            about, each = item[0], item[1].diagnosis
             severity = -SEVERITIES.index(each.severity)
             recorded = each.rule != OF_THE_RECORDING
             where = about.device or "", about.key
             return recorded, severity, -each.count, each.rule, each.frames, *where
 
         for about, offered in self._corrected.items():
-            told = self._groups[about].told
+            diagnosis = self._groups[about].diagnosis
             for each, transaction in offered:
-                told.corrected = each() if callable(each) else each
-                if told.corrected is not None:
-                    told.corrected_in = transaction
+                diagnosis.corrected = each() if callable(each) else each
+                if diagnosis.corrected is not None:
+                    diagnosis.corrected_in = transaction
                     break
-        return [cases.told for _, cases in sorted(self._groups.items(), key=order)]
+        return [cases.diagnosis for _, cases in sorted(self._groups.items(), key=order)]
 
 
 def headlines(findings: Iterable[Finding]) -> list[Diagnosis]:
@@ -117,10 +119,10 @@ def headlines(findings: Iterable[Finding]) -> list[Diagnosis]:
             groups[about] = _Cases(each, None)
         groups[about].add(each)
 
-    def order(told: Diagnosis) -> tuple[Any, ...]:
-        return -SEVERITIES.index(told.severity), told.rule, -told.count, told.frames
+    def order(each: Diagnosis) -> tuple[Any, ...]:
+        return -SEVERITIES.index(each.severity), each.rule, -each.count, each.frames
 
-    return sorted((each.told for each in groups.values()), key=order)
+    return sorted((each.diagnosis for each in groups.values()), key=order)
 
 
 def agree(group: Diagnosis, args: dict[str, Any]) -> None:

@@ -1,6 +1,6 @@
-"""When frames were: of the newest one, and of those before it as far as there is room.
+"""The times of frames: of the newest one, and of as many before it as there is room for.
 
-A finding is often told of a frame long after that one, so the times of frames are kept; not their contents.
+A finding is often reported long after its frame, so the times of frames are kept, but not their contents.
 """
 
 from __future__ import annotations

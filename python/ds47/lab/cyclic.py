@@ -65,10 +65,10 @@ class Cyclic:
             OUTPUT, self.frame_ids[1]
         )
         client.ask(call, asked + self._expected())
-        told = wire.ar_response(client.channel.ar, client.device)
+        blocks = wire.ar_response(client.channel.ar, client.device)
         for kind, frame_id in ((INPUT, self.frame_ids[0]), (OUTPUT, self.given)):
-            told += _block(0x8102, struct.pack(">HHH", kind, kind, frame_id))
-        client.accept(call, OK, told)
+            blocks += _block(0x8102, struct.pack(">HHH", kind, kind, frame_id))
+        client.accept(call, OK, blocks)
 
     def _offsets(self) -> list[tuple[LabModule, int]]:
         """Where the data of each module begins; IOPS stands behind it."""

@@ -186,8 +186,8 @@ class LabDrive:
         if cell.most is not None and int.from_bytes(request[4:]) > cell.most:
             return self._refuse(request, 2)
         cell.value = request[4:]
-        told = self._tell(request, cell)
-        return told[:4] + bytes(4) if self.echo_zero else told
+        answer = self._tell(request, cell)
+        return answer[:4] + bytes(4) if self.echo_zero else answer
 
     def _tell(self, request: bytes, cell: PkwParameter) -> bytes:
         ak = (2 if cell.double else 1) + (3 if cell.array else 0)

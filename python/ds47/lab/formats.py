@@ -143,7 +143,7 @@ def description(client: Client) -> None:
     rules="DS410 DS714 DS721",
 )
 def described(client: Client) -> None:
-    """Names, units and types that a drive has told."""
+    """Names, units and types from a drive."""
     up, down = message.address(1120), message.address(1121)
     for reference, axis, where, block in (
         (1, 2, up, message.word(1000)),

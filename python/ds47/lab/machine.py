@@ -107,10 +107,10 @@ class Machine(Generic[Line]):
             self.line.say(self.pkw, OUTPUT, self.words)
         self.line.cycle()
         zsw1, actual = self.drive.step(self.stw1, self.raw, self.line.reduction / 1000)
-        told = struct.pack(">Hh", zsw1, actual)
-        if self.pzd.length > len(told):  # the last word of telegrams 352 and 354 is FAULT_CODE
-            told = told.ljust(self.pzd.length - 2, b"\0") + self.drive.fault.to_bytes(2)
-        self.line.say(self.pzd, INPUT, told)
+        back = struct.pack(">Hh", zsw1, actual)
+        if self.pzd.length > len(back):  # the last word of telegrams 352 and 354 is FAULT_CODE
+            back = back.ljust(self.pzd.length - 2, b"\0") + self.drive.fault.to_bytes(2)
+        self.line.say(self.pzd, INPUT, back)
         if self.pkw is not None:
             self.line.say(self.pkw, INPUT, self.drive.answer(self.words))
 

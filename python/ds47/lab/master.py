@@ -124,21 +124,21 @@ class Master:
                 self.put(fdl.frame(self.address, station, 0))
 
     def start(
-        self, station: int, set_prm: str = SET_PRM, configured: str = PPO1, told: str = ""
+        self, station: int, set_prm: str = SET_PRM, configured: str = PPO1, diagnosis: str = ""
     ) -> None:
-        """Slave_Diag, Set_Prm, Chk_Cfg, Slave_Diag; the station has the ident number of Set_Prm, or of `told`."""
-        ident = (told or set_prm)[8:12]
+        """Slave_Diag, Set_Prm, Chk_Cfg, Slave_Diag; the ident number is that of Set_Prm, or of `diagnosis`."""
+        ident = (diagnosis or set_prm)[8:12]
         self.diagnose(station, WAITS[:8] + ident)
         self.ask(station, set_prm, fdl.PARAMETERS)
         self.short()
         self.ask(station, configured, fdl.CONFIGURATION)
         self.short()
-        self.diagnose(station, told or READY[:8] + ident)
+        self.diagnose(station, diagnosis or READY[:8] + ident)
 
-    def diagnose(self, station: int, told: str = READY) -> int:
+    def diagnose(self, station: int, answer: str = READY) -> int:
         """Slave_Diag with its answer."""
         self.ask(station, "", fdl.DIAGNOSIS)
-        return self.tell(station, told, fdl.DIAGNOSIS)
+        return self.tell(station, answer, fdl.DIAGNOSIS)
 
     def control(self, data: str = "0000") -> int:
         """Global_Control to everybody; 0000 says operate."""
@@ -163,11 +163,11 @@ class Master:
         """A poll of MS1, answered with data, or with SC."""
         return self.service(Way(station), "", data)
 
-    def service(self, way: Way, asked: str, told: str = "") -> int:
+    def service(self, way: Way, asked: str, answer: str = "") -> int:
         """A request of records and its answer, SC without data."""
         self.between()
         self.ask(way.station, asked, way.sap, way.own)
-        return self.tell(way.station, told, way.sap, way.own) if told else self.short()
+        return self.tell(way.station, answer, way.sap, way.own) if answer else self.short()
 
     def write(self, way: Way, data: bytes, polls: int = 1, refused: str = "") -> None:
         """DS_Write, and polls until it is done, or refused."""

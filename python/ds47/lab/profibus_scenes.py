@@ -21,10 +21,10 @@ UNREAD_LIMIT, POLL_LIMIT = 10, 100
 
 
 def running(
-    master: Master, set_prm: str = SET_PRM, configured: str = PPO1, told: str = ""
+    master: Master, set_prm: str = SET_PRM, configured: str = PPO1, diagnosis: str = ""
 ) -> Master:
     """A station after its start-up, in data exchange."""
-    master.start(MOTOR, set_prm, configured, told)
+    master.start(MOTOR, set_prm, configured, diagnosis)
     master.control()
     return going(master)
 
@@ -221,7 +221,7 @@ def parameters_again(master: Master) -> None:
 @BOOK.scene("Near DS810: Set_Prm twice before data exchange")
 def parameters_twice(master: Master) -> None:
     """The master sends the parameters twice, as the station was not ready."""
-    master.start(MOTOR, told=WAITS)
+    master.start(MOTOR, diagnosis=WAITS)
     running(master)
 
 
@@ -286,14 +286,14 @@ def pzd_word_by_word(master: Master) -> None:
 @BOOK.scene("DS814: Cfg_Fault", rules="DS814")
 def configuration_refused(master: Master) -> None:
     """The station refuses the configuration."""
-    master.start(MOTOR, told="040c000280b5")
+    master.start(MOTOR, diagnosis="040c000280b5")
     master.diagnose(MOTOR, "040c000280b5")
 
 
 @BOOK.scene("Near DS814: the station is not ready yet, and asks nothing")
 def not_ready_yet(master: Master) -> None:
     """The station takes a while until it is ready."""
-    master.start(MOTOR, told="020c000280b5")
+    master.start(MOTOR, diagnosis="020c000280b5")
     master.diagnose(MOTOR)
     going(master)
 
@@ -301,7 +301,7 @@ def not_ready_yet(master: Master) -> None:
 @BOOK.scene("DS815: Set_Prm locks the station, and leaves the watchdog off", rules="DS815")
 def no_watchdog(master: Master) -> None:
     """The watchdog of the station is switched off."""
-    running(master, "b0" + SET_PRM[2:], told="0004000280b5")
+    running(master, "b0" + SET_PRM[2:], diagnosis="0004000280b5")
 
 
 @BOOK.scene("Near DS815: Set_Prm without watchdog that locks nothing")

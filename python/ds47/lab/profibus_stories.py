@@ -57,9 +57,9 @@ def _seeds(master: Master) -> None:
     examples = (
         (FIRST, DCM_READ, 2, 0), (FIRST, DCM_CHANGE, 1, 1), (SECOND, G120_READ, 1, 2), (SECOND, G120_CHANGE, 3, 0),
     )  # fmt: skip
-    for station, (asked, told), polls, busy in examples:
+    for station, (asked, answer), polls, busy in examples:
         way = Way(station)
-        master.parameters(way, bytes.fromhex(asked), bytes.fromhex(told), polls, busy)
+        master.parameters(way, bytes.fromhex(asked), bytes.fromhex(answer), polls, busy)
         master.between()
 
 
@@ -80,8 +80,8 @@ def user0_running(master: Master) -> None:
     """A plant that ran before the capture began: no Set_Prm, no Chk_Cfg."""
     master.stage.link = fdl.USER0
     master.between = lambda: _cycle(master, FIRST)
-    for asked, told in (DCM_READ, DCM_CHANGE):
-        master.parameters(Way(FIRST), bytes.fromhex(asked), bytes.fromhex(told))
+    for asked, answer in (DCM_READ, DCM_CHANGE):
+        master.parameters(Way(FIRST), bytes.fromhex(asked), bytes.fromhex(answer))
         master.between()
 
 
@@ -136,10 +136,10 @@ def bad_habits(master: Master) -> None:
     _started(master, FIRST)
     way = Way(FIRST)
     master.read(way, refused=NOT_READY)
-    asked, told = (bytes.fromhex(each) for each in DCM_READ)
+    asked, answer = (bytes.fromhex(each) for each in DCM_READ)
     master.between = lambda: master.wait(0.5)
     master.write(way, asked, polls=2)
-    master.read(way, told, polls=104)
+    master.read(way, answer, polls=104)
     asked = message.read(4, 2, message.address(50304))
     master.service(way, f"5f002ff1{asked.ljust(240, bytes(1)).hex()}")
     master.poll(FIRST, "df80b100")
@@ -289,7 +289,7 @@ def dropped_out(master: Master) -> None:
         master.wait(CYCLE)
     master.ask(FIRST, PZD_ALONE)
     master.tell(FIRST, code=fdl.NOT_ENABLED)
-    master.start(FIRST, configured=PPO3, told=FAULTY)
+    master.start(FIRST, configured=PPO3, diagnosis=FAULTY)
     for _ in range(5):
         _cycle(master, FIRST, SECOND)
 

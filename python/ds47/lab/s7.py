@@ -223,8 +223,8 @@ class Link:
     def szl(self, number: int, index: int, *parts: bytes) -> Link:
         """The client asks for a part of the system status list, and the CPU has it."""
         self.say(True, USERDATA, self.next(), *s7_wire.ask_szl(number, index))
-        told = s7_wire.tell_szl(number, index, len(parts[0]), parts)
-        self.say(False, USERDATA, self.reference, *told)
+        answer = s7_wire.tell_szl(number, index, len(parts[0]), parts)
+        self.say(False, USERDATA, self.reference, *answer)
         return self
 
     # Partners
@@ -260,8 +260,8 @@ class Link:
             self.part(r_id, part, place, sequence, last and ended, announced, from_client)
             sequence = sequence or self.sent & 0xFF or 1
             if number not in lost:
-                told = s7_wire.acknowledge(sequence, error if last else 0)
-                self.say(not from_client, USERDATA, self.reference, *told)
+                answer = s7_wire.acknowledge(sequence, error if last else 0)
+                self.say(not from_client, USERDATA, self.reference, *answer)
         return self
 
     def part(
@@ -276,8 +276,8 @@ class Link:
     ) -> None:
         """One segment."""
         self.sent += 1
-        told = s7_wire.segment(r_id, part, place, sequence, last, total)
-        self.say(from_client, USERDATA, self.next(), *told)
+        segment = s7_wire.segment(r_id, part, place, sequence, last, total)
+        self.say(from_client, USERDATA, self.next(), *segment)
 
     def usend(self, r_id: int, *parts: bytes, from_client: bool = True) -> Link:
         """USEND: nobody answers."""

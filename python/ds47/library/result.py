@@ -224,8 +224,8 @@ class Result:
 
     def meaning(self, item: Parameter, lang: str = "en") -> str | None:
         """What the values of a parameter mean, where tables or lists say it: `F07900 Motor blocked`."""
-        told = meanings.meaning(item)
-        return None if told is None else told.text(lang)
+        meant = meanings.meaning(item)
+        return None if meant is None else meant.text(lang)
 
     def filter(self, item: Finding | Diagnosis) -> str:
         """A Wireshark display filter that shows the frames of a finding or a diagnosis."""

@@ -91,8 +91,8 @@ class Catalogue:
             vendor_id: PROFINET vendor id, None where it is not known.
             device_id: PROFINET device id, None where it is not known.
         """
-        told = [each for each, found in self.messages(number) if fits(found, vendor_id, device_id)]
-        return next((each for each in told if each.letter == letter), next(iter(told), None))
+        fit = [each for each, found in self.messages(number) if fits(found, vendor_id, device_id)]
+        return next((each for each in fit if each.letter == letter), next(iter(fit), None))
 
 
 def fits(found: ParameterList, vendor_id: int | None, device_id: int | None) -> bool:

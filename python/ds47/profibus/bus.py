@@ -26,7 +26,7 @@ class BusTracker:
 
     Args:
         listeners: hear of the exchanges, one after the other.
-        heard: is told of each frame, and whether the recording has not all of it.
+        heard: gets each frame, and whether the recording has only a part of it.
     """
 
     def __init__(

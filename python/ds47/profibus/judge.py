@@ -1,7 +1,7 @@
 """What is wrong on a line: frames, stations, start-up and services to findings DS8xx (docs/profibus.md 8).
 
-A thing that happens again is one remark with a count; all are told when nothing more comes. The stations, and what
-is said of them, are `stations`; what is wrong with a transaction of DS47 is not here.
+A repeated problem is one remark with a count; all are reported at the end of the capture. `stations` has the
+stations and what is known about them. Problems of DS47 transactions are not here.
 """
 
 from __future__ import annotations
@@ -78,9 +78,9 @@ class LineJudge:
         if service == dp.EXCHANGE:
             self._lengths(station, item.du, answer)
         elif service == dp.PARAMETERS:
-            told = dp.decode(item)
-            if isinstance(told, dp.Parameters):
-                self._parameters(station, told, at)
+            sent = dp.decode(item)
+            if isinstance(sent, dp.Parameters):
+                self._parameters(station, sent, at)
         elif service == dp.CONFIGURATION:
             self._configuration(station, dp.configuration(item.du), at)
         elif service == dp.DIAGNOSIS:
@@ -213,33 +213,35 @@ class LineJudge:
             }  # fmt: skip
             self._note("DS811", station.address, answer.frame, args, tuple(args.values()))
 
-    def _parameters(self, station: LineStation, told: dp.Parameters, frame: int) -> None:
+    def _parameters(self, station: LineStation, parameters: dp.Parameters, frame: int) -> None:
         last, unsure = station.last_exchange, station.unsure.get(dp.PARAMETERS, 0)
         if last is not None and max(station.hole, unsure) <= last.frame:
             self._note("DS810", station.address, frame, {"last": last.frame})
-        if "lock" in told.flags and "watchdog" not in told.flags:
+        if "lock" in parameters.flags and "watchdog" not in parameters.flags:
             self._note("DS815", station.address, frame, {})
 
-    def _configuration(self, station: LineStation, told: dp.Configuration, frame: int) -> None:
-        if told.pkw_consistent is False:
+    def _configuration(self, station: LineStation, found: dp.Configuration, frame: int) -> None:
+        if found.pkw_consistent is False:
             module = next(
-                each for each, role in zip(told.modules, told.roles, strict=True) if role == dp.PKW
+                each
+                for each, role in zip(found.modules, found.roles, strict=True)
+                if role == dp.PKW
             )
             args = {"identifier": module.data.hex().upper()}
             self._note("DS813", station.address, frame, args, (module.data,))
 
     def _diagnosis(
-        self, station: LineStation, told: dp.SlaveDiagnosis, asker: int | None, frame: int
+        self, station: LineStation, diagnosis: dp.SlaveDiagnosis, asker: int | None, frame: int
     ) -> None:
         for flag, case in _FAULTS.items():
-            if flag in told.flags:
+            if flag in diagnosis.flags:
                 self._note("DS814", station.address, frame, {"case": case}, (case,))
         set_up = _set_up(station)
         if set_up is None or station.parameters_master != asker:
             return
-        if None not in (told.ident, set_up.ident) and told.ident != set_up.ident:
-            args = {"case": "diag_ident", "ident": told.ident, "sent": set_up.ident}
+        if None not in (diagnosis.ident, set_up.ident) and diagnosis.ident != set_up.ident:
+            args = {"case": "diag_ident", "ident": diagnosis.ident, "sent": set_up.ident}
             self._note("DS814", station.address, frame, args, tuple(args.values()))
-        if told.master not in (None, asker):
-            args = {"case": "diag_master", "master": told.master}
+        if diagnosis.master not in (None, asker):
+            args = {"case": "diag_master", "master": diagnosis.master}
             self._note("DS814", station.address, frame, args, tuple(args.values()))

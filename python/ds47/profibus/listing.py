@@ -5,7 +5,7 @@
     [0.001250] E5                                   seconds, or with a unit: 1250 us
     Index;Time us;Dirn;Data                         CSV, by a head that names the data
 
-What cannot be read is told with the number of its line. Files and encodings are not here.
+Unreadable lines are reported by number. Files and encodings are not here.
 """
 
 from __future__ import annotations

@@ -153,10 +153,10 @@ class LineStation:
             self.retries.count = self.copies
             self.damaged.count -= self.copied
 
-    def told(self, timed: bool) -> BusStation:
-        """As the result has it, `timed` with times."""
-        told, set_up, configured = self.diagnosis, self.parameters, self.configuration
-        ident = set_up.ident if set_up else told.ident if told else None
+    def result(self, timed: bool) -> BusStation:
+        """The station in the form of the report, with times if `timed`."""
+        diagnosis, set_up, configured = self.diagnosis, self.parameters, self.configuration
+        ident = set_up.ident if set_up else diagnosis.ident if diagnosis else None
         outputs, inputs = self.lengths or (None, None)
         return BusStation(
             self.address, "master" if self.asks else "slave", ident,
@@ -167,9 +167,9 @@ class LineStation:
             self.answers.span() if timed else None,
             self.wanting.asked, self.wanting.fetched,
             self.parameters_frame, self.configuration_frame,
-            None if told is None or self.diagnosis_frame is None else StationDiagnosis(
-                self.diagnosis_frame, list(told.flags), told.master, told.ident,
-                [each.data for each in told.blocks],
+            None if diagnosis is None or self.diagnosis_frame is None else StationDiagnosis(
+                self.diagnosis_frame, list(diagnosis.flags), diagnosis.master, diagnosis.ident,
+                [each.data for each in diagnosis.blocks],
             ),
         )  # fmt: skip
 
@@ -178,7 +178,7 @@ class LineStations:
     """Takes the frames and the exchanges of a line.
 
     Args:
-        heard: is told of each exchange with an answer, and of its station before it counts there.
+        heard: gets each exchange with an answer, and its station before the exchange counts there.
     """
 
     def __init__(self, heard: Callable[[LineStation, Exchange, LineFrame], None]) -> None:
@@ -220,17 +220,17 @@ class LineStations:
             station.settle(self.copied)
             station.retries.leave_out(paused)
 
-    def told(self, stray: int, echoes: int, timed: bool) -> Bus | None:
-        """As the result has it; None where there was no frame.
+    def result(self, stray: int, echoes: int, timed: bool) -> Bus | None:
+        """The line in the form of the report; None without frames.
 
         Args:
-            stray: answers that nobody asked for,
-            echoes: and those of them that stand directly behind the same answer.
+            stray: answers without a request.
+            echoes: stray answers directly after the same answer.
             timed: whether the recording has times.
         """
         if not self.frames:
             return None
-        stations = [each.told(timed) for each in self.all() if each.asks or each.asked]
+        stations = [each.result(timed) for each in self.all() if each.asks or each.asked]
         damaged = self.check.count + self.broken.count
         stray -= echoes if self.copied else 0
         return Bus(self.frames, self.tokens, damaged, stray, stations)
@@ -289,18 +289,18 @@ def _keep(station: LineStation, exchange: Exchange, answer: LineFrame) -> None:
         if item.front.exchanges or item.kind == SC:  # SC: of a station without inputs
             _exchanged(station, exchange, answer)
     elif name == dp.PARAMETERS:
-        told = dp.decode(exchange.request.item)
-        assert isinstance(told, dp.Parameters)
-        station.parameters, station.parameters_frame = told, exchange.request.frame
+        sent = dp.decode(exchange.request.item)
+        assert isinstance(sent, dp.Parameters)
+        station.parameters, station.parameters_frame = sent, exchange.request.frame
         station.parameters_master = exchange.request.item.sa
         station.last_exchange = station.last_asked = None
     elif name == dp.CONFIGURATION:
         station.configuration = dp.configuration(exchange.request.item.du)
         station.configuration_frame = exchange.request.frame
     elif name == dp.DIAGNOSIS and item.du:
-        told_now = dp.decode(item)
-        if isinstance(told_now, dp.SlaveDiagnosis):
-            station.diagnosis, station.diagnosis_frame = told_now, answer.frame
+        diagnosis = dp.decode(item)
+        if isinstance(diagnosis, dp.SlaveDiagnosis):
+            station.diagnosis, station.diagnosis_frame = diagnosis, answer.frame
             station.wanting.read()
 
 

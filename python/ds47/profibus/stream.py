@@ -31,7 +31,7 @@ _AHEAD = 1024
 _CHAIN = 256
 """Bytes of tokens and SC in a row that are as good as a proved frame: a line has them for long when it is idle."""
 _MOST_LOST = 4096
-"""Bytes without a frame that are told as one piece."""
+"""The most bytes without a frame in one piece."""
 _KNOWN_TOKENS = 1024
 
 

@@ -51,7 +51,7 @@ class Hole:
         parts = (self.first, number - 1), (number + 1, self.last)
         return [Hole(self.after, self.before, *each) for each in parts if each[0] <= each[1]]
 
-    def told(self) -> str:
+    def numbers(self) -> str:
         """Its numbers, for a sentence."""
         return str(self.first) if self.first == self.last else f"{self.first}..{self.last}"
 

@@ -152,9 +152,8 @@ class Reassembler:
 
     Memory is bounded by `datagrams`, `fragments` and `most_bytes` of them: the oldest unfinished
     datagram goes first.
-    One that is not whole `expiry_ns` of capture time after its first fragment is given up. Whoever
-    feeds takes `given_up` and empties it; what he leaves there stays. Where `traces` keeps the frames of
-    datagrams, it is told of those that are given up instead.
+    One that is not whole `expiry_ns` of capture time after its first fragment is given up. The caller
+    must empty `given_up`. If `traces` keeps the frames of datagrams, it gets those that were given up instead.
     """
 
     def __init__(

@@ -177,8 +177,8 @@ def _diagnoses(result: Json, now: Json) -> list[Json]:
     """Diagnoses sum up findings: those of the rules that are among them, the present ones first."""
     rules = {each["rule"] for each in result["findings"]}
     present = now.get("diagnoses", [])
-    told = {each["rule"] for each in present}
-    kept = [each for each in result.get("diagnoses", []) if each["rule"] not in told]
+    shown = {each["rule"] for each in present}
+    kept = [each for each in result.get("diagnoses", []) if each["rule"] not in shown]
     return [deepcopy(each) for each in present + kept if each["rule"] in rules]
 
 

@@ -595,8 +595,8 @@ def _outcome(parameter: Json, vendor_id: int | None) -> Both:
         return say("change_outcome_answered")
     error = contract.error(parameter["error"], vendor_id)
     code = "-" if error.code is None else spec.error_hex(error.code)
-    told = Both(*(f"{code} {error_words(error, lang)}" for lang in LANGUAGES))
-    return say("change_outcome_refused", error=told)
+    refusal = Both(*(f"{code} {error_words(error, lang)}" for lang in LANGUAGES))
+    return say("change_outcome_refused", error=refusal)
 
 
 def _show(value: Any) -> Both:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from ds47 import spec
-from ds47.regression import difference_words as told
+from ds47.regression import difference_words as words
 from ds47.regression.conclusions import Conclusion, conclusions
 from ds47.regression.difference import Difference
 from ds47.regression.points import durations, elements
@@ -47,23 +47,23 @@ def page(found: Difference, lang: str = "en", *, everything: bool = False) -> st
         **shell.known(templates, lang, SCRIPTS, library),
         "found": found,
         "everything": everything,
-        "verdict": told.verdict(found),
+        "verdict": words.verdict(found),
         "level": level(found, otherwise),
-        "concluded": [(each.level, told.conclusion_text(each, found)) for each in otherwise],
-        "first": told.CONCLUSIONS,
+        "concluded": [(each.level, words.conclusion_text(each, found)) for each in otherwise],
+        "first": words.CONCLUSIONS,
         "plotted": plotted,
-        "sections": told.sections(found),
-        "rest": told.rest(found),
-        "notes": told.notes(found),
+        "sections": words.sections(found),
+        "rest": words.rest(found),
+        "notes": words.notes(found),
         "rules": spec.rules(),
         "words_of": say,
         "state": state,
-        "operation": told.asked,
-        "changed": told.changed,
-        "rest_text": told.rest_text,
-        "parameter_text": told.parameter_text,
-        "side_text": lambda run, side: told.side_text(run, side, found),
-        "shift_text": told.shift_text,
+        "operation": words.asked,
+        "changed": words.changed,
+        "rest_text": words.rest_text,
+        "parameter_text": words.parameter_text,
+        "side_text": lambda run, side: words.side_text(run, side, found),
+        "shift_text": words.shift_text,
     }
     return str(templates.get_template("difference.html.j2").render(known))
 
@@ -80,8 +80,8 @@ def level(found: Difference, otherwise: list[Conclusion]) -> str:
 def _elements(found: Difference, otherwise: list[Conclusion]) -> list[dict[str, Any]]:
     return [
         {
-            "label": told.parameter_text(told.ElementRun((each["row"],))),
-            "name": told.element_text(told.ElementRun((each["row"],))),
+            "label": words.parameter_text(words.ElementRun((each["row"],))),
+            "name": words.element_text(words.ElementRun((each["row"],))),
             "unit": each["unit"],
             "a": each["a"],
             "b": each["b"],

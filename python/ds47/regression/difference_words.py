@@ -134,8 +134,8 @@ def _brief(run: ElementRun, kind: str, found: Difference) -> Both:
         return Both(*(f"{name} {was} -> {now}" for was, now in zip(*sides, strict=True)))
     if kind in (concluded.MORE_FAIL, concluded.FEWER_FAIL):
         return Both.same(f"{name} {' -> '.join(f'{n:,}/{of:,}' for n, of in shares(run.first))}")
-    told = (_failure(each, run, found) for each in failures(run.first, kind))
-    return Both.same(f"{name} ({', '.join(told)})")
+    failed = (_failure(each, run, found) for each in failures(run.first, kind))
+    return Both.same(f"{name} ({', '.join(failed)})")
 
 
 def _failure(kind: object, run: ElementRun, found: Difference) -> str:
@@ -169,8 +169,8 @@ def rest_text(section: Section) -> Both:
     sides = [{row.element for row in rows if side(row)} for side in (_in_a, _in_b)]
     if sides[0] == sides[1]:
         return say("diff_elements", n=len(sides[0]))
-    told = (("diff_in_a", len(sides[0])), ("diff_in_b", len(sides[1])))
-    return joined([say(key, text=say("diff_elements", n=count)) for key, count in told if count])
+    counts = (("diff_in_a", len(sides[0])), ("diff_in_b", len(sides[1])))
+    return joined([say(key, text=say("diff_elements", n=count)) for key, count in counts if count])
 
 
 def notes(found: Difference) -> list[Both]:
@@ -292,8 +292,8 @@ def _values(run: ElementRun, side: str) -> Both:
     if run.first.operation == kinds.LAST:
         ((how, certain),) = first.of_requests
         known = say("diff_last_read" if how == "read" else "diff_last_written")
-        told = _last(run, side).joined(known, ", ", "，")
-        return told if certain else told.joined(say("diff_last_unsure"), ", ", "，")
+        last = _last(run, side).joined(known, ", ", "，")
+        return last if certain else last.joined(say("diff_last_unsure"), ", ", "，")
     once, often = _VALUES[run.first.operation]
     if first.distinct > 1:
         return say(often, n=first.values, values=str(first.distinct), value=_last(run, side))

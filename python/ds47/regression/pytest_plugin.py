@@ -167,9 +167,9 @@ class CaptureItem(pytest.Item):
             raise Changed(str(problem)) from problem
         if outcome.failed or outcome.unreadable:
             raise Changed(_failure(outcome))
-        told = "\n".join(_of_versions(outcome))
-        if told:
-            self.add_report_section("call", "ds47", told)
+        versions = "\n".join(_of_versions(outcome))
+        if versions:
+            self.add_report_section("call", "ds47", versions)
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
         """What changed, as people read it; everything else as pytest shows it."""

@@ -104,8 +104,8 @@ class Summary:
             lines.append(f"  {padded(name, width)}  {_about(row).text(lang)}")
             for key, counter in (("new", row.findings_new), ("gone", row.findings_gone)):
                 if counter:
-                    told = say(f"summary_{key}", rules=_counted(counter)).text(lang)
-                    lines.append(f"  {'':<{width}}  {told}")
+                    text = say(f"summary_{key}", rules=_counted(counter)).text(lang)
+                    lines.append(f"  {'':<{width}}  {text}")
         lines.append(say("summary_coverage").text(lang))
         lines += [
             f"  {key:<9} {len(seen):>4}: {_counted(seen).text(lang)}"

@@ -40,7 +40,7 @@ class Why(NamedTuple):
     what: str
 
     @property
-    def told(self) -> Both:
+    def text(self) -> Both:
         """What changed, in words."""
         if self.what in spec.rules():
             return Both.same(self.what)
@@ -136,10 +136,10 @@ class Origin:
     def _line(self, key: str, whys: Sequence[Why]) -> Both:
         names: dict[str, dict[str, Both]] = {}
         for why in sorted(whys, key=lambda why: (why.what in spec.rules(), why.what)):
-            names.setdefault(why.version, {})[why.what] = why.told
+            names.setdefault(why.version, {})[why.what] = why.text
         rules = [
-            joined(list(told.values())).joined(Both.same(f"({version})"), zh=" ")
-            for version, told in names.items()
+            joined(list(whats.values())).joined(Both.same(f"({version})"), zh=" ")
+            for version, whats in names.items()
         ]
         number = len(whys)
         return say(key, n=number, number=str(number), version=self.version, rules=joined(rules))

@@ -77,11 +77,11 @@ def joined(parts: Sequence[Both], en: str = ", ", zh: str = "，") -> Both:
 
 def numbered(numbers: Mapping[str, str], words: str = "") -> Both:
     """`4 ok, 1 error`, from key -> text of a number; `words` is the prefix of keys to translate."""
-    told = [
+    parts = [
         Both.same(number).joined(say(words + key) if words else Both.same(key), zh=" ")
         for key, number in numbers.items()
     ]
-    return joined(told)
+    return joined(parts)
 
 
 def _fill(text: str, language: int, values: Mapping[str, Any]) -> str:

@@ -62,14 +62,14 @@ def buffers(result: CaptureResult, targets: Targets | None = None) -> list[Buffe
     """Those of which a capture shows more than the numbers, in the order in which they were seen first."""
     targets = targets or Targets(result.evidence)
     seen: dict[tuple[Identity, str], _Seen] = {}
-    told = [
+    reads = [
         each
         for each in result.transactions
         if each.operation == "read"
         and each.state in ANSWERED
         and any(map(_is_part, each.parameters))
     ]
-    for item in sorted(told, key=lambda each: each.frames.read_response or 0):
+    for item in sorted(reads, key=lambda each: each.frames.read_response or 0):
         _take(item, seen, targets)
     found = (_buffer(kind, each, targets) for (_, kind), each in seen.items())
     return [each for each in found if each is not None]
@@ -107,9 +107,9 @@ def _column(item: Parameter) -> str:
 
 
 def _cells(item: Parameter, frame: int) -> dict[int, EntryValue]:
-    told = item.told or {}
+    texts = item.told or {}
     return {
-        place: EntryValue(value, frame, told.get(value) if isinstance(value, int) else None)
+        place: EntryValue(value, frame, texts.get(value) if isinstance(value, int) else None)
         for place, value in enumerate(item.values, item.subindex or 0)
     }
 
@@ -196,8 +196,8 @@ def _time(cell: EntryValue | None, since: int | None) -> Both:
     """Milliseconds of the clock of the drive, and those since the first fault of the same situation."""
     if cell is None or not isinstance(cell.value, int):
         return _NOTHING
-    told = say("buffer_time", time=f"{cell.value} ms")
-    return told if since is None else told.joined(Both.same(f"({since:+d} ms)"), " ", " ")
+    shown = say("buffer_time", time=f"{cell.value} ms")
+    return shown if since is None else shown.joined(Both.same(f"({since:+d} ms)"), " ", " ")
 
 
 def _gone(cell: EntryValue | None) -> Both:

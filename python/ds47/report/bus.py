@@ -90,11 +90,11 @@ def hints(bus: Bus, relations: Sequence[Relation]) -> Iterator[Both]:
 def _diagnosis(address: int, item: StationDiagnosis) -> Both:
     known = {row.id: row for row in profibus.flags("diagnosis")}
     flags = [Both(*(known[each].text(lang) for lang in LANGUAGES)) for each in item.flags]
-    told = joined(flags, "; ", "；") if flags else say("bus_no_flags")
+    shown = joined(flags, "; ", "；") if flags else say("bus_no_flags")
     ident = "?" if item.ident is None else f"{item.ident:04X}"
     master = say("bus_no_master") if item.master is None else Both.same(f"dp{item.master}")
     text = say(
-        "bus_diagnosis", station=f"dp{address}", frame=str(item.frame), flags=told, ident=ident,
+        "bus_diagnosis", station=f"dp{address}", frame=str(item.frame), flags=shown, ident=ident,
         master=master,
     )  # fmt: skip
     if not item.blocks:

@@ -1,7 +1,7 @@
 """What to do over many captures: each diagnosis (DS7xx) once, in how many captures, and where it shows first.
 
-Lives here: `Told`, what is kept of a diagnosed capture, the sums over captures, and their lines. What is to be
-done in one capture is `ds47.report.summary`; which causes there are, with their frames, is in its report.
+Lives here: `CauseSummary`, what is kept of a diagnosed capture, the sums over captures, and their lines.
+`ds47.report.summary` says what to do in one capture; its report has all causes with their frames.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from ds47.report.wrap import wrap
 
 
 @dataclass(slots=True)
-class Told:
+class CauseSummary:
     """What a capture says of one rule DS7xx.
 
-    `frame` is the first one, numbered as in the report; of a series `file` has it, as its `file_frame`.
+    `frame` is the first one, numbered as in the report; in a series it is `file_frame` of `file`.
     """
 
     severity: str
@@ -34,11 +34,11 @@ class Told:
     file_frame: int | None = None
 
 
-def told(result: CaptureResult) -> dict[str, Told]:
+def of_capture(result: CaptureResult) -> dict[str, CauseSummary]:
     """The diagnoses of a capture by rule: as many as there are rules, however many causes it has."""
-    found: dict[str, Told] = {}
+    found: dict[str, CauseSummary] = {}
     for each in result.diagnoses:
-        item = found.setdefault(each.rule, Told(each.severity, 0))
+        item = found.setdefault(each.rule, CauseSummary(each.severity, 0))
         item.findings += each.count
         if each.frames and (item.frame is None or each.frames[0] < item.frame):
             item.frame = each.frames[0]
@@ -50,24 +50,24 @@ def told(result: CaptureResult) -> dict[str, Told]:
     return dict(sorted(found.items()))
 
 
-def plain(items: Mapping[str, Told]) -> dict[str, dict[str, Any]]:
-    """What `told` gave, as an object of `ds47.overview/1`."""
+def plain(items: Mapping[str, CauseSummary]) -> dict[str, dict[str, Any]]:
+    """What `of_capture` gave, as an object of `ds47.overview/1`."""
     return {rule: asdict(item) for rule, item in items.items()}
 
 
-def loaded(stored: Mapping[str, dict[str, Any]]) -> dict[str, Told]:
+def loaded(stored: Mapping[str, dict[str, Any]]) -> dict[str, CauseSummary]:
     """The reverse; ten thousand of them share their words."""
-    items = {sys.intern(rule): Told(**item) for rule, item in stored.items()}
+    items = {sys.intern(rule): CauseSummary(**item) for rule, item in stored.items()}
     for item in items.values():
         item.severity = sys.intern(item.severity)
     return items
 
 
-def over_all(captures: Iterable[tuple[str, Mapping[str, Told]]]) -> list[dict[str, Any]]:
+def over_all(captures: Iterable[tuple[str, Mapping[str, CauseSummary]]]) -> list[dict[str, Any]]:
     """The sums as objects of `ds47.overview/1`, worst first, then by the captures that have them.
 
     Args:
-        captures: paths and what `told` gave, in the order of the run: the first one is named.
+        captures: paths and what `of_capture` gave, in the order of the run: the first one is named.
     """
     sums: dict[str, dict[str, Any]] = {}
     for path, diagnoses in captures:

@@ -113,8 +113,8 @@ class Writer:
             self._captures.append({"path": result.path, "changes": changes})
         else:
             clock = Clock.of(result, self._zone)
-            told = lines(result.path, found, self._lang, clock)
-            self._stream.writelines(f"{line}\n" for line in told)
+            texts = lines(result.path, found, self._lang, clock)
+            self._stream.writelines(f"{line}\n" for line in texts)
         return len(found), unproved
 
     def close(self) -> None:

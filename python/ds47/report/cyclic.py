@@ -117,8 +117,8 @@ def headline(name: str, word: int) -> Both:
     if name == "stw1":
         return plain
     found = pzd.state(word)
-    told = _both(cyclic.state_text, found.state, found.overlays)
-    return plain.joined(told, ": ", "：")
+    words = _both(cyclic.state_text, found.state, found.overlays)
+    return plain.joined(words, ": ", "：")
 
 
 def needs(name: str, word: int) -> Both:

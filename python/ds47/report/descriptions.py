@@ -43,17 +43,17 @@ def stated(item: Parameter) -> int:
 
 def words(item: Parameter) -> Both | None:
     """What a description or a text says, in a line; None where the values say it themselves."""
-    told, described = _told(item)
+    parts, described = _entries(item)
     marks = [] if described is None else _marks(described)
-    return joined([*map(Both.same, told), *marks]) if told or marks else None
+    return joined([*map(Both.same, parts), *marks]) if parts or marks else None
 
 
 def parts(item: Parameter) -> list[str] | None:
     """The same without what needs words of a language: name, type, unit, limits; None where there is nothing."""
-    return _told(item)[0] or None
+    return _entries(item)[0] or None
 
 
-def _told(item: Parameter) -> tuple[list[str], Description | None]:
+def _entries(item: Parameter) -> tuple[list[str], Description | None]:
     """The parts, none where there is nothing; and the description, if it is one."""
     listed = entries(item)
     if listed is not None:
@@ -80,13 +80,13 @@ def _plain(item: Description, family: str | None) -> list[str]:
 
 def _marks(item: Description) -> list[Both]:
     """What its bits say, where it is not what they say of most parameters."""
-    told = {
+    marks = {
         "description_read_only": item.writable is False,
         "description_texts": item.text_array,
         "description_changed": item.changed,
         "description_reset": item.reset_only,
     }
-    return [_mark(key) for key, holds in told.items() if holds]
+    return [_mark(key) for key, holds in marks.items() if holds]
 
 
 @lru_cache

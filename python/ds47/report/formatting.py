@@ -66,14 +66,14 @@ def values(
 
 def error(item: ParameterError, lang: str = "en") -> str:
     """`error 0x11: request cannot be executed (info 3)`."""
-    told = say("parameter_error")
+    shown = say("parameter_error")
     if item.number is not None:
-        told = told.joined(Both.same(item.number), zh=" ")
+        shown = shown.joined(Both.same(item.number), zh=" ")
     if text := error_words(item, lang):
-        told = told.joined(Both.same(escape(text)), ": ", "：")
+        shown = shown.joined(Both.same(escape(text)), ": ", "：")
     if item.info:
-        told = told.joined(say("parameter_error_info", info=str(item.info)))
-    return told.text(lang)
+        shown = shown.joined(say("parameter_error_info", info=str(item.info)))
+    return shown.text(lang)
 
 
 def name(item: Parameter, lang: str = "en") -> str | None:
@@ -88,13 +88,13 @@ def parameter(item: Parameter, written: bool, lang: str = "en") -> str:
     """A parameter with its values or error: `p50303[0] = 10.0`, with `:=` if it was written."""
     called = name(item, lang)
     about = f" ({called})" if called else ""
-    told = _told(item, lang)
-    given = f" {':=' if written else '='} {told}" if told else ""
+    shown = _shown(item, lang)
+    given = f" {':=' if written else '='} {shown}" if shown else ""
     failed = f" {error(item.error, lang)}" if item.error else ""
     return f"{address(item)}{about}{given}{failed}"
 
 
-def _told(item: Parameter, lang: str) -> str:
+def _shown(item: Parameter, lang: str) -> str:
     """Values with their unit, or the description they form; empty without values."""
     described = descriptions.words(item)
     if described is not None:
@@ -104,5 +104,5 @@ def _told(item: Parameter, lang: str) -> str:
     unit = f" {escape(item.unit)}" if item.unit else ""
     scaled = f" ({values(item.scaled, item.format, lang)}{unit})" if item.scaled else unit
     meant = meanings.meaning(item)
-    told = values(item.values, item.format, lang, descriptions.stated(item)) + scaled
-    return told if meant is None else say("parameter_meant", value=told, text=meant).text(lang)
+    shown = values(item.values, item.format, lang, descriptions.stated(item)) + scaled
+    return shown if meant is None else say("parameter_meant", value=shown, text=meant).text(lang)

@@ -24,7 +24,7 @@ from ds47.report.formatting import count, escape
 from ds47.report.sentences import message
 
 FINDINGS_PER_CASE = 100
-"""Findings of one capture that are told; the others are counted."""
+"""The most findings listed for a capture; the others are counted."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -50,8 +50,8 @@ def listed(text: str, catalogue: Catalogue, lang: str = "en") -> list[SourceEntr
         return list(_of_lists(catalogue, number.number, lang))
     if not _is_message(text):
         return []
-    told = catalogue.messages(int(text[1:]), text[0].upper())
-    return [_message(each, found, lang) for each, found in told]
+    texts = catalogue.messages(int(text[1:]), text[0].upper())
+    return [_message(each, found, lang) for each, found in texts]
 
 
 def messages(number: int, catalogue: Catalogue, lang: str = "en") -> list[SourceEntry]:

@@ -44,14 +44,14 @@ class Latency:
         """Percentiles and the longest; empty where there is no duration."""
         if not self._times and not self._negative:
             return ""
-        told = say("latency_unknown")
+        shown = say("latency_unknown")
         if self._times:
             ordered = sorted(self._times, key=self._nanoseconds.__getitem__)
             half, most, nearly = (self._percentile(ordered, each) for each in (50, 95, 99))
-            told = say("latency", half=half, most=most, nearly=nearly, longest=ordered[-1])
+            shown = say("latency", half=half, most=most, nearly=nearly, longest=ordered[-1])
         if self._negative:
-            told = told.joined(say("negative_times", n=self._negative))
-        return told.text(lang)
+            shown = shown.joined(say("negative_times", n=self._negative))
+        return shown.text(lang)
 
     def _percentile(self, ordered: Sequence[str], percent: int) -> str:
         wanted = -(-percent * self._times.total() // 100)

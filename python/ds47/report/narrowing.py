@@ -55,17 +55,15 @@ def narrowed(result: CaptureResult, selection: Selection, criteria: str) -> Capt
 
 def narrowed_words(result: CaptureResult) -> Both:
     """`narrowed by --pnu 1120: 3 of 8 transactions, 1 of 4 findings`."""
-    told = result.narrowed
-    assert told is not None
+    about = result.narrowed
+    assert about is not None
     words = say(
-        "narrowed", criteria=escape(told.criteria), transactions=len(result.transactions), n=told.transactions,
-        findings=say("narrowed_findings", findings=len(result.findings), n=told.findings),
+        "narrowed", criteria=escape(about.criteria), transactions=len(result.transactions), n=about.transactions,
+        findings=say("narrowed_findings", findings=len(result.findings), n=about.findings),
     )  # fmt: skip
-    return (
-        words.joined(say("narrowed_unproved", n=told.unproved), "; ", "；")
-        if told.unproved
-        else words
-    )
+    if not about.unproved:
+        return words
+    return words.joined(say("narrowed_unproved", n=about.unproved), "; ", "；")
 
 
 def _summary(transactions: Iterable[Transaction]) -> dict[str, int]:
@@ -85,14 +83,14 @@ def _diagnoses(
         if each.rule.startswith(DIAGNOSIS):
             device = devices.get(each.transaction or 0, each.args.get("device"))
             grouping.add(cause(each.rule, device, each.args), each)
-    told = grouping.result()
+    causes = grouping.result()
     offered = {
         _key(each): each for each in result.diagnoses if each.corrected is not None and each.corrected_in in shown
     }  # fmt: skip
-    for item in told:
+    for item in causes:
         if whole := offered.get(_key(item)):
             item.corrected, item.corrected_in = whole.corrected, whole.corrected_in
-    return told
+    return causes
 
 
 def _key(item: Diagnosis) -> tuple[str, str | None, tuple[str, ...]]:

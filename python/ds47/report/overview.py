@@ -50,7 +50,7 @@ class CaptureRow:
     states: dict[str, int] = field(default_factory=dict)
     findings: dict[str, int] = field(default_factory=dict)
     rules: dict[str, int] = field(default_factory=dict)
-    diagnoses: dict[str, causes.Told] = field(default_factory=dict)
+    diagnoses: dict[str, causes.CauseSummary] = field(default_factory=dict)
     slowest_ns: int | None = None
     start: str | None = None
     end: str | None = None
@@ -72,7 +72,7 @@ class CaptureRow:
             states=_counted(STATES, (each.state for each in transactions)),
             findings=_counted(SEVERITIES[::-1], (each.severity for each in findings)),
             rules=dict(sorted(Counter(each.rule for each in findings).items())),
-            diagnoses=causes.told(result),
+            diagnoses=causes.of_capture(result),
             slowest_ns=max((each for each in times if each >= 0), default=None),
             start=result.start,
             end=result.end,
@@ -257,7 +257,7 @@ def table(
     cells = [tuple(say(f"worst_{each}").text(lang) for each in names)]
     for row in listed:
         *counts, name = _cells(row, lang)
-        cells.append((*counts, *(told_times(row, zone) if timed else ()), name))
+        cells.append((*counts, *(times_of(row, zone) if timed else ()), name))
     widths = [max(columns(line[at]) for line in cells) for at in range(len(names) - 1)]
     place = Clock(zone, listed[0].start_ns).zone_name
     shown = [(say("worst_head_timed", zone=place) if timed else say("worst_head")).text(lang)]
@@ -270,7 +270,7 @@ def table(
     return shown
 
 
-def told_times(row: CaptureRow, zone: Zone) -> tuple[str, str]:
+def times_of(row: CaptureRow, zone: Zone) -> tuple[str, str]:
     """The start and the length of a capture; `-` if unknown."""
     length = row.length_ns
     return beginning(zone, row.start_ns) or "-", "-" if length is None else duration(length)

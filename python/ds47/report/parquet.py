@@ -76,10 +76,10 @@ class Writer(_Writer):
     def transaction(self, path: str, transaction: Transaction, findings: Sequence[Finding]) -> None:
         left = _transaction_cells(path, transaction)
         for position, (parameter, right) in enumerate(contract.rows(transaction)):
-            told = [_NO_PARAMETER]
+            parts = [_NO_PARAMETER]
             if parameter is not None:
-                told = _parameter_cells(position, parameter, self.options.lang)
-            self._rows += [left + cells + right for cells in told]
+                parts = _parameter_cells(position, parameter, self.options.lang)
+            self._rows += [left + cells + right for cells in parts]
         if len(self._rows) >= _ROWS_AT_ONCE:
             self._pack()
 

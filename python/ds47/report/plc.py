@@ -74,7 +74,7 @@ class Witness:
         self._lengths: dict[int, int] = {}
         """Bytes of a record that the capture cut, by the frame of its Read response."""
         self._cut: set[int] = set()
-        """Frames of responses that it cut before that length is told, or the STATUS of a Write."""
+        """Frames of responses that it cut before that length, or before the STATUS of a Write."""
         loose: list[int] = []
         for each in result.entire.findings:
             if each.transaction is None and (each.rule in _LEFT_OUT or each.rule in _NOTHING):
@@ -109,7 +109,7 @@ class Witness:
 
     def text(self, item: Transaction) -> Both:
         """`WRREC DONE, STATUS 00000000; RDREC 3 x ERROR, STATUS DE80B500; RDREC VALID ...`."""
-        return _told(tuple(self.saw(item)), remark(item))
+        return _summary(tuple(self.saw(item)), remark(item))
 
     def line(self, item: Transaction) -> Both:
         """The same with `PLC: ` in front; nothing of a channel that no block is called for."""
@@ -222,12 +222,12 @@ class _Channels:
         if frames.write_request is not None and item.write_status == 0:
             self._accepted.setdefault(channel, []).append((frames.write_request, item.id))
         shown = frames.write_request, frames.write_response
-        told = [*frames.all(), *(each.frame for each in found)]
-        reads = [(frame, item.id) for frame in told if frame not in shown]
+        every = [*frames.all(), *(each.frame for each in found)]
+        reads = [(frame, item.id) for frame in every if frame not in shown]
         self._reads.setdefault(channel, []).extend(reads)
 
     def perhaps(self, item: Transaction) -> bool:
-        """Whether a Read that is told of another transaction, or of none, came before the next accepted Write."""
+        """Whether a Read shown at another transaction, or at none, came before the next accepted Write."""
         channel, begin = _channel(item), item.frames.write_request
         if begin is None:
             return False
@@ -252,9 +252,9 @@ def _beside(
     calls: Mapping[int, Sequence[Finding]],
     loose: Sequence[int],
 ) -> Iterator[int]:
-    """The ids of those behind whose Write a Read came that is told of another transaction, or of none.
+    """The ids of transactions whose Write was followed by a Read shown at another transaction, or at none.
 
-    For which of them the PLC started RDREC is not known then.
+    Then it is unknown for which of them the PLC started RDREC.
     """
     channels = _Channels(transactions, calls, loose)
     for item in transactions:
@@ -293,8 +293,8 @@ def _left_out(
 
 def _status(finding: Finding) -> int | None:
     """The STATUS of a Read that was refused and left its transaction open."""
-    told = finding.args.get("status")
-    return None if told is None else int(told, 16)
+    status = finding.args.get("status")
+    return None if status is None else int(status, 16)
 
 
 def _before(
@@ -302,8 +302,8 @@ def _before(
 ) -> list[BlockCall]:
     """The Reads before the one that was answered: polls, and those that brought nothing.
 
-    Of a Read without a response it is known only that nothing came in the frames behind it: that the capture
-    ended is told of the last one alone.
+    A Read without a response says only that nothing came in the frames after it. Only the last one says that the
+    capture ended.
     """
     polls, asked = item.frames.polls, item.frames.read_request
     waits = asked is not None and item.frames.read_response is None
@@ -311,11 +311,11 @@ def _before(
         return [BlockCall("RDREC", "polled", NOT_READY, len(polls))] if polls else []
     end = "unseen" if item.station is None else "nothing"
     alone = [(asked or 0, BlockCall("RDREC", end))] if waits else []
-    told = {frame for frame, _ in left_out}
+    frames = {frame for frame, _ in left_out}
     polled = [
         (frame or 0, BlockCall("RDREC", "polled", NOT_READY))
         for _, frame in polls
-        if frame not in told
+        if frame not in frames
     ]
     found = [call for _, call in sorted([*polled, *left_out, *alone], key=lambda each: each[0])]
     if waits and wait == "ends" and found[-1].outcome == "unseen":
@@ -381,9 +381,9 @@ def _line(calls: Both) -> Both:
 
 
 @lru_cache(maxsize=4096)
-def _told(calls: tuple[BlockCall, ...], more: Both | None) -> Both:
-    told = joined([_words(call) for call in calls], "; ", "；")
-    return told if more is None else told.joined(more, " - ", "，")
+def _summary(calls: tuple[BlockCall, ...], more: Both | None) -> Both:
+    shown = joined([_words(call) for call in calls], "; ", "；")
+    return shown if more is None else shown.joined(more, " - ", "，")
 
 
 def _words(call: BlockCall) -> Both:

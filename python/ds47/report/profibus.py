@@ -167,7 +167,7 @@ def record_start(item: Telegram) -> int:
 
 
 def beside(item: Telegram) -> Iterator[Both]:
-    """What is told of a frame, and of no byte of it: what it means, and what is wrong."""
+    """What is said about the frame as a whole: what it means, and what is wrong."""
     message, content = record(item), dp.decode(item)
     if item.kind == SC and not item.flaws:
         yield say("dp_taken")
@@ -222,8 +222,8 @@ def _ms1_lines(found: ms1.Ms1Message, item: Telegram) -> Iterator[Line]:
     name = _both(profibus.function_text, code, bool(item.request))
     if found.kind == ms1.REFUSAL:
         status = found.status
-        told = say("dp_cut_data") if status is None else _both(status_text, status)
-        yield 0, name.joined(told, ": ", "：")
+        words = say("dp_cut_data") if status is None else _both(status_text, status)
+        yield 0, name.joined(words, ": ", "：")
     elif code in (ms1.READ, ms1.WRITE) and found.length is not None:
         about = {"slot": str(found.slot), "index": str(found.index), "length": str(found.length)}
         yield 0, say("ms1_record", function=name, **about)

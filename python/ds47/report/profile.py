@@ -15,7 +15,7 @@ from ds47.spec import cyclic
 
 _PROFILES = {0x03: "profile_profidrive", 0x3D: "profile_of_encoders"}
 NUMBERS = frozenset((922, 964, 965, 974, 975, 61000, 61001, 61002, 61003, 61004))
-"""Parameters whose values are told here."""
+"""Parameters whose values are explained here."""
 _MOST_NAME = 240
 """Characters of a name of station."""
 
@@ -43,13 +43,13 @@ def _elements(pnu: int, first: int, values: list[Value]) -> Iterator[Both]:
     known = {first + place: value for place, value in enumerate(values) if _is_number(value)}
     for place, value in known.items():
         if pnu == 974:
-            told = _limit(place, value)
+            words = _limit(place, value)
         elif place in (3, 4) and 3 in known and 4 in known:
-            told = _date(known[3], known[4]) if place == 3 else None
+            words = _date(known[3], known[4]) if place == 3 else None
         else:
-            told = _identification(pnu, place, value)
-        if told is not None:
-            yield told
+            words = _identification(pnu, place, value)
+        if words is not None:
+            yield words
 
 
 def _is_number(value: Value) -> bool:
@@ -97,12 +97,12 @@ def _telegram(value: Value) -> Both | None:
     """The name of a telegram, and its words where they are known."""
     if not _is_number(value) or not 0 < int(value) < 999:
         return None
-    told = say("profile_standard" if int(value) < 100 else "profile_own", n=str(value))
+    shown = say("profile_standard" if int(value) < 100 else "profile_own", n=str(value))
     known = cyclic.telegrams().get(int(value))
     if known is None:
-        return told
+        return shown
     words = f"{' '.join(known.out)} / {' '.join(known.inward)}"
-    return told.joined(Both.same(words), ": ", "：")
+    return shown.joined(Both.same(words), ": ", "：")
 
 
 def _profile(values: list[Value]) -> Both | None:

@@ -1,6 +1,6 @@
-"""What 100 % of a setpoint is: p2000 of a drive, as somebody says or as it was read.
+"""What 100 % of a setpoint is: p2000 of a drive, given by the user or read in the capture.
 
-Where it is looked for and how it is told is in `ds47.report.timelines`.
+`ds47.report.timelines` looks for it and words it.
 """
 
 from __future__ import annotations

@@ -46,11 +46,11 @@ def _tsaps(item: Connection) -> Both:
     if item.client_tsap is None and item.server_tsap is None:
         return Both.same("")
     both = " -> ".join(tsap(each) for each in (item.client_tsap, item.server_tsap))
-    told, owner = Both.same(both), s7.owner(item.server_tsap)
+    shown, owner = Both.same(both), s7.owner(item.server_tsap)
     about = [say(f"s7_owner_{owner}")] if owner else []
     if item.rack is not None:
         about.append(say("s7_place", rack=item.rack, slot=item.slot))
-    return told.joined(joined(about), zh=" ") if about else told
+    return shown.joined(joined(about), zh=" ") if about else shown
 
 
 def tsap(data: bytes | None) -> str:
@@ -80,8 +80,8 @@ def _also(item: Connection) -> Both:
         ("s7_orphans", item.orphans), ("s7_cyclic", item.cyclic), ("s7_other", item.other),
         ("s7_plus", item.plus), ("s7_lost", item.lost_bytes),
     )  # fmt: skip
-    told = [say(key, n=number) for key, number in counts if number]
-    return joined(told) if told else Both.same("")
+    counted = [say(key, n=number) for key, number in counts if number]
+    return joined(counted) if counted else Both.same("")
 
 
 def evidence(result: CaptureResult) -> Iterator[Both]:
@@ -139,16 +139,16 @@ def listed(item: Transaction, every: bool) -> bool:
 
 def parts(item: Transaction, lang: str = "en") -> list[str]:
     """What a job is about, an entry for each item: `DB1.DBB0..3 = 00 00 00 07`, `R_ID 00000009 := ...`."""
-    told = [_part(each, item, lang) for each in item.items]
+    shown = [_part(each, item, lang) for each in item.items]
     if item.segments:
-        told[0] += f" ({say('s7_segments', n=len(item.segments)).text(lang)})"
-    return told
+        shown[0] += f" ({say('s7_segments', n=len(item.segments)).text(lang)})"
+    return shown
 
 
 def _part(item: Item, job: Transaction, lang: str) -> str:
     if item.parameter is not None and item.code in (OK, None):
-        told = parameter(item.parameter, job.operation == PUT, lang)
-        return say("s7_element", element=told, number=str(item.drive_object)).text(lang)
+        shown = parameter(item.parameter, job.operation == PUT, lang)
+        return say("s7_element", element=shown, number=str(item.drive_object)).text(lang)
     name = item.address or ("?" if job.r_id is None else f"R_ID {job.r_id:08X}")
     failed = "" if item.code in (OK, None) else " " + failure(item.code, lang)
     if item.value is None:

@@ -182,8 +182,8 @@ def lines(found: Decoded) -> Iterator[Line]:
         parameter=str(len(item.parameter)), data=str(len(item.content)),
     )  # fmt: skip
     if item.error is not None:
-        told = Both(*(s7.error_text(item.error or 0, lang) for lang in LANGUAGES))
-        yield start + 10, say("s7_pdu_error", error=told) if item.error else say("s7_pdu_done")
+        text = Both(*(s7.error_text(item.error or 0, lang) for lang in LANGUAGES))
+        yield start + 10, say("s7_pdu_error", error=text) if item.error else say("s7_pdu_done")
     if item.parameter:
         yield from _parameter(found, item, start + item.head)
     if item.content:
@@ -273,9 +273,9 @@ def _data(found: Decoded, item: S7Pdu, begin: int) -> Iterator[Line]:
 
 def _entries(found: Decoded, begin: int) -> Iterator[Line]:
     """The entries of data, each with what was read or is to be written."""
-    told = found.results or [ItemResult(DONE, each.value) for each in found.items]
+    results = found.results or [ItemResult(DONE, each.value) for each in found.items]
     at, end = begin, found.start + len(found.pdu.data if found.pdu else b"")
-    for each in told:
+    for each in results:
         if at >= end:
             return
         size = len(each.data or b"")

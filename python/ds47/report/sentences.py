@@ -94,8 +94,8 @@ def words(rule: str, args: Mapping[str, Any], lang: str = "en") -> str:
     shown = _Shown(row, args, lang)
     text = template.format_map(shown)
     if args.get("dropped") and "reason" not in args:
-        told = reasons(lang)["dropped"]
-        text += f"（{told}）" if lang == "zh" else f" ({told})"
+        reason = reasons(lang)["dropped"]
+        text += f"（{reason}）" if lang == "zh" else f" ({reason})"
     return text
 
 
@@ -273,8 +273,8 @@ def shown(kind: str, value: Any) -> str:
 
 
 def _values(items: list[Any]) -> str:
-    told = [str(each) for each in items[:VALUES_SHOWN]]
-    return ", ".join([*told, "..."] if len(items) > VALUES_SHOWN else told) or "-"
+    shown = [str(each) for each in items[:VALUES_SHOWN]]
+    return ", ".join([*shown, "..."] if len(items) > VALUES_SHOWN else shown) or "-"
 
 
 _ABSENT: Final = frozenset(("code", "pkw", "info", "status", "value", "values"))

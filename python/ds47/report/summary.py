@@ -19,7 +19,7 @@ from ds47.report.formatting import escape
 from ds47.report.places import FileFrames
 from ds47.report.sentences import advice, advice_parts, sentence
 from ds47.report.todo import More, answering, by_state, causes, is_lowered, uncovered
-from ds47.report.verdict import VerdictCounts, blind, told, verdict
+from ds47.report.verdict import VerdictCounts, blind, outcomes, verdict
 from ds47.report.wrap import fitted, wrap
 
 WIDTH = 100
@@ -29,7 +29,7 @@ DRIVES = 50
 _LONGEST_SCL = 32
 """Bytes of a corrected request that is shown as SCL as well; `ds47 encode -f scl` shows any."""
 OF_ONE_RULE = 3
-"""Diagnoses of one rule that are told one by one."""
+"""The most diagnoses of one rule that are listed one by one."""
 COLORS = {"bad": "error", "warn": "warning", "good": "ok", "none": "dim"}
 """The colour of a verdict by its level."""
 
@@ -91,7 +91,7 @@ class Opening:
         yield from self._devices("other_devices_head", "more_devices", others, [""] * len(others))
 
     def _counts(self, states: Counter[str], smooth: bool) -> str:
-        parts = [say("transactions", n=states.total()), *told(states, smooth=smooth)]
+        parts = [say("transactions", n=states.total()), *outcomes(states, smooth=smooth)]
         return "  " + (", ", "，")[self._lang == "zh"].join(p.text(self._lang) for p in parts)
 
     def _devices(

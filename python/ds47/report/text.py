@@ -505,7 +505,7 @@ def _certainty(relation: Relation) -> str:
 
 
 class _Columns:
-    """What the transactions of one capture need to be told apart, and how wide that is."""
+    """The columns that distinguish the transactions of one capture, and their widths."""
 
     def __init__(
         self, transactions: Sequence[Transaction], targets: Targets, lang: str, clock: Clock
@@ -553,15 +553,15 @@ def _operation(word: str, lang: str) -> str:
 
 
 def _timing(item: Transaction) -> Both:
-    told = counted("frames", len(item.frames.all()))
+    shown = counted("frames", len(item.frames.all()))
     if item.duration_ns is not None:
-        told = told.joined(Both.same(duration(item.duration_ns)), zh=" ")
+        shown = shown.joined(Both.same(duration(item.duration_ns)), zh=" ")
     if item.cycles is not None:
-        told = told.joined(counted("cycles", item.cycles), ", ", "，")
+        shown = shown.joined(counted("cycles", item.cycles), ", ", "，")
     for key, reads in (("polled", item.frames.polls), ("read_again", item.frames.rereads)):
         if reads:
-            told = told.joined(say(key, times=counted("times", len(reads))), ", ", "，")
-    return told
+            shown = shown.joined(say(key, times=counted("times", len(reads))), ", ", "，")
+    return shown
 
 
 def _traffic(result: CaptureResult) -> Both:
@@ -577,8 +577,8 @@ def _traffic(result: CaptureResult) -> Both:
         return Both.same("")
     if len(calls) > 6:
         calls[6:] = [say("more", number=str(len(calls) - 6))]
-    told = Both.same("RPC").joined(joined(rpc), ": ", "：")
-    return told.joined(say("record_calls", calls=joined(calls)), zh="", en="") if calls else told
+    shown = Both.same("RPC").joined(joined(rpc), ": ", "：")
+    return shown.joined(say("record_calls", calls=joined(calls)), zh="", en="") if calls else shown
 
 
 def _by_number(item: tuple[str, object]) -> tuple[int, str]:
@@ -595,5 +595,5 @@ def _severity(word: str) -> Both:
 
 def _counts(counts: Mapping[str, int], shown: Callable[[str], Both]) -> Both:
     """`4 ok, 1 error`; `shown` gives the words for a key."""
-    told = (Both.same(str(number)).joined(shown(key), zh=" ") for key, number in counts.items())
-    return joined(list(told))
+    parts = (Both.same(str(number)).joined(shown(key), zh=" ") for key, number in counts.items())
+    return joined(list(parts))

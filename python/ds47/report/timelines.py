@@ -1,8 +1,7 @@
-"""The events of a drive as every report tells them: what came in one frame, and how long after its command.
+"""The events of a drive as every report shows them: what came in one frame, and how long after its command.
 
-Only what a drive proves is joined: that it runs after ON or since its operation was enabled, that it does not
-after an OFF that is in force, that a fault is gone after it was acknowledged. What is wrong is told by findings.
-Pictures are drawn elsewhere.
+An event is joined with a command only if the drive proves it: it runs after ON or after its operation was enabled,
+it stops after an effective OFF, a fault is gone after its acknowledgement. Findings say what is wrong.
 """
 
 from __future__ import annotations
@@ -135,12 +134,12 @@ def is_caused(event: Event) -> bool:
 
 def words(row: EventRow) -> Both:
     """What happened, in both languages: `running, 1.2 s after ON`."""
-    told = joined([_event(each) for each in row.events])
+    shown = joined([_event(each) for each in row.events])
     after = row.after_ns
     if row.cause is None or after is None:
-        return told
+        return shown
     time = _time(after)
-    return told.joined(say("after_command", time=time, command=_event(row.cause)), ", ", "，")
+    return shown.joined(say("after_command", time=time, command=_event(row.cause)), ", ", "，")
 
 
 def _time(nanoseconds: int) -> str:

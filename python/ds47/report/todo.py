@@ -89,8 +89,8 @@ def _same_code(diagnosis: Finding, finding: Finding) -> bool:
 
 def by_state(result: CaptureResult, transactions: Collection[int]) -> Finding | None:
     """What the status word of the drive says of the first of these transactions of which it says something."""
-    told = (each for each in result.findings if each.rule in _OF_STATE)
-    return next((each for each in told if each.transaction in transactions), None)
+    said = (each for each in result.findings if each.rule in _OF_STATE)
+    return next((each for each in said if each.transaction in transactions), None)
 
 
 def answering(result: CaptureResult, item: Diagnosis) -> str:
@@ -107,7 +107,7 @@ def answering(result: CaptureResult, item: Diagnosis) -> str:
 
 
 class More(NamedTuple):
-    """Further diagnoses of a rule that are not told one by one."""
+    """Further diagnoses of a rule that are not listed one by one."""
 
     rule: str
     causes: int
@@ -122,11 +122,11 @@ def causes(diagnoses: Sequence[Diagnosis], most: int) -> Iterator[Diagnosis | Mo
     of_rule: dict[str, list[Diagnosis]] = {}
     for each in diagnoses:
         of_rule.setdefault(each.rule, []).append(each)
-    told: Counter[str] = Counter()
+    counts: Counter[str] = Counter()
     for each in diagnoses:
-        told[each.rule] += 1
-        if told[each.rule] <= most:
+        counts[each.rule] += 1
+        if counts[each.rule] <= most:
             yield each
         rest = of_rule[each.rule][most:]
-        if told[each.rule] == most and rest:
+        if counts[each.rule] == most and rest:
             yield More(each.rule, len(rest), sum(other.count for other in rest))

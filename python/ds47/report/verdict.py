@@ -128,7 +128,7 @@ def verdict(counts: VerdictCounts) -> Both:
             tail = joined([say("verdict_watched", n=len(counts.watched)), tail])
     else:
         parts = [say("transactions", n=counts.jobs)]
-        tail = joined([*_who(counts), *parts, *told(counts.states, smooth=counts.smooth)])
+        tail = joined([*_who(counts), *parts, *outcomes(counts.states, smooth=counts.smooth)])
     if counts.unreadable:
         tail = joined([tail, say("told_unreadable", n=counts.unreadable)])
     return head.joined(tail, ": ", "：")
@@ -138,9 +138,9 @@ def _cut(result: CaptureResult) -> Counter[tuple[str, int | None]]:
     """Messages that are cut, where no record is known."""
     rpc = result.rpc.get("requests") or result.rpc.get("responses")
     word = "verdict_cut" if rpc else "verdict_cut_rpc"
-    told = [each.args for each in result.findings if each.args.get("what") == "cut"]
+    messages = [each.args for each in result.findings if each.args.get("what") == "cut"]
     return Counter(
-        {(word, each.get("bytes")): each["count"] for each in told if not result.records}
+        {(word, each.get("bytes")): each["count"] for each in messages if not result.records}
     )
 
 
@@ -160,10 +160,10 @@ def _who(counts: VerdictCounts) -> list[Both]:
     return drives + ([say("verdict_s7", n=counts.connections)] if counts.connections else [])
 
 
-def told(states: Counter[str], *, smooth: bool) -> list[Both]:
-    """What became of transactions that did not end well; where all did, that they are done.
+def outcomes(states: Counter[str], *, smooth: bool) -> list[Both]:
+    """The states of transactions that are not ok; without any, that all are done.
 
-    Of a capture that is not `VerdictCounts.smooth` no more is said than that all have a response.
+    If the capture is not `VerdictCounts.smooth`, it says only that all have a response.
     """
     return by_state(states, but=("ok",)) or [
         say("told_all_done" if smooth else "told_all_answered")

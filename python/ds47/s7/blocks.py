@@ -45,7 +45,7 @@ class Blocks:
             ip: BlockSize(s7.cpus()[kind].block, KIND, None, kind) for ip, kind in kinds.items()
         }
         self._most = most
-        self._told: dict[str, BlockSize] = {}
+        self._stated: dict[str, BlockSize] = {}
 
     def evidence(self, ip: str, found: SzlEvidence) -> None:
         """A partner said what it is; of two numbers the larger one counts."""
@@ -55,11 +55,11 @@ class Blocks:
             block = BlockSize(cpu.block, ORDER, found.at.frame, value) if cpu else None
         else:
             block = BlockSize(value, SAID, found.at.frame) if value > 0 else None
-        before = self._told.get(ip)
+        before = self._stated.get(ip)
         if block is None or (before is not None and before.size >= block.size):
             return
-        if before is not None or len(self._told) < self._most:
-            self._told[ip] = block
+        if before is not None or len(self._stated) < self._most:
+            self._stated[ip] = block
 
     def of(self, ip: str) -> BlockSize | None:
         """The block of a partner; None where nobody says."""
@@ -67,4 +67,4 @@ class Blocks:
             block = table and (table.get(ip) or table.get(ANYBODY))
             if block:
                 return block
-        return self._told.get(ip)
+        return self._stated.get(ip)

@@ -18,7 +18,7 @@ from ds47.s7.connections import Connections
 from ds47.s7.drives import Drives
 from ds47.s7.judge import S7Judge
 from ds47.s7.model import At, S7Job
-from ds47.s7.transactions import told
+from ds47.s7.transactions import connection
 from ds47.spec.semantics import Limits
 
 
@@ -26,11 +26,11 @@ class Communication:
     """All connections of S7 of a capture.
 
     Args:
-        choices: of the user; None where nobody wants to hear of S7.
+        choices: of the user; None if S7 is not wanted.
         bounds: how much is kept.
-        over: is told of each job that is over, with what is wrong with it,
-        remark: and of what is wrong otherwise. What shows when a job is over already belongs to no transaction.
-        shown: what else of the capture shows that an IP address is a drive (`drives`); None for nothing.
+        over: gets each finished job, with its remarks.
+        remark: gets all other remarks. A remark that comes after the end of its job belongs to no transaction.
+        shown: what else in the capture shows that an IP address is a drive (`drives`); None for nothing.
     """
 
     def __init__(
@@ -82,10 +82,10 @@ class Communication:
         """Whether the capture has shown that a server is a drive."""
         return self._drives.proof(ip) is not None
 
-    def told(self) -> list[model.Connection]:
-        """The connections, as the report has them."""
+    def result(self) -> list[model.Connection]:
+        """The connections in the form of the report."""
         return [
-            told(each, self._blocks.of(each.server.ip), self._drives.told(each.server.ip))
+            connection(each, self._blocks.of(each.server.ip), self._drives.drive_of(each.server.ip))
             for each in self._connections.all()
         ]
 

@@ -61,7 +61,7 @@ class Connections:
     Args:
         ports: of servers.
         bounds: how much is kept.
-        over: is told of each job that is over, after the listener.
+        over: gets each finished job, after the listener.
         listener: hears of what happens.
     """
 
@@ -260,25 +260,25 @@ class Connections:
         if sent is not None:
             self._transfers.usend(connection, from_client, pdu, sent, at)
             return True
-        told = pdus.user_data(pdu)
-        if told is None:
+        data = pdus.user_data(pdu)
+        if data is None:
             return False
-        if told.group == pdus.PROGRAM and told.subfunction == _ONE_BSEND:
-            if told.type == pdus.REQUEST:
-                part = pdus.segment(pdu, told)
+        if data.group == pdus.PROGRAM and data.subfunction == _ONE_BSEND:
+            if data.type == pdus.REQUEST:
+                part = pdus.segment(pdu, data)
                 if part is not None:
                     self._transfers.sent(connection, from_client, pdu, part, at)
                 return part is not None
-            return self._transfers.acknowledged(connection, from_client, pdu, told, at)
-        if told.group == pdus.CYCLIC:
+            return self._transfers.acknowledged(connection, from_client, pdu, data, at)
+        if data.group == pdus.CYCLIC:
             connection.cyclic += 1
             return True
-        if told.group == pdus.CPU and told.subfunction == _READ_SZL and told.type == pdus.RESPONSE:
-            self._szl(connection, told, at)
+        if data.group == pdus.CPU and data.subfunction == _READ_SZL and data.type == pdus.RESPONSE:
+            self._szl(connection, data, at)
         return False
 
-    def _szl(self, connection: S7Connection, told: UserData, at: At) -> None:
-        for found in szl.evidence(told, at):
+    def _szl(self, connection: S7Connection, data: UserData, at: At) -> None:
+        for found in szl.evidence(data, at):
             known = [each.name for each in connection.evidence]
             if found.name not in known and len(known) < _EVIDENCE:
                 connection.evidence.append(found)

@@ -154,8 +154,8 @@ class Drives:
             server.proof = shown
         return shown
 
-    def told(self, ip: str) -> tuple[str, tuple[str, DriveElement] | None] | None:
-        """The same, or that addresses suggest it, with the first address of an element; None for no drive."""
+    def drive_of(self, ip: str) -> tuple[str, tuple[str, DriveElement] | None] | None:
+        """The same with the first address of an element, or that addresses suggest it; None for no drive."""
         server, proof = self._servers.get(ip), self.proof(ip)
         fits = server.fits if server is not None else None
         if proof is not None:

@@ -40,8 +40,8 @@ class Jobs:
 
     Args:
         bounds: how many may be open, how long, and how many bytes they may take.
-        asked: is told of each job when it is asked,
-        over: and when nothing more comes of it.
+        asked: gets each job at its request.
+        over: gets each finished job.
     """
 
     def __init__(self, bounds: Limits, asked: Hear, over: Hear) -> None:
@@ -89,12 +89,12 @@ class Jobs:
         self._take(key)
         job.answered, job.response, job.error = at, pdu.data, pdu.error
         job.frames += pdu.frames
-        told = pdus.results(pdu) if function is not None else []
+        results = pdus.results(pdu) if function is not None else []
         job.answer_flaws = pdu.flaws
         if pdu.error:
             job.state = REFUSED
         else:
-            job.answer_flaws += pdus.settle(job.items, job.groups, told)
+            job.answer_flaws += pdus.settle(job.items, job.groups, results)
             job.state = _state(job.items)
         self._close(job)
         return True

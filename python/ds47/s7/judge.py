@@ -1,7 +1,7 @@
 """What is wrong with S7 communication: connections, PDUs, jobs and transfers to findings DS9xx (docs/s7.md 7).
 
-Whether data is of one moment is decided in `moments`. A thing that happens again is one remark with a count, told
-when nothing more comes; what is wrong with a job is told with the job.
+`moments` decides whether data is of one moment. A repeated problem is one remark with a count, reported at the end
+of the capture. Problems of a job are reported with the job.
 """
 
 from __future__ import annotations
@@ -67,10 +67,10 @@ class S7Judge(S7Listener):
 
     Args:
         bounds: times, and how much is kept.
-        remark: is told of what is wrong with a job as soon as that is seen.
+        remark: gets each problem of a job at once.
         blocks: what partners copy at once, as the user says.
-        readback: whether what is read has to be what was written (DS916).
-        drives: which partners are no CPUs; None: nothing is known of that.
+        readback: whether a read must return what was written (DS916).
+        drives: which partners are drives, not CPUs; None: unknown.
     """
 
     def __init__(
@@ -108,7 +108,7 @@ class S7Judge(S7Listener):
         """What happened again and again, and what only the whole capture shows."""
         yield from self._half_captured()
         for remark in (*self._moments.finish(), *self._notes.finish()):
-            if remark.rule not in _OF_BYTES or not self._drives.told(remark.args["device"]):
+            if remark.rule not in _OF_BYTES or not self._drives.drive_of(remark.args["device"]):
                 yield remark
 
     def _half_captured(self) -> Iterator[Remark]:
@@ -307,13 +307,13 @@ class S7Judge(S7Listener):
 
     def _items(self, failed: list[S7Item], job: S7Job, at: At, code: int) -> None:
         """What is refused with one code: parameters of a drive, else items, of which one may be a parameter."""
-        told = self._drives.told(job.partner.ip) if job.from_client else None
+        drive = self._drives.drive_of(job.partner.ip) if job.from_client else None
         named = [(element(each.address), each.address) for each in failed]
         elements = [(found, address) for found, address in named if found and address]
-        if told is None or len(elements) < len(failed):
+        if drive is None or len(elements) < len(failed):
             elements = []
         operation = job.operation.upper()
-        if told is None or told[0] == ADDRESSES or not elements:
+        if drive is None or drive[0] == ADDRESSES or not elements:
             one = {} if len(elements) != 1 else elements[0][0]._asdict() | {"family": SINAMICS}
             self._say("DS908", job, at, operation=operation, area=areas(failed), **one, code=code)
             return

@@ -59,9 +59,9 @@ class LateCommunication:
         if self._made is not None:
             self._made.finish()
 
-    def told(self) -> list[Connection]:
-        """The connections, as the report has them."""
-        return [] if self._made is None else self._made.told()
+    def result(self) -> list[Connection]:
+        """The connections in the form of the report."""
+        return [] if self._made is None else self._made.result()
 
     @property
     def left_out(self) -> int:

@@ -1,7 +1,7 @@
 """Whether data is of one moment: areas that were split, data that mixes two moments, two writers (docs/s7.md 6).
 
-Hears of all jobs, keeps what they make of the memories of each partner (`memory`), and tells remarks DS904, DS905,
-DS907 and DS916 of it.
+Hears of all jobs, applies them to the memories of each partner (`memory`), and makes the remarks DS904, DS905,
+DS907 and DS916.
 """
 
 from __future__ import annotations
@@ -37,16 +37,16 @@ class _Put(NamedTuple):
 
 @dataclass(slots=True, eq=False)
 class _Place:
-    """A memory of a partner, what met there lately, and what is to be told of it."""
+    """A memory of a partner, the latest accesses to it, and the remarks about it."""
 
     memory: Memory
     gets: deque[Sequence[ItemAccess]] = field(default_factory=lambda: deque(maxlen=_RECENT))
     puts: deque[_Put] = field(default_factory=lambda: deque(maxlen=_RECENT))
     mixed: list[tuple[MixedBytes, Remark]] = field(default_factory=list)
     known: deque[int] = field(default_factory=lambda: deque(maxlen=_KNOWN))
-    """Numbers of accesses of which it is told already."""
+    """Numbers of accesses that have a remark already."""
 
-    def told(self) -> Iterator[Remark]:
+    def remarks(self) -> Iterator[Remark]:
         """What mixes two moments, unless somebody else was seen to write these bytes."""
         for mixed, remark in self.mixed:
             if not self.memory.foreign & (1 << mixed.first | 1 << mixed.second):
@@ -86,8 +86,8 @@ class Moments:
     Args:
         bounds: times, and how much is kept.
         notes: what happens again and again.
-        readback: whether what is read has to be what was written (DS916).
-        forgotten: is told by its IP address of whom all that was written is forgotten.
+        readback: whether a read must return what was written (DS916).
+        forgotten: gets the IP address of each partner whose written values were all forgotten.
     """
 
     def __init__(
@@ -104,7 +104,7 @@ class Moments:
         self._splits: dict[tuple[int, bool], Splits] = {}
         self._numbers: dict[S7Job, int] = {}
         self._number = 0
-        self._told: list[Remark] = []
+        self._remarks: list[Remark] = []
 
     # What is heard
 
@@ -150,9 +150,9 @@ class Moments:
         """What was found, when nothing more comes."""
         for splits in self._splits.values():
             self._complete(splits.finish())
-        yield from self._told
+        yield from self._remarks
         for place in self._places.values():
-            yield from place.told()
+            yield from place.remarks()
 
     # Partners and their memories
 
@@ -187,7 +187,7 @@ class Moments:
     def _give_up(self, partner: End) -> None:
         del self._partners[partner]
         for key in [each for each in self._places if each[0] == partner]:
-            self._told += self._places.pop(key).told()
+            self._remarks += self._places.pop(key).remarks()
 
     def _forget(self, ip: str, time_ns: int) -> None:
         self._forgotten(ip)
@@ -204,7 +204,7 @@ class Moments:
             return place
         place = self._places[key] = _Place(Memory(self._bounds.s7_accesses))
         if len(self._places) > self._bounds.s7_memories:
-            self._told += self._places.popitem(last=False)[1].told()
+            self._remarks += self._places.popitem(last=False)[1].remarks()
         return place
 
     def _side(self, job: S7Job) -> Splits:
@@ -250,7 +250,7 @@ class Moments:
         self, place: _Place, parts: Sequence[ItemAccess], put: _Put | None, reader: S7Connection,
         job: S7Job | None = None,
     ) -> bool:  # fmt: skip
-        """The same by one of them; of each access it is told once."""
+        """The same for one of them; each access gets one remark."""
         if put is None and place.memory.is_quiet(parts):
             return False
         if any(each.order in place.known for each in parts):
@@ -267,7 +267,7 @@ class Moments:
         return True
 
     def _two_writers(self, job: S7Job, access: ItemAccess, memory: Memory) -> None:
-        """Other stations wrote other values to the same bytes, not long before: each is told of once."""
+        """Other stations wrote other values to the same bytes shortly before: each gets one remark."""
         partner, named = self._partner(job.connection), {job.connection.client.ip}
         for other in memory.writes():
             connection = partner.connections.get(other.connection)
@@ -305,7 +305,7 @@ class Moments:
                         "by": write.request,
                     }  # fmt: skip
                     frame = access.response or access.request
-                    self._told.append(Remark("DS916", frame, args, job=job))
+                    self._remarks.append(Remark("DS916", frame, args, job=job))
                     break
 
     # Areas in parts

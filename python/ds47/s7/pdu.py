@@ -283,20 +283,20 @@ def _data_items(pdu: S7Pdu, count: int, answer: bool) -> tuple[list[ItemResult],
     return found, at
 
 
-def settle(items: list[S7Item], groups: list[int], told: list[ItemResult]) -> list[Flaw]:
+def settle(items: list[S7Item], groups: list[int], results: list[ItemResult]) -> list[Flaw]:
     """Puts results to the variables of their addresses (`Variables`); what does not fit is said."""
-    if len(told) == len(items):
-        for item, result in zip(items, told, strict=True):
+    if len(results) == len(items):
+        for item, result in zip(items, results, strict=True):
             item.code = result.code
             if result.data is not None:
                 item.value = result.data
         return []
     number = groups[-1] + 1 if groups else 0
-    if len(told) != number:
-        for item, result in zip(items, told, strict=False):
+    if len(results) != number:
+        for item, result in zip(items, results, strict=False):
             item.code, item.value = result.code, result.data or item.value
-        return [Flaw("items", 0, {"says": len(items), "there": len(told)})]
-    for group, result in enumerate(told):
+        return [Flaw("items", 0, {"says": len(items), "there": len(results)})]
+    for group, result in enumerate(results):
         _share([each for each, of in zip(items, groups, strict=True) if of == group], result)
     return []
 
@@ -364,12 +364,12 @@ class SegmentData(NamedTuple):
     last: bool
 
 
-def segment(pdu: S7Pdu, told: UserData) -> SegmentData | None:
+def segment(pdu: S7Pdu, data: UserData) -> SegmentData | None:
     """The segment of a BSEND in user data of that group; None where too little is there.
 
     Sequence 0 is that of a first segment: the acknowledgement gives those that follow their number.
     """
-    content, first = told.content, told.sequence == 0
+    content, first = data.content, data.sequence == 0
     r_id = _r_id(content, 0, (_SPEC, 6))
     at = 10 if first else 8
     if r_id is None or len(content) < at:
@@ -377,7 +377,7 @@ def segment(pdu: S7Pdu, told: UserData) -> SegmentData | None:
         pdu.flaws.append(Flaw("data", pdu.content_at + _ITEM, args))
         return None
     total = content[8] << 8 | content[9] if first else None
-    return SegmentData(r_id, total, content[at:], told.sequence, told.unit, told.last)
+    return SegmentData(r_id, total, content[at:], data.sequence, data.unit, data.last)
 
 
 class Usend(NamedTuple):

@@ -22,10 +22,10 @@ _ENTRY_OF = {"consistent": 3, "order_number": 1, "module": 7}
 """The index of the entry that has it."""
 
 
-def evidence(told: UserData, at: At) -> Iterator[SzlEvidence]:
+def evidence(data: UserData, at: At) -> Iterator[SzlEvidence]:
     """What the answer to the reading of an SZL says of the CPU."""
-    content = told.content
-    if told.code != DONE or len(content) < 8:
+    content = data.content
+    if data.code != DONE or len(content) < 8:
         return
     szl_id, szl_index, length, number = (content[i] << 8 | content[i + 1] for i in (0, 2, 4, 6))
     name, size, begin, bytes_ = _SZL.get((szl_id, szl_index), ("", 0, 0, 0))

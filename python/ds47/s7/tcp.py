@@ -370,9 +370,9 @@ class Streams:
 
     Args:
         ports: of servers.
-        take: is given each piece, and whether the client sent it.
-        over: is told of a connection that is over, and whether by a RST of the server.
-        most: how many connections are followed at once; of more, the one that was silent for longest is over.
+        take: gets each piece, and whether the client sent it.
+        over: gets each finished connection, and whether a RST of the server ended it.
+        most: how many connections are followed at once; beyond that, the longest silent one is over.
         most_bytes: how many bytes of all of them may wait.
     """
 

@@ -93,12 +93,12 @@ def _named(address: S7Address) -> tuple[str, str | None, int | None, int, int | 
     )
 
 
-def told(
+def connection(
     item: S7Connection,
     block: BlockSize | None,
     drive: tuple[str, tuple[str, DriveElement] | None] | None,
 ) -> model.Connection:
-    """A connection as the report has it, what its server copies at once, and what shows that it is a drive."""
+    """A connection in the form of the report, with the block size of its server, and the proof of a drive."""
     place, counts = s7.place(item.server_tsap), item.counts
     span = None
     if counts.timed:

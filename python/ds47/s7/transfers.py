@@ -53,8 +53,8 @@ class Transfers:
 
     Args:
         bounds: how many may be open.
-        asked: is told of each when it begins,
-        over: and when nothing more comes of it.
+        asked: gets each transfer at its first segment.
+        over: gets each finished transfer.
     """
 
     def __init__(self, bounds: Limits, asked: Hear, over: Hear) -> None:
@@ -66,39 +66,39 @@ class Transfers:
         """Segments without acknowledgement, by their references."""
 
     def sent(
-        self, connection: S7Connection, from_client: bool, pdu: S7Pdu, told: SegmentData, at: At
+        self, connection: S7Connection, from_client: bool, pdu: S7Pdu, new: SegmentData, at: At
     ) -> None:
         """A segment of a BSEND."""
-        key = connection.number, from_client, told.r_id
+        key = connection.number, from_client, new.r_id
         found = self._open.get(key)
-        if found is None or told.total is not None:
-            found = self._begin(key, connection, pdu, told, at)
+        if found is None or new.total is not None:
+            found = self._begin(key, connection, pdu, new, at)
         part = BsendSegment(
-            at, len(told.data), told.number, told.sequence, told.last, len(pdu.data), pdu.reference
+            at, len(new.data), new.number, new.sequence, new.last, len(pdu.data), pdu.reference
         )
         found.job.segments.append(part)
         found.job.flaws += pdu.flaws
         found.job.frames += pdu.frames
-        found.data += told.data
+        found.data += new.data
         if len(found.data) > _MOST_BYTES or len(found.job.segments) > MOST_SEGMENTS:
             self._give_up(found)
             return
         self._waiting[connection.number, from_client, pdu.reference] = found, part
 
     def acknowledged(
-        self, connection: S7Connection, from_client: bool, pdu: S7Pdu, told: UserData, at: At
+        self, connection: S7Connection, from_client: bool, pdu: S7Pdu, data: UserData, at: At
     ) -> bool:
         """An acknowledgement; False where nothing waits for it."""
         key = connection.number, not from_client, pdu.reference
         found, part = self._waiting.pop(key, (None, None))
         if found is None or part is None:
             return False
-        part.acknowledged, part.assigned, part.error = at, told.sequence, told.error
+        part.acknowledged, part.assigned, part.error = at, data.sequence, data.error
         job = found.job
         job.answer_flaws += pdu.flaws
         job.frames += pdu.frames
-        if told.error:
-            job.state, job.error, job.answered = REFUSED, told.error, at
+        if data.error:
+            job.state, job.error, job.answered = REFUSED, data.error, at
             self._close(found)
         elif part.last:
             job.error, job.answered = 0, at
@@ -109,12 +109,12 @@ class Transfers:
         return True
 
     def usend(
-        self, connection: S7Connection, from_client: bool, pdu: S7Pdu, told: Usend, at: At
+        self, connection: S7Connection, from_client: bool, pdu: S7Pdu, sent: Usend, at: At
     ) -> None:
-        """A USEND: nothing answers it."""
+        """A USEND, which has no answer."""
         job = S7Job(
-            USEND, connection, from_client, pdu.reference, at, [S7Item(None, area) for area in told.areas],
-            request=pdu.data, r_id=told.r_id, state=OK, flaws=pdu.flaws, frames=pdu.frames,
+            USEND, connection, from_client, pdu.reference, at, [S7Item(None, area) for area in sent.areas],
+            request=pdu.data, r_id=sent.r_id, state=OK, flaws=pdu.flaws, frames=pdu.frames,
         )  # fmt: skip
         self._asked(job)
         self._over(job)
@@ -127,19 +127,19 @@ class Transfers:
                 found.job.lost = True
 
     def close(self, connection: S7Connection, since: int | None) -> None:
-        """A connection is over; where there is a time, the capture is: of what is younger more may come."""
+        """A connection is over. With a time, the capture is over, and younger transfers may be incomplete."""
         for found in [each for each in self._open.values() if each.job.connection is connection]:
             found.job.lost = found.job.lost or is_recent(found.job, since)
             self._give_up(found)
 
     def _begin(
-        self, key: _Key, connection: S7Connection, pdu: S7Pdu, told: SegmentData, at: At
+        self, key: _Key, connection: S7Connection, pdu: S7Pdu, new: SegmentData, at: At
     ) -> _Open:
-        """A new one; the open one of its R_ID, which comes to nothing, is told of behind it."""
+        """Begins a transfer; an unfinished one with the same R_ID is given up after that."""
         job = S7Job(
-            BSEND, connection, key[1], pdu.reference, at, [], r_id=told.r_id, total=told.total
+            BSEND, connection, key[1], pdu.reference, at, [], r_id=new.r_id, total=new.total
         )
-        before, found = self._open.get(key), _Open(job, key, told.total is not None)
+        before, found = self._open.get(key), _Open(job, key, new.total is not None)
         self._asked(job)
         if before is not None:
             self._give_up(before)

@@ -503,10 +503,10 @@ def read_only(family: str | None = None) -> frozenset[int]:
     found = set()
     for number, rows in parameters().items():
         if family is None:
-            told = {row.access for row in rows.values()} - {None}
+            access = {row.access for row in rows.values()} - {None}
         else:
-            told = {next((each for each in _accesses(rows, FAMILIES[family])), None)}
-        if told == {"r"}:
+            access = {next((each for each in _accesses(rows, FAMILIES[family])), None)}
+        if access == {"r"}:
             found.add(number)
     return frozenset(found)
 

@@ -115,8 +115,8 @@ class TextShow(text.Writer):
         text = escape(sentence(finding, self.options.lang))
         text = at_offset(finding.offset, text, self.options.lang)
         frame = say("frame", frame=str(finding.frame))
-        told = self._say("finding_line", frame=frame, job=of, message=text)
-        self._line(f"      {rule} {told}")
+        shown = self._say("finding_line", frame=frame, job=of, message=text)
+        self._line(f"      {rule} {shown}")
         self.stream.flush()
 
     def summary(self, frames: int) -> None:
@@ -231,7 +231,7 @@ class _Growing(text._Columns):
         return "" if self._clock.known else super()._seconds(item)
 
     def grow(self, item: Transaction) -> None:
-        """Makes room for one more; what it addresses is told by what was seen until then."""
+        """Makes room for one more; its target is named by what was seen until then."""
         self._targets.transaction(item)
         place = (item.api, item.slot, item.subslot)
         if self._first is None:

@@ -230,13 +230,13 @@ def check_errors(patient: Patient) -> Check:
     """Lua errors do not change the exit status of tshark: only the text tells."""
     # The list of fields on stdout names one that is called "Lua Error".
     texts = (patient.fields.errors, patient.trial.errors, patient.trial.output)
-    told = list(dict.fromkeys(found for text in texts for found in errors_in(text)))
-    ours = [text for text in told if "ds47" in text.lower()]
+    seen = list(dict.fromkeys(found for text in texts for found in errors_in(text)))
+    ours = [text for text in seen if "ds47" in text.lower()]
     if ours:
         mend = f"{_installing(patient)} --force; if it stays, report it with this text"
         return Check("no Lua error", "wrong", ours[0], mend)
-    if told:
-        return Check("no Lua error", "warning", f"of another script: {told[0]}", "mend that script")
+    if seen:
+        return Check("no Lua error", "warning", f"of another script: {seen[0]}", "mend that script")
     return Check("no Lua error", "ok", "neither at the start nor on a trial capture")
 
 

@@ -135,16 +135,16 @@ class Engine:
         """The result of the plugin, with the frame numbers of the capture itself."""
         shown, errors = Fields(), list[str]()
         if capture.numbers:
-            answer = self._told(capture, extract, whole)
+            answer = self._answer(capture, extract, whole)
             shown, errors = _of_channels(answer.fields, self._options.channels), answer.errors
         original = _Original(capture, native)
         transactions = [original.transaction(item) for item in shown.transactions]
         findings = [original.finding(each) for each in shown.findings]
         wanted = [each for each in findings if self._findings.wanted(each.rule)]
-        told = replace(native, **original.drives(shown.events, self._options.channels))
-        return _joined(told, transactions, wanted), errors
+        joined = replace(native, **original.drives(shown.events, self._options.channels))
+        return _joined(joined, transactions, wanted), errors
 
-    def _told(self, capture: _Extract, extract: Path, whole: bool) -> tshark.Answer:
+    def _answer(self, capture: _Extract, extract: Path, whole: bool) -> tshark.Answer:
         """What tshark says of the frames that were kept; of those that the analyzer chose every one counts."""
         chosen = list(self._preferences)
         if not whole:
@@ -177,19 +177,19 @@ class Engine:
         return Finding(DIFFERS, spec.rules()[DIFFERS].severity, frame, args={"difference": text})
 
 
-def _of_channels(told: Fields, channels: Sequence[str]) -> Fields:
+def _of_channels(shown: Fields, channels: Sequence[str]) -> Fields:
     """The transactions of some channels, counted anew, and the findings that are about no others."""
-    wanted = [each for each in told.transactions if each["channel"] in channels]
+    wanted = [each for each in shown.transactions if each["channel"] in channels]
     numbers: dict[int | None, int | None] = {None: None}
     numbers |= {each["id"]: number for number, each in enumerate(wanted, 1)}
     return Fields(
         [each | {"id": numbers[each["id"]]} for each in wanted],
         [
             each | {"transaction": numbers[each["transaction"]]}
-            for each in told.findings
+            for each in shown.findings
             if each["transaction"] in numbers
         ],
-        told.events,
+        shown.events,
     )
 
 
@@ -203,12 +203,12 @@ def _joined(
     jobs = [copy(each) for each in native.transactions if each.channel == S7]
     own = [copy(each) for each in native.findings if spec.rules()[each.rule].analyzer_only]
     ordered = sorted([*transactions, *jobs], key=lambda each: each.frames.first())
-    told: dict[tuple[bool, int | None], int | None]
-    told = {(each.channel == S7, each.id): number for number, each in enumerate(ordered, 1)}
+    numbers: dict[tuple[bool, int | None], int | None]
+    numbers = {(each.channel == S7, each.id): number for number, each in enumerate(ordered, 1)}
     for finding in findings:
-        finding.transaction = told.get((False, finding.transaction))
+        finding.transaction = numbers.get((False, finding.transaction))
     for finding in own:  # what is of no job of S7 has the same number with both engines
-        finding.transaction = told.get((True, finding.transaction), finding.transaction)
+        finding.transaction = numbers.get((True, finding.transaction), finding.transaction)
     about: dict[int | None, set[str]] = {}
     for finding in (*findings, *own):
         about.setdefault(finding.transaction, set()).add(finding.rule)
@@ -363,8 +363,8 @@ class _Original:
         frames.rereads = [Read(self._number(a), self._number(b)) for a, b in frames.rereads]
         for each in transaction.parameters:
             if each.described is not None:
-                told = tuple(self._numbers[frame - 1] for frame in each.described.frames)
-                each.described = each.described._replace(frames=told)
+                moved = tuple(self._numbers[frame - 1] for frame in each.described.frames)
+                each.described = each.described._replace(frames=moved)
         return transaction
 
     def finding(self, item: Json) -> Finding:

@@ -145,7 +145,7 @@ def _empty(shape: contract.Shape) -> dict[str, Any]:
 def _merge(transaction: dict[str, Any], frame: int, tree: Element, item: Element) -> None:
     """Adds what one frame says; the frame with the whole transaction gives what only it has."""
     seen = _children(item)
-    frames, told = transaction["frames"], {key: transaction[key] for key in _OF_MESSAGE}
+    frames, message = transaction["frames"], {key: transaction[key] for key in _OF_MESSAGE}
     _read(transaction, contract.TRANSACTION, "", seen)
     transaction["channel"] = transaction["channel"] or DS47
     transaction["controller"] = _peer(seen, "controller", "master")
@@ -153,8 +153,8 @@ def _merge(transaction: dict[str, Any], frame: int, tree: Element, item: Element
     first = frames["write_request"]
     if frame == (first if first is not None else frames["read_response"]):
         head = _children(tree)  # the message as it was sent; that of an orphan as it was answered
-        told = {key: _number(head.get(key)) for key in _OF_MESSAGE}
-    transaction |= told
+        message = {key: _number(head.get(key)) for key in _OF_MESSAGE}
+    transaction |= message
     if frame == (frames["read_response"] or first):
         _merge_all(transaction, tree, item, seen)
 

@@ -26,7 +26,7 @@ from ds47.report.html.views import (
     worst_first,
 )  # fmt: skip
 from ds47.report.html.views.problems import FIRST_SCREEN
-from ds47.report.overview import told_times
+from ds47.report.overview import times_of
 from ds47.report.verdict import KINDS, LEVELS
 from ds47.report.zones import UNIVERSAL, Zone
 
@@ -105,7 +105,7 @@ def page(
         **shell.known(templates, lang, SCRIPTS, library),
         "heading": heading or Heading(),
         "zone": Clock(zone, next((each.row.start_ns for each in overview), None)).zone_name,
-        "times_of": partial(told_times, zone=zone),
+        "times_of": partial(times_of, zone=zone),
         "printed": PRINTED,
         "levels": LEVELS,
         "kinds": KINDS,

@@ -108,16 +108,16 @@ class BusView(NamedTuple):
     @classmethod
     def of(cls, result: CaptureResult) -> BusView | None:
         """Those of a capture; None on PROFINET."""
-        told = result.bus
-        if told is None:
+        line = result.bus
+        if line is None:
             return None
         return cls(
-            bus.counts(told),
+            bus.counts(line),
             bus.head(),
             bus.COLUMNS.index("requests"),
             [bus.COLUMNS.index(each) for each in ("unanswered", "damaged", "retries")],
-            list(bus.rows(told)),
-            [*bus.diagnoses(told), *bus.hints(told, result.relations)],
+            list(bus.rows(line)),
+            [*bus.diagnoses(line), *bus.hints(line, result.relations)],
         )
 
 
@@ -187,7 +187,7 @@ def capture_view(
     remarks = quality(result)
     worst = max((LEVELS.index(each.level) for each in remarks), default=0)
     wrong = problems(result, targets, moments, links)
-    told = first_screen(wrong)
+    first = first_screen(wrong)
     durations = sorted(
         each.duration_ns
         for each in result.transactions
@@ -203,8 +203,8 @@ def capture_view(
         quality=remarks,
         blind=[*blind(result), say("blind_place"), *_unseen(result), say("blind_meaning")],
         drives=drives(result, targets),
-        problems=told,
-        problems_left_out=len(wrong) - len(told),
+        problems=first,
+        problems_left_out=len(wrong) - len(first),
         groups=found,
         trail=trail,
         rows=len(data["rows"]),
@@ -226,7 +226,7 @@ def capture_view(
 
 
 def _unseen(result: CaptureResult) -> list[Both]:
-    """That cyclic data is not told, where no drive is followed in it."""
+    """That cyclic data is not shown, if no drive is followed in it."""
     return [] if result.timelines else [say("blind_cyclic")]
 
 

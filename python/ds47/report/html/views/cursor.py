@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ds47.model import Point, Timeline, Transaction
-from ds47.report import timelines as told
+from ds47.report import timelines
 from ds47.report.bilingual import Both
 from ds47.report.reference import Reference
 from ds47.spec import cyclic
@@ -67,7 +67,7 @@ def readings(
         reference: what 100 % is; None where nobody says.
         frames: time to number, of the frames that the drawing shows one by one.
     """
-    texts, rows = _Texts(), told.rows(timeline)
+    texts, rows = _Texts(), timelines.rows(timeline)
     lanes: dict[str, list[list[int | None]]] = {}
     for lane, job, words in jobs:
         bar = [
@@ -80,7 +80,7 @@ def readings(
             reach.after(timeline.events[0].time_ns), reach.after(max(timeline.end_ns or last, last)),
         ],
         "events_until": reach.after(last) if timeline.events_left_out else None,
-        "states": _moments(list(_changes(rows)), reach, texts, told.standing),
+        "states": _moments(list(_changes(rows)), reach, texts, timelines.standing),
         "commands": _moments([each for each in rows if _is_command(each)], reach, texts, _command),
         "invalid": list(_invalid(timeline, reach, texts)),
         "setpoint": _values(timeline.setpoint, reach, frames),
@@ -96,27 +96,27 @@ def _end(job: Transaction, reach: Reach) -> int | None:
     return None if job.duration_ns is None else reach.after(job.start_ns + job.duration_ns)
 
 
-def _is_command(row: told.EventRow) -> bool:
+def _is_command(row: timelines.EventRow) -> bool:
     return row.last.word == "STW1" and row.last.before is not None
 
 
-def _command(row: told.EventRow) -> Both:
+def _command(row: timelines.EventRow) -> Both:
     """`ON (STW1 047E -> 047F)`."""
-    return told.words(row).joined(Both.same(f"({told.change(row)})"), " ")
+    return timelines.words(row).joined(Both.same(f"({timelines.change(row)})"), " ")
 
 
-def _changes(rows: Sequence[told.EventRow]) -> Iterator[told.EventRow]:
+def _changes(rows: Sequence[timelines.EventRow]) -> Iterator[timelines.EventRow]:
     """The rows behind which the state is another one than before."""
     before: Both | None = None
     for row in rows:
-        now = told.standing(row)
+        now = timelines.standing(row)
         if now != before:
             yield row
         before = now
 
 
 def _moments(
-    rows: Sequence[told.EventRow], reach: Reach, texts: _Texts, words: Any
+    rows: Sequence[timelines.EventRow], reach: Reach, texts: _Texts, words: Any
 ) -> list[Moment]:
     there = reach.counts(each.last.time_ns for each in rows)
     return [

@@ -18,7 +18,7 @@ from ds47.report.targets import Targets
 MOST = 20_000
 """Elements that a page lists."""
 WIDEST = 256
-"""Elements of one access that are told apart."""
+"""The most elements of one access that are shown one by one."""
 
 
 @dataclass(slots=True)

@@ -11,7 +11,7 @@ from itertools import islice
 from ds47.model import CaptureResult, Parameter, Transaction
 from ds47.profidrive.drive_objects import Identity
 from ds47.profidrive.naming import spelling
-from ds47.report import timelines as told
+from ds47.report import timelines
 from ds47.report.html.texts import Both, say
 from ds47.report.targets import Targets
 
@@ -23,34 +23,36 @@ _BUFFERS = (945, 947)
 _PRESENT = range(8)
 """Subindices of what is not acknowledged yet; the others are history."""
 
-Told = list[int | str]
+EventCells = list[int | str]
 """Microseconds from the first frame, `fault` or `state`, both words, where, and the frame."""
 
 
-def events(result: CaptureResult, targets: Targets | None = None) -> list[Told]:
+def events(result: CaptureResult, targets: Targets | None = None) -> list[EventCells]:
     """All of a capture: first those of cyclic frames, then those of fault buffers."""
     buffers = _buffers(result, targets or Targets(result.evidence))
     return [*_of_timelines(result), *islice(buffers, SHOWN)]
 
 
-def _of_timelines(result: CaptureResult) -> Iterator[Told]:
+def _of_timelines(result: CaptureResult) -> Iterator[EventCells]:
     for timeline in result.timelines:
         device = result.relations[timeline.relation - 1].device
-        for row in told.rows(timeline)[:SHOWN]:
+        for row in timelines.rows(timeline)[:SHOWN]:
             if all(each.name == "first" for each in row.events):
                 continue
             fault = any(each.name.startswith(_FAULTS) for each in row.events)
             kind = "fault" if fault else "state"
-            yield _told(result, row.last.time_ns, kind, told.words(row), device, row.last.frame)
+            yield _event(
+                result, row.last.time_ns, kind, timelines.words(row), device, row.last.frame
+            )
 
 
-def _told(
+def _event(
     result: CaptureResult, time_ns: int, kind: str, words: Both, where: str, frame: int
-) -> Told:
+) -> EventCells:
     return [(time_ns - (result.start_ns or 0)) // 1000, kind, *words, where, frame]
 
 
-def _buffers(result: CaptureResult, targets: Targets) -> Iterator[Told]:
+def _buffers(result: CaptureResult, targets: Targets) -> Iterator[EventCells]:
     """Reads that show a fault which the read before did not show, and the first that shows none any more."""
     known: dict[tuple[Identity, int], dict[int, int]] = {}
     for item in result.transactions:
@@ -65,7 +67,7 @@ def _buffers(result: CaptureResult, targets: Targets) -> Iterator[Told]:
             if words is not None:
                 where = " ".join(filter(None, (item.device, targets.words(item))))
                 kind = "fault" if any(now.values()) else "state"
-                yield _told(result, _answered(item), kind, words, where, _frame(item))
+                yield _event(result, _answered(item), kind, words, where, _frame(item))
 
 
 def _present(item: Parameter) -> dict[int, int]:

@@ -15,7 +15,7 @@ from ds47.report.zones import UNIVERSAL
 from ds47.spec import rules
 
 SHOWN = 100
-"""Findings listed of one rule; the number of all is always told."""
+"""The most findings listed for a rule; their number is always shown."""
 
 
 @dataclass(frozen=True, slots=True)

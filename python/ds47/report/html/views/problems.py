@@ -136,17 +136,17 @@ def problems(
     links: Links | None = None,
 ) -> list[Problem]:
     """The problems of a capture, with their times where `moments` has these; findings that are notes are none."""
-    told, links = [], links or Links(result)
+    found, links = [], links or Links(result)
     for each in result.diagnoses:
         problem = _diagnosed(result, each, links)
         if axes := answering(result, each):
             problem.what = problem.what.joined(say("answering", list=axes), "; ", "；")
-        told.append(problem)
-    told += _others(result, targets or Targets(result.evidence))
+        found.append(problem)
+    found += _others(result, targets or Targets(result.evidence))
     if moments is not None:
-        for problem in told:
-            problem.time = moments.told(problem.frame)
-    return sorted(told, key=_serious_first)
+        for problem in found:
+            problem.time = moments.moment(problem.frame)
+    return sorted(found, key=_serious_first)
 
 
 def _diagnosed(result: CaptureResult, item: Diagnosis, links: Links) -> Problem:
@@ -203,7 +203,7 @@ def _problem(finding: Finding, what: Both) -> Problem:
 
 
 def first_screen(items: list[Problem]) -> list[Problem]:
-    """The problems that are told first: a drive that refuses in many ways does not hide the rest."""
+    """The problems to show first: a drive that refuses in many ways must not hide the rest."""
     rules: Counter[str] = Counter()
     chosen: list[Problem] = []
     spare: list[Problem] = []

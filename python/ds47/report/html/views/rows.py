@@ -144,9 +144,9 @@ def _code(code: int) -> list[Any]:
 def _item(name: str, item: Item, tables: _Tables) -> list[Any]:
     """An item as `_parameter`: its bytes are its value."""
     shown = [] if item.value is None else [s7.value(item.value, "en")]
-    if (told := item.parameter) is not None:
-        name = f"DO {item.drive_object} {address(told)}"
-        shown = [value(each, told.format) for each in told.values] or shown
+    if (known := item.parameter) is not None:
+        name = f"DO {item.drive_object} {address(known)}"
+        shown = [value(each, known.format) for each in known.values] or shown
     row: list[Any] = [tables.places["addresses"][name], shown, len(shown)]
     if item.code in (None, s7.OK):
         return row

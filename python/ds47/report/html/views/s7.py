@@ -82,11 +82,11 @@ def marked(result: CaptureResult) -> dict[int, str]:
     found = {}
     for each in result.transactions:
         if each.channel == S7 and any(frames.values()):
-            told = (
+            marks = (
                 ("mixed", "split") if each.operation == "get" else ("split",)
             )  # what is read is mixed
             mark = next(
-                (name for name in told if not frames[name].isdisjoint(each.frames.all())), ""
+                (name for name in marks if not frames[name].isdisjoint(each.frames.all())), ""
             )
             if mark:
                 found[each.id] = mark

@@ -25,7 +25,7 @@ from ds47.model import (
     Value,
 )
 from ds47.profidrive.naming import spelling
-from ds47.report import timelines as told
+from ds47.report import timelines
 from ds47.report.bilingual import operation, state
 from ds47.report.clock import Clock
 from ds47.report.formatting import parameter
@@ -163,8 +163,8 @@ def _view(
     result: CaptureResult, timeline: Timeline, given: Reference | None, clock: Clock
 ) -> TimelineView:
     relation = result.relations[timeline.relation - 1]
-    reference = told.reference(result, relation.device, given)
-    rows = told.rows(timeline)
+    reference = timelines.reference(result, relation.device, given)
+    rows = timelines.rows(timeline)
     canvas = _Canvas(result, timeline, relation, reference, clock)
     drawings, opened = canvas.drawings()
     return TimelineView(
@@ -172,13 +172,13 @@ def _view(
         place="" if relation.slot is None else f"slot {relation.slot}.{relation.subslot}",
         start=clock.moment(timeline.events[0].time_ns),
         dated=clock.known,
-        reference=told.reference_words(reference) if reference else None,
+        reference=timelines.reference_words(reference) if reference else None,
         drawings=drawings,
         opened=opened,
         rows=[
             (
                 row.last.frame, clock.at(row.last.time_ns), f"{clock.since(row.last.time_ns)} s",
-                told.change(row), told.words(row), told.standing(row),
+                timelines.change(row), timelines.words(row), timelines.standing(row),
             )
             for row in rows[:SHOWN]
         ],
@@ -232,9 +232,9 @@ class _Canvas:
         """All of them, and the number of the one that is seen first: the first story."""
         whole = _Drawing(self, self.first_ns, self.last_ns)
         found = [whole.drawn(say("zoom_capture"), say("zoom_capture_about"))]
-        for (first, last), told_in in self._stories().items():
-            rules = ", ".join(each.rule for each in told_in)
-            about = say("zoom_story_about", rule=rules, frame=str(told_in[0].frame))
+        for (first, last), findings in self._stories().items():
+            rules = ", ".join(each.rule for each in findings)
+            about = say("zoom_story_about", rule=rules, frame=str(findings[0].frame))
             found.append(_Drawing(self, first, last).drawn(Both.same(rules), about))
         stories = len(found)
         if self.findings and self.relation.cycle_ms is not None:
@@ -390,7 +390,7 @@ class _Drawing:
         """The commands of the controller, those of one frame together; words where there is room."""
         found: list[Mark] = []
         busy = -1000.0
-        for row in told.rows(self.canvas.timeline):
+        for row in timelines.rows(self.canvas.timeline):
             if (
                 row.last.word != "STW1"
                 or row.last.before is None
@@ -398,8 +398,8 @@ class _Drawing:
             ):
                 continue
             x = self._x(row.last.time_ns)
-            title = told.words(row).joined(
-                Both.same(f"{told.change(row)}, frame {row.last.frame}"), ": ", "："
+            title = timelines.words(row).joined(
+                Both.same(f"{timelines.change(row)}, frame {row.last.frame}"), ": ", "："
             )
             first = row.events[0]
             kind = (
@@ -511,7 +511,7 @@ class _Drawing:
             at += step
 
     def _ticks(self) -> list[float]:
-        """The frames, or those that were looked at, where single ones can be told apart."""
+        """The frames, or the sampled ones, if single ones can be distinguished."""
         relation = self.canvas.relation
         if (
             relation.cycle_ms is None

@@ -28,13 +28,13 @@ def for_script(clock: Clock) -> dict[str, Any]:
 
 
 class FrameClock:
-    """When the frames of findings were."""
+    """The times of the frames of findings."""
 
     def __init__(self, result: CaptureResult, clock: Clock) -> None:
         self.clock = clock
         self._frames = seen_at(result)
 
-    def told(self, frame: int | None) -> str:
-        """When a frame was; empty where that is not known."""
+    def moment(self, frame: int | None) -> str:
+        """The time of a frame; empty if unknown."""
         known = self._frames.get(frame or 0)
         return "" if known is None else self.clock.moment(known)
