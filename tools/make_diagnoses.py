@@ -65,7 +65,7 @@ def steps(stage: Stage) -> list[Step]:
     """All PDUs of a scene. Several controllers are named; so are places, unless all is one place with index 47."""
     spoken = [shot.said for shot in stage.shots if shot.said is not None]
     several = len({said.controller for said in spoken}) > 1
-    places = {(place.slot, place.subslot, place.index) for said in spoken if (place := said.place)}
+    places = {(place.slot, place.subslot, place.index) for said in spoken if (place := said.target)}
     named = len(places) > 1 or any(index != 47 for _, _, index in places)
     found = []
     for number, shot in enumerate(stage.shots, start=1):
@@ -80,10 +80,10 @@ def steps(stage: Stage) -> list[Step]:
 def request_text(said: PduContent, named: bool) -> str:
     """A request: the call, its place if wanted, and what it asks for."""
     words = NAMES[said.call.opnum]
-    if said.place is not None and named:
-        index = said.place.index
+    if said.target is not None and named:
+        index = said.target.index
         number = f"0x{index:04X}" if index > 255 else str(index)
-        words += f" {said.place.slot}.{said.place.subslot} index {number}"
+        words += f" {said.target.slot}.{said.target.subslot} index {number}"
     if said.record:
         words += f"  {asked(said.record)}"
     if said.room is not None and said.room < USUAL_ROOM:

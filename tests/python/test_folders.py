@@ -356,7 +356,7 @@ def test_the_name_of_a_result_leads_nowhere_but_down(
     with monkeypatch.context() as patch:
         patch.setattr(os, "sep", sep)
         results.name([task], roots)
-    assert results.place(task) == Path("r", f"{name}.json")
+    assert results.path_of(task) == Path("r", f"{name}.json")
 
 
 @pytest.mark.slow

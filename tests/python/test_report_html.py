@@ -356,7 +356,7 @@ def test_drive_errors_are_put_together_by_their_number_and_direction():
         (3, "The drive does not accept a value: No change access while the controller is enabled (0x6B)"),
         (1, "The drive does not give a value: Illegal parameter number: the parameter does not exist (0x00)"),
     ]  # fmt: skip
-    assert found[0].places == {"p50303[0] DO 2": 2, "p0005[0] DO 2": 1}
+    assert found[0].locations == {"p50303[0] DO 2": 2, "p0005[0] DO 2": 1}
     assert found[0].what.zh.startswith("驱动器不接受写入的值：")
 
 
@@ -476,7 +476,7 @@ def test_findings_that_differ_are_told_by_an_example_with_the_places_they_name()
     (found,) = problems(capture(transaction(), findings=findings))
     one = "Parameter p0007[0] reads back 1, but 2 is the last value that this capture shows being written to it"
     assert found.title.en == f"{one} (frame 3) (for example)"
-    assert found.places == {"p0007[0] DO 2": 2}
+    assert found.locations == {"p0007[0] DO 2": 2}
     (alone,) = problems(capture(transaction(), findings=findings[:1]))
     assert alone.title.en == f"{one} (frame 3)"
 
@@ -485,7 +485,7 @@ def test_a_finding_that_names_no_parameter_stands_at_the_first_of_its_transactio
     items = [transaction(1, parameters=[parameter(7), parameter(8)]), transaction(2, parameters=[])]
     findings = [finding("DS315", "error", 1, n, need=5, what="values") for n in (1, 2)]
     (found,) = problems(capture(*items, findings=findings))
-    assert found.places == {"p0007[0] DO 2": 1, f"{DRIVE} DO 2": 1}
+    assert found.locations == {"p0007[0] DO 2": 1, f"{DRIVE} DO 2": 1}
 
 
 def test_frames_for_which_there_was_no_room_are_counted():

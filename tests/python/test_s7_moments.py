@@ -502,7 +502,7 @@ def test_memories_and_partners_are_bounded() -> None:
             job.answered, job.state = plant.at(), OK
             plant.moments.over(job)
             plant.moments.closed(line)
-    assert len(plant.moments._places) <= limits().s7_memories
+    assert len(plant.moments._logs) <= limits().s7_memories
     assert len(plant.moments._partners) <= limits().s7_memories
     assert plant.rules().count("DS905") == 1, "what was found is not lost with the memory"
 

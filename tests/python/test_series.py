@@ -22,7 +22,7 @@ from ds47.capture.rings import Ring, is_part, own_name, rings
 from ds47.capture.series import SeriesPart
 from ds47.cli import main
 from ds47.model import CaptureFile, CaptureResult
-from ds47.report.places import FileFrames
+from ds47.report.file_frames import FileFrames
 from ds47.report.sentences import sentence
 
 # -- names ----------------------------------------------------------------------------------------
@@ -186,7 +186,7 @@ def test_a_missing_file_ends_no_conversation_but_is_said(captures: Path, tmp_pat
     gone = pieces(tmp_path, frames, [poll - 1, poll + 1])[1]
     gone.unlink()
     (task,) = plan([str(path) for path in sorted(tmp_path.glob("ring*"))], series=True)
-    parts = [SeriesPart(each.name, each.place, each.missing) for each in task.sources]
+    parts = [SeriesPart(each.name, each.location, each.missing) for each in task.sources]
     with Series(parts) as series:
         result = analyze(series)
         assert series.gaps

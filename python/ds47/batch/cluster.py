@@ -17,7 +17,7 @@ from typing import Any
 
 from ds47.batch.endings import Failed, Lost
 from ds47.batch.products import Product, draft_of, kept_from, whole
-from ds47.batch.runner import Begun, Outcome, Place, TaskWindow
+from ds47.batch.runner import Begun, Outcome, PathOf, TaskWindow
 from ds47.batch.tasks import Task
 from ds47.capture import CaptureError
 from ds47.spec.extras import install
@@ -35,8 +35,10 @@ class Cluster(TaskWindow[Any]):
         Lost: the scheduler went away, while iterating.
     """
 
-    def __init__(self, tasks: Iterable[Task], make: Product, place: Place, scheduler: str) -> None:
-        super().__init__(tasks, make, place)
+    def __init__(
+        self, tasks: Iterable[Task], make: Product, path_of: PathOf, scheduler: str
+    ) -> None:
+        super().__init__(tasks, make, path_of)
         self._address = scheduler
         self._distributed = _distributed()
         try:
@@ -128,7 +130,7 @@ class Cluster(TaskWindow[Any]):
             raise Failed(f"a Dask worker has no ds47 {__version__}: {_line(problem)}") from problem
         finally:
             future.release()
-        path = self._place(begun.task)
+        path = self._path_of(begun.task)
         try:
             with whole(path, draft_of(path, os.getpid())) as stream:
                 stream.write(product)

@@ -24,7 +24,7 @@ from typing import Final
 from ds47.batch.endings import Failed
 from ds47.batch.memory import collect, collect_rarely
 from ds47.batch.products import Product, discard, draft_of, kept_from, whole
-from ds47.batch.runner import Begun, Outcome, Place, TaskWindow
+from ds47.batch.runner import Begun, Outcome, PathOf, TaskWindow
 from ds47.batch.tasks import STDIN, Task
 from ds47.capture import CaptureError
 
@@ -40,14 +40,14 @@ _KILLED: Final = CaptureError(
 
 
 Products = list[str | bytes | None]
-"""Of each task of a share its product; None where that is in its place; as text what kept it from one."""
+"""For each task of a share: its product, None if that is in its file, or as text why there is none."""
 
 
 class Local(TaskWindow[Future[Products]]):
     """Makes products in `jobs` processes; a context manager."""
 
-    def __init__(self, tasks: Sequence[Task], make: Product, place: Place, jobs: int) -> None:
-        super().__init__(tasks, make, place)
+    def __init__(self, tasks: Sequence[Task], make: Product, path_of: PathOf, jobs: int) -> None:
+        super().__init__(tasks, make, path_of)
         self._jobs = jobs
         self._most = max(1, min(_SHARE, len(tasks) // (4 * jobs)))
         self._next: Task | None = None
@@ -69,7 +69,7 @@ class Local(TaskWindow[Future[Products]]):
         return ProcessPoolExecutor(jobs or self._jobs, mp_context=context, initializer=_prepare)
 
     def _draft(self, task: Task) -> Path:
-        return draft_of(self._place(task), os.getpid())
+        return draft_of(self._path_of(task), os.getpid())
 
     def _wanted(self) -> int:
         return 2 * self._jobs
@@ -88,7 +88,7 @@ class Local(TaskWindow[Future[Products]]):
         return share
 
     def _submit(self, tasks: list[Task]) -> Future[Products]:
-        work = [(task, self._place(task), self._draft(task)) for task in tasks]
+        work = [(task, self._path_of(task), self._draft(task)) for task in tasks]
         if tasks[0].path == STDIN:  # is here and nowhere else
             here = Future[Products]()
             here.set_result(_work(self._make, work))
@@ -116,7 +116,7 @@ class Local(TaskWindow[Future[Products]]):
 
     def _came_of(self, task: Task, product: str | bytes | None) -> Outcome:
         if product is None:
-            return self._place(task)
+            return self._path_of(task)
         return CaptureError(product) if isinstance(product, str) else product
 
     def _one_died(self, share: list[Begun]) -> None:

@@ -75,10 +75,10 @@ class RemoteResults(Results):
             wanted = [task for task in tasks if self._remote(task) in there]
             for begin in range(0, len(wanted), _AT_ONCE):
                 some = wanted[begin : begin + _AT_ONCE]
-                places = [self.place(task) for task in some]
-                for place in places:
-                    place.parent.mkdir(parents=True, exist_ok=True)
-                self._system.get([self._remote(each) for each in some], list(map(str, places)))
+                paths = [self.path_of(task) for task in some]
+                for path in paths:
+                    path.parent.mkdir(parents=True, exist_ok=True)
+                self._system.get([self._remote(each) for each in some], list(map(str, paths)))
 
     def undone(self, task: Task) -> str | None:
         """As there, of what `fetch` got."""
@@ -95,14 +95,14 @@ class RemoteResults(Results):
         """
         try:
             with self._reached():
-                self._system.put_file(str(self.place(task)), self._remote(task))
+                self._system.put_file(str(self.path_of(task)), self._remote(task))
         except OSError as problem:
             raise Lost(f"cannot write {self.shown(task)}: {problem.strerror}") from problem
         self._done.add(task.path)
 
     def reported(self, task: Task) -> None:
         """What the report has need not stay here."""
-        discard(self.place(task))
+        discard(self.path_of(task))
 
     def forget(self, task: Task) -> None:
         """A capture that cannot be read any more has no result."""
@@ -125,7 +125,7 @@ class RemoteResults(Results):
             self._system.put_file(str(self.folder / OVERVIEW), f"{self._base}/{OVERVIEW}")
 
     def _name(self, task: Task) -> str:
-        return self.place(task).relative_to(self.folder).as_posix()
+        return self.path_of(task).relative_to(self.folder).as_posix()
 
     def _remote(self, task: Task) -> str:
         return f"{self._base}/{self._name(task)}"

@@ -74,7 +74,7 @@ class _Sealed(io.BufferedIOBase):
         super().__init__()
         self._stream = stream
         self._digest = hashlib.sha256()
-        self._place: int | None = None
+        self._position: int | None = None
 
     def writable(self) -> bool:
         return True
@@ -82,15 +82,15 @@ class _Sealed(io.BufferedIOBase):
     def write(self, data: Any, /) -> int:
         """Writes `data`; the first of it holds the place of the digest."""
         piece = bytes(data)
-        if self._place is None:
-            self._place = piece.index(_SEAL) + len(_SEAL)
+        if self._position is None:
+            self._position = piece.index(_SEAL) + len(_SEAL)
         self._digest.update(piece)
         return self._stream.write(piece)
 
     def seal(self) -> None:
         """Writes the digest."""
-        assert self._place is not None
-        self._stream.seek(self._place)
+        assert self._position is not None
+        self._stream.seek(self._position)
         self._stream.write(self._digest.hexdigest().encode())
         self._stream.seek(0, io.SEEK_END)
 
@@ -129,8 +129,8 @@ class Results:
         self._options, self._lang = options, lang
         self._names: dict[str, str] = {}
 
-    def place(self, task: Task) -> Path:
-        """Where the result of a task stands."""
+    def path_of(self, task: Task) -> Path:
+        """The path of the result of a task."""
         return self.folder / self._names[task.path]
 
     def name(self, tasks: Sequence[Task], roots: Sequence[str]) -> None:
@@ -154,7 +154,7 @@ class Results:
             version, made = head["tool"]["version"], head["run"]
         except (OSError, *_MISSHAPEN):
             # os.path: a name that is too long is no error there
-            return DAMAGED if os.path.exists(self.place(task)) else "no result"  # noqa: PTH110
+            return DAMAGED if os.path.exists(self.path_of(task)) else "no result"  # noqa: PTH110
         now = _made_of(task, self._options, self._lang)
         if version != __version__:
             return "another version of ds47"
@@ -169,7 +169,7 @@ class Results:
     def _intact(self, task: Task, made: dict[str, Any]) -> bool:
         """Whether all of a result is as it was written; its first line may be whole, and the rest damaged."""
         try:
-            return _whole(self.place(task).read_bytes(), made["seal"])
+            return _whole(self.path_of(task).read_bytes(), made["seal"])
         except (OSError, *_MISSHAPEN):
             return False
 
@@ -179,7 +179,7 @@ class Results:
 
     def load(self, task: Task) -> CaptureResult:
         """The result of a task that is done."""
-        stored = json.loads(self.place(task).read_bytes())
+        stored = json.loads(self.path_of(task).read_bytes())
         result = load.capture(stored["captures"][0])
         row = stored["run"]["row"]
         result.problem, result.dropped = row["problem"], row["dropped"]
@@ -187,7 +187,7 @@ class Results:
 
     def shown(self, task: Task | None = None) -> str:
         """How people know the folder, or the result of a task."""
-        return str(self.folder if task is None else self.place(task))
+        return str(self.folder if task is None else self.path_of(task))
 
     def fetch(self, tasks: Sequence[Task]) -> None:
         """Gets the results that are there. Here they are."""
@@ -204,7 +204,7 @@ class Results:
 
     def forget(self, task: Task) -> None:
         """A capture that cannot be read any more has no result."""
-        discard(self.place(task))
+        discard(self.path_of(task))
 
     def begin(self) -> None:
         """Makes the folder; an overview of an earlier run is not that of this one.
@@ -226,7 +226,7 @@ class Results:
                 stream.write(piece.encode("utf-8", errors="backslashreplace"))
 
     def _head(self, task: Task) -> dict[str, Any]:
-        with self.place(task).open("rb") as stream:
+        with self.path_of(task).open("rb") as stream:
             head: dict[str, Any] = json.loads(stream.readline() + _REST.encode())
         if head["schema"] != SCHEMA:
             raise ValueError(head["schema"])

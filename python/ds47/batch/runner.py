@@ -21,8 +21,8 @@ from ds47.capture import CaptureError
 
 Outcome = Path | bytes | CaptureError
 """Where the product of a task is, or itself where it is short, or why there is none."""
-Place = Callable[[Task], Path]
-"""Where the product of a task goes."""
+PathOf = Callable[[Task], Path]
+"""The path for the product of a task."""
 Handle = TypeVar("Handle")
 """How a runner names what it has begun."""
 
@@ -45,10 +45,10 @@ def make_here(make: Product, task: Task, path: Path) -> Outcome:
 class Here:
     """One task after the other, in this process."""
 
-    def __init__(self, tasks: Iterable[Task], make: Product, place: Place) -> None:
+    def __init__(self, tasks: Iterable[Task], make: Product, path_of: PathOf) -> None:
         self._tasks = tasks
         self._make = make
-        self._place = place
+        self._path_of = path_of
 
     def __enter__(self) -> Here:
         return self
@@ -58,7 +58,7 @@ class Here:
 
     def __iter__(self) -> Iterator[tuple[Task, Outcome]]:
         for task in self._tasks:
-            yield task, make_here(self._make, task, self._place(task))
+            yield task, make_here(self._make, task, self._path_of(task))
 
 
 @dataclass(slots=True, eq=False)
@@ -76,10 +76,10 @@ class TaskWindow(ABC, Generic[Handle]):
     takes long does not hold up the others behind it.
     """
 
-    def __init__(self, tasks: Iterable[Task], make: Product, place: Place) -> None:
+    def __init__(self, tasks: Iterable[Task], make: Product, path_of: PathOf) -> None:
         self._tasks = iter(tasks)
         self._make = make
-        self._place = place
+        self._path_of = path_of
         self._begun: deque[Begun] = deque()
         self._working: dict[Handle, list[Begun]] = {}
 

@@ -143,14 +143,14 @@ def parse_tz(text: Any) -> Zone:
         raise ValueError(f"[report] tz: {problem}") from None
 
 
-def options_for(place: str, options: AnalysisOptions) -> AnalysisOptions:
+def options_for(location: str, options: AnalysisOptions) -> AnalysisOptions:
     """The options for a capture, with what the nearest `ds47.toml` says of it; URLs and pipes have none.
 
     Raises:
         ds47.capture.CaptureError: the file says something that cannot be.
     """
-    path = Path(place)
-    if "://" in place or not path.is_file():
+    path = Path(location)
+    if "://" in location or not path.is_file():
         return options
     settings = _nearest(path.resolve().parent)
     if settings == Settings():
@@ -164,27 +164,27 @@ def options_for(place: str, options: AnalysisOptions) -> AnalysisOptions:
     )
 
 
-def heading_for(places: Sequence[str]) -> Heading:
+def heading_for(locations: Sequence[str]) -> Heading:
     """The title block that the nearest `ds47.toml` of the first capture, or folder, says.
 
     Raises:
         ds47.capture.CaptureError: the file says something that cannot be.
     """
-    return _of_first(places).heading
+    return _of_first(locations).heading
 
 
-def zone_for(places: Sequence[str]) -> Zone | None:
+def zone_for(locations: Sequence[str]) -> Zone | None:
     """The zone of times of day that it says; None where it says none.
 
     Raises:
         ds47.capture.CaptureError: the file says something that cannot be.
     """
-    return _of_first(places).zone
+    return _of_first(locations).zone
 
 
-def _of_first(places: Sequence[str]) -> Settings:
-    path = Path(places[0])
-    if "://" in places[0] or not path.exists():
+def _of_first(locations: Sequence[str]) -> Settings:
+    path = Path(locations[0])
+    if "://" in locations[0] or not path.exists():
         return Settings()
     whole = path.resolve()
     return _nearest(whole if whole.is_dir() else whole.parent)
@@ -192,9 +192,9 @@ def _of_first(places: Sequence[str]) -> Settings:
 
 @cache
 def _nearest(folder: Path) -> Settings:
-    for place in (folder, *folder.parents):
-        if (place / FILE).is_file():
-            return _read(place / FILE)
+    for each in (folder, *folder.parents):
+        if (each / FILE).is_file():
+            return _read(each / FILE)
     return Settings()
 
 

@@ -29,12 +29,12 @@ STDIN = "-"
 class Source(NamedTuple):
     """One file of a task.
 
-    `name` is its name in the report, `place` what to open, `size` its bytes. `mark` changes with the
+    `name` is its name in the report, `location` what to open, `size` its bytes. `mark` changes with the
     file; None if that cannot be seen. `missing` counts the files of its series that are missing before it.
     """
 
     name: str
-    place: str
+    location: str
     size: int = 0
     mark: str | None = None
     missing: int = 0
@@ -55,7 +55,7 @@ class Task(NamedTuple):
     @property
     def parts(self) -> list[SeriesPart]:
         """Its files, to be read as one."""
-        return [SeriesPart(each.name, each.place, each.missing) for each in self.sources]
+        return [SeriesPart(each.name, each.location, each.missing) for each in self.sources]
 
     @property
     def own_name(self) -> str | None:
@@ -115,15 +115,15 @@ def _series(ring: Ring) -> Task:
 
 
 def _from_the_oldest(sources: list[Source]) -> list[Source]:
-    times = [_first_time(source.place) for source in sources]
+    times = [_first_time(source.location) for source in sources]
     known = [at for at, time in enumerate(times) if time is not None]
     oldest = min(known, key=lambda at: times[at] or 0, default=0)
     return sources[oldest:] + sources[:oldest]
 
 
-def _first_time(place: str) -> int | None:
+def _first_time(location: str) -> int | None:
     try:
-        with open_capture(place) as capture:
+        with open_capture(location) as capture:
             frame = next(iter(capture), None)
     except CaptureError:
         return None
@@ -136,12 +136,12 @@ def _source(name: str, missing: int = 0) -> Source:
     if is_url(name):
         size, mark = facts(name)
         return Source(name, name, size, mark, missing)
-    place = os.path.abspath(name)  # noqa: PTH100 (a link stays a link, its name may be all there is)
+    location = os.path.abspath(name)  # noqa: PTH100 (a link stays a link, its name may be all there is)
     try:
-        about = Path(place).stat()
+        about = Path(location).stat()
     except (OSError, ValueError):  # the analysis will say why
-        return Source(name, place, missing=missing)
-    return Source(name, place, about.st_size, f"{about.st_mtime_ns}", missing)
+        return Source(name, location, missing=missing)
+    return Source(name, location, about.st_size, f"{about.st_mtime_ns}", missing)
 
 
 def read(
@@ -157,9 +157,9 @@ def read(
             result = analyze(series, options_for(task.path, options), finished)
     else:
         (source,) = task.sources
-        place = sys.stdin.buffer if source.place == STDIN else source.place
-        with open_capture(place, name=source.name) as capture:
-            result = analyze(capture, options_for(source.place, options), finished)
+        location = sys.stdin.buffer if source.location == STDIN else source.location
+        with open_capture(location, name=source.name) as capture:
+            result = analyze(capture, options_for(source.location, options), finished)
     result.path = task.path
     if options.digest and task.path != STDIN:
         _digest(task, result)
@@ -169,8 +169,8 @@ def read(
 def _digest(task: Task, result: CaptureResult) -> None:
     """The SHA-256 of a capture; for a series, of each readable file."""
     if not task.series:
-        result.sha256 = sha256(task.sources[0].place)
+        result.sha256 = sha256(task.sources[0].location)
         return
     for source, file in zip(task.sources, result.files, strict=True):
         if file.readable:
-            file.sha256 = sha256(source.place)
+            file.sha256 = sha256(source.location)

@@ -28,22 +28,22 @@ def is_url(name: str) -> bool:
     return "://" in name
 
 
-def sha256(place: str | Path) -> str:
+def sha256(location: str | Path) -> str:
     """The SHA-256 of all bytes of a file or URL, in hex."""
     import hashlib  # only here: it takes longer to import than a small capture to analyse
 
     found = hashlib.sha256()
-    with open_bytes(place) as stream:
+    with open_bytes(location) as stream:
         while piece := stream.read(_PIECE):
             found.update(piece)
     return found.hexdigest()
 
 
-def open_bytes(place: str | Path) -> io.RawIOBase:
+def open_bytes(location: str | Path) -> io.RawIOBase:
     """The bytes of a file or a URL, unbuffered. Raises OSError, ValueError, CaptureError."""
-    if not is_url(str(place)):
-        return Path(place).open("rb", buffering=0)
-    system, path = file_system(str(place))
+    if not is_url(str(location)):
+        return Path(location).open("rb", buffering=0)
+    system, path = file_system(str(location))
     try:
         return _Remote(system.open(path, "rb"))
     except Exception as problem:

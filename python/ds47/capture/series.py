@@ -22,10 +22,10 @@ _F = TypeVar("_F", bound=Frame)
 
 
 class SeriesPart(NamedTuple):
-    """A file of a series: how the report names it, where it is, how many are missing before it."""
+    """A file of a series: its name in the report, its path or URL, how many files are missing before it."""
 
     name: str
-    place: str
+    location: str
     missing: int = 0
 
 
@@ -78,7 +78,7 @@ class Series(Closing):
             file = CaptureFile(part.name, self._before + 1, missing_before=part.missing)
             self.files.append(file)
             try:
-                self._capture = open_capture(part.place, name=part.name)
+                self._capture = open_capture(part.location, name=part.name)
             except CaptureError as problem:
                 file.problem, file.readable = problem.message, False
                 continue

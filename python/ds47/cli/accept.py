@@ -158,4 +158,4 @@ def _take(outcome: CheckOutcome, changes: list[Change]) -> None:
         taken = set(map(id, changes))
         left = [change for change in outcome.changes if id(change) not in taken]
         version = outcome.origin.version_with(left)
-    baseline.save(outcome.place, now, Path(outcome.path).name, version)
+    baseline.save(outcome.result_path, now, Path(outcome.path).name, version)

@@ -29,14 +29,14 @@ def command(paths: Sequence[str], force: bool, series: bool, lang: str, **option
     from ds47.batch.products import kept_from
     from ds47.capture import CaptureError
     from ds47.regression import baseline
-    from ds47.regression.run import place_of, result_of
+    from ds47.regression.run import result_of, result_path
     from ds47.report.bilingual import say
 
     refuse_urls(paths)
     analysis = options_from(**options)
     misses = Misses()
     for task in tasks(paths, series, misses):
-        target = place_of(task)
+        target = result_path(task)
         if os.path.exists(target) and not force:  # noqa: PTH110 (of a name that is too long: False)
             _say(say("baseline_there", target=str(target)).text(lang))
             continue

@@ -162,9 +162,9 @@ def _from_json(path: str) -> dict[str, Any]:
             raise click.ClickException(
                 f"{path}: the report is narrowed by {part['criteria']}; make a whole one to compare"
             )
-        if (place := flaw(capture)) is not None:
+        if (where := flaw(capture)) is not None:
             raise click.ClickException(
-                f"{path}: the report is not whole (see {place or 'captures'}); make it again"
+                f"{path}: the report is not whole (see {where or 'captures'}); make it again"
             )
         return cast(dict[str, Any], capture)
     try:

@@ -147,8 +147,8 @@ def _assumed(asked: RequestLine) -> Iterator[Both]:
     from ds47.spec import explanations
 
     request = asked.request
-    for place in asked.taken:
-        known = spec.usual(request.addresses[place].pnu)
+    for position in asked.taken:
+        known = spec.usual(request.addresses[position].pnu)
         assert known is not None
         key = f"family_{known.family}"
         yield say(
@@ -156,7 +156,7 @@ def _assumed(asked: RequestLine) -> Iterator[Both]:
             name=naming.spelling(
                 known.number, known.family if known.family in spec.FAMILIES else None
             ),
-            format=request.blocks[place].format_name,
+            format=request.blocks[position].format_name,
             parameter=Both(known.name_en, known.name_zh),
             family=Both(explanations.words("en")[key], explanations.words("zh")[key]),
         )

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ds47.analysis import AnalysisOptions, OnTransaction
     from ds47.batch.products import Product
     from ds47.batch.results import Results
-    from ds47.batch.runner import Place
+    from ds47.batch.runner import PathOf
     from ds47.batch.tasks import Task
     from ds47.cli.run import Analyzer, Runner
 
@@ -130,7 +130,7 @@ class Execution(NamedTuple):
         from ds47.report.overview import Writer as Overview
 
         rows = writer.rows if isinstance(writer, Overview) else None
-        runner = self._runner(todo, StoredResult(self.analysis, self.lang), results.place)
+        runner = self._runner(todo, StoredResult(self.analysis, self.lang), results.path_of)
         results.end(run.stored(results, tasks, todo, runner, rows), os.getpid())
 
     def _jobs(self, tasks: Sequence[Task]) -> int:
@@ -140,19 +140,19 @@ class Execution(NamedTuple):
             return 1
         return useful_jobs(tasks) if self.jobs is None else self.jobs or cores()
 
-    def _runner(self, tasks: Sequence[Task], make: Product, place: Place) -> Runner:
+    def _runner(self, tasks: Sequence[Task], make: Product, path_of: PathOf) -> Runner:
         if self.scheduler is not None and tasks:
             from ds47.batch.cluster import Cluster
 
-            return Cluster(tasks, make, place, self.scheduler)
+            return Cluster(tasks, make, path_of, self.scheduler)
         jobs = self._jobs(tasks)
         if jobs == 1 or not tasks:
             from ds47.batch.runner import Here
 
-            return Here(tasks, make, place)
+            return Here(tasks, make, path_of)
         from ds47.batch.local import Local
 
-        return Local(tasks, make, place, jobs)
+        return Local(tasks, make, path_of, jobs)
 
 
 def _todo(results: Results, tasks: Sequence[Task]) -> list[Task]:

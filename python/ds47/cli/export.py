@@ -339,8 +339,8 @@ def _filters(done: ExportOutcome, lang: str) -> Iterator[str]:
     """Display filters that show the frames in the original: of a series one for each file."""
     from ds47.export import display_filter
     from ds47.report.bilingual import say
+    from ds47.report.file_frames import FileFrames
     from ds47.report.formatting import escape
-    from ds47.report.places import FileFrames
 
     files = FileFrames(done.result.files).by_file(done.frames)
     for name, frames in files[:_FILES_SHOWN]:
@@ -383,11 +383,11 @@ def _targets(found: Sequence[Task], name: str | None) -> list[str]:
         targets = [str(folder / ((task.own_name or _stem(task.path)) + EXPORTED)) for task in found]
     paths = [source.name for task in found for source in task.sources]
     sources = {Path(path).resolve() for path in paths if path != STDIN}
-    places = [Path(target).resolve() for target in targets if target != STDIN]
-    for place in places:
-        if place in sources:
-            raise click.UsageError(f"{place} is a capture to read: choose another -o")
-    if len(set(places)) < len(places):
+    outputs = [Path(target).resolve() for target in targets if target != STDIN]
+    for output in outputs:
+        if output in sources:
+            raise click.UsageError(f"{output} is a capture to read: choose another -o")
+    if len(set(outputs)) < len(outputs):
         raise click.UsageError("captures of the same name: export them one by one, with -o")
     return targets
 

@@ -68,7 +68,7 @@ def take(
     try:
         found = lists.read(path, mapping, sheet)
         _about(found, name, vendor, device_ids, firmware)
-        place, replaced = store.save(found)
+        saved_to, replaced = store.save(found)
     except lists.ListError as problem:
         warn(str(problem))
         return _UNREADABLE
@@ -78,7 +78,7 @@ def take(
     )
     key = "params_replaced" if replaced else "params_taken"
     stream.write(
-        say(key, name=escape(found.name), counts=counts, place=str(place)).text(lang) + "\n"
+        say(key, name=escape(found.name), counts=counts, place=str(saved_to)).text(lang) + "\n"
     )
     for line in found.passed_over[:_SHOWN]:
         warn(say("params_passed_over", what=escape(line)).text(lang))
@@ -258,11 +258,11 @@ def _beside_plugin(folder: Path | None, lang: str) -> Path | None:
         except NoWiresharkError as problem:
             warn(f"{problem} (--folder DIR names the plugins folder)")
             return None
-    place = folder / install.FOLDER
-    if install.read_marker(place) is None:
-        warn(say("params_no_plugin", folder=str(place)).text(lang))
+    plugin = folder / install.FOLDER
+    if install.read_marker(plugin) is None:
+        warn(say("params_no_plugin", folder=str(plugin)).text(lang))
         return None
-    return place / install.LISTS
+    return plugin / install.LISTS
 
 
 @command.command("remove")

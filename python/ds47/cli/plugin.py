@@ -89,13 +89,13 @@ def uninstall(folder: Path | None, force: bool, tshark: str | None) -> int:
     plugins = _plugins(folder, shark)
     if plugins is None:
         return _NO_WIRESHARK
-    places = {"plugin": (plugins / files.FOLDER, False)}
+    targets = {"plugin": (plugins / files.FOLDER, False)}
     if shark is not None:
-        places["profile"] = (shark.folders.profile(files.PROFILE), not force)
+        targets["profile"] = (shark.folders.profile(files.PROFILE), not force)
     status = 0
-    for what, (place, keep_changed) in places.items():
+    for what, (target, keep_changed) in targets.items():
         try:
-            stdout().write(_removed(what, files.uninstall(place, keep_changed)))
+            stdout().write(_removed(what, files.uninstall(target, keep_changed)))
         except files.RefusedError as problem:
             warn(str(problem))
             status = 1

@@ -153,7 +153,7 @@ class Run:
                             results.keep(task)
                         self._progress.done(task.size)
                     else:
-                        outcome = results.place(task)
+                        outcome = results.path_of(task)
                     kept.append(self._store(results, task, outcome, whole=rows is None))
         except (KeyboardInterrupt, Lost) as problem:
             done = results.done(tasks)

@@ -17,7 +17,7 @@ from ds47.cyclic import named
 from ds47.cyclic.handshake import ERROR, INCOMPLETE, OK, CycleMoment, PkwChannel, PkwJob
 from ds47.cyclic.named import Name
 from ds47.cyclic.operation import Operation
-from ds47.cyclic.relations import CyclicRelation, CyclicSide, channels, place_of, side
+from ds47.cyclic.relations import CyclicRelation, CyclicSide, channels, offset_of, side
 from ds47.cyclic.sequences import Head, Sequences
 from ds47.cyclic.timeline import Recorder
 from ds47.findings.remark import Remark
@@ -201,7 +201,7 @@ class DriveWords:
     """Half of that of requests: frames that are a little out of order are no hole."""
     holes: int = 0
     first_hole: int = 0
-    """Places where frames of both sides are missing, and the frame behind the first of them."""
+    """How often frames of both sides are missing, and the frame after the first gap."""
 
     def __post_init__(self) -> None:
         self.rate = _rate(self.relation) / 2
@@ -385,7 +385,7 @@ class CyclicChannels:
         self._without_request: list[CyclicRelation] = []
         self._ignored: list[tuple[CyclicRelation, PkwJob]] = []
         self._asked: set[tuple[object, ...]] = set()
-        """Places to which a request was seen, in a relation that another one may have replaced."""
+        """Drives that got a request, perhaps in a relation that another one has replaced."""
         self.is_set_up = False
         """Whether a Connect was seen with its response, whatever it sets up."""
 
@@ -397,7 +397,7 @@ class CyclicChannels:
         """Where PKW is as sure as the process data beside it, and no request was seen; when nothing more comes."""
         return [
             each for each in self._without_request
-            if each.place not in self._asked and self._is_beside(each)
+            if each.drive_key not in self._asked and self._is_beside(each)
         ]  # fmt: skip
 
     def unanswered(self) -> list[tuple[CyclicRelation, PkwJob]]:
@@ -406,8 +406,8 @@ class CyclicChannels:
 
     def _is_beside(self, pkw: CyclicRelation) -> bool:
         """Whether what may be PKW stands beside the words of a drive, and is not these."""
-        places = [each.relation.place for each in self.drives()]
-        return pkw.place in places and not self._is_pzd(pkw)
+        keys = [each.relation.drive_key for each in self.drives()]
+        return pkw.drive_key in keys and not self._is_pzd(pkw)
 
     def timelines(self) -> list[Timeline]:
         """What happened to each of them."""
@@ -433,7 +433,7 @@ class CyclicChannels:
         """Whether the bytes of what might be PKW turned out to be the words of a drive."""
         return pkw.certainty == LENGTHS and any(
             each.proven and not each.behind
-            and (each.relation.place, each.relation.spot) == (pkw.place, pkw.spot)
+            and (each.relation.drive_key, each.relation.spot) == (pkw.drive_key, pkw.spot)
             for each in self._drives
         )  # fmt: skip
 
@@ -576,7 +576,7 @@ class CyclicChannels:
             self._lines.append(_Requests(relation, self._closed, self._proven))
             return
         fault, warning = (
-            place_of(word, relation.telegrams) for word in ("FAULT_CODE", "WARN_CODE")
+            offset_of(word, relation.telegrams) for word in ("FAULT_CODE", "WARN_CODE")
         )
         codes = None if fault is None or warning is None else (warning, fault)
         where = {"device": relation.device, "slot": relation.slot}
@@ -589,7 +589,7 @@ class CyclicChannels:
 
     def _proven(self, pkw: CyclicRelation) -> None:
         """A relation is PKW: what is beside or behind it is PZD, and nothing else is in its bytes."""
-        beside = [each for each in self._drives if each.relation.place == pkw.place]
+        beside = [each for each in self._drives if each.relation.drive_key == pkw.drive_key]
         for each in list(beside):
             if each.relation.spot == pkw.spot and not each.behind:
                 each.refuted = True
@@ -710,7 +710,7 @@ class CyclicChannels:
         self.mixed.append(MixedFrames(packet.frame, line.relation.device, key[0], side.frame_id))
         gone = [line for line, _, _ in found]
         for line in gone:
-            self._asked.add(line.relation.place)
+            self._asked.add(line.relation.drive_key)
             if isinstance(line, DriveWords):
                 line.cut(sequences.since)
                 line.replaced = packet.frame
@@ -752,7 +752,7 @@ class CyclicChannels:
             if line.unused:
                 self._without_request.append(line.relation)
             else:
-                self._asked.add(line.relation.place)
+                self._asked.add(line.relation.drive_key)
 
 
 def _parts(

@@ -20,7 +20,7 @@ from ds47.spec.semantics import Limits
 
 _OF_ITS_MAKER = ("DS508",)
 """That AK 11 to 14 save is an extension of the maker whose tables these are."""
-Place = tuple[str, str, int | None, int | None]
+DriveKey = tuple[str, str, int | None, int | None]
 
 
 class Conclusions:
@@ -38,7 +38,7 @@ class Conclusions:
         self._bounds = bounds
         self._layout = layout
         self.channels = channels
-        self._habits: dict[Place, tuple[CyclicRelation, Habits]] = {}
+        self._habits: dict[DriveKey, tuple[CyclicRelation, Habits]] = {}
         self._incomplete: dict[tuple[str, str, str], tuple[int, int]] = {}
         """By why, controller and device: how many requests may lack their responses, and the first frame."""
 
@@ -96,11 +96,11 @@ class Conclusions:
                 yield Remark("DS512", relation.frame, where)
 
     def _habits_of(self, relation: CyclicRelation) -> Habits:
-        if relation.place not in self._habits:
+        if relation.drive_key not in self._habits:
             where = {"device": relation.device, "slot": relation.slot, "family": relation.drives}
             layout = self._layout(relation.device)
-            self._habits[relation.place] = relation, Habits(where, self._bounds, layout)
-        return self._habits[relation.place][1]
+            self._habits[relation.drive_key] = relation, Habits(where, self._bounds, layout)
+        return self._habits[relation.drive_key][1]
 
 
 def _about(relation: CyclicRelation, remarks: Iterable[Remark]) -> Iterator[Remark]:

@@ -92,15 +92,15 @@ class CyclicRelation:
     """Of the parameters of the device, where PROFIBUS says it (`ds47.profibus.idents`)."""
 
     @property
-    def place(self) -> tuple[str, str, int | None, int | None]:
-        """The stations and the slot: PKW and PZD of one drive have them in common, on PROFIBUS the stations."""
+    def drive_key(self) -> tuple[str, str, int | None, int | None]:
+        """What PKW and PZD of one drive share: the stations and the slot, on PROFIBUS only the stations."""
         if self.is_bus:
             return self.controller, self.device, None, None
         return self.controller, self.device, self.api, self.slot
 
     @property
     def spot(self) -> tuple[int | None, int | None]:
-        """What lies at another spot is not in the same bytes: slot and subslot, on PROFIBUS the offsets."""
+        """Channels at different spots have no bytes in common: slot and subslot, on PROFIBUS the offsets."""
         if self.is_bus:
             return self.output.offset, self.input.offset
         return self.slot, self.subslot
@@ -237,8 +237,8 @@ def side(data: Data, source: str, channel: str = model.PKW, offset: int = 0) -> 
     )
 
 
-def place_of(word: str, telegram_numbers: tuple[int, ...]) -> int | None:
-    """Where a word is in the drive's data of the only telegram that it may be; None where that has none."""
+def offset_of(word: str, telegram_numbers: tuple[int, ...]) -> int | None:
+    """The offset of a word in the drive's data, if only one telegram is possible and has the word; else None."""
     if len(telegram_numbers) != 1:
         return None
     words = telegrams()[telegram_numbers[0]].inward

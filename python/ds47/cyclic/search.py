@@ -50,7 +50,7 @@ def _offsets(images: Sequence[Sample], *, sent: bool) -> Iterator[int]:
     for at in range(max(0, shortest - lengths[0])):
         words = {int.from_bytes(each.data[at : at + 2]) for each in images}
         behind = (at + length for length in lengths if at + length < shortest)
-        if _may_be(words, sent) and any(_is_good(images, place) for place in behind):
+        if _may_be(words, sent) and any(_is_good(images, iops) for iops in behind):
             yield at
 
 

@@ -58,7 +58,7 @@ def _look(found: dict[_Key, Sender], images: dict[_Key, _Images]) -> None:
             offsets,
         )
 
-        places = offsets(*(list(starmap(Sample, images[each])) for each in (one, other)))
-        if places is not None and found[one].word is None and found[other].word is None:
-            found[one] = found[one]._replace(word="STW1", offset=places[0])
-            found[other] = found[other]._replace(word="ZSW1", offset=places[1])
+        words_at = offsets(*(list(starmap(Sample, images[each])) for each in (one, other)))
+        if words_at is not None and found[one].word is None and found[other].word is None:
+            found[one] = found[one]._replace(word="STW1", offset=words_at[0])
+            found[other] = found[other]._replace(word="ZSW1", offset=words_at[1])

@@ -26,8 +26,8 @@ from ds47.profibus import LINK_TYPES
 from ds47.profinet import dcp, lldp, rpc
 from ds47.profinet.link import mac
 from ds47.profinet.records import NIL_UUID, parse_request, parse_response
+from ds47.report.file_frames import FileFrames
 from ds47.report.filters import display_filter
-from ds47.report.places import FileFrames
 from ds47.s7.choices import PORT
 from ds47.spec.layouts import (
     RPC_CONNECT,
@@ -463,7 +463,7 @@ def _write_all(
 ) -> None:
     interfaces: dict[Interface, int] = {}
     # names of files say where somebody has measured: not in a copy without names
-    places = FileFrames(outcome.result.files if plain else ())
+    file_frames = FileFrames(outcome.result.files if plain else ())
     with PcapngWriter(stream, link_type=None, application=APPLICATION + __version__) as writer:
         for frame in frames:
             about = frame.interface
@@ -474,7 +474,7 @@ def _write_all(
                 )
             lines = [
                 *chosen.notes.get(frame.number, ()),
-                places.words(frame.number) + OF_THE_ORIGINAL,
+                file_frames.words(frame.number) + OF_THE_ORIGINAL,
             ]
             writer.write(
                 nearest(frame.time_ns),

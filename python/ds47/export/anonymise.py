@@ -167,8 +167,8 @@ class Anonymiser:
         little = data[_UDP + RPC_ORDER] & RPC_LITTLE != 0
         out = bytearray(data[: _UDP + RPC_SIZE] + body)
         for at, change in zip(_UUIDS, (blocks.object_uuid, Replacements.uuid), strict=True):
-            place = slice(_UDP + at, _UDP + at + 16)
-            out[place] = _turned(change(self.key, _turned(bytes(out[place]), little)), little)
+            span = slice(_UDP + at, _UDP + at + 16)
+            out[span] = _turned(change(self.key, _turned(bytes(out[span]), little)), little)
         return (bytes(out) + bytes(len(data)))[: len(data)]
 
     def _stump(self, data: bytes) -> bytes:

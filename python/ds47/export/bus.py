@@ -66,10 +66,10 @@ def _concerns(item: Telegram, station: int) -> bool:
 def _spans(item: Transaction) -> Iterator[_Span]:
     if item.station is None:
         return
-    place = item.frames
+    frames = item.frames
     pairs = [
-        (place.write_request, place.write_response), (place.read_request, place.read_response),
-        *place.polls, *place.rereads,
+        (frames.write_request, frames.write_response), (frames.read_request, frames.read_response),
+        *frames.polls, *frames.rereads,
     ]  # fmt: skip
     for first, last in pairs:
         if first is not None and last is not None:

@@ -186,7 +186,7 @@ class Replacements:
         document = {
             "schema": SCHEMA,
             **{kind: self._maps[kind] for kind in KINDS},
-            "networks": {net: list(place) for net, place in self._nets.items()},
+            "networks": {net: list(words) for net, words in self._nets.items()},
             "counts": self._counts,
         }
         draft = path.with_name(f".{path.name}.{os.getpid()}.tmp")

@@ -60,7 +60,7 @@ def choose(
             continue
         own = wanted.findings.get(transaction.id, [])
         chosen.transactions.append(transaction)
-        _note_transaction(chosen, transaction, targets.place(transaction))
+        _note_transaction(chosen, transaction, targets.where(transaction))
         _note_findings(chosen, own, names)
         if not selection.by_frame:
             chosen.frames.update(transaction.frames.all())
@@ -91,7 +91,7 @@ def chosen_of(
     chosen, targets = Chosen(), Targets(result.transactions)
     for each in transactions:
         chosen.transactions.append(each)
-        _note_transaction(chosen, each, targets.place(each))
+        _note_transaction(chosen, each, targets.where(each))
         chosen.frames.update(each.frames.all())
         chosen.frames.update(frame for pair in each.segments for frame in pair if frame)
     chosen.frames.update(frames)

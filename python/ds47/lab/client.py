@@ -54,9 +54,9 @@ class Client:
     """The port of the device's answers, and of requests after its first answer."""
     server_port: int | None = None
 
-    def at(self, **place: Any) -> RecordId:
+    def at(self, **changes: Any) -> RecordId:
         """The client's channel with another slot, subslot, index, API or AR."""
-        return replace(self.channel, **place)
+        return replace(self.channel, **changes)
 
     def wait(self, milliseconds: float) -> None:
         """Let time pass; a negative number steps the clock of the capture point back."""
@@ -128,7 +128,7 @@ class Client:
         call = again or self.call(wire.WRITE)
         channel = at or self.channel
         block = wire.write_request(call.sequence, channel, record, stated)
-        self.ask(call, block, place=channel, record=record)
+        self.ask(call, block, target=channel, record=record)
         return call
 
     def accept_write(
@@ -148,15 +148,15 @@ class Client:
     ) -> Call:
         """Read request alone; `again` is an earlier call to repeat."""
         call = again or self.call(wire.READ)
-        place = at or self.channel
-        block = wire.read_request(call.sequence, place, maximum)
-        self.ask(call, block, place=place, room=maximum)
+        target = at or self.channel
+        block = wire.read_request(call.sequence, target, maximum)
+        self.ask(call, block, target=target, room=maximum)
         return call
 
     def ask_implicit(self, at: RecordId) -> Call:
         """Request of a ReadImplicit alone; the record has no AR."""
         call = self.call(wire.READ_IMPLICIT)
-        self.ask(call, wire.read_request(call.sequence, at), place=at)
+        self.ask(call, wire.read_request(call.sequence, at), target=at)
         return call
 
     def accept_read(

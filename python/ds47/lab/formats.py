@@ -72,25 +72,25 @@ EXAMPLES: tuple[tuple[int, int, str], ...] = (
 
 def _read(client: Client) -> None:
     for row, (code, count, data) in enumerate(EXAMPLES):
-        place = message.address(1000 + row, elements=count)
+        address = message.address(1000 + row, elements=count)
         block = message.raw_block(code, count, bytes.fromhex(data))
-        client.exchange(message.read(row + 1, 1, place), message.answer(row + 1, 1, 1, block))
+        client.exchange(message.read(row + 1, 1, address), message.answer(row + 1, 1, 1, block))
 
 
 def _change(client: Client) -> None:
     for row, (code, count, data) in enumerate(EXAMPLES):
-        place = message.address(1000 + row, elements=count)
+        address = message.address(1000 + row, elements=count)
         block = message.raw_block(code, count, bytes.fromhex(data))
-        request = message.change(row + 1, 1, (place, block))
+        request = message.change(row + 1, 1, (address, block))
         client.exchange(request, message.changed(row + 1, 1))
 
 
 def _together(client: Client) -> None:
     """Odd and even blocks in turn: without the pad byte everything behind an odd one shifts."""
     chosen = [row for row in EXAMPLES if row[0] in (0x01, 0x05, 0x09, 0x02, 0x08, 0x41, 0x37)]
-    places = [message.address(1000 + n, elements=row[1]) for n, row in enumerate(chosen)]
+    addresses = [message.address(1000 + n, elements=row[1]) for n, row in enumerate(chosen)]
     blocks = [message.raw_block(code, count, bytes.fromhex(data)) for code, count, data in chosen]
-    client.exchange(message.read(1, 1, *places), message.answer(1, 1, 1, *blocks))
+    client.exchange(message.read(1, 1, *addresses), message.answer(1, 1, 1, *blocks))
 
 
 BOOK.add(
@@ -122,7 +122,7 @@ def description(client: Client) -> None:
     whole = bytes.fromhex("8106 0000 3f800000 00 00 00000000") + b"Speed setpoint  "
     whole += bytes.fromhex("00000000 0000ffff 0000 0000 07d0 800e")
     about, text = message.DESCRIPTION, message.TEXT
-    for reference, (place, block) in enumerate(
+    for reference, (address, block) in enumerate(
         (
             (message.address(922, 1, 1, about), message.raw_block(0x42, 1, b"\x81\x06")),
             (message.address(922, 6, 1, about), message.raw_block(0x41, 16, b"Telegram".ljust(16))),
@@ -131,7 +131,7 @@ def description(client: Client) -> None:
         ),
         start=1,
     ):
-        client.exchange(message.read(reference, 1, place), message.answer(reference, 1, 1, block))
+        client.exchange(message.read(reference, 1, address), message.answer(reference, 1, 1, block))
 
 
 @BOOK.scene(

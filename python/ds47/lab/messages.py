@@ -79,11 +79,11 @@ ROWS = (
 
 
 def _play(row: PrintedExample, client: Client) -> None:
-    place = client.at(index=0xB02F)
+    at = client.at(index=0xB02F)
     if row.response is None:
-        client.write(bytes.fromhex(row.request), status=BAD_HEADER, at=place)
+        client.write(bytes.fromhex(row.request), status=BAD_HEADER, at=at)
     else:
-        client.exchange(bytes.fromhex(row.request), bytes.fromhex(row.response), at=place)
+        client.exchange(bytes.fromhex(row.request), bytes.fromhex(row.response), at=at)
 
 
 for _row in ROWS:
@@ -118,11 +118,11 @@ def long(client: Client) -> None:
 @BOOK.scene("request IDs 0x51 and 0x42 of a VLT", ("vendor", "ok"), ("vendor", "ok"))
 def vendor(client: Client) -> None:
     """Vendor requests of the standard shape."""
-    place = message.address(1200)
+    at = message.address(1200)
     client.exchange(
-        message.header(1, 0x51, 0, 1) + place,
+        message.header(1, 0x51, 0, 1) + at,
         message.answer(1, 0x51, 0, message.block(0x43, "I", 3000)),
     )
     client.exchange(
-        message.header(2, 0x42, 0, 1) + place + message.word(2900), message.header(2, 0x42, 0, 1)
+        message.header(2, 0x42, 0, 1) + at + message.word(2900), message.header(2, 0x42, 0, 1)
     )

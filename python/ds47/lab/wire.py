@@ -69,7 +69,7 @@ class PduContent:
     to_device: bool
     controller: str
     """IP address."""
-    place: RecordId | None = None
+    target: RecordId | None = None
     """Where the record of a request lives; None for a request without one, and in every response."""
     record: bytes = b""
     room: int | None = None
@@ -117,8 +117,8 @@ def response_body(order: Order, status: int, blocks: bytes, maximum: int = 4160)
 
 def _block(kind: int, sequence: int, channel: RecordId, length: int, tail: bytes) -> bytes:
     head = struct.pack(">HHBBH", kind, 60, 1, 0, sequence & 0xFFFF) + channel.ar.bytes
-    place = struct.pack(">IHHHH", channel.api, channel.slot, channel.subslot, 0, channel.index)
-    return head + place + struct.pack(">I", length) + tail.ljust(24, b"\0")
+    address = struct.pack(">IHHHH", channel.api, channel.slot, channel.subslot, 0, channel.index)
+    return head + address + struct.pack(">I", length) + tail.ljust(24, b"\0")
 
 
 def write_request(

@@ -39,10 +39,10 @@ def guessed(cells: Sequence[str], named: Mapping[str, str]) -> dict[str, int]:
         found[key] = headings.index(_plain(heading))
     for key in COLUMNS:
         taken = set(found.values())
-        places = (headings.index(each) for each in _USUAL[key] if each in headings)
-        place = next((each for each in places if each not in taken), None)
-        if key not in found and place is not None:
-            found[key] = place
+        indices = (headings.index(each) for each in _USUAL[key] if each in headings)
+        index = next((each for each in indices if each not in taken), None)
+        if key not in found and index is not None:
+            found[key] = index
     return found if "number" in found and "name" in found else {}
 
 

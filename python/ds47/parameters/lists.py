@@ -166,22 +166,22 @@ def _sheet(path: Path, name: str | None) -> Iterator[list[str]]:
 def _of_table(name: str, table: Iterator[list[str]], columns: Mapping[str, str]) -> ParameterList:
     """A list from rows of cells; the first row with the wanted headings is the header."""
     found = ParameterList(name)
-    places: dict[str, int] = {}
+    columns_of: dict[str, int] = {}
     headings: list[str] = []
     for number, cells in enumerate(table, 1):
         if number > MOST_ROWS:
             found.passed_over.append(f"all rows from {MOST_ROWS + 1:,} on")
             break
-        if not places:
-            places = guessed(cells, columns)
+        if not columns_of:
+            columns_of = guessed(cells, columns)
             headings = headings or [cell for cell in cells if cell.strip()]
             continue
         _add(
             found,
-            {key: cells[place].strip() for key, place in places.items() if place < len(cells)},
+            {key: cells[at].strip() for key, at in columns_of.items() if at < len(cells)},
             f"row {number}",
         )
-    if not places:
+    if not columns_of:
         first = " ".join(", ".join(headings[:8]).split()) or "empty"
         raise ListError(
             f"no row has headings that are known (the first one: {first}); say which they are: "

@@ -143,11 +143,11 @@ class LineJudge:
         self, rule: str, station: int, frame: int, args: dict[str, Any], key: tuple[Any, ...] = ()
     ) -> _Noted | None:
         """Something is wrong; None where there is no room for one more."""
-        place = (rule, station, *key)
-        noted = self._noted.get(place)
+        about = (rule, station, *key)
+        noted = self._noted.get(about)
         if noted is None and len(self._noted) < self._bounds.bus_remarks:
             remark = Remark(rule, frame, {"device": name(station)} | args)
-            noted = self._noted[place] = _Noted(remark)
+            noted = self._noted[about] = _Noted(remark)
         if noted is not None:
             noted.counted.add(frame)
         return noted

@@ -20,7 +20,7 @@ MOST_RETRIES = 16
 
 @dataclass(slots=True, init=False, eq=False)
 class LineFrame:
-    """A frame with its place in the capture."""
+    """A frame with its number and time in the capture."""
 
     frame: int
     time_ns: int

@@ -176,13 +176,13 @@ def _columns(text: str) -> _Columns | None:
     names = profibus.listing()
     for delimiter in _DELIMITERS:
         cells = [each.strip().lower() for each in _cells(text, delimiter)]
-        places = {_named(each)[0]: at for at, each in reversed(list(enumerate(cells)))}
-        data = _place(places, names.data)
+        columns = {_named(each)[0]: at for at, each in reversed(list(enumerate(cells)))}
+        data = _column(columns, names.data)
         if data is None or len(cells) < 2:
             continue
-        time = _place(places, names.time)
+        time = _column(columns, names.time)
         unit = "s" if time is None else _named(cells[time])[1]
-        direction = _place(places, names.direction)
+        direction = _column(columns, names.direction)
         return _Columns(delimiter, data, time, names.units[unit], direction)
     return None
 
@@ -201,8 +201,8 @@ def _named(cell: str) -> tuple[str, str]:
     return (cell, "s") if found is None else (found["name"], found["unit"])
 
 
-def _place(places: dict[str, int], names: tuple[str, ...]) -> int | None:
-    return next((places[name] for name in names if name in places), None)
+def _column(columns: dict[str, int], names: tuple[str, ...]) -> int | None:
+    return next((columns[name] for name in names if name in columns), None)
 
 
 def _row(number: int, text: str, columns: _Columns) -> Iterator[LogEntry | Unread]:

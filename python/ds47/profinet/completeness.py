@@ -139,9 +139,9 @@ class Numbers:
 
 
 def _fills(holes: list[Hole], number: int) -> bool:
-    for place, hole in enumerate(holes):
+    for at, hole in enumerate(holes):
         if hole.has(number):
-            holes[place : place + 1] = hole.without(number)
+            holes[at : at + 1] = hole.without(number)
             _put(holes)
             return True
     return False

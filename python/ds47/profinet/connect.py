@@ -1,6 +1,6 @@
 """What a Connect sets up: which bytes of which cyclic frames belong to which submodule (docs/protocol.md F.6).
 
-Request and response to places in frames. What the bytes are, PKW or PZD or none of them, is `ds47.cyclic`.
+Turns request and response into offsets in frames. `ds47.cyclic` decides whether the bytes are PKW, PZD or neither.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _OBJECT = struct.Struct(">HHH")
 _SUBMODULE = struct.Struct(">HIH")
 _DESCRIPTION = struct.Struct(">HHBB")
 _TICK_NS = 31_250
-Place = tuple[int, int, int]
+SubmoduleKey = tuple[int, int, int]
 """API, slot and subslot."""
 Described = tuple[int, dict[int, tuple[int, int]]]
 """The ident number of a submodule, and by direction the lengths of its data and of IOPS."""
@@ -99,14 +99,14 @@ class _Relation(NamedTuple):
     frame_id: int
     cycle_ns: int
     frame_length: int
-    offsets: dict[Place, int]
+    offsets: dict[SubmoduleKey, int]
 
 
 def parse_request(pdu: Pdu) -> Connect | None:
     """What a Connect request asks for; None where it has no AR, or a block that is cut off or does not parse."""
     ar, mac = b"", ""
     relations: list[_Relation] = []
-    expected: dict[Place, Described] = {}
+    expected: dict[SubmoduleKey, Described] = {}
     try:
         for kind, block in _blocks(pdu.body):
             if kind == BLOCK_AR_REQUEST:
@@ -157,7 +157,7 @@ def _blocks(body: bytes) -> Iterator[tuple[int, bytes]]:
 def _relation(block: bytes) -> _Relation:
     """An IOCRBlockReq behind its version."""
     kind, reference, _, _, length, frame_id, clock, reduction, *_, apis = _IOCR.unpack_from(block)
-    offsets: dict[Place, int] = {}
+    offsets: dict[SubmoduleKey, int] = {}
     at = _IOCR.size
     for _ in range(apis):
         (api,) = struct.unpack_from(">I", block, at)
@@ -175,7 +175,7 @@ def _relation(block: bytes) -> _Relation:
 
 def _expected(
     block: bytes,
-) -> Iterator[tuple[Place, Described]]:
+) -> Iterator[tuple[SubmoduleKey, Described]]:
     """Of each submodule of an ExpectedSubmoduleBlockReq what is described of it."""
     (apis,) = struct.unpack_from(">H", block)
     at = 2
@@ -195,16 +195,16 @@ def _expected(
 
 def _submodules(
     relations: list[_Relation],
-    expected: dict[Place, Described],
+    expected: dict[SubmoduleKey, Described],
 ) -> Iterator[Submodule]:
     """The submodules that have data in a cyclic frame."""
-    for place, (ident, lengths) in expected.items():
+    for key, (ident, lengths) in expected.items():
         found: dict[int, Data] = {}
         for relation in relations:
-            offset, described = relation.offsets.get(place), lengths.get(relation.kind)
+            offset, described = relation.offsets.get(key), lengths.get(relation.kind)
             if offset is not None and described is not None and described[0]:
                 frame = relation.reference, relation.frame_id
                 about = relation.cycle_ns, relation.frame_length
                 found[relation.kind] = Data(*frame, offset, *described, *about)
         if found:
-            yield Submodule(*place, ident, found.get(INPUT), found.get(OUTPUT))
+            yield Submodule(*key, ident, found.get(INPUT), found.get(OUTPUT))

@@ -145,9 +145,9 @@ def load(path: Path) -> Stored:
             f"{path}: this is no stored result ({SCHEMA}); make it with: ds47 baseline --force"
         )
     stored = document.get("capture")
-    if (place := flaw(stored)) is not None:
+    if (where := flaw(stored)) is not None:
         raise BaselineError(
-            f"{path}: the stored result is not whole (see {place or 'capture'}); "
+            f"{path}: the stored result is not whole (see {where or 'capture'}); "
             "make it with: ds47 baseline --force"
         )
     tool = document.get("tool")

@@ -26,7 +26,7 @@ from ds47.regression.config import Config, ParameterTolerance
 from ds47.regression.elements import vendor_of
 from ds47.report import contract, load
 from ds47.report.bilingual import LANGUAGES, Both, operation, say, state
-from ds47.report.places import FileFrames
+from ds47.report.file_frames import FileFrames
 from ds47.report.sentences import at_offset, error_words, sentence
 
 KINDS = (
@@ -72,7 +72,7 @@ class Change:
     Attributes:
         kind: one of KINDS.
         text: what changed, as people read it.
-        stored, now: 0-based places of the transaction in the two results; None where there is none.
+        stored, now: 0-based positions of the transaction in the two results; None where there is none.
         path: keys inside the transaction (or the capture object) that lead to what changed.
         was, is_now: the two values; None where there is none.
         pnu, subindex, device, rule: what it is about, for `ds47 accept --where`.
@@ -114,7 +114,7 @@ class Comparison:
     """Two results side by side: `pairs`, made once, and the `changes` between them.
 
     Attributes:
-        pairs: which transaction of the stored result is which of the present one, as 0-based places;
+        pairs: which transaction of the stored result is which of the present one, as 0-based positions;
             one that was added or is missing stands alone, and does not disturb the others.
         same_file: whether both are of the same file, not of two recordings.
     """
@@ -129,7 +129,7 @@ class Comparison:
         self._with_args = all(
             "args" in each for result in (stored, now) for each in result.get("findings", [])
         )
-        self._old_places, self._new_places = _places(stored), _places(now)
+        self._old_frames, self._new_frames = _file_frames(stored), _file_frames(now)
         self._vendors = {
             each["ip"]: vendor_of(each)
             for result in (stored, now)
@@ -180,17 +180,17 @@ class Comparison:
         framed = self._of_same_frames(there, here) if self.same_file else {}
         taken = set(framed.values())
         waiting: defaultdict[Any, deque[int]] = defaultdict(deque)
-        for place in there:
-            if place not in taken:
-                waiting[_kind(olds[place])].append(place)
+        for at in there:
+            if at not in taken:
+                waiting[_kind(olds[at])].append(at)
         middle: list[tuple[int | None, int | None]] = []
-        for place in here:
-            same = waiting[_kind(news[place])] if place not in framed else None
-            middle.append((same.popleft() if same else framed.get(place), place))
-        middle += [(place, None) for places in waiting.values() for place in places]
+        for at in here:
+            same = waiting[_kind(news[at])] if at not in framed else None
+            middle.append((same.popleft() if same else framed.get(at), at))
+        middle += [(at, None) for left in waiting.values() for at in left]
         middle.sort(key=_order)
         ends = [(len(olds) - n, len(news) - n) for n in range(back, 0, -1)]
-        return [(place, place) for place in range(front)] + middle + ends
+        return [(at, at) for at in range(front)] + middle + ends
 
     def _of_same_frames(self, there: range, here: range) -> dict[int, int]:
         """Which stored transaction of the same kind has the request of a present one, or else its response."""
@@ -198,14 +198,14 @@ class Comparison:
         for name in ("write_request", "read_response"):
             taken = set(pairs.values())
             olds = {
-                (frame, _kind(self._olds[place])): place for place in there
-                if place not in taken and (frame := _frame(self._olds[place], name))
+                (frame, _kind(self._olds[at])): at for at in there
+                if at not in taken and (frame := _frame(self._olds[at], name))
             }  # fmt: skip
-            for place in here:
-                frame = _frame(self._news[place], name) if place not in pairs else None
-                old = olds.pop((frame, _kind(self._news[place])), None) if frame else None
+            for at in here:
+                frame = _frame(self._news[at], name) if at not in pairs else None
+                old = olds.pop((frame, _kind(self._news[at])), None) if frame else None
                 if old is not None:
-                    pairs[place] = old
+                    pairs[at] = old
         return pairs
 
     def _equal(self, old: Json, new: Json) -> bool:
@@ -300,9 +300,9 @@ class Comparison:
             yield from self._values(where, name, (number, key), old, new, about)
 
     def _values(
-        self, where: _Where, name: str, place: tuple[int, str], old: Json, new: Json, about: Json
+        self, where: _Where, name: str, position: tuple[int, str], old: Json, new: Json, about: Json
     ) -> Iterator[Change]:
-        number, key = place
+        number, key = position
         olds, news = old.get(key) or [], new.get(key) or []
         first, device = new.get("subindex") or 0, about["device"]
         if len(olds) != len(news):
@@ -384,8 +384,8 @@ class Comparison:
     def _events(self) -> Iterator[Change]:
         """What happened to each drive, in its order; nothing where the stored result has no timeline."""
         olds, news = (_timelines(each, self.same_file) for each in (self._old, self._new))
-        for place in olds.keys() | news.keys() if olds else ():
-            old, new = olds.get(place, []), news.get(place, [])
+        for drive in olds.keys() | news.keys() if olds else ():
+            old, new = olds.get(drive, []), news.get(drive, [])
             if old == new:
                 continue
             at = next(
@@ -393,33 +393,33 @@ class Comparison:
                 min(len(old), len(new)),
             )
             was, now = (_event(each[at] if at < len(each) else None) for each in (old, new))
-            text = self._say("change_event", place=place, number=str(at + 1), was=was, now=now)
+            text = self._say("change_event", place=drive, number=str(at + 1), was=was, now=now)
             yield Change(
                 "event", text, path=("timelines",), was=self._old.get("timelines"),
-                is_now=self._new.get("timelines"), device=place.split()[0],
+                is_now=self._new.get("timelines"), device=drive.split()[0],
             )  # fmt: skip
 
     def _findings(self) -> Iterator[Change]:
         """A finding is known by its rule and its transaction; in the same file by all it says."""
-        place = {new: old for old, new in self.pairs if new is not None}
+        stored_as = {new: old for old, new in self.pairs if new is not None}
         olds = Counter(self._finding_keys(self._old, None))
-        for key, finding in self._keyed(self._new, place):
+        for key, finding in self._keyed(self._new, stored_as):
             if olds[key] > 0:
                 olds[key] -= 1
                 continue
             if finding["rule"].startswith(_RULES_OF_S7) and not self._knows_s7:
                 continue
-            yield self._finding("finding_new", finding, self._news, self._new_places)
+            yield self._finding("finding_new", finding, self._news, self._new_frames)
         for key, finding in reversed(list(self._keyed(self._old, None))):
             if olds[key] > 0:
                 olds[key] -= 1
-                yield self._finding("finding_gone", finding, self._olds, self._old_places)
+                yield self._finding("finding_gone", finding, self._olds, self._old_frames)
 
-    def _finding_keys(self, result: Json, place: dict[int, int | None] | None) -> list[Any]:
-        return [key for key, _ in self._keyed(result, place)]
+    def _finding_keys(self, result: Json, stored_as: dict[int, int | None] | None) -> list[Any]:
+        return [key for key, _ in self._keyed(result, stored_as)]
 
     def _keyed(
-        self, result: Json, place: dict[int, int | None] | None
+        self, result: Json, stored_as: dict[int, int | None] | None
     ) -> Iterator[tuple[Any, Json]]:
         for finding in result.get("findings", []):
             number = finding.get("transaction")
@@ -427,8 +427,8 @@ class Comparison:
             if self._config.ignored(finding["rule"], self._capture, pnus):
                 continue
             where = number
-            if place is not None and number is not None:
-                old = place.get(number - 1)
+            if stored_as is not None and number is not None:
+                old = stored_as.get(number - 1)
                 where = f"new {number}" if old is None else old + 1
             yield (finding["rule"], where, *self._facts(finding)), finding
 
@@ -440,13 +440,13 @@ class Comparison:
         return finding["frame"], args
 
     def _finding(
-        self, kind: str, finding: Json, transactions: list[Json], places: FileFrames
+        self, kind: str, finding: Json, transactions: list[Json], file_frames: FileFrames
     ) -> Change:
         number = finding.get("transaction")
         item = transactions[number - 1] if number and 0 < number <= len(transactions) else None
         where = _Where("transaction", {"number": str(number)})
         if not number:
-            where = _Where("frame", {"frame": places.number(finding["frame"], self._lang)})
+            where = _Where("frame", {"frame": file_frames.number(finding["frame"], self._lang)})
         severity = finding["severity"]
         text = self._say(
             f"change_{kind}", where, rule=finding["rule"],
@@ -484,14 +484,14 @@ class Comparison:
 
 
 def _timelines(result: Json, same_file: bool) -> dict[str, list[tuple[Any, ...]]]:
-    """The events of each drive by device and place; frames, telegrams and times are those of one recording."""
+    """The events of each drive by device and slot; frames, telegrams and times are those of one recording."""
     relations = result.get("relations", [])
     found: dict[str, list[tuple[Any, ...]]] = {}
     for each in result.get("timelines", []):
         relation = relations[each["relation"] - 1]
-        place = f"{relation['device']} slot {relation['slot']}.{relation['subslot']}"
+        drive = f"{relation['device']} slot {relation['slot']}.{relation['subslot']}"
         telegrams = relation["telegrams"] if same_file else None
-        found.setdefault(place, []).extend(
+        found.setdefault(drive, []).extend(
             (
                 event["name"],
                 event["word"],
@@ -527,7 +527,7 @@ def _digests(result: Json) -> list[str | None]:
     return [each.get("sha256") for each in result.get("files") or [result]]
 
 
-def _places(result: Json) -> FileFrames:
+def _file_frames(result: Json) -> FileFrames:
     files = result.get("files", ())
     return FileFrames(
         [CaptureFile(each["path"], each["first_frame"], each["frames"]) for each in files]
@@ -537,9 +537,9 @@ def _places(result: Json) -> FileFrames:
 def _kind(item: Json) -> tuple[Any, ...]:
     """What two transactions have in common that are the same request, whatever came of it."""
     asked = tuple(tuple(each.get(key) for key in _ADDRESS) for each in item["parameters"])
-    place = tuple(item.get(key) for key in ("device", "slot", "subslot", "index", "axis"))
+    access = tuple(item.get(key) for key in ("device", "slot", "subslot", "index", "axis"))
     items = tuple(each.get("address") for each in item.get("items", ()))
-    return item["operation"], place, asked, items
+    return item["operation"], access, asked, items
 
 
 def _frame(item: Json, name: str) -> int | None:
@@ -548,7 +548,7 @@ def _frame(item: Json, name: str) -> int | None:
 
 
 def _order(pair: tuple[int | None, int | None]) -> tuple[int, int]:
-    """Reading order: by the present place; what is gone stands where it was."""
+    """Reading order: by the present position; a gone one keeps its old position."""
     old, new = pair
     return (new if new is not None else old or 0, 0 if new is None else 1)
 

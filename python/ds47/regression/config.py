@@ -138,9 +138,9 @@ def find(capture: Path) -> Config:
 
 @cache
 def _for_folder(folder: Path) -> Config:
-    for place in (folder, *folder.parents):
-        if (place / FILE).is_file():
-            return load(place / FILE)
+    for each in (folder, *folder.parents):
+        if (each / FILE).is_file():
+            return load(each / FILE)
     return Config()
 
 

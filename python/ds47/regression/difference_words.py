@@ -230,7 +230,7 @@ def _kind(side: Outcomes | None) -> tuple[object, ...] | None:
 
 
 def place_text(place: Place) -> str:
-    """A place as people write it: `press-1-drive DO 2`, `192.168.0.1 slot 1.1 axis 2`. No two have the same."""
+    """A place in words, unique for each: `press-1-drive DO 2`, `192.168.0.1 slot 1.1 axis 2`."""
     words = [escape(place.device)]
     if place.drive_object is not None:
         words.append(f"DO {place.drive_object}")

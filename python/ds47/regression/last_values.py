@@ -182,7 +182,7 @@ def _rows(
 
 
 def _near(lines: Mapping[ElementKey, ValueLine]) -> Mapping[tuple[str, int, int], list[Place]]:
-    """The places at which a table has a PNU and subindex of a device."""
+    """The places where a table has a PNU and subindex of a device."""
     found = defaultdict[tuple[str, int, int], list[Place]](list)
     for element in lines:
         found[element.place.device, *element[1:]].append(element.place)
@@ -190,7 +190,7 @@ def _near(lines: Mapping[ElementKey, ValueLine]) -> Mapping[tuple[str, int, int]
 
 
 def _may_be(one: Place, other: Place) -> bool:
-    """Whether two places may be the same drive object: not where both have numbers, and others."""
+    """Whether two places may be the same drive object: not if they have different numbers."""
     if one.drive_object is None or other.drive_object is None:
         return True
     return one.drive_object == other.drive_object

@@ -64,7 +64,7 @@ class Places:
         self._local = [{_submodule(each) for each in side if each.local} for side in used]
 
     def of(self, access: DriveAccess, pnu: int) -> Place:
-        """The place that a request for this PNU reaches: equal where it is proved to be the same."""
+        """The place that a request for this PNU reaches; equal places are provably the same."""
         device, _, slot, subslot, axis = access
         if pnu in known().global_pnus:
             return Place(device)
@@ -78,7 +78,7 @@ class Places:
         return Place(device, slot=slot, subslot=subslot, axis=axis)
 
     def are_different(self, one: Place, other: Place) -> bool:
-        """Whether two places are two drive objects, whatever is not known."""
+        """Whether two places are provably different drive objects."""
         if one.device != other.device:
             return True
         if one == other:

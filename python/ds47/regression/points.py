@@ -68,7 +68,7 @@ def _points(of: list[tuple[str | None, float]], start: str | None) -> Points:
     if len(known) <= MOST_POINTS:
         return known
     step = (len(known) - 1) / (MOST_POINTS - 1)
-    return [known[round(place * step)] for place in range(MOST_POINTS)]
+    return [known[round(number * step)] for number in range(MOST_POINTS)]
 
 
 def _seconds(text: str | None) -> float | None:

@@ -112,7 +112,7 @@ def _subject(path: Path, session: pytest.Session, series: bool) -> Task | Lonely
         return None
     if path in tasks:
         task = tasks[path]
-        named = [each for each in task.sources if session.isinitpath(each.place)]
+        named = [each for each in task.sources if session.isinitpath(each.location)]
         return task if len(named) == 1 else None
     if is_capture(path.name) or is_export(path.name):
         return plan([str(path)], series=False)[0]
@@ -127,8 +127,8 @@ def _content(folder: Path, series: bool) -> tuple[dict[Path, Task | Lonely], dic
     names = [each.name for each in folder.iterdir() if not each.is_dir()]
     found = content(folder, names, series=series)
     subjects: dict[Path, Task | Lonely] = {Path(task.path): task for task in found.tasks}
-    subjects |= {each.place: each for each in found.lonely}
-    return subjects, {Path(part.place): task for task in found.tasks for part in task.sources}
+    subjects |= {each.path: each for each in found.lonely}
+    return subjects, {Path(part.location): task for task in found.tasks for part in task.sources}
 
 
 class CaptureFile(pytest.File):

@@ -27,7 +27,7 @@ class CheckOutcome:
 
     Attributes:
         path: the capture as given, or the first file of a series; the stored result if its capture is gone.
-        place: the path of its stored result.
+        result_path: the path of its stored result.
         now: its present capture object, None if it cannot be read at all.
         stored: the stored one, None if there is none.
         origin: the version that stored it.
@@ -40,7 +40,7 @@ class CheckOutcome:
     """
 
     path: str
-    place: Path
+    result_path: Path
     now: Json | None = None
     stored: Json | None = None
     origin: Origin | None = None
@@ -89,7 +89,7 @@ def fails(change: Change, fail_on: str) -> bool:
     return SEVERITIES.index(severity) >= SEVERITIES.index(fail_on)
 
 
-def place_of(task: Task) -> Path:
+def result_path(task: Task) -> Path:
     """The path of the stored result of a capture or series."""
     return baseline.path_of(Path(task.path), task.own_name)
 
@@ -119,16 +119,16 @@ def readable(task: Task, options: AnalysisOptions) -> CaptureResult:
 class Lonely:
     """A stored result that belongs to no checked capture: a test that lost its recording would pass forever."""
 
-    place: Path
+    path: Path
     error: str
 
     def outcome(self, fail_on: str | None = None) -> CheckOutcome:
         """The outcome of its check, a failure. `fail_on` and ConfigError as in `check`."""
-        settings = config.find(self.place)
-        label = settings.label(self.place)
+        settings = config.find(self.path)
+        label = settings.label(self.path)
         fail_on = fail_on or settings.fail_on
         return CheckOutcome(
-            str(self.place), self.place, error=self.error, label=label, fail_on=fail_on
+            str(self.path), self.path, error=self.error, label=label, fail_on=fail_on
         )
 
 
@@ -176,7 +176,7 @@ def check(
     settings = config.find(capture)
     outcome = CheckOutcome(
         task.path,
-        place_of(task),
+        result_path(task),
         label=settings.label(capture),
         fail_on=fail_on or settings.fail_on,
     )
@@ -188,7 +188,7 @@ def check(
     outcome.now = baseline.content(result)
     outcome.unreadable, outcome.problem = not result.complete, result.lacking
     try:
-        outcome.stored, version = _stored(task, outcome.place)
+        outcome.stored, version = _stored(task, outcome.result_path)
     except baseline.BaselineError as problem:
         outcome.error = str(problem)
         return outcome
@@ -201,34 +201,34 @@ def check(
     return outcome
 
 
-def _stored(task: Task, place: Path) -> baseline.Stored:
+def _stored(task: Task, path: Path) -> baseline.Stored:
     """The stored result of a capture or series.
 
     Raises:
         ds47.regression.baseline.BaselineError: there is none, or it belongs to something else.
     """
     try:
-        stored = baseline.load(place)
+        stored = baseline.load(path)
     except baseline.NoBaselineError as problem:
         _refuse_a_part(task, baseline.path_of(Path(task.path), common_name(Path(task.path).name)))
         option = "--series " if task.series else ""
         raise baseline.BaselineError(f"{problem} {option}{task.path}") from problem
-    _refuse_a_part(task, place, stored.content)
+    _refuse_a_part(task, path, stored.content)
     return stored
 
 
-def _refuse_a_part(task: Task, place: Path, stored: Json | None = None) -> None:
+def _refuse_a_part(task: Task, path: Path, stored: Json | None = None) -> None:
     """Raises BaselineError if a single file is checked against the result of its whole series."""
     if task.series:
         return
     if stored is None:
         try:
-            stored = baseline.load(place).content
+            stored = baseline.load(path).content
         except baseline.BaselineError:
             return
     names = [file["path"] for file in stored.get("files", ())]
     if len(names) > 1 and Path(task.path).name in names:
         raise baseline.BaselineError(
-            f"{place}: this is the result of {len(names)} files as one capture; "
+            f"{path}: this is the result of {len(names)} files as one capture; "
             "use --series (pytest: --ds47-series)"
         )

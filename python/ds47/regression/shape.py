@@ -63,12 +63,12 @@ _OPTIONAL: Shape = {
 
 
 def flaw(capture: object) -> str | None:
-    """The first place that is missing or not of its kind, `transactions[0].id`; None where all is well."""
-    place = _flaw(capture, _CAPTURE)
-    if place is None and isinstance(capture, dict):
+    """Where a part is missing or of the wrong type first, `transactions[0].id`; None if all is well."""
+    where = _flaw(capture, _CAPTURE)
+    if where is None and isinstance(capture, dict):
         extra = {key: shape for key, shape in _OPTIONAL.items() if key in capture}
-        place = _flaw(capture, extra)
-    return None if place is None else place.lstrip(".")
+        where = _flaw(capture, extra)
+    return None if where is None else where.lstrip(".")
 
 
 def _flaw(item: object, shape: Shape) -> str | None:
@@ -82,8 +82,8 @@ def _flaw(item: object, shape: Shape) -> str | None:
         if type(kind) is tuple:
             if not isinstance(value, kind):
                 return f".{key}"
-        elif (place := _inside(value, kind)) is not None:
-            return f".{key}{place}"
+        elif (where := _inside(value, kind)) is not None:
+            return f".{key}{where}"
     return None
 
 
@@ -97,7 +97,7 @@ def _flaw_of_many(items: object, shape: Shape) -> str | None:
     if not isinstance(items, list):
         return ""
     for number, item in enumerate(items):
-        place = _flaw(item, shape)
-        if place is not None:
-            return f"[{number}]{place}"
+        where = _flaw(item, shape)
+        if where is not None:
+            return f"[{number}]{where}"
     return None

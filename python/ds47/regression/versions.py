@@ -210,15 +210,15 @@ class _Remade:
 class _Touched:
     """The transactions of one result of which more changed than findings, and their frames."""
 
-    def __init__(self, result: Json, places: set[int | None]) -> None:
-        self._numbers = {place + 1 for place in places if place is not None}
+    def __init__(self, result: Json, positions: set[int | None]) -> None:
+        self._numbers = {position + 1 for position in positions if position is not None}
         items = (result["transactions"][number - 1] for number in self._numbers)
         self._frames = {frame for item in items for frame in _numbers(item.get("frames"))}
 
-    def concerns(self, place: int | None, value: Any) -> bool:
+    def concerns(self, position: int | None, value: Any) -> bool:
         """Whether a change is in one of them, or is about a finding that rests on one."""
-        if place is not None:
-            return place + 1 in self._numbers
+        if position is not None:
+            return position + 1 in self._numbers
         if not isinstance(value, dict) or "rule" not in value:
             return False
         frames = (value["frame"], *value.get("frames", ()))

@@ -88,7 +88,7 @@ def _take(item: Transaction, seen: dict[tuple[Identity, str], _Seen], targets: T
         if column in LEADING:
             there.situations = each.listed.buffer is not None
             known = there.columns.get(column, {})
-            if any(place in known and known[place].value != now[place].value for place in now):
+            if any(at in known and known[at].value != now[at].value for at in now):
                 there.columns.clear()  # the entries are others now
         elif not any(name in there.columns for name in LEADING):
             continue  # of which entries it is, is not known
@@ -109,27 +109,27 @@ def _column(item: Parameter) -> str:
 def _cells(item: Parameter, frame: int) -> dict[int, EntryValue]:
     texts = item.told or {}
     return {
-        place: EntryValue(value, frame, texts.get(value) if isinstance(value, int) else None)
-        for place, value in enumerate(item.values, item.subindex or 0)
+        position: EntryValue(value, frame, texts.get(value) if isinstance(value, int) else None)
+        for position, value in enumerate(item.values, item.subindex or 0)
     }
 
 
 def _buffer(kind: str, seen: _Seen, targets: Targets) -> Buffer | None:
     """The entries that there are; None where nothing but their numbers is known."""
     leading = [seen.columns[name] for name in LEADING if name in seen.columns]
-    places = sorted({at for cells in leading for at, cell in cells.items() if cell.value})
+    positions = sorted({at for cells in leading for at, cell in cells.items() if cell.value})
     entries = [
         BufferEntry(
             at,
             at // PLACES if seen.situations else None,
             {name: seen.columns[name][at] for name in COLUMNS if at in seen.columns.get(name, {})},
         )
-        for at in places[:ENTRIES_LISTED]
+        for at in positions[:ENTRIES_LISTED]
     ]
     if all(set(each.cells) <= set(LEADING) for each in entries):
         return None
     frames = sorted({cell.frame for each in entries for cell in each.cells.values()})
-    return Buffer(kind, seen.sample, targets.place(seen.sample), frames, entries)
+    return Buffer(kind, seen.sample, targets.where(seen.sample), frames, entries)
 
 
 # Words

@@ -14,8 +14,8 @@ from typing import Any
 from ds47.model import SEVERITIES, CaptureResult
 from ds47.report import ReportOptions
 from ds47.report.bilingual import Both, say
+from ds47.report.file_frames import FileFrames, name
 from ds47.report.formatting import escape
-from ds47.report.places import FileFrames, name
 from ds47.report.summary import WIDTH
 from ds47.report.wrap import wrap
 
@@ -42,9 +42,9 @@ def of_capture(result: CaptureResult) -> dict[str, CauseSummary]:
         item.findings += each.count
         if each.frames and (item.frame is None or each.frames[0] < item.frame):
             item.frame = each.frames[0]
-    places = FileFrames(result.files)
+    file_frames = FileFrames(result.files)
     for item in found.values():
-        where = None if item.frame is None else places.place(item.frame)
+        where = None if item.frame is None else file_frames.file_of(item.frame)
         if where is not None:
             item.file, item.file_frame = name(where[0]), where[1]
     return dict(sorted(found.items()))
@@ -106,7 +106,7 @@ def lines(
             text = rule.advice_zh if lang == "zh" else rule.advice
             for part in wrap("-> " + text, WIDTH - 4, 3):
                 yield "    " + part
-        yield f"    {first_place(each['first']).text(lang)}"
+        yield f"    {first_case(each['first']).text(lang)}"
 
 
 def headline(item: dict[str, Any], rule_name: str) -> Both:
@@ -121,7 +121,7 @@ def headline(item: dict[str, Any], rule_name: str) -> Both:
     )
 
 
-def first_place(first: dict[str, Any]) -> Both:
+def first_case(first: dict[str, Any]) -> Both:
     """`first in frame 3 of line.pcapng`, of the `first` of one of what `over_all` gave."""
     path = escape(first["path"])
     if first["frame"] is None:

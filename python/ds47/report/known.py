@@ -66,13 +66,13 @@ def _is_message(text: str) -> bool:
 
 def _shipped(number: int, lang: str) -> Iterator[SourceEntry]:
     """What the tables say of a number, on each family of drives."""
-    places = spec.parameter_sources()
+    sources = spec.parameter_sources()
     for row in spec.of_families(number):
         name, texts = row.name_en, row.values_en
         if lang == "zh":
             name, texts = row.name_zh, row.values_zh
         source = explanations.words(lang)[f"family_{row.family}"]
-        source = "; ".join((source, *(places[each] for each in row.sources)))
+        source = "; ".join((source, *(sources[each] for each in row.sources)))
         values = {str(value): text for value, text in texts.items()}
         kind = None if row.type == "unknown" else row.type
         letter = WRITABLE.get(row.family, row.access) if row.access == "p" else row.access

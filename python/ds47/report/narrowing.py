@@ -147,11 +147,11 @@ class _Part:
         kept = [
             number for number, each in enumerate(result.relations, 1) if self.device(each.device)
         ]
-        places = {old: new for new, old in enumerate(kept, 1)}
+        numbers = {old: new for new, old in enumerate(kept, 1)}
         timelines = [
-            self._in_time(replace(each, relation=places[each.relation]))
+            self._in_time(replace(each, relation=numbers[each.relation]))
             for each in result.timelines
-            if each.relation in places and selection.by_frame
+            if each.relation in numbers and selection.by_frame
         ]
         return {
             "relations": [result.relations[number - 1] for number in kept],

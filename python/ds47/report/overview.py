@@ -259,8 +259,8 @@ def table(
         *counts, name = _cells(row, lang)
         cells.append((*counts, *(times_of(row, zone) if timed else ()), name))
     widths = [max(columns(line[at]) for line in cells) for at in range(len(names) - 1)]
-    place = Clock(zone, listed[0].start_ns).zone_name
-    shown = [(say("worst_head_timed", zone=place) if timed else say("worst_head")).text(lang)]
+    zone_name = Clock(zone, listed[0].start_ns).zone_name
+    shown = [(say("worst_head_timed", zone=zone_name) if timed else say("worst_head")).text(lang)]
     for line in cells:
         pairs = zip(line[:-1], widths, strict=True)
         numbers = (" " * (width - columns(cell)) + cell for cell, width in pairs)

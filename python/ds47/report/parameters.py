@@ -62,7 +62,7 @@ def _rows(result: CaptureResult) -> Iterator[ElementRow]:
             if identity == Identity(device):  # of the device, whichever drive object is asked
                 yield ElementRow(device, "", None, pnu, subindex, cell)
                 continue
-            words = targets.place(cell.sample, with_slot=identity.by_submodule)
+            words = targets.where(cell.sample, with_slot=identity.by_submodule)
             yield ElementRow(device, words, targets.drive_object(cell.sample), pnu, subindex, cell)
 
 

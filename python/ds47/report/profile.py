@@ -40,14 +40,14 @@ def meaning(item: Parameter) -> Both | None:
 
 def _elements(pnu: int, first: int, values: list[Value]) -> Iterator[Both]:
     """The elements of 964, 974 and 975, each for itself; year and day together."""
-    known = {first + place: value for place, value in enumerate(values) if _is_number(value)}
-    for place, value in known.items():
+    known = {first + at: value for at, value in enumerate(values) if _is_number(value)}
+    for subindex, value in known.items():
         if pnu == 974:
-            words = _limit(place, value)
-        elif place in (3, 4) and 3 in known and 4 in known:
-            words = _date(known[3], known[4]) if place == 3 else None
+            words = _limit(subindex, value)
+        elif subindex in (3, 4) and 3 in known and 4 in known:
+            words = _date(known[3], known[4]) if subindex == 3 else None
         else:
-            words = _identification(pnu, place, value)
+            words = _identification(pnu, subindex, value)
         if words is not None:
             yield words
 
@@ -56,26 +56,26 @@ def _is_number(value: Value) -> bool:
     return isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= 0xFFFF
 
 
-def _limit(place: int, value: Value) -> Both | None:
+def _limit(subindex: int, value: Value) -> Both | None:
     assert isinstance(value, int)
-    if place == 0:
+    if subindex == 0:
         return say("profile_block", n=value)
-    if place == 1:
+    if subindex == 1:
         return say("profile_parameters", n=value)
-    return say("profile_latency", n=value * 10) if place == 2 and value else None
+    return say("profile_latency", n=value * 10) if subindex == 2 and value else None
 
 
-def _identification(pnu: int, place: int, value: Value) -> Both | None:
+def _identification(pnu: int, subindex: int, value: Value) -> Both | None:
     assert isinstance(value, int)
-    if place == 0:
+    if subindex == 0:
         return say("profile_maker", id=f"0x{value:04X}")
-    if place == 1:
+    if subindex == 1:
         return say("profile_device" if pnu == 964 else "profile_do_type", n=str(value))
-    if place == 2:
+    if subindex == 2:
         return say("profile_version", version=f"{value // 100}.{value % 100:02}")
-    if place == 5:
+    if subindex == 5:
         return say("profile_objects", n=value) if pnu == 964 else _class(value)
-    return say("profile_do_id", n=str(value)) if place == 7 and pnu == 975 else None
+    return say("profile_do_id", n=str(value)) if subindex == 7 and pnu == 975 else None
 
 
 def _class(value: int) -> Both | None:

@@ -184,10 +184,10 @@ def _rule(name: str) -> dict[str, Any]:
 
 
 def _location(path: str, frame: int | None) -> dict[str, Any]:
-    place: dict[str, Any] = {"artifactLocation": {"uri": _uri(path)}}
+    location: dict[str, Any] = {"artifactLocation": {"uri": _uri(path)}}
     if frame:
-        place["region"] = {"startLine": frame}
-    return {"physicalLocation": place}
+        location["region"] = {"startLine": frame}
+    return {"physicalLocation": location}
 
 
 def _message(text: str) -> dict[str, str]:

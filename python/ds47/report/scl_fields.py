@@ -63,7 +63,7 @@ class Field:
     """One parameter of a request, as a variable.
 
     Attributes:
-        number: its place in the request, from 1.
+        number: its position in the request, from 1.
         name: of the variable.
         address: which parameter, and how many elements.
         way: one of VALUES, TEXT, BYTES, NUMBER, CONSTANT.
@@ -254,13 +254,13 @@ def addressing(field: Field) -> list[str]:
     address, at = field.address, _BLOCK_AT + 6 * (field.number - 1)
     spoken = field.whole and field.block is not None and address.element_count == field.count
     elements = f"INT_TO_BYTE(LEN(#{field.name}))" if spoken else f"16#{address.element_count:02X}"
-    places = (
+    texts = (
         f"16#{address.attribute:02X}",
         elements,
         *_word(address.pnu),
         *_word(address.subindex),
     )
-    return [f"#statRequest[{at + number}] := {text};" for number, text in enumerate(places)]
+    return [f"#statRequest[{at + number}] := {text};" for number, text in enumerate(texts)]
 
 
 def _word(value: int) -> tuple[str, str]:
@@ -468,8 +468,8 @@ def _bits_of(kind: Kind) -> Iterator[str]:
         yield "#tempByte := #statResponse[#tempPlace];"
         return
     for at in range(kind.size):
-        place = f"#tempPlace{f' + {at}' if at else ''}"
-        yield f"#temp{kind.bits}.%B{kind.size - 1 - at} := #statResponse[{place}];"
+        index = f"#tempPlace{f' + {at}' if at else ''}"
+        yield f"#temp{kind.bits}.%B{kind.size - 1 - at} := #statResponse[{index}];"
 
 
 def _typed(kind: Kind) -> str:

@@ -45,7 +45,7 @@ class Targets:
             return f"DO {number}"
         return "" if axis is None else f"axis {axis}"
 
-    def place(self, item: Transaction, *, with_slot: bool = False) -> str:
+    def where(self, item: Transaction, *, with_slot: bool = False) -> str:
         """The same with the slot in front, if asked for or if the submodule decides."""
         where = slot(item) if with_slot or access_of(item).local else ""
         channel = "" if item.channel == DS47 else item.channel.upper()

@@ -33,11 +33,11 @@ from ds47.report import Writer as _Writer
 from ds47.report import s7 as communication
 from ds47.report.bilingual import Both, counted, joined, operation, say, state
 from ds47.report.clock import Clock
+from ds47.report.file_frames import FileFrames, name
 from ds47.report.filters import display_filter
 from ds47.report.formatting import duration, escape, parameter
 from ds47.report.latency import Latency
 from ds47.report.overview import CaptureRow, table, total
-from ds47.report.places import FileFrames, name
 from ds47.report.sentences import at_offset, sentence
 from ds47.report.summary import Opening
 from ds47.report.targets import Targets
@@ -433,7 +433,7 @@ class Writer(_Writer):
         name = state(item.state).text(self.options.lang)
         return self._paint(color, f"[{name} {words}]" if words else f"[{name}]")
 
-    def _findings(self, findings: Sequence[Finding], places: FileFrames) -> None:
+    def _findings(self, findings: Sequence[Finding], file_frames: FileFrames) -> None:
         if not findings:
             return
         self._line()
@@ -442,9 +442,9 @@ class Writer(_Writer):
         for each in findings:
             groups.setdefault((each.rule, each.severity), []).append(each)
         for group in sorted(groups.values(), key=_serious_first):
-            self._group(group, places)
+            self._group(group, file_frames)
 
-    def _group(self, group: Sequence[Finding], places: FileFrames) -> None:
+    def _group(self, group: Sequence[Finding], file_frames: FileFrames) -> None:
         first = group[0]
         rule = self.options.rules.get(first.rule)
         name = f" {rule.name}" if rule else ""
@@ -453,19 +453,19 @@ class Writer(_Writer):
         values = {"rule": first.rule, "severity": severity, "name": name, "findings": number}
         self._line("  " + self._say("findings_of_rule", **values))
         for each in group[:FINDINGS_PER_RULE]:
-            self._line("    " + self._finding(each, places))
+            self._line("    " + self._finding(each, file_frames))
         if len(group) > FINDINGS_PER_RULE:
             self._line("    " + self._say("more", number=str(len(group) - FINDINGS_PER_RULE)))
-        for file, frames in places.by_file(frame for each in group for frame in each.counted):
+        for file, frames in file_frames.by_file(frame for each in group for frame in each.counted):
             text, left_out = display_filter(frames)
             note = "  " + self._say("frames_more", n=left_out) if left_out else ""
             where = f"{escape(file)}: " if file else ""
             self._copied(f"    {where}{self._paint('dim', text)}{note}")
 
-    def _finding(self, item: Finding, places: FileFrames) -> str:
+    def _finding(self, item: Finding, file_frames: FileFrames) -> str:
         text = escape(sentence(item, self.options.lang))
         text = at_offset(item.offset, text, self.options.lang)
-        frame = escape(places.words(item.frame, self.options.lang))
+        frame = escape(file_frames.words(item.frame, self.options.lang))
         job = "" if item.transaction is None else f" #{item.transaction}"
         time = "" if item.time_ns is None else f" {self._clock.moment(item.time_ns)}"
         return self._say("finding_line", frame=frame, job=job + time, message=text)
@@ -492,8 +492,8 @@ class Writer(_Writer):
 
 
 def _where(relation: Relation) -> str:
-    place = "" if relation.slot is None else f" slot {relation.slot}.{relation.subslot}"
-    return escape(relation.device) + place
+    slot = "" if relation.slot is None else f" slot {relation.slot}.{relation.subslot}"
+    return escape(relation.device) + slot
 
 
 def _certainty(relation: Relation) -> str:
@@ -523,7 +523,7 @@ class _Columns:
 
     def _route(self, item: Transaction) -> str:
         controller = f"{escape(item.controller)} -> " if self.controllers else ""
-        where = self._targets.place(item, with_slot=self.slots)
+        where = self._targets.where(item, with_slot=self.slots)
         return f"{controller}{escape(item.device)} {where}".rstrip()
 
     @property

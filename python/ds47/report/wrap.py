@@ -55,11 +55,11 @@ def _pieces(text: str) -> Iterator[str]:
             yield word
             continue
         begin = 0
-        for place in range(1, len(word) + 1):
-            before, following = word[place - 1], word[place : place + 1]
+        for at in range(1, len(word) + 1):
+            before, following = word[at - 1], word[at : at + 1]
             if 2 in (columns(before), columns(following)) and following not in _STAYS:
-                yield word[begin:place]
-                begin = place
+                yield word[begin:at]
+                begin = at
         yield word[begin:]
 
 

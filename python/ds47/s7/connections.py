@@ -81,8 +81,8 @@ class Connections:
         self._jobs = Jobs(bounds, self._asked, self._settled)
         self._transfers = Transfers(bounds, self._asked, self._settled)
         self._number = 0
-        self._frame, self._place = 0, 0
-        """The frame of the last PDU, and its place in it."""
+        self._frame, self._position = 0, 0
+        """The frame of the last PDU, and its position in it."""
         self._all: list[S7Connection] = []
         self.left_out = 0
         """Connections for which there was no room."""
@@ -206,7 +206,7 @@ class Connections:
             else:
                 connection.foreign += 1
             return
-        self._place = self._place + 1 if at.frame == self._frame else 0
+        self._position = self._position + 1 if at.frame == self._frame else 0
         self._frame = at.frame
         pdu = pdus.decode(whole.data)
         pdu.frames = whole.frames
@@ -287,12 +287,12 @@ class Connections:
     # What becomes of jobs
 
     def _asked(self, job: S7Job) -> None:
-        job.place = self._place
+        job.position = self._position
         self._listener.asked(job)
 
     def _settled(self, job: S7Job) -> None:
         if job.state == ORPHAN and not job.segments:
-            job.place = self._place
+            job.position = self._position
         count(job.connection.counts, job)
         self._listener.over(job)
         self._settle(job)

@@ -170,9 +170,9 @@ class Question:
     def _has(self, at: int) -> bool:
         return 0 <= at - self._start < len(self._values)
 
-    def _mask(self, places: Iterable[int]) -> int:
+    def _mask(self, offsets: Iterable[int]) -> int:
         mask = 0
-        for at in places:
+        for at in offsets:
             if self._has(at):
                 mask |= 1 << at - self._start
         return mask

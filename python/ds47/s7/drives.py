@@ -252,8 +252,8 @@ class Drives:
 
 def _fits(job: S7Job, address: S7Address) -> DriveElement | None:
     """The element that an address may stand for: a drive has slot 0, and one value at each address."""
-    found, place = element(address), s7.place(job.connection.server_tsap)
-    if found is None or place is None or place[1] or address.length not in SIZES:
+    found, server = element(address), s7.rack_and_slot(job.connection.server_tsap)
+    if found is None or server is None or server[1] or address.length not in SIZES:
         return None
     return found if found.subindex < _INDEX else None
 

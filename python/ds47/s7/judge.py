@@ -128,7 +128,7 @@ class S7Judge(S7Listener):
     def refused(self, connection: S7Connection, why: str, at: At, code: int) -> None:
         """Nothing comes of a connection."""
         tsap = connection.server_tsap
-        rack, slot = s7.place(tsap) or (None, None)
+        rack, slot = s7.rack_and_slot(tsap) or (None, None)
         case = f"refused_{why}" if tsap is not None or why == "setup" else f"refused_{why}_tcp"
         args = {
             "device": connection.server.ip, "controller": connection.client.ip, "case": case,

@@ -261,7 +261,7 @@ class S7Job:
     """All its frames: a PDU may span several TCP segments."""
     lost: bool
     """Whether the capture lacks bytes of the connection while the job was open: they may hold its answer."""
-    place: int
+    position: int
     """Its position among the PDUs that begin in the frame of its first one."""
     order: int
     """Its number among all transactions of the capture; the analysis sets it."""
@@ -307,7 +307,7 @@ class S7Job:
         self.answer_flaws = [] if answer_flaws is None else answer_flaws
         self.frames = [] if frames is None else frames
         self.lost = False
-        self.place = 0
+        self.position = 0
         self.order = 0
         self.phase = "open"
 

@@ -36,7 +36,7 @@ class _Put(NamedTuple):
 
 
 @dataclass(slots=True, eq=False)
-class _Place:
+class _MemoryLog:
     """A memory of a partner, the latest accesses to it, and the remarks about it."""
 
     memory: Memory
@@ -66,7 +66,7 @@ class _Partner:
     tsap: bytes | None = None
     """The last one that it was asked by,"""
     slots: set[tuple[int, int]] = field(default_factory=set)
-    """and the places of all, up to two."""
+    """and the slots in all of them, up to two."""
 
     def doubts(self) -> int:
         """Counts what was not heard, or not understood, on all its connections."""
@@ -99,7 +99,7 @@ class Moments:
     ) -> None:
         self._bounds, self._notes, self._readback = bounds, notes, readback
         self._forgotten = forgotten
-        self._places: OrderedDict[tuple[End, int, int], _Place] = OrderedDict()
+        self._logs: OrderedDict[tuple[End, int, int], _MemoryLog] = OrderedDict()
         self._partners: OrderedDict[End, _Partner] = OrderedDict()
         self._splits: dict[tuple[int, bool], Splits] = {}
         self._numbers: dict[S7Job, int] = {}
@@ -118,7 +118,7 @@ class Moments:
         self._complete(self._side(job).asked(AreaPart(job, number)))
         if job.operation == PUT:
             for access in _of(partner, job, number):
-                self._place(job, access).memory.sent(access)
+                self._log(job, access).memory.sent(access)
 
     def over(self, job: S7Job) -> None:
         """Nothing more comes of a job."""
@@ -151,8 +151,8 @@ class Moments:
         for splits in self._splits.values():
             self._complete(splits.finish())
         yield from self._remarks
-        for place in self._places.values():
-            yield from place.remarks()
+        for log in self._logs.values():
+            yield from log.remarks()
 
     # Partners and their memories
 
@@ -163,7 +163,7 @@ class Moments:
         partner.connections[connection.number] = connection
         if connection.server_tsap != partner.tsap:
             partner.tsap = connection.server_tsap
-            slot = s7.place(partner.tsap)
+            slot = s7.rack_and_slot(partner.tsap)
             if slot is not None and len(partner.slots) < 2:
                 partner.slots.add(slot)
         doubt, latest = partner.doubts(), max(time_ns, partner.latest)
@@ -186,26 +186,26 @@ class Moments:
 
     def _give_up(self, partner: End) -> None:
         del self._partners[partner]
-        for key in [each for each in self._places if each[0] == partner]:
-            self._remarks += self._places.pop(key).remarks()
+        for key in [each for each in self._logs if each[0] == partner]:
+            self._remarks += self._logs.pop(key).remarks()
 
     def _forget(self, ip: str, time_ns: int) -> None:
         self._forgotten(ip)
-        for (key, _, _), place in self._places.items():
+        for (key, _, _), log in self._logs.items():
             if key[0] == ip:
-                place.memory.forget(time_ns)
-                place.puts.clear()
+                log.memory.forget(time_ns)
+                log.puts.clear()
 
-    def _place(self, job: S7Job, access: ItemAccess) -> _Place:
+    def _log(self, job: S7Job, access: ItemAccess) -> _MemoryLog:
         key = job.connection.server, access.area, access.db
-        place = self._places.get(key)
-        if place is not None:
-            self._places.move_to_end(key)
-            return place
-        place = self._places[key] = _Place(Memory(self._bounds.s7_accesses))
-        if len(self._places) > self._bounds.s7_memories:
-            self._remarks += self._places.popitem(last=False)[1].remarks()
-        return place
+        log = self._logs.get(key)
+        if log is not None:
+            self._logs.move_to_end(key)
+            return log
+        log = self._logs[key] = _MemoryLog(Memory(self._bounds.s7_accesses))
+        if len(self._logs) > self._bounds.s7_memories:
+            self._remarks += self._logs.popitem(last=False)[1].remarks()
+        return log
 
     def _side(self, job: S7Job) -> Splits:
         key = job.connection.number, job.from_client
@@ -219,7 +219,7 @@ class Moments:
 
     def _written(self, job: S7Job, writes: Sequence[ItemAccess]) -> None:
         for access in writes:
-            memory = self._place(job, access).memory
+            memory = self._log(job, access).memory
             if access.answered_ns is None:
                 memory.gave_up(access)
                 continue
@@ -233,37 +233,37 @@ class Moments:
         for access in reads:
             parts.setdefault((access.area, access.db), []).append(access)
         for each in parts.values():
-            place = self._place(job, each[0])
+            log = self._log(job, each[0])
             for access in each:
                 if self._readback:
-                    self._compared(job, access, place.memory)
-                place.memory.read(access)
-            self._mixed(place, job, each)
+                    self._compared(job, access, log.memory)
+                log.memory.read(access)
+            self._mixed(log, job, each)
 
-    def _mixed(self, place: _Place, job: S7Job, parts: Sequence[ItemAccess]) -> None:
+    def _mixed(self, log: _MemoryLog, job: S7Job, parts: Sequence[ItemAccess]) -> None:
         """Whether what was read mixes two moments, by the writes as they are, or by one in parts taken as one."""
-        for put in (None, *place.puts):
-            if self._mixes(place, parts, put, job.connection, job):
+        for put in (None, *log.puts):
+            if self._mixes(log, parts, put, job.connection, job):
                 return
 
     def _mixes(
-        self, place: _Place, parts: Sequence[ItemAccess], put: _Put | None, reader: S7Connection,
+        self, log: _MemoryLog, parts: Sequence[ItemAccess], put: _Put | None, reader: S7Connection,
         job: S7Job | None = None,
     ) -> bool:  # fmt: skip
         """The same for one of them; each access gets one remark."""
-        if put is None and place.memory.is_quiet(parts):
+        if put is None and log.memory.is_quiet(parts):
             return False
-        if any(each.order in place.known for each in parts):
+        if any(each.order in log.known for each in parts):
             return False
-        found = place.memory.mixed(parts, put.parts if put else (), put.whole if put else None)
+        found = log.memory.mixed(parts, put.parts if put else (), put.whole if put else None)
         if found is None:
             return False
-        place.known.extend(each.order for each in parts)
+        log.known.extend(each.order for each in parts)
         last = max(parts, key=lambda each: each.until)
         frame = last.request if last.response is None else last.response
         ends = {"device": reader.server.ip, "controller": reader.client.ip}
         args = ends | _arguments(found, parts, put.parts if put else ())
-        place.mixed.append((found, Remark("DS905", frame, args, job=job)))
+        log.mixed.append((found, Remark("DS905", frame, args, job=job)))
         return True
 
     def _two_writers(self, job: S7Job, access: ItemAccess, memory: Memory) -> None:
@@ -319,12 +319,12 @@ class Moments:
         parts = whole.accesses() if job.from_client else []
         if len(parts) != len(whole.parts):
             return
-        place = self._place(job, parts[0])
+        log = self._log(job, parts[0])
         if job.operation == GET:
-            place.gets.append(parts)
-            self._mixed(place, job, parts)
+            log.gets.append(parts)
+            self._mixed(log, job, parts)
         else:
-            self._put(self._partner(job.connection), place, parts)
+            self._put(self._partner(job.connection), log, parts)
 
     def _split(self, whole: SplitArea, job: S7Job, area: str) -> None:
         jobs = [each.job for each in whole.parts]
@@ -336,7 +336,7 @@ class Moments:
         key = (job.connection.number, job.from_client, job.operation, area)
         self._notes.add("DS904", key, frames[0], args, tuple(frames[1:]))
 
-    def _put(self, partner: _Partner, place: _Place, parts: Sequence[ItemAccess]) -> None:
+    def _put(self, partner: _Partner, log: _MemoryLog, parts: Sequence[ItemAccess]) -> None:
         """An area was written in parts: was it read meanwhile?"""
         first, last = parts[0], parts[-1]
         if any(not (each.sure and each.known) for each in parts):
@@ -348,11 +348,11 @@ class Moments:
             max(each.answered_ns or 0 for each in parts), first.request, last.response,
         )  # fmt: skip
         put = _Put(parts, whole)
-        place.puts.append(put)
-        for read in [*place.gets, *([each] for each in place.memory.reads(whole))]:
+        log.puts.append(put)
+        for read in [*log.gets, *([each] for each in log.memory.reads(whole))]:
             reader = partner.connections.get(read[0].connection)
             if reader is not None:
-                self._mixes(place, read, put, reader)
+                self._mixes(log, read, put, reader)
 
 
 def _arguments(

@@ -144,7 +144,7 @@ def _ends(both: bytes) -> tuple[End, End, Ends]:
 
 @dataclass(slots=True, init=False)
 class TcpPiece:
-    """Bytes in order. `lost` are those that are missing before it; a `late` piece belongs in such a place."""
+    """Bytes in order. `lost` counts the missing bytes before it; a `late` piece fills such a gap."""
 
     data: bytes
     at: At
@@ -165,22 +165,22 @@ def distance(one: int, other: int) -> int:
 
 @dataclass(slots=True, init=False, eq=False)
 class Direction:
-    """What one end sends; places are bytes from the first one that was seen."""
+    """What one end sends; positions count bytes from the first one seen."""
 
     first: int | None
     """Sequence number of the first byte; None before it was seen."""
     next: int
     """That of the byte which comes next,"""
-    place: int
-    """and its place."""
+    position: int
+    """and its position."""
     fin: int | None
     """Sequence number of the end."""
     waiting: list[tuple[int, bytes, At]]
-    """Place, bytes and frame of what came too early, in order."""
+    """Position, bytes and frame of what came too early, in order."""
     held: int
     """Bytes that this takes."""
     holes: list[tuple[int, int]]
-    """Places of what was lost, from and up to."""
+    """Positions of lost bytes, first and end."""
     lost: bool
     """Whether anything was."""
     acknowledged_first: int | None
@@ -190,7 +190,7 @@ class Direction:
 
     def __init__(self) -> None:
         self.first = self.fin = self.acknowledged_first = self.acknowledged_last = None
-        self.next = self.place = self.held = 0
+        self.next = self.position = self.held = 0
         self.waiting = []
         self.holes = []
         self.lost = False
@@ -206,10 +206,10 @@ class Direction:
         found: list[TcpPiece] = []
         early = distance(sequence, self.next) if sequence != self.next else 0
         if early < 0:
-            found += self._late(self.place + early, data, at)
+            found += self._late(self.position + early, data, at)
             data, early = data[-early:], 0
         if early > 0 and data:
-            self._wait(self.place + early, data, at)
+            self._wait(self.position + early, data, at)
             if self.held > WINDOW or len(self.waiting) > MOST_WAITING:
                 found += self.give_up()
         elif data:
@@ -223,7 +223,7 @@ class Direction:
         """So many bytes from a number on were sent, and the capture cut them off."""
         if self.first is None or sequence != self.next:
             return []
-        self.holes = [*self.holes[1 - _HOLES :], (self.place, self.place + count)]
+        self.holes = [*self.holes[1 - _HOLES :], (self.position, self.position + count)]
         self.lost = True
         self._pass(count)
         return [TcpPiece(b"", at, count), *self._drain(0)]
@@ -260,7 +260,7 @@ class Direction:
         """What is missing before the first bytes that wait is lost."""
         if not self.waiting:
             return []
-        have, begin = self.place, self.waiting[0][0]
+        have, begin = self.position, self.waiting[0][0]
         self.holes = [*self.holes[1 - _HOLES :], (have, begin)]
         self.lost = True
         self._pass(begin - have)
@@ -268,7 +268,7 @@ class Direction:
 
     def _pass(self, count: int) -> None:
         self.next = (self.next + count) & 0xFFFF_FFFF
-        self.place += count
+        self.position += count
 
     def _wait(self, begin: int, data: bytes, at: At) -> None:
         index = len(self.waiting)
@@ -282,10 +282,10 @@ class Direction:
     def _drain(self, lost: int) -> list[TcpPiece]:
         """What waited and is in order now; before the first of it so many bytes are missing."""
         found: list[TcpPiece] = []
-        while self.waiting and self.waiting[0][0] <= self.place:
+        while self.waiting and self.waiting[0][0] <= self.position:
             begin, data, at = self.waiting.pop(0)
             self.held -= len(data) + _OVERHEAD
-            fresh = data[self.place - begin :]
+            fresh = data[self.position - begin :]
             if fresh:
                 self._pass(len(fresh))
                 found.append(TcpPiece(fresh, at, lost))
@@ -352,7 +352,7 @@ class Talk:
     def silent(self) -> bool | None:
         """Of which end the capture has no byte though it sent some: whether of the client. None: of none."""
         for from_client in (True, False):
-            if not self.of(from_client).place and self.lacks(from_client):
+            if not self.of(from_client).position and self.lacks(from_client):
                 return from_client
         return None
 

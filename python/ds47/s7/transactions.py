@@ -46,7 +46,7 @@ def build(job: S7Job, *, of_drive: bool) -> Transaction:
         write_status=None,
         read_status=None,
         parameters=[],
-        position=job.place,
+        position=job.position,
         channel=S7,
         connection=job.connection.number,
         items=[_item(each, job) for each in job.items],
@@ -99,7 +99,7 @@ def connection(
     drive: tuple[str, tuple[str, DriveElement] | None] | None,
 ) -> model.Connection:
     """A connection in the form of the report, with the block size of its server, and the proof of a drive."""
-    place, counts = s7.place(item.server_tsap), item.counts
+    rack_and_slot, counts = s7.rack_and_slot(item.server_tsap), item.counts
     span = None
     if counts.timed:
         mean = counts.total_ns // counts.timed
@@ -112,8 +112,8 @@ def connection(
         server_port=item.server.port,
         client_tsap=item.client_tsap,
         server_tsap=item.server_tsap,
-        rack=place and place[0],
-        slot=place and place[1],
+        rack=rack_and_slot and rack_and_slot[0],
+        slot=rack_and_slot and rack_and_slot[1],
         pdu_length=item.pdu_length,
         parallel=item.parallel,
         most_open=item.most_open,

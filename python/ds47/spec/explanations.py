@@ -78,8 +78,8 @@ def _table() -> dict[str, Any]:
 
 
 @cache
-def _entry(table: str, place: int) -> Explanation:
-    row = _table()[table][place]
+def _entry(table: str, number: int) -> Explanation:
+    row = _table()[table][number]
     causes = tuple(CodeCause(**cause) for cause in row.get("cause", ()))
     known = ("look_en", "look_zh", "en", "zh", "plc", "filter", "reserved")
     return Explanation(causes, **{name: row[name] for name in known if name in row})
@@ -103,18 +103,18 @@ def _bytes_match(row: Mapping[str, Any], rest: tuple[int, int, int]) -> bool:
 @cache
 def of_status(code: int, decode: int, code1: int, code2: int) -> Explanation | None:
     """What is said about a PNIOStatus by its four bytes (docs/protocol.md E.5)."""
-    for place, row in enumerate(_table()["status"]):
+    for number, row in enumerate(_table()["status"]):
         if code in row["services"] and _bytes_match(row, (decode, code1, code2)):
-            return _entry("status", place)
+            return _entry("status", number)
     return None
 
 
 @cache
 def of_local(function: int, decode: int, code1: int, code2: int) -> Explanation | None:
     """What is said about a STATUS that the PLC itself makes up."""
-    for place, row in enumerate(_table()["local"]):
+    for number, row in enumerate(_table()["local"]):
         if row["function"] == function and _bytes_match(row, (decode, code1, code2)):
-            return _entry("local", place)
+            return _entry("local", number)
     return None
 
 
@@ -130,23 +130,23 @@ _CPU = 0xC0
 @cache
 def of_error(code: int, vendor: str | None = None) -> Explanation:
     """What is said about an error number, of the profile or of the named vendor."""
-    for place, row in enumerate(_table()["error"]):
+    for number, row in enumerate(_table()["error"]):
         general = "vendor" not in row and "codes" not in row and "ranges" not in row
         if not general and row.get("vendor") != vendor:
             continue
         codes, ranges = row.get("codes"), row.get("ranges", ())
         everything = codes is None and not ranges
         if everything or code in (codes or ()) or any(a <= code <= b for a, b in ranges):
-            return _entry("error", place)
+            return _entry("error", number)
     raise KeyError(code)
 
 
 @cache
 def of_number(kind: str, code: int) -> Explanation | None:
     """What is said about an id, attribute, format, index, first byte of a status, or a rule."""
-    for place, row in enumerate(_table()["number"]):
+    for number, row in enumerate(_table()["number"]):
         if row["kind"] == kind and code in row.get("codes", (code,)):
-            return _entry("number", place)
+            return _entry("number", number)
     return None
 
 

@@ -186,8 +186,8 @@ def owner(tsap: bytes | None) -> str:
     return ""
 
 
-def place(tsap: bytes | None) -> tuple[int, int] | None:
-    """Rack and slot in the TSAP of a server; None where it does not have them."""
+def rack_and_slot(tsap: bytes | None) -> tuple[int, int] | None:
+    """Rack and slot in the TSAP of a server; None if it has none."""
     if tsap is None or len(tsap) != 2 or not tsap[0]:
         return None
     return tsap[1] >> 5, tsap[1] & 0x1F

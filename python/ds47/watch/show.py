@@ -233,11 +233,11 @@ class _Growing(text._Columns):
     def grow(self, item: Transaction) -> None:
         """Makes room for one more; its target is named by what was seen until then."""
         self._targets.transaction(item)
-        place = (item.api, item.slot, item.subslot)
+        submodule = (item.api, item.slot, item.subslot)
         if self._first is None:
-            self._first = item.controller, place
+            self._first = item.controller, submodule
         self.controllers = self.controllers or item.controller != self._first[0]
-        self.slots = self.slots or place != self._first[1]
+        self.slots = self.slots or submodule != self._first[1]
         self.operation = max(self.operation, columns(operation(item.operation).text(self.lang)))
         self.number = max(self.number, len(str(item.id)) + 1)
         self.since = max(self.since, len(self._clock.since(item.start_ns)))

@@ -57,7 +57,7 @@ class Patient:
     @cached_property
     def installed(self) -> list[Path]:
         """The folders into which `ds47 plugin install` put the plugin."""
-        return [place for place in _places(self) if install.read_marker(place) is not None]
+        return [folder for folder in _targets(self) if install.read_marker(folder) is not None]
 
     @cached_property
     def copies(self) -> list[Path]:
@@ -138,8 +138,8 @@ def check_lua(patient: Patient) -> Check:
 def check_switched_off(patient: Patient) -> Check:
     """An init.lua can switch Lua off: the global one, from 4.4 on a personal one too; loading decides."""
     folders = patient.folders
-    places = (folders.global_configuration, folders.global_lua, folders.personal_lua)
-    for folder in (*places, folders.personal_configuration):
+    global_folders = (folders.global_configuration, folders.global_lua, folders.personal_lua)
+    for folder in (*global_folders, folders.personal_configuration):
         path = folder / "init.lua" if folder else None
         match = _SWITCHED_OFF.search(_read(path)) if path else None
         if match is not None and not patient.loaded:
@@ -165,14 +165,14 @@ def check_installed(patient: Patient) -> Check:
         mend = f"{_installing(patient)}, then delete {stray}"
         return Check(name, "wrong", text, mend)
     text = f"nothing in {patient.folders.personal_lua}"
-    if (place := install.obstacle(_place(patient))) is not None:
-        text += f", and no right to write into {place}"
+    if (denied := install.obstacle(_target(patient))) is not None:
+        text += f", and no right to write into {denied}"
     return Check(name, "wrong", text, _installing(patient))
 
 
 def check_copies(patient: Patient) -> Check:
     """Two copies: the first that is loaded wins, and it may be the old one."""
-    left = [each for place in _places(patient) for each in install.leftovers(place)]
+    left = [each for folder in _targets(patient) for each in install.leftovers(folder)]
     live = [each for each in left if install.copies(each)]
     if live:
         text = f"left by an installation, and loaded: {install.listed(map(str, live))}"
@@ -323,39 +323,39 @@ def _no_wireshark(problem: str) -> Check:
 
 
 def _strays(patient: Patient) -> Iterator[Path]:
-    """Copies where people put them, and Wireshark does not look."""
+    """Copies in folders where people put them but Wireshark does not look."""
     home = Path.home()
     configuration = patient.folders.personal_configuration
-    places = [configuration, home / ".wireshark" / "plugins", home / ".config" / "wireshark"]
-    places += [patient.wireshark.program.parent, configuration / "extcap", configuration / "lua"]
-    for place in dict.fromkeys(places):
-        for folder in (place, place / install.FOLDER):
+    folders = [configuration, home / ".wireshark" / "plugins", home / ".config" / "wireshark"]
+    folders += [patient.wireshark.program.parent, configuration / "extcap", configuration / "lua"]
+    for each in dict.fromkeys(folders):
+        for folder in (each, each / install.FOLDER):
             if install.asked(folder.is_dir):
                 yield from (path for path in sorted(folder.glob("*.lua")) if install.is_entry(path))
 
 
-def _place(patient: Patient) -> Path:
-    """Where `ds47 plugin install` puts the plugin."""
+def _target(patient: Patient) -> Path:
+    """The folder where `ds47 plugin install` puts the plugin."""
     return patient.folders.personal_lua / install.FOLDER
 
 
-def _places(patient: Patient) -> list[Path]:
-    """Where it may have put the plugin, into every folder that Wireshark reads."""
+def _targets(patient: Patient) -> list[Path]:
+    """All folders where it may have put the plugin: one in every folder that Wireshark reads."""
     return [folder / install.FOLDER for folder in patient.folders.read_for_lua()]
 
 
 def _installing(patient: Patient, folder: Path | None = None) -> str:
-    """The command that installs, behind the one that gives the right to, where that is missing."""
-    place = install.obstacle(folder or _place(patient))
+    """The command that installs, after the one that gives write permission if that is missing."""
+    denied = install.obstacle(folder or _target(patient))
     command = "ds47 plugin install"
-    return command if place is None else f"{install.mend(place)}, then {command}"
+    return command if denied is None else f"{install.mend(denied)}, then {command}"
 
 
 def _deleting(folders: list[Path]) -> str:
-    """What deletes folders, behind what gives the right to."""
-    place = next(filter(None, map(install.obstacle, folders)), None)
+    """How to delete folders, after how to get write permission if that is missing."""
+    denied = next(filter(None, map(install.obstacle, folders)), None)
     text = f"delete {', '.join(map(str, folders))}"
-    return text if place is None else f"{install.mend(place)}, then {text}"
+    return text if denied is None else f"{install.mend(denied)}, then {text}"
 
 
 def _leave_one(patient: Patient) -> str:

@@ -170,7 +170,7 @@ class Engine:
                 self._difference(change.text, _frame(change, native, found) or first)
                 for change in differences(native, found, self._lang)
             ]
-        native.findings = sorted(native.findings + findings, key=_place)
+        native.findings = sorted(native.findings + findings, key=_order)
         return native
 
     def _difference(self, text: str, frame: int) -> Finding:
@@ -218,11 +218,11 @@ def _joined(
         summarise(summary, each.state, each.operation)
     # Equal results are equal texts: the native one counts in the order in which they end.
     summary = {key: summary[key] for key in native.summary if key in summary} | summary
-    found = sorted(findings + own, key=_place)
+    found = sorted(findings + own, key=_order)
     return replace(native, transactions=ordered, findings=found, summary=summary)
 
 
-def _place(finding: Finding) -> tuple[int, str, int, int]:
+def _order(finding: Finding) -> tuple[int, str, int, int]:
     return finding.frame, finding.rule, finding.transaction or 0, finding.offset or 0
 
 

@@ -63,7 +63,7 @@ def read(source: str | Path | BinaryIO) -> Fields:
             if _name(item) == "transaction":
                 number = int(_show(item))
                 _merge(transactions.setdefault(number, _nothing(number)), frame, tree, item)
-    findings.sort(key=_place)
+    findings.sort(key=_order)
     ordered = [transactions[number] for number in sorted(transactions)]
     for transaction in ordered:
         about = {each["rule"] for each in findings if each["transaction"] == transaction["id"]}
@@ -202,9 +202,9 @@ def _merge_all(
     asked = frames["read_response"] is None
     # The values of a change stand in its request; beneath a response are copies of them.
     written = transaction["operation"] == "change" and frames["write_request"] is not None
-    place = ("" if written else None) if asked else ("written." if written else "")
+    prefix = ("" if written else None) if asked else ("written." if written else "")
     transaction["parameters"] = [
-        _parameter(each, place) for each in tree.iterfind("field") if _name(each) == "parameter"
+        _parameter(each, prefix) for each in tree.iterfind("field") if _name(each) == "parameter"
     ]
 
 
@@ -236,14 +236,14 @@ def _named(rows: Mapping[int, spec.Format | spec.Attribute], text: str | None) -
     return known.name if known else f"0x{code:02X}"
 
 
-def _parameter(item: Element, place: str | None) -> dict[str, Any]:
-    """A parameter; `place` is what the fields with the format of its values begin with, None without any."""
+def _parameter(item: Element, prefix: str | None) -> dict[str, Any]:
+    """A parameter; `prefix` is that of the fields with the format of its values, None without any."""
     seen = _children(item)
     name = count = None
-    if place is not None:
+    if prefix is not None:
         name, count = (
-            _named(spec.formats(), seen.get(f"{place}format")),
-            _number(seen.get(f"{place}value_count")),
+            _named(spec.formats(), seen.get(f"{prefix}format")),
+            _number(seen.get(f"{prefix}value_count")),
         )
         if name == spec.formats()[ERROR].name:
             name = count = None
@@ -361,7 +361,7 @@ def _event(frame: int, item: Element) -> dict[str, Any]:
     }
 
 
-def _place(finding: dict[str, Any]) -> tuple[int, str, int, int]:
+def _order(finding: dict[str, Any]) -> tuple[int, str, int, int]:
     return (
         finding["frame"],
         finding["rule"],

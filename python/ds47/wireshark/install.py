@@ -198,26 +198,26 @@ def leftovers(folder: Path) -> list[Path]:
 
 
 def obstacle(folder: Path) -> Path | None:
-    """The folder into which one has to write to put something new in place of `folder`, but may not.
+    """The folder that lacks the write permission needed to replace `folder`.
 
-    None where nothing is known to be in the way (on Windows rights show only when they are used).
+    None if no obstacle is known (on Windows, permissions show only when they are used).
     """
-    place = folder.parent
-    while not os.path.lexists(place) and place != place.parent:
-        place = place.parent
-    if not _may_write(place) or not asked(folder.is_dir) or folder.is_symlink():
-        return None if _may_write(place) else place
+    parent = folder.parent
+    while not os.path.lexists(parent) and parent != parent.parent:
+        parent = parent.parent
+    if not _may_write(parent) or not asked(folder.is_dir) or folder.is_symlink():
+        return None if _may_write(parent) else parent
     return next((path for path in (folder, *_below(folder)[0]) if not _may_write(path)), None)
 
 
-def mend(place: Path) -> str:
-    """What gives the right to write into `place`, as a command where there is one."""
+def mend(folder: Path) -> str:
+    """How to get write permission for a folder, as a command if there is one."""
     if os.name != "posix":
-        return f"give yourself the right to write into {place}"
-    if os.statvfs(place).f_flag & os.ST_RDONLY:
-        return f"{place} is on a read-only file system: make it writable"
-    quoted, user = shlex.quote(str(place)), os.geteuid()
-    if place.stat().st_uid == user:
+        return f"give yourself the right to write into {folder}"
+    if os.statvfs(folder).f_flag & os.ST_RDONLY:
+        return f"{folder} is on a read-only file system: make it writable"
+    quoted, user = shlex.quote(str(folder)), os.geteuid()
+    if folder.stat().st_uid == user:
         return f"chmod -R u+rwX {quoted}"
     return f"sudo chown -R {_user_name(user)} {quoted}"
 
@@ -322,16 +322,16 @@ def _in_words(folder: Path) -> Iterator[None]:
 
 def _need_rights(folder: Path) -> None:
     """Raises RefusedError before anything is changed that could not be finished."""
-    if (place := obstacle(folder)) is not None:
-        raise RefusedError(f"no right to write into {place}: {mend(place)}, then do this again")
+    if (denied := obstacle(folder)) is not None:
+        raise RefusedError(f"no right to write into {denied}: {mend(denied)}, then do this again")
 
 
-def _may_write(place: Path) -> bool:
+def _may_write(folder: Path) -> bool:
     """Whether this process may make and remove what is in a folder."""
     if os.name != "posix":
         return True
     wanted = os.W_OK | os.X_OK
-    return os.access(place, wanted, effective_ids=os.access in os.supports_effective_ids)
+    return os.access(folder, wanted, effective_ids=os.access in os.supports_effective_ids)
 
 
 def _user_name(user: int) -> str:
@@ -408,9 +408,9 @@ def _below(folder: Path) -> tuple[list[Path], list[Path]]:
     """Folders and files below `folder`, sorted; a link is a file. What may not be read has nothing."""
     folders: list[Path] = []
     files: list[Path] = []
-    for place, inside, names in os.walk(folder):
+    for parent, inside, names in os.walk(folder):
         for name in (*inside, *names):
-            path = Path(place, name)
+            path = Path(parent, name)
             is_folder = asked(path.is_dir) and not asked(path.is_symlink)
             (folders if is_folder else files).append(path)
     return sorted(folders), sorted(files)

@@ -95,13 +95,13 @@ def candidates(
     environment: Mapping[str, str] = os.environ, platform: str = sys.platform
 ) -> Iterator[Path]:
     """The programs worth asking, best first. tshark before wireshark: it has a console."""
-    places = usual_folders(environment, platform)
+    folders = usual_folders(environment, platform)
     suffix = ".exe" if platform == "win32" else ""
     seen = set()
     for name in ("tshark", "wireshark"):
         on_path = shutil.which(name, path=environment.get("PATH"))
         found = [Path(on_path)] if on_path else []
-        for path in (*found, *(folder / (name + suffix) for folder in places)):
+        for path in (*found, *(folder / (name + suffix) for folder in folders)):
             if path not in seen and path.is_file():
                 seen.add(path)
                 yield path

@@ -255,7 +255,7 @@ def to_do(items: Iterable[Overview]) -> list[ToDo]:
             each["severity"],
             causes.headline(each, messages.rule_name(each["rule"])),
             messages.advice(each["rule"]),
-            causes.first_place(each["first"]),
+            causes.first_case(each["first"]),
             numbers[each["first"]["path"]],
         )
         for each in causes.over_all((each.path, each.row.diagnoses) for each in captures)

@@ -44,14 +44,14 @@ class _Texts:
 
     def __init__(self) -> None:
         self.listed: list[tuple[str, str]] = []
-        self._places: dict[tuple[str, str], int] = {}
+        self._numbers: dict[tuple[str, str], int] = {}
 
-    def place(self, text: Both) -> int:
+    def number(self, text: Both) -> int:
         key = text.en, text.zh
-        if key not in self._places:
-            self._places[key] = len(self.listed)
+        if key not in self._numbers:
+            self._numbers[key] = len(self.listed)
             self.listed.append(key)
-        return self._places[key]
+        return self._numbers[key]
 
 
 def readings(
@@ -71,7 +71,7 @@ def readings(
     lanes: dict[str, list[list[int | None]]] = {}
     for lane, job, words in jobs:
         bar = [
-            reach.after(job.start_ns), _end(job, reach), job.id, job.frames.first(), texts.place(words),
+            reach.after(job.start_ns), _end(job, reach), job.id, job.frames.first(), texts.number(words),
         ]  # fmt: skip
         lanes.setdefault(lane, []).append(bar)
     last = timeline.events[-1].time_ns
@@ -120,7 +120,7 @@ def _moments(
 ) -> list[Moment]:
     there = reach.counts(each.last.time_ns for each in rows)
     return [
-        (reach.after(each.last.time_ns), each.last.frame, texts.place(words(each)))
+        (reach.after(each.last.time_ns), each.last.frame, texts.number(words(each)))
         for each in rows[there.start : there.stop]
     ]
 
@@ -132,7 +132,7 @@ def _invalid(timeline: Timeline, reach: Reach, texts: _Texts) -> Iterator[list[i
         side, _, what = event.name.partition("-")
         if what == "lost":
             words = Both(*(cyclic.event_text(event.name, lang) for lang in ("en", "zh")))
-            begun[side] = [reach.after(event.time_ns), None, texts.place(words)]
+            begun[side] = [reach.after(event.time_ns), None, texts.number(words)]
             yield begun[side]
         elif what == "back" and side in begun:
             begun.pop(side)[1] = reach.after(event.time_ns)

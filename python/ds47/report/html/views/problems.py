@@ -38,8 +38,8 @@ FIRST_SCREEN = 6
 """Problems on the first screen."""
 OF_ONE_RULE = 3
 """Of these, as many of one rule; more where there is room."""
-PLACES = 4
-"""Places named of one problem."""
+LOCATIONS = 4
+"""The most locations that a problem names."""
 _DRIVE_ERROR, _READ_REFUSED, _WRITE_REFUSED = "DS410", "DS201", "DS203"
 
 
@@ -52,7 +52,7 @@ class Problem:
     what: Both
     args: Mapping[str, Any]
     count: int = 0
-    places: Counter[str] = field(default_factory=Counter)
+    locations: Counter[str] = field(default_factory=Counter)
     alike: bool = True
     """Whether `what` is true of all of them; else it is an example."""
     frames: set[int] = field(default_factory=set)
@@ -120,11 +120,11 @@ class Problem:
 
     @property
     def where(self) -> Both | None:
-        """The places where it shows most: parameters, drive objects, devices."""
-        if not self.places:
+        """Where it shows most: parameters, drive objects, devices."""
+        if not self.locations:
             return None
-        shown = [Both.same(place) for place, _ in self.places.most_common(PLACES)]
-        more = len(self.places) - PLACES
+        shown = [Both.same(each) for each, _ in self.locations.most_common(LOCATIONS)]
+        more = len(self.locations) - LOCATIONS
         text = joined(shown, ", ", "、")
         return text.joined(say("and_more", n=more), ", ", "，") if more > 0 else text
 
@@ -185,7 +185,7 @@ def _others(result: CaptureResult, targets: Targets) -> Iterable[Problem]:
         problem.alike &= what == problem.what
         if owner is not None:
             jobs[key].add(owner.id)
-            problem.places[_place(owner, finding.args, targets.place(owner))] += 1
+            problem.locations[_location(owner, finding.args, targets.where(owner))] += 1
     for key, problem in found.items():
         problem.state = _state(result, jobs[key])
     return found.values()
@@ -244,7 +244,7 @@ def _error(code: int, vendor_id: int | None) -> Both:
     return text if number in text.en else text.joined(Both.same(f" ({number})"), "", "")
 
 
-def _place(item: Transaction, named: Mapping[str, Any], where: str) -> str:
+def _location(item: Transaction, named: Mapping[str, Any], where: str) -> str:
     """The parameter that the finding is about, else the first of the job; then the drive object."""
     axis = f" {where}" if where else ""
     if named.get("pnu") is not None:

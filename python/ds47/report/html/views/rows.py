@@ -81,7 +81,7 @@ def _chosen(items: list[Transaction], most: int) -> list[Transaction]:
     return sorted(ranked[:most], key=lambda each: each.id)
 
 
-class _Places(dict[Hashable, int]):
+class _Positions(dict[Hashable, int]):
     """Where an item stands in a table; one that does not comes at its end."""
 
     def __missing__(self, item: Hashable) -> int:
@@ -90,7 +90,7 @@ class _Places(dict[Hashable, int]):
 
 
 class _Tables:
-    """What repeats from row to row, each once, by its place in a list."""
+    """What repeats from row to row, each once, by its position in a list."""
 
     def __init__(
         self,
@@ -103,11 +103,11 @@ class _Tables:
         self.targets = targets
         self._labels = labels
         self._stations = stations
-        self.places: defaultdict[str, _Places] = defaultdict(_Places)
+        self.positions: defaultdict[str, _Positions] = defaultdict(_Positions)
 
     def lists(self) -> dict[str, list[Any]]:
         """The tables for the page, in words."""
-        found: dict[str, list[Any]] = {name: list(places) for name, places in self.places.items()}
+        found: dict[str, list[Any]] = {name: list(each) for name, each in self.positions.items()}
         found["devices"] = [
             [ip, escape(self._stations.get(ip) or "")] for ip in found.get("devices", [])
         ]
@@ -147,10 +147,10 @@ def _item(name: str, item: Item, tables: _Tables) -> list[Any]:
     if (known := item.parameter) is not None:
         name = f"DO {item.drive_object} {address(known)}"
         shown = [value(each, known.format) for each in known.values] or shown
-    row: list[Any] = [tables.places["addresses"][name], shown, len(shown)]
+    row: list[Any] = [tables.positions["addresses"][name], shown, len(shown)]
     if item.code in (None, s7.OK):
         return row
-    return [*row, 0, tables.places["errors"][item.code]]
+    return [*row, 0, tables.positions["errors"][item.code]]
 
 
 def _channel(item: Transaction, connections: Mapping[int, str]) -> Hashable:
@@ -174,14 +174,14 @@ def _address(item: Parameter) -> list[Any]:
 
 
 def _row(item: Transaction, clock: Clock, tables: _Tables, witness: plc.Witness) -> list[Any]:
-    places, frames = tables.places, item.frames
+    positions, frames = tables.positions, item.frames
     return [
         item.id,
         OPERATIONS.index(item.operation),
         STATES.index(item.state),
-        places["controllers"][item.controller],
-        places["devices"][item.device],
-        places["channels"][_channel(item, tables.connections)],
+        positions["controllers"][item.controller],
+        positions["devices"][item.device],
+        positions["channels"][_channel(item, tables.connections)],
         item.axis,
         item.request_reference,
         _microseconds(clock.elapsed_ns(item.start_ns)),
@@ -192,14 +192,14 @@ def _row(item: Transaction, clock: Clock, tables: _Tables, witness: plc.Witness)
         frames.read_response,
         item.segments or frames.polls or 0,
         frames.rereads or 0,
-        None if item.write_status is None else places["statuses"][item.write_status],
-        None if item.read_status is None else places["statuses"][item.read_status],
+        None if item.write_status is None else positions["statuses"][item.write_status],
+        None if item.read_status is None else positions["statuses"][item.read_status],
         _hex(item.request),
         _hex(item.response),
         _asked(item, tables),
-        [places["rules"][rule] for rule in item.findings],
-        places["plc"][witness.line(item)],
-        places["objects"][tables.targets.identity(item)],
+        [positions["rules"][rule] for rule in item.findings],
+        positions["plc"][witness.line(item)],
+        positions["objects"][tables.targets.identity(item)],
     ]
 
 
@@ -229,7 +229,7 @@ def _parameter(item: Parameter, tables: _Tables) -> list[Any]:
     if str in map(type, shown) and not described:
         shown = [value(each, item.format) if isinstance(each, str) else each for each in shown]
     row: list[Any] = [
-        tables.places["addresses"][meanings.about(item)],
+        tables.positions["addresses"][meanings.about(item)],
         shown,
         len(described) if described else descriptions.stated(item),
     ]
@@ -239,5 +239,5 @@ def _parameter(item: Parameter, tables: _Tables) -> list[Any]:
     if item.error is not None:
         of = item.error
         error = (of.code, of.info, of.vendor_id, of.said, of.ak)
-        return [*row, scaled or 0, tables.places["errors"][error]]
+        return [*row, scaled or 0, tables.positions["errors"][error]]
     return [*row, scaled] if scaled else row

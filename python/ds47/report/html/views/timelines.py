@@ -54,7 +54,7 @@ _FULL = cyclic.full_scale()
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """A part of a lane from one place to another."""
+    """A part of a lane from one position to another."""
 
     x: float
     width: float
@@ -73,7 +73,7 @@ class Box:
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """A command, or a finding, at a place."""
+    """A command, or a finding, at a position."""
 
     x: float
     kind: str
@@ -85,7 +85,7 @@ class Mark:
 
 @dataclass(frozen=True, slots=True)
 class Tick:
-    """A place on an axis."""
+    """A position on an axis."""
 
     at: float
     words: str
@@ -133,7 +133,7 @@ class TimelineView:
     """A drive with its drawings and its events."""
 
     device: str
-    place: str
+    slot: str
     start: str
     """Time of its first event."""
     dated: bool
@@ -169,7 +169,7 @@ def _view(
     drawings, opened = canvas.drawings()
     return TimelineView(
         device=relation.device,
-        place="" if relation.slot is None else f"slot {relation.slot}.{relation.subslot}",
+        slot="" if relation.slot is None else f"slot {relation.slot}.{relation.subslot}",
         start=clock.moment(timeline.events[0].time_ns),
         dated=clock.known,
         reference=timelines.reference_words(reference) if reference else None,

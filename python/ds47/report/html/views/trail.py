@@ -66,24 +66,24 @@ class TrailView:
         self.left_out = len(found) - len(shown)
         self.data: dict[str, Any] = {
             "row": ROW, "outcomes": OUTCOMES, "rows": rows,
-            **{name: list(places) for name, places in self._tables.items()},
+            **{name: list(positions) for name, positions in self._tables.items()},
         }  # fmt: skip
 
-    def _place(self, table: str, item: Hashable) -> int:
-        places = self._tables[table]
-        return places.setdefault(item, len(places))
+    def _position(self, table: str, item: Hashable) -> int:
+        positions = self._tables[table]
+        return positions.setdefault(item, len(positions))
 
     def _row(self, change: WrittenChange) -> list[Any]:
         item, parameter = change.transaction, change.parameter
         name, reason = _name(about(parameter), parameter.scaled is None), _reason(change)
         return [
-            item.id, self._place("objects", self._object(change)), self._place("ways", way(change)),
-            change.pnu, change.subindex, self._place("names", name),
+            item.id, self._position("objects", self._object(change)), self._position("ways", way(change)),
+            change.pnu, change.subindex, self._position("names", name),
             None if change.old is None else value(change.old.value, change.old.format),
             _from(change.old),
             None if change.new is None else value(change.new, parameter.format),
             OUTCOMES.index(change.outcome),
-            None if reason is None else self._place("reasons", reason),
+            None if reason is None else self._position("reasons", reason),
         ]  # fmt: skip
 
     def _object(self, change: WrittenChange) -> tuple[str, str, int | None]:

@@ -1,7 +1,7 @@
-"""Where a frame is: in a capture that is a series of files, in which of them, and its number there.
+"""The file of a frame in a series, and its number there.
 
-Frames of a series are numbered through all its files (`ds47.model.CaptureFile`); Wireshark
-opens one file at a time, and counts anew in each.
+Frames of a series are numbered through all its files (`ds47.model.CaptureFile`). Wireshark
+opens one file at a time, and starts each at 1.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ class FileFrames:
         self._files = [file for file in files if file.frames]
         self._starts = [file.first_frame for file in self._files]
 
-    def place(self, frame: int) -> tuple[CaptureFile, int] | None:
-        """The file that has a frame, and the number of the frame in it; None where there is none."""
+    def file_of(self, frame: int) -> tuple[CaptureFile, int] | None:
+        """The file that has a frame, and the number of the frame in it; None without files."""
         at = bisect_right(self._starts, frame) - 1
         if at < 0:
             return None
@@ -35,7 +35,7 @@ class FileFrames:
 
     def number(self, frame: int, lang: str = "en") -> str:
         """The same without the word."""
-        found = self.place(frame)
+        found = self.file_of(frame)
         if found is None:
             return str(frame)
         values = {"frame": str(frame), "number": str(found[1]), "file": name(found[0])}
@@ -45,7 +45,7 @@ class FileFrames:
         """The frames by file, each with its number there; one nameless file where there is no series."""
         groups: dict[str, list[int]] = {}
         for frame in sorted(set(frames)):
-            found = self.place(frame)
+            found = self.file_of(frame)
             file, number = (name(found[0]), found[1]) if found else ("", frame)
             groups.setdefault(file, []).append(number)
         return list(groups.items())
