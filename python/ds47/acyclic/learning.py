@@ -29,7 +29,7 @@ def answered(dictionary: Dictionary, job: Job) -> None:
 
 
 def ask(dictionary: Dictionary, job: Job) -> None:
-    """What the drive has said up to now of the parameters whose values a job is about."""
+    """What the drive has said so far about the parameters of a job."""
     if dictionary.is_empty or job.message is None:
         return
     access, peer = access_of(job), job.peer
@@ -43,7 +43,7 @@ def ask(dictionary: Dictionary, job: Job) -> None:
 
 
 def _learn(dictionary: Dictionary, job: Job, request: Request) -> None:
-    """The descriptions in a response, as far as it is the one to its request and whole."""
+    """The descriptions in a response, if it is whole and belongs to its request."""
     response, half = job.response, job.read_response
     if response is None or half is None or response.response_id not in _READ:
         return

@@ -30,7 +30,7 @@ class Ms1Calls:
         events: hears of every record that may be ours.
         queue: gets what is wrong with a request, and answered Writes that cannot be ours, or have no request.
         judge: hears of refusals of what is not ours, and of polls.
-        idents: knows of which make stations are.
+        idents: knows the makers of stations.
     """
 
     def __init__(
@@ -165,5 +165,5 @@ class StartUps:
 
 @lru_cache(maxsize=4096)
 def peer(master: int, station: int, family: str | None = None) -> Peer:
-    """Who talks to whom: `dp2` is the station with the address 2."""
+    """The two stations of a call: `dp2` is the station with the address 2."""
     return Peer(f"{STATION}{master}", f"{STATION}{station}", station=station, family=family)

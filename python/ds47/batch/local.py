@@ -31,9 +31,9 @@ from ds47.capture import CaptureError
 _SHARE, _SHARE_BYTES = 16, 1 << 20
 """So many tasks, or bytes of captures, go to a process together: to hand one over takes as long as to read one."""
 _SMALL = 1 << 15
-"""Bytes of a capture whose product comes through the pipe: a file for it takes a fifth of the time."""
+"""The most bytes of a capture to send its product through the pipe: a file would take a fifth of the time."""
 _DEATHS = 3
-"""So many shares in a row of which no task lives are no longer about the tasks."""
+"""After so many shares in a row without a surviving task, the tasks are not the reason."""
 _KILLED: Final = CaptureError(
     "the process that analysed it was killed, twice; is there enough memory? (-j 1 needs less)"
 )
@@ -120,7 +120,7 @@ class Local(TaskWindow[Future[Products]]):
         return CaptureError(product) if isinstance(product, str) else product
 
     def _one_died(self, share: list[Begun]) -> None:
-        """Begins all anew that was at work; nobody knows whose process it was, so each of these alone."""
+        """Restarts everything at work, this share task by task: any of them may have killed the process."""
         waiting = dict(self._working)
         self._working.clear()
         self._pool.shutdown()
@@ -180,7 +180,7 @@ def _uninterrupted() -> Iterator[None]:
 
 @contextmanager
 def _without_main() -> Iterator[None]:
-    """What is started in here does not import the command again, of which it needs nothing."""
+    """Processes started in here do not import the command again; they need nothing of it."""
     main = sys.modules["__main__"]
     sys.modules["__main__"] = ModuleType("__main__")
     try:

@@ -38,7 +38,7 @@ _REST = "]}"
 
 
 class SameNameError(Exception):
-    """Two captures whose results would have the same name; the text names both."""
+    """Two captures would give results of the same name; the text names both."""
 
 
 @dataclass(frozen=True)

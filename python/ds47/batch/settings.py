@@ -94,7 +94,7 @@ def parse_s7(table: Any) -> Choices:
 
 
 def parse_names(table: Any) -> int | None:
-    """The vendor id of a table `[names]`: that of devices of which a capture shows none.
+    """The vendor id in `[names]`, for devices without one in the capture.
 
     Raises:
         ValueError: the key and what is allowed.

@@ -32,7 +32,7 @@ _BATCHES = 4
 class Batches:
     """The frames that `scan` finds in `window`, up to what it cannot pass; iterate again behind that.
 
-    Whoever does not take all of them calls `close`.
+    Call `close` unless all of them are taken.
     """
 
     def __init__(self, scan: Scan, window: Window) -> None:

@@ -74,7 +74,7 @@ class PcapngReader(Walk):
 
     @property
     def dropped(self) -> int | None:
-        """Frames that the capturing machine lost, as far as the file says so."""
+        """Frames that the capturing machine lost, if the file says so."""
         if not self._lost:
             return self._lost_before
         lost = sum(sum(counters.values()) for counters in self._lost.values())

@@ -71,7 +71,7 @@ class Capture(Closing):
         self._reader.tcp(ports)
 
     def everything(self, wanted: Callable[[int], bool] = lambda _: True) -> Iterator[WholeFrame]:
-        """Every frame as it stands in the file, or those whose number is `wanted`; instead of iterating."""
+        """Every frame as it is in the file, or the `wanted` ones by number; use this instead of iterating."""
         yield from self._reader.everything(wanted)
         self._ended = True
 

@@ -51,7 +51,7 @@ def open_bytes(location: str | Path) -> io.RawIOBase:
 
 
 def facts(url: str) -> tuple[int, str | None]:
-    """Bytes of what a URL names, and what changes when it does; None where nobody can tell."""
+    """The size of a URL's file, and a mark that changes with it; None if unknown."""
     try:
         system, path = file_system(url)
         about = system.info(path)
@@ -94,7 +94,7 @@ def file_system(url: str) -> tuple[Any, str]:
 
 
 class _Remote(io.RawIOBase):
-    """A remote file whose failures are OSError, as those of a file."""
+    """A remote file that fails with OSError, like a local one."""
 
     def __init__(self, file: Any) -> None:
         super().__init__()

@@ -257,7 +257,7 @@ class Stream:
         return self._reader.readinto(room)
 
     def large_file(self, least: int) -> int | None:
-        """The descriptor where this is a plain file of which at least so many bytes are left.
+        """The descriptor, if this is a plain file with at least so many bytes left.
 
         A reader of the descriptor begins where this stands; this goes on where the reader ends.
         """
@@ -295,7 +295,7 @@ class Window:
         return stream.large_file(least) if isinstance(stream, Stream) else None
 
     def take_over(self, end: int, passed: int) -> None:
-        """Somebody else has read into `data`: it ends there now, and began so many bytes before."""
+        """The caller has read into `data`: it ends there now, and so many bytes before it are gone."""
         self.end = end
         self.base += passed
 

@@ -101,7 +101,7 @@ class PcapngWriter(Closing):
 
     @staticmethod
     def wrote(head: bytes, application: str) -> bool:
-        """Whether a file that begins with `head` is of this writer, for a program whose name begins so."""
+        """Whether a file that begins with `head` was written here, by a program with this name prefix."""
         kind, magic = struct.unpack_from("<I4xI", head) if len(head) >= 28 else (0, 0)
         (code,) = struct.unpack_from("<H", head, 24) if kind == SECTION else (0,)
         return (

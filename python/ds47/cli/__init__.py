@@ -36,7 +36,7 @@ COMMANDS = (
 
 _INTERRUPTED = 130
 _READER_LEFT = 141
-"""What a shell says of a program that SIGPIPE ended: nobody knows what the rest would have been."""
+"""The exit status that a shell shows after SIGPIPE: the rest of the output is unknown."""
 _INTERNAL = 70
 """EX_SOFTWARE of sysexits.h. Python itself would end with 1, which says that something was found."""
 
@@ -106,7 +106,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         nowhere = closed and problem.errno == errno.EBADF
         click.echo(f"ds47: {'standard output is closed' if nowhere else problem}", err=True)
         return 2
-    except Exception as problem:  # noqa: BLE001 (a fault of ours, and nobody above us)
+    except Exception as problem:  # noqa: BLE001 (our own fault, and no caller above)
         _explain(problem)
         return _INTERNAL
     finally:
@@ -129,7 +129,7 @@ def _meant(word: str) -> str:
 
 
 def _stand_in() -> bool:
-    """Opens the standard streams that whoever started this has closed (`>&-`): Python has None for them.
+    """Opens the standard streams that the caller has closed (`>&-`): Python has None for them.
 
     In their order, so that no other file gets their numbers. Writing to stdout fails then, as it does in
     every program; whether stdout was closed is the result.

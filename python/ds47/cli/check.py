@@ -106,7 +106,7 @@ def _run(
 
 
 def _gone(paths: Sequence[str], series: bool, fail_on: str | None) -> list[CheckOutcome]:
-    """The stored results of the folders whose capture is not there any more, each once."""
+    """The stored results in the folders that have lost their capture, each once."""
     from ds47.regression.config import ConfigError
     from ds47.regression.run import lonely
 

@@ -30,7 +30,7 @@ def cyclic_words(
     lang: str,
     vendor_id: int | None = None,
 ) -> str:
-    """What the words mean, as text or as JSON; `vendor_id`: whose error numbers of PKW count.
+    """What the words mean, as text or as JSON; `vendor_id`: the maker of the error numbers of PKW.
 
     Raises:
         click.UsageError: there are fewer or more bytes than such words have.

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 _UNREADABLE, _NOTHING = 3, 1
 _LINKS = {"profibus": 257, "user0": 147}
 _FILES_SHOWN = 20
-"""Files of a series whose filters are printed."""
+"""The most files of a series to print filters for."""
 
 
 @click.command("export")
@@ -218,7 +218,7 @@ def _examples_of(
 
 
 class _ExampleTargets:
-    """The files of the examples: none twice, none over what is read or what somebody recorded."""
+    """The files of the examples: none twice, none over an input or a recording."""
 
     def __init__(self, found: Sequence[Task], force: bool) -> None:
         self._force = force

@@ -1,4 +1,4 @@
-"""The options that choose transactions, for `ds47 export` and `ds47 report`: which, of what, of whom, and when.
+"""The options that choose transactions, for `ds47 export` and `ds47 report`: by number, content, device and time.
 
 Here: from words to a `Selection`. What a selection means is `ds47.report.selection`.
 """
@@ -114,7 +114,7 @@ class Choice(NamedTuple):
         return any(each is not None and each.kind != "absolute" for each in (self.start, self.end))
 
     def of(self, first_ns: int | None, last_ns: int | None = None) -> Selection:
-        """The selection in a capture whose first and last frames have these times."""
+        """The selection in a capture with these times of the first and last frame."""
         start, end = (self._time(each, first_ns or 0, last_ns) for each in (self.start, self.end))
         return self.selection._replace(start=start, end=end)
 

@@ -163,7 +163,7 @@ class _Watch:
             return self.run(running.output.fileno(), running)
 
     def run(self, descriptor: int, running: Dumpcap | None = None, *, follow: bool = False) -> int:
-        """Watches a pipe to its end, or until somebody has seen enough; `follow`: a file that grows."""
+        """Watches a pipe to its end, or until the user stops it; `follow`: a file that grows."""
         from ds47.report.bilingual import say
         from ds47.watch.feed import Feed, keyboard
 

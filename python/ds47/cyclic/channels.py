@@ -1,4 +1,4 @@
-"""Cyclic frames to what their channels say: which bytes of which frame are a channel, and what changed in them.
+"""From cyclic frames to the content of their channels: which bytes are a channel, and what changed in them.
 
 Relations come from Connects, or are named by hand; a later Connect of the same stations replaces what an earlier
 one said. Transactions of PKW are handed out when their relation is proven: a request and the response that
@@ -54,7 +54,7 @@ _SPEED = "NSOLL"
 
 
 class MixedFrames(NamedTuple):
-    """A frame that proves it, and whose frames these are: device, MAC address of the sender, frame id."""
+    """Frames of two drives under one id: a frame that proves it, device, MAC address of the sender, frame id."""
 
     frame: int
     device: str
@@ -108,11 +108,11 @@ class _Requests:
     changed: CycleMoment | None = None
     """When the words of the controller changed first, until a frame of the drive comes."""
     shared: bool = False
-    """Whether other drives have frames of the same id: the scan cannot tell whose change one is, and gives all."""
+    """Whether other drives use the same frame id: the scan gives all frames, as it cannot tell them apart."""
     asked: bool = False
     """Whether anything was."""
     doubt: set[bool] = field(default_factory=set)
-    """Directions (`sent`) whose frames may be of two sequences: what is over waits until that is known."""
+    """Directions (`sent`) with frames of perhaps two sequences: finished jobs wait until that is known."""
 
     def __post_init__(self) -> None:
         relation = self.relation
@@ -208,7 +208,7 @@ class DriveWords:
 
     @property
     def proven(self) -> bool:
-        """Whether it is a drive, as far as one can see."""
+        """Whether it seems to be a drive."""
         return self.relation.certainty in (SEEN, NAMED) and not (
             self.refuted or self.recorder.refuted
         )
@@ -368,7 +368,7 @@ class CyclicChannels:
         self._sides_to: dict[tuple[str, int, str], list[tuple[_Line, CyclicSide, bool]]] = {}
         """and by receiver, too."""
         self._shared: set[tuple[str, int]] = set()
-        """Senders and frame ids of which frames go to receivers that are in no relation, too."""
+        """Senders and frame ids with frames that also go to receivers outside any relation."""
         self._sequences: dict[tuple[str, int, str], Sequences] = {}
         """By sender, frame id and receiver."""
         self._newest: dict[tuple[str, int, str], tuple[int, int | None]] = {}
@@ -668,7 +668,7 @@ class CyclicChannels:
             if key not in self._shared:
                 self._shared.add(key)
                 self._tell()
-            return []  # of a device whose Connect is not in the capture
+            return []  # its Connect is not in the capture
         return to_it or self._sides.get(key, [])
 
     def _is_late(self, packet: Packet, side: CyclicSide) -> bool:
@@ -782,7 +782,7 @@ def _answered(ends: list[tuple[_Line, CyclicSide, bool]]) -> tuple[bytes, int] |
 
 
 def _counter(data: bytes, side: CyclicSide) -> int | None:
-    """The cycle counter of a frame; None where nobody knows where it is, or the capture cut it."""
+    """The cycle counter of a frame; None if its offset is unknown, or the capture cut it."""
     if side.status is None or len(data) <= side.status:
         return None
     return int.from_bytes(data[side.status - _COUNTER : side.status])

@@ -19,7 +19,7 @@ from ds47.model import Transaction
 from ds47.spec.semantics import Limits
 
 _OF_ITS_MAKER = ("DS508",)
-"""That AK 11 to 14 save is an extension of the maker whose tables these are."""
+"""AK 11 to 14, which save, are an extension of the maker of these tables."""
 DriveKey = tuple[str, str, int | None, int | None]
 
 
@@ -104,7 +104,7 @@ class Conclusions:
 
 
 def _about(relation: CyclicRelation, remarks: Iterable[Remark]) -> Iterator[Remark]:
-    """Remarks that know of whose drive they are; those about tables of one maker are of no other."""
+    """Remarks with their drive; those based on the tables of a maker apply to its drives only."""
     for each in remarks:
         if each.rule not in _OF_ITS_MAKER or not relation.is_foreign:
             each.of = relation

@@ -31,11 +31,11 @@ class TurnedDown:
     request: int
     response: int
     family: str | None
-    """Whose parameters the drive has."""
+    """The family of the drive's parameters."""
 
 
 def turned_down(item: Transaction) -> TurnedDown | None:
-    """The first parameter of a change whose error number is about a state; None where there is none."""
+    """The first parameter of a change with an error number about a state; None without one."""
     first, last = item.frames.write_request, item.frames.read_response
     if item.operation != "change" or first is None or last is None:
         return None

@@ -26,10 +26,10 @@ _Which = tuple[int | None, int]
 
 @dataclass(slots=True)
 class Habits:
-    """The requests of one relation, as far as they are remembered.
+    """The remembered requests of one relation.
 
     Args:
-        where: arguments of findings about the drive: the device, its slot and whose parameters it has.
+        where: arguments of findings about the drive: the device, its slot and its family of parameters.
         bounds: how much is too much.
         layout: of IND.
     """

@@ -257,7 +257,7 @@ class PkwChannel:
             self._before, self._job = self._job, None
 
     def _settle(self, job: PkwJob, at: CycleMoment | None, reason: str | None) -> None:
-        """The state of a transaction whose request ends.
+        """The state of a transaction at the end of its request.
 
         `reason` says why there is no answer, None: another request came.
         """

@@ -34,7 +34,7 @@ def remarks(relation: CyclicRelation, job: PkwJob, layout: str = pkw.CYCLIC) -> 
         yield Remark("DS504", job.ended.frame, which | frames)
     elif job.reason == handshake.WITHDRAWN and job.ended is not None:
         stood_ns = job.ended.time_ns - job.request.at.time_ns
-        if stood_ns >= 0:  # else somebody set the clock meanwhile: how long it stood is not known
+        if stood_ns >= 0:  # else the clock was set in between: the time is unknown
             yield Remark("DS503", job.ended.frame, which | {"milliseconds": stood_ns / 1e6})
 
 
@@ -42,7 +42,7 @@ def unanswered(relation: CyclicRelation, job: PkwJob, layout: str = pkw.CYCLIC) 
     """What reads as a request has no response: nothing proves that it is one, or it stands to the end."""
     last = job.ended or job.last or job.request.at
     stood_ns = last.time_ns - job.request.at.time_ns
-    if stood_ns >= 0:  # else somebody set the clock meanwhile
+    if stood_ns >= 0:  # else the clock was set in between
         which = _which(relation, job, layout)[1]
         yield Remark("DS514", job.request.at.frame, which | {"milliseconds": stood_ns / 1e6})
 

@@ -175,7 +175,7 @@ class Operation:
                 self._off.append((now, asked, name))
 
     def _by_itself(self, now: Now) -> None:
-        """OFF2 and OFF3 for which nobody asked, also not in a frame that the capture may have lost."""
+        """OFF2 and OFF3 without a request, not even in a frame that the capture may have lost."""
         for each in list(self._off):
             begun, asked, name = each
             late = now.time_ns - begun.time_ns > self.bounds.off_asked_ns

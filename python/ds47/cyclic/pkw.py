@@ -74,7 +74,7 @@ def decode(
         data: the four words as they stand in the frame.
         answer: whether the drive sent it.
         layout: CYCLIC or USS.
-        family: whose error numbers count, one of `spec.cyclic.families()`; None takes all that are known.
+        family: of the error numbers, one of `spec.cyclic.families()`; None takes all known ones.
 
     Raises:
         ValueError: there are fewer than eight bytes.

@@ -27,12 +27,12 @@ def source(sender: int, receiver: int) -> bytes:
 
 
 class PpoFeed:
-    """Feeds channels with the data of stations whose configuration was seen, or whose PPO is named.
+    """Feeds channels with the data of stations with a captured configuration or a named PPO.
 
     Args:
         channels: takes the relations, and the data.
         named: the PPO of stations, for captures without their Chk_Cfg, which counts more.
-        idents: knows of which make stations are; it hears of an exchange first.
+        idents: knows the makers of stations; it must hear of each exchange first.
     """
 
     SERVICES: ClassVar = frozenset({dp.EXCHANGE, dp.CONFIGURATION})
@@ -77,7 +77,7 @@ class PpoFeed:
             self._channels.configured(list(found), *sources, exchange.request.frame)
 
     def _fits(self, master: int, station: int, output: bytes, input_: bytes) -> bool:
-        """Whether data of a station whose PPO is named has its length; its channels begin with the first data."""
+        """Whether data has the length of the PPO named for its station; the channels begin with the first data."""
         row = self._named[station]
         if (master, station) not in self._at_work:
             self._at_work.add((master, station))

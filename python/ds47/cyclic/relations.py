@@ -122,12 +122,12 @@ class CyclicRelation:
 
     @property
     def maker(self) -> int | None:
-        """The vendor whose parameters it has where no family is known; on PROFIBUS only the family says that."""
+        """The vendor of its parameters if no family is known; on PROFIBUS only the family says it."""
         return None if self.is_bus else self.vendor_id
 
     @property
     def drives(self) -> str:
-        """Whose parameters it has, as far as is known."""
+        """The family of its parameters, if known."""
         return family_of(self.maker, self.family)
 
     @property
@@ -137,7 +137,7 @@ class CyclicRelation:
 
     @property
     def is_foreign(self) -> bool:
-        """Whether it is of no maker whose tables are known, as far as anything says whose it is."""
+        """Whether nothing shows Siemens as its maker, the only one with tables here."""
         return self.vendor_id != SIEMENS
 
     def result(self) -> model.Relation:
@@ -205,7 +205,7 @@ def _lengths(submodule: Submodule) -> tuple[int, int]:
 
 
 def fitting_telegrams(lengths: list[tuple[int, int]], pkw: bool) -> tuple[int, ...]:
-    """The telegrams, with PKW or without, whose process data has one of these lengths (output, input)."""
+    """The telegrams, with or without PKW, with process data of one of these lengths (output, input)."""
     return tuple(
         row.number for each in lengths for row in telegrams().values()
         if row.pkw == pkw and (_size(row.out), _size(row.inward)) == each

@@ -34,7 +34,7 @@ class Head(NamedTuple):
 
 
 class Sequences:
-    """The sequences of counters among such frames, as far as they are looked at.
+    """The sequences of counters among such frames, within limits.
 
     Args:
         cycle_ns: from one frame to the next.

@@ -80,7 +80,7 @@ class Values:
 
 @dataclass(slots=True)
 class Recorder:
-    """What happened to a drive, as far as its cyclic frames say.
+    """What happened to a drive, from its cyclic frames.
 
     Args:
         operation: gets every frame while the data of both sides is valid.
@@ -175,7 +175,7 @@ class Recorder:
         self.operation.look(Now(frame, self.end_ns, stw1, heeded, zsw1, *values))
 
     def skipped(self) -> None:
-        """Frames are missing from here on: what became of the words in them nobody knows."""
+        """Frames are missing from here on: the words in them are unknown."""
         self._skipped, self._on_ns = True, None
         self.trips.skipped()
         self.operation.skipped()
@@ -221,7 +221,7 @@ class Recorder:
 
     def _status(self, zsw1: int, frame: int, time_ns: int) -> None:
         before, self._zsw1 = self._zsw1, zsw1
-        # What was between two times of valid data nobody knows; behind frames that are missing the fault was seen.
+        # Between two periods of valid data everything is unknown. A fault on both sides of a gap was seen before it.
         lost = False in self._lost
         seen, since = not (lost or self._skipped), None if lost else self.fault_since
         self.fault_since = (since or frame) if zsw1 & _FAULT else None
@@ -305,7 +305,7 @@ class Recorder:
         return next((code for at, code in self.faults if at > frame and code), None)
 
     def running(self, first: int, last: int) -> bool | None:
-        """Whether the drive ran in all frames from one to another; None where it changed, or nobody knows."""
+        """Whether the drive ran in all frames from one to another; None if it changed, or if that is unknown."""
         found = now = newest = None
         for event in self.events:
             if event.word == "ZSW1" and event.after is not None:
@@ -328,7 +328,7 @@ class Recorder:
         return begun[-1] if begun else None
 
     def state_at(self, frame: int) -> str | None:
-        """The state of the drive in a frame; None where nobody knows."""
+        """The state of the drive in a frame; None if unknown."""
         before = [each.state for each in self.events if each.frame <= frame]
         return before[-1] if before else None
 

@@ -31,9 +31,9 @@ class Trips:
     _asked: bool = False
     """Whether it is asked to run."""
     _anew: bool = False
-    """Whether it is so since the last word of the drive alone: what was asked before may stop it still."""
+    """Whether that began only after the last word of the drive: an earlier request may still stop it."""
     _since_ns: int | None = None
-    """Since when it does not run, or its data is not valid, though nobody switched it off."""
+    """Since when it does not run, or its data is not valid, without having been switched off."""
 
     def asked(self, heeded: int) -> None:
         """The control word that the drive heeds, whether or not its own data is valid."""

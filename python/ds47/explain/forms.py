@@ -15,7 +15,7 @@ PARAMETER, FAULT, ALARM = "parameter", "fault", "alarm"
 MESSAGES = {"F": FAULT, "A": ALARM}
 """The letters in front of the numbers of faults and alarms."""
 CYCLIC = ("stw1", "zsw1")
-"""Kinds whose codes are the control word and the status word of cyclic frames."""
+"""Kinds of the control word and the status word of cyclic frames."""
 
 _PREFIX = re.compile(r"(?:[BWD]{1,2}#)?16#|0X|&H|\$")
 _DECIMAL_PREFIX = re.compile(r"10#")

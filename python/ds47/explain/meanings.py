@@ -87,7 +87,7 @@ class CodeMeaning:
 
 @dataclass(frozen=True, slots=True)
 class Maker:
-    """Whose device it is: the name of a table of error numbers, None where there is none."""
+    """The maker: the name of a table of error numbers, None without one."""
 
     name: str | None
 
@@ -114,7 +114,7 @@ def explain(text: str, lang: str = "en", vendor: Maker | None = None) -> list[Co
     Args:
         text: the code, see `read`.
         lang: "en" or "zh".
-        vendor: whose error numbers count; None takes all that are known.
+        vendor: of the error numbers; None takes all known ones.
 
     Raises:
         UnknownFormError: the text is not a code.
@@ -208,7 +208,7 @@ def _status(status: int, lang: str, word: int | None = None) -> CodeMeaning:
 
 
 def _read_too_early(status: int) -> int | None:
-    """The status whose first three bytes these are behind a byte in front; None where it has no meaning."""
+    """The status that begins one byte later, with 0 as its last byte; None if it has no meaning."""
     late = status << 8 & 0xFFFFFFFF
     first = late >> 24
     begins = first in spec.status("en").code or (first and first in _PLC_FUNCTIONS)
@@ -376,7 +376,7 @@ RETURNED = ("consistent_data", "record_data")
 S7_ERROR, S7_ITEM = "s7_error", "s7_item"
 """The kinds of words with which S7 communication refuses a job, and of bytes that it says of an item."""
 _FILTERS = {"error_code": "service"} | dict.fromkeys(RETURNED, "")
-"""Kinds of which the filters have another name, or which have none."""
+"""Kinds with another name in filters, or without filters."""
 
 
 def _names(kind: str) -> Mapping[int, str]:

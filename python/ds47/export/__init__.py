@@ -2,7 +2,7 @@
 
     analysis -> what is wanted (`selection`) -> all frames of it (`tracking`) -> a second reading that copies
 
-With `Replacements` the frames are rewritten on the way, so that nobody can tell whose they are: `anonymise`.
+With `Replacements` the frames are rewritten on the way, to hide their origin: `anonymise`.
 Nothing is printed here.
 """
 
@@ -86,7 +86,7 @@ class ExportOutcome:
         result: of the analysis.
         frames: numbers of the exported frames in the original, sorted.
         transactions: of how many chosen transactions a frame is exported.
-        left_out: frames that were wanted, and are not exported because nobody can tell what they hold.
+        left_out: wanted frames that are not exported because their content is unknown.
         leaks: frame and text of what was left out because an original still stood in it.
     """
 
@@ -185,10 +185,10 @@ def _copied(
 ) -> ExportOutcome:
     """Writes what is chosen; `also` are frames that are copied whatever is in them, without a key."""
     outcome = ExportOutcome(result)
-    s7_ports = _ports(options) if key is None else ()  # nobody replaces what is in these, either
+    s7_ports = _ports(options) if key is None else ()  # nothing in these is replaced, either
     wanted = _Survey(selection, chosen, s7_ports).run(source)
     if key is None:
-        wanted |= _cyclic(chosen) | set(also)  # nobody replaces what is in these
+        wanted |= _cyclic(chosen) | set(also)  # nothing in these is replaced
         frames: Iterable[WholeFrame] = _plain(source, wanted, selection, chosen)
         frames = frames if bus_link is None else _relinked(frames, bus_link)
     else:
@@ -462,7 +462,7 @@ def _write_all(
     plain: bool,
 ) -> None:
     interfaces: dict[Interface, int] = {}
-    # names of files say where somebody has measured: not in a copy without names
+    # file names show where a capture was taken: not in a copy without names
     file_frames = FileFrames(outcome.result.files if plain else ())
     with PcapngWriter(stream, link_type=None, application=APPLICATION + __version__) as writer:
         for frame in frames:

@@ -200,7 +200,7 @@ class Anonymiser:
 
 
 def internet_checksum(data: bytes) -> int:
-    """The checksum of IP, UDP and others (RFC 1071) over data whose own checksum is 0."""
+    """The checksum of IP, UDP and others (RFC 1071) over data with its own checksum set to 0."""
     if len(data) % 2:
         data += b"\0"
     total: int = sum(struct.unpack(f">{len(data) // 2}H", data))

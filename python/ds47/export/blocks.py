@@ -79,7 +79,7 @@ _BLOCKS: Mapping[int, _Layout] = {
 
 
 def body(key: Replacements, pdu: rpc.Pdu, record: Record) -> bytes:
-    """The body of a whole request or response, as far as it was captured."""
+    """The captured body of a whole request or response."""
     data = pdu.body
     if pdu.ptype not in (0, 2):
         return data[:4] + blank(data[4:])  # a status at the most

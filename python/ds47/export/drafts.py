@@ -22,7 +22,7 @@ class Draft:
     data: bytearray
     layer: int
     kept: bool | None = None
-    """Whether it is exported; None as long as nobody knows."""
+    """Whether it is exported; None while that is unknown."""
 
 
 class Drafts:

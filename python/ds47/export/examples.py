@@ -18,7 +18,7 @@ from .selection import Chosen, chosen_of
 MOST = 50
 """Examples of one capture."""
 _NAMED = 10
-"""Frames that a finding names, of which an example takes the transactions."""
+"""The most frames of a finding to take transactions from for an example."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Which frames somebody wants, and what to say about each of them.
+"""The wanted frames, and what to say about each of them.
 
 From the result of an analysis and a `Selection` (`ds47.report.selection`) to frame numbers with comments. No file
 is opened here, and what belongs together on the wire (fragments) is the business of `messages`.

@@ -21,7 +21,7 @@ from ds47.spec.semantics import limits
 Kind = Literal["rpc", "dcp", "lldp", "foreign"]
 
 _REMEMBERED: Final = 64
-"""Finished RPC messages whose fragments are known when they come again; fewer where they are long."""
+"""Finished RPC messages to remember, so that repeated fragments are recognised; fewer if they are long."""
 
 
 @dataclass(slots=True, eq=False)

@@ -89,7 +89,7 @@ class Rewriter:
         return bytes(out)
 
     def _block(self, block: Block, address: Address | None, vendor: int | None) -> bytes:
-        """The values of a block; `address` is None where nobody knows which parameter they are of."""
+        """The values of a block; `address` is None if their parameter is unknown."""
         if block.format == ERROR:
             return block.raw[:_ERROR_WORDS] + _unread(block.raw[_ERROR_WORDS:])
         if address is None:
@@ -112,7 +112,7 @@ def _limits(address: Address, block: Block) -> bool:
 
 
 def _unread(data: bytes) -> bytes:
-    """For bytes that nobody can read: where there was something there still is something."""
+    """For undecodable bytes: non-zero bytes stay non-zero."""
     return bytes(0xA5 if byte else 0 for byte in data)
 
 

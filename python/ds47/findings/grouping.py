@@ -16,7 +16,7 @@ from ds47.spec import rules
 from ds47.spec.semantics import known
 
 OF_THE_RECORDING: Final = "DS725"
-"""What the capture lacks comes first: whoever reads the rest has to know it."""
+"""What the capture lacks comes first: readers need it to understand the rest."""
 _OFFERED: Final = 8
 """Corrected requests of a cause that are kept until it is known which of them holds."""
 

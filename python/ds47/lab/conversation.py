@@ -73,7 +73,7 @@ def _goes_on(client: Client) -> None:
 
 @BOOK.scene("RDREC is never started", ("read", "unanswered"), rules="DS401")
 def read_unanswered(client: Client) -> None:
-    """A read whose response nobody fetches."""
+    """A read without a fetched response."""
     client.write(READ)
     _goes_on(client)
 

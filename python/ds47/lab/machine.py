@@ -1,4 +1,4 @@
-"""A machine: a controller whose cyclic frames carry the words of a simulated drive, and how a program uses them.
+"""A machine: a controller with a simulated drive in its cyclic frames, and a program that uses both.
 
 Written for scenes: `control`, `setpoint`, `run`, `read`, `change`. What a drive does is in `drive`, how frames
 look in `cyclic` (PROFINET) and `ppo` (PROFIBUS).

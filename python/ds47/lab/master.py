@@ -16,7 +16,7 @@ SET_PRM = "b81e010080b501c00000"
 """Locked, watchdog 300 ms, ident 80B5 (MICROMASTER 4), group 1, DPV1 enabled (C0)."""
 NO_DPV1 = "b81e010080b501000000"
 WAITS, READY = "000400ff80b5", "000c000280b5"
-"""Slave_Diag before Set_Prm, of nobody; and after it: the watchdog is on, of master 2."""
+"""Slave_Diag before Set_Prm, without a master; and after it, with the watchdog and master 2."""
 PPO1, PPO3 = "f3f1", "f1"
 FAULTY = "080c000280b506810000ab12"
 """Slave_Diag with extended diagnosis."""
@@ -182,7 +182,7 @@ class Master:
         self._polls(way, polls, refused or (head + bytes((len(data),)) + data).hex())
 
     def _polls(self, way: Way, polls: int, last: str) -> None:
-        """So many polls, the last of which brings this."""
+        """So many polls; the last one returns this."""
         for _ in range(polls - 1):
             self.service(way, "")
         self.service(way, "", last)
@@ -190,7 +190,7 @@ class Master:
     def parameters(
         self, way: Way, request: bytes, response: bytes, polls: int = 1, busy: int = 0
     ) -> None:
-        """A whole transaction of DS47: write, and reads, so many of which are answered B5."""
+        """A whole transaction of DS47: a write, reads that are answered B5, and the last read."""
         self.write(way, request, polls)
         for _ in range(busy):
             self.read(way, refused=NOT_READY)

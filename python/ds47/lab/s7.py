@@ -32,7 +32,7 @@ def station(number: int) -> Host:
 
 @dataclass(slots=True)
 class Cpu:
-    """A CPU whose memory clients read and write."""
+    """A CPU with memory that clients read and write."""
 
     stage: Stage
     host: Host = field(default_factory=lambda: station(1))

@@ -96,7 +96,7 @@ class Catalogue:
 
 
 def fits(found: ParameterList, vendor_id: int | None, device_id: int | None) -> bool:
-    """Whether a list is for a device: what the list does not name is anything, what nobody knows is no match."""
+    """Whether a list is for a device: a list without an id fits all, an unknown device fits no id."""
     if found.vendor_id is not None and found.vendor_id != vendor_id:
         return False
     return not found.device_ids or device_id in found.device_ids

@@ -29,7 +29,7 @@ def guessed(cells: Sequence[str], named: Mapping[str, str]) -> dict[str, int]:
 
     Args:
         cells: the row.
-        named: key of COLUMNS -> heading, as somebody said; these have to be there.
+        named: key of COLUMNS -> heading, from the user; these must be there.
     """
     headings = [_plain(cell) for cell in cells]
     found: dict[str, int] = {}

@@ -166,7 +166,7 @@ def refuses(answer: Telegram) -> bool:
 def decode(item: Telegram) -> Content | None:
     """What a frame says, None for nothing that DP-V0 knows (docs/profibus.md 3).
 
-    A frame with flaws is decoded as far as it goes: none of that is proved then.
+    A frame with flaws is decoded as far as possible, without proof.
     """
     name = service(item)
     if name == EXCHANGE:

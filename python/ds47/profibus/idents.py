@@ -1,7 +1,7 @@
 """Which make the stations of a line are, by the ident numbers that the capture shows (docs/profibus.md 3).
 
 Hears of the exchanges of a line. What a slave says of itself (Slave_Diag) counts more than what a master sends it
-(Set_Prm): a project may name the wrong device. Which ident number is whose is in spec/profibus.toml.
+(Set_Prm): a project may name the wrong device. spec/profibus.toml lists the makers of ident numbers.
 """
 
 from __future__ import annotations
@@ -45,5 +45,5 @@ class Idents:
         return self._said.get(station, self._sent.get(station))
 
     def family(self, station: int) -> str | None:
-        """Of which family its parameters are (spec/parameters.toml); None where that is not known."""
+        """The family of its parameters (spec/parameters.toml); None if unknown."""
         return profibus.family(self.of(station))

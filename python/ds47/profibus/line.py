@@ -13,7 +13,7 @@ from typing import Final
 from ds47.profibus.telegram import SC, SD4, Front, Telegram
 
 CUT: Final = "cut"
-"""The flaw of a frame of which the end is missing."""
+"""The flaw of a frame without its end."""
 MOST_RETRIES = 16
 """Retries of an exchange that are kept; masters repeat a request up to 15 times."""
 
@@ -38,7 +38,7 @@ class Exchange:
 
     request: LineFrame
     answer: LineFrame | None
-    """None where none came, or nobody answers such a request."""
+    """None if none came, or if such a request has no answer."""
     retries: list[LineFrame]
     """The same request again, because the master got no answer: the first ones,"""
     retried: int
@@ -49,7 +49,7 @@ class Exchange:
     """The newest request to its station before which an exchange was not seen: it has the FCB of the one that was,
     and does not repeat that; 0 for none."""
     silent: bool
-    """Whether nobody answers such a request."""
+    """Whether such a request has no answer."""
     damaged: int
     """The first damaged frame that stands where its answer should; 0 for none."""
     spoiled: int
@@ -88,7 +88,7 @@ class Exchange:
 class Line:
     """Takes the frames of one line and gives their exchanges, each when it is over.
 
-    Damaged frames are none: a request behind whose answer was damaged stays without it.
+    Damaged frames do not count: a request with a damaged answer stays without one.
     """
 
     def __init__(self) -> None:
@@ -276,7 +276,7 @@ def _in_time(asked: Exchange, answer: LineFrame) -> bool:
 
 
 def _fits(request: Front, answer: Front) -> bool:
-    """Whether an answer is one to a request: SC names nobody, others have stations and SAPs turned round."""
+    """Whether an answer is one to a request: SC has no addresses, others have stations and SAPs reversed."""
     if answer.kind == SC:
         return True
     if answer.way != request.back:

@@ -99,7 +99,7 @@ class LineStation:
     asks: bool = False
     """Whether it is a master."""
     asked: int = 0
-    """Requests to it that somebody answers, FDL_Status to one that is not there aside,"""
+    """Requests to it that expect an answer, except FDL_Status to a missing station,"""
     silent: Counted = field(default_factory=Counted)
     """those without an answer, as the next request of its master shows,"""
     unheard: dict[int | None, LineFrame] = field(default_factory=dict)
@@ -138,7 +138,7 @@ class LineStation:
     hole: int = 0
     """The last request before which something was not seen."""
     unsure: dict[str | None, int] = field(default_factory=dict)
-    """Services of which the newest request, in a frame, has no answer: nobody knows whether it was taken."""
+    """Services with an unanswered newest request, by its frame: it is unknown whether it was accepted."""
     diagnosis: dp.SlaveDiagnosis | None = None
     diagnosis_frame: int | None = None
     """and answer to Slave_Diag."""
@@ -337,7 +337,7 @@ def _count(station: LineStation, exchange: Exchange) -> None:
         station.unsure[seen.item.front.service] = seen.frame
     if answer is not None and exchange.retried <= len(
         exchange.retries
-    ):  # else nobody knows when the last one was sent
+    ):  # else the time of the last one is unknown
         last = exchange.retries[-1] if exchange.retries else seen
         station.answers.add(answer.time_ns - last.time_ns)
 

@@ -57,7 +57,7 @@ class TelegramReader:
         self._lost = b""
         self._tokens: set[bytes] = set()
         self._blind: set[int] = set()
-        """Where tokens and SC begin that lead to no frame, as far as they were followed."""
+        """Offsets of tokens and SC that were followed and lead to no frame."""
 
     def feed(self, data: bytes) -> Iterator[LinePiece]:
         """The frames that further bytes make certain, in their order."""
@@ -124,7 +124,7 @@ class TelegramReader:
         return 0 if any(_proved(data, at + step) for step in range(1, length)) else length
 
     def _other_start(self, data: bytes, at: int) -> int:
-        """A frame whose start byte is a wrong one: with the right one all of it is proved."""
+        """A frame with a wrong start byte: the right one makes all of it valid."""
         if _begins(data, at + (_unproved(data, at) or 1)) and data[at] in _starts():
             return 0
         for kind in (SD2, SD1, SD3):
@@ -185,7 +185,7 @@ def _unproved(data: bytes, at: int) -> int:
 
 
 def _damaged(data: bytes, at: int) -> int:
-    """A frame with a wrong byte whose length is certain all the same; 0 where it is not.
+    """The certain length of a frame with a wrong byte; 0 if it is not certain.
 
     One of check byte and end byte is right, or with one of two length bytes that differ both are.
     """

@@ -25,12 +25,12 @@ _LIMIT: Final = 4
 _BYTES: Final = {"number": 4, "text": 16, "octets": 16}
 """Kinds of formats in which drives send a description or a text, and the most bytes of a value."""
 _LIMITED: Final = frozenset(("number", "float", "duration", "time_of_day"))
-"""Kinds of formats whose values have limits."""
+"""Kinds of formats with limits for values."""
 
 
 @dataclass(slots=True)
 class Description:
-    """A description as far as a message has it; None where it has not, or no table knows what it is.
+    """A description from a message; None for what is missing, or unknown to the tables.
 
     Attributes:
         identifier: the word of data type and bits.

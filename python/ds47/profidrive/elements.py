@@ -9,7 +9,7 @@ from ds47.spec import format_named
 
 
 def is_whole(format_name: object) -> bool:
-    """Whether values of a format are one string of which each character or octet is an element.
+    """Whether values of a format are one string, with each character or octet as an element.
 
     Args:
         format_name: the name of a format; anything else is none, as a stored result may have it.

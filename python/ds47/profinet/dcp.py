@@ -40,7 +40,7 @@ class StationInfo:
 
 
 def parse(packet: Packet) -> StationInfo | None:
-    """Read a packet of kind "dcp"; None when it names nobody. Never raises on any bytes."""
+    """Read a packet of kind "dcp"; None when it names no station. Never raises on any bytes."""
     data = packet.payload
     if len(data) < _HEADER:
         return None

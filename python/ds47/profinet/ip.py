@@ -304,6 +304,6 @@ class Reassembler:
         entry = self._close(key)
         if self.traces is not None and entry.trace is not None:
             self.traces.lose([entry.trace])
-        elif 0 in entry.pieces:  # without the beginning nobody can tell whose it was
+        elif 0 in entry.pieces:  # without the beginning its protocol is unknown
             entry.limit = limit
             self.given_up.append(entry)

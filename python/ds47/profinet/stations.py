@@ -18,7 +18,7 @@ class Stations:
 
     Args:
         most: how many stations are kept, the oldest goes first; and how many devices, the first stay.
-        vendor_id: whose devices are of which nothing says a vendor; None: nobody's.
+        vendor_id: the assumed vendor of devices without one in the capture; None: no assumption.
     """
 
     def __init__(self, most: int = 65_536, vendor_id: int | None = None) -> None:
@@ -26,7 +26,7 @@ class Stations:
         self._vendor_id = vendor_id
         self._servers: OrderedDict[str, Device] = OrderedDict()
         self.known: set[str] = set()
-        """IP addresses of devices of which no response can say more."""
+        """IP addresses of devices that no response can tell more about."""
         self._stations: OrderedDict[str, dcp.StationInfo] = OrderedDict()
         self._by_ip: OrderedDict[str, str] = OrderedDict()
         """MAC address of the station that was the last to say that it has this IP address."""
@@ -60,7 +60,7 @@ class Stations:
             self._learn(pdu.destination, None, pdu.object_uuid)
 
     def vendor(self, ip: str) -> int | None:
-        """Vendor id of a device whose record call does not say it: as shown up to now, else what is assumed."""
+        """Vendor id of a device if its record call lacks it: as shown so far, else the assumed one."""
         device = self._servers.get(ip)
         if device is not None and device.vendor_id is not None:
             return device.vendor_id

@@ -57,7 +57,7 @@ def names_for(capture: str) -> tuple[str, ...]:
 
 
 def orphans(names: Sequence[str], *, series: bool) -> Iterator[tuple[str, str]]:
-    """The stored results among the names of one folder whose capture is not looked at there.
+    """The stored results among the names of one folder that belong to no checked capture.
 
     Each with what is the matter, and what to do. `series`: the files of a series are one capture.
     """
@@ -177,7 +177,7 @@ def save(
         path: where it stands.
         stored: its `content`.
         capture: the name of the file, of a series of its first one.
-        version: the ds47 whose analysis it is.
+        version: of the ds47 that analysed it.
 
     Raises:
         OSError: it cannot be written.

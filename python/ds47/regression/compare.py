@@ -76,7 +76,7 @@ class Change:
         path: keys inside the transaction (or the capture object) that lead to what changed.
         was, is_now: the two values; None where there is none.
         pnu, subindex, device, rule: what it is about, for `ds47 accept --where`.
-        version: the version of ds47 of which alone it comes (`ds47.regression.versions`), else None.
+        version: the version of ds47 that alone causes it (`ds47.regression.versions`), else None.
         because: what changed in that version: a rule, a state, or a key of `otherwise` in spec/rules.toml.
     """
 

@@ -125,7 +125,7 @@ def kind_of(row: ElementDifference) -> str:
 
 
 def _of_pair(pair: Pair, operation: str) -> str:
-    """The kind of a request whose outcome turned."""
+    """The kind of a request with a changed outcome."""
     one, other = pair
     if one[VALUE] and other[VALUE]:
         assert fails_otherwise(pair)

@@ -55,7 +55,7 @@ class ParameterTolerance:
 
 @dataclass(frozen=True, slots=True)
 class Mask:
-    """A parameter whose values change by themselves: they are not compared."""
+    """A parameter that changes by itself: its values are not compared."""
 
     pnu: int
     reason: str

@@ -60,7 +60,7 @@ _VALUES = {
 
 
 class ElementRun(NamedTuple):
-    """Rows of elements that follow one another, of which the captures show the same but for the values."""
+    """Rows of consecutive elements that differ only in their values."""
 
     rows: tuple[ElementDifference, ...]
 

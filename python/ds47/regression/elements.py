@@ -26,7 +26,7 @@ _DOUBTFUL: Final = frozenset({"DS106", "DS309", "DS315"})
 
 
 def vendor_of(device: Json) -> int | None:
-    """Whose a device of a report is: as the capture shows it, else as it was assumed."""
+    """The vendor of a device in a report: as the capture shows it, else the assumed one."""
     shown: int | None = device.get("vendor_id")
     return device.get("assumed_vendor_id") if shown is None else shown
 
@@ -66,7 +66,7 @@ class Outcomes:
 
     @property
     def open(self) -> int:
-        """Requests of which the capture does not show what came of them."""
+        """Requests without an outcome in the capture."""
         return self.asked - self.values - self.negative.total() - self.refused.total()
 
     @property
@@ -100,7 +100,7 @@ class History:
     name: str | None = None
     unit: str | None = None
     family: str | None = None
-    """Whose parameters the drive has, as far as the report says it."""
+    """The family of the drive's parameters, if the report gives it."""
 
     def of(self, operation: str) -> Outcomes | None:
         """The outcomes of "read" or "change"; None where there was none."""
@@ -112,7 +112,7 @@ class History:
 class CaptureElements:
     """What one capture shows of all elements.
 
-    `unknown`: transactions of which not all parameters that they asked for are in the capture.
+    `unknown`: transactions whose parameters are not all in the capture.
     `texts`: the words of the error numbers of each device.
     """
 

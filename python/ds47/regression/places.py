@@ -42,7 +42,7 @@ def access_of(item: Json, names: Mapping[str, str]) -> DriveAccess:
 
 
 def attributed(capture: Json) -> Iterator[Json]:
-    """The transactions whose response is known to belong to their request."""
+    """The transactions with a response that surely belongs to their request."""
     return (item for item in capture["transactions"] if item["state"] not in ("mismatch", "orphan"))
 
 

@@ -59,7 +59,7 @@ class _Seen:
 
 
 def buffers(result: CaptureResult, targets: Targets | None = None) -> list[Buffer]:
-    """Those of which a capture shows more than the numbers, in the order in which they were seen first."""
+    """The buffers that a capture shows with more than numbers, in the order of their first reads."""
     targets = targets or Targets(result.evidence)
     seen: dict[tuple[Identity, str], _Seen] = {}
     reads = [
@@ -91,7 +91,7 @@ def _take(item: Transaction, seen: dict[tuple[Identity, str], _Seen], targets: T
             if any(at in known and known[at].value != now[at].value for at in now):
                 there.columns.clear()  # the entries are others now
         elif not any(name in there.columns for name in LEADING):
-            continue  # of which entries it is, is not known
+            continue  # its entries are unknown
         there.columns.setdefault(column, {}).update(now)
 
 

@@ -33,7 +33,7 @@ def head() -> list[Both]:
 
 
 def rows(bus: Bus) -> Iterator[list[Both]]:
-    """A row for each station; of one that nobody asked there is its role alone."""
+    """A row for each station; one that was never asked has only its role."""
     for each in bus.stations:
         cells = [Both.same(f"dp{each.address}"), say(f"bus_{each.role}")]
         yield [*cells, *(_cells(each) if each.requests else [_NOTHING] * (len(COLUMNS) - 2))]
@@ -72,7 +72,7 @@ def diagnoses(bus: Bus) -> Iterator[Both]:
 
 
 def hints(bus: Bus, relations: Sequence[Relation]) -> Iterator[Both]:
-    """How to name the PPO of stations whose Chk_Cfg is missing, and whose data has the lengths of one.
+    """How to name the PPO of stations without a captured Chk_Cfg, if their data has the lengths of one.
 
     Args:
         bus: the stations.

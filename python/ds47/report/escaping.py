@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 def escape(text: str) -> str:
-    """The text with everything a terminal might obey, or nobody could see, as an escape.
+    """The text with escapes for everything that a terminal might obey, or that is invisible.
 
     That is control characters (C0 and C1), marks that turn the direction of writing, line and
     paragraph separators, lone surrogates.

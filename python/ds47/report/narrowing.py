@@ -1,4 +1,4 @@
-"""A part of a result, as if the capture had no more: what somebody has chosen of it (`selection`), counted anew.
+"""A chosen part of a result (`selection`), counted anew as if the capture had no more.
 
 The analysis is always that of the whole capture: pairing, findings and values are right, whatever is shown. What
 is left out still proves what is what (`CaptureResult.entire`), and the result says how much that is.

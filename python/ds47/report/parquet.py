@@ -232,5 +232,5 @@ def _text(text: Any) -> Any:
 
 @cache
 def _numeric_formats() -> frozenset[str]:
-    """Formats whose values are numbers, also where JSON has to write them as a string."""
+    """Formats with numbers as values, even if JSON has to write them as strings."""
     return frozenset(row.name for row in spec.formats().values() if row.kind in _NUMERIC_KINDS)

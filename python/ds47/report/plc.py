@@ -31,7 +31,7 @@ _IN_PART: Final = "DS105"
 _OPEN: Final = ("unanswered", "incomplete")
 _CUT: Final = "DS106"
 _NOTHING: Final = ("DS206", "DS808", "DS110")
-"""The rules about a Read for which no request was open, or of which nobody knows."""
+"""The rules about a Read without an open request, or with an unknown one."""
 _END: Final = 1 << 62
 """Behind every frame."""
 _HEADER: Final = (("mirror_reference", 0), ("mirror_axis", 2), ("mirror_count", 3))
@@ -122,7 +122,7 @@ class Witness:
         return self._length(item) > len(item.response or b"")
 
     def _length(self, item: Transaction) -> int:
-        """Bytes of the record that was read, of which the capture may have only a part."""
+        """Bytes of the record that was read; the capture may have only a part of them."""
         return self._lengths.get(item.frames.read_response or 0, len(item.response or b""))
 
     def _reads(
@@ -178,7 +178,7 @@ def _followed(
     calls: Mapping[int, Sequence[Finding]],
     loose: Sequence[int],
 ) -> Iterator[int]:
-    """The ids of those behind whose last frame a Read came that may be of their channel."""
+    """The ids of transactions with a later Read that may be on their channel."""
     waiting = [each for each in transactions if each.state in _OPEN]
     newest = dict.fromkeys(map(_channel, waiting), max(loose, default=0))
     for item in transactions if waiting else ():

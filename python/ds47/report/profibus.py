@@ -136,7 +136,7 @@ def headline(item: Telegram) -> Both:
 
 
 def lines(item: Telegram) -> Iterator[Line]:
-    """A frame in words, field by field, its data as far as DP and MS1 know it."""
+    """A frame in words, field by field, with its data if DP and MS1 know it."""
     yield 0, _start(item)
     if item.fc is None:
         if item.kind == SD4 and None not in (item.da, item.sa):
@@ -188,7 +188,7 @@ def beside(item: Telegram) -> Iterator[Both]:
 
 
 def _start(item: Telegram) -> Both:
-    """The first bytes, as far as they say something."""
+    """The first bytes that say something."""
     if not item.kind:
         return say("decode_rest")
     if item.kind == SD2 and item.fc is not None:

@@ -125,7 +125,7 @@ def drives(result: CaptureResult) -> Iterator[Both]:
 
 
 def blocks_missing(result: CaptureResult) -> bool:
-    """Whether variables are read or written of a server of which nobody says how many bytes it copies at once."""
+    """Whether jobs access variables of a server with an unknown block size."""
     return any(
         each.block is None and each.drive is None and (each.read_bytes or each.written_bytes)
         for each in result.connections

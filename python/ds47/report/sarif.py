@@ -162,7 +162,7 @@ def _finding(path: str, item: Finding, subject: str, lang: str) -> SarifResult:
 
 
 def _subject(item: Transaction) -> str:
-    """What was asked of whom: the same in another recording of the same test."""
+    """The request and its device: the same in another recording of the same test."""
     asked = [(each.pnu, each.subindex, each.attribute) for each in item.parameters]
     where = (item.device, item.api, item.slot, item.subslot, item.index, item.axis)
     return repr((item.operation, where, asked))

@@ -45,7 +45,7 @@ _ANY_BYTES: Final = {
     2: (0x03, 0x06, 0x17, 0x42),
     4: (0x04, 0x07, 0x08, 0x18, 0x43),
 }
-"""The formats whose bytes are taken where nobody knows the type, by bytes per value."""
+"""The formats for raw bytes of an unknown type, by bytes per value."""
 _ANY_NUMBER: Final = (
     (Kind("SInt", "Byte", 1), (0x02,)),
     (Kind("USInt", "Byte", 1), (0x05, 0x41)),
@@ -55,7 +55,7 @@ _ANY_NUMBER: Final = (
     (Kind("UDInt", "DWord", 4), (0x07, 0x43)),
     (Kind("Real", "DWord", 4), (0x08,)),
 )
-"""The formats of a number whose type nobody knows, by the type that reads them; LReal holds each exactly."""
+"""The formats for a number of unknown type, by the type that reads them; LReal holds each exactly."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -408,7 +408,7 @@ def _chain(
 
 
 def _any_sizes(field: Field) -> Mapping[int, Sequence[int]]:
-    """The formats that are taken where nobody knows the type, by their bytes per value."""
+    """The formats for an unknown type, by their bytes per value."""
     if field.way != NUMBER:
         return _ANY_BYTES
     sizes: dict[int, list[int]] = {}

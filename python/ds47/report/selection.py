@@ -1,4 +1,4 @@
-"""Which transactions somebody wants, by device, drive object, parameter, station, state, rule and time.
+"""A selection of transactions by device, drive object, parameter, station, state, rule and time.
 
 The same for `ds47 export`, which copies their frames, and for a report that shows no others (`narrowing`). Options
 of the command line are `ds47.cli.selecting`.
@@ -21,7 +21,7 @@ class SelectionError(Exception):
 
 
 class Selection(NamedTuple):
-    """What somebody asked for: all criteria must apply, of each criterion one value is enough.
+    """The wanted transactions: all criteria must apply, one value of each is enough.
 
     Attributes:
         transactions: (first, last) ids.

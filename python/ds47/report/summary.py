@@ -268,7 +268,7 @@ class Opening:
 
 
 def about(item: Device, lang: str = "en") -> str:
-    """MAC, station name, vendor and device id of a device, as far as they are known."""
+    """MAC, station name, vendor and device id of a device, if known."""
     parts = [escape(item.mac)] if item.mac else []
     if item.station:
         parts.append(f'"{escape(item.station)}"')

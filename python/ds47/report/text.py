@@ -174,7 +174,7 @@ class Writer(_Writer):
             self._copied(line)
 
     def _copied(self, text: str) -> None:
-        """A line that is not broken: what somebody may copy, and what fits already."""
+        """A line that is not wrapped: text to copy, and text that fits."""
         self.stream.write(text + "\n")
 
     def _paint(self, color: str, text: str) -> str:
@@ -565,7 +565,7 @@ def _timing(item: Transaction) -> Both:
 
 
 def _traffic(result: CaptureResult) -> Both:
-    """What a capture without transactions has instead, so that nobody doubts it was read."""
+    """What a capture without transactions has instead, as proof that it was read."""
     calls = [
         say("record_index", index=index, kind=kind, number=str(number))
         for index, kinds in sorted(result.records.items(), key=_by_number)

@@ -38,7 +38,7 @@ _REFERENCE = 2000
 
 
 def reference(result: CaptureResult, device: str, given: Reference | None) -> Reference | None:
-    """What 100 % is of a drive: as it was given, else p2000 as it was read last; None where nobody says.
+    """What 100 % of a drive is: as given, else p2000 as read last; None if unknown.
 
     Its unit depends on the family (Hz on MICROMASTER, rpm on SINAMICS), and is not guessed.
     """
@@ -73,7 +73,7 @@ class EventRow:
 
     @property
     def last(self) -> Event:
-        """The event whose state counts."""
+        """The event with the effective state."""
         return self.events[-1]
 
     @property

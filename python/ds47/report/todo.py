@@ -33,7 +33,7 @@ def uncovered(result: CaptureResult) -> list[Finding]:
 
 
 def is_lowered(rule: str, severity: str) -> bool:
-    """Whether a finding is a note only because the drive is of a maker whose tables are not known."""
+    """Whether a finding is a note only because the maker of the drive has no tables here."""
     known = rules().get(rule)
     return severity == "note" and known is not None and known.severity != "note"
 
@@ -88,7 +88,7 @@ def _same_code(diagnosis: Finding, finding: Finding) -> bool:
 
 
 def by_state(result: CaptureResult, transactions: Collection[int]) -> Finding | None:
-    """What the status word of the drive says of the first of these transactions of which it says something."""
+    """What the status word says about the first of these transactions that it explains."""
     said = (each for each in result.findings if each.rule in _OF_STATE)
     return next((each for each in said if each.transaction in transactions), None)
 

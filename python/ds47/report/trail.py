@@ -113,7 +113,7 @@ def trail(result: CaptureResult) -> Trail:
 
 
 def changes(result: CaptureResult) -> list[WrittenChange]:
-    """Its changes alone: what was read of parameters that nobody wrote does not matter for them."""
+    """Only its changes: reads of parameters without a write do not matter for them."""
     walk = _Walk(result)
     walk.written_alone()
     return walk.run().changes
@@ -134,7 +134,7 @@ class _Walk:
         self._pending: dict[int, list[tuple[WrittenChange, TrailCell]]] = {}
         self._found = Trail()
         self._wanted: set[int | None] | None = None
-        """The PNUs of parameters whose reads matter; None for all."""
+        """The PNUs of parameters with relevant reads; None for all."""
 
     def written_alone(self) -> None:
         """Follows only what a request writes."""
@@ -282,7 +282,7 @@ class _Walk:
 
 
 def _requests(item: Transaction) -> Iterator[Transaction]:
-    """The requests that a job of S7 is: one for each drive object whose elements it has."""
+    """The requests in a job of S7: one for each drive object that it addresses."""
     for accepted in (True, False):
         found = [
             each for each in item.items

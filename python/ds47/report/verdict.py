@@ -18,7 +18,7 @@ from ds47.spec.layouts import RECORD_WRITE_MULTIPLE
 FAILED = ("refused", "error", "partial", "mismatch")
 """States of a transaction that did not do what it was meant to do."""
 OPEN = ("unanswered", "superseded", "incomplete")
-"""States of a transaction of which nobody knows what became of it."""
+"""States of a transaction with an unknown outcome."""
 CALLS = ("DS101", "DS104", "DS105", "DS108", "DS207")
 """Rules about a record call that brought nothing: where one did, not all is done."""
 KINDS = {
@@ -41,7 +41,7 @@ class VerdictCounts:
     unreadable: int = 0
     drives: set[str] = field(default_factory=set)
     watched: set[str] = field(default_factory=set)
-    """Devices whose control and status word are known."""
+    """Devices with known control and status words."""
     connections: int = 0
     """Of S7."""
     jobs: int = 0
@@ -51,7 +51,7 @@ class VerdictCounts:
     calls: int = 0
     """Findings about record calls that brought nothing."""
     lowered: int = 0
-    """Findings that are notes only because nobody knows the tables of the maker."""
+    """Findings that are notes only because the maker has no tables here."""
     cut: Counter[tuple[str, int | None]] = field(default_factory=Counter)
     """Messages that are cut before their record, by what is said of them and the bytes that are left of each."""
 
@@ -96,7 +96,7 @@ class VerdictCounts:
 
     @property
     def open(self) -> int:
-        """Transactions whose response nobody has seen."""
+        """Transactions without a captured response."""
         return sum(self.states[word] for word in OPEN)
 
     @property
@@ -177,7 +177,7 @@ def by_state(states: Counter[str], but: tuple[str, ...] = ()) -> list[Both]:
 
 
 def blind(result: CaptureResult) -> list[Both]:
-    """What this capture, other than another one, cannot show: nobody should conclude from its silence."""
+    """What this capture cannot show, though others can: its silence proves nothing."""
     result, lines = result.entire, []
     if any(_accepted(each) for each in result.transactions):
         lines.append(say("blind_effect"))

@@ -46,7 +46,7 @@ def byte_text(area: int, db: int, at: int) -> str:
 
 
 def joined(addresses: Sequence[S7Address]) -> S7Address:
-    """One address for areas of which each begins where the one before ends."""
+    """One address for consecutive areas, each beginning where the previous one ends."""
     first = addresses[0]
     if first.area in ELEMENTS:
         return S7Address(
@@ -174,7 +174,7 @@ class Splits:
         return found
 
     def over(self, job: S7Job) -> SplitArea | None:
-        """A job is over; gives the area of which it is the last part, as it does not fill its PDU."""
+        """A job is over; returns its area if it is the last part, as it does not fill its PDU."""
         parts = self._parts
         if not any(each.job is job for each in parts):
             return None

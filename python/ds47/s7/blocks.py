@@ -36,7 +36,7 @@ class Blocks:
     Args:
         sizes: bytes by IP address; ANYBODY stands for all others.
         kinds: ids of `spec.s7.cpus()` likewise.
-        most: partners of which it is kept what they said.
+        most: how many partners to remember.
     """
 
     def __init__(self, sizes: Mapping[str, int], kinds: Mapping[str, str], most: int) -> None:
@@ -62,7 +62,7 @@ class Blocks:
             self._stated[ip] = block
 
     def of(self, ip: str) -> BlockSize | None:
-        """The block of a partner; None where nobody says."""
+        """The block size of a partner; None if unknown."""
         for table in (self._chosen, self._kinds):
             block = table and (table.get(ip) or table.get(ANYBODY))
             if block:

@@ -115,7 +115,7 @@ class Question:
         others: writes, and further reads, from the beginning of the first part on. What may have come into force
             earlier and is not among them is in `before`.
         before: bytes whose values are known from then.
-        ignore: bit n: byte n is left out, because somebody writes it who was not captured.
+        ignore: bit n: byte n is left out, because an uncaptured station writes it.
     """
 
     def __init__(
@@ -151,7 +151,7 @@ class Question:
         self._moments = sorted({self.begin, *(t for t in times if self.begin <= t <= self.end)})
 
     def mixed(self) -> tuple[int, int] | None:
-        """Two bytes whose values never were in the memory together; None where there may be such a moment."""
+        """Two bytes that never had these values at the same time; None if there may be such a moment."""
         if self.held(self.all):
             return None
         bytes_left = _fewest(self.all, self.held)

@@ -92,7 +92,7 @@ def parameter(found: DriveElement, value: bytes | None) -> Parameter:
 
 
 def _real(data: bytes) -> dict[int | None, str] | None:
-    """What four bytes are as a Float32, where that is a number that somebody may mean: nothing says their type."""
+    """Four bytes as a Float32, if that is a plausible number: their type is unknown."""
     if len(data) != _WIDEST:
         return None
     (number,) = struct.unpack(">f", data)

@@ -160,7 +160,7 @@ def is_recent(job: S7Job, since: int | None) -> bool:
 
 
 def _state(items: list[S7Item]) -> str:
-    """What came of a job whose answer says something of its items."""
+    """The state of a job from the results of its items."""
     done = 0
     for item in items:
         done += item.code == DONE

@@ -93,14 +93,14 @@ class S7Judge(S7Listener):
         self._unfinished: dict[int, dict[str, tuple[int, int]]] = {}
         """Jobs of a connection that may go on behind the end of the capture, or began before it."""
         self._without_setup: dict[int, int] = {}
-        """The first job of connections whose setup was not seen."""
+        """The first job of connections without a captured setup."""
         self._open: dict[int, list[S7Job]] = {}
         """Jobs of the client of a connection."""
         self._crowds: dict[int, _Crowd] = {}
         self._sending: dict[tuple[int, bool, int | None], S7Job] = {}
         """Open BSEND by connection, direction and R_ID."""
         self._tangled: set[S7Job] = set()
-        """Those among them of which nobody can tell whose segments are whose."""
+        """Those of them with segments that cannot be assigned."""
         self._shapes: dict[tuple[int, bool, int | None], tuple[int, list[int]]] = {}
         """Frame and lengths of the last USEND likewise."""
 
@@ -306,7 +306,7 @@ class S7Judge(S7Listener):
                 self._items(failed, job, at, code)
 
     def _items(self, failed: list[S7Item], job: S7Job, at: At, code: int) -> None:
-        """What is refused with one code: parameters of a drive, else items, of which one may be a parameter."""
+        """What is refused with one code: parameters of a drive, else items; a single item may be a parameter."""
         drive = self._drives.drive_of(job.partner.ip) if job.from_client else None
         named = [(element(each.address), each.address) for each in failed]
         elements = [(found, address) for found, address in named if found and address]

@@ -18,10 +18,10 @@ _TCP = 6
 
 
 class LateCommunication:
-    """As `Communication`. It remembers which devices have a parameter channel.
+    """As `Communication`. Remembers which devices have a parameter channel.
 
     Args:
-        ports: of TCP that are wanted; none where nobody wants to hear of S7.
+        ports: wanted TCP ports; empty if S7 is not wanted.
         make: gives the communication.
         most: devices that are remembered.
     """
@@ -51,7 +51,7 @@ class LateCommunication:
             self._made.records(ip)
 
     def is_drive(self, ip: str) -> bool:
-        """Whether a server of S7 is a drive, as far as the capture shows it up to now."""
+        """Whether the capture so far shows that a server of S7 is a drive."""
         return self._made is not None and self._made.is_drive(ip)
 
     def finish(self) -> None:

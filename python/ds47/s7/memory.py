@@ -1,4 +1,4 @@
-"""What is known of one memory of a partner: who wrote what, and which bytes somebody writes who was not captured.
+"""What is known of one memory of a partner: who wrote what, and which bytes have uncaptured writers.
 
 Bounded: of what is long over only the last values are kept. What is of one moment is decided in `consistency`.
 """
@@ -26,7 +26,7 @@ class MixedBytes(NamedTuple):
 
 
 class MemoryImage:
-    """Values of bytes, as far as they are known."""
+    """The known values of bytes."""
 
     def __init__(self) -> None:
         self.known = 0
@@ -95,7 +95,7 @@ class Memory:
         self._since = -1
         """All accesses that may have been in force after this time are known."""
         self.foreign = 0
-        """Bit n: byte n had a value that no captured write explains, so somebody else writes it."""
+        """Bit n: byte n had a value that no captured write explains, so it has another writer."""
 
     def sent(self, write: ItemAccess) -> None:
         """A write was asked for: it may come into force at any time."""
@@ -136,7 +136,7 @@ class Memory:
             self._keep(read)
 
     def forget(self, time_ns: int) -> None:
-        """Until now the memory may have been written by somebody who was not heard."""
+        """Until now an uncaptured station may have written the memory."""
         self._since = max(self._since, time_ns)
         self._before, self._latest = MemoryImage(), MemoryImage()
         self._history.clear()
@@ -152,7 +152,7 @@ class Memory:
         return [each for each in self._reads if each.meets(whole)]
 
     def unread(self, read: ItemAccess) -> Iterator[ItemAccess]:
-        """Writes whose values a read should have, as nobody wrote after them, and which no read has met before."""
+        """Writes that a read should return, as no later write is known, and that no read has met before."""
         there = [each for each in (*self._all(), *self._reads) if _share(each, read)]
         for write in self.writes():
             later = [each for each in there if each.until >= write.asked_ns and each is not write]
@@ -205,7 +205,7 @@ class Memory:
         return MixedBytes(*two, min(meant, key=lambda each: (not each.sure, each.asked_ns)))
 
     def _unexplained(self, read: ItemAccess) -> None:
-        """Marks the bytes of a read whose values come from nobody who was captured."""
+        """Marks the bytes of a read with values that no captured write explains."""
         differ = self._latest.others(read, self.foreign)
         if not differ:
             return
@@ -289,7 +289,7 @@ def _come_over(image: MemoryImage, accesses: Sequence[ItemAccess]) -> None:
 
 
 def _explains(at: int, value: int, others: Sequence[ItemAccess], before: Mapping[int, int]) -> bool:
-    """Whether a byte was written, and somebody but the read itself knows of the value."""
+    """Whether a byte was written, and its value is known from more than the read itself."""
     there = [each for each in others if each.start <= at < each.end]
     if not any(each.write for each in there):
         return False

@@ -47,7 +47,7 @@ class _MemoryLog:
     """Numbers of accesses that have a remark already."""
 
     def remarks(self) -> Iterator[Remark]:
-        """What mixes two moments, unless somebody else was seen to write these bytes."""
+        """What mixes two moments, unless another writer of these bytes was seen."""
         for mixed, remark in self.mixed:
             if not self.memory.foreign & (1 << mixed.first | 1 << mixed.second):
                 yield remark
@@ -377,5 +377,5 @@ def _is_known(job: S7Job) -> bool:
 
 
 def _of(partner: _Partner, job: S7Job, number: int) -> list[ItemAccess]:
-    """What a job of a client does to memories of a partner; nothing where it is open whose they are."""
+    """What a job of a client does to memories of a partner; nothing if their owner is unclear."""
     return [] if not job.from_client or len(partner.slots) > 1 else accesses(job, number)

@@ -1,4 +1,4 @@
-"""What a CPU says of itself in a system status list (SZL) that somebody reads (docs/s7.md 6).
+"""What a CPU says about itself in the answer to a read of a system status list (SZL; docs/s7.md 6).
 
 Only lists that tell which CPU it is, or how many bytes it reads consistently for a panel.
 """

@@ -43,7 +43,7 @@ Ends = tuple[End, End]
 
 @dataclass(slots=True, init=False)
 class TcpSegment:
-    """A TCP segment; `length` counts the bytes that were sent, of which the capture may lack the last ones."""
+    """A TCP segment; `length` counts the sent bytes; the capture may lack the last ones."""
 
     source: End
     destination: End
@@ -83,7 +83,7 @@ class TcpSegment:
 def parse(
     source: str, destination: str, payload: bytes, missing: int, captured: int = 0
 ) -> TcpSegment | None:
-    """The segment in the payload of an IP packet of which so many bytes are missing; None where it is none.
+    """The segment in the payload of an IP packet with so many missing bytes; None if it is none.
 
     `captured`: bytes that the capture has of its frame, if that was cut.
     """

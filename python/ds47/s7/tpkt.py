@@ -28,7 +28,7 @@ _SIZE, _CALLING, _CALLED = 0xC0, 0xC1, 0xC2
 LEAST = 7
 """Bytes of the least TPKT that has a TPDU of S7."""
 LONGEST = 1 << 16
-"""Bytes of a PDU; more is nobody's."""
+"""The most bytes of a PDU."""
 _NOWHERE: Final = At(0, 0)
 
 
@@ -106,7 +106,7 @@ def _parameters(data: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def begins(data: bytes | bytearray, at: int = 0) -> bool:
-    """Whether a TPKT can begin here, as far as bytes are there: TPKT header, then a TPDU that fits into it."""
+    """Whether a TPKT can begin here, judging by the bytes present: TPKT header, then a TPDU that fits into it."""
     have = len(data) - at
     if data[at] != VERSION or (have > 1 and data[at + 1]):
         return False
@@ -269,7 +269,7 @@ class TpduReader:
 
 
 def _alone(piece: TcpPiece) -> list[WholeTpdu]:
-    """Bytes that come when nobody waits for them: only what is whole in them counts."""
+    """Unexpected bytes: only whole TPDUs in them count."""
     found = TpduReader().take(TcpPiece(piece.data, piece.at))
     for whole in found:
         whole.late = True

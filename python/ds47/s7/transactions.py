@@ -60,7 +60,7 @@ def build(job: S7Job, *, of_drive: bool) -> Transaction:
 
 
 def name_elements(transaction: Transaction) -> None:
-    """Says of each item whose element it is: the partner is a drive."""
+    """Adds the drive element to each item: the partner is a drive."""
     for item in transaction.items:
         found = drives.element_of(item)
         if found is not None:

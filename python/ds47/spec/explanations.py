@@ -152,7 +152,7 @@ def of_number(kind: str, code: int) -> Explanation | None:
 
 @cache
 def of_unknown() -> Explanation:
-    """What is said about a code of which nothing is known but its parts."""
+    """What is said about a code if only its parts are known."""
     row = _table()["unknown"]
     cause = CodeCause(row["cause_en"], row["cause_zh"], "usual")
     return Explanation((cause,), row["look_en"], row["look_zh"], plc=row["plc"])
@@ -189,7 +189,7 @@ def rank(name: str) -> int:
 
 
 def vendor_named(text: str) -> Vendor | None:
-    """The vendor whose error numbers are known, by its name or the name of its drives, in whatever case."""
+    """The vendor with known error numbers, by its name or the name of its drives, in any case."""
     name = vendor_names().get(text.lower(), text).lower()
     return next((each for each in vendors() if each.name.lower() == name), None)
 
@@ -213,7 +213,7 @@ def views(name: str) -> tuple[View, ...]:
 
 
 def filters(name: str) -> Mapping[str, str]:
-    """The display filters of that name: "wireshark" and "plugin", as far as there are any."""
+    """The display filters of that name: "wireshark" and "plugin", if there are any."""
     table: Mapping[str, str] = _table()["filter"][name]
     return table
 

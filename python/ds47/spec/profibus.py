@@ -26,7 +26,7 @@ class ProfibusCode(Row):
     wants: bool = False
     """The slave asks for Slave_Diag."""
     silent: bool = False
-    """Nobody answers it."""
+    """It has no answer."""
     probe: bool = False
     """It asks whether a station is there at all."""
 
@@ -97,7 +97,7 @@ def flags(table: str) -> tuple[Flag, ...]:
 
 
 def probes(code: int | None) -> bool:
-    """Whether a request asks who is there at all: of most addresses nobody answers that."""
+    """Whether a request asks if a station exists: most addresses do not answer."""
     row = codes("request").get(code or 0)
     return row is not None and row.probe
 
@@ -180,7 +180,7 @@ def refusals() -> Mapping[int, Function]:
 
 @cache
 def not_ready() -> tuple[int, int]:
-    """Error decode and error code 1 of a read whose answer is not there yet."""
+    """Error decode and error code 1 of a read that has no answer yet."""
     row = _load("profibus.toml")["not_ready"]
     return row["error_decode"], row["error_code_1"]
 

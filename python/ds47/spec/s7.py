@@ -112,7 +112,7 @@ def cpus() -> Mapping[str, CpuKind]:
 
 
 def is_drive(kind: str) -> bool:
-    """Whether a type of station, as DCP has it, is that of a drive whose parameters S7 reaches."""
+    """Whether a type of station in DCP is a drive with parameters that S7 reaches."""
     return kind.upper().startswith(tuple(_load("s7.toml")["drive_stations"]))
 
 

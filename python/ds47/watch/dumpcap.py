@@ -160,7 +160,7 @@ class Dumpcap(Closing):
             self._errors.append(line.decode("utf-8", errors="replace").rstrip())
 
     def _said(self) -> str:
-        """The line of its complaint, with advice where somebody can do something."""
+        """The line of its complaint, with advice if there is any."""
         lines = [line for line in self._errors if line]
         first = next((n for n, line in enumerate(lines) if line.startswith("dumpcap:")), None)
         text = "" if first is None else " ".join(lines[first : first + 3])

@@ -1,4 +1,4 @@
-"""Bytes as they come, and wishes of the person in between: a file object that nobody has to wait in.
+"""Bytes as they come, and requests of the user in between: a file object that never blocks the user.
 
 A thread reads the capture and another one the keyboard; both put what they got into one queue, and so
 do signal handlers. All else happens in the one thread that calls `read1`. The same way on all systems:
@@ -34,8 +34,8 @@ class Feed:
 
     Args:
         descriptor: of the pipe or file to read.
-        on_summary: called when somebody wants to see how things stand.
-        on_stop: called when somebody wants to stop: ends what writes into the pipe.
+        on_summary: called when the user asks for a summary.
+        on_stop: called when the user stops: ends the writer of the pipe.
         drain: whether there will be an end of the pipe then, worth waiting for.
         follow: whether the end of the file is only the end so far: more may be written behind it.
     """
@@ -64,7 +64,7 @@ class Feed:
 
     @property
     def stopped(self) -> bool:
-        """Whether somebody wanted to stop: then a capture that breaks off is no fault."""
+        """Whether the user stopped: then a truncated capture is no fault."""
         return self._deadline is not None
 
     def stop(self) -> None:
@@ -160,7 +160,7 @@ class Feed:
 
 
 def keyboard(source: int) -> int | None:
-    """The descriptor of a terminal that somebody may press Enter on; None where there is none."""
+    """The descriptor of a terminal where the user may press Enter; None without one."""
     with suppress(OSError, ValueError):
         if sys.stdin.isatty() and sys.stdin.fileno() != source:
             return sys.stdin.fileno()

@@ -45,7 +45,7 @@ class Tally:
             self._latency.add(round(item.duration_ns, min(0, _DIGITS - digits)))
 
     def changed(self, before: Transaction, after: Transaction) -> None:
-        """Counts one again whose state is another now."""
+        """Recounts one after a change of its state."""
         self.states[before.state] -= 1
         self.states[after.state] += 1
 
@@ -207,7 +207,7 @@ Show = TextShow | NdjsonShow
 
 
 class _Growing(text._Columns):
-    """Columns for transactions that nobody has seen yet: they only get wider."""
+    """Columns for transactions that are still to come: they only get wider."""
 
     def __init__(self, lang: str, clock: Clock) -> None:
         self.lang = lang
@@ -227,7 +227,7 @@ class _Growing(text._Columns):
         return self._clock
 
     def _seconds(self, item: Transaction) -> str:
-        """Only where there is no time of day: nobody sees the first frame of a live capture."""
+        """Only without a time of day: the first frame of a live capture is not shown."""
         return "" if self._clock.known else super()._seconds(item)
 
     def grow(self, item: Transaction) -> None:

@@ -58,7 +58,7 @@ _MOST_MS = 2**32 - 1
 _YEARS_MS = 2**53 / 1e6
 """Durations from which on tshark shows too few digits."""
 _HOME_NS = 2**60
-"""Where the first frame goes of a capture whose own times it cannot hold: 2006."""
+"""The time of the first frame in a capture with times that the file cannot hold: 2006."""
 
 Json = dict[str, Any]
 
@@ -256,7 +256,7 @@ def preferences(options: AnalysisOptions) -> list[str]:
     if not 0 <= slow_ms <= _MOST_MS or slow_ms != int(slow_ms):
         raise tshark.NotReadyError(f"the engine tshark takes whole ms for --slow, not {slow_ms:g}")
     codec = options.codec
-    # Wireshark 3.4 takes no empty value. Empty is what a preference is where nobody has set it.
+    # Wireshark 3.4 takes no empty value. A preference is empty unless set.
     indices = ",".join(map(str, sorted(options.indices)))
     layouts = dict(options.pkw_layouts)
     plain = layouts.pop("", "cyclic")
@@ -282,7 +282,7 @@ def preferences(options: AnalysisOptions) -> list[str]:
 
 
 def _is_tcp(frame: Frame) -> bool:
-    """Whether a frame is one of TCP, of which the plugin knows nothing."""
+    """Whether a frame is TCP, which the plugin does not decode."""
     kind, at = network_layer(frame.data, 0, len(frame.data), frame.link_type)
     return kind == IPV4 and frame.data[at + 9 : at + 10] == bytes((TCP,))
 
@@ -294,7 +294,7 @@ class _Extract(Capture):
         numbers: `numbers[n - 1]` is the number in the capture of frame n of that file.
         times: when the frames of the capture were.
         shift: nanoseconds by which all times are later in that file: it holds none before 1970.
-        misfit: the first frame whose time it cannot hold even so; None where all times are right.
+        misfit: the first frame with a time that it cannot hold even so; None if all times are right.
     """
 
     def __init__(self, source: str | Path | BinaryIO, path: Path) -> None:

@@ -122,7 +122,7 @@ def _digits(text: str | None) -> str | None:
 
 
 def _nothing(number: int) -> dict[str, Any]:
-    """A transaction of which no frame was read yet, with its keys in the order of the report."""
+    """A transaction before its first frame is read, with its keys in the order of the report."""
     transaction = _empty(contract.TRANSACTION)
     transaction["channel"] = DS47
     transaction["id"] = number

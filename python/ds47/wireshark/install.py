@@ -64,7 +64,7 @@ class InstallOutcome:
     replaced: str | None = None
     """The version that was there before."""
     kept: list[str] = field(default_factory=list)
-    """Files of ours that somebody changed, left as they are."""
+    """Our files that the user changed, left as they are."""
     foreign: list[str] = field(default_factory=list)
     """Files beside ours that we did not write, left where they are."""
     left: Path | None = None
@@ -168,7 +168,7 @@ def outdated(folder: Path, marker: Marker) -> list[str]:
 
 
 def stale(folder: Path, marker: Marker, files: Mapping[str, bytes]) -> list[str]:
-    """Files of which `folder` holds another state than `files`, the present version."""
+    """Files in `folder` that differ from `files`, the present version."""
     present = {name: _sha256(data) for name, data in files.items()}
     return sorted(
         name
@@ -370,7 +370,7 @@ def _remove_own(folder: Path, marker: Marker) -> int:
             (folder / name).unlink(missing_ok=True)
     (folder / MARKER).unlink(missing_ok=True)
     for path in (*reversed(_below(folder)[0]), folder):
-        with suppress(OSError):  # not empty: somebody else's files
+        with suppress(OSError):  # not empty: files of others
             path.rmdir()
     return removed
 

@@ -167,7 +167,7 @@ def capture_view(
 ) -> CaptureView:  # fmt: skip
     """What the page shows of a capture, with at most so many of its transactions.
 
-    `reference` is what 100 % of a setpoint is, where somebody has said so; `zone` that in which times are said.
+    `reference` is what 100 % of a setpoint is, if given; `zone` the time zone.
     """
     clock = Clock.of(result, zone)
     moments = FrameClock(result, clock)

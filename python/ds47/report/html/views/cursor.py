@@ -64,7 +64,7 @@ def readings(
         timeline: the drive.
         jobs: lane, transaction and words of each job that the drawing shows.
         reach: the times of the drawing.
-        reference: what 100 % is; None where nobody says.
+        reference: what 100 % is; None if unknown.
         frames: time to number, of the frames that the drawing shows one by one.
     """
     texts, rows = _Texts(), timelines.rows(timeline)

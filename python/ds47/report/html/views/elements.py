@@ -54,7 +54,7 @@ def elements(result: CaptureResult, targets: Targets | None = None) -> tuple[dic
     left_out: set[Key] = set()
     for item in result.transactions:
         if item.state in ("mismatch", "orphan"):
-            continue  # whose values these are is not known
+            continue  # its values belong to an unknown request
         if item.operation not in ("read", "change"):
             continue  # what a service of a vendor does with a parameter is not known either
         for each in item.parameters:

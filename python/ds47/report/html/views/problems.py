@@ -70,9 +70,9 @@ class Problem:
     request: bytes | None = None
     """The request as it should have been, where a diagnosis knows it."""
     family: str | None = None
-    """Whose parameters its drive has."""
+    """The family of its drive's parameters."""
     request_of: int | None = None
-    """The job whose request that is."""
+    """The job of that request."""
 
     @property
     def frame(self) -> int | None:

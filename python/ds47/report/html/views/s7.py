@@ -74,7 +74,7 @@ _Area = tuple[str, int, int, str]
 
 
 def marked(result: CaptureResult) -> dict[int, str]:
-    """The jobs, by id, of which a finding says that they are parts of an area, or that what they read is mixed."""
+    """The jobs, by id, that a finding calls parts of an area, or a mixed read."""
     frames = {
         mark: {frame for each in result.findings if each.rule == rule for frame in each.frames}
         for rule, mark in _MARKS.items()

@@ -151,9 +151,9 @@ class TimelineView:
 def views(
     result: CaptureResult, given: Reference | None = None, clock: Clock | None = None
 ) -> list[TimelineView]:
-    """The drives of a capture whose words are known.
+    """The drives of a capture with known words.
 
-    `given` is what 100 % is, where somebody said so; `clock` says the times, in UTC where there is none.
+    `given` is what 100 % is, if the user said so; `clock` words the times, by default in UTC.
     """
     clock = clock or Clock.of(result, UNIVERSAL)
     return [_view(result, each, given, clock) for each in result.timelines if each.events]
@@ -197,7 +197,7 @@ class _Canvas:
         self.path = result.path
         self.start_ns = result.start_ns or 0
         self.frames: dict[int, int] = {}
-        """Times and numbers of all frames of the drive, where somebody looked at all of them."""
+        """Times and numbers of all frames of the drive, if all were read."""
         self.reference = reference
         self.timeline = timeline
         self.relation = relation
@@ -530,7 +530,7 @@ def _pairs(events: Sequence[Event]) -> Iterator[tuple[Event, Event]]:
 
 
 def _values_before(jobs: Sequence[Transaction]) -> dict[int, Value]:
-    """The value that the first parameter of a change had, by the id of the job, as far as somebody saw it."""
+    """The old value of the first parameter of a change, by the id of the job, if the capture shows it."""
     newest: dict[tuple[int, int | None, int | None], Value] = {}
     found: dict[int, Value] = {}
     for job in sorted(jobs, key=lambda each: each.start_ns):
