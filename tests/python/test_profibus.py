@@ -95,10 +95,13 @@ def test_a_token_and_a_short_acknowledgement() -> None:
 
 
 def test_the_frame_count_bit() -> None:
-    counts = [(item.fcb, item.fcv) for item in (request(60, "", fc) for fc in (0x6D, 0x5D, 0x7D))]
+    counts = [
+        (item.front.fcb, item.front.fcv)
+        for item in (request(60, "", fc) for fc in (0x6D, 0x5D, 0x7D))
+    ]
     assert counts == [(1, 0), (0, 1), (1, 1)]
     item = frame(INPUTS)
-    assert (item.request, item.fcb, item.fcv) == (False, None, None)
+    assert (item.request, item.front.fcb, item.front.fcv) == (False, None, None)
     assert (item.slave, item.master) == ((3, None), (2, None))
 
 
@@ -107,7 +110,7 @@ def test_an_extension_names_a_segment_before_the_sap() -> None:
     size = len(content)
     data = bytes((0x68, size, size, 0x68)) + content + bytes((telegram.check_byte(content), 0x16))
     item = telegram.decode(data)
-    assert (item.dsap, item.ssap, item.dae.hex(), item.flaws) == (51, 51, "c133", ())
+    assert (item.dsap, item.ssap, item.front.dae.hex(), item.flaws) == (51, 51, "c133", ())
 
 
 @pytest.mark.parametrize(

@@ -64,7 +64,7 @@ OFTEN = settings(
 
 def same_fields(item: telegram.Telegram, said: dict[str, Any]) -> None:
     ours = {"da": item.da, "sa": item.sa, "fc": item.fc}
-    ours |= {"dae": item.dae.hex(), "sae": item.sae.hex(), "du": item.du.hex()}
+    ours |= {"dae": item.front.dae.hex(), "sae": item.front.sae.hex(), "du": item.du.hex()}
     assert ours == {name: said[name] for name in ours}
 
 

@@ -105,9 +105,7 @@ class _Thread:
         """End it; scan and window stand where it stood."""
         self._scan.stopped = True
         self._room.put(None)
-        if (
-            self._thread is not threading.current_thread()
-        ):  # there the garbage may be collected, too
+        if self._thread is not threading.current_thread():  # garbage collection may call this there
             self._thread.join()
 
 

@@ -263,9 +263,8 @@ class _Run:
         if self.key_path is None:
             return
         try:
-            self._key = (
-                Replacements.load(self.key_path) if self.key_path.exists() else Replacements()
-            )
+            path = self.key_path
+            self._key = Replacements.load(path) if path.exists() else Replacements()
         except KeyFileError as problem:
             raise click.ClickException(str(problem)) from problem
 

@@ -252,12 +252,7 @@ def _reference(text: str) -> Reference:
     return Reference(tuple(values))
 
 
-def _writer(
-    format_name: str,
-    stream: TextIO,
-    fail_on: str,
-    options: ReportOptions,
-) -> Writer:
+def _writer(format_name: str, stream: TextIO, fail_on: str, options: ReportOptions) -> Writer:
     """The serializer; of a junit report that fails on nothing, the errors still fail."""
     options = options._replace(
         color=color(stream), fail_on="error" if fail_on == "never" else fail_on

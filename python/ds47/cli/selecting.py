@@ -131,9 +131,8 @@ class Choice(NamedTuple):
         midnight = first - (first + self.zone.offset(first)) % _DAY
         for day in range(_DAYS):
             seconds = midnight + day * _DAY + ns // SECOND_NS
-            shifted = self.zone.offset(first) - self.zone.offset(
-                seconds
-            )  # summer time began or ended
+            # Not 0 where summer time began or ended.
+            shifted = self.zone.offset(first) - self.zone.offset(seconds)
             found = (seconds + shifted) * SECOND_NS + ns % SECOND_NS
             if first_ns <= found <= last_ns:
                 return found

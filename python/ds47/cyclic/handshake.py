@@ -172,9 +172,8 @@ class PkwChannel:
         job = self._job
         odd = None if job is None or job.odd is not self._in else job.odd
         if job and odd and _ak(data) and _fits(data, odd.data):
-            job.hole = FrameGap(
-                job.request.at.frame, at.frame
-            )  # this was sent before the answer to it
+            # This was sent before the answer to it.
+            job.hole = FrameGap(job.request.at.frame, at.frame)
         self._end(at, withdrawn=not _ak(data))
         if _ak(data):
             moving = self._before is not None and self._before.updates > 0
@@ -325,9 +324,8 @@ class PkwChannel:
             return True
         if job.moving and standing is not None and standing.data[:4] == data[:4]:
             return False  # the value that was read goes on moving
-        return not self._is_late(
-            data
-        )  # the read before it was not answered: this is what it asked for
+        # If late, the read before it was not answered: this is what it asked for.
+        return not self._is_late(data)
 
     def _stands(self, job: PkwJob, data: bytes) -> bool:
         """Whether the answer at the end of a request may be its own, though no edge showed it."""

@@ -53,10 +53,7 @@ def senders(frames: Iterable[Frame]) -> list[Sender]:
 def _look(found: dict[_Key, Sender], images: dict[_Key, _Images]) -> None:
     """Says of two that send to each other where control and status word stand, where their frames show it."""
     for one, other in [(a, b) for a in found for b in found if found[a].is_answered_by(found[b])]:
-        from ds47.cyclic.search import (  # few captures have any without their Connect
-            Sample,
-            offsets,
-        )
+        from ds47.cyclic.search import Sample, offsets  # few captures need it
 
         words_at = offsets(*(list(starmap(Sample, images[each])) for each in (one, other)))
         if words_at is not None and found[one].word is None and found[other].word is None:

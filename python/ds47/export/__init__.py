@@ -455,15 +455,11 @@ def _write(
 
 
 def _write_all(
-    frames: Iterable[WholeFrame],
-    stream: BinaryIO,
-    chosen: Chosen,
-    outcome: ExportOutcome,
-    plain: bool,
+    frames: Iterable[WholeFrame], stream: BinaryIO, chosen: Chosen, done: ExportOutcome, plain: bool
 ) -> None:
     interfaces: dict[Interface, int] = {}
     # file names show where a capture was taken: not in a copy without names
-    file_frames = FileFrames(outcome.result.files if plain else ())
+    file_frames = FileFrames(done.result.files if plain else ())
     with PcapngWriter(stream, link_type=None, application=APPLICATION + __version__) as writer:
         for frame in frames:
             about = frame.interface
@@ -484,4 +480,4 @@ def _write_all(
                 comments=(*frame.comments, "\n".join(lines)),
                 flags=frame.flags,
             )
-            outcome.frames.append(frame.number)
+            done.frames.append(frame.number)

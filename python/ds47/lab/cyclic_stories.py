@@ -29,13 +29,8 @@ def _machine(client: Client, drive: LabDrive, reduction: int) -> Machine[Cyclic]
 )  # fmt: skip
 def changed_after_off1(client: Client) -> None:
     """A change that is accepted only at standstill."""
-    it = (
-        _machine(client, LabDrive(up_s=4, down_s=4), 32)
-        .control(OFF)
-        .run(0.5)
-        .setpoint(80)
-        .control(ON)
-    )
+    it = _machine(client, LabDrive(up_s=4, down_s=4), 32).control(OFF)
+    it.run(0.5).setpoint(80).control(ON)
     it.until(lambda drive: drive.actual >= 79.9).run(1)
     asked = message.change(1, 2, (message.address(50076), message.word(1)))
     refused = message.answer(1, 0x82, 2, message.error(_IN_OPERATION))

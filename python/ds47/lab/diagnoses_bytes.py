@@ -7,13 +7,7 @@ from __future__ import annotations
 
 from ds47.lab import message
 from ds47.lab.client import Client
-from ds47.lab.diagnoses import (
-    CYCLE,
-    FIXED,
-    REFUSED,
-    read,
-    speed,
-)
+from ds47.lab.diagnoses import CYCLE, FIXED, REFUSED, read, speed
 from ds47.lab.diagnoses_refused import (
     CHANGE_ERROR,
     CHANGE_REFUSED,

@@ -115,36 +115,30 @@ def response_body(order: Order, status: int, blocks: bytes, maximum: int = 4160)
     return struct.pack(order + "5I", status, len(blocks), maximum, 0, len(blocks)) + blocks
 
 
-def _block(kind: int, sequence: int, channel: RecordId, length: int, tail: bytes) -> bytes:
-    head = struct.pack(">HHBBH", kind, 60, 1, 0, sequence & 0xFFFF) + channel.ar.bytes
-    address = struct.pack(">IHHHH", channel.api, channel.slot, channel.subslot, 0, channel.index)
+def _block(kind: int, sequence: int, at: RecordId, length: int, tail: bytes) -> bytes:
+    head = struct.pack(">HHBBH", kind, 60, 1, 0, sequence & 0xFFFF) + at.ar.bytes
+    address = struct.pack(">IHHHH", at.api, at.slot, at.subslot, 0, at.index)
     return head + address + struct.pack(">I", length) + tail.ljust(24, b"\0")
 
 
-def write_request(
-    sequence: int, channel: RecordId, data: bytes, stated: int | None = None
-) -> bytes:
+def write_request(sequence: int, at: RecordId, data: bytes, stated: int | None = None) -> bytes:
     """IODWriteReq with its record; `stated` lies about the length."""
-    return _block(WRITE_REQ, sequence, channel, len(data) if stated is None else stated, b"") + data
+    return _block(WRITE_REQ, sequence, at, len(data) if stated is None else stated, b"") + data
 
 
-def write_response(sequence: int, channel: RecordId, length: int, status: int) -> bytes:
+def write_response(sequence: int, at: RecordId, length: int, status: int) -> bytes:
     """IODWriteRes."""
-    return _block(WRITE_RES, sequence, channel, length, struct.pack(">HHI", 0, 0, status))
+    return _block(WRITE_RES, sequence, at, length, struct.pack(">HHI", 0, 0, status))
 
 
-def read_request(
-    sequence: int, channel: RecordId, maximum: int = 4096, target: UUID = NIL
-) -> bytes:
+def read_request(sequence: int, at: RecordId, maximum: int = 4096, target: UUID = NIL) -> bytes:
     """IODReadReq; an implicit read has a nil AR and may name a target AR."""
-    return _block(READ_REQ, sequence, channel, maximum, target.bytes)
+    return _block(READ_REQ, sequence, at, maximum, target.bytes)
 
 
-def read_response(
-    sequence: int, channel: RecordId, data: bytes, stated: int | None = None
-) -> bytes:
+def read_response(sequence: int, at: RecordId, data: bytes, stated: int | None = None) -> bytes:
     """IODReadRes with its record; `stated` lies about the length."""
-    return _block(READ_RES, sequence, channel, len(data) if stated is None else stated, b"") + data
+    return _block(READ_RES, sequence, at, len(data) if stated is None else stated, b"") + data
 
 
 def padded(blocks: list[bytes]) -> bytes:

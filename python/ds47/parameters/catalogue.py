@@ -30,9 +30,7 @@ class Catalogue:
 
     def __init__(self, lists: Iterable[ParameterList] = ()) -> None:
         ordered = sorted(lists, key=lambda each: (_closeness(each), _version(each.firmware)))
-        self._lists = ordered[
-            ::-1
-        ]  # a stable order turned round: of equals the one that was named last
+        self._lists = ordered[::-1]  # stable: of equals the one named last comes first
         self._rows = [{row.number: row for row in each.rows} for each in self._lists]
         self._messages = [
             {(each.letter, each.number): each for each in found.messages} for found in self._lists

@@ -220,12 +220,10 @@ class LineJudge:
         if "lock" in parameters.flags and "watchdog" not in parameters.flags:
             self._note("DS815", station.address, frame, {})
 
-    def _configuration(self, station: LineStation, found: dp.Configuration, frame: int) -> None:
-        if found.pkw_consistent is False:
+    def _configuration(self, station: LineStation, sent: dp.Configuration, frame: int) -> None:
+        if sent.pkw_consistent is False:
             module = next(
-                each
-                for each, role in zip(found.modules, found.roles, strict=True)
-                if role == dp.PKW
+                each for each, role in zip(sent.modules, sent.roles, strict=True) if role == dp.PKW
             )
             args = {"identifier": module.data.hex().upper()}
             self._note("DS813", station.address, frame, args, (module.data,))

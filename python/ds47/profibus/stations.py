@@ -335,9 +335,8 @@ def _count(station: LineStation, exchange: Exchange) -> None:
         station.unheard[seen.item.sa] = seen
     if answer is None:
         station.unsure[seen.item.front.service] = seen.frame
-    if answer is not None and exchange.retried <= len(
-        exchange.retries
-    ):  # else the time of the last one is unknown
+    # With more retries than are kept, the time of the last one is unknown.
+    if answer is not None and exchange.retried <= len(exchange.retries):
         last = exchange.retries[-1] if exchange.retries else seen
         station.answers.add(answer.time_ns - last.time_ns)
 

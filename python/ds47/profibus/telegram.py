@@ -154,16 +154,6 @@ class Telegram:
         return self.front.fc
 
     @property
-    def dae(self) -> bytes:
-        """The extension bytes of the destination."""
-        return self.front.dae
-
-    @property
-    def sae(self) -> bytes:
-        """The extension bytes of the source."""
-        return self.front.sae
-
-    @property
     def request(self) -> bool | None:
         """Whether it is a request of a master."""
         return self.front.request
@@ -172,16 +162,6 @@ class Telegram:
     def code(self) -> int | None:
         """The function."""
         return self.front.code
-
-    @property
-    def fcb(self) -> int | None:
-        """The frame count bit."""
-        return self.front.fcb
-
-    @property
-    def fcv(self) -> int | None:
-        """Whether it counts."""
-        return self.front.fcv
 
     @property
     def dsap(self) -> int | None:
@@ -265,7 +245,7 @@ def _learn(begin: bytes) -> Front | None:
     if begin[0] == START:
         content = begin[_HEAD:].ljust(begin[1], b"\0")
         item = _decode(begin[:_HEAD] + content + bytes((check_byte(content), END)))
-        front = None if item.flaws or item.dae or item.sae else item.front
+        front = None if item.flaws or item.front.dae or item.front.sae else item.front
     if len(_usual) >= _REMEMBERED:
         _usual.clear()
     _usual[begin] = front

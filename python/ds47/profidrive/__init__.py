@@ -7,7 +7,6 @@ and encoder. `build` makes messages, `notation` reads hexadecimal text and reada
 from ds47.profidrive.build import (
     build_change,
     build_read,
-    build_request,
     build_response,
     encode_block,
     error_block,
@@ -17,7 +16,6 @@ from ds47.profidrive.build import (
 from ds47.profidrive.model import (
     Address,
     Block,
-    ErrorValue,
     Flaw,
     Options,
     Request,
@@ -34,7 +32,6 @@ from ds47.profidrive.parameter import (
 __all__ = [
     "Address",
     "Block",
-    "ErrorValue",
     "Flaw",
     "Options",
     "Request",
@@ -42,7 +39,6 @@ __all__ = [
     "Value",
     "build_change",
     "build_read",
-    "build_request",
     "build_response",
     "decode_request",
     "decode_response",

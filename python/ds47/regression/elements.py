@@ -181,9 +181,7 @@ def _note(
     for step in range(count):
         key = ElementKey(place, each["pnu"], first + step)
         history = found.elements.setdefault(key, History())
-        unit = (
-            None if each.get("scaled") else each["unit"]
-        )  # the values shown are those that were sent
+        unit = None if each.get("scaled") else each["unit"]  # shown are the values as sent
         history.family = family
         history.name, history.unit = each["name"] or history.name, unit or history.unit
         if operation not in OPERATIONS:

@@ -48,7 +48,7 @@ def document(item: Telegram) -> dict[str, Any]:
     return {
         "sd": item.kind or None, "length": len(item.data), "da": item.da, "sa": item.sa, "fc": fc,
         "function": None if fc is None else profibus.control_text(fc),
-        "request": item.request, "fcb": item.fcb, "fcv": item.fcv,
+        "request": item.request, "fcb": item.front.fcb, "fcv": item.front.fcv,
         "dsap": item.dsap, "ssap": item.ssap, "du": item.du.hex(), "fcs": item.fcs,
         "service": name and profibus.service_text(name),
         "flaws": _flaws(item.flaws), "dp": _dp_document(dp.decode(item)),
@@ -148,7 +148,7 @@ def lines(item: Telegram) -> Iterator[Line]:
     yield head + 2, _both(profibus.control_text, item.fc)
     at, name = head + 3, dp.service(item)
     known = say("dp_service_unknown") if name is None else _both(profibus.service_text, name)
-    if item.dae or item.sae:
+    if item.front.dae or item.front.sae:
         saps = {"dsap": _sap(item.dsap), "ssap": _sap(item.ssap), "service": known}
         yield at, say("dp_saps", **saps)
     at = _data_start(item)
@@ -202,7 +202,7 @@ def _head(item: Telegram) -> int:
 
 
 def _data_start(item: Telegram) -> int:
-    return _head(item) + 3 + len(item.dae) + len(item.sae)
+    return _head(item) + 3 + len(item.front.dae) + len(item.front.sae)
 
 
 def _sap(sap: int | None) -> str:

@@ -136,9 +136,8 @@ def fields(request: Request) -> list[Field]:
 
 def _name(address: Address, taken: Sequence[str]) -> str:
     number = spelling(address.pnu)
-    name = (
-        number if number[0].isalpha() else f"p{number}"
-    )  # no name of a variable begins with a digit
+    # No name of a variable begins with a digit.
+    name = number if number[0].isalpha() else f"p{number}"
     name += f"_{address.subindex}" if address.subindex else ""
     name += "" if address.attribute == VALUE else f"_{address.attribute_name.capitalize()}"
     while name in taken:

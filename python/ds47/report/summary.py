@@ -111,7 +111,7 @@ class Opening:
     # What to do
 
     def _to_do(
-        self, result: CaptureResult, rest: list[Finding], file_frames: FileFrames
+        self, result: CaptureResult, rest: list[Finding], files: FileFrames
     ) -> Iterator[str]:
         several = len({each.device for each in result.transactions}) > 1
         said: dict[str, set[str]] = {}
@@ -124,11 +124,11 @@ class Opening:
             if axes := answering(result, each):
                 yield from fitted("    " + self._say("answering", list=axes), self._width)
             yield from self._state(result, each)
-            yield from self._look(each, file_frames)
+            yield from self._look(each, files)
             yield from self._corrected(each)
         if rest and result.diagnoses:
             yield "  " + self._paint("bold", self._say("other_findings_head"))
-        yield from self._others(result, rest, file_frames)
+        yield from self._others(result, rest, files)
 
     def _head(self, item: Diagnosis, text: str) -> Iterator[str]:
         known = self._options.rules.get(item.rule)
@@ -170,7 +170,7 @@ class Opening:
                 yield "    " + line
 
     def _others(
-        self, result: CaptureResult, rest: list[Finding], file_frames: FileFrames
+        self, result: CaptureResult, rest: list[Finding], files: FileFrames
     ) -> Iterator[str]:
         """The findings that no diagnosis covers, by what they have in common."""
         said: dict[str, set[str]] = {}
@@ -181,7 +181,7 @@ class Opening:
             yield from self._head(each, escape(sentence(each, self._lang)))
             yield from self._advice(each, said)
             yield from self._state(result, each)
-            yield from self._look(each, file_frames)
+            yield from self._look(each, files)
 
     def _more(self, item: More) -> Iterator[str]:
         known = self._options.rules.get(item.rule)
@@ -210,14 +210,14 @@ class Opening:
         for line in wrap("-> " + text, self._width - 4, 3) if text else ():
             yield "    " + line
 
-    def _look(self, item: Diagnosis, file_frames: FileFrames) -> Iterator[str]:
+    def _look(self, item: Diagnosis, files: FileFrames) -> Iterator[str]:
         """Where it shows; of a series the filter is that of the first file, then that of each other."""
         frames, jobs = item.frames, item.transactions
         if not frames:
             return
-        (_, numbers), *others = file_frames.by_file(frames)
+        (_, numbers), *others = files.by_file(frames)
         shown, left_out = display_filter(numbers)
-        frame = escape(file_frames.number(frames[0], self._lang))
+        frame = escape(files.number(frames[0], self._lang))
         about = [f"#{jobs[0]}"] if jobs else []
         if frames[0] in self._seen_at:
             about.append(self._clock.moment(self._seen_at[frames[0]]))

@@ -375,9 +375,7 @@ class _Original:
         finding.frames = [self._numbers[frame - 1] for frame in finding.frames]
         args = spec.rules()[finding.rule].carried(finding.args)
         finding.args = renumbered(finding.rule, args, lambda n: self._numbers[n - 1])
-        if (
-            "dropped" in finding.args
-        ):  # a frame is not there: the capture may say that it dropped some
+        if "dropped" in finding.args:  # a missing frame: the capture may say that it dropped some
             last = finding.args.get("reason") in (None, "end")
             finding.args["dropped"] = self._dropped and last
         return finding

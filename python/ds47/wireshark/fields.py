@@ -362,9 +362,4 @@ def _event(frame: int, item: Element) -> dict[str, Any]:
 
 
 def _order(finding: dict[str, Any]) -> tuple[int, str, int, int]:
-    return (
-        finding["frame"],
-        finding["rule"],
-        finding["transaction"] or 0,
-        finding["offset"] or 0,
-    )
+    return finding["frame"], finding["rule"], finding["transaction"] or 0, finding["offset"] or 0

@@ -248,9 +248,8 @@ def _put(
     state |= {LISTS} & present
     others = sorted(present - ours - set(files) - state - {MARKER})
     names = sorted(set(files) - set(kept) - state)
-    outcome = InstallOutcome(
-        folder, len(names), 0, marker.version if marker else None, kept, others
-    )
+    version = marker.version if marker else None
+    outcome = InstallOutcome(folder, len(names), 0, version, kept, others)
     new = folder.with_name(f"{_NEW}{folder.name}-{os.getpid()}")
     try:
         digests = {name: _write(new / name, files[name]) for name in names}

@@ -41,9 +41,8 @@ def _of_timelines(result: CaptureResult) -> Iterator[EventCells]:
                 continue
             fault = any(each.name.startswith(_FAULTS) for each in row.events)
             kind = "fault" if fault else "state"
-            yield _event(
-                result, row.last.time_ns, kind, timelines.words(row), device, row.last.frame
-            )
+            words, last = timelines.words(row), row.last
+            yield _event(result, last.time_ns, kind, words, device, last.frame)
 
 
 def _event(

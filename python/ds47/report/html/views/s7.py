@@ -79,17 +79,13 @@ def marked(result: CaptureResult) -> dict[int, str]:
         mark: {frame for each in result.findings if each.rule == rule for frame in each.frames}
         for rule, mark in _MARKS.items()
     }
-    found = {}
+    found: dict[int, str] = {}
     for each in result.transactions:
         if each.channel == S7 and any(frames.values()):
-            marks = (
-                ("mixed", "split") if each.operation == "get" else ("split",)
-            )  # what is read is mixed
-            mark = next(
-                (name for name in marks if not frames[name].isdisjoint(each.frames.all())), ""
-            )
-            if mark:
-                found[each.id] = mark
+            marks = ("mixed", "split") if each.operation == "get" else ("split",)
+            for mark in marks:
+                if not frames[mark].isdisjoint(each.frames.all()):
+                    found.setdefault(each.id, mark)
     return found
 
 
