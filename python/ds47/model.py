@@ -203,7 +203,7 @@ class Frames(Plain):
         """Every frame of the transaction, sorted, each once."""
         found = {self.write_request, self.write_response, self.read_request, self.read_response}
         found.update(*self.polls, *self.rereads)
-        return sorted(frame for frame in found if frame is not None)
+        return sorted([frame for frame in found if frame is not None])
 
 
 class Status(NamedTuple):

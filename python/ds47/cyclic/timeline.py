@@ -221,7 +221,7 @@ class Recorder:
 
     def _status(self, zsw1: int, frame: int, time_ns: int) -> None:
         before, self._zsw1 = self._zsw1, zsw1
-        # Between two periods of valid data everything is unknown. A fault on both sides of a gap was there before it.
+        # Between two periods of valid data all is unknown. A fault on both sides of a gap was there before it.
         lost = False in self._lost
         seen, since = not (lost or self._skipped), None if lost else self.fault_since
         self.fault_since = (since or frame) if zsw1 & _FAULT else None

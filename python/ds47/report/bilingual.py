@@ -42,6 +42,12 @@ def say(key: str, **values: Any) -> Both:
     return filled(report_words().get(key) or command_words()[key], values)
 
 
+def say_in(lang: str, key: str, **values: Any) -> str:
+    """The same in "en" or "zh" alone."""
+    texts = report_words().get(key) or command_words()[key]
+    return _fill(texts[lang], LANGUAGES.index(lang), values)
+
+
 @lru_cache(maxsize=1024)
 def counted(key: str, n: int) -> Both:
     """`say` with nothing but a number, cached: most lines of a report repeat a few numbers."""

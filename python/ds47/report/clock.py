@@ -13,7 +13,7 @@ from ds47.model import CaptureResult, Transaction
 from ds47.report.bilingual import Both, say
 from ds47.report.formatting import duration
 from ds47.report.zones import Zone
-from ds47.spec.units import SECOND_NS, timestamp
+from ds47.spec.units import SECOND_NS, second, timestamp
 
 NO_DATE_BEFORE = 315_532_800
 """1980-01-01 in seconds since 1970. An earlier time means that the clock was never set."""
@@ -33,6 +33,8 @@ class Clock:
 
     def __init__(self, where: Zone, first_ns: int | None, last_ns: int | None = None) -> None:
         self._zone = where
+        self._second: tuple[int | None, str, str, str] = None, "", "", ""
+        """That of the time asked for last, with its words: the next one is often in it, too."""
         self.first_ns = first_ns
         self.known = first_ns is not None and first_ns >= NO_DATE_BEFORE * SECOND_NS
         last_ns = first_ns if last_ns is None else last_ns
@@ -73,7 +75,7 @@ class Clock:
 
     def since(self, time_ns: int) -> str:
         """Seconds since the first frame, as in Wireshark: `0.412`. Cut to milliseconds, like times of day."""
-        return f"{floor(self.elapsed_ns(time_ns) / 1e6) / 1000:.3f}"
+        return f"{floor((time_ns - (self.first_ns or 0)) / 1e6) / 1000:.3f}"
 
     def elapsed_ns(self, time_ns: int) -> int:
         """Nanoseconds since the first frame."""
@@ -142,11 +144,14 @@ class Clock:
 
     def _local(self, time_ns: int) -> tuple[str, str, str]:
         """Time of day in milliseconds, date, offset."""
-        ahead = self._zone.offset(time_ns // SECOND_NS)
-        date, _, clock = timestamp(time_ns + ahead * SECOND_NS).partition("T")
-        minutes = abs(ahead) // 60
-        sign = "-" if ahead < 0 else "+"
-        return clock[:12], date, f"{sign}{minutes // 60:02}:{minutes % 60:02}"
+        seconds, ns = divmod(time_ns, SECOND_NS)
+        if seconds != self._second[0]:
+            ahead = self._zone.offset(seconds)
+            date, _, clock = second(seconds + ahead).partition("T")
+            minutes, sign = abs(ahead) // 60, "-" if ahead < 0 else "+"
+            self._second = seconds, clock, date, f"{sign}{minutes // 60:02}:{minutes % 60:02}"
+        _, clock, date, offset = self._second
+        return f"{clock}.{ns // 1_000_000:03}", date, offset
 
 
 def seen_at(result: CaptureResult) -> dict[int, int]:

@@ -6,12 +6,14 @@ Also used by the text output of `ds47 decode`. `lang` is "en" or "zh". Layout li
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any
 
 from ds47.model import Parameter, ParameterError, Value
 from ds47.profidrive.naming import spelling
 from ds47.report import descriptions, is_text
 from ds47.report import values as meanings
-from ds47.report.bilingual import Both, say
+from ds47.report.bilingual import Both, say, say_in
 from ds47.report.escaping import escape as escape
 from ds47.report.escaping import quoted
 from ds47.report.sentences import error_words
@@ -57,11 +59,14 @@ def values(
     items: Sequence[Value], format_name: str | None, lang: str = "en", stated: int = 0
 ) -> str:
     """A list of values, cut if it is long or its record is cut: `1, 2, 3, ... (40 values)`."""
-    shown = ", ".join(value(each, format_name) for each in items[:VALUES_SHOWN])
-    many = max(len(items), stated)
+    first = items[:VALUES_SHOWN]
+    texts = (
+        [value(each, format_name) for each in first] if str in map(type, first) else map(str, first)
+    )
+    shown, many = ", ".join(texts), max(len(items), stated)
     if many <= min(len(items), VALUES_SHOWN):
         return shown
-    return say("values_cut", values=shown, n=many).text(lang)
+    return say_in(lang, "values_cut", values=shown, n=many)
 
 
 def error(item: ParameterError, lang: str = "en") -> str:
@@ -86,18 +91,23 @@ def name(item: Parameter, lang: str = "en") -> str | None:
 
 def parameter(item: Parameter, written: bool, lang: str = "en") -> str:
     """A parameter with its values or error: `p50303[0] = 10.0`, with `:=` if it was written."""
-    called = name(item, lang)
-    about = f" ({called})" if called else ""
     shown = _shown(item, lang)
     given = f" {':=' if written else '='} {shown}" if shown else ""
     failed = f" {error(item.error, lang)}" if item.error else ""
-    return f"{address(item)}{about}{given}{failed}"
+    return f"{_called(meanings.about(item), lang)}{given}{failed}"
+
+
+@lru_cache(maxsize=4096)
+def _called(known: tuple[Any, ...], lang: str) -> str:
+    """Its address, and its name in brackets where it has one."""
+    item = meanings.of_kind(known)
+    called = name(item, lang)
+    return f"{address(item)} ({called})" if called else address(item)
 
 
 def _shown(item: Parameter, lang: str) -> str:
     """Values with their unit, or the description they form; empty without values."""
-    described = descriptions.words(item)
-    if described is not None:
+    if item.attribute != "value" and (described := descriptions.words(item)) is not None:
         return described.text(lang)
     if not item.values:
         return ""
@@ -105,4 +115,4 @@ def _shown(item: Parameter, lang: str) -> str:
     scaled = f" ({values(item.scaled, item.format, lang)}{unit})" if item.scaled else unit
     meant = meanings.meaning(item)
     shown = values(item.values, item.format, lang, descriptions.stated(item)) + scaled
-    return shown if meant is None else say("parameter_meant", value=shown, text=meant).text(lang)
+    return shown if meant is None else say_in(lang, "parameter_meant", value=shown, text=meant)

@@ -19,6 +19,7 @@ from ds47.report.bilingual import Both, joined, numbered, say
 from ds47.report.clock import Clock, beginning
 from ds47.report.formatting import duration, escape
 from ds47.report.todo import is_lowered
+from ds47.report.verdict import VerdictCounts
 from ds47.report.wrap import columns
 from ds47.report.zones import UNIVERSAL, Zone
 from ds47.spec.units import nanoseconds
@@ -56,10 +57,10 @@ class CaptureRow:
     end: str | None = None
 
     @classmethod
-    def of(cls, result: CaptureResult) -> CaptureRow:
-        """The row of a complete result, which has its transactions and findings."""
-        transactions, findings = result.transactions, result.findings
-        times = [each.duration_ns for each in transactions if each.duration_ns is not None]
+    def of(cls, result: CaptureResult, counts: VerdictCounts | None = None) -> CaptureRow:
+        """The row of a complete result, which has its transactions and findings; `counts` are its own."""
+        counts = counts or VerdictCounts.of(result)
+        times = [each.duration_ns for each in result.transactions if each.duration_ns is not None]
         return cls(
             result.path,
             complete=result.complete,
@@ -68,10 +69,10 @@ class CaptureRow:
             frames=result.frames,
             files=len(result.files) or 1,
             missing_files=sum(each.missing_before for each in result.files),
-            operations=_counted(OPERATIONS, (each.operation for each in transactions)),
-            states=_counted(STATES, (each.state for each in transactions)),
-            findings=_counted(SEVERITIES[::-1], (each.severity for each in findings)),
-            rules=dict(sorted(Counter(each.rule for each in findings).items())),
+            operations=_in_order(OPERATIONS, counts.operations),
+            states=_in_order(STATES, counts.states),
+            findings=_in_order(SEVERITIES[::-1], counts.severities),
+            rules=dict(sorted(Counter(each.rule for each in result.findings).items())),
             diagnoses=causes.of_capture(result),
             slowest_ns=max((each for each in times if each >= 0), default=None),
             start=result.start,
@@ -350,10 +351,6 @@ _ODD = ("quiet", "unreadable", "incomplete")
 
 def _words(counts: dict[str, int], words: str) -> Both:
     return numbered({key: f"{number:,}" for key, number in counts.items()}, words)
-
-
-def _counted(order: Sequence[str], words: Iterable[str]) -> dict[str, int]:
-    return _in_order(order, Counter(words))
 
 
 def _in_order(order: Sequence[str], counts: Counter[str]) -> dict[str, int]:

@@ -155,12 +155,13 @@ def _waits(transactions: Sequence[Transaction]) -> dict[int, str]:
     "ends" where nothing comes after it on its channel. "busy" where the capture is known to go on for the
     time after which a request is given up, and nothing more came on the channel.
     """
+    if {each.state for each in transactions}.isdisjoint(_OPEN):
+        return {}
     expiry = limits().transaction_expiry_ns
     end = max((each.start_ns + (each.duration_ns or 0) for each in transactions), default=0)
     after: dict[_Channel, int] = {}
     waits: dict[int, str] = {}
-    waiting = any(each.state in _OPEN for each in transactions)
-    for item in reversed(transactions) if waiting else ():
+    for item in reversed(transactions):
         channel = _channel(item)
         following = after.get(channel)
         after[channel] = item.start_ns
@@ -195,12 +196,16 @@ class _Channels:
     """Where Reads came between the Writes: whose they are is not always known.
 
     Args:
+        transactions: all of them.
+        unread: those of which no Read brought a record.
+        calls: findings about calls that brought none, by transaction.
         loose: frames of calls that belong to no transaction, on whatever channel.
     """
 
     def __init__(
         self,
         transactions: Sequence[Transaction],
+        unread: Sequence[Transaction],
         calls: Mapping[int, Sequence[Finding]],
         loose: Sequence[int],
     ) -> None:
@@ -208,7 +213,7 @@ class _Channels:
         self._reads: dict[_Channel, list[tuple[int, int]]] = {}
         """Frames of Reads, each with the id of its transaction."""
         self._accepted: dict[_Channel, list[tuple[int, int]]] = {}
-        wanted = {_channel(each) for each in transactions if _unread(each)}
+        wanted = set(map(_channel, unread))
         for item in transactions if wanted else ():
             channel = _channel(item)
             if channel in wanted:
@@ -256,10 +261,9 @@ def _beside(
 
     Then it is unknown for which of them the PLC started RDREC.
     """
-    channels = _Channels(transactions, calls, loose)
-    for item in transactions:
-        if _unread(item) and channels.perhaps(item):
-            yield item.id
+    unread = [each for each in transactions if _unread(each)]
+    channels = _Channels(transactions, unread, calls, loose)
+    yield from (each.id for each in unread if channels.perhaps(each))
 
 
 def _channel(item: Transaction) -> _Channel:

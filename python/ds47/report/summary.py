@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from ds47.findings.grouping import headlines
 from ds47.model import S7, CaptureResult, Device, Diagnosis, Finding
 from ds47.report import ReportOptions
-from ds47.report.bilingual import say
+from ds47.report.bilingual import say, say_in
 from ds47.report.clock import Clock, seen_at
 from ds47.report.file_frames import FileFrames
 from ds47.report.filters import display_filter
@@ -52,21 +52,21 @@ class Opening:
         """`NOT OK: 1 drive, 452 transactions, 412 refused`."""
         return self._paint(COLORS[counts.level], verdict(counts).text(self._lang))
 
-    def lines(self, result: CaptureResult, clock: Clock) -> Iterator[str]:
+    def lines(self, result: CaptureResult, clock: Clock, counts: VerdictCounts) -> Iterator[str]:
         """Everything behind the verdict, each part with an empty line before it; no line is to be broken."""
         self._clock = clock
         self._seen_at = seen_at(result)
-        yield from self._drives(result)
+        yield from self._drives(result, counts.smooth)
         serious = [each for each in result.diagnoses if each.severity != "note"]
         rest = uncovered(result)
         if result.diagnoses or rest:
             yield from self._title("to_do_head")
             yield from self._to_do(result, rest, FileFrames(result.files))
-        if serious or rest or VerdictCounts.of(result).level not in ("good", "none"):
+        if serious or rest or counts.level not in ("good", "none"):
             yield from self._blind(result)
 
     def _say(self, key: str, **values: object) -> str:
-        return say(key, **values).text(self._lang)
+        return say_in(self._lang, key, **values)
 
     def _title(self, key: str) -> Iterator[str]:
         yield ""
@@ -74,7 +74,7 @@ class Opening:
 
     # Drives
 
-    def _drives(self, result: CaptureResult) -> Iterator[str]:
+    def _drives(self, result: CaptureResult, smooth: bool) -> Iterator[str]:
         asked: dict[str, Counter[str]] = {}
         for each in result.transactions:
             if each.channel != S7:
@@ -85,7 +85,6 @@ class Opening:
             states.setdefault(known[name].ip, Counter()).update(counted)
         drives = list({each.ip: each for each in known.values()}.values())
         others = [each for each in result.devices if each.ip not in states]
-        smooth = VerdictCounts.of(result).smooth
         counts = [self._counts(states[each.ip], smooth) for each in drives]
         yield from self._devices("drives_head", "more_drives", drives, counts)
         yield from self._devices("other_devices_head", "more_devices", others, [""] * len(others))

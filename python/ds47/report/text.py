@@ -31,7 +31,7 @@ from ds47.model import (
 from ds47.report import ReportOptions, buffers, causes, plc, write_all
 from ds47.report import Writer as _Writer
 from ds47.report import s7 as communication
-from ds47.report.bilingual import Both, counted, joined, operation, say, state
+from ds47.report.bilingual import Both, counted, joined, operation, say, say_in, state
 from ds47.report.clock import Clock
 from ds47.report.file_frames import FileFrames, name
 from ds47.report.filters import display_filter
@@ -85,9 +85,10 @@ class Writer(_Writer):
         self._clock = Clock(self.options.zone, None)
 
     def capture(self, result: CaptureResult) -> None:
-        counts, row = VerdictCounts.of(result), CaptureRow.of(result)
-        durations = (each.duration_ns for each in result.transactions)
-        latency = Latency(each for each in durations if each is not None)
+        counts = VerdictCounts.of(result)
+        row = CaptureRow.of(result, counts)
+        durations = [each.duration_ns for each in result.transactions]
+        latency = Latency([each for each in durations if each is not None])
         if not self._many:
             self._one(result, counts, row, latency)
         self._counts.add(counts)
@@ -107,7 +108,7 @@ class Writer(_Writer):
             self._line()
         self._clock = Clock.of(result, self.options.zone)
         self._header(result, counts)
-        for line in self._opening.lines(result, self._clock):
+        for line in self._opening.lines(result, self._clock, counts):
             self._copied(line)
         left_out = self._left_out(result)
         if left_out:
@@ -184,7 +185,7 @@ class Writer(_Writer):
         self._line(self._paint("bold", text))
 
     def _say(self, key: str, **values: object) -> str:
-        return say(key, **values).text(self.options.lang)
+        return say_in(self.options.lang, key, **values)
 
     def _header(self, result: CaptureResult, counts: VerdictCounts) -> None:
         frames = self._say("frames", n=result.frames)
@@ -391,8 +392,7 @@ class Writer(_Writer):
         table = _Columns(transactions, Targets(result.evidence), self.options.lang, self._clock)
         self._line("  " + self._paint("dim", self._say(table.words)))
         for each in transactions:
-            for line in self._transaction_lines(each, table):
-                self._line(line)
+            self._copied("\n".join(self._transaction_lines(each, table)))
             shown = self.options.plc or each.state != "ok" or witness.is_cut(each)
             if each.channel == DS47 and shown:
                 saw = witness.line(each).text(self.options.lang)
@@ -408,11 +408,11 @@ class Writer(_Writer):
         parts = [parameter(each, written, lang) for each in item.parameters]
         if item.channel == S7:
             parts = communication.parts(item, lang)
-        end, width = [*marks, _timing(item).text(lang)], self.options.width
+        end, width = [*marks, _timing(item, lang)], self.options.width
         whole = "  ".join([left, *filter(None, ["; ".join(parts)]), *end])
         if columns(whole) <= width or not parts:
             return wrap(whole, width, 6)
-        number = self._say("s7_items" if item.channel == S7 else "parameters", n=len(parts))
+        number = counted("s7_items" if item.channel == S7 else "parameters", len(parts)).text(lang)
         below = [line for part in parts for line in wrap(f"      {part}", width, 8)]
         front, end_text = [left, number][: len(parts)], "  ".join(end)
         whole = "  ".join([*front, end_text])
@@ -513,13 +513,15 @@ class _Columns:
         self._targets = targets
         self.lang = lang
         self._clock = clock
-        self.since = max(len(clock.since(each.start_ns)) for each in transactions)
-        self.frame = max(len(str(each.frames.first())) for each in transactions)
-        self.operation = max(columns(_operation(each.operation, lang)) for each in transactions)
-        self.number = max(len(str(each.id)) for each in transactions) + 1
+        starts = [each.start_ns for each in transactions]
+        self.since = max(len(clock.since(each)) for each in (min(starts), max(starts)))
+        self.frame = len(str(max([each.frames.first() for each in transactions])))
+        asked = {each.operation for each in transactions}
+        self.operation = max(columns(_operation(each, lang)) for each in asked)
+        self.number = len(str(max([each.id for each in transactions]))) + 1
         self.controllers = len({each.controller for each in transactions}) > 1
         self.slots = len({(each.api, each.slot, each.subslot) for each in transactions}) > 1
-        self.route = max(len(self._route(each)) for each in transactions)
+        self.route = max([len(self._route(each)) for each in transactions])
 
     def _route(self, item: Transaction) -> str:
         controller = f"{escape(item.controller)} -> " if self.controllers else ""
@@ -552,16 +554,16 @@ def _operation(word: str, lang: str) -> str:
     return operation(word).text(lang)
 
 
-def _timing(item: Transaction) -> Both:
-    shown = counted("frames", len(item.frames.all()))
+def _timing(item: Transaction, lang: str) -> str:
+    frames = item.frames
+    shown = counted("frames", len(frames.all())).text(lang)
     if item.duration_ns is not None:
-        shown = shown.joined(Both.same(duration(item.duration_ns)), zh=" ")
-    if item.cycles is not None:
-        shown = shown.joined(counted("cycles", item.cycles), ", ", "，")
-    for key, reads in (("polled", item.frames.polls), ("read_again", item.frames.rereads)):
+        shown = f"{shown} {duration(item.duration_ns)}"
+    more = [] if item.cycles is None else [counted("cycles", item.cycles).text(lang)]
+    for key, reads in (("polled", frames.polls), ("read_again", frames.rereads)):
         if reads:
-            shown = shown.joined(say(key, times=counted("times", len(reads))), ", ", "，")
-    return shown
+            more.append(say_in(lang, key, times=counted("times", len(reads))))
+    return ("，" if lang == "zh" else ", ").join([shown, *more])
 
 
 def _traffic(result: CaptureResult) -> Both:

@@ -6,8 +6,8 @@ Everything here is counted from the result model; the words are in spec/report.t
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
 from dataclasses import dataclass, field
+from operator import attrgetter
 
 from ds47.acyclic.index47 import ALWAYS, SHARED_INDEX
 from ds47.model import DS47, PKW, S7, STATES, CaptureResult, Transaction
@@ -58,23 +58,22 @@ class VerdictCounts:
     @classmethod
     def of(cls, result: CaptureResult) -> VerdictCounts:
         """The counts of one capture."""
+        jobs, findings = result.transactions, result.findings
         return cls(
             captures=1,
             frames=result.frames,
             unreadable=0 if result.complete else 1,
-            drives=_devices(
-                result, (each.device for each in result.transactions if each.channel != S7)
-            ),
+            drives=_devices(result, {each.device for each in jobs if each.channel != S7}),
             watched=_devices(
-                result, (result.relations[each.relation - 1].device for each in result.timelines)
+                result, {result.relations[each.relation - 1].device for each in result.timelines}
             ),
             connections=len(result.connections) + result.connections_left_out,
-            jobs=len(result.transactions),
-            states=Counter(each.state for each in result.transactions),
-            operations=Counter(each.operation for each in result.transactions),
-            severities=Counter(each.severity for each in result.findings),
-            calls=sum(each.rule in CALLS for each in result.findings),
-            lowered=sum(is_lowered(each.rule, each.severity) for each in result.findings),
+            jobs=len(jobs),
+            states=Counter(map(attrgetter("state"), jobs)),
+            operations=Counter(map(attrgetter("operation"), jobs)),
+            severities=Counter(map(attrgetter("severity"), findings)),
+            calls=sum(each.rule in CALLS for each in findings),
+            lowered=sum(is_lowered(each.rule, each.severity) for each in findings),
             cut=_cut(result),
         )
 
@@ -114,9 +113,9 @@ class VerdictCounts:
         return "good" if self.jobs or self.watched else "none"
 
 
-def _devices(result: CaptureResult, names: Iterable[str]) -> set[str]:
+def _devices(result: CaptureResult, names: set[str]) -> set[str]:
     """The devices of these names, each once."""
-    return {result.device(name).ip for name in set(names)}
+    return {result.device(name).ip for name in names}
 
 
 def verdict(counts: VerdictCounts) -> Both:

@@ -16,14 +16,15 @@ def wrap(text: str, width: int, hanging: int = 0) -> list[str]:
     """Lines of at most `width` columns; all but the first begin with `hanging` blanks."""
     if columns(text) <= width:
         return [text.rstrip()]
+    room = len if text.isascii() and "\x1b" not in text else columns
     lines, line, taken = [], "", 0
     for piece in _pieces(text):
-        if line.strip() and taken + columns(piece.rstrip()) > width:
+        if line.strip() and taken + room(piece.rstrip()) > width:
             lines.append(line.rstrip())
             line, taken = " " * hanging, hanging
             piece = piece.lstrip()
         line += piece
-        taken += columns(piece)
+        taken += room(piece)
     return [*lines, line.rstrip()]
 
 

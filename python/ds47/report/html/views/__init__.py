@@ -194,7 +194,9 @@ def capture_view(
         if each.duration_ns is not None and each.duration_ns >= 0
     )
     return CaptureView(
-        overview=Overview(result.path, number, counts, CaptureRow.of(result), LEVELS[worst]),
+        overview=Overview(
+            result.path, number, counts, CaptureRow.of(result, counts), LEVELS[worst]
+        ),
         sha256=result.sha256,
         span=clock.span(result),
         narrowed=None if result.narrowed is None else narrowed_words(result),
