@@ -365,7 +365,7 @@ def _subindices(item: Parameter) -> range:
 
 def _rows(capture: CaptureResult) -> Iterator[list[Any]]:
     for each in capture.transactions:
-        left = [capture.path, *contract.transaction_cells(each)]
+        left = [capture.path, *contract.transaction_cells()(each, "en")]
         for item, right in contract.rows(each):
             if item is None:
                 yield left + [None] * len(csv.PARAMETER_COLUMNS) + right

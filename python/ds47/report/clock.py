@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import floor
 
-from ds47.model import CaptureResult, Transaction
+from ds47.model import CaptureResult
 from ds47.report.bilingual import Both, say
 from ds47.report.formatting import duration
 from ds47.report.zones import Zone
@@ -45,11 +45,8 @@ class Clock:
 
     @classmethod
     def of(cls, result: CaptureResult, where: Zone) -> Clock:
-        """The clock of a capture. Old stored results have no start: there the first transaction counts."""
-        first = result.start_ns
-        if first is None:
-            first = min((each.start_ns for each in result.transactions), default=None)
-        return cls(where, first, max(_times(result), default=None))
+        """The clock of a capture."""
+        return cls(where, first_ns(result), max(_times(result), default=None))
 
     def day(self, time_ns: int) -> tuple[str, str]:
         """`2026-11-21` and `+01:00`."""
@@ -76,10 +73,6 @@ class Clock:
     def since(self, time_ns: int) -> str:
         """Seconds since the first frame, as in Wireshark: `0.412`. Cut to milliseconds, like times of day."""
         return f"{floor((time_ns - (self.first_ns or 0)) / 1e6) / 1000:.3f}"
-
-    def elapsed_ns(self, time_ns: int) -> int:
-        """Nanoseconds since the first frame."""
-        return time_ns - (self.first_ns or 0)
 
     def start(self) -> str:
         """`2026-11-21 12:14:03.412 +01:00 (Europe/Berlin)`: the first frame with the zone."""
@@ -154,6 +147,13 @@ class Clock:
         return f"{clock}.{ns // 1_000_000:03}", date, offset
 
 
+def first_ns(result: CaptureResult) -> int | None:
+    """When a capture begins; one that was stored before it had a start does with its first transaction."""
+    if result.start_ns is not None:
+        return result.start_ns
+    return min((each.start_ns for each in result.transactions), default=None)
+
+
 def seen_at(result: CaptureResult) -> dict[int, int]:
     """The times of the frames of findings, by frame number: nanoseconds since 1970."""
     return {each.frame: each.time_ns for each in result.findings if each.time_ns is not None}
@@ -171,10 +171,6 @@ def _times(result: CaptureResult) -> Iterator[int]:
     """The times of the last frame, the ends of transactions, and the last event of each drive."""
     if result.end_ns is not None:
         yield result.end_ns
-    yield from map(_ended, result.transactions)
+    yield from [each.start_ns + max(0, each.duration_ns or 0) for each in result.transactions]
     for timeline in result.timelines:
         yield from (each.time_ns for each in timeline.events[-1:])
-
-
-def _ended(item: Transaction) -> int:
-    return item.start_ns + max(0, item.duration_ns or 0)

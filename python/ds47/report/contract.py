@@ -7,10 +7,9 @@ elsewhere. `tools/make_schemas.py` writes the JSON Schemas from this table.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import cache, cached_property, lru_cache
-from itertools import repeat
-from operator import attrgetter
+from collections.abc import Callable, Iterable, Iterator
+from functools import cache, lru_cache
+from itertools import groupby, repeat
 from typing import Any, NamedTuple
 
 from ds47 import model
@@ -65,10 +64,6 @@ class Key(NamedTuple):
     field: tuple[str, ...] = ()
     steady: bool = False
 
-    def part_of(self, owner: str) -> str:
-        """Code for the object that has the attributes of the keys in this one."""
-        return f"{owner}.{self.name}" if self.shape is not None and self.shape.make else owner
-
 
 class Shape:
     """An object of the contract: its name, its keys, the class of the model that it is loaded into.
@@ -89,42 +84,17 @@ class Shape:
         self.make = make
         self.about = about
 
-    @cached_property
-    def _names(self) -> list[str]:
-        return [key.name for key in self.keys]
-
-    @cached_property
-    def _get(self) -> Callable[[Any], tuple[Any, ...]]:
-        """All attributes at once; where a key is told otherwise, any of them keeps its place."""
-        some = next(key.name for key in self.keys if key.tell is None)
-        return attrgetter(*[some if key.tell else key.name for key in self.keys], some)
-
-    @cached_property
-    def _others(self) -> list[Key]:
-        return [key for key in self.keys if key.tell or key.shape]
-
-    @cached_property
-    def _of_a_channel(self) -> list[Key]:
-        return [key for key in self.keys if key.channel]
-
-    @cached_property
-    def _rare(self) -> list[str]:
-        return [key.name for key in self.keys if key.rare]
-
     def plain(self, item: Any, lang: str = "en") -> dict[str, Any]:
         """An object of the model as one of the contract, its texts in "en" or "zh"."""
-        found = dict(zip(self._names, self._get(item), strict=False))
-        for key in self._others:
-            value = found[key.name] if key.tell is None else key.tell(item, lang)
-            if key.shape is not None and value is not None:
-                value = _plain(key.shape, value, lang)
-            found[key.name] = value
-        for key in self._of_a_channel:
-            if item.channel != key.channel:
-                del found[key.name]
-        for name_ in self._rare:
-            if found[name_] is None:
-                del found[name_]
+        found = {}
+        for key in self.keys:
+            if key.channel and key.channel != item.channel:
+                continue
+            value = getattr(item, key.name) if key.tell is None else key.tell(item, lang)
+            if value is not None:
+                found[key.name] = value if key.shape is None else _plain(key.shape, value, lang)
+            elif not key.rare:
+                found[key.name] = None
         return found
 
     def load(self, item: dict[str, Any], vendor_id: int | None = None) -> Any:
@@ -807,14 +777,9 @@ _MADE: dict[Take | None, str] = {
 
 
 def code(key: Key, attribute: str, null: str = "None", text: str = "{}", mark: str = "") -> str:
-    """Code for a key of that attribute.
+    """Code for a key, neither a list nor an object, of code for its attribute; `null` is what stands for None.
 
-    Args:
-        key: neither a list nor an object.
-        attribute: code, too.
-        null: code for what stands there where it is None.
-        text: code for a text that anybody may have written.
-        mark: stands before and behind texts that are made here.
+    `text` is code for a text that anybody may have written, `mark` stands on both sides of one that is made here.
     """
     kind, made = key.schema.get("type", ()), _MADE.get(key.take)
     if made is None:
@@ -834,15 +799,22 @@ def compiled(made: str, names: dict[str, Any], of: str = "item, lang") -> Callab
     return function
 
 
-def kept(
-    keys: Sequence[Key], cell: Callable[[Key, str], str], between: str, names: dict[str, Any]
-) -> str:
-    """Code for the text of steady keys, which is kept: `cell` makes code of a key and its name."""
-    of = [key.name for key in keys]
-    inside = between.join(cell(key, key.name) for key in keys)
-    make = compiled(f"f'''{inside}'''", dict(names), ", ".join(of))
-    names[f"kept_{of[0]}"] = lru_cache(maxsize=4096)(make)
-    return f"{{kept_{of[0]}(item.{', item.'.join(of)})}}"
+def fields(
+    cells: Iterable[tuple[Key, str]], cell: Callable[[Key, str], str], between: str, names: dict[str, Any]
+) -> str:  # fmt: skip
+    """The inside of an f-string, of what `cell` makes of keys and their attributes; of steady keys it is kept."""
+    found: list[str] = []
+    for steady, group in groupby(cells, lambda each: each[0].steady):
+        these = list(group)
+        if not steady:
+            found += [cell(*each) for each in these]
+            continue
+        inside = between.join([cell(key, key.name) for key, _ in these])
+        make = compiled(f"f'''{inside}'''", dict(names), ", ".join([key.name for key, _ in these]))
+        function = f"kept_{len(names)}"
+        names[function] = lru_cache(maxsize=4096)(make)
+        found.append(f"{{{function}({', '.join([attribute for _, attribute in these])})}}")
+    return between.join(found)
 
 
 # Tables
@@ -863,7 +835,8 @@ def columns(shape: Shape, prefix: str = "", owner: str = "item") -> Iterator[Col
         if key.column:
             yield Column(prefix + key.name, key, f"{owner}.{key.into or key.name}")
         elif key.shape is not None and "items" not in key.schema and not key.rare:
-            yield from columns(key.shape, f"{prefix}{key.name}.", key.part_of(owner))
+            part = f"{owner}.{key.name}" if key.shape.make else owner
+            yield from columns(key.shape, f"{prefix}{key.name}.", part)
 
 
 POLLS = Column("polls", Key(
@@ -899,19 +872,13 @@ S7_COLUMNS = (
 """What is the last of all, for transactions of S7: a row for each of their items."""
 NOTHING: list[Any] = [None] * len(S7_COLUMNS)
 """The cells of S7_COLUMNS of any other transaction."""
-_get_head = attrgetter(*[each.name for each in HEAD_COLUMNS])
-_NAME = [each.name for each in HEAD_COLUMNS].index("name")
 
 
 @cache
-def _transaction_cells() -> Callable[[Any, str], list[Any]]:
+def transaction_cells() -> Callable[[Any, str], list[Any]]:
+    """What makes the cells of TRANSACTION_COLUMNS."""
     cells = [code(each.key, each.attribute) for each in TRANSACTION_COLUMNS]
     return compiled(f"[{', '.join(cells)}]", {})
-
-
-def transaction_cells(item: model.Transaction) -> list[Any]:
-    """The cells of TRANSACTION_COLUMNS."""
-    return _transaction_cells()(item, "")
 
 
 def rows(item: model.Transaction) -> Iterable[tuple[model.Parameter | None, list[Any]]]:
@@ -932,14 +899,12 @@ def _items(item: model.Transaction) -> Iterator[tuple[model.Parameter | None, li
 
 def head_cells(item: model.Parameter, lang: str) -> list[Any]:
     """The cells of HEAD_COLUMNS."""
-    cells = list(_get_head(item))
-    cells[_NAME] = name(item, lang)
-    return cells
+    return [
+        key.tell(item, lang) if key.tell else getattr(item, key.name) for _, key, _ in HEAD_COLUMNS
+    ]
 
 
 def error_cells(item: model.Parameter, lang: str) -> list[Any]:
     """The cells of ERROR_COLUMNS."""
     error = item.error
-    if error is None:
-        return [None] * len(ERROR_COLUMNS)
-    return [error.code, error_words(error, lang), error.info]
+    return [None] * 3 if error is None else [error.code, error_words(error, lang), error.info]

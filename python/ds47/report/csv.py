@@ -16,7 +16,6 @@ import csv
 import re
 from collections.abc import Callable, Sequence
 from functools import cache, lru_cache
-from itertools import groupby
 from json import dumps
 from typing import Any, ClassVar, TextIO
 
@@ -126,13 +125,8 @@ def _guarded(text: str | None) -> str:
 def _left() -> Callable[[Transaction, str], str]:
     """What writes the cells of a transaction: the f-string that one would write by hand, as that of JSON."""
     names: dict[str, Any] = {"text": _text, "guarded": _guarded}
-    cells: list[str] = []
-    for steady, group in groupby(contract.TRANSACTION_COLUMNS, lambda each: each.key.steady):
-        if steady:
-            cells.append(contract.kept([each.key for each in group], _code, ",", names))
-        else:
-            cells += [_code(each.key, each.attribute) for each in group]
-    return contract.compiled(f"f'''{','.join(cells)}'''", names)
+    cells = [(each.key, each.attribute) for each in contract.TRANSACTION_COLUMNS]
+    return contract.compiled(f"f'''{contract.fields(cells, _code, ',', names)}'''", names)
 
 
 def _code(key: contract.Key, attribute: str) -> str:

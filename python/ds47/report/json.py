@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from functools import cache, lru_cache, partial
-from itertools import groupby, islice, repeat
+from itertools import islice, repeat
 from json import JSONEncoder
 from json.encoder import encode_basestring as _quoted
 from typing import Any, Final, TextIO
@@ -74,38 +74,29 @@ def _writer(shape: contract.Shape, channel: str = "") -> _Write:
 
 def _code(shape: contract.Shape, owner: str, channel: str, names: dict[str, Any]) -> str:
     """The inside of the f-string; `owner` has the attributes, `names` gets what the code calls."""
-    members: list[str] = []
+
+    def member(key: contract.Key, attribute: str) -> str:
+        """A comma, the name, and code for the value, which may be a list, an object, rare, or told."""
+        head, function = f', "{key.name}": ', f"of_{key.name}"
+        if key.rare:
+            names[function] = partial(_rare, key.shape)
+            there = f"(value := {owner}.{key.name}) is not None"
+            return f"{{'{head}' + {function}(value, lang) if {there} else ''}}"
+        if key.schema.get("type") == "array":
+            names[function] = _listed(key.shape)
+            return f"{head}{{{function}(value, lang) if (value := {attribute}) else none}}"
+        if key.shape is not None:
+            part = f"{owner}.{key.name}" if key.shape.make else owner
+            return f"{head}{{{{{_code(key.shape, part, channel, names)}}}}}"
+        if key.take is None and key.tell is not None:
+            names[function] = key.tell
+            attribute = f"{function}({owner}, lang)"
+        code = contract.code(key, attribute, "null", "quoted({})", '"')
+        return f"{head}{{{code}}}"
+
     keys = [key for key in shape.keys if key.channel in ("", channel)]
-    for steady, group in groupby(keys, lambda key: key.steady):
-        if steady:
-            members.append(contract.kept(list(group), _member, "", names))
-        else:
-            members += [_any_member(key, owner, channel, names) for key in group]
-    return "".join(members).removeprefix(", ")
-
-
-def _member(key: contract.Key, attribute: str) -> str:
-    code = contract.code(key, attribute, "null", "quoted({})", '"')
-    return f', "{key.name}": {{{code}}}'
-
-
-def _any_member(key: contract.Key, owner: str, channel: str, names: dict[str, Any]) -> str:
-    """The same of what may be a list, an object, rare, or told by a function."""
-    attribute, function = f"{owner}.{key.into or key.name}", f"of_{key.name}"
-    head = f', "{key.name}": '
-    if key.rare:
-        names[function] = partial(_rare, key.shape)
-        there = f"(value := {owner}.{key.name}) is not None"
-        return f"{{'{head}' + {function}(value, lang) if {there} else ''}}"
-    if key.schema.get("type") == "array":
-        names[function] = _listed(key.shape)
-        return f"{head}{{{function}(value, lang) if (value := {attribute}) else none}}"
-    if key.shape is not None:
-        return f"{head}{{{{{_code(key.shape, key.part_of(owner), channel, names)}}}}}"
-    if key.take is None and key.tell is not None:
-        names[function] = key.tell
-        attribute = f"{function}({owner}, lang)"
-    return _member(key, attribute)
+    cells = [(key, f"{owner}.{key.into or key.name}") for key in keys]
+    return contract.fields(cells, member, "", names).removeprefix(", ")
 
 
 def _rare(shape: contract.Shape | None, value: Any, lang: str) -> str:
@@ -191,17 +182,10 @@ def capture(result: CaptureResult, lang: str = "en") -> dict[str, Any]:
 
 def _without_empty(plain: dict[str, Any]) -> dict[str, Any]:
     """Only a series has files, few captures have relations and timelines, and PROFINET has no bus."""
-    for key in _RARE:
-        if not plain[key]:
-            del plain[key]
+    for key in contract.HEAD:
+        if not (key.required or key.take or plain[key.name]):  # times stay, known or not
+            del plain[key.name]
     return plain
-
-
-_RARE: Final = (
-    "files", "relations", "timelines", "senders", "bus", "connections", "connections_left_out",
-    "buffers",
-    "narrowed",
-)  # fmt: skip
 
 
 def document(report: Report) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, TextIO
 
@@ -152,13 +152,7 @@ def total(rows: Sequence[CaptureRow]) -> dict[str, Any]:
     sums: dict[str, Counter[str]] = {
         key: Counter() for key in ("operations", "states", "findings", "rules", "rule_captures")
     }
-    counts = Counter[str]()
     for row in rows:
-        counts["captures"] += 1
-        counts["frames"] += row.frames
-        counts["unreadable"] += not row.readable
-        counts["incomplete"] += row.readable and not row.complete
-        counts["quiet"] += row.quiet
         for key in ("operations", "states", "findings", "rules"):
             sums[key].update(getattr(row, key))
         sums["rule_captures"].update(row.rules.keys())
@@ -170,9 +164,12 @@ def total(rows: Sequence[CaptureRow]) -> dict[str, Any]:
         ),
         default=None,
     )
-    names = ("captures", "unreadable", "incomplete", "quiet", "frames")
     return {
-        **{name: counts[name] for name in names},
+        "captures": len(rows),
+        "unreadable": sum(not row.readable for row in rows),
+        "incomplete": sum(row.readable and not row.complete for row in rows),
+        "quiet": sum(row.quiet for row in rows),
+        "frames": sum(row.frames for row in rows),
         "operations": _in_order(OPERATIONS, sums["operations"]),
         "states": _in_order(STATES, sums["states"]),
         "findings": _in_order(SEVERITIES[::-1], sums["findings"]),
@@ -328,17 +325,8 @@ def _rules(summed: dict[str, Any], options: ReportOptions) -> list[str]:
 def _sums(summed: dict[str, Any], lang: str) -> list[str]:
     captures = say("all_captures", captures=say("captures", n=summed["captures"]))
     odd = [say(f"all_{key}", n=summed[key]) for key in _ODD if summed[key]]
-    states, findings = summed["states"], summed["findings"]
-    work = joined([say("frames", n=summed["frames"]), say("transactions", n=sum(states.values()))])
-    if states:
-        split = _words(states, "state_").joined(
-            _words(summed["operations"], "operation_"), "; ", "；"
-        )
-        work = work.joined(split, ": ", "：")
-    found = say("findings", n=sum(findings.values()))
-    if findings:
-        found = found.joined(_words(findings, "severity_"), ": ", "：")
-    shown = [work, found]
+    work, found = told_sums(summed, "{:,}".format)
+    shown = [joined([say("frames", n=summed["frames"]), work]), found]
     if summed["slowest"]:
         time, path = duration(summed["slowest"]["ns"]), escape(summed["slowest"]["path"])
         shown.append(say("slowest", time=time, path=path))
@@ -349,8 +337,19 @@ def _sums(summed: dict[str, Any], lang: str) -> list[str]:
 _ODD = ("quiet", "unreadable", "incomplete")
 
 
-def _words(counts: dict[str, int], words: str) -> Both:
-    return numbered({key: f"{number:,}" for key, number in counts.items()}, words)
+def told_sums(summed: dict[str, Any], shown: Callable[[int], str]) -> tuple[Both, Both]:
+    """How many transactions and findings there are, and of which kinds."""
+
+    def words(key: str, word: str) -> Both:
+        return numbered({each: shown(number) for each, number in summed[key].items()}, word)
+
+    states, findings = summed["states"], summed["findings"]
+    work = say("transactions", n=sum(states.values()))
+    if states:
+        split = words("states", "state_").joined(words("operations", "operation_"), "; ", "；")
+        work = work.joined(split, ": ", "：")
+    found = say("findings", n=sum(findings.values()))
+    return work, found.joined(words("findings", "severity_"), ": ", "：") if findings else found
 
 
 def _in_order(order: Sequence[str], counts: Counter[str]) -> dict[str, int]:

@@ -169,7 +169,7 @@ def columns(table: str) -> dict[str, dict[str, Any]]:
 
 
 def _transaction_cells(path: str, item: Transaction) -> Row:
-    cells = contract.transaction_cells(item)
+    cells = contract.transaction_cells()(item, "en")
     cells[_START] = item.start_ns if _fits(item.start_ns) else None
     return [_text(path), *cells]
 

@@ -196,9 +196,6 @@ class _Channels:
     """Where Reads came between the Writes: whose they are is not always known.
 
     Args:
-        transactions: all of them.
-        unread: those of which no Read brought a record.
-        calls: findings about calls that brought none, by transaction.
         loose: frames of calls that belong to no transaction, on whatever channel.
     """
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from operator import attrgetter
 
 from ds47.findings.grouping import headlines
 from ds47.model import S7, CaptureResult, Device, Diagnosis, Finding
@@ -75,14 +76,12 @@ class Opening:
     # Drives
 
     def _drives(self, result: CaptureResult, smooth: bool) -> Iterator[str]:
-        asked: dict[str, Counter[str]] = {}
-        for each in result.transactions:
-            if each.channel != S7:
-                asked.setdefault(each.device, Counter())[each.state] += 1
-        known = {name: result.device(name) for name in asked}
+        jobs = [each for each in result.transactions if each.channel != S7]
+        asked = Counter(map(attrgetter("device", "state"), jobs))
+        known = {name: result.device(name) for name, _ in asked}
         states: dict[str, Counter[str]] = {}
-        for name, counted in asked.items():
-            states.setdefault(known[name].ip, Counter()).update(counted)
+        for (name, state), number in asked.items():
+            states.setdefault(known[name].ip, Counter())[state] += number
         drives = list({each.ip: each for each in known.values()}.values())
         others = [each for each in result.devices if each.ip not in states]
         counts = [self._counts(states[each.ip], smooth) for each in drives]

@@ -7,18 +7,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Final, TypeVar
+from typing import Final
 
 from ds47.model import DS47, Transaction
-from ds47.profidrive.drive_objects import DriveObjects, Identity, access_of
+from ds47.profidrive.drive_objects import LOCAL, DriveObjects, Identity, access_of
 from ds47.report.sentences import slot_number
 
-_T = TypeVar("_T")
 ANSWERED = ("ok", "partial", "error")
 """States of a transaction with a response."""
 
 
+_Way = tuple[str, int | None, int | None, int | None, int | None, int | None]
 _WAYS: Final = 4096
+_LOCAL: Final = (LOCAL, None)
+"""Record indices of requests of which the submodule decides; PKW has none."""
 
 
 class Targets:
@@ -26,16 +28,13 @@ class Targets:
 
     def __init__(self, transactions: Iterable[Transaction]) -> None:
         self._shown = DriveObjects.of(transactions)
-        self._identities: dict[tuple[object, ...], Identity] = {}
-        """A cache, valid until the next transaction,"""
-        self._named: dict[tuple[object, ...], str] = {}
-        """and one of what the ways are called."""
+        self._identities: dict[_Way, Identity] = {}
+        """A cache, valid until the next transaction."""
 
     def transaction(self, item: Transaction) -> None:
         """Takes one more transaction."""
         self._shown.transaction(item)
         self._identities.clear()
-        self._named.clear()
 
     def drive_object(self, item: Transaction) -> int | None:
         """The number of the drive object that a request reaches; None if it is unknown or does not exist."""
@@ -43,20 +42,14 @@ class Targets:
 
     def words(self, item: Transaction) -> str:
         """`DO 2`, `axis 0`; empty if only the submodule is known."""
-        number, axis = self.drive_object(item), access_of(item).axis
+        number = self._shown.reached(item)
         if number is not None:
             return f"DO {number}"
-        return "" if axis is None else f"axis {axis}"
+        return "" if item.axis is None or item.index in _LOCAL else f"axis {item.axis}"
 
     def where(self, item: Transaction, *, with_slot: bool = False) -> str:
         """The same with the slot in front, if asked for or if the submodule decides."""
-        if item.items:
-            return self._where(item, with_slot)
-        way = item.channel, item.device, item.index, item.slot, item.subslot, item.axis, with_slot
-        return self._named.get(way) or _put(self._named, way, self._where(item, with_slot))
-
-    def _where(self, item: Transaction, with_slot: bool) -> str:
-        where = slot(item) if with_slot or access_of(item).local else ""
+        where = slot(item) if with_slot or item.index in _LOCAL else ""
         channel = "" if item.channel == DS47 else item.channel.upper()
         return " ".join(filter(None, (where, self.words(item), channel)))
 
@@ -64,17 +57,24 @@ class Targets:
         """What transactions that reach the same drive object share; for one PNU, if given."""
         way = item.device, item.index, item.slot, item.subslot, item.axis, pnu
         found = self._identities.get(way)
-        return found or _put(self._identities, way, self._shown.identity(access_of(item), pnu))
+        if found is None:
+            if len(self._identities) >= _WAYS:
+                self._identities.clear()
+            found = self._identities[way] = self._shown.identity(access_of(item), pnu)
+        return found
 
     def labels(self, transactions: Sequence[Transaction]) -> dict[Identity, str]:
         """A name for each drive object of the page, unique on each device."""
-        first: dict[Identity, Transaction] = {}
+        ways: dict[tuple[object, ...], Transaction] = {}
         for each in transactions:
+            ways.setdefault((each.device, each.index, each.slot, each.subslot, each.axis), each)
+        first: dict[Identity, Transaction] = {}
+        for each in ways.values():
             first.setdefault(self.identity(each), each)
         names: dict[tuple[str, str], list[Identity]] = {}
         for key, item in first.items():
             known = self.words(item)
-            name = known or (slot(item) if access_of(item).local else "")
+            name = known or (slot(item) if item.index in _LOCAL else "")
             names.setdefault((item.device, name), []).append(key)
         labels: dict[Identity, str] = {}
         for (_, name), keys in names.items():
@@ -82,14 +82,6 @@ class Targets:
                 alone = len(keys) == 1 or not key.by_submodule
                 labels[key] = name if alone else f"{slot(first[key])} {name or 'axis ?'}"
         return labels
-
-
-def _put(memory: dict[tuple[object, ...], _T], way: tuple[object, ...], made: _T) -> _T:
-    """Remembers it, in bounded room."""
-    if len(memory) >= _WAYS:
-        memory.clear()
-    memory[way] = made
-    return made
 
 
 def slot(item: Transaction) -> str:

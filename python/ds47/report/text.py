@@ -8,7 +8,7 @@ that none of them can talk to the terminal.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from itertools import islice
 from typing import TYPE_CHECKING, Any, TextIO
@@ -37,7 +37,7 @@ from ds47.report.file_frames import FileFrames, name
 from ds47.report.filters import display_filter
 from ds47.report.formatting import duration, escape, parameter
 from ds47.report.latency import Latency
-from ds47.report.overview import CaptureRow, table, total
+from ds47.report.overview import CaptureRow, table, told_sums, total
 from ds47.report.sentences import at_offset, sentence
 from ds47.report.summary import Opening
 from ds47.report.targets import Targets
@@ -477,16 +477,9 @@ class Writer(_Writer):
         self._title(title)
         if verdict:
             self._line(f"  {verdict}")
-        states, operations, findings = sums["states"], sums["operations"], sums["findings"]
-        jobs = say("transactions", n=sum(states.values()))
-        if states:
-            split = _counts(states, state).joined(_counts(operations, operation), "; ", "；")
-            jobs = jobs.joined(split, ": ", "：")
-        found = say("findings", n=sum(findings.values()))
-        if findings:
-            found = found.joined(_counts(findings, _severity), ": ", "：")
         lang = self.options.lang
-        for line in (jobs.text(lang), found.text(lang), latency.text(lang)):
+        work = [each.text(lang) for each in told_sums(sums, str)]
+        for line in (*work, latency.text(lang)):
             if line:
                 self._line(f"  {line}")
 
@@ -521,7 +514,8 @@ class _Columns:
         self.number = len(str(max([each.id for each in transactions]))) + 1
         self.controllers = len({each.controller for each in transactions}) > 1
         self.slots = len({(each.api, each.slot, each.subslot) for each in transactions}) > 1
-        self.route = max([len(self._route(each)) for each in transactions])
+        self._routes = {each.id: self._route(each) for each in transactions}
+        self.route = max(map(len, self._routes.values()))
 
     def _route(self, item: Transaction) -> str:
         controller = f"{escape(item.controller)} -> " if self.controllers else ""
@@ -546,7 +540,8 @@ class _Columns:
         number = "  ".join(filter(None, [number, moment, since, frame])) + " "
         word = _operation(item.operation, self.lang)
         word += " " * (self.operation - columns(word))
-        return f"{number} {word}  {self._route(item).ljust(self.route)}"
+        route = self._routes.get(item.id) or self._route(item)
+        return f"{number} {word}  {route.ljust(self.route)}"
 
 
 @lru_cache
@@ -589,13 +584,3 @@ def _by_number(item: tuple[str, object]) -> tuple[int, str]:
 
 def _serious_first(group: list[Finding]) -> tuple[int, str]:
     return (-SEVERITIES.index(group[0].severity), group[0].rule)
-
-
-def _severity(word: str) -> Both:
-    return say(f"severity_{word}")
-
-
-def _counts(counts: Mapping[str, int], shown: Callable[[str], Both]) -> Both:
-    """`4 ok, 1 error`; `shown` gives the words for a key."""
-    parts = (Both.same(str(number)).joined(shown(key), zh=" ") for key, number in counts.items())
-    return joined(list(parts))

@@ -7,6 +7,7 @@ that may have changed it. No layout and no files: `ds47.report.parameters` and `
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass, field
@@ -14,7 +15,7 @@ from itertools import zip_longest
 from operator import itemgetter
 from typing import Final, NamedTuple
 
-from ds47.model import S7, CaptureResult, Frames, Parameter, Transaction, Value
+from ds47.model import S7, CaptureResult, Parameter, Transaction, Value
 from ds47.profidrive import decode_request
 from ds47.profidrive.dictionary import changes_itself
 from ds47.profidrive.drive_objects import DriveAccess, DriveObjects, Identity, access_of
@@ -128,7 +129,7 @@ class _Walk:
             self._items += _requests(each) if each.channel == S7 else (each,)
         self._connects = [(each.device, each.frame) for each in result.relations if each.frame]
         self._objects = DriveObjects.of(self._items)
-        self._devices: dict[str, _Device] = {}
+        self._devices: defaultdict[str, _Device] = defaultdict(_Device)
         self._vendors = {each.ip: each.vendor_id for each in result.devices}
         self._ars: set[tuple[str, str]] = set()
         self._pending: dict[int, list[tuple[WrittenChange, TrailCell]]] = {}
@@ -169,11 +170,8 @@ class _Walk:
                 cell.certain = self._old(device, pnu, cell) is not None
         return self._found
 
-    def _device(self, device: str) -> _Device:
-        return self._devices.setdefault(device, _Device())
-
     def _forget(self, device: str, frame: int) -> None:
-        state = self._device(device)
+        state = self._devices[device]
         state.forgotten = max(state.forgotten, frame)
 
     def _asked(self, item: Transaction, frame: int) -> None:
@@ -184,7 +182,7 @@ class _Walk:
         if item.operation != "change" or item.state == "orphan":
             return
         if _recomputes(item):
-            self._device(item.device).open += 1
+            self._devices[item.device].open += 1
         pending = self._pending[id(item)] = []
         for parameter, outcome in _written(item):
             assert parameter.pnu is not None
@@ -202,7 +200,7 @@ class _Walk:
                 each.open += 1
 
     def _old(self, device: str, pnu: int, cell: TrailCell) -> KnownValue | None:
-        state = self._device(device)
+        state = self._devices[device]
         changing = changes_itself(pnu, self._vendors.get(device))
         if cell.open or state.open or not cell.certain or changing:
             return None
@@ -221,7 +219,7 @@ class _Walk:
     def _changed(self, item: Transaction, frame: int) -> None:
         asked = _first(item)
         if _recomputes(item):
-            self._device(item.device).open -= 1
+            self._devices[item.device].open -= 1
             self._forget(item.device, frame)
         for change, cell in self._pending.pop(id(item)):
             near = self._near(change, cell)
@@ -240,7 +238,7 @@ class _Walk:
                 cell.certain = sure
 
     def _read(self, item: Transaction, frame: int) -> None:
-        state, wanted = self._device(item.device), self._wanted
+        state, wanted = self._devices[item.device], self._wanted
         for parameter in item.parameters:
             if parameter.pnu is None or parameter.attribute != "value":
                 continue
@@ -300,24 +298,18 @@ def _requests(item: Transaction) -> Iterator[Transaction]:
             yield part
 
 
-def _frames(frames: Frames) -> list[int]:
-    several = [number for read in (*frames.polls, *frames.rereads) for number in read]
-    own = (frames.write_request, frames.write_response, frames.read_request, frames.read_response)
-    return [number for number in (*own, *several) if number is not None]
-
-
 def _first(item: Transaction) -> int:
     """The frame of the request, else the first one that there is."""
     if item.frames.write_request is not None:
         return item.frames.write_request
-    return min(_frames(item.frames), default=0)
+    return min(item.frames.all(), default=0)
 
 
 def _last(item: Transaction) -> int:
     """The frame of the response; where there is none, the last frame of the transaction."""
     if item.frames.read_response is not None and item.state != "mismatch":
         return item.frames.read_response
-    return max(_frames(item.frames), default=0)
+    return max(item.frames.all(), default=0)
 
 
 def _recomputes(item: Transaction) -> bool:

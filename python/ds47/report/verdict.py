@@ -6,7 +6,7 @@ Everything here is counted from the result model; the words are in spec/report.t
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from operator import attrgetter
 
 from ds47.acyclic.index47 import ALWAYS, SHARED_INDEX
@@ -79,19 +79,9 @@ class VerdictCounts:
 
     def add(self, other: VerdictCounts) -> None:
         """Adds another capture."""
-        self.captures += other.captures
-        self.frames += other.frames
-        self.unreadable += other.unreadable
-        self.drives |= other.drives
-        self.watched |= other.watched
-        self.connections += other.connections
-        self.jobs += other.jobs
-        self.states += other.states
-        self.operations += other.operations
-        self.severities += other.severities
-        self.calls += other.calls
-        self.lowered += other.lowered
-        self.cut += other.cut
+        for each in fields(self):
+            mine, its = getattr(self, each.name), getattr(other, each.name)
+            setattr(self, each.name, mine | its if isinstance(mine, set) else mine + its)
 
     @property
     def open(self) -> int:

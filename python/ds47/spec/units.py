@@ -20,9 +20,7 @@ def timestamp(time_ns: int) -> str:
     `datetime` ends with the year 9999. The calendar repeats every 400 years, so `date` gets only years
     of one cycle.
     """
-    seconds = time_ns // SECOND_NS
-    digits = str(time_ns - seconds * SECOND_NS + SECOND_NS)  # a 1, and then all nine of them
-    return f"{second(seconds)}.{digits[1:]}Z"
+    return f"{second(time_ns // SECOND_NS)}.{time_ns % SECOND_NS:09}Z"
 
 
 @lru_cache(maxsize=64)

@@ -219,6 +219,7 @@ class _Growing(text._Columns):
         self.controllers = False
         self.slots = False
         self.route = 0
+        self._routes = {}
         self._first: tuple[str, tuple[int | None, int | None, int | None]] | None = None
 
     def begin(self, zone: Zone, first_ns: int) -> Clock:

@@ -42,16 +42,16 @@ class DriveView:
 
 def drives(result: CaptureResult, targets: Targets | None = None) -> list[DriveView]:
     """The drives in the order of their first transaction."""
-    known: dict[str, Device] = {}
+    known: dict[str, DriveView] = {}
     targets = targets or Targets(result.evidence)
     found: dict[str, DriveView] = {}
     for item in result.transactions:
         if item.channel == S7:
             continue  # its partners are no drives
         if item.device not in known:
-            known[item.device] = result.device(item.device)
-        device = known[item.device]
-        _count(found.setdefault(device.ip, DriveView(device)), item, targets)
+            device = result.device(item.device)
+            known[item.device] = found.setdefault(device.ip, DriveView(device))
+        _count(known[item.device], item, targets)
     for drive in found.values():
         drive.durations.sort()
     return list(found.values())

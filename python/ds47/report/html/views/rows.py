@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Hashable, Mapping
+from operator import attrgetter
 from typing import Any
 
 from ds47 import spec
@@ -24,11 +25,10 @@ from ds47.profidrive.drive_objects import Identity
 from ds47.report import descriptions, plc, s7
 from ds47.report import values as meanings
 from ds47.report.bilingual import LANGUAGES
-from ds47.report.clock import Clock
+from ds47.report.clock import first_ns
 from ds47.report.formatting import address, escape, value
 from ds47.report.html import messages
 from ds47.report.targets import Targets
-from ds47.report.zones import UNIVERSAL
 from ds47.spec import s7 as s7_tables
 from ds47.spec.semantics import known
 
@@ -48,13 +48,13 @@ VALUES = 64
 def packed_rows(result: CaptureResult, most: int, targets: Targets | None = None) -> dict[str, Any]:
     """The rows of a capture with their tables; `object` is what `objects` has the name of."""
     items = _chosen(result.transactions, most)
-    clock = Clock.of(result, UNIVERSAL)
+    start_ns = first_ns(result) or 0
     stations = {each.ip: each.station for each in result.devices}
     targets = targets or Targets(result.evidence)
     connections = {each.id: s7.ends(each) for each in result.connections}
     tables = _Tables(stations, targets, targets.labels(result.evidence), connections)
     witness = plc.Witness(result)
-    rows = [_row(each, clock, tables, witness) for each in items]
+    rows = [_row(each, start_ns, tables, witness) for each in items]
     return {
         "row": ROW,
         "rows": rows,
@@ -77,8 +77,10 @@ def _sizes() -> dict[str, int]:
 
 def _chosen(items: list[Transaction], most: int) -> list[Transaction]:
     """Those that are not ok and then the first ones, as many as there is room for, in their order."""
-    ranked = sorted(items, key=lambda each: (each.state == "ok" and not each.findings, each.id))
-    return sorted(ranked[:most], key=lambda each: each.id)
+    if len(items) > most:
+        ranked = sorted(items, key=lambda each: (each.state == "ok" and not each.findings, each.id))
+        items = ranked[:most]
+    return sorted(items, key=attrgetter("id"))
 
 
 class _Positions(dict[Hashable, int]):
@@ -173,7 +175,7 @@ def _address(item: Parameter) -> list[Any]:
     return [*row, item.described_in] if item.described_in else row
 
 
-def _row(item: Transaction, clock: Clock, tables: _Tables, witness: plc.Witness) -> list[Any]:
+def _row(item: Transaction, start_ns: int, tables: _Tables, witness: plc.Witness) -> list[Any]:
     positions, frames = tables.positions, item.frames
     return [
         item.id,
@@ -184,7 +186,7 @@ def _row(item: Transaction, clock: Clock, tables: _Tables, witness: plc.Witness)
         positions["channels"][_channel(item, tables.connections)],
         item.axis,
         item.request_reference,
-        _microseconds(clock.elapsed_ns(item.start_ns)),
+        _microseconds(item.start_ns - start_ns),
         None if item.duration_ns is None else item.duration_ns / 1000,
         frames.write_request,
         frames.write_response,
