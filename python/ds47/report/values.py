@@ -51,14 +51,20 @@ def meaning(item: Parameter) -> Both | None:
     Args:
         item: with the values that were read or written.
     """
-    if item.error is not None or not item.values:
+    told, row = item.told or {}, item.listed
+    if item.error is not None or not item.values or not may_mean(about(item), bool(told)):
         return None
-    known = about(item)
-    if not may_mean(known, bool(item.told)):
-        return None
-    if item.told:
-        return _meaning(item)
-    return _of_tables(known, tuple(item.values), tuple(map(type, item.values)))
+    if None in told:
+        return Both.same(escape(told[None]))
+    found = profile.meaning(item) if item.pnu in profile.NUMBERS else None
+    if found is not None or set(map(type, item.values)) != {int}:
+        return found
+    if row is not None and row.buffer is not None:
+        return _buffer(row, item.subindex or 0, item.values, told)
+    if row is not None and row.connects is not None and not told:
+        return _connection(row.connects, item)
+    found = _texts(row, item.values, told)
+    return _signed(item) if found is None and item.element_count is None else found
 
 
 @lru_cache(maxsize=4096)
@@ -73,42 +79,11 @@ def may_mean(known: tuple[Any, ...], told: bool = False) -> bool:
     return row is not None and bool(row.values_en or row.connects or row.buffer)
 
 
-@lru_cache(maxsize=1024)
-def _of_tables(
-    known: tuple[Any, ...], values: tuple[Value, ...], _types: tuple[type, ...]
-) -> Both | None:
-    """What the tables alone say of values; 1 and 1.0 are two that look the same to a memo."""
-    return _meaning(of_kind(known, values=list(values)))
-
-
-def _meaning(item: Parameter) -> Both | None:
-    told, row = item.told or {}, item.listed
-    assert item.subindex is not None
-    if None in told:
-        return Both.same(escape(told[None]))
-    found = profile.meaning(item)
-    if found is not None or set(map(type, item.values)) != {int}:
-        return found
-    if row is not None and row.buffer is not None:
-        return _buffer(row, item.subindex, item.values, told)
-    if row is not None and row.connects is not None and not told:
-        return _connection(row.connects, item)
-    return _texts(row, item.values, told) or _signed(item)
-
-
 def _signed(item: Parameter) -> Both | None:
     """`signed -25`: a word of PKW, which has no type, and of which nothing else tells it."""
-    value, half = item.values[0] if item.values else None, _HALF.get(item.format or "")
-    known = item.described is not None or (
-        item.listed is not None and item.listed.type not in _OPEN
-    )
-    if (
-        item.element_count is not None
-        or known
-        or half is None
-        or not isinstance(value, int)
-        or value < half
-    ):
+    value, half, row = item.values[0], _HALF.get(item.format or ""), item.listed
+    known = item.described is not None or (row is not None and row.type not in _OPEN)
+    if known or half is None or not isinstance(value, int) or value < half:
         return None
     return say("value_signed", value=str(value - 2 * half))
 
@@ -171,7 +146,7 @@ def _situations(row: spec.Pnu, first: int, places: Mapping[int, list[str]]) -> I
     """What belongs together; only a number or a code says that there is no fault, as a value may be 0."""
     kind = row.buffer
     if 0 not in places and first == 0 and row.entry is not None and row.entry[1] in LEADING:
-        yield say("value_no_faults" if kind == _FAULTS else "value_no_alarms")
+        yield _word("value_no_faults" if kind == _FAULTS else "value_no_alarms")
     gone: list[str] = []
     for situation, entries in places.items():
         if situation == 0 or kind == _FAULTS:
@@ -179,11 +154,15 @@ def _situations(row: spec.Pnu, first: int, places: Mapping[int, list[str]]) -> I
         else:
             gone += entries
     if gone:
-        yield say("value_gone").joined(_row(gone), ": ", "：")
+        yield _word("value_gone").joined(_row(gone), ": ", "：")
 
 
 def _row(entries: list[str]) -> Both:
     return Both(", ".join(entries), "，".join(entries))
+
+
+_word = lru_cache(maxsize=8)(say)
+"""Words that stand in many lines."""
 
 
 @lru_cache(maxsize=64)
