@@ -34,8 +34,8 @@ local Operation = {}
 Operation.__index = Operation
 
 -- What has to stand for so long before it is said, and is said once, when it ends.
--- `told`: it was, and may stand still behind frames that are missing. `of_values`: values decide, which are not
--- looked at in each frame: it stood until it was seen last.
+-- `told`: it was, and may stand still behind frames that are missing. `of_values`: values decide, which are
+-- not looked at in each frame: it stood until it was seen last.
 local function standing(rule, limit_ns, of_values)
   return {rule = rule, limit_ns = limit_ns, of_values = of_values, begun = nil, newest = nil, told = false}
 end

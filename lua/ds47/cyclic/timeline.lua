@@ -168,7 +168,7 @@ local function status(self, zsw1, frame, time)
   local before, running = self.zsw1, zsw1 % 8
   self.zsw1 = zsw1
   local seen = not (self.lost_in or self.is_skipped) -- else nobody knows what was in between
-  local since = not self.lost_in and self.fault_since or frame -- behind frames that are missing the fault was seen
+  local since = not self.lost_in and self.fault_since or frame -- before a gap in the frames it was seen
   self.fault_since = bit(zsw1, FAULT) == 1 and since or nil
   if bit(zsw1, FAULT) == 0 and (ILLEGAL[running] or bit(zsw1, INHIBITED) == 1 and running ~= 0) then
     self.refuted = true

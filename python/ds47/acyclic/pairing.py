@@ -459,8 +459,8 @@ class Pairing:
         """The answer to a Read. Returns the job it went to, None where there is none."""
         half = record.response
         assert half is not None
-        channel = self._channel(record, half.time_ns)
         self.read_over(record)
+        channel = self._channel(record, half.time_ns)
         event = "read_record" if half.data and not half.status else _read_event(half)
         if event in ("read_record", "read_cut"):
             channel.heard = half.frame
