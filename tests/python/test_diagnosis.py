@@ -12,12 +12,14 @@ import pytest
 from talk import job
 
 from ds47 import diagnosis
+from ds47.acyclic.judge import Judge
 from ds47.diagnosis import Diagnoses, is_unlikely
 from ds47.findings.remark import Remark
 from ds47.lab import message
 from ds47.profidrive import Options
 from ds47.profidrive.model import Block
-from ds47.spec.semantics import known
+from ds47.profinet.records import Half
+from ds47.spec.semantics import known, limits
 
 FIXED, SPEED, OTHER = message.address(2900), message.address(21), message.address(2901)
 TEN, BITS, WORD = message.real(10.0), message.block(0x07, "I", 0x41200000), message.word(10)
@@ -556,3 +558,35 @@ def test_the_oldest_format_is_forgotten_first(monkeypatch: pytest.MonkeyPatch) -
     assert told.args["seen"] is None
     told = only(talk.refused(change((OTHER, BITS)), FORMAT), "DS714")
     assert told.args["seen"] == 8
+
+
+# What is known already
+
+AGAIN, SAME = message.read(2, 1, FIXED), message.answer(2, 1, 1, TEN)
+
+
+@pytest.mark.parametrize(
+    ("asked", "answer", "more", "known"),
+    [
+        (AGAIN, SAME, {}, True),
+        (AGAIN, SAME, {"at": LOCAL}, False),
+        (AGAIN, SAME, {"rereads": [(None, Half(9, 9))]}, False),
+        (AGAIN, message.answer(2, 1, 1, BITS), {}, False),
+        (message.read(2, 2, FIXED), message.answer(2, 1, 2, TEN), {}, False),
+        (message.read(2, 1, OTHER), SAME, {}, False),
+        (AGAIN, message.answer(2, 0x81, 1, message.error(0)), {}, False),
+        (change((FIXED, TEN)), message.changed(1, 1), {}, False),
+    ],
+    ids=["the same", "place", "reread", "format", "axis", "parameter", "error", "change"],
+)
+def test_a_read_that_shows_nothing_new_is_known(
+    asked: bytes, answer: bytes, more: dict[str, Any], known: bool
+) -> None:
+    judge = Judge(limits(), limits().slow_ns, lambda *_: False)
+    diagnoses = Diagnoses(Options(), None, judge.shown)
+    first = job(message.read(1, 1, FIXED), message.answer(1, 1, 1, TEN))
+    later = job(asked, answer, frame=5, **more)
+    for each in (first, later):
+        for hear in (judge.answered, judge.closed, diagnoses.closed, diagnoses.over):
+            hear(each)
+    assert (first.known, later.known) == (False, known)

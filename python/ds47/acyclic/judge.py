@@ -19,14 +19,12 @@ from ds47.profidrive.drive_objects import DO_IDENTIFICATION, DriveObjects
 from ds47.profidrive.family import NOT_SUPPORTED, family_fits
 from ds47.profidrive.model import VALUE
 from ds47.profinet.records import ChannelKey, Half, Peer
-from ds47.spec.semantics import Limits
+from ds47.spec.semantics import Limits, known
 from ds47.spec.statuses import status_hex
 
 PNU_ACCESS_IDENTIFICATION: Final = 974
 """r0974[0] is the longest message the device takes (docs/protocol.md A.5, D.1)."""
-_TELLING: Final = frozenset((PNU_ACCESS_IDENTIFICATION, DO_IDENTIFICATION))
-"""Whose values say what holds for others."""
-_DONE: Final = (0x01, 0x02)
+DONE: Final = (0x01, 0x02)
 """Response ids of a read and of a change that succeeded."""
 WRONG_COUNT: Final = 0x18
 """The number of values does not fit (docs/protocol.md A.7)."""
@@ -55,11 +53,9 @@ def is_mismatch(job: Job) -> bool:
     What of the two headers the capture cut off speaks against nothing.
     """
     request, response = job.message, job.response
-    if request is None or response is None:
-        return False
     half, read = job.write_request, job.read_response
-    assert half is not None
-    assert read is not None
+    if request is None or response is None or half is None or read is None:
+        return False
     sent, got = request.request_reference, response.request_reference
     if sent != got and sent is not None and got is not None:
         return True
@@ -128,6 +124,7 @@ class Judge:
         self._limits = limits
         self._slow_ns = slow_ns
         self._written = ReadBack(limits.written_values, unseen)
+        self._written.pnus.update((PNU_ACCESS_IDENTIFICATION, DO_IDENTIFICATION))
         self.shown = Shown()
         self._longest: OrderedDict[str, int] = OrderedDict()
         """r0974[0] of a device,"""
@@ -175,9 +172,9 @@ class Judge:
             remarks.append(Remark("DS110", job.write_request.frame, job.missing._asdict()))
         for remark in remarks:
             remark.job = job
-        if message is not None and response is not None and response.response_id in _DONE:
+        if message is not None and response is not None and response.response_id in DONE:
             wrong = job.stray or message.flaws or response.flaws
-            job.usual = not (remarks or told or wrong or job.polls)
+            job.usual = not (remarks or told or wrong)
         return remarks
 
     def unanswered(self, job: Job, *, dropped: bool) -> list[Remark]:
@@ -238,7 +235,7 @@ class Judge:
 
     def closed(self, job: Job) -> list[Remark]:
         """What its Write response says of a job, which may come after the Read. Nothing more comes now."""
-        half, read = job.write_response, job.read_request
+        half, read = job.write_response, job.polls[0][0] if job.polls else job.read_request
         if half is None or read is None or half.status or half.frame > read.frame or job.rereads:
             job.usual = False
         job.known = job.usual and self._is_known(job)
@@ -248,29 +245,25 @@ class Judge:
 
     def _is_known(self, job: Job) -> bool:
         """Whether a usual job shows nothing but values; a change is more than what it shows."""
-        message, response, asked, read = (
-            job.message,
-            job.response,
-            job.write_request,
-            job.read_response,
-        )
-        if message is None or response is None or asked is None or read is None:
+        asked, message = job.write_request, job.message
+        read, response = job.read_response, job.response
+        if asked is None or message is None or read is None or response is None:
             return False
-        way, shown, device = (
-            self.shown.ways.get((job.key, message.axis)),
-            self.shown,
-            job.peer.device,
-        )
+        shown, device = self.shown, job.peer.device
+        way = shown.ways.get((job.key, message.axis))
         if way is None or way[0] > asked.frame or message.operation != "read":
             return False
-        reach, axis = way[1], way[1][2]
+        if len(job.polls) >= known().storm_polls:
+            return False
+        reach = way[1]
         if read.cut or len(read.data) > shown.longest.get(device, 0):
             return False
-        if axis >= 0 and axis not in shown.axes.get(device, ()):
+        if reach[2] >= 0 and reach[2] not in shown.axes.get(device, ()):
             return False
+        formats = shown.formats
         for address, block in zip(message.addresses, response.blocks, strict=False):
             if address.attribute == VALUE:
-                before = shown.formats.get((device, reach, address.pnu))
+                before = formats.get((device, reach, address.pnu))
                 if before is None or before.format != block.format:
                     return False
         return True
@@ -294,7 +287,7 @@ class Judge:
         addresses = request.addresses if request and not job.stray else []
         read = request is not None and request.operation == "read"
         again = request is None and job.repeats is not None
-        written, tells = self._written.pnus, response.failed > 0
+        telling, tells = self._written.pnus, response.failed > 0
         for number, block in enumerate(response.blocks):
             address = addresses[number] if number < len(addresses) else None
             if block.error is not None:
@@ -304,7 +297,8 @@ class Judge:
             elif address and read:
                 if block.value_count != (address.element_count or 1):
                     _count(half.frame, job, block, address, remarks)
-                tells = tells or address.pnu in written or address.pnu in _TELLING
+                if address.pnu in telling:
+                    tells = True
         return tells
 
     def _time(self, job: Job, remarks: list[Remark]) -> None:

@@ -82,7 +82,7 @@ class ReadBack:
         """Changes without a response, by parameter number."""
         self._devices: OrderedDict[str, _Device] = OrderedDict()
         self.pnus: set[int] = set()
-        """Every PNU that was ever written: most reads ask for others."""
+        """Every PNU that was ever written, and those that say more than their value: most reads ask for others."""
 
     def asked(self, job: Job) -> None:
         """A Write request asks for a change."""
@@ -137,9 +137,7 @@ class ReadBack:
         """The response to a change is there, or it is over without one; `stray`: the response is another's."""
         device = self._device(job.peer.device)
         response, read = job.response, job.read_response
-        frame = job.superseded_by if read is None else read.frame
-        if frame is None:
-            frame = NEVER
+        frame = (job.superseded_by or NEVER) if read is None else read.frame
         if job in device.recomputing:
             device.recomputing.discard(job)
             device.forgotten = max(device.forgotten, _last_frame(job) if frame == NEVER else frame)

@@ -146,16 +146,19 @@ def _parameters(job: Job, refused: bool) -> list[Parameter]:
         answers = values = request.blocks
     found: list[Parameter] = []
     for address, value, answer in zip_longest(addresses, values, answers):
-        pnu = subindex = elements = attribute = count = scaled = code = meaning = error = None
-        shown: list[Value] = []
-        if value is not None and value.error is None:
-            code, meaning = value.format, value.meaning
-            shown, count, scaled = list(value.values), value.value_count, value.scaled
-        if address is not None:
+        if address is None:
+            pnu = subindex = elements = attribute = None
+        else:
             pnu, subindex, elements = address.pnu, address.subindex, address.element_count
             attribute = address.attribute
-        if answer is not None and answer.error is not None:
-            error = ParameterError(answer.error.code, answer.error.info, peer.vendor_id)
+        shown: list[Value] = []
+        if value is None or value.error is not None:
+            code = meaning = count = scaled = None
+        else:
+            code, meaning = value.format, value.meaning
+            shown, count, scaled = list(value.values), value.value_count, value.scaled
+        failed = None if answer is None else answer.error
+        error = None if failed is None else ParameterError(failed.code, failed.info, peer.vendor_id)
         own = _listed(pnu, attribute, code, meaning, peer.vendor_id, peer.family)
         name, listed, unit, told, family = own
         found.append(Parameter(

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from functools import cache, partial
 from typing import TYPE_CHECKING, Final
 
-from ds47.acyclic.judge import PNU_ACCESS_IDENTIFICATION, Reach, Seen, Shown
+from ds47.acyclic.judge import DONE, PNU_ACCESS_IDENTIFICATION, Reach, Seen, Shown
 from ds47.acyclic.pairing import Job
 from ds47.diagnosis import length, order, refusal
 from ds47.diagnosis.capture import WholeCapture
@@ -37,10 +37,8 @@ _LEAST_NORMAL: Final = {0x08: 2.0**-126, 0x0F: 2.0**-1022}
 _MOST: Final = 1e30
 _NO_END: Final = 1 << 17
 """Behind every subindex."""
-_DONE: Final = (0x01, 0x02)
-"""Response ids of a read and of a change that succeeded,"""
-_TELLING: Final = (*_DONE, 0x81, 0x82)
-"""and of those that were answered in part, too."""
+_TELLING: Final = (*DONE, 0x81, 0x82)
+"""Response ids of reads and changes that succeeded, or were answered in part."""
 
 
 class Diagnoses:
@@ -59,13 +57,11 @@ class Diagnoses:
         shown = Shown() if shown is None else shown
         self._formats, self._axes, self._longest = shown.formats, shown.axes, shown.longest
         whole = WholeCapture(completeness, shown.ways)
-        self.asked, self.over, self.foreign = whole.asked, whole.closed, whole.foreign
-        self.nothing_to_read, self.finish = whole.nothing_to_read, whole.finish
-        self.cut, self.steps_back, self.storms = (
-            whole.cut,
-            whole.steps_back,
-            whole.repetition.storms,
-        )
+        self.asked, self.over, self.finish = whole.asked, whole.closed, whole.finish
+        self.foreign, self.nothing_to_read = whole.foreign, whole.nothing_to_read
+        self.cut, self.steps_back = whole.cut, whole.steps_back
+        self.storms = whole.repetition.storms
+        """Polls that go on: any job of their channel may end them."""
         self._anywhere: OrderedDict[tuple[str, int], int | None] = OrderedDict()
         """Format in which a PNU was read on a device; None where these are several."""
         self._limits: OrderedDict[str, int] = OrderedDict()
@@ -98,7 +94,7 @@ class Diagnoses:
         if job.polls:
             remarks += length.read_too_short(job)
         response = job.response
-        well = response is not None and not response.flaws and response.response_id in _DONE
+        well = response is not None and not response.flaws and response.response_id in DONE
         if job.missing is None and (not well or _is_odd(job)):
             remarks += self._cause(job)
         for remark in remarks:
