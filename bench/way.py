@@ -4,7 +4,7 @@
 
 Counts nothing but Python's own calls, from the first frame to the last line of ndjson, so that two runs say the
 same. Without a capture it takes the one of bench/run.py with 20,000 record frames, or 2,000.
-docs/developers/way.md says what the numbers are to become.
+docs/developers/way.md has the numbers of today.
 """
 
 from __future__ import annotations
