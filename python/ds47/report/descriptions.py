@@ -36,9 +36,9 @@ def entries(item: Parameter) -> list[str] | None:
 
 def stated(item: Parameter) -> int:
     """How many values there are, more than are shown where the end of the record is missing; a string is one."""
-    row = None if item.format is None else spec.format_named(item.format)
-    there = len(item.values)
-    return there if row is None or row.whole else max(there, item.value_count or 0)
+    there, told = len(item.values), item.value_count or 0
+    row = None if item.format is None or told <= there else spec.format_named(item.format)
+    return there if row is None or row.whole else told
 
 
 def words(item: Parameter) -> Both | None:
