@@ -91,10 +91,11 @@ def name(item: Parameter, lang: str = "en") -> str | None:
 
 def parameter(item: Parameter, written: bool, lang: str = "en") -> str:
     """A parameter with its values or error: `p50303[0] = 10.0`, with `:=` if it was written."""
-    shown = _shown(item, lang)
+    known = meanings.about(item)
+    shown = _shown(item, known, lang)
     given = f" {':=' if written else '='} {shown}" if shown else ""
     failed = f" {error(item.error, lang)}" if item.error else ""
-    return f"{_called(meanings.about(item), lang)}{given}{failed}"
+    return f"{_called(known, lang)}{given}{failed}"
 
 
 @lru_cache(maxsize=4096)
@@ -105,7 +106,7 @@ def _called(known: tuple[Any, ...], lang: str) -> str:
     return f"{address(item)} ({called})" if called else address(item)
 
 
-def _shown(item: Parameter, lang: str) -> str:
+def _shown(item: Parameter, known: tuple[Any, ...], lang: str) -> str:
     """Values with their unit, or the description they form; empty without values."""
     if item.attribute != "value" and (described := descriptions.words(item)) is not None:
         return described.text(lang)
@@ -113,6 +114,6 @@ def _shown(item: Parameter, lang: str) -> str:
         return ""
     unit = f" {escape(item.unit)}" if item.unit else ""
     scaled = f" ({values(item.scaled, item.format, lang)}{unit})" if item.scaled else unit
-    meant = meanings.meaning(item)
+    meant = meanings.meaning(item) if meanings.may_mean(known, bool(item.told)) else None
     shown = values(item.values, item.format, lang, descriptions.stated(item)) + scaled
     return shown if meant is None else say_in(lang, "parameter_meant", value=shown, text=meant)

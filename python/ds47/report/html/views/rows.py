@@ -199,7 +199,7 @@ def _row(item: Transaction, start_ns: int, tables: _Tables, witness: plc.Witness
         _hex(item.request),
         _hex(item.response),
         _asked(item, tables),
-        [positions["rules"][rule] for rule in item.findings],
+        item.findings and [positions["rules"][rule] for rule in item.findings],
         positions["plc"][witness.line(item)],
         positions["objects"][tables.targets.identity(item)],
     ]
@@ -226,17 +226,18 @@ def _hex(data: bytes | None) -> str | None:
 
 def _parameter(item: Parameter, tables: _Tables) -> list[Any]:
     """Address, values, how many there are; then, where there are any, scaled values, error and meaning."""
+    known = meanings.about(item)
     described = None if item.attribute == "value" else descriptions.parts(item)
     shown: list[Any] = (described or item.values)[:VALUES]
     if str in map(type, shown) and not described:
         shown = [value(each, item.format) if isinstance(each, str) else each for each in shown]
     row: list[Any] = [
-        tables.positions["addresses"][meanings.about(item)],
+        tables.positions["addresses"][known],
         shown,
         len(described) if described else descriptions.stated(item),
     ]
     scaled = None if item.scaled is None else [str(each) for each in item.scaled[:VALUES]]
-    if meant := meanings.meaning(item):
+    if meanings.may_mean(known, bool(item.told)) and (meant := meanings.meaning(item)):
         return [*row, scaled or 0, None, list(meant)]
     if item.error is not None:
         of = item.error
