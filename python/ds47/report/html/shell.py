@@ -20,12 +20,15 @@ _FOLDER = "report"
 
 @cache
 def environment() -> Any:
-    """The templates, with the filters that they use; made once, because it keeps what it has compiled."""
+    """The templates, with the filters that they use; made once, because it keeps what it has compiled.
+
+    Each is filled in once a page: to look for constants in it takes longer than it saves.
+    """
     from jinja2 import Environment, PackageLoader, StrictUndefined  # only for pages
 
     found = Environment(
         loader=PackageLoader("ds47.report"), autoescape=True, undefined=StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True,
+        trim_blocks=True, lstrip_blocks=True, optimized=False,
     )  # fmt: skip
     found.filters |= {"shown": escape, "duration": duration, "size": count}
     return found
