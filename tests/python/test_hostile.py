@@ -25,7 +25,7 @@ from ds47.capture import CaptureError, PcapngWriter, open_capture
 from ds47.cli import main
 from ds47.lab import message, wire
 from ds47.model import Report
-from ds47.profidrive import decode_request
+from ds47.profidrive import decode_request, drive_objects
 from ds47.profinet import ip, rpc
 from ds47.profinet.link import Packet
 from ds47.profinet.records import Half, Peer, Record
@@ -510,7 +510,9 @@ def test_a_finished_transaction_leaves_nothing_behind():
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("small")
-def test_a_released_ar_leaves_nothing_behind():
+def test_a_released_ar_leaves_nothing_behind(monkeypatch):
+    few = replace(drive_objects.known(), history=64)  # so many ways to drive objects are remembered
+    monkeypatch.setattr(drive_objects, "known", lambda: few)
     for number in range(
         uuid_text.cache_info().maxsize or 0
     ):  # that memory is bounded, and full by then

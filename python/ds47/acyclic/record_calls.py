@@ -98,7 +98,8 @@ class RecordCalls:
         if pdu is None:
             self._lost(call)
             return
-        if pdu.ptype == 2 and pdu.source not in self._stations.known:
+        new = pdu.source not in self._stations.known
+        if pdu.ptype == 2 and (new or pdu.opnum == RPC_CONNECT):
             self._stations.message(pdu)
         if what == "answered":
             self._answered(call, pdu)
