@@ -12,6 +12,7 @@ import sys
 import tracemalloc
 from dataclasses import replace
 from itertools import count
+from types import SimpleNamespace
 from uuid import UUID
 
 import frames as make
@@ -511,7 +512,7 @@ def test_a_finished_transaction_leaves_nothing_behind():
 @pytest.mark.slow
 @pytest.mark.usefixtures("small")
 def test_a_released_ar_leaves_nothing_behind(monkeypatch):
-    few = replace(drive_objects.known(), history=64)  # so many ways to drive objects are remembered
+    few = SimpleNamespace(history=64)  # so many ways to drive objects are remembered
     monkeypatch.setattr(drive_objects, "known", lambda: few)
     for number in range(
         uuid_text.cache_info().maxsize or 0
