@@ -9,18 +9,15 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Any
 
 from ds47.acyclic.index47 import ALWAYS, SHARED_INDEX, ArKey, Index47
 from ds47.acyclic.pairing import Moment, Pairing, Told
 from ds47.findings.remark import Remark
-from ds47.profidrive import Options, Request, decode_request
+from ds47.profidrive import Options, Request
 from ds47.profidrive.parameter import shared_request
 from ds47.profinet.ip import Cut
 from ds47.profinet.records import Half, Record
-
-_LONGEST_SHARED: Final = 512
-"""Bytes of a request that is remembered in its decoded form."""
 
 
 class RecordEvents:
@@ -93,11 +90,7 @@ class RecordEvents:
         if half.missing:
             self._length(record, half, cut)
         if record.write:
-            shared = len(half.data) <= _LONGEST_SHARED and not half.cut
-            message = (
-                shared_request(half.data, self._codec) if shared
-                else decode_request(half.data, self._codec, cut=half.cut)
-            )  # fmt: skip
+            message = shared_request(half.data, self._codec, cut=half.cut)
         if index47.passes(record.relation, record.index):
             record.proven = True
             if message is None:

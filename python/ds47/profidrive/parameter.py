@@ -34,6 +34,8 @@ _ADDRESS: Final = struct.Struct(">BBHH")
 _REQUEST_NOT_SUPPORTED: Final = 0x80
 _SINGLE: Final = 0x23
 """The error number of a drive that takes one parameter a request."""
+_LONGEST_SHARED: Final = 512
+"""Bytes of a request that is remembered in its decoded form."""
 _DEFAULTS = Options()
 
 
@@ -67,15 +69,21 @@ def decode_request(data: bytes, options: Options = _DEFAULTS, *, cut: bool = Fal
     return request
 
 
-@lru_cache(maxsize=4096)
-def shared_request(data: bytes, options: Options = _DEFAULTS) -> Request:
-    """The same, remembered: of a program that asks again and again. Nobody changes what all of them share.
+def shared_request(data: bytes, options: Options = _DEFAULTS, *, cut: bool = False) -> Request:
+    """The same as `decode_request`, for programs that ask again and again.
 
-    Requests that differ in their reference alone share addresses and blocks. Reference 0 is a flaw.
+    Requests that differ in their reference alone share addresses and blocks: nobody may change these. Reference 0
+    is a flaw, so such a request is decoded by itself.
     """
-    if data[:1] in (b"", b"\x00", b"\x01"):
-        return decode_request(data, options)
-    return shared_request(b"\x01" + data[1:], options).asked_as(data[0])
+    if cut or not data or not data[0] or len(data) > _LONGEST_SHARED:
+        return decode_request(data, options, cut=cut)
+    return _under_one(data[1:], options).asked_as(data[0])
+
+
+@lru_cache(maxsize=4096)
+def _under_one(behind: bytes, options: Options) -> Request:
+    """A request under reference 1, by what stands behind its reference."""
+    return decode_request(b"\x01" + behind, options)
 
 
 def decode_response(
