@@ -18,7 +18,7 @@ from ds47.profidrive import Address, Block, Flaw, Request, Response
 from ds47.profidrive.drive_objects import DO_IDENTIFICATION, DriveObjects
 from ds47.profidrive.family import NOT_SUPPORTED, family_fits
 from ds47.profidrive.model import VALUE
-from ds47.profinet.records import ChannelKey, Half, Peer
+from ds47.profinet.records import Half, Peer
 from ds47.spec.semantics import Limits, known
 from ds47.spec.statuses import status_hex
 
@@ -40,8 +40,10 @@ Reach = tuple[int, int, int]
 Two requests that go the same way reach the same drive object, whatever the device makes of the three.
 """
 
-Ways = OrderedDict[tuple[ChannelKey, int | None], tuple[int, Reach]]
-"""By channel and axis byte of usual jobs the frame that asked there first, and the way."""
+Asker = tuple[str, str, int, int, int, int, int | None]
+"""Who asks where: controller, device, API, slot, subslot, index and axis byte; over whichever AR."""
+Ways = OrderedDict[Asker, tuple[int, Reach]]
+"""Of usual jobs the frame that asked so first, and the way."""
 
 _K = TypeVar("_K")
 _V = TypeVar("_V")
@@ -89,6 +91,12 @@ def drive_time_ns(job: Job) -> int | None:
         return None
     pause = max(0, first.time_ns - accepted.time_ns)
     return read.time_ns - write.time_ns - pause
+
+
+def asker(job: Job, axis: int | None) -> Asker:
+    """Who asks where by a job."""
+    controller, device, _, api, slot, subslot, index = job.key
+    return controller, device, api, slot, subslot, index, axis
 
 
 class Seen(NamedTuple):
@@ -250,7 +258,7 @@ class Judge:
         if asked is None or message is None or read is None or response is None:
             return False
         shown, device = self.shown, job.peer.device
-        way = shown.ways.get((job.key, message.axis))
+        way = shown.ways.get(asker(job, message.axis))
         if way is None or way[0] > asked.frame or message.operation != "read":
             return False
         if len(job.polls) >= known().storm_polls:

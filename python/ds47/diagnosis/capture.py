@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any, Generic, NamedTuple, TypeVar
 
-from ds47.acyclic.judge import Ways
+from ds47.acyclic.judge import Ways, asker
 from ds47.acyclic.pairing import STATUS_NOT_READY, Job, Missing
 from ds47.diagnosis.repetition import Repetition, place_args
 from ds47.diagnosis.saving import Unsaved
@@ -198,7 +198,7 @@ class WholeCapture:
         if not job.usual or message is None or asked is None:
             self._heard(job)
         else:
-            way = job.key, message.axis
+            way = asker(job, message.axis)
             if way not in ways or ways[way][0] > asked.frame:
                 put(ways, way, (asked.frame, reach_of(job.record, message.axis)))
                 self._heard(job)
