@@ -90,7 +90,7 @@ def test_an_old_response_that_nobody_asked_for_names_no_write() -> None:
 def of_user(asked: bytes, controller: str = "c", ar: int = 0, **more: Any) -> Job:
     case = job(asked, **more)
     case.peer = Peer(controller, "d", 0x002A, 0x0501)
-    case.record.ar = ar.to_bytes(16, "big")
+    case.key = (*case.key[:2], ar.to_bytes(16, "big"), *case.key[3:])
     return case
 
 

@@ -17,7 +17,7 @@ from ds47.profidrive import Request, Response
 from ds47.profidrive.dictionary import Meaning
 from ds47.profidrive.family import kind_fits
 from ds47.profinet.completeness import Completeness, Hole
-from ds47.profinet.records import ChannelKey, Half, Peer, Record
+from ds47.profinet.records import NIL_UUID, NO_API, ChannelKey, Half, Peer, Record
 from ds47.spec.plain import Plain
 from ds47.spec.semantics import Limits, phases
 
@@ -44,6 +44,7 @@ class Moment(NamedTuple):
 
 
 _NEVER: Final = Moment(0, 0)
+_FORGOTTEN: Final = Record(False, False, NIL_UUID, NO_API, 0, 0, 0, 0)
 _ENDS: Final = {"end": "ends", "expired": "unseen", "later": "later", "unseen": "unseen"}
 """Why a request is over without its response -> what is not in the capture then."""
 
@@ -205,8 +206,11 @@ class Job:
         self.meanings = ()
 
     def forget(self) -> None:
-        """It is told. Else each would keep the next one alive, and the memory of calls its response."""
-        self.over = True
+        """It is told. Else each would keep the next one alive, and the memory of calls its response.
+
+        Its record knows it, so it forgets that, too: what knows each other stays until somebody looks for garbage.
+        """
+        self.over, self.record = True, _FORGOTTEN
         self.superseding = self.rival = self.refused_behind = self.between = self.response = None
 
     @property
@@ -397,7 +401,7 @@ class Pairing:
         if job.polls or job.fetching or job.read_request:
             job.hasty = self._waits(job.peer)
         if job.hasty and (fault or (response is not None and response.status)):
-            job.twice = job.record.request.frame if job.record.request else 0
+            job.twice = job.write_request.frame if job.write_request else 0
             return  # who waits had another response before, and the device executed the call once more
         job.write_response = response
         job.write_fault = fault
@@ -461,7 +465,7 @@ class Pairing:
         assert half is not None
         self.read_over(record)
         channel = self._channel(record, half.time_ns)
-        event = "read_record" if half.data and not half.status else _read_event(half)
+        event = _read_event(half)
         if event in ("read_record", "read_cut"):
             channel.heard = half.frame
         job = self._addressee(channel, event, record)

@@ -95,7 +95,8 @@ def _clash(held: Job | None, came: Job, first: int | None, frame: int) -> Remark
 
 def _ar(job: Job) -> str | None:
     """The AR of a request; None on PROFIBUS, which has none."""
-    return None if job.record.ar == NIL_UUID else uuid_text(job.record.ar)
+    ar = job.key[2]
+    return None if ar == NIL_UUID else uuid_text(ar)
 
 
 def _case(held: Job | None, came: Job) -> str:
@@ -104,7 +105,7 @@ def _case(held: Job | None, came: Job) -> str:
         return "unseen_user"
     if held.peer.controller != came.peer.controller:
         return "two_stations"
-    return "one_station" if held.record.ar == came.record.ar else "two_ars"
+    return "one_station" if held.key[2] == came.key[2] else "two_ars"
 
 
 def _connection_lost(job: Job, asked: Half) -> Iterator[Remark]:
