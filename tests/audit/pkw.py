@@ -199,6 +199,10 @@ def _wrong_word(finding: Finding, talk: Talk) -> Iterator[str]:
         yield f"PWE1 is {talk.asked[4:6].hex()}"
 
 
+LOOKED_AT = 4
+"""Of captures as short as these one cyclic frame of a sender in so many is looked at."""
+
+
 def of_incomplete(finding: Finding, reading: Reading) -> Iterator[str]:
     """DS110: frames of the drive are missing where a request stood or ended, or its response comes right behind it."""
     talk = next(each for each in talks(reading) if each.plain["id"] == finding.transaction)
@@ -247,9 +251,8 @@ def _soon(talk: Talk, after: list[tuple[int, bytes]]) -> Iterator[str]:
     reading, behind = talk.reading, after[-1]
     stood = (reading.time(behind[0]) or 0) - (reading.time(talk.begins) or 0)
     slowest = max((each.plain["duration_ms"] or 0 for each in talks(reading)), default=0)
-    if stood / 1e6 > max(UNREAD_MS, slowest) + 5 * (
-        talk.relation["cycle_ms"] or 0
-    ):  # not each is looked at
+    late = (LOOKED_AT + 1) * (talk.relation["cycle_ms"] or 0)
+    if stood / 1e6 > max(UNREAD_MS, slowest) + late:
         yield f"it stood for {stood / 1e6} ms"
     if behind[1] != talk.asked:
         yield f"{behind[1].hex()} is asked at the end"
