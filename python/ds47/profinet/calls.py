@@ -242,13 +242,8 @@ class CallTracker:
 
     def _request(self, pdu: Pdu, told: list[Became]) -> None:
         self.counts["requests"] += 1
-        seq, client, of = pdu.seq, pdu.client, pdu.activity
-        activity = self._activities.get((client, of))
-        if activity is None or activity.server is not pdu.server:
-            activity = self._activity(pdu, told)
-        else:
-            self._activities.move_to_end((client, of))
-        key, calls, numbers = (client, of, seq), activity.calls, activity.numbers
+        activity, seq = self._activity(pdu, told), pdu.seq
+        key, calls, numbers = (pdu.client, pdu.activity, seq), activity.calls, activity.numbers
         if calls and (
             pdu.time_ns - activity.oldest_ns > self._expiry_ns or len(calls) > self._most
         ):
