@@ -12,7 +12,6 @@ import pytest
 from ds47.diagnosis import saving
 from ds47.diagnosis.saving import Moment, Unsaved
 from ds47.diagnosis.targets import LOCAL, Target, reach_of, target
-from ds47.profinet.records import Record
 
 TWO, THREE = Target(local=False, first=2), Target(local=False, first=3)
 NONE = Target(local=False, first=0)
@@ -66,7 +65,7 @@ def test_two_targets_may_be_one_drive_object_unless_their_axes_differ() -> None:
 
 def test_the_way_to_a_drive_object_has_an_axis_except_under_0xb02e() -> None:
     def reach(index: int, axis: int | None) -> tuple[int, int, int]:
-        return reach_of(Record(True, False, bytes(16), 0, 2, 1, index, 0), axis)
+        return reach_of(("", "", bytes(16), 0, 2, 1, index), axis)
 
     assert reach(47, 7) == (2, 1, 7)
     assert reach(LOCAL, 7) == reach(LOCAL, 8) != reach(47, 7)

@@ -200,7 +200,7 @@ class Diagnoses:
         if number >= len(request.blocks):
             return False  # the request ends before this value
         address, block = request.addresses[number], request.blocks[number]
-        seen = self._formats.get((job.peer.device, reach_of(job.record, request.axis), address.pnu))
+        seen = self._formats.get((job.peer.device, reach_of(job.key, request.axis), address.pnu))
         if seen is None and job.message is not None and request.axis == job.message.axis:
             seen = _described(job, address.pnu)
         return seen is not None and seen.format == block.format
@@ -217,7 +217,7 @@ class Diagnoses:
         half, message = job.write_request, job.message
         if half is None or message is None or message.operation != "read":
             return
-        if job.record.index != LOCAL:
+        if job.key[-1] != LOCAL:
             remark.corrected = partial(self._only_axis, job, half.data)
 
     def _only_axis(self, job: Job, request: bytes) -> bytes | None:
@@ -232,7 +232,7 @@ class Diagnoses:
         wanted = decode_request(there, self._codec)
         if any(wanted.rest):  # bytes behind its end belong to no request
             there = suggest.only(wanted, range(len(wanted.addresses)))
-        reach = reach_of(job.record, wanted.axis)
+        reach = reach_of(job.key, wanted.axis)
         read = all(
             each.attribute == VALUE and (device, reach, each.pnu) in self._formats
             for each in wanted.addresses
@@ -254,7 +254,7 @@ class Diagnoses:
 
     def _unless_refused(self, job: Job, corrected: bytes, request: Request) -> bytes | None:
         device = job.peer.device
-        if job.record.index != LOCAL and request.axis in self._missing.get(device, ()):
+        if job.key[-1] != LOCAL and request.axis in self._missing.get(device, ()):
             return None
         refused = any(each in self._refused for each in refusal.signs(device, request))
         behind = any(
@@ -279,7 +279,7 @@ class Diagnoses:
     # What was seen before
 
     def _learn(self, job: Job, request: Request, response: Response, frame: int) -> None:
-        device, reach = job.peer.device, reach_of(job.record, request.axis)
+        device, reach = job.peer.device, reach_of(job.key, request.axis)
         axis = reach[-1]
         if axis >= 0 and (response.failed or axis not in self._axes.get(device, ())):
             self._learn_axis(device, axis, response.blocks)
@@ -316,7 +316,7 @@ class Diagnoses:
     def _seen(self, job: Job, pnu: int) -> Seen | None:
         """How the parameter was read in the way in which a request goes."""
         axis = job.message.axis if job.message else None
-        return self._formats.get((job.peer.device, reach_of(job.record, axis), pnu))
+        return self._formats.get((job.peer.device, reach_of(job.key, axis), pnu))
 
     def _listed(self, job: Job, pnu: int) -> int | None:
         """The format by the list of parameters, where nothing that was read of the device differs from it."""

@@ -200,7 +200,7 @@ class WholeCapture:
         else:
             way = asker(job, message.axis)
             if way not in ways or ways[way][0] > asked.frame:
-                put(ways, way, (asked.frame, reach_of(job.record, message.axis)))
+                put(ways, way, (asked.frame, reach_of(job.key, message.axis)))
                 self._heard(job)
         if message is not None and message.operation == "change":
             self._change(job)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from ds47.acyclic.judge import Reach
 from ds47.profidrive.drive_objects import LOCAL
-from ds47.profinet.records import Record
+from ds47.profinet.records import ChannelKey, Record
 
 
 class Target(NamedTuple):
@@ -42,6 +42,7 @@ def target(slot: int, subslot: int, index: int, axis: int | None) -> Target:
     return Target(True, slot, subslot) if index == LOCAL else Target(False, axis or 0)
 
 
-def reach_of(record: Record, axis: int | None) -> Reach:
+def reach_of(channel: ChannelKey, axis: int | None) -> Reach:
     """The way of a request."""
-    return record.slot, record.subslot, -1 if record.index == LOCAL or axis is None else axis
+    slot, subslot, index = channel[4:]
+    return slot, subslot, -1 if index == LOCAL or axis is None else axis
