@@ -267,7 +267,7 @@ def _plugin_rules() -> dict[str, spec.Rule]:
 
 
 def _rules() -> Iterator[str]:
-    left_out = ("analyzer_only", "changed", "group", "many", "many_zh", "args")
+    left_out = ("analyzer_only", "changed", "group", "many", "many_zh", "brief", "brief_zh", "args")
     names = tuple(name for name in spec.Rule.__annotations__ if name not in left_out)
     yield from block(
         "M.rules", {number: fields(row, names) for number, row in _plugin_rules().items()}

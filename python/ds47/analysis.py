@@ -141,7 +141,7 @@ def analyze(
 def _told(
     capture: Capture | Series, options: AnalysisOptions, on_transaction: OnTransaction | None
 ) -> CaptureResult:
-    """The result; a file in which nothing was set up is opened again for who sends cyclic frames."""
+    """The result; a file in which nothing was set up is opened again for who sends frames, and which."""
     analysis = Analysis(options, on_transaction)
     result = analysis.run(capture)
     alone = isinstance(capture, Capture) and Path(capture.path).is_file()
@@ -150,6 +150,11 @@ def _told(
 
         with suppress(CaptureError), open_capture(capture.path) as again:
             result.senders = senders(again.everything())
+        if result.nothing:
+            from ds47.capture.kinds import kinds
+
+            with suppress(CaptureError), open_capture(capture.path) as again:
+                result.others = kinds(again.everything())
     return result
 
 

@@ -778,10 +778,27 @@ class CaptureResult(Plain):
     """Those of S7."""
     connections_left_out: int = 0
     """Connections of S7 for which there was no room."""
+    others: dict[str, int] = field(default_factory=dict)
+    """What the first frames are, by kind, where nothing is PROFINET, PROFIBUS or S7."""
     narrowed: Narrowed | None = None
     """None where all of it is here."""
     whole: CaptureResult | None = None
     """All of a capture that is narrowed: what it proves holds for what is shown."""
+
+    @property
+    def nothing(self) -> bool:
+        """Whether nothing in it is PROFINET, PROFIBUS or S7."""
+        there = (
+            self.transactions,
+            self.devices,
+            self.relations,
+            self.senders,
+            self.connections,
+            self.findings,
+        )
+        return not (
+            any(there) or any(self.rpc.values()) or self.bus or self.summary.get("transactions")
+        )
 
     @property
     def entire(self) -> CaptureResult:

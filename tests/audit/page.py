@@ -26,9 +26,11 @@ COUNTED = {
     r"(without an answer|unanswered|without a response|no response)": "unanswered",
     r"(overtaken|superseded)": "superseded", r"incomplete": "incomplete",
     r"((answers?|responses?) without (its|their|a) request|orphans?)": "orphan",
-    r"captures? not read to (its|their) end": "unread", r"S7 connections?": "connections",
+    r"captures? not read to (its|their) end": "unread", r"S7 connections?": "connections", "ok": "ok",
+    r"drives? in cyclic frames": "watched", r"stations? of PROFIBUS": "stations",
 }  # fmt: skip
 """Words of a count -> the state that is counted."""
+FAILED = ("refused", "error", "partial", "mismatch")
 TOLD = (
     "refused",
     "error",
@@ -216,10 +218,10 @@ def _tally(
                 yield f"{name!r}, but {dict(states)}"
             if any(each.plain["bytes"]["response"] is None for each in deals if not each.s7):
                 yield f"{name!r}, but one has none"
-        elif name in TOLD or name in ("all", "drives", "connections"):
+        elif name in TOLD or name in ("ok", "all", "drives", "connections"):
             if number != true.get(name, 0):
                 yield f"{number} {name} are {true.get(name, 0)}"
-        elif name != "unread":
+        elif name not in ("unread", "watched", "stations"):
             yield f"counts {name!r}, which nobody knows"
     for state in TOLD:
         if states[state] and state not in told:
@@ -227,28 +229,52 @@ def _tally(
 
 
 def _verdict(lines: list[str], reading: Reading) -> Iterator[str]:
-    line = next((each for each in lines if re.match(r"(NOT OK|LOOK AT IT|OK|NOTHING)", each)), "")
-    word, _, text = line.partition(": ")
+    said = [
+        each
+        for each in _unbroken(lines)
+        if re.match(r"(NOT OK|WARNING|OK|EMPTY|  \d+ (drive|stat|S7|trans))", each)
+    ]
+    word, _, text = (said[0] if said else "").partition(": ")
     states = {each.state for each in reading.deals}
     severities = {each.severity for each in reading.findings}
-    bad = "error" in severities or states & {"refused", "error", "partial", "mismatch"}
+    bad = "error" in severities or states & {*FAILED}
     look = "warning" in severities or states & {*OPEN}
     look = look or not reading.plain["complete"]
     look = look or any(each.severity != RULES[each.rule]["severity"] for each in reading.findings)
     true = (
         "NOT OK"
         if bad
-        else "LOOK AT IT"
+        else "WARNING"
         if look
         else "OK"
         if states or reading.plain.get("timelines")
-        else "NOTHING TO JUDGE"
+        else "EMPTY"
     )
     if word != true:
         yield f"{word!r} is {true!r}"
     if reading.deals:
+        there = text.partition("; ")[0] if word == "OK" or len(said) < 2 else said[1].strip()
         drives = len({each.device for each in reading.deals if not each.s7})
-        yield from _tally(text, reading.deals, drives, len(reading.plain.get("connections", ())))
+        yield from _tally(there, reading.deals, drives, len(reading.plain.get("connections", ())))
+    if word != "OK":
+        yield from _failures(text, reading.deals)
+
+
+def _failures(text: str, deals: list[Deal]) -> Iterator[str]:
+    """What the verdict says of transactions that failed, and of those with an unknown outcome."""
+    states = Counter(each.state for each in deals)
+    for words, kinds in (
+        ("fail", FAILED),
+        ("ha(s|ve) no known outcome", OPEN),
+    ):
+        text = text.replace("the only transaction", "1 of 1 transactions")
+        found = re.search(rf"([\d,]+)(?: of ([\d,]+) transactions)? {words}", text)
+        told = 0 if found is None else int(found[1].replace(",", ""))
+        true = sum(states[each] for each in kinds)
+        if told != true:
+            yield f"says {told} {words}, it is {true}"
+        if found and found[2] and int(found[2].replace(",", "")) != len(deals):
+            yield f"says of {found[2]} transactions, there are {len(deals)}"
 
 
 def _drives(lines: list[str], reading: Reading) -> Iterator[str]:
@@ -698,6 +724,18 @@ def _of_frame(number: int, reading: Reading) -> str | None:
     whole_, rest = divmod(frame.time_ns, 10**9)
     when = datetime.fromtimestamp(whole_, UTC)
     return moment(f"{when:%Y-%m-%dT%H:%M:%S}.{rest:09}Z", reading)
+
+
+def _unbroken(lines: list[str]) -> list[str]:
+    """Lines that were broken, put together again: what goes on is indented by four columns more."""
+    found: list[str] = []
+    for line in lines:
+        deep = len(line) - len(line.lstrip())
+        if found and deep and deep == len(found[-1]) - len(found[-1].lstrip()) + 4:
+            found[-1] += " " + line.strip()
+        else:
+            found.append(line)
+    return found
 
 
 def whole(lines: list[str], deep: int = 8) -> list[str]:

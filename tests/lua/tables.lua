@@ -16,7 +16,8 @@ file:close()
 local SAME_AS_KEY = {code = true, id = true}
 local EXPLAINING = { -- for the reader of a table alone
   note = true, confirmed = true, zh_from = true, plc = true, wireshark = true,
-  analyzer_only = true, many = true, many_zh = true, -- headlines are the analyzer's
+  analyzer_only = true,
+  many = true, many_zh = true, brief = true, brief_zh = true, -- headlines are the analyzer's
 }
 
 local flat, entries = {}, 0

@@ -170,21 +170,21 @@ def test_a_drive_that_trips_is_not_ok(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "NOT OK" in text
     assert "DS520 error" in text
     text = printed(of_maker(FOREIGN, trips=3), tmp_path, capsys)
-    assert "LOOK AT IT: 1 drive followed in its cyclic frames" in text
+    assert "WARNING: Fault of 192.168.1" in text
     assert "DS520 note fault-while-running" in text
     assert "(3 times)" in text
     assert "A note, because the drive is not one of Siemens" in text
     assert "仅为提示" in printed(of_maker(FOREIGN, trips=3), tmp_path, capsys, "--lang", "zh")
     page = printed(of_maker(FOREIGN, trips=3), tmp_path, capsys, "-f", "html")
     assert "A note, because the drive is not one of Siemens" in page
-    assert "OK: 1 drive followed" in printed(of_maker(FOREIGN), tmp_path, capsys)
+    assert "OK: 1 drive in cyclic frames" in printed(of_maker(FOREIGN), tmp_path, capsys)
 
 
 def test_not_ok_has_its_cause_whoever_made_the_drive(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     text = printed(of_maker(FOREIGN, error=17), tmp_path, capsys)
-    assert "NOT OK: 1 drive, 2 transactions, 1 error" in text
+    assert "NOT OK: p0700[0] is refused by PKW: 17 Not possible" in text
     assert "DS501 note pkw-error" in text
     assert "Not possible in this operating state" in text
 
@@ -416,10 +416,10 @@ def test_what_stands_in_the_frames_to_another_makers_drive_is_not_ok(
             700, cycles=40
         )
         text = printed(captured(stage), tmp_path, capsys)
-        assert text.splitlines()[1].startswith("LOOK AT IT")
+        assert text.splitlines()[1].startswith("WARNING")
         assert f"DS514 {severity}" in text
     bus = on_profibus(talk((IDLE, 5), (READ, 2600), pause=10_000))
     assert bus is not None
     text = printed(bus, tmp_path, capsys)
-    assert "LOOK AT IT: 1 drive, 1 transaction, 1 unanswered" in text
+    assert "WARNING: What reads as a PKW request has no response" in text
     assert "DS514 warning" in text

@@ -13,7 +13,7 @@ from ds47.cli import main
 def test_the_demo_shows_a_report_and_writes_a_page(capsys, tmp_path, captures):
     assert main(["demo", "--no-browser", "-o", str(tmp_path / "tour")]) == 0
     out = capsys.readouterr().out
-    assert "NOT OK: 1 drive, 8 transactions" in out
+    assert "NOT OK: 192.168.133.2 writes while its own request is open" in out
     assert "What to do" in out
     assert f"open {tmp_path / 'tour' / 'report.html'} in a browser" in out
     assert out.splitlines()[-1].endswith(

@@ -69,7 +69,10 @@ def test_a_capture_in_which_all_is_well_has_a_verdict_and_drives_and_no_more():
 
 def test_a_change_of_which_nobody_read_the_answer_is_not_ok(captures: Path):
     lines = opening(analyze(captures / "conversation-change-unread.pcapng"))
-    assert lines[1] == "LOOK AT IT: 1 drive, 1 transaction, 1 unanswered"
+    assert lines[1:3] == [
+        "WARNING: the only transaction has no known outcome",
+        "  1 drive, 1 transaction, 1 unanswered",
+    ]
     shown = lines[lines.index("What this capture cannot show") + 1 :]
     assert any(
         line.startswith("  What the drive made of 1 request: its response") for line in shown
@@ -78,8 +81,11 @@ def test_a_change_of_which_nobody_read_the_answer_is_not_ok(captures: Path):
 
 def test_where_there_are_errors_jobs_are_answered_and_not_done(captures: Path):
     lines = opening(analyze(captures / "transport-reject.pcapng"))
-    assert lines[1] == "NOT OK: 1 drive, 1 transaction, all with a response"
-    assert lines[5].endswith("1 transaction, all with a response")
+    assert lines[1:3] == [
+        "NOT OK: calls are answered with an RPC reject",
+        "  1 drive, 1 transaction, all with a response",
+    ]
+    assert lines[6].endswith("1 transaction, all with a response")
 
 
 def test_every_drive_has_its_counts_and_other_devices_stand_below():
@@ -89,9 +95,12 @@ def test_every_drive_has_its_counts_and_other_devices_stand_below():
         handmade.transaction(id=3, device="192.168.133.40"),
     ]
     lines = opening(capture(*jobs, devices=[Device("192.168.133.50"), Device(DRIVE)]))
-    assert lines[1] == "NOT OK: 2 drives, 3 transactions, 1 refused"
-    assert lines[5:10] == [
-        f"  {DRIVE}  2 transactions, 1 refused",
+    assert lines[1:3] == [
+        "NOT OK: 1 of 3 transactions failed",
+        "  2 drives, 3 transactions, 2 ok, 1 refused",
+    ]
+    assert lines[6:11] == [
+        f"  {DRIVE}  2 transactions, 1 ok, 1 refused",
         "  192.168.133.40  1 transaction, all done",
         "",
         "Other devices",
@@ -127,7 +136,7 @@ def test_five_thousand_equal_symptoms_are_one_line():
     told = diagnosis(code=0x6B, count=5000, frames=[1, 2, 3, 4, 5], transactions=[1, 2, 3, 4, 5])
     told.frames_left_out = 4995
     lines = opening(capture(*jobs, findings=findings, diagnoses=[told]))
-    assert lines[7:] == [
+    assert lines[8:] == [
         "What to do",
         f"  DS719 error drive-running: {message} (5,000 times)",
         "    -> 0x6B: remove the enable (OFF1, standstill) and repeat the change.",
@@ -255,7 +264,9 @@ def test_the_opening_is_chinese_where_that_is_asked_for():
     findings = [handmade.finding("DS401", "warning", "从未得到应答", 1, 1)]
     job = handmade.transaction(state="unanswered", frames=Frames(1, 2))
     lines = opening(capture(job, findings=findings, dropped=None), lang="zh")
-    assert lines[:2] == ["line.pcapng: 9 帧", "需要检查：1 台驱动器，1 个任务，1 个无应答"]
+    assert lines[:3] == [
+        "line.pcapng: 9 帧", "警告：请求没有应答；唯一的任务结果未知", "  1 台驱动器，1 个任务，1 个无应答",
+    ]  # fmt: skip
     assert "处理建议" in lines
     assert any(line.startswith("  DS401 警告") for line in lines)
     words = {line for line in lines if re.search(r"\b(error|warning|look|What|Drives)\b", line)}
@@ -270,13 +281,13 @@ def test_several_captures_end_with_the_verdict_over_all():
     writer.capture(capture(handmade.transaction(state="refused", write_status=0xDF80B500)))
     writer.close()
     last = stream.getvalue().split("All 3 captures\n")[1].splitlines()
-    assert last[0] == "  NOT OK: 1 drive, 2 transactions, 1 refused, 1 capture not read to its end"
+    assert last[0] == "  NOT OK: 1 of 2 transactions failed; 1 capture not read to its end"
 
 
 def test_colours_are_those_of_the_severity():
     job = handmade.transaction(state="error")
     content = written(capture(job, diagnoses=[diagnosis()]), color=True)
-    assert "\x1b[31mNOT OK: 1 drive" in content
+    assert f"\x1b[31mNOT OK: {DRIVE}: Change not possible now" in content
     assert "\x1b[31mDS719 error drive-running" in content
     assert "\x1b[32mOK: 1 drive" in written(capture(handmade.transaction()), color=True)
 
@@ -599,6 +610,7 @@ def test_every_word_of_the_commands_too():
         "s7_",
         "s7_user_",
         "bus_",
+        "verdict_",
     )
     for key, texts in command_words().items():
         assert key not in report_words()

@@ -144,7 +144,7 @@ def test_the_verdict_is_as_bad_as_the_worst(counts: dict[str, Any], level: str) 
 
 
 def test_a_verdict_says_what_could_not_be_read() -> None:
-    told = "LOOK AT IT: 1 drive, 1 transaction, all done, 1 capture not read to its end"
+    told = "WARNING: 1 drive, 1 transaction, all done; 1 capture not read to its end"
     assert verdict(VerdictCounts(jobs=1, drives={A}, unreadable=1)).en == told
 
 

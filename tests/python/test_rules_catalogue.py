@@ -24,9 +24,10 @@ TEXTS = [
 ]  # fmt: skip
 ORDER = [
     "id", "name", "title", "severity", "scope", "anchor", "expert", "analyzer_only", "changed", "group", "args",
-    "message", "many", "cause", "advice", "title_zh", "message_zh", "many_zh", "cause_zh", "advice_zh",
+    "message", "many", "brief", "cause", "advice", "title_zh", "message_zh", "many_zh", "brief_zh",
+    "cause_zh", "advice_zh",
 ]  # fmt: skip
-OPTIONAL = ("analyzer_only", "changed", "group", "args", "many", "many_zh")
+OPTIONAL = ("analyzer_only", "changed", "group", "args", "many", "many_zh", "brief", "brief_zh")
 KEYS = [key for key in ORDER if key not in OPTIONAL]
 
 

@@ -54,7 +54,8 @@ def file(tmp_path: Path) -> Path:
 
 def test_the_text_sums_up_by_connection_and_lists_what_went_wrong(said: Said, file: Path) -> None:
     text = said("report", str(file))
-    assert "NOT OK: 1 S7 connection, 4 transactions, 1 partial" in text
+    assert "NOT OK: 10.0.0.2 refuses an item: " in text
+    assert "  1 S7 connection, 4 transactions, 3 ok, 1 partial" in text
     (row,) = [line for line in text.splitlines() if "10.0.0.1:49152 -> 10.0.0.2:102" in line]
     assert row.split("102  ")[1].split() == [
         "01.00", "->", "01.02", "PG,", "rack", "0", "slot", "2", "480", "x1", "4", "1", "0", "8", "4", "200",

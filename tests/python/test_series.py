@@ -263,9 +263,9 @@ def test_the_report_names_files_and_frames(capsys: Any, plant: Path) -> None:
     assert problems == [f"ds47: {first}: 1 file of this series missing"]
     lines = text.splitlines()
     at = lines.index(f"{first}: 29 frames")
-    assert lines[at + 1].startswith("NOT OK: 1 drive, 7 transactions")
-    assert " first frame, " in lines[at + 2]
-    assert lines[at + 3 : at + 10] == [
+    assert lines[at + 1].startswith("NOT OK: p50076 cannot be changed now")
+    assert " first frame, " in lines[at + 3]
+    assert lines[at + 4 : at + 11] == [
         "  5 files read as one, frames numbered through all of them",
         "    10 files before the first: written over, or not here",
         f"    {ring(11, NIGHT)}: frames 1 to 3",

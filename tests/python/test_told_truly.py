@@ -146,7 +146,7 @@ def test_records_that_are_cut_before_they_begin_are_not_none(
     captures: Path, tmp_path: Path, snap: int, said: str
 ) -> None:
     verdict, _, there = cut_report(captures, tmp_path, snap)
-    assert verdict == f"LOOK AT IT: {said}"
+    assert verdict == f"WARNING: {said}"
     assert "no PROFINET RPC" not in there
 
 

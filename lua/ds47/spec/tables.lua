@@ -1464,7 +1464,6 @@ M.report_words = {
   operation_change = {en = "change", zh = "修改"},
   operation_vendor = {en = "vendor", zh = "厂商"},
   operation_unknown = {en = "unknown", zh = "未知"},
-  drives = {en = "{n} drive|{n} drives", zh = "{n} 台驱动器"},
   told_state = {en = "{n} {state}", zh = "{n} 个{state}"},
   frames = {en = "{n} frame|{n} frames", zh = "{n} 帧"},
   description_read_only = {en = "write-protected", zh = "写保护"},

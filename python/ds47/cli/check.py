@@ -15,7 +15,7 @@ import click
 
 from ds47.capture.names import STDIN, about
 from ds47.cli.common import Misses, format_option, output, stdout
-from ds47.cli.options import analysis_options, options_from
+from ds47.cli.options import analysis_options, options_from, require_option, tell_empty
 from ds47.cli.paths import refuse_urls
 from ds47.cli.series import series_option, tasks, tell_lacking
 from ds47.cli.targets import spare_captures
@@ -39,6 +39,7 @@ _MARGIN = 8
     type=click.Choice(["never", *SEVERITIES]),
     help="From which severity on a new finding fails.  [default: what ds47.toml says, or error]",
 )
+@require_option
 @click.option("--junit", metavar="FILE", help="Write JUnit XML too, one test per capture.")
 @click.option("--sarif", metavar="FILE", help="Write SARIF 2.1.0 too.")
 @click.option(
@@ -53,6 +54,7 @@ def command(
     paths: Sequence[str],
     format_name: str,
     fail_on: str | None,
+    required: str | None,
     junit: str | None,
     sarif: str | None,
     summary: bool,
@@ -64,8 +66,9 @@ def command(
     """Compare captures with their stored results (NAME.ds47.json).
 
     Exit status: 0 all as stored; 1 something changed, no result is stored, or the capture of a
-    stored one is gone from a folder; 3 a capture cannot be read as a whole. What comes of a newer
-    ds47 alone is told and does not fail. Tolerances, masks and known findings stand in ds47.toml.
+    stored one is gone from a folder, or it lacks what --require asks for; 3 a capture cannot be read
+    as a whole. What comes of a newer ds47 alone is told and does not fail. Tolerances, masks and known
+    findings stand in ds47.toml.
     """
     refuse_urls(paths)
     spare_captures(junit, sarif)
@@ -81,6 +84,10 @@ def command(
         _write_sarif(outcomes, sarif)
     if misses or any(outcome.unreadable for outcome in outcomes):
         return 3
+    empty = [each.path for each in outcomes if each.now and not each.now["summary"]["transactions"]]
+    if required and empty:
+        tell_empty(empty)
+        return 1
     return int(any(outcome.failed for outcome in outcomes))
 
 

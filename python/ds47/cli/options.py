@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from ds47.cli.common import codec_options, dialect_options, lang_option
+from ds47.cli.common import codec_options, dialect_options, lang_option, warn
 from ds47.model import CHANNELS, SEVERITIES, SIEMENS
 
 if TYPE_CHECKING:
@@ -70,6 +70,22 @@ fail_on_option = click.option(
     show_default=True,
     help="Exit with 1 if a finding is at least this severe.",
 )
+
+
+require_option = click.option(
+    "--require",
+    "required",
+    type=click.Choice(["transactions"]),
+    help="Exit with 1 if a capture has no transaction: a mirror port that is unplugged is no success.",
+)
+
+
+def tell_empty(paths: Sequence[str]) -> None:
+    """Says which captures lack what --require asks for."""
+    from ds47.capture.names import about
+
+    for path in paths:
+        warn(about(path, "no transaction in it (--require transactions)"))
 
 
 def heading_options(function: Function) -> Function:

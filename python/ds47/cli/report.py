@@ -24,6 +24,8 @@ from ds47.cli.options import (
     fail_on_option,
     heading_options,
     options_from,
+    require_option,
+    tell_empty,
     tz_option,
     zone_for_paths,
 )
@@ -64,6 +66,7 @@ LEAST_WIDTH = 60
     help="Write to a file, which then appears whole or not at all; - is stdout.",
 )
 @fail_on_option
+@require_option
 @click.option(
     "--plc",
     is_flag=True,
@@ -142,6 +145,7 @@ def command(
     format_name: str | None,
     output_name: str,
     fail_on: str,
+    required: str | None,
     plc: bool,
     reference: str | None,
     detail: str | None,
@@ -205,6 +209,9 @@ def command(
         return UNREADABLE
     if run.nothing:
         warn(say("nothing_matches", criteria=choice.criteria, devices=run.devices()).text(lang))
+        return NOTHING
+    if required and run.empty:
+        tell_empty(run.empty)
         return NOTHING
     return int(fail_on != "never" and run.worst >= SEVERITIES.index(fail_on))
 

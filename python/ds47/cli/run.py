@@ -48,6 +48,8 @@ class Run:
         self._reported = 0
         self.failed = False
         self.worst = -1
+        self.empty: list[str] = []
+        """The captures without a transaction."""
 
     @property
     def streams(self) -> bool:
@@ -106,6 +108,8 @@ class Run:
         result.path = task.path
         self._whole(task.path, result.complete, result.problem)
         self._gaps(result)
+        if not result.summary["transactions"]:
+            self.empty.append(task.path)
         if self._narrow is None:
             self._note(result.findings)
             writer.capture(result)
@@ -174,6 +178,8 @@ class Run:
         row = results.row(task)
         self.worst = max(self.worst, row.worst)
         self._whole(task.path, row.complete, row.problem)
+        if not row.transactions:
+            self.empty.append(task.path)
         if whole:
             result = results.load(task)
             self._gaps(result)

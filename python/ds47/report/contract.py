@@ -745,6 +745,8 @@ HEAD = (
     Key("connections", many(ref("connection"), 1), "Only where there is S7 communication.", shape=CONNECTION,
         required=False),
     Key("connections_left_out", NUMBER, "Further connections, for which there was no room.", required=False),
+    Key("others", ref("counts"), "Only where nothing is PROFINET, PROFIBUS or S7: what the first frames are.",
+        required=False),
     Key("buffers", many(BUFFER_SCHEMA, 1), "Only where more of faults or alarms was read than their numbers.",
         tell=lambda item, _: [_told_buffer(each) for each in buffers.buffers(item)], into="", required=False),
     Key("narrowed", ref("narrowed"), "Only where a part of the capture is shown.", shape=NARROWED, required=False),

@@ -31,6 +31,10 @@ _OF_ERROR: Final = re.compile(r"(?=0x[0-9A-F]{2}(?:, several parameters|，多�
 _SEVERAL: Final = (", several parameters", "，多个参数")
 """What follows the number if the part is only about requests with several parameters."""
 _FRAMES: Final = ("frame", "frames")
+_MANY: Final = "_many"
+"""What stands behind a key of diagnoses.toml for the words of several cases,"""
+_BRIEF: Final = "_brief"
+"""and for those of a headline."""
 
 
 def sentence(item: Finding | Diagnosis, lang: str = "en") -> str:
@@ -42,27 +46,44 @@ def sentence(item: Finding | Diagnosis, lang: str = "en") -> str:
     return words(item.rule, item.args, lang)
 
 
+def brief(item: Diagnosis, lang: str = "en") -> str:
+    """The same as a clause for a headline: `dp3 refuses its configuration`."""
+    row, args = rules()[item.rule], item.args
+    if item.device is not None:
+        args = {"device": item.device} | args
+    names = _names(row, row.brief, args, _BRIEF)
+    unknown = any(args.get(name) is None for name in _fields(row.brief) if name in row.args)
+    if not row.brief or unknown or not names.isdisjoint(item.differs):
+        return _titled(row, args, lang)
+    return (row.brief_zh if lang == "zh" else row.brief).format_map(_Shown(row, args, lang, _BRIEF))
+
+
 def _in_common(item: Diagnosis, lang: str) -> str:
     """The sentence for one case if none of its arguments differ, else the one for many cases, else the title."""
     row = rules()[item.rule]
-    for template, many in ((row.message, False), (row.many, True)):
-        names = _names(row, template, item.args, many)
+    for template, form in ((row.message, ""), (row.many, _MANY)):
+        names = _names(row, template, item.args, form)
         if template and names.isdisjoint(item.differs):
-            chosen = template if lang != "zh" else row.many_zh if many else row.message_zh
-            return chosen.format_map(_Shown(row, item.args, lang, many))
-    title, device = row.title_zh if lang == "zh" else row.title, item.args.get("device")
+            chosen = template if lang != "zh" else row.many_zh if form else row.message_zh
+            return chosen.format_map(_Shown(row, item.args, lang, form))
+    return _titled(row, item.args, lang)
+
+
+def _titled(row: Rule, args: Mapping[str, Any], lang: str) -> str:
+    """The title of a rule, and of which device it is said."""
+    title, device = row.title_zh if lang == "zh" else row.title, args.get("device")
     if device is None:
         return title
-    where = drive(device, item.args.get("slot"), lang)
+    where = drive(device, args.get("slot"), lang)
     return say("cause_device", device=where, message=title).text(lang)
 
 
-def _names(row: Rule, template: str, args: Mapping[str, Any], many: bool) -> set[str]:
+def _names(row: Rule, template: str, args: Mapping[str, Any], form: str) -> set[str]:
     """The arguments that a sentence shows, including those in the words of a key."""
     found = set(_fields(template))
     for name in list(found):
         if row.args.get(name) == "key" and args.get(name) is not None:
-            found.update(_fields(_key_words(args[name], "en", many)))
+            found.update(_fields(_key_words(args[name], "en", form)))
     if "text" in found:
         found.add("status")
     if "error" in found:
@@ -78,9 +99,9 @@ def _fields(template: str) -> Iterator[str]:
     return (name for _, name, _, _ in Formatter().parse(template) if name)
 
 
-def _key_words(key: str, lang: str, many: bool) -> str:
+def _key_words(key: str, lang: str, form: str) -> str:
     known = diagnosis_words(lang)
-    return known.get(f"{key}_many", known[key]) if many else known[key]
+    return known.get(key + form) or known[key]
 
 
 def words(rule: str, args: Mapping[str, Any], lang: str = "en") -> str:
@@ -170,9 +191,9 @@ def renumbered(rule: str, args: Mapping[str, Any], number: Callable[[int], int])
 class _Shown(dict[str, str]):
     """The arguments of a finding by name, worded for a sentence."""
 
-    def __init__(self, row: Rule, args: Mapping[str, Any], lang: str, many: bool = False) -> None:
+    def __init__(self, row: Rule, args: Mapping[str, Any], lang: str, form: str = "") -> None:
         super().__init__()
-        self._row, self._args, self._lang, self._many = row, args, lang, many
+        self._row, self._args, self._lang, self._form = row, args, lang, form
 
     def __missing__(self, key: str) -> str:
         if key == "text":
@@ -183,10 +204,10 @@ class _Shown(dict[str, str]):
             text = drive(self["device"], self._args.get("slot"), self._lang)
         elif key == "parameter":
             known = "parameter" if self._args.get("pnu") is not None else "parameter_unknown"
-            text = _key_words(known, self._lang, self._many).format_map(self)
+            text = _key_words(known, self._lang, self._form).format_map(self)
         elif key == "item":
             known = _which(self._args)
-            text = _key_words(known, self._lang, self._many).format_map(self)
+            text = _key_words(known, self._lang, self._form).format_map(self)
         else:
             text = self._shown(key)
         self[key] = text
@@ -222,7 +243,7 @@ class _Shown(dict[str, str]):
             between = "；" if self._lang == "zh" else "; "
             return known[value] + (between + known["dropped"] if dropped else "")
         if kind == "key" and value is not None:
-            return _key_words(value, self._lang, self._many).format_map(self)
+            return _key_words(value, self._lang, self._form).format_map(self)
         if kind == "place" and value is not None:
             return place(value, self._lang)
         if kind == "text" and isinstance(value, str):

@@ -20,7 +20,7 @@ from ds47.report.filters import display_filter
 from ds47.report.formatting import escape
 from ds47.report.sentences import advice, advice_parts, sentence
 from ds47.report.todo import More, answering, by_state, causes, is_lowered, uncovered
-from ds47.report.verdict import VerdictCounts, blind, outcomes, verdict
+from ds47.report.verdict import VerdictCounts, blind, inventory, outcomes, verdict
 from ds47.report.wrap import fitted, wrap
 
 WIDTH = 100
@@ -50,8 +50,15 @@ class Opening:
         """When the frames of findings were, by number."""
 
     def verdict(self, counts: VerdictCounts) -> str:
-        """`NOT OK: 1 drive, 452 transactions, 412 refused`."""
+        """`NOT OK: dp3 refuses its configuration; 2 more causes`."""
         return self._paint(COLORS[counts.level], verdict(counts).text(self._lang))
+
+    def there(self, counts: VerdictCounts) -> Iterator[str]:
+        """What is there, unless the verdict says it: `1 drive, 8 transactions, 4 ok, 1 partial`."""
+        if counts.nothing:
+            yield self._say("verdict_mirror")
+        if counts.level not in ("good", "none") and (found := inventory(counts)):
+            yield found.text(self._lang)
 
     def lines(self, result: CaptureResult, clock: Clock, counts: VerdictCounts) -> Iterator[str]:
         """Everything behind the verdict, each part with an empty line before it; no line is to be broken."""

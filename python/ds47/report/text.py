@@ -193,6 +193,8 @@ class Writer(_Writer):
         if result.sha256:
             self._copied(f"  sha256 {result.sha256}")
         self._line(self._opening.verdict(counts))
+        for line in self._opening.there(counts):
+            self._line("  " + line)
         if span := self._clock.span(result):
             self._line("  " + span.text(self.options.lang))
         if result.narrowed is not None:
@@ -206,7 +208,7 @@ class Writer(_Writer):
         if result.dropped:
             lost = self._say("machine_dropped", n=result.dropped)
             self._line("  " + self._paint("warning", lost))
-        if not result.evidence and not result.connections:
+        if not (result.evidence or result.connections or result.nothing):
             there = _traffic(result).text(self.options.lang)
             if not there and not counts.cut:
                 there = self._say("no_rpc" if result.bus is None else "no_bus_records")

@@ -7,12 +7,15 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field, fields
-from operator import attrgetter
+from operator import attrgetter, itemgetter
 
 from ds47.acyclic.index47 import ALWAYS, SHARED_INDEX
-from ds47.model import DS47, PKW, S7, STATES, CaptureResult, Transaction
-from ds47.report.bilingual import Both, joined, say, state
-from ds47.report.todo import is_lowered
+from ds47.findings.grouping import OF_THE_RECORDING, headlines
+from ds47.model import DS47, PKW, S7, SEVERITIES, STATES, CaptureResult, Diagnosis, Transaction
+from ds47.report.bilingual import LANGUAGES, Both, joined, say, state
+from ds47.report.formatting import escape
+from ds47.report.sentences import brief
+from ds47.report.todo import is_lowered, uncovered
 from ds47.spec.layouts import RECORD_WRITE_MULTIPLE
 
 FAILED = ("refused", "error", "partial", "mismatch")
@@ -38,16 +41,30 @@ class VerdictCounts:
 
     captures: int = 0
     frames: int = 0
+    nothing: int = 0
+    """Captures without PROFINET, PROFIBUS and S7,"""
+    others: Counter[str] = field(default_factory=Counter)
+    """and what their first frames are."""
     unreadable: int = 0
     drives: set[str] = field(default_factory=set)
     watched: set[str] = field(default_factory=set)
     """Devices with known control and status words."""
+    stations: int = 0
+    """Of PROFIBUS."""
     connections: int = 0
     """Of S7."""
     jobs: int = 0
     states: Counter[str] = field(default_factory=Counter)
     operations: Counter[str] = field(default_factory=Counter)
     severities: Counter[str] = field(default_factory=Counter)
+    worst: tuple[int, Both] | None = None
+    """The worst cause, as a clause, with its place in SEVERITIES,"""
+    causes: int = 0
+    """and how many there are, those of the recording aside."""
+    in_part: int = 0
+    """Captures that show only a part (DS725)."""
+    faulty: int = 0
+    """Captures with a cause."""
     calls: int = 0
     """Findings about record calls that brought nothing."""
     lowered: int = 0
@@ -59,19 +76,27 @@ class VerdictCounts:
     def of(cls, result: CaptureResult) -> VerdictCounts:
         """The counts of one capture."""
         jobs, findings = result.transactions, result.findings
+        causes = _causes(result)
         return cls(
             captures=1,
             frames=result.frames,
+            nothing=1 if result.nothing else 0,
+            others=Counter(result.others),
             unreadable=0 if result.complete else 1,
             drives=_devices(result, {each.device for each in jobs if each.channel != S7}),
             watched=_devices(
                 result, {result.relations[each.relation - 1].device for each in result.timelines}
             ),
+            stations=len(result.bus.stations) if result.bus else 0,
             connections=len(result.connections) + result.connections_left_out,
             jobs=len(jobs),
             states=Counter(map(attrgetter("state"), jobs)),
             operations=Counter(map(attrgetter("operation"), jobs)),
             severities=Counter(map(attrgetter("severity"), findings)),
+            worst=_worst(causes),
+            causes=len(causes),
+            in_part=int(any(map(_shows_a_part, result.diagnoses))),
+            faulty=1 if causes else 0,
             calls=sum(each.rule in CALLS for each in findings),
             lowered=sum(is_lowered(each.rule, each.severity) for each in findings),
             cut=_cut(result),
@@ -81,12 +106,32 @@ class VerdictCounts:
         """Adds another capture."""
         for each in fields(self):
             mine, its = getattr(self, each.name), getattr(other, each.name)
-            setattr(self, each.name, mine | its if isinstance(mine, set) else mine + its)
+            if each.name == "worst":
+                total = max(filter(None, (mine, its)), key=itemgetter(0), default=None)
+            else:
+                total = mine | its if isinstance(mine, set) else mine + its
+            setattr(self, each.name, total)
 
     @property
     def open(self) -> int:
         """Transactions without a captured response."""
         return sum(self.states[word] for word in OPEN)
+
+    @property
+    def there(self) -> dict[str, int]:
+        """Who is there, and how many: nothing that is not."""
+        numbers = {
+            "drives": len(self.drives),
+            "watched": len(self.watched - self.drives),
+            "stations": self.stations,
+            "s7": self.connections,
+        }
+        return {what: number for what, number in numbers.items() if number}
+
+    @property
+    def failed(self) -> int:
+        """Transactions that did not do what they were meant to do."""
+        return sum(self.states[word] for word in FAILED)
 
     @property
     def smooth(self) -> bool:
@@ -108,19 +153,87 @@ def _devices(result: CaptureResult, names: set[str]) -> set[str]:
     return {result.device(name).ip for name in names}
 
 
+def _causes(result: CaptureResult) -> list[Diagnosis]:
+    """What is wrong, each cause once, the worst first; notes and what the capture lacks are no causes.
+
+    A note that is one only because the maker has no tables here is a cause.
+    """
+    found = [each for each in result.diagnoses if each.rule != OF_THE_RECORDING]
+    found += headlines(uncovered(result))
+    wrong = [
+        each for each in found if each.severity != "note" or is_lowered(each.rule, each.severity)
+    ]
+    return sorted(wrong, key=lambda each: -SEVERITIES.index(each.severity))
+
+
+def _shows_a_part(item: Diagnosis) -> bool:
+    """Whether the capture lacks something: of disorder nothing is missing."""
+    return item.rule == OF_THE_RECORDING and item.args.get("what") != "disorder"
+
+
+def _worst(causes: list[Diagnosis]) -> tuple[int, Both] | None:
+    """The first of them as a clause."""
+    if not causes:
+        return None
+    first = causes[0]
+    text = Both(*(escape(brief(first, lang)) for lang in LANGUAGES))
+    return SEVERITIES.index(first.severity), text
+
+
 def verdict(counts: VerdictCounts) -> Both:
-    """One line: `NOT OK: 1 drive, 452 transactions, 412 refused`."""
-    head = say(f"verdict_{counts.level}")
-    if not counts.jobs:
-        tail = _undecoded(counts.cut) or say("verdict_no_jobs")
-        if counts.watched:
-            tail = joined([say("verdict_watched", n=len(counts.watched)), tail])
-    else:
-        parts = [say("transactions", n=counts.jobs)]
-        tail = joined([*_who(counts), *parts, *outcomes(counts.states, smooth=counts.smooth)])
+    """One line, the worst first: `NOT OK: dp3 refuses its configuration; 2 more causes`."""
+    parts = [counts.worst[1]] if counts.worst else []
+    if counts.causes > 1:
+        parts.append(say("verdict_more", n=counts.causes - 1))
+    if counts.captures > 1 and counts.faulty:
+        parts.append(say("verdict_captures", n=counts.faulty, of=counts.captures))
+    if counts.failed or (counts.open and counts.level != "good"):
+        parts += _failures(counts)
+    cut = None if counts.jobs else _undecoded(counts.cut)
+    if cut or not parts:
+        there = None if counts.level == "none" else inventory(counts)
+        parts.insert(0, cut or there or _nothing(counts))
+    if counts.in_part and not cut:
+        parts.append(say("verdict_in_part", n=counts.in_part))
     if counts.unreadable:
-        tail = joined([tail, say("told_unreadable", n=counts.unreadable)])
-    return head.joined(tail, ": ", "：")
+        parts.append(say("told_unreadable", n=counts.unreadable))
+    tail = parts[0]
+    for each in parts[1:]:
+        tail = tail.joined(each, "; ", "；")
+    return say(f"verdict_{counts.level}").joined(tail, ": ", "：")
+
+
+def _nothing(counts: VerdictCounts) -> Both:
+    """What is there instead of transactions."""
+    frames = say("frames", n=counts.frames)
+    if counts.nothing < counts.captures:
+        return joined([*(_who(counts) or [frames]), say("verdict_no_jobs")])
+    text = joined([frames, say("verdict_nothing")])
+    kinds = joined(
+        [Both.same(f"{kind} {number:,}") for kind, number in counts.others.most_common()]
+    )
+    return text.joined(kinds, " (", "（").joined(Both("", ""), ")", "）") if counts.others else text
+
+
+def _failures(counts: VerdictCounts) -> list[Both]:
+    """How many transactions failed, and of how many nobody knows."""
+    if counts.jobs == 1:
+        return [say("verdict_failed_one" if counts.failed else "verdict_open_one")]
+    of = f"{counts.jobs:,}"
+    failed = [say("verdict_failed", n=counts.failed, of=of)] if counts.failed else []
+    if not counts.open:
+        return failed
+    key = "verdict_open_too" if failed else "verdict_open"
+    return [joined([*failed, say(key, n=counts.open, of=of)])]
+
+
+def inventory(counts: VerdictCounts) -> Both | None:
+    """What is there: `1 drive, 8 transactions, 4 ok, 1 partial`; None where nothing is."""
+    parts = _who(counts)
+    if counts.jobs:
+        parts.append(say("transactions", n=counts.jobs))
+        parts += outcomes(counts.states, smooth=counts.smooth)
+    return joined(parts) if parts else None
 
 
 def _cut(result: CaptureResult) -> Counter[tuple[str, int | None]]:
@@ -142,21 +255,18 @@ def _undecoded(cut: Counter[tuple[str, int | None]]) -> Both | None:
 
 
 def _who(counts: VerdictCounts) -> list[Both]:
-    """Whom transactions are of: drives, connections of S7, or both."""
-    drives = (
-        [say("drives", n=len(counts.drives))] if counts.drives or not counts.connections else []
-    )
-    return drives + ([say("verdict_s7", n=counts.connections)] if counts.connections else [])
+    """Who is there: drives with transactions, drives in cyclic frames, stations of PROFIBUS, connections of S7."""
+    return [say(f"verdict_{what}", n=number) for what, number in counts.there.items()]
 
 
 def outcomes(states: Counter[str], *, smooth: bool) -> list[Both]:
-    """The states of transactions that are not ok; without any, that all are done.
+    """How many transactions have each state; without any that is not ok, that all are done.
 
     If the capture is not `VerdictCounts.smooth`, it says only that all have a response.
     """
-    return by_state(states, but=("ok",)) or [
-        say("told_all_done" if smooth else "told_all_answered")
-    ]
+    if states.keys() - {"ok"}:
+        return by_state(states)
+    return [say("told_all_done" if smooth else "told_all_answered")]
 
 
 def by_state(states: Counter[str], but: tuple[str, ...] = ()) -> list[Both]:

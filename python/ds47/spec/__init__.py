@@ -175,6 +175,8 @@ class Rule(Row):
     changed: tuple[str, ...] = ()
     many: str = ""
     many_zh: str = ""
+    brief: str = ""
+    brief_zh: str = ""
     group: tuple[str, ...] = ()
     args: Mapping[str, str] = MappingProxyType({})
 

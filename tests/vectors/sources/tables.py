@@ -38,6 +38,8 @@ EXPLAINING = (
     "analyzer_only",
     "many",
     "many_zh",
+    "brief",
+    "brief_zh",
 )
 """Fields for the reader of a table alone, and of headlines, which are the analyzer's: the Lua tables lack them."""
 

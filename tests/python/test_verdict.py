@@ -1,0 +1,120 @@
+"""The verdict names its reason, an empty capture says so, and `--require` makes it red.
+
+The sentences of all stored captures are not held here one by one; what every rule may name is.
+"""
+
+from __future__ import annotations
+
+import string
+import struct
+from pathlib import Path
+
+import pytest
+
+from ds47.analysis import analyze
+from ds47.cli import main
+from ds47.report.verdict import VerdictCounts, inventory, verdict
+from ds47.spec import rules
+from ds47.spec.semantics import diagnosis_words
+
+WORKED_OUT = {"device", "drive", "error", "parameter"}
+"""What a sentence may name that is no argument by itself."""
+
+
+def frame(ether_type: int, payload: bytes) -> bytes:
+    return bytes(6) + bytes.fromhex("020000000001") + struct.pack(">H", ether_type) + payload
+
+
+def tcp(port: int) -> bytes:
+    ip = struct.pack(">BBHHHBBH4s4s", 0x45, 0, 40, 0, 0, 64, 6, 0, b"\x0a\0\0\x01", b"\x0a\0\0\x02")
+    return frame(0x0800, ip + struct.pack(">HHIIHHHH", 50000, port, 0, 0, 0x5000, 0, 0, 0))
+
+
+@pytest.fixture
+def unplugged(tmp_path: Path) -> Path:
+    """What a computer sees at a port that is not mirrored."""
+    frames = [*[tcp(443)] * 18, frame(0x0806, bytes(28)), tcp(502)]
+    path = tmp_path / "unplugged.pcap"
+    path.write_bytes(
+        struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 1)
+        + b"".join(struct.pack("<IIII", n, 0, len(each), len(each)) + each for n, each in enumerate(frames, 1))
+    )  # fmt: skip
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "said", "there"),
+    [
+        (
+            "profibus-wrong-project",
+            "NOT OK: data of dp3 are not as long as configured; 4 more causes",
+            "3 stations of PROFIBUS",
+        ),
+        (
+            "cyclic-does-not-start",
+            "NOT OK: 192.168.133.33 slot 2 waits for an edge of ON",
+            "1 drive in cyclic frames",
+        ),
+        (
+            "profibus-bad-line",
+            "WARNING: frames have a wrong check byte; 3 more causes",
+            "4 stations of PROFIBUS",
+        ),
+        (
+            "tour-machine",
+            "NOT OK: 192.168.133.2 writes while its own request is open; 3 more causes; "
+            "3 of 8 transactions failed, 1 has no known outcome",
+            "1 drive, 8 transactions, 4 ok, 1 partial, 1 error, 1 refused, 1 unanswered",
+        ),
+    ],
+)
+def test_the_verdict_names_the_reason(captures: Path, name: str, said: str, there: str) -> None:
+    counts = VerdictCounts.of(analyze(captures / f"{name}.pcapng"))
+    assert verdict(counts).en == said
+    exact = inventory(counts)
+    assert exact is not None
+    assert exact.en == there
+
+
+@pytest.mark.parametrize("rule", rules().values(), ids=rules())
+def test_a_brief_names_what_its_rule_carries(rule) -> None:  # type: ignore[no-untyped-def]
+    def names(text: str) -> set[str]:
+        return {name for _, name, _, _ in string.Formatter().parse(text) if name}
+
+    assert names(rule.brief) <= {*rule.args, *WORKED_OUT}
+    assert names(rule.brief) == names(rule.brief_zh)
+    assert not rule.brief.endswith((".", "。"))
+    assert len(rule.brief) <= 80
+
+
+def test_the_briefs_of_keys_are_there_in_both_languages() -> None:
+    en, zh = (
+        {key for key in diagnosis_words(lang) if key.endswith("_brief")} for lang in ("en", "zh")
+    )
+    assert en
+    assert en == zh
+    assert {key.removesuffix("_brief") for key in en} <= set(diagnosis_words("en"))
+
+
+def test_an_empty_capture_is_an_answer(unplugged: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["report", "--fail-on", "note", str(unplugged)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1] == (
+        "EMPTY: 20 frames, none of PROFINET, PROFIBUS or S7 (TCP 18, ARP 1, Modbus TCP 1)"
+    )
+    assert lines[2].startswith("  Was it taken at a mirror port?")
+    assert analyze(unplugged).others == {"TCP": 18, "ARP": 1, "Modbus TCP": 1}
+
+
+@pytest.mark.parametrize("command", ["report", "check"])
+def test_what_is_required_and_missing_is_no_success(
+    command: str, captures: Path, unplugged: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if command == "check":
+        assert main(["baseline", str(unplugged)]) == 0
+    assert main([command, str(unplugged)]) == 0
+    assert main([command, "--require", "transactions", str(unplugged)]) == 1
+    problems = capsys.readouterr().err.splitlines()
+    assert problems[-1] == f"ds47: {unplugged}: no transaction in it (--require transactions)"
+    full = captures / "seed-g120-read.pcapng"
+    assert main([command, "--require", "transactions", str(full)]) == 0
