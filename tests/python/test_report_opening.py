@@ -100,7 +100,7 @@ def test_every_drive_has_its_counts_and_other_devices_stand_below():
         "  2 drives, 3 transactions, 2 ok, 1 refused",
     ]
     assert lines[6:11] == [
-        f"  {DRIVE}  2 transactions, 1 ok, 1 refused",
+        f"  {DRIVE}  2 transactions, 1 refused",
         "  192.168.133.40  1 transaction, all done",
         "",
         "Other devices",

@@ -231,8 +231,11 @@ def inventory(counts: VerdictCounts) -> Both | None:
     """What is there: `1 drive, 8 transactions, 4 ok, 1 partial`; None where nothing is."""
     parts = _who(counts)
     if counts.jobs:
-        parts.append(say("transactions", n=counts.jobs))
-        parts += outcomes(counts.states, smooth=counts.smooth)
+        ok = by_state(counts.states) if counts.failed or counts.open else []
+        parts += [
+            say("transactions", n=counts.jobs),
+            *(ok or outcomes(counts.states, smooth=counts.smooth)),
+        ]
     return joined(parts) if parts else None
 
 
@@ -260,13 +263,13 @@ def _who(counts: VerdictCounts) -> list[Both]:
 
 
 def outcomes(states: Counter[str], *, smooth: bool) -> list[Both]:
-    """How many transactions have each state; without any that is not ok, that all are done.
+    """The states of transactions that are not ok; without any, that all are done.
 
     If the capture is not `VerdictCounts.smooth`, it says only that all have a response.
     """
-    if states.keys() - {"ok"}:
-        return by_state(states)
-    return [say("told_all_done" if smooth else "told_all_answered")]
+    return by_state(states, but=("ok",)) or [
+        say("told_all_done" if smooth else "told_all_answered")
+    ]
 
 
 def by_state(states: Counter[str], but: tuple[str, ...] = ()) -> list[Both]:
