@@ -424,7 +424,18 @@ def report(paths: list[Path], *options: str) -> str:
 
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        main(["report", "--no-progress", "--all", "--tz", "UTC", *options, *map(str, paths)])
+        main(
+            [
+                "report",
+                "--no-progress",
+                "--all",
+                "--filters",
+                "--tz",
+                "UTC",
+                *options,
+                *map(str, paths),
+            ]
+        )
     return out.getvalue()
 
 

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 _UNREADABLE, _NOTHING = 3, 1
 _LINKS = {"profibus": 257, "user0": 147}
 _FILES_SHOWN = 20
+_FILTER_SHOWN = 100
+"""The longest display filter that is printed unless asked for."""
 """The most files of a series to print filters for."""
 
 
@@ -69,6 +71,9 @@ _FILES_SHOWN = 20
     "--key", "key_name", metavar="FILE", help="The key file; one that exists is used and grows."
 )
 @click.option(
+    "--filters", is_flag=True, help="Print the display filter for the original, however long it is."
+)
+@click.option(
     "--examples",
     is_flag=True,
     help="Of each root cause one example, a capture of its own in the folder of -o; with --rule of these.",
@@ -85,6 +90,7 @@ def command(
     everything: bool | None,
     key_name: str | None,
     link: str | None,
+    filters: bool,
     examples: bool,
     series: bool,
     lang: str,
@@ -94,7 +100,7 @@ def command(
 
     All criteria must apply; of one that is given several times, one value is enough. Without any, every
     frame is written that the analysis understands. Each frame gets a comment that says what it is and
-    what is wrong, which Wireshark shows. Printed is a display filter for the original.
+    what is wrong, which Wireshark shows. Printed is a display filter for the original, if it is short.
     """
     if not anonymise and (everything is not None or key_name):
         raise click.UsageError("--key, --keep-values and --anonymise-values need --anonymise")
@@ -120,6 +126,7 @@ def command(
         )  # fmt: skip
     run = _Run(options_from(**options), choice, bool(everything), lang)
     run.bus_link = _LINKS[link] if link else None
+    run.filters = filters
     found = tasks(paths, series, run.misses)
     targets = _targets(found, output_name)
     refuse_links(targets)
@@ -255,6 +262,8 @@ class _Run:
         self.replaced: Sequence[str] = ()
         self.misses = Misses()
         self.written = 0
+        self.filters = False
+        """Whether display filters are printed, however long they are."""
 
     def open_key(self) -> None:
         """The key to anonymise with: that of the file, if there is one."""
@@ -320,7 +329,7 @@ class _Run:
             tell("  " + say(key, target=escape(target)).text(lang))
         if self.key_path is not None:
             tell("  " + say("export_key", path=escape(str(self.key_path))).text(lang))
-        for line in _filters(done, lang):
+        for line in _filters(done, lang, whole=self.filters):
             tell("  " + line)
 
     @staticmethod
@@ -334,7 +343,7 @@ class _Run:
             warn(f"{name}: frame {frame} left out, {text!r} still stands in it")
 
 
-def _filters(done: ExportOutcome, lang: str) -> Iterator[str]:
+def _filters(done: ExportOutcome, lang: str, *, whole: bool) -> Iterator[str]:
     """Display filters that show the frames in the original: of a series one for each file."""
     from ds47.export import display_filter
     from ds47.report.bilingual import say
@@ -344,6 +353,9 @@ def _filters(done: ExportOutcome, lang: str) -> Iterator[str]:
     files = FileFrames(done.result.files).by_file(done.frames)
     for name, frames in files[:_FILES_SHOWN]:
         text, left_out = display_filter(frames)
+        if len(text) > _FILTER_SHOWN and not whole:
+            yield say("export_filter_long").text(lang)
+            return
         more = "  " + say("frames_more", n=left_out).text(lang) if left_out else ""
         key = "export_filter_file" if name else "export_filter"
         yield say(key, file=escape(name), filter=text).text(lang) + more

@@ -89,6 +89,11 @@ LEAST_WIDTH = 60
     flag_value="all",
     help="Every transaction, event and finding, and every capture by itself, however many there are (text).",
 )
+@click.option(
+    "--filters",
+    is_flag=True,
+    help="For each cause and rule the display filter of all its frames, as long as it is (text).",
+)
 @selection_options
 @heading_options
 @tz_option
@@ -149,6 +154,7 @@ def command(
     plc: bool,
     reference: str | None,
     detail: str | None,
+    filters: bool,
     where: Zone,
     width: int | None,
     engine: str,
@@ -186,7 +192,7 @@ def command(
     shown = ReportOptions(
         rules=_Catalogue(), lang=lang, plc=plc, zone=where, width=width or _columns(output_name),
         reference=None if reference is None else _reference(reference), detail=detail or "auto",
-        captures=len(found),
+        captures=len(found), filters=filters,
     )  # fmt: skip
     name = format_name or ("overview" if results_name else "text")
     said = Heading(title, order, customer, author)

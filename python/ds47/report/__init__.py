@@ -12,6 +12,7 @@ finished, and holds no more than one.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from importlib import import_module
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple, Protocol, TextIO, cast
@@ -64,7 +65,8 @@ class ReportOptions(NamedTuple):
     S7 without findings (text only). `heading`: the title block (html). `zone`: the time zone (text, html).
     `width`: columns of a line (text). `detail`: "all"; "summary" leaves out transactions, events and findings;
     "auto" is "summary" where these are many (text). `captures`: how many captures the report covers. For many
-    of them, unless `detail` is "all", the text shows totals.
+    of them, unless `detail` is "all", the text shows totals. `filters`: a display filter for the frames of each
+    cause and rule (text).
     """
 
     color: bool = False
@@ -79,6 +81,7 @@ class ReportOptions(NamedTuple):
     width: int = 140
     detail: str = "all"
     captures: int = 1
+    filters: bool = False
 
 
 class Writer:
@@ -143,26 +146,7 @@ def _replay(writer: Writer, result: CaptureResult) -> None:
     for transaction in result.transactions:
         writer.transaction(result.path, transaction, by_transaction.pop(transaction.id, []))
     rest = [finding for findings in by_transaction.values() for finding in findings]
-    writer.capture(
-        CaptureResult(
-            path=result.path,
-            sha256=result.sha256,
-            frames=result.frames,
-            complete=result.complete,
-            problem=result.problem,
-            dropped=result.dropped,
-            rpc=result.rpc,
-            records=result.records,
-            devices=result.devices,
-            findings=rest,
-            diagnoses=result.diagnoses,
-            summary=result.summary,
-            files=result.files,
-            connections=result.connections,
-            connections_left_out=result.connections_left_out,
-            narrowed=result.narrowed,
-        )
-    )
+    writer.capture(replace(result, transactions=[], findings=rest))
 
 
 def is_text(format_name: str | None) -> bool:

@@ -1,8 +1,10 @@
-"""Wireshark display filters for frames, in the form that every version from 3.4 on takes."""
+"""Wireshark display filters: for frames, in the form that every version from 3.4 on takes, and for a rule."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+
+from ds47.spec import rules
 
 RUNS_PER_FILTER = 60
 """Frames, or runs of frames that follow each other, that one filter names."""
@@ -26,3 +28,9 @@ def display_filter(frames: Iterable[int]) -> tuple[str, int]:
         for first, last in runs[:RUNS_PER_FILTER]
     ]
     return " or ".join(terms), left_out
+
+
+def plugin_filter(rule: str) -> str | None:
+    """The filter of the plugin for all that a rule found, in every capture; None where the plugin has it not."""
+    known = rules().get(rule)
+    return None if known is None or known.analyzer_only else f'ds47.finding == "{rule}"'

@@ -16,7 +16,7 @@ from ds47.report import ReportOptions
 from ds47.report.bilingual import say, say_in
 from ds47.report.clock import Clock, seen_at
 from ds47.report.file_frames import FileFrames
-from ds47.report.filters import display_filter
+from ds47.report.filters import display_filter, plugin_filter
 from ds47.report.formatting import escape
 from ds47.report.sentences import advice, advice_parts, sentence
 from ds47.report.todo import More, answering, by_state, causes, is_lowered, uncovered
@@ -216,21 +216,31 @@ class Opening:
             yield "    " + line
 
     def _look(self, item: Diagnosis, files: FileFrames) -> Iterator[str]:
-        """Where it shows; of a series the filter is that of the first file, then that of each other."""
+        """Where it shows: the first frame, and what shows them all."""
         frames, jobs = item.frames, item.transactions
         if not frames:
             return
-        (_, numbers), *others = files.by_file(frames)
-        shown, left_out = display_filter(numbers)
         frame = escape(files.number(frames[0], self._lang))
         about = [f"#{jobs[0]}"] if jobs else []
         if frames[0] in self._seen_at:
             about.append(self._clock.moment(self._seen_at[frames[0]]))
         if about:
             frame = self._say("frame_about", frame=frame, about=", ".join(about))
+        if self._options.filters:
+            yield from self._filters(item, files, frame)
+            return
+        short = plugin_filter(item.rule) if len(frames) > 1 else None
+        key = "look_at_frame" if short is None else "look_at"
+        line = self._say(key, frame=frame, filter=short)
+        for part in wrap(line, self._width - 4, 3):
+            yield "    " + self._paint("dim", part)
+
+    def _filters(self, item: Diagnosis, files: FileFrames, frame: str) -> Iterator[str]:
+        """The filter for all of its frames; of a series that of the first file, then that of each other."""
+        (_, numbers), *others = files.by_file(item.frames)
+        shown, left_out = display_filter(numbers)
         line = self._say("look_at", frame=frame, filter=shown)
-        left_out += item.frames_left_out
-        yield "    " + self._paint("dim", line) + self._left_out(left_out)
+        yield "    " + self._paint("dim", line) + self._left_out(left_out + item.frames_left_out)
         for file, numbers in others:
             shown, left_out = display_filter(numbers)
             line = self._paint("dim", f"{escape(file)}: {shown}")

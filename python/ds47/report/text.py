@@ -458,6 +458,8 @@ class Writer(_Writer):
             self._line("    " + self._finding(each, file_frames))
         if len(group) > FINDINGS_PER_RULE:
             self._line("    " + self._say("more", number=str(len(group) - FINDINGS_PER_RULE)))
+        if not self.options.filters:
+            return
         for file, frames in file_frames.by_file(frame for each in group for frame in each.counted):
             text, left_out = display_filter(frames)
             note = "  " + self._say("frames_more", n=left_out) if left_out else ""

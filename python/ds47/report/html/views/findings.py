@@ -6,13 +6,12 @@ from dataclasses import dataclass
 
 from ds47.model import SEVERITIES, CaptureResult, Finding
 from ds47.report.clock import Clock
-from ds47.report.filters import display_filter
+from ds47.report.filters import display_filter, plugin_filter
 from ds47.report.html import messages
 from ds47.report.html.texts import Both
 from ds47.report.html.views.links import FrameLink, Links
 from ds47.report.html.views.times import FrameClock
 from ds47.report.zones import UNIVERSAL
-from ds47.spec import rules
 
 SHOWN = 100
 """The most findings listed for a rule; their number is always shown."""
@@ -56,10 +55,7 @@ class Group:
     @property
     def plugin_filter(self) -> str | None:
         """The short filter of the plugin: all of them, in every capture. None where the plugin has none."""
-        known = rules().get(self.rule)
-        if known is not None and known.analyzer_only:
-            return None
-        return f'ds47.finding == "{self.rule}"'
+        return plugin_filter(self.rule)
 
 
 def groups(
