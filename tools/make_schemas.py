@@ -1,4 +1,4 @@
-"""Writes the JSON Schemas of results, python/ds47/schema/: report-2, transaction-2 (a line of ndjson) and table-1.
+"""Writes the JSON Schemas of results, python/ds47/schema/: report-2, transaction-2 (ndjson), table-1, summary-1.
 
 And the columns of table-1 into docs/data.md.
 
@@ -35,6 +35,7 @@ from ds47.report.contract import (
     ref,
     whole,
 )
+from ds47.report.verdict import LEVELS
 
 ROOT = Path(__file__).resolve().parent.parent
 TARGET, PAGE = ROOT / "python" / "ds47" / "schema", ROOT / "docs" / "data.md"
@@ -225,6 +226,49 @@ def transaction() -> Schema:
     ) | {"oneOf": LINE["oneOf"], "$defs": needed}  # fmt: skip
 
 
+_SHORT_CAUSE = entity([
+    Key("rule", TEXT),
+    Key("severity", {"enum": list(model.SEVERITIES)}),
+    Key("message", TEXT, "In the language of --lang, as all words here."),
+    Key("advice", TEXT),
+    Key("findings", COUNT),
+    Key("frame", whole(1, maybe=True), "The first one that shows it; null where none does."),
+    Key("transaction", whole(1, maybe=True)),
+])  # fmt: skip
+_LEVEL = {"enum": list(LEVELS)}
+_DIGEST = entity([
+    Key("path", TEXT),
+    Key("level", _LEVEL),
+    Key("verdict", TEXT),
+    Key("frames", COUNT),
+    Key("start", MAYBE_TEXT, "Time of the first frame, as in ds47.report/2."),
+    Key("end", MAYBE_TEXT),
+    Key("narrowed", MAYBE_TEXT, "Which part of the capture is shown; null for all of it."),
+    Key("transactions", COUNT),
+    Key("failed", COUNT, "Those that did not do what they were meant to do."),
+    Key("unknown", COUNT, "Those of which nobody knows what the drive made of them."),
+    Key("states", ref("counts"), "All of them by state; what is not there is 0."),
+    Key("causes", many(_SHORT_CAUSE), "The worst first, three at most."),
+    Key("causes_left_out", COUNT),
+    Key("drives", many(entity([Key("ip", TEXT), Key("station", MAYBE_TEXT), Key("transactions", TEXT)]))),
+])  # fmt: skip
+
+
+def summary() -> Schema:
+    """What --summary -f json writes."""
+    document = entity([
+        Key("schema", {"const": "ds47.summary/1"}),
+        Key("tool", entity([Key("name", {"const": "ds47"}), Key("version", TEXT | {"minLength": 1})])),
+        Key("level", _LEVEL, "That of all captures."),
+        Key("verdict", TEXT),
+        Key("captures", many(_DIGEST)),
+        Key("unreadable", many(entity([Key("path", TEXT), Key("problem", TEXT)]))),
+    ])  # fmt: skip
+    return _head(
+        "summary:1", "ds47.summary/1", "The summary of captures: verdict, three causes, who, when.",
+    ) | document | {"$defs": {"counts": SIMPLE["counts"]}}  # fmt: skip
+
+
 def _head(name: str, title: str, about: str) -> Schema:
     return {"$schema": _DRAFT, "$id": f"urn:ds47:{name}", "title": title, "description": about}
 
@@ -339,7 +383,12 @@ def main() -> int:
     parser.add_argument("--check", action="store_true", help="only say whether they are up to date")
     check: bool = parser.parse_args().check
     stale = False
-    schemas = {"report-2": report(), "transaction-2": transaction(), "table-1": table()}
+    schemas = {
+        "report-2": report(),
+        "transaction-2": transaction(),
+        "table-1": table(),
+        "summary-1": summary(),
+    }
     files = {
         TARGET / f"{name}.schema.json": json.dumps(made, indent=2, ensure_ascii=False) + "\n"
         for name, made in schemas.items()

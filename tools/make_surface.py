@@ -25,7 +25,7 @@ import click
 
 ROOT = Path(__file__).resolve().parents[1]
 LIST = ROOT / "tests" / "vectors" / "surface.txt"
-SCHEMAS = ("report-2", "transaction-2", "table-1", "overview-1")
+SCHEMAS = ("report-2", "transaction-2", "table-1", "summary-1", "overview-1")
 LUAS = ("lua5.4", "lua5.3", "lua5.2", "lua")
 
 

@@ -428,8 +428,7 @@ def report(paths: list[Path], *options: str) -> str:
             [
                 "report",
                 "--no-progress",
-                "--all",
-                "--filters",
+                *(() if "-f" in options else ("--all", "--filters")),
                 "--tz",
                 "UTC",
                 *options,

@@ -329,7 +329,7 @@ def test_a_short_capture_is_told_whole_unless_a_summary_is_asked_for(capsys, cap
     _, long, _ = run(capsys, "--all", path)
     _, summary, _ = run(capsys, "--summary", path)
     assert usual == long
-    assert "Not listed: 8 transactions, " in summary
+    assert len(summary.splitlines()) <= 12
     assert "\nTransactions\n" in usual
     assert "\nTransactions\n" not in summary
 

@@ -231,7 +231,7 @@ def path(tmp_path: Path) -> str:
 @pytest.mark.parametrize("format_name", ["text", "json", "ndjson", "csv", "html"])
 def test_every_format_shows_it(format_name: str, path: str, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    assert main(["report", "--plc", "-f", format_name, "-o", str(out), path]) == 0
+    assert main(["report", "-f", format_name, "-o", str(out), path]) == 0
     text = out.read_text("utf-8")
     assert "1082" in text
     assert format_name == "html" or "WRREC" not in text

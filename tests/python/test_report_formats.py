@@ -299,7 +299,7 @@ def test_text_groups_findings_with_one_filter_and_says_what_it_left_out():
     findings = [finding("DS204", "note", "polled", 2 * n) for n in range(1, 81)]
     findings.append(finding("DS101", "error", "gone", 7))
     rules = {"DS204": SimpleNamespace(name="polled", advice="wait", advice_zh="")}
-    options = report.ReportOptions(rules=rules)
+    options = report.ReportOptions(rules=rules, filters=True)
     content = written(text, make_capture(findings=findings), options=options)
     assert content.index("DS101") < content.index("DS204")
     assert "DS204 note polled: 80 findings" in content

@@ -257,7 +257,7 @@ def run(capsys: Any, *arguments: str | Path) -> tuple[int, str, list[str]]:
 
 
 def test_the_report_names_files_and_frames(capsys: Any, plant: Path) -> None:
-    status, text, problems = run(capsys, plant, "--series")
+    status, text, problems = run(capsys, plant, "--series", "--filters")
     assert status == 0
     first = plant / ring(11, NIGHT)
     assert problems == [f"ds47: {first}: 1 file of this series missing"]
@@ -305,7 +305,7 @@ def test_what_to_do_names_files_and_frames(capsys: Any, captures: Path, tmp_path
     folder = tmp_path / "plant"
     folder.mkdir()
     pieces(folder, frames, [first - 1, second - 1])
-    _, text, _ = run(capsys, folder, "--series")
+    _, text, _ = run(capsys, folder, "--series", "--filters")
     lines = text.splitlines()
     job = diagnosis.transactions[0]
     where = f"    look at frame {first} (1 of {ring(2, NIGHT)}) (#{job}, "

@@ -42,7 +42,7 @@ def command(folder: Path | None, no_browser: bool, lang: str) -> int:
     except OSError as problem:
         raise click.ClickException(f"cannot write {capture}: {problem.strerror}") from problem
     sys.stdout.flush()
-    status = main(["report", "--summary", "--lang", lang, str(capture)])
+    status = main(["report", "--lang", lang, str(capture)])
     status = status or main(["report", "-f", "html", "--lang", lang, "-o", str(page), str(capture)])
     if status:
         return status

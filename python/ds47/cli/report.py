@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TextIO
 
 import click
+from click.core import ParameterSource
 
 from ds47.batch.memory import collect_rarely
 from ds47.batch.settings import heading_for
@@ -81,13 +82,13 @@ LEAST_WIDTH = 60
     "--summary",
     "detail",
     flag_value="summary",
-    help="Verdict, what to do, drives and counts; nothing one by one (text).",
+    help="12 lines: verdict, three causes, who, when (text, html, json, markdown).",
 )
 @click.option(
     "--all",
     "detail",
     flag_value="all",
-    help="Every transaction, event and finding, and every capture by itself, however many there are (text).",
+    help="Every transaction, event and finding, and every capture by itself (text).",
 )
 @click.option(
     "--filters",
@@ -183,18 +184,20 @@ def command(
         options_from(**options, kept_lists=True), lang, engine, tshark, jobs, results_name, resume, scheduler
     )  # fmt: skip
     execution.check(paths, series)
+    name = format_name or ("overview" if results_name else "text")
+    _refuse_what_has_no_effect(name, detail)
     where = zone_for_paths(where, paths)
     choice = chosen(where, **asked)
     if choice and results_name:
         raise click.UsageError("--results keeps whole results and takes no criteria")
     lacking: list[str] = []
     found = tasks(paths, series, lacking.append)
+    detail = detail or _detail(name, output_name)
     shown = ReportOptions(
         rules=_Catalogue(), lang=lang, plc=plc, zone=where, width=width or _columns(output_name),
-        reference=None if reference is None else _reference(reference), detail=detail or "auto",
+        reference=None if reference is None else _reference(reference), detail=detail,
         captures=len(found), filters=filters,
     )  # fmt: skip
-    name = format_name or ("overview" if results_name else "text")
     said = Heading(title, order, customer, author)
     heading = _heading(said, paths) if name == "html" else said
     with output(output_name) as stream:
@@ -237,6 +240,39 @@ def _heading(said: Heading, paths: Sequence[str]) -> Heading:
         return said.over(heading_for(paths))
     except CaptureError as problem:
         raise click.ClickException(str(problem)) from problem
+
+
+_ONLY_IN = {
+    "plc": ("text",), "reference": ("text", "html"), "width": ("text",), "filters": ("text",),
+    "title": ("html",), "order": ("html",), "customer": ("html",), "author": ("html",),
+}  # fmt: skip
+_DETAIL_IN = {"summary": ("text", "html", "json", "markdown"), "all": ("text",)}
+
+
+def _refuse_what_has_no_effect(format_name: str, detail: str | None) -> None:
+    """An option that a format does not know is refused: whoever gives it waits for its effect.
+
+    Raises:
+        click.UsageError: one is given.
+    """
+    context = click.get_current_context()
+    given = {
+        f"--{name}": formats for name, formats in _ONLY_IN.items()
+        if context.get_parameter_source(name) is ParameterSource.COMMANDLINE
+    }  # fmt: skip
+    if detail is not None:
+        given[f"--{detail}"] = _DETAIL_IN[detail]
+    for option, formats in given.items():
+        if format_name not in formats:
+            raise click.UsageError(
+                f"{option} has no effect in {format_name}, only in {', '.join(formats)}"
+            )
+
+
+def _detail(format_name: str, output_name: str) -> str:
+    """On a terminal text is short: what matters stands on one screen."""
+    terminal = output_name == STDIN and sys.stdout.isatty()
+    return "short" if format_name == "text" and terminal else "auto"
 
 
 def _columns(output_name: str) -> int:

@@ -35,10 +35,15 @@ FORMATS = (
     "parameters",
     "parquet",
     "html",
+    "markdown",
     "junit",
     "sarif",
 )
 """Names for `open_writer`, each a module of this package."""
+
+
+_SUMMARIES = {"json": "digest_json", "html": "digest_page"}
+"""Formats with a module of their own for `--summary`."""
 
 
 class CannotWriteError(Exception):
@@ -63,9 +68,10 @@ class ReportOptions(NamedTuple):
     report (text), or the one a page starts in (html). `plc`: also show what the PLC saw of jobs that are ok
     (text only). `reference`: the meaning of 100 % of a setpoint (text, html). `s7`: also show transactions of
     S7 without findings (text only). `heading`: the title block (html). `zone`: the time zone (text, html).
-    `width`: columns of a line (text). `detail`: "all"; "summary" leaves out transactions, events and findings;
-    "auto" is "summary" where these are many (text). `captures`: how many captures the report covers. For many
-    of them, unless `detail` is "all", the text shows totals. `filters`: a display filter for the frames of each
+    `width`: columns of a line (text). `detail`: "all"; "auto" leaves out transactions, events and
+    findings where these are many; "short" is 40 lines at most (text); "summary" is 12, and the same in html, json
+    and markdown. `captures`: how many captures the report covers. For many of them, unless `detail` is "all", the
+    text shows totals. `filters`: a display filter for the frames of each
     cause and rule (text).
     """
 
@@ -119,7 +125,8 @@ def open_writer(name: str, stream: TextIO, options: ReportOptions | None = None)
     """
     if name not in FORMATS:
         raise ValueError(f"no report format {name!r}: one of {', '.join(FORMATS)}")
-    module = import_module(f"ds47.report.{name}")
+    summed = options is not None and options.detail == "summary"
+    module = import_module(f"ds47.report.{_SUMMARIES.get(name, name) if summed else name}")
     return cast(_WriterClass, module.Writer)(stream, options)
 
 
@@ -163,7 +170,8 @@ def schema(name: str = "report-2") -> dict[str, Any]:
     Args:
         name: `report-2` is the report; its `$defs` has `message` (decode). `transaction-2` is a line of
             ndjson. `report-1` and `transaction-1` are their predecessors. `table-1` has the rows of
-            `csv` and `parquet` in its `$defs`. `overview-1` is the overview of a folder of results.
+            `csv` and `parquet` in its `$defs`. `summary-1` is what `--summary -f json` writes. `overview-1`
+            is the overview of a folder of results.
     """
     from importlib import resources  # takes as long to import as a small report to write
     from json import loads

@@ -14,10 +14,14 @@ from typing import Any
 from ds47.model import SEVERITIES, CaptureResult
 from ds47.report import ReportOptions
 from ds47.report.bilingual import Both, say
+from ds47.report.digest import first_sentences
 from ds47.report.file_frames import FileFrames, name
 from ds47.report.formatting import escape
 from ds47.report.summary import WIDTH
 from ds47.report.wrap import wrap
+
+_ADVICE = 2
+"""Lines of an advice: each capture has the whole of it."""
 
 
 @dataclass(slots=True)
@@ -104,6 +108,7 @@ def lines(
         yield f"  {headline(each, rule.name if rule else '').text(lang)}"
         if advice and rule:
             text = rule.advice_zh if lang == "zh" else rule.advice
+            text = first_sentences(text, _ADVICE * (WIDTH - 8))
             for part in wrap("-> " + text, WIDTH - 4, 3):
                 yield "    " + part
         yield f"    {first_case(each['first']).text(lang)}"

@@ -33,4 +33,4 @@ def display_filter(frames: Iterable[int]) -> tuple[str, int]:
 def plugin_filter(rule: str) -> str | None:
     """The filter of the plugin for all that a rule found, in every capture; None where the plugin has it not."""
     known = rules().get(rule)
-    return None if known is None or known.analyzer_only else f'ds47.finding == "{rule}"'
+    return None if known is not None and known.analyzer_only else f'ds47.finding == "{rule}"'

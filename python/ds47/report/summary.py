@@ -6,22 +6,21 @@ which all is well has the first two only. Nothing here writes: lines are given t
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from operator import attrgetter
 
 from ds47.findings.grouping import headlines
-from ds47.model import S7, CaptureResult, Device, Diagnosis, Finding
+from ds47.model import CaptureResult, Device, Diagnosis, Finding
 from ds47.report import ReportOptions
 from ds47.report.bilingual import say, say_in
 from ds47.report.clock import Clock, seen_at
+from ds47.report.digest import times_of, who
 from ds47.report.file_frames import FileFrames
 from ds47.report.filters import display_filter, plugin_filter
 from ds47.report.formatting import escape
 from ds47.report.sentences import advice, advice_parts, sentence
 from ds47.report.todo import More, answering, by_state, causes, is_lowered, uncovered
-from ds47.report.verdict import VerdictCounts, blind, inventory, outcomes, verdict
-from ds47.report.wrap import fitted, wrap
+from ds47.report.verdict import VerdictCounts, blind, inventory, verdict
+from ds47.report.wrap import columns, cut, fitted, wrap
 
 WIDTH = 100
 """Columns of a line of prose at most; what can be copied is never broken."""
@@ -49,9 +48,10 @@ class Opening:
         self._seen_at: dict[int, int] = {}
         """When the frames of findings were, by number."""
 
-    def verdict(self, counts: VerdictCounts) -> str:
-        """`NOT OK: dp3 refuses its configuration; 2 more causes`."""
-        return self._paint(COLORS[counts.level], verdict(counts).text(self._lang))
+    def verdict(self, counts: VerdictCounts, width: int | None = None) -> str:
+        """`NOT OK: dp3 refuses its configuration; 2 more causes`, cut where it is wider than `width`."""
+        text = verdict(counts).text(self._lang)
+        return self._paint(COLORS[counts.level], text if width is None else cut(text, width))
 
     def there(self, counts: VerdictCounts) -> Iterator[str]:
         """What is there, unless the verdict says it: `1 drive, 8 transactions, 4 ok, 1 partial`."""
@@ -64,7 +64,7 @@ class Opening:
         """Everything behind the verdict, each part with an empty line before it; no line is to be broken."""
         self._clock = clock
         self._seen_at = seen_at(result)
-        yield from self._drives(result, counts.smooth)
+        yield from self._drives(result, counts)
         serious = [each for each in result.diagnoses if each.severity != "note"]
         rest = uncovered(result)
         if result.diagnoses or rest:
@@ -82,22 +82,14 @@ class Opening:
 
     # Drives
 
-    def _drives(self, result: CaptureResult, smooth: bool) -> Iterator[str]:
-        jobs = [each for each in result.transactions if each.channel != S7]
-        asked = Counter(map(attrgetter("device", "state"), jobs))
-        known = {name: result.device(name) for name, _ in asked}
-        states: dict[str, Counter[str]] = {}
-        for (name, state), number in asked.items():
-            states.setdefault(known[name].ip, Counter())[state] += number
-        drives = list({each.ip: each for each in known.values()}.values())
-        others = [each for each in result.devices if each.ip not in states]
-        counts = [self._counts(states[each.ip], smooth) for each in drives]
-        yield from self._devices("drives_head", "more_drives", drives, counts)
+    def _drives(self, result: CaptureResult, counts: VerdictCounts) -> Iterator[str]:
+        drives = who(result, counts)
+        ours = {each.device.ip for each in drives}
+        others = [each for each in result.devices if each.ip not in ours]
+        texts = ["  " + each.transactions.text(self._lang) for each in drives]
+        devices = [each.device for each in drives]
+        yield from self._devices("drives_head", "more_drives", devices, texts)
         yield from self._devices("other_devices_head", "more_devices", others, [""] * len(others))
-
-    def _counts(self, states: Counter[str], smooth: bool) -> str:
-        parts = [say("transactions", n=states.total()), *outcomes(states, smooth=smooth)]
-        return "  " + (", ", "，")[self._lang == "zh"].join(p.text(self._lang) for p in parts)
 
     def _devices(
         self, title: str, more: str, items: Sequence[Device], counts: Sequence[str]
@@ -144,19 +136,12 @@ class Opening:
             name=known.name if known else "",
             message=text,
         )
-        line += ("", " ")[self._lang != "zh"] + self._times(item)
+        if times := times_of(item):
+            line += ("", " ")[self._lang != "zh"] + times.text(self._lang)
         first, *others = wrap(line.rstrip(), self._width - 4)
         yield "  " + self._paint(item.severity, first)
         for other in others:
             yield "    " + self._paint(item.severity, other)
-
-    def _times(self, item: Diagnosis) -> str:
-        """How often, as many as the filter shows frames; where these are two numbers, both."""
-        frames = len(item.frames) + item.frames_left_out
-        if item.count not in (1, frames):
-            times, shown = self._say("times", n=item.count), self._say("frames", n=frames)
-            return self._say("cause_times_in", times=times, frames=shown)
-        return self._say("cause_times", n=item.count) if item.count > 1 else ""
 
     def _diagnosis(self, item: Diagnosis, several: bool) -> Iterator[str]:
         text = escape(sentence(item, self._lang))
@@ -230,10 +215,14 @@ class Opening:
             yield from self._filters(item, files, frame)
             return
         short = plugin_filter(item.rule) if len(frames) > 1 else None
-        key = "look_at_frame" if short is None else "look_at"
-        line = self._say(key, frame=frame, filter=short)
-        for part in wrap(line, self._width - 4, 3):
-            yield "    " + self._paint("dim", part)
+        line = self._say("look_at_first", frame=frame)
+        whole = line if short is None else self._say("look_at", frame=frame, filter=short)
+        if columns(whole) <= self._width - 4:
+            yield "    " + self._paint("dim", whole)
+            return
+        yield from fitted("    " + self._paint("dim", line), self._width)
+        if short is not None:
+            yield "      " + self._paint("dim", short)
 
     def _filters(self, item: Diagnosis, files: FileFrames, frame: str) -> Iterator[str]:
         """The filter for all of its frames; of a series that of the first file, then that of each other."""

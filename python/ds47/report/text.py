@@ -8,8 +8,9 @@ that none of them can talk to the terminal.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
+from io import StringIO
 from itertools import islice
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -42,7 +43,7 @@ from ds47.report.sentences import at_offset, sentence
 from ds47.report.summary import Opening
 from ds47.report.targets import Targets
 from ds47.report.verdict import VerdictCounts
-from ds47.report.wrap import aligned, columns, fitted, wrap
+from ds47.report.wrap import aligned, columns, cut, end_of, fitted, wrap
 from ds47.spec.cyclic import telegrams
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ MANY = 5
 """Of more captures than these a report tells what they come to, and none by itself unless asked to."""
 CAPTURES_LISTED = 20
 """Captures of a run that are listed at its end, the worst ones; `-f overview` lists all."""
-WORST_LISTED, CAUSES_LISTED = 10, 5
+WORST_LISTED, CAUSES_LISTED = 6, 4
 """Captures, and causes, in a report that tells of many captures together only."""
 _COLORS = {"error": "31", "warning": "33", "note": "36", "ok": "32", "bold": "1", "dim": "2"}
 _SERIOUS_STATES = ("error", "mismatch", "refused")
@@ -98,12 +99,16 @@ class Writer(_Writer):
     @property
     def _many(self) -> bool:
         """Whether the report tells of all captures together only."""
-        return self.options.detail != "all" and self.options.captures > MANY
+        most = 1 if self.options.detail in ("short", "summary") else MANY
+        return self.options.detail != "all" and self.options.captures > most
 
     def _one(
         self, result: CaptureResult, counts: VerdictCounts, row: CaptureRow, latency: Latency
     ) -> None:
         """A capture by itself."""
+        if self.options.detail in ("short", "summary"):
+            self._in_short(result, row, latency)
+            return
         if self._rows:
             self._line()
         self._clock = Clock.of(result, self.options.zone)
@@ -117,6 +122,26 @@ class Writer(_Writer):
         else:
             self._lists(result)
         self._summary(self._say("summary_head"), total([row]), latency)
+
+    def _in_short(self, result: CaptureResult, row: CaptureRow, latency: Latency) -> None:
+        """A capture in 12 lines, or in 40: with all there is to say, if that has room."""
+        from ds47.report.digest import Digest  # not for pipes and files
+        from ds47.report.short import CAUSES, LINES, SUMMED, Short
+
+        form = Short(self.options.lang, self.options.width, self._paint)
+        if self.options.detail == "summary":
+            for line in form.summary(Digest.of(result, self.options, SUMMED)):
+                self._copied(line)
+            return
+        whole = StringIO()
+        write(Report([result]), whole, self.options._replace(detail="auto"))
+        digest = Digest.of(result, self.options, CAUSES)
+        lines = [*whole.getvalue().splitlines(), *form.verdict(digest)]
+        if len(lines) > LINES or max(map(columns, lines)) > self.options.width:
+            head = [f"  {each}" for each in self._about_file(result)]
+            lines = form.screen(digest, head, self._totals(total([row]), latency))
+        for line in lines:
+            self._copied(line)
 
     def _left_out(self, result: CaptureResult) -> list[Both]:
         """What is counted instead of listed; nothing where all is listed."""
@@ -151,6 +176,9 @@ class Writer(_Writer):
         if len(self._rows) < 2:
             return
         sums = total(self._rows)
+        if self.options.detail == "summary":
+            self._sum_up(sums)
+            return
         listed, causes_listed = CAPTURES_LISTED, len(sums["to_do"])
         if self._many:
             listed, causes_listed = WORST_LISTED, CAUSES_LISTED
@@ -169,6 +197,28 @@ class Writer(_Writer):
         if self._many:
             self._line()
             self._line(self._say("captures_not_listed"))
+
+    def _sum_up(self, sums: dict[str, Any]) -> None:
+        """All captures in 12 lines: the verdict, the most frequent causes, the worst captures."""
+        from ds47.report.short import SUMMED
+
+        lang, width, rules = self.options.lang, self.options.width, self.options.rules
+        self._title(self._say("summary_all", n=len(self._rows)))
+        self._copied(self._opening.verdict(self._counts, width))
+        self._copied(cut("  " + told_sums(sums, str)[0].text(lang), width))
+        for each in sums["to_do"][:SUMMED]:
+            rule = rules.get(each["rule"])
+            line = causes.headline(each, rule.name if rule else "").text(lang)
+            self._copied(cut(f"  {line}", width))
+        worst = sorted((row for row in self._rows if not row.quiet), key=CaptureRow.badness)
+        for row in worst[:SUMMED]:
+            not_ok = row.transactions - row.states.get("ok", 0)
+            counts = self._say(
+                "sum_worst", n=row.transactions, bad=not_ok, errors=row.findings.get("error", 0)
+            )
+            self._copied(f"  {end_of(escape(row.path), width - columns(counts) - 4)}: {counts}")
+        if left_out := worst[SUMMED:]:
+            self._copied("  " + self._say("worst_more", n=len(left_out)))
 
     def _line(self, text: str = "") -> None:
         for line in fitted(text, self.options.width):
@@ -197,22 +247,26 @@ class Writer(_Writer):
             self._line("  " + line)
         if span := self._clock.span(result):
             self._line("  " + span.text(self.options.lang))
-        if result.narrowed is not None:
-            from ds47.report.narrowing import narrowed_words
-
-            self._line("  " + narrowed_words(result).text(self.options.lang))
         self._files(result.files)
-        if not result.complete or result.problem:
-            problem = escape(result.problem or self._say("file_ends_early"))
-            self._line("  " + self._paint("error", self._say("partly_read", problem=problem)))
-        if result.dropped:
-            lost = self._say("machine_dropped", n=result.dropped)
-            self._line("  " + self._paint("warning", lost))
+        for text in self._about_file(result):
+            self._line("  " + text)
         if not (result.evidence or result.connections or result.nothing):
             there = _traffic(result).text(self.options.lang)
             if not there and not counts.cut:
                 there = self._say("no_rpc" if result.bus is None else "no_bus_records")
             self._line("  " + self._say("no_transaction") + f" ({there})" * bool(there))
+
+    def _about_file(self, result: CaptureResult) -> Iterator[str]:
+        """What part of the file is shown, or could be read."""
+        if result.narrowed is not None:
+            from ds47.report.narrowing import narrowed_words
+
+            yield narrowed_words(result).text(self.options.lang)
+        if not result.complete or result.problem:
+            problem = escape(result.problem or self._say("file_ends_early"))
+            yield self._paint("error", self._say("partly_read", problem=problem))
+        if result.dropped:
+            yield self._paint("warning", self._say("machine_dropped", n=result.dropped))
 
     def _bus(self, bus: Bus, relations: Sequence[Relation]) -> None:
         """The stations of PROFIBUS."""
@@ -481,11 +535,13 @@ class Writer(_Writer):
         self._title(title)
         if verdict:
             self._line(f"  {verdict}")
+        for line in self._totals(sums, latency):
+            self._line(line)
+
+    def _totals(self, sums: dict[str, Any], latency: Latency) -> list[str]:
         lang = self.options.lang
         work = [each.text(lang) for each in told_sums(sums, str)]
-        for line in (*work, latency.text(lang)):
-            if line:
-                self._line(f"  {line}")
+        return [f"  {line}" for line in (*work, latency.text(lang)) if line]
 
 
 def _where(relation: Relation) -> str:

@@ -76,7 +76,7 @@ class VerdictCounts:
     def of(cls, result: CaptureResult) -> VerdictCounts:
         """The counts of one capture."""
         jobs, findings = result.transactions, result.findings
-        causes = _causes(result)
+        causes = wrong(result)
         return cls(
             captures=1,
             frames=result.frames,
@@ -153,17 +153,28 @@ def _devices(result: CaptureResult, names: set[str]) -> set[str]:
     return {result.device(name).ip for name in names}
 
 
-def _causes(result: CaptureResult) -> list[Diagnosis]:
+def wrong(result: CaptureResult) -> list[Diagnosis]:
     """What is wrong, each cause once, the worst first; notes and what the capture lacks are no causes.
 
     A note that is one only because the maker has no tables here is a cause.
     """
     found = [each for each in result.diagnoses if each.rule != OF_THE_RECORDING]
     found += headlines(uncovered(result))
-    wrong = [
+    causes = [
         each for each in found if each.severity != "note" or is_lowered(each.rule, each.severity)
     ]
-    return sorted(wrong, key=lambda each: -SEVERITIES.index(each.severity))
+    return sorted(causes, key=lambda each: -SEVERITIES.index(each.severity))
+
+
+def concluded(result: CaptureResult) -> list[Diagnosis]:
+    """What the capture lacks, what is wrong, and notes: what a reader should know, in this order."""
+    causes = wrong(result)
+    lacking = [each for each in result.diagnoses if each.rule == OF_THE_RECORDING]
+    notes = [
+        each for each in result.diagnoses
+        if each.rule != OF_THE_RECORDING and not any(each is other for other in causes)
+    ]  # fmt: skip
+    return [*lacking, *causes, *notes]
 
 
 def _shows_a_part(item: Diagnosis) -> bool:

@@ -35,6 +35,16 @@ def fitted(text: str, width: int) -> list[str]:
     return wrap(text, width, len(text) - len(text.lstrip()) + 4)
 
 
+def cut(text: str, width: int) -> str:
+    """A line that fits: what has no room is left out."""
+    return text if columns(text) <= width else wrap(text, width - 4)[0].rstrip() + " ..."
+
+
+def end_of(text: str, width: int) -> str:
+    """The end of a path, which says more than its beginning."""
+    return text if columns(text) <= width else "..." + text[3 - width :]
+
+
 def columns(text: str) -> int:
     """The width of a text on a terminal; colours have none."""
     if "\x1b" in text:

@@ -1,0 +1,166 @@
+"""A capture in short: its verdict, the worst causes with what to do, who is there, and when.
+
+What stands first in every short form is decided here: the text on a terminal, `--summary`, Markdown, and the page
+on one sheet. Words and lines are theirs. Nothing here is cut: who has no room cuts.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from operator import attrgetter
+from typing import NamedTuple
+
+from ds47.model import S7, CaptureResult, Device, Diagnosis
+from ds47.report import ReportOptions
+from ds47.report.bilingual import LANGUAGES, Both, joined, say
+from ds47.report.clock import Clock, seen_at
+from ds47.report.file_frames import FileFrames
+from ds47.report.formatting import escape
+from ds47.report.sentences import advice, sentence
+from ds47.report.todo import is_lowered
+from ds47.report.verdict import VerdictCounts, concluded, inventory, outcomes, verdict
+from ds47.spec import rules
+
+
+class ShortCause(NamedTuple):
+    """A cause, and the first frame that shows it."""
+
+    rule: str
+    severity: str
+    message: Both
+    advice: Both
+    times: Both | None
+    """How often, if more than once."""
+    findings: int
+    frame: int | None
+    transaction: int | None
+    number: Both | None
+    """`22`, in a series `22 (3 of night_0002.pcapng)`; None where no frame shows it."""
+    where: Both | None
+    """`22 (#5, 08:00:00.791)`."""
+
+
+class Who(NamedTuple):
+    """A drive, and what became of its transactions."""
+
+    device: Device
+    transactions: Both
+
+
+class Digest(NamedTuple):
+    """What there is to say; `left_out` are causes that are not among `causes`."""
+
+    path: str
+    level: str
+    verdict: Both
+    there: Both | None
+    when: Both | None
+    narrowed: Both | None
+    """Which part of the capture is shown; None for all of it."""
+    start: str | None
+    """Times of the first and the last frame, as in the JSON of a report."""
+    end: str | None
+    causes: list[ShortCause]
+    left_out: int
+    drives: list[Who]
+    counts: VerdictCounts
+
+    @classmethod
+    def of(cls, result: CaptureResult, options: ReportOptions, most: int) -> Digest:
+        """That of a capture, with at most so many causes."""
+        counts, clock = VerdictCounts.of(result), Clock.of(result, options.zone)
+        found = concluded(result)
+        several = len({each.device for each in result.transactions}) > 1
+        files, times = FileFrames(result.files), seen_at(result)
+        return cls(
+            result.path,
+            counts.level,
+            verdict(counts),
+            inventory(counts) if counts.level != "good" else None,
+            clock.span(result),
+            _narrowed(result),
+            result.start,
+            result.end,
+            [_short(each, several, files, clock, times) for each in found[:most]],
+            len(found[most:]),
+            who(result, counts),
+            counts,
+        )
+
+
+def _narrowed(result: CaptureResult) -> Both | None:
+    if result.narrowed is None:
+        return None
+    from ds47.report.narrowing import narrowed_words  # few reports are
+
+    return narrowed_words(result)
+
+
+def _short(
+    item: Diagnosis, several: bool, files: FileFrames, clock: Clock, times: dict[int, int]
+) -> ShortCause:
+    frame = item.frames[0] if item.frames else None
+    job = item.transactions[0] if item.transactions else None
+    texts = (sentence(item, lang) for lang in LANGUAGES)
+    message = Both(*map(escape, texts))
+    if several and item.device and item.device not in message.en:
+        message = say("cause_device", device=escape(item.device), message=message)
+    number = where = None
+    if frame is not None:
+        about = [f"#{job}"] if job is not None else []
+        about += [clock.moment(times[frame])] if frame in times else []
+        number = Both(*(escape(files.number(frame, lang)) for lang in LANGUAGES))
+        where = say("frame_about", frame=number, about=", ".join(about)) if about else number
+    return ShortCause(
+        item.rule, item.severity, message, _advice(item), times_of(item), item.count, frame, job,
+        number, where,
+    )  # fmt: skip
+
+
+def times_of(item: Diagnosis) -> Both | None:
+    """How often, as many as there are frames; if these are two numbers, both."""
+    frames = len(item.frames) + item.frames_left_out
+    if item.count not in (1, frames):
+        return say(
+            "cause_times_in", times=say("times", n=item.count), frames=say("frames", n=frames)
+        )
+    return say("cause_times", n=item.count) if item.count > 1 else None
+
+
+def _advice(item: Diagnosis) -> Both:
+    if is_lowered(item.rule, item.severity):
+        return say("advice_foreign")
+    return Both(*(advice(rules()[item.rule], item.args, lang) for lang in LANGUAGES))
+
+
+def who(result: CaptureResult, counts: VerdictCounts) -> list[Who]:
+    """The drives, in the order in which they are met, with the states of their transactions."""
+    jobs = [each for each in result.transactions if each.channel != S7]
+    devices: dict[str, Device] = {}
+    states: dict[str, Counter[str]] = {}
+    for (name, state), number in Counter(map(attrgetter("device", "state"), jobs)).items():
+        device = result.device(name)
+        devices.setdefault(device.ip, device)
+        states.setdefault(device.ip, Counter())[state] += number
+    return [
+        Who(
+            device,
+            joined([
+                say("transactions", n=states[ip].total()),
+                *outcomes(states[ip], smooth=counts.smooth),
+            ]),
+        )
+        for ip, device in devices.items()
+    ]  # fmt: skip
+
+
+def first_sentences(text: str, room: int) -> str:
+    """As many whole sentences as have room, at least a part of the first one."""
+    end = 0
+    for at, character in enumerate(text, 1):
+        ends = character in "。" or (character == "." and text[at : at + 1] in ("", " "))
+        if ends and at <= room:
+            end = at
+    if end:
+        return text[:end]
+    return text if len(text) <= room else text[: room - 4].rsplit(" ", 1)[0] + " ..."

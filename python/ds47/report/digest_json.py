@@ -1,0 +1,80 @@
+"""The summary of captures as JSON (`--summary -f json`): the schema is schema/summary-1.schema.json."""
+
+from __future__ import annotations
+
+import json
+from typing import Any, Final, TextIO
+
+from ds47.model import CaptureResult
+from ds47.report import ReportOptions
+from ds47.report import Writer as _Writer
+from ds47.report.bilingual import Both
+from ds47.report.digest import Digest, ShortCause, Who
+from ds47.report.digests import Digests
+from ds47.version import __version__
+
+SCHEMA: Final = "ds47.summary/1"
+
+
+class Writer(_Writer):
+    """Keeps a digest of each capture, and writes one document at the end."""
+
+    def __init__(self, stream: TextIO, options: ReportOptions | None = None) -> None:
+        super().__init__(stream, options)
+        self._all = Digests(self.options)
+
+    def capture(self, result: CaptureResult) -> None:
+        self._all.capture(result)
+
+    def unreadable(self, path: str, problem: str) -> None:
+        self._all.unreadable(path, problem)
+
+    def close(self) -> None:
+        document = {
+            "schema": SCHEMA,
+            "tool": {"name": "ds47", "version": __version__},
+            "level": self._all.level,
+            "verdict": self._text(self._all.verdict),
+            "captures": [self._capture(each) for each in self._all.captures],
+            "unreadable": [{"path": path, "problem": problem} for path, problem in self._all.problems],
+        }  # fmt: skip
+        self.stream.write(json.dumps(document, ensure_ascii=False, indent=1) + "\n")
+
+    def _capture(self, digest: Digest) -> dict[str, Any]:
+        return {
+            "path": digest.path,
+            "level": digest.level,
+            "verdict": self._text(digest.verdict),
+            "frames": digest.counts.frames,
+            "start": digest.start,
+            "end": digest.end,
+            "narrowed": None if digest.narrowed is None else self._text(digest.narrowed),
+            "transactions": digest.counts.jobs,
+            "failed": digest.counts.failed,
+            "unknown": digest.counts.open,
+            "states": dict(digest.counts.states),
+            "causes": [self._cause(each) for each in digest.causes],
+            "causes_left_out": digest.left_out,
+            "drives": [self._who(each) for each in digest.drives],
+        }
+
+    def _cause(self, cause: ShortCause) -> dict[str, Any]:
+        return {
+            "rule": cause.rule,
+            "severity": cause.severity,
+            "message": self._text(cause.message),
+            "advice": self._text(cause.advice),
+            "findings": cause.findings,
+            "frame": cause.frame,
+            "transaction": cause.transaction,
+        }
+
+    def _who(self, item: Who) -> dict[str, Any]:
+        return {
+            "ip": item.device.ip,
+            "station": item.device.station,
+            "transactions": self._text(item.transactions),
+        }
+
+    def _text(self, text: Both) -> str:
+        return text.text(self.options.lang)

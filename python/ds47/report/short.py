@@ -1,0 +1,157 @@
+"""A capture as text in few lines: 40 on a terminal, 12 as `--summary`. `ds47.report.digest` says what is in them.
+
+No line is wider than the terminal: a sentence is broken or cut. `ds47.report.text` has the whole report.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import islice
+from pathlib import PurePath
+from typing import Final
+
+from ds47.report.bilingual import Both, say
+from ds47.report.digest import Digest, ShortCause, Who, first_sentences
+from ds47.report.formatting import escape
+from ds47.report.summary import COLORS, WIDTH, about
+from ds47.report.wrap import columns, cut, end_of, fitted, wrap
+
+LINES: Final = 40
+CAUSES: Final = 5
+"""Causes in so many lines, if they have room,"""
+SUMMARY: Final = 12
+SUMMED: Final = 3
+"""and in a summary."""
+_DRIVES: Final = 3
+_SENTENCE: Final = 3
+"""Lines of the sentence of a cause,"""
+_ADVICE: Final = 2
+"""and of its advice."""
+
+Paint = Callable[[str, str], str]
+
+
+class Short:
+    """Makes the lines. `paint` takes a colour ("error", "bold", ...) and a text."""
+
+    def __init__(self, lang: str, width: int, paint: Paint) -> None:
+        self._lang, self._whole, self._width, self._paint = lang, width, min(width, WIDTH), paint
+
+    def screen(self, digest: Digest, head: Sequence[str], totals: Sequence[str]) -> list[str]:
+        """At most LINES lines: as many causes as have room, and the verdict again at the end.
+
+        Args:
+            digest: with at most CAUSES causes.
+            head: more about the file, such as damage.
+            totals: the lines of the sums.
+        """
+        for number in range(len(digest.causes), -1, -1):
+            lines = list(self._screen(digest, number, head, totals))
+            if len(lines) <= LINES:
+                return lines
+        return [*lines[: LINES - 1], lines[-1]]
+
+    def _screen(
+        self, digest: Digest, number: int, head: Sequence[str], totals: Sequence[str]
+    ) -> Iterator[str]:
+        yield from self._top(digest)
+        yield from head
+        if number:
+            yield from ("", self._paint("bold", self._say("to_do_head")))
+        for each in digest.causes[:number]:
+            yield from self._cause(each)
+        left_out = len(digest.causes) - number + digest.left_out
+        if left_out:
+            yield self._dim("  " + self._say("short_more", n=left_out))
+        if digest.drives:
+            yield from ("", self._paint("bold", self._say("drives_head")))
+            yield from self._drives(digest.drives, _DRIVES)
+        yield ""
+        yield from (line for each in totals for line in fitted(each, self._whole))
+        yield self._dim(self._more(digest.path))
+        yield from self.verdict(digest)
+
+    def summary(self, digest: Digest) -> list[str]:
+        """At most 12 lines: verdict, three causes, who, when."""
+        head = digest.verdict.text(self._lang)
+        mirror = say("verdict_mirror") if digest.counts.nothing else None
+        lines = [self._title(digest), self._paint(COLORS[digest.level], self._cut(head))]
+        lines += [
+            self._cut(f"  {each.text(self._lang)}")
+            for each in (mirror, digest.there, digest.when, digest.narrowed)
+            if each
+        ]
+        for each in digest.causes:
+            where = f" ({self._say('frame', frame=each.number)})" if each.number else ""
+            room = self._whole - columns(where)
+            lines.append(cut(f"  {self._sentence(each)}", room) + where)
+            advice = first_sentences(each.advice.text(self._lang), self._whole - 7)
+            lines.append(self._cut(f"    -> {advice}"))
+        if digest.left_out:
+            lines.append(self._cut("  " + self._say("short_more", n=digest.left_out)))
+        return [*lines, *self._drives(digest.drives, 1)][:SUMMARY]
+
+    def _say(self, key: str, **values: object) -> str:
+        return say(key, **values).text(self._lang)
+
+    def _dim(self, text: str) -> str:
+        return self._paint("dim", text)
+
+    def _cut(self, text: str) -> str:
+        return cut(text, self._whole)
+
+    def _title(self, digest: Digest) -> str:
+        frames, path = self._say("frames", n=digest.counts.frames), escape(digest.path)
+        room = self._whole - columns(frames) - 2
+        if columns(path) > room:
+            path = escape(PurePath(digest.path).name)
+        return self._paint("bold", f"{end_of(path, room)}: {frames}")
+
+    def verdict(self, digest: Digest) -> Iterator[str]:
+        """The verdict in as many lines as it needs."""
+        for line in fitted(digest.verdict.text(self._lang), self._whole):
+            yield self._paint(COLORS[digest.level], line)
+
+    def _top(self, digest: Digest) -> Iterator[str]:
+        yield self._title(digest)
+        yield from self.verdict(digest)
+        mirror = say("verdict_mirror") if digest.counts.nothing else None
+        for each in filter(None, (mirror, digest.there, digest.when)):
+            yield from fitted("  " + each.text(self._lang), self._whole)
+
+    def _sentence(self, cause: ShortCause) -> str:
+        severity = say(f"severity_{cause.severity}")
+        line = say("short_cause", rule=cause.rule, severity=severity, message=cause.message)
+        return " ".join(filter(None, [line.text(self._lang), _text(cause.times, self._lang)]))
+
+    def _cause(self, cause: ShortCause) -> Iterator[str]:
+        lines = wrap(self._sentence(cause), self._width - 4)
+        if len(lines) > _SENTENCE:
+            rest = " ".join(line.rstrip() for line in lines[_SENTENCE - 1 :])
+            lines[_SENTENCE - 1 :] = [cut(rest, self._width - 4)]
+        for number, line in enumerate(lines):
+            yield ("    " if number else "  ") + self._paint(cause.severity, line)
+        room = self._width - 4
+        advice = first_sentences(cause.advice.text(self._lang), _ADVICE * (room - 8))
+        for line in islice(wrap("-> " + advice, room, 3), _ADVICE):
+            yield "    " + line
+        if cause.where is not None:
+            yield self._dim("    " + self._say("look_at_first", frame=cause.where))
+
+    def _drives(self, drives: Sequence[Who], most: int) -> Iterator[str]:
+        for each in drives[:most]:
+            device = escape(each.device.ip) + about(each.device, self._lang)
+            yield self._cut(f"  {device}  {each.transactions.text(self._lang)}")
+        if len(drives) > most:
+            yield "  " + self._say("more_drives", n=len(drives) - most)
+
+    def _more(self, path: str) -> str:
+        from shlex import quote  # takes its time
+
+        everything = say("short_all", path=quote(escape(path)))
+        page = everything.joined(say("short_page"), "; ", "；").text(self._lang)
+        return page if columns(page) <= self._whole else self._cut(everything.text(self._lang))
+
+
+def _text(text: Both | None, lang: str) -> str:
+    return "" if text is None else text.text(lang)
