@@ -115,7 +115,7 @@ def test_help(capsys, name):
 def test_wrong_use_is_2(capsys, arguments):
     status, out, err = run(capsys, *arguments)
     assert (status, out) == (2, "")
-    assert "Error" in err
+    assert "error: " in err
 
 
 @pytest.mark.parametrize(
@@ -129,14 +129,14 @@ def test_wrong_use_is_2(capsys, arguments):
         ),
         ("sub", "No such command 'sub'. For a report of it: ds47 report sub"),
         ("-", "No such command '-'. For a report of it: ds47 report -"),
-        ("frobnicate", "No such command 'frobnicate'."),
+        ("frobnicate", "No such command 'frobnicate'. Try: ds47 -h"),
     ],
 )
 def test_no_such_command_says_which_was_meant(capsys, monkeypatch, folder, word, said):
     monkeypatch.chdir(folder)
     status, out, err = run(capsys, word, "--index", "47")
     assert (status, out) == (2, "")
-    assert err.splitlines()[-1] == f"Error: {said}"
+    assert err.splitlines()[-1] == f"ds47: error: {said}"
 
 
 def test_a_fault_of_ours_is_one_line_and_70(capsys, monkeypatch):
@@ -260,7 +260,9 @@ def test_no_report_takes_the_place_of_a_capture(capsys, monkeypatch, folder, pac
     before = Path("evidence").read_bytes()
     status, out, err = run(capsys, *arguments)
     assert (status, out) == (2, "")
-    assert err.startswith("Error: evidence is a capture, which is not written over: choose another")
+    assert err.startswith(
+        "ds47: error: evidence is a capture, which is not written over: choose another"
+    )
     assert len(err.splitlines()) == 1
     assert Path("evidence").read_bytes() == before
 
@@ -280,7 +282,9 @@ def test_a_file_that_cannot_be_unpacked_is_not_written_over(capsys, monkeypatch,
     Path("a.pcap.zst").write_bytes(bytes.fromhex("28b52ffd") + frame(EMPTY_PCAP))
     status, _, err = run(capsys, "report", "b.pcap", "-o", "a.pcap.zst")
     assert status == 2
-    assert err.startswith("Error: cannot write over a.pcap.zst: this capture is zstd-compressed")
+    assert err.startswith(
+        "ds47: error: cannot write over a.pcap.zst: this capture is zstd-compressed"
+    )
 
 
 @pytest.mark.parametrize("words", [["rules", "DS"], ["--help"], ["rules", "--help"]])
@@ -367,7 +371,7 @@ def test_rules_that_have_a_word(capsys):
         status, out, err = run(capsys, "rules", word)
         assert (status, out) == (2, "")
         assert err.splitlines()[-1] == (
-            f"Error: no rule has {word!r} in its name or text; see: ds47 rules"
+            f"ds47: error: no rule has {word!r} in its name or text; see: ds47 rules"
         )
 
 
@@ -614,7 +618,7 @@ def test_lab_without_scapy_is_one_clear_line(capsys, monkeypatch):
     status, out, err = run(capsys, "lab", "list")
     assert (status, out) == (2, "")
     assert len(err.splitlines()) == 1
-    assert err == "Error: the lab needs scapy: pip install scapy\n"
+    assert err == "ds47: error: the lab needs scapy: pip install scapy\n"
 
 
 def test_lab_writes_logs_of_profibus(capsys, tmp_path):

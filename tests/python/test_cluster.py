@@ -301,7 +301,7 @@ def test_nobody_answers(capsys: Any, folder: Path, monkeypatch: Any) -> None:
     monkeypatch.setattr("ds47.batch.cluster._SECONDS_TO_CONNECT", 1)
     status, _, problems = run(capsys, folder, "--scheduler", "tcp://127.0.0.1:9")
     assert status == 2
-    assert problems[0].startswith("Error: no Dask scheduler answers at tcp://127.0.0.1:9")
+    assert problems[0].startswith("ds47: error: no Dask scheduler answers at tcp://127.0.0.1:9")
     assert len(problems) == 1
 
 
@@ -315,7 +315,7 @@ def test_a_scheduler_without_workers(
     finally:
         empty.end()
     assert status == 2
-    assert problems == [f"Error: the Dask scheduler at {empty.address} has no workers"]
+    assert problems == [f"ds47: error: the Dask scheduler at {empty.address} has no workers"]
 
 
 def test_workers_of_another_version(
@@ -336,14 +336,16 @@ def test_a_worker_that_comes_later_with_another_version(
     monkeypatch.setattr("ds47.batch.cluster.Cluster._check_workers", lambda *_: None)
     status, _, problems = run(capsys, folder, "--scheduler", cluster.address)
     assert status == 2
-    assert problems[-1].startswith(f"Error: a Dask worker has no ds47 99.0: there is {__version__}")
+    assert problems[-1].startswith(
+        f"ds47: error: a Dask worker has no ds47 99.0: there is {__version__}"
+    )
 
 
 def test_without_dask(capsys: Any, folder: Path, monkeypatch: Any) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     status, _, problems = run(capsys, folder, "--scheduler", "tcp://127.0.0.1:9")
     assert status == 2
-    assert problems == ["Error: --scheduler needs Dask: pip install dask distributed fsspec"]
+    assert problems == ["ds47: error: --scheduler needs Dask: pip install dask distributed fsspec"]
 
 
 # -- URLs -----------------------------------------------------------------------------------------

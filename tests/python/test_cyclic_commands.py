@@ -55,7 +55,7 @@ def test_the_names_that_are_offered_are_taken(capsys: Capture) -> None:
         capsys, "decode", "--as", "pkw-answer", "--vendor", "KEB", "7023000000000068"
     )
     assert status == 2
-    names = err.split("none of: ")[1].strip().split(", ")
+    names = err.split("none of: ")[1].partition(". Try: ")[0].split(", ")
     assert "SINAMICS" in names
     for name in names:
         asked = ("decode", "--as", "pkw-answer", "--vendor", name, "7023000000000068")

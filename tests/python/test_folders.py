@@ -401,7 +401,10 @@ def test_a_folder_that_cannot_be_written_is_said_before_anything_is_analysed(
 
     monkeypatch.setattr(Path, "touch", refuse)
     status, _, problems = run(capsys, folder, "--results", tmp_path / "r")
-    assert (status, problems) == (2, [f"Error: cannot write {tmp_path / 'r'}: Permission denied"])
+    assert (status, problems) == (
+        2,
+        [f"ds47: error: cannot write {tmp_path / 'r'}: Permission denied"],
+    )
 
 
 @pytest.mark.parametrize(

@@ -150,7 +150,7 @@ def test_another_csv_is_named(
     path.write_text(text, "utf-8")
     status, out, err = run(capsys, path, TOUR)
     assert (status, out) == (2, "")
-    assert err.startswith("Error: ")
+    assert err.startswith("ds47: error: ")
     assert f"{path}: " in err
     assert about in err
 

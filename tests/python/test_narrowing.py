@@ -250,7 +250,7 @@ def test_captures_without_anything_that_is_wanted_are_left_out(capsys, captures)
     assert [each["path"] for each in json.loads(text)["captures"]] == [str(paths[0])]
     status, text, said = run(capsys, "--pnu", 54321, *paths)
     assert (status, text) == (1, "")
-    assert said.startswith("ds47: nothing matches --pnu 54321; there are 192.168.")
+    assert said.startswith("ds47: nothing matches --pnu 54321; read or changed here: p50076, ")
 
 
 @pytest.mark.parametrize("kind", sorted({*PRINTED} - {"text", "json"}))

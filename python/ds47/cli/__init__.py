@@ -28,11 +28,40 @@ import click  # noqa: E402
 
 from ds47.version import __version__  # noqa: E402
 
-COMMANDS = (
-    "report", "check", "baseline", "accept", "diff", "trail", "watch", "export", "decode", "encode",
-    "explain", "params", "rules", "plugin", "lab", "demo", "completion",
-)  # fmt: skip
-"""Each is a module of this package with a click command named `command`."""
+GROUPS = {
+    "Look at captures": {
+        "report": "What happened: causes, transactions, values",
+        "trail": "Who changed which parameter, from what to what",
+        "watch": "The same while it happens",
+        "export": "The frames of what went wrong as a capture, anonymised if wanted",
+    },
+    "Compare": {
+        "diff": "Two captures: what changed between them",
+        "check": "Captures against their stored results, for CI",
+        "baseline": "Store the results",
+        "accept": "Take changes of them over",
+    },
+    "Look up and build": {
+        "explain": "A status, an error number, a parameter, a fault in words",
+        "params": "Parameters, and lists of makers",
+        "rules": "What ds47 finds, and what to do about it",
+        "decode": "Bytes of a message into its fields",
+        "encode": "A request as bytes, or as a block for the PLC",
+    },
+    "Tools": {
+        "demo": "A capture with faults, its report and its page",
+        "plugin": "Install and check the Wireshark plugin",
+        "lab": "Make captures of faults",
+        "completion": "Let the shell complete commands and options",
+    },
+}
+"""Each is a module of this package with a click command named `command`; with what it shows, in a few words."""
+COMMANDS = tuple(name for group in GROUPS.values() for name in group)
+_EXAMPLES = (
+    ("ds47 report machine.pcapng", "what went wrong, and what to do"),
+    ("ds47 report -f html machine.pcapng", "the same as a page"),
+    ("ds47 explain DE80B500", "what a STATUS means"),
+)
 
 _INTERRUPTED = 130
 _READER_LEFT = 141
@@ -78,6 +107,17 @@ class _Commands(click.Group):
             return super().resolve_command(ctx, args)
         raise click.UsageError(f"No such command {word!r}.{_meant(word)}", ctx)
 
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The options, then the commands in groups, then how to begin."""
+        click.Command.format_options(self, ctx, formatter)
+        for title, commands in GROUPS.items():
+            with formatter.section(title):
+                formatter.write_dl(list(commands.items()))
+        with formatter.section("Examples"):
+            formatter.write_dl(_EXAMPLES)
+        formatter.write_paragraph()
+        formatter.write_text("No capture at hand? Start with: ds47 demo")
+
     def invoke(self, ctx: click.Context) -> object:
         """Runs the command; a reader that leaves ends it in silence (click itself would exit 1)."""
         with _reader_may_leave():
@@ -89,22 +129,24 @@ class _Commands(click.Group):
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, message="%(prog)s %(version)s")
 def group() -> None:
-    """DS47 (PROFIdrive parameter channel) of PROFINET captures as transactions."""
+    """What happened on the parameter channel of PROFIdrive drives, from captures of PROFINET, PROFIBUS and S7."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command line; `arguments` instead of sys.argv[1:]. Returns the exit status."""
     closed = _stand_in()
+    words = sys.argv[1:] if arguments is None else arguments
     try:
-        result = group.main(arguments, prog_name="ds47", standalone_mode=False)
+        result = group.main(words or ["--help"], prog_name="ds47", standalone_mode=False)
     except click.ClickException as problem:
-        problem.show()
+        _refuse(problem)
         return 2
     except (click.Abort, KeyboardInterrupt):
         return _INTERRUPTED
     except OSError as problem:
         nowhere = closed and problem.errno == errno.EBADF
-        click.echo(f"ds47: {'standard output is closed' if nowhere else problem}", err=True)
+        what = "standard output is closed" if nowhere else _cannot(problem)
+        click.echo(f"ds47: error: {what}", err=True)
         return 2
     except Exception as problem:  # noqa: BLE001 (our own fault, and no caller above)
         _explain(problem)
@@ -113,6 +155,36 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if closed:
             _silence_stdout()
     return result if isinstance(result, int) else 0
+
+
+def _refuse(problem: click.ClickException) -> None:
+    """One line: what is wrong and why; of wrong use how to see what is right."""
+    text = _near(problem, " ".join(problem.format_message().split()))
+    context = problem.ctx if isinstance(problem, click.UsageError) else None
+    if context is not None and "ds47 " not in text:
+        text += "" if text.endswith(("?", ".")) else "."
+        text += f" Try: {context.command_path} -h"
+    click.echo(f"ds47: error: {text}", err=True)
+
+
+def _near(problem: click.ClickException, text: str) -> str:
+    """The text; of a word that is none of a choice with the one that was probably meant, and not with all."""
+    kind = problem.param.type if isinstance(problem, click.BadParameter) and problem.param else None
+    if not isinstance(kind, click.Choice):
+        return text
+    from difflib import get_close_matches
+
+    front, there, rest = text.partition("' is not one of ")
+    near = get_close_matches(front.rpartition("'")[2], kind.choices, 1)
+    return (
+        f"{front}{there}{rest}" if not near else f"{front}' is unknown. Did you mean '{near[0]}'?"
+    )
+
+
+def _cannot(problem: OSError) -> str:
+    """What could not be written or read: without the name of a file it was the standard output."""
+    why = problem.strerror or str(problem)
+    return f"{problem.filename}: {why}" if problem.filename else f"standard output: {why}"
 
 
 def _meant(word: str) -> str:

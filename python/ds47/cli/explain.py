@@ -32,12 +32,42 @@ def command(code: Sequence[str], vendor: str | None, lang: str, format_name: str
     """Explain a status or code: DE80B500, 16#80B5, 00700200, 0x6B, 107, 82, DS410, REAL, p2900, F07900.
 
     Where a number means several things a word in front picks one: error 82, response 82, format 8, fault 7900.
+    Several codes are explained one after the other.
     A format may be given by its name, or by that of the type in a PLC: Float32, REAL.
     """
-    text = " ".join(code)
     for word in code:
         if word.startswith("-") and not word[1:].isdigit():
             raise click.NoSuchOption(word)
+    for number, text in enumerate(_codes(code, vendor, lang)):
+        if number and format_name == "text":
+            stdout().write("\n")
+        _print(text, vendor, lang, format_name)
+
+
+def _codes(words: Sequence[str], vendor: str | None, lang: str) -> list[str]:
+    """What is to be explained: all words together where that is a code (`error 82`), else one after the other."""
+    text = " ".join(words)
+    if len(words) > 1:
+        if _is_code(words[0], lang) and not _is_code(
+            text, lang
+        ):  # else the first one says what the others are
+            for word in words:
+                _explained(word, vendor, lang)
+            return list(words)
+    return [text]
+
+
+def _is_code(text: str, lang: str) -> bool:
+    from ds47.explain import UnknownFormError, explain
+
+    try:
+        explain(text, lang)
+    except UnknownFormError:
+        return False
+    return True
+
+
+def _print(text: str, vendor: str | None, lang: str, format_name: str) -> None:
     meanings = _explained(text, vendor, lang)
     plain = text.strip()
     bare = plain.isascii() and plain.isdecimal() and len(plain) <= _LONGEST

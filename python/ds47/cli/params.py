@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ds47.cli.common import format_option, lang_option, stdout, vendor_number, warn
+from ds47.profidrive.naming import spelled
 from ds47.report.bilingual import say
 from ds47.report.formatting import escape
 
@@ -25,7 +26,19 @@ _SHOWN = 12
 """Rows that were passed over and are shown; of more the number."""
 
 
-@click.group("params")
+class _Params(click.Group):
+    """`params p1120` is `params show p1120`."""
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """As click; a word that is a parameter is shown."""
+        if args[0] not in self.commands and spelled(args[0]) is not None:
+            args = ["show", *args]
+        return super().resolve_command(ctx, args)
+
+
+@click.group("params", cls=_Params)
 def command() -> None:
     """Look parameters up; take in lists of makers and tools."""
 

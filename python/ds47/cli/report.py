@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any, TextIO
 
 import click
@@ -18,7 +19,7 @@ from ds47.batch.memory import collect_rarely
 from ds47.batch.settings import heading_for
 from ds47.capture import CaptureError
 from ds47.capture.names import STDIN
-from ds47.cli.common import color, output, tell_no_plots, warn
+from ds47.cli.common import color, output, stdout, tell_no_plots, warn
 from ds47.cli.execution import Execution
 from ds47.cli.options import (
     analysis_options,
@@ -66,6 +67,7 @@ LEAST_WIDTH = 60
     default=STDIN,
     help="Write to a file, which then appears whole or not at all; - is stdout.",
 )
+@click.option("--open", "opens", is_flag=True, help="Open the page in the browser (html).")
 @fail_on_option
 @require_option
 @click.option(
@@ -150,6 +152,7 @@ def command(
     paths: Sequence[str],
     format_name: str | None,
     output_name: str,
+    opens: bool,
     fail_on: str,
     required: str | None,
     plc: bool,
@@ -192,6 +195,9 @@ def command(
         raise click.UsageError("--results keeps whole results and takes no criteria")
     lacking: list[str] = []
     found = tasks(paths, series, lacking.append)
+    shown_page = name == "html" and output_name == STDIN and (opens or sys.stdout.isatty())
+    if shown_page:
+        output_name = _page_beside(paths)
     detail = detail or _detail(name, output_name)
     shown = ReportOptions(
         rules=_Catalogue(), lang=lang, plc=plc, zone=where, width=width or _columns(output_name),
@@ -214,10 +220,17 @@ def command(
         writer.close()
     if name == "html":
         tell_no_plots(lang)
+    if shown_page:
+        stdout().write(say("page_written", path=output_name).text(lang) + "\n")
+    if opens:
+        import webbrowser  # takes its time
+
+        webbrowser.open(Path(output_name).resolve().as_uri())
     if run.failed:
         return UNREADABLE
     if run.nothing:
-        warn(say("nothing_matches", criteria=choice.criteria, devices=run.devices()).text(lang))
+        there = run.instead(parameters=bool(choice.selection.pnus))
+        warn(say("nothing_matches", criteria=choice.criteria, devices=there).text(lang))
         return NOTHING
     if required and run.empty:
         tell_empty(run.empty)
@@ -244,8 +257,9 @@ def _heading(said: Heading, paths: Sequence[str]) -> Heading:
 
 _ONLY_IN = {
     "plc": ("text",), "reference": ("text", "html"), "width": ("text",), "filters": ("text",),
-    "title": ("html",), "order": ("html",), "customer": ("html",), "author": ("html",),
+    "title": ("html",), "opens": ("html",), "order": ("html",), "customer": ("html",), "author": ("html",),
 }  # fmt: skip
+_SPELLED = {"opens": "open"}
 _DETAIL_IN = {"summary": ("text", "html", "json", "markdown"), "all": ("text",)}
 
 
@@ -257,7 +271,7 @@ def _refuse_what_has_no_effect(format_name: str, detail: str | None) -> None:
     """
     context = click.get_current_context()
     given = {
-        f"--{name}": formats for name, formats in _ONLY_IN.items()
+        f"--{_SPELLED.get(name, name)}": formats for name, formats in _ONLY_IN.items()
         if context.get_parameter_source(name) is ParameterSource.COMMANDLINE
     }  # fmt: skip
     if detail is not None:
@@ -267,6 +281,13 @@ def _refuse_what_has_no_effect(format_name: str, detail: str | None) -> None:
             raise click.UsageError(
                 f"{option} has no effect in {format_name}, only in {', '.join(formats)}"
             )
+
+
+def _page_beside(paths: Sequence[str]) -> str:
+    """The file for a page that nobody named: nobody wants to read HTML on a terminal."""
+    first = PurePath(paths[0]).name
+    stem = first.partition(".")[0] if len(paths) == 1 and paths[0] != STDIN else ""
+    return f"{stem or 'report'}.html"
 
 
 def _detail(format_name: str, output_name: str) -> str:

@@ -42,7 +42,9 @@ class Run:
         self._writer = writer
         self._narrow = narrow
         self._there: dict[str, None] = {}
-        """The devices of captures in which nothing is wanted."""
+        """The devices of captures in which nothing is wanted,"""
+        self._parameters: set[str] = set()
+        """and their parameters."""
         self._shown = 0
         self._progress = progress
         self._reported = 0
@@ -61,10 +63,12 @@ class Run:
         """Whether a part is wanted that no capture has."""
         return self._narrow is not None and not self._shown
 
-    def devices(self) -> str:
-        """What there is instead of what is wanted: `there are 192.168.0.5 (press-1), 192.168.0.6`."""
-        from ds47.report.selection import there_are
+    def instead(self, *, parameters: bool) -> str:
+        """What there is instead of what is wanted: `there are 192.168.0.5 (press-1)`, or parameters."""
+        from ds47.report.selection import listed, there_are
 
+        if parameters and self._parameters:
+            return f"read or changed here: {listed(sorted(self._parameters))}"
         return there_are(list(self._there))
 
     def missing(self, text: str) -> None:
@@ -119,9 +123,16 @@ class Run:
     def _part(self, result: CaptureResult) -> None:
         """A part of a capture; one of which nothing is wanted is left out."""
         if not (result.transactions or result.findings or result.timelines):
+            from ds47.profidrive.naming import spelling
             from ds47.report.selection import names
 
             self._there |= dict.fromkeys(names(result.entire))
+            self._parameters |= {
+                spelling(each.pnu, each.family)
+                for item in result.entire.transactions
+                for each in item.parameters
+                if each.pnu is not None
+            }
             return
         self._shown += 1
         self._note(result.findings)

@@ -17,6 +17,7 @@ from ds47.cli.options import known_rules
 from ds47.model import STATES
 from ds47.profidrive import naming
 from ds47.report.selection import Selection
+from ds47.report.verdict import FAILED
 from ds47.report.zones import Zone
 from ds47.spec.units import SECOND_NS
 
@@ -36,6 +37,15 @@ class _Number(click.ParamType):  # type: ignore[type-arg]  # no generic before c
         if found is None:
             self.fail(f"{value!r} is no parameter such as 1120, p1120 or r0945", param, ctx)
         return found.number
+
+
+_FAILED, _NOT_OK = "failed", "not-ok"
+
+
+def _states(words: Sequence[str]) -> tuple[str, ...]:
+    """The states of these words, each once."""
+    several = {_FAILED: FAILED, _NOT_OK: tuple(each for each in STATES if each != "ok")}
+    return tuple(dict.fromkeys(state for word in words for state in several.get(word, (word,))))
 
 
 _OPTIONS = (
@@ -64,7 +74,8 @@ _OPTIONS = (
         help="Who asks: IP address or station name of a controller.",
     ),
     click.option(
-        "-s", "--state", "states", multiple=True, type=click.Choice(STATES), help="Transactions that ended so."
+        "-s", "--state", "states", multiple=True, type=click.Choice((*STATES, _FAILED, _NOT_OK)),
+        help="Transactions that ended so; failed: refused, error, partial or mismatch; not-ok: all but ok.",
     ),
     click.option(
         "--from", "start", metavar="TIME",
@@ -153,7 +164,7 @@ def chosen(
     """
     selection = Selection(
         tuple(part for text in transactions for part in _numbers(text)), known_rules(rules), tuple(devices),
-        tuple(states), all_frames=all_frames, stations=tuple(stations), drive_objects=tuple(drive_objects),
+        _states(states), all_frames=all_frames, stations=tuple(stations), drive_objects=tuple(drive_objects),
         pnus=tuple(pnus),
     )  # fmt: skip
     typed = (

@@ -168,10 +168,14 @@ def names(result: CaptureResult) -> list[str]:
 
 def there_are(devices: list[str]) -> str:
     """`there are 192.168.0.5 (press-1), 192.168.0.6`; of many the first ones."""
-    left_out = len(devices) - _DEVICES_NAMED
+    return f"there are {listed(devices)}" if devices else "the capture shows no device"
+
+
+def listed(names: list[str]) -> str:
+    """The first of several names, and how many more there are."""
+    left_out = len(names) - _DEVICES_NAMED
     more = f" and {left_out} more" if left_out > 0 else ""
-    shown = ", ".join(devices[:_DEVICES_NAMED])
-    return f"there are {shown}{more}" if shown else "the capture shows no device"
+    return ", ".join(names[:_DEVICES_NAMED]) + more
 
 
 def _partners(result: CaptureResult) -> set[str]:
