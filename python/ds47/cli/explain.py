@@ -47,14 +47,12 @@ def command(code: Sequence[str], vendor: str | None, lang: str, format_name: str
 def _codes(words: Sequence[str], vendor: str | None, lang: str) -> list[str]:
     """What is to be explained: all words together where that is a code (`error 82`), else one after the other."""
     text = " ".join(words)
-    if len(words) > 1:
-        if _is_code(words[0], lang) and not _is_code(
-            text, lang
-        ):  # else the first one says what the others are
-            for word in words:
-                _explained(word, vendor, lang)
-            return list(words)
-    return [text]
+    several = len(words) > 1 and _is_code(words[0], lang)  # else it says what the others are
+    if not several or _is_code(text, lang):
+        return [text]
+    for word in words:
+        _explained(word, vendor, lang)
+    return list(words)
 
 
 def _is_code(text: str, lang: str) -> bool:
