@@ -131,6 +131,11 @@ def parts(command: click.Command, context: click.Context, name: str) -> Iterator
     yield from told(command.help or "")
     yield ".SH OPTIONS"
     yield from pairs(options(command, context))
+    examples = getattr(command, "examples", ())
+    if examples:
+        yield ".SH EXAMPLES"
+    for line, about in examples:
+        yield from (".TP", escaped(about), rf"\fB{escaped(line)}\fP")
     if isinstance(command, click.Group):
         for word in command.list_commands(context):
             found = command.get_command(context, word)

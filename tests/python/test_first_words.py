@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import shlex
 from pathlib import Path
 
+import click
 import pytest
 
-from ds47.cli import COMMANDS, GROUPS, main
+from ds47.cli import COMMANDS, GROUPS, group, main
 
 Captured = pytest.CaptureFixture[str]
 
@@ -61,6 +63,34 @@ def test_an_error_is_one_line_with_one_prefix(
     (line,) = err.splitlines()
     assert line.startswith("ds47: error: ")
     assert said in line
+
+
+HELPED = [
+    (name, line)
+    for name in COMMANDS
+    for line, _ in getattr(group.get_command(click.Context(group), name), "examples", ())
+]
+
+
+@pytest.mark.parametrize(("name", "line"), HELPED)
+def test_an_example_is_what_its_command_takes(name: str, line: str) -> None:
+    program, word, *arguments = shlex.split(line)
+    assert (program, word) == ("ds47", name)
+    command = group.get_command(click.Context(group), name)
+    assert command is not None
+    assert command.make_context(name, arguments).params
+
+
+def test_a_long_help_is_in_groups_with_an_example_first(capsys: Captured) -> None:
+    _, out, _ = run(capsys, "report", "-h")
+    titles = [line.rstrip(":") for line in out.splitlines() if line and not line.startswith(" ")][
+        1:
+    ]
+    assert titles[0] == "Examples"
+    assert titles[-3:] == ["PKW, cyclic frames, PROFIBUS", "S7", "Others"]
+    for option in ("--summary", "--all", "--s7-port", "--select", "--help"):
+        assert out.count(f"{option} ") >= 1
+    assert "S7:" not in run(capsys, "explain", "-h")[1]
 
 
 def test_a_full_disk_has_a_name(capsys: Captured, captures: Path) -> None:

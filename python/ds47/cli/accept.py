@@ -14,6 +14,7 @@ import click
 
 from ds47.capture.names import about
 from ds47.cli.common import Misses, stdout, warn
+from ds47.cli.helping import Helped
 from ds47.cli.options import analysis_options, options_from
 from ds47.cli.paths import refuse_urls
 from ds47.cli.series import series_option, tasks, tell_lacking
@@ -26,7 +27,16 @@ if TYPE_CHECKING:
 _SHOWN = 20
 
 
-@click.command("accept")
+@click.command(
+    "accept",
+    cls=Helped,
+    examples=(
+        (
+            "ds47 accept press.pcapng --where pnu=1120 --yes",
+            "the changes of p1120 become the stored result",
+        ),
+    ),
+)
 @click.argument("paths", metavar="PATH...", nargs=-1, required=True)
 @click.option(
     "--where",

@@ -11,12 +11,17 @@ import click
 
 from ds47.capture.names import about
 from ds47.cli.common import Misses, stdout
+from ds47.cli.helping import Helped
 from ds47.cli.options import analysis_options, options_from
 from ds47.cli.paths import refuse_urls
 from ds47.cli.series import series_option, tasks, tell_lacking
 
 
-@click.command("baseline")
+@click.command(
+    "baseline",
+    cls=Helped,
+    examples=(("ds47 baseline captures", "a stored result beside each capture"),),
+)
 @click.argument("paths", metavar="PATH...", nargs=-1, required=True)
 @click.option("--force", is_flag=True, help="Write over a result that is there already.")
 @series_option

@@ -15,6 +15,7 @@ import click
 
 from ds47.capture.names import STDIN, about
 from ds47.cli.common import Misses, format_option, output, stdout
+from ds47.cli.helping import Helped
 from ds47.cli.options import analysis_options, options_from, require_option, tell_empty
 from ds47.cli.paths import refuse_urls
 from ds47.cli.series import series_option, tasks, tell_lacking
@@ -31,7 +32,16 @@ _MARGIN = 8
 """Columns of the word in front of a capture."""
 
 
-@click.command("check")
+@click.command(
+    "check",
+    cls=Helped,
+    examples=(
+        (
+            "ds47 check captures --junit ds47.xml",
+            "all captures of a folder against their stored results",
+        ),
+    ),
+)
 @click.argument("paths", metavar="PATH...", nargs=-1, required=True)
 @format_option("text", "json", about="What goes to stdout.")
 @click.option(

@@ -9,6 +9,7 @@ import click
 
 from ds47.capture.names import about
 from ds47.cli.common import format_option, output, tell_no_plots, warn
+from ds47.cli.helping import Helped
 from ds47.cli.options import analysis_options, options_from
 from ds47.cli.series import series_option, tasks, tell_lacking
 from ds47.cli.targets import spare_captures
@@ -20,7 +21,11 @@ if TYPE_CHECKING:
     from ds47.regression.last_values import ValueLine
 
 
-@click.command("diff")
+@click.command(
+    "diff",
+    cls=Helped,
+    examples=(("ds47 diff yesterday.pcapng today.pcapng", "what changed between them"),),
+)
 @click.argument("a", metavar="A")
 @click.argument("b", metavar="B")
 @format_option("text", "json", "html")

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ds47.cli.common import lang_option, stdout, warn
+from ds47.cli.helping import Helped
 
 if TYPE_CHECKING:
     from ds47.explain import CodeMeaning
@@ -23,7 +24,15 @@ _LONGEST = 5
 """Digits of the number of a fault or an alarm."""
 
 
-@click.command("explain", context_settings={"ignore_unknown_options": True})
+@click.command(
+    "explain",
+    context_settings={"ignore_unknown_options": True},
+    cls=Helped,
+    examples=(
+        ("ds47 explain DE80B500", "a STATUS of WRREC or RDREC"),
+        ("ds47 explain p1120 F07900", "a parameter and a fault"),
+    ),
+)
 @click.argument("code", nargs=-1, required=True)
 @click.option("--vendor", metavar="NAME|ID", help="Whose device: SINAMICS, ABB, 0x002A.")
 @lang_option

@@ -17,6 +17,7 @@ import click
 
 from ds47.capture.names import ENDINGS, EXPORTED, STDIN, about
 from ds47.cli.common import Misses, stdout, warn
+from ds47.cli.helping import Helped
 from ds47.cli.options import analysis_options, options_from, tz_option, zone_for_paths
 from ds47.cli.selecting import CRITERIA, Choice, chosen, selection_options
 from ds47.cli.series import series_option, tasks, tell_lacking
@@ -38,7 +39,16 @@ _FILTER_SHOWN = 100
 """The most files of a series to print filters for."""
 
 
-@click.command("export")
+@click.command(
+    "export",
+    cls=Helped,
+    examples=(
+        (
+            "ds47 export -s failed --anonymise machine.pcapng -o for-the-maker.pcapng",
+            "what failed, without names and addresses",
+        ),
+    ),
+)
 @click.argument("paths", metavar="CAPTURE...", nargs=-1, required=True)
 @selection_options
 @tz_option

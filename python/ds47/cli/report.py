@@ -21,6 +21,7 @@ from ds47.capture import CaptureError
 from ds47.capture.names import STDIN
 from ds47.cli.common import color, output, stdout, tell_no_plots, warn
 from ds47.cli.execution import Execution
+from ds47.cli.helping import Helped
 from ds47.cli.options import (
     analysis_options,
     fail_on_option,
@@ -49,7 +50,16 @@ UNREADABLE, NOTHING = 3, 1
 LEAST_WIDTH = 60
 
 
-@click.command("report")
+@click.command(
+    "report",
+    cls=Helped,
+    examples=(
+        ("ds47 report machine.pcapng", "what went wrong, and what to do"),
+        ("ds47 report -f html machine.pcapng -o machine.html", "the same as a page"),
+        ("ds47 report -s failed --do 3 machine.pcapng", "what failed on drive object 3"),
+        ("ds47 report --summary captures", "a folder in 12 lines"),
+    ),
+)
 @click.argument("paths", metavar="PATH...", nargs=-1, required=True)
 @click.option(
     "-f",

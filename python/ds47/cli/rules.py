@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import click
 
 from ds47.cli.common import RuleWords, lang_option, rule_text, stdout
+from ds47.cli.helping import Helped
 from ds47.report.bilingual import say
 from ds47.report.wrap import padded, wrap
 
@@ -17,7 +18,11 @@ _WIDTH = 100
 """Columns of a line of an explanation."""
 
 
-@click.command("rules")
+@click.command(
+    "rules",
+    cls=Helped,
+    examples=(("ds47 rules DS705", "what a finding means, and what to do"),),
+)
 @click.argument("names", metavar="[RULE]...", nargs=-1)
 @lang_option
 @click.option("-f", "--format", "format_name", type=click.Choice(["text", "json"]), default="text")

@@ -12,6 +12,7 @@ import click
 
 from ds47.capture.names import about
 from ds47.cli.common import Misses, format_option, output, warn
+from ds47.cli.helping import Helped
 from ds47.cli.options import analysis_options, options_from, tz_option, zone_for_paths
 from ds47.cli.selecting import CRITERIA, chosen, selection_options
 from ds47.cli.series import series_option, tasks, tell_lacking
@@ -20,7 +21,11 @@ from ds47.report.formatting import escape
 from ds47.report.zones import Zone
 
 
-@click.command("trail")
+@click.command(
+    "trail",
+    cls=Helped,
+    examples=(("ds47 trail machine.pcapng --pnu p1120", "who changed p1120, from what to what"),),
+)
 @click.argument("paths", metavar="PATH...", nargs=-1, required=True)
 @format_option("text", "csv", "json")
 @click.option("-o", "--output", "output_name", metavar="FILE", default="-", help="Write to a file.")
