@@ -38,16 +38,18 @@ if TYPE_CHECKING:
         Transaction,
     )
     from ds47.profidrive import Options
+    from ds47.spec.raised import Error
     from ds47.wireshark.tshark import NotReadyError
 
 __all__ = [
-    "Access", "CaptureError", "CaptureFile", "Device", "Diagnosis", "Element", "Finding", "Frames", "LastValue",
-    "Message", "MessageFinding", "NotReadyError", "Options", "Parameter", "ParameterError", "Result",
+    "Access", "CaptureError", "CaptureFile", "Device", "Diagnosis", "Element", "Error", "Finding", "Frames",
+    "LastValue", "Message", "MessageFinding", "NotReadyError", "Options", "Parameter", "ParameterError", "Result",
     "Transaction", "__version__", "analyze", "decode_request", "decode_response", "encode",
 ]  # fmt: skip
 
 _ROOMS = {
     "ds47.capture": ("CaptureError",),
+    "ds47.spec.raised": ("Error",),
     "ds47.library.message": (
         "Message", "MessageFinding", "decode_request", "decode_response", "encode",
     ),

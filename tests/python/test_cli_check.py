@@ -199,7 +199,7 @@ def test_accept_by_what_changed(stored, capsys):
     assert "p2900" not in out
     assert run(capsys, "accept", stored, "--yes")[0] == 0
     assert run(capsys, "check", stored)[0] == 0
-    assert run(capsys, "accept", stored, "--yes")[1] == "nothing to take over\n"
+    assert run(capsys, "accept", stored, "--yes")[1] == "nothing to accept\n"
 
 
 def test_accept_asks_nobody_who_is_not_there(stored, capsys):
@@ -400,7 +400,7 @@ def test_several_files_of_a_series_are_these(kept, capsys):
 def test_where_a_series_is_meant_by_its_first_file(kept, capsys):
     edit(kept, "ring.ds47.json", "[60.0]", "[12.0]")
     accept = ("accept", "--series", kept, "--yes", "--where")
-    assert run(capsys, *accept, f"capture={ring(2, NIGHT)}")[1] == "nothing to take over\n"
+    assert run(capsys, *accept, f"capture={ring(2, NIGHT)}")[1] == "nothing to accept\n"
     status, out, _ = run(capsys, *accept, "capture=ring_*")
     assert status == 0
     assert "took over 1 change in 1 capture" in out

@@ -258,7 +258,7 @@ def test_a_lost_scheduler_ends_the_run_and_says_how_to_go_on(
     if not stored:
         assert re.fullmatch(
             re.escape(said) + r"\d+ of 60 captures were reported; "
-            r"a run with --results FOLDER can be gone on with\n", errors,
+            r"a run with --results FOLDER can be resumed\n", errors,
         )  # fmt: skip
         return
     found = list(results.iterdir())

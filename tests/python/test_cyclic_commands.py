@@ -108,7 +108,7 @@ def test_a_whole_ppo1(capsys: Capture) -> None:
         (("encode", "pkw", "read", "p1[0..3]"), "PKW carries one value"),
         (("encode", "--eeprom", "pkw", "read", "p1"), "only a change goes to the EEPROM"),
         (("encode", "--eeprom", "read", "p1"), "--eeprom is for a change by PKW"),
-        (("explain", "stw1", "ON"), "'stw1 ON' is no code"),
+        (("explain", "stw1", "ON"), "unknown code 'stw1 ON'"),
     ],
 )
 def test_wrong_use_is_one_line(capsys: Capture, arguments: tuple[str, ...], complaint: str) -> None:

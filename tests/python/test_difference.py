@@ -53,7 +53,7 @@ def capture(*items: dict[str, Any], station: str | None = None) -> dict[str, Any
     }
 
 
-CONCLUDED = "what is otherwise in B, the worst first:"
+CONCLUDED = "what changed in B, the worst first:"
 
 
 def told(a: dict[str, Any], b: dict[str, Any]) -> list[str]:

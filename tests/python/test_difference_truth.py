@@ -366,11 +366,11 @@ def check_conclusions(
     text: list[str], sides: tuple[Side, Side], differ: set[tuple[str, ...]]
 ) -> Counter[str]:
     """Each conclusion holds for each parameter that it names, and together they speak of all that differs."""
-    if "what is otherwise in B, the worst first:" not in text:
+    if "what changed in B, the worst first:" not in text:
         assert not differ
         return Counter()
     seen: Counter[str] = Counter()
-    start = text.index("what is otherwise in B, the worst first:") + 1
+    start = text.index("what changed in B, the worst first:") + 1
     section = text[start : text.index("", start)]
     counted = 0
     for row in section:

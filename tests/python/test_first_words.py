@@ -52,7 +52,7 @@ def test_every_command_is_in_a_group() -> None:
         (["report", "-f", "jsn", "x"], "'jsn' is unknown. Did you mean 'json'?"),
         (["report"], "Missing argument 'PATH...'. Try: ds47 report -h"),
         (["reprot"], "No such command 'reprot'. Did you mean: ds47 report, ds47 export?"),
-        (["explain", "p1120", "xyzzy"], "'xyzzy' is no code"),
+        (["explain", "p1120", "xyzzy"], "unknown code 'xyzzy'. Accepted: "),
     ],
 )
 def test_an_error_is_one_line_with_one_prefix(

@@ -189,9 +189,7 @@ def test_of_two_differences_only_that_of_the_version_is_taken_over(
     assert out.count("\n") == 3
     assert "transaction 1: p" in out
     assert tour.document()["tool"]["version"] == __version__
-    assert (
-        run(capsys, "accept", "--by-version", "--yes", tour.folder)[1] == "nothing to take over\n"
-    )
+    assert run(capsys, "accept", "--by-version", "--yes", tour.folder)[1] == "nothing to accept\n"
 
 
 def test_what_is_left_of_the_version_stays_known_as_such(tour: Place, capsys: Any) -> None:
@@ -228,7 +226,7 @@ def test_everything_else_stays_a_difference(
     assert told == status
     assert "of the newer ds47 alone" not in out
     told, out, _ = run(capsys, "accept", "--by-version", "--yes", of_1_0.folder)
-    assert (told, out) == (0, "nothing to take over\n")
+    assert (told, out) == (0, "nothing to accept\n")
     assert of_1_0.stored.read_bytes() == before
 
 
@@ -259,7 +257,7 @@ def test_but_not_where_nothing_or_something_else_may_explain_it(
     status, out, _ = run(capsys, "check", remade.folder)
     assert (status, "of the newer ds47 alone" in out) == (1, False)
     out = run(capsys, "accept", "--by-version", "--yes", remade.folder)[1]
-    assert out == "nothing to take over\n"
+    assert out == "nothing to accept\n"
 
 
 def test_out_of_the_same_frames_the_same_is_read(lost_writes: Place, capsys: Any) -> None:
@@ -308,7 +306,7 @@ def test_a_result_of_a_newer_version_is_named(of_1_0: Place, capsys: Any) -> Non
     status, out, _ = run(capsys, "check", of_1_0.folder)
     assert status == 1
     assert f"stored by ds47 99.0.0, newer than this one ({__version__})" in out
-    assert run(capsys, "accept", "--by-version", of_1_0.folder)[1] == "nothing to take over\n"
+    assert run(capsys, "accept", "--by-version", of_1_0.folder)[1] == "nothing to accept\n"
     assert run(capsys, "accept", "--yes", of_1_0.folder)[0] == 0
     assert of_1_0.document()["tool"]["version"] == __version__
 

@@ -4,8 +4,10 @@ Lives here: the one exception of this package. Not here: damage inside a capture
 exception but the text of `Capture.problem`.
 """
 
+from ds47.spec.raised import Error
 
-class CaptureError(Exception):
+
+class CaptureError(Error):
     """Nothing can be read: no such file, no permission, not a capture, no decompressor.
 
     `message` is one line for a person: what happened, to which input, what to do about it.

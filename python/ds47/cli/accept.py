@@ -92,7 +92,7 @@ def command(
     question = say("accept_question", **what)
     if not yes:
         if not sys.stdin.isatty():
-            raise click.UsageError(f"{question.en} Say --yes; nobody can be asked here")
+            raise click.UsageError(f"{question.en} Pass --yes: nobody can be asked here")
         click.confirm(question.text(lang), abort=True)
     for outcome, changes in found:
         _take(outcome, changes)

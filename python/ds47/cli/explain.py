@@ -145,4 +145,6 @@ def _explained(text: str, vendor: str | None, lang: str) -> list[CodeMeaning]:
     try:
         return explain(text, lang, maker)
     except UnknownFormError as problem:
-        raise click.ClickException(f"{text!r} is no code; {explanations.forms(lang)}") from problem
+        raise click.ClickException(
+            f"unknown code {text!r}. {explanations.forms(lang)}"
+        ) from problem

@@ -124,19 +124,19 @@ def analysis_options(function: Function) -> Function:
             "ppos",
             multiple=True,
             metavar="STATION=PPO",
-            help="What a station of PROFIBUS has whose Chk_Cfg is missing: 3=ppo1. ppo1 to ppo5.",
+            help="PPO type of a PROFIBUS station when Chk_Cfg is not in the capture: 3=ppo1 (ppo1 to ppo5).",
         ),
         click.option(
             "--channels",
             metavar="NAMES",
             default=",".join(CHANNELS),
             show_default=True,
-            help="Which channels to report, with commas: record calls, PKW, PZD, S7.",
+            help="Channels to report, comma-separated: record calls, PKW, PZD, S7.",
         ),
         click.option(
             "--vendor",
             type=click.Choice(["sinamics"], case_sensitive=False),
-            help="Whose a device is of which the capture shows no vendor: names, units, error numbers.",
+            help="Vendor to assume when the capture names none: names, units, error numbers.",
         ),
         click.option(
             "--params",

@@ -228,7 +228,7 @@ class Run:
             if total > 1 or isinstance(problem, Lost):
                 self._progress.warn(
                     f"{_ended(problem)}: {self._reported} of {counted(total, 'capture')} were reported; "
-                    "a run with --results FOLDER can be gone on with"
+                    "a run with --results FOLDER can be resumed"
                 )
             raise
 

@@ -10,7 +10,7 @@ from typing import Any
 from ds47 import profidrive
 from ds47.model import Parameter, ParameterError
 from ds47.profidrive import Address, Block, Flaw, Options, Request, Response
-from ds47.profidrive.notation import parse_hex, parse_request_line
+from ds47.profidrive.notation import parse_hex, read_request_line
 from ds47.report import json
 from ds47.report.sentences import at_offset, words
 from ds47.spec import rules
@@ -48,6 +48,9 @@ class Message:
         self.plain = plain
         self.asked = asked
         self._vendor_id = options.vendor_id
+
+    def __repr__(self) -> str:
+        return f"<ds47 {self.kind}: {self.data.hex(' ')}>"
 
     @property
     def kind(self) -> str:
@@ -180,10 +183,16 @@ def decode_response(
 def encode(line: str) -> bytes:
     """The bytes of a request written as a line (docs/encode.md): `read ref 3 axis 2 p945[0..7]`.
 
+    As the command `ds47 encode` it knows the formats of usual parameters, and requests by PKW (`pkw read p1082`).
+
     Raises:
         ValueError: the line cannot be understood; the text says where.
     """
-    return profidrive.encode_request(parse_request_line(line.strip()))
+    from ds47.cyclic.notation import encode_line, is_pkw  # few lines are
+
+    if is_pkw(line):
+        return encode_line(line)
+    return profidrive.encode_request(read_request_line(line.strip()).request)
 
 
 def _bytes(data: Hex) -> bytes:

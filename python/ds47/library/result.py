@@ -33,6 +33,7 @@ from ds47.report import values as meanings
 from ds47.report.filters import display_filter
 from ds47.report.sentences import error_words, message, sentence
 from ds47.report.targets import Targets
+from ds47.report.verdict import VerdictCounts, verdict
 from ds47.s7.choices import parse as parse_s7
 from ds47.spec import extras, rule_prefix
 
@@ -174,6 +175,10 @@ class Result:
         """How many transactions there are, by state and by operation."""
         return self._capture.summary
 
+    def verdict(self, lang: str = "en") -> str:
+        """What the capture comes to, in a line: `NOT OK: dp3 refuses its parameters; 2 more causes`."""
+        return verdict(VerdictCounts.of(self._capture)).text(lang)
+
     @property
     def parameters(self) -> Iterator[Access]:
         """Every parameter of every transaction, in their order."""
@@ -262,7 +267,7 @@ def analyze(
     indices: Iterable[int] = (),
     slow_ms: float | None = None,
     pkw_layouts: Mapping[str, str] | None = None,
-    channels: Iterable[str] = ("ds47", "pkw", "pzd", "s7"),
+    channels: str | Iterable[str] = ("ds47", "pkw", "pzd", "s7"),
     cyclic: Iterable[str] = (),
     ppos: Mapping[int, int] | None = None,
     s7_ports: Iterable[int] = (),
@@ -270,8 +275,8 @@ def analyze(
     s7_blocks: Mapping[str, int] | None = None,
     s7_readback: bool = False,
     vendor_id: int | None = None,
-    select: Iterable[str] = (),
-    ignore: Iterable[str] = (),
+    select: str | Iterable[str] = (),
+    ignore: str | Iterable[str] = (),
     options: Options | None = None,
     digest: bool = False,
 ) -> Result:
@@ -287,7 +292,7 @@ def analyze(
         slow_ms: from which share of the drive a transaction is slow (DS416); None for the shipped limit.
         pkw_layouts: the layout of IND in PKW, "cyclic" or "uss", by the IP address of the device; "" for all
             others.
-        channels: what to report: "ds47" record calls, "pkw", "pzd", "s7".
+        channels: what to report: "ds47" record calls, "pkw", "pzd", "s7"; one of them, or several.
         cyclic: channels in cyclic frames whose Connect is missing, two names for each, as in
             "00:1b:1b:11:22:33@8000:0:pkw"; docs/cyclic.md 5.
         ppos: numbers of PPO by the address of the station on PROFIBUS, where Chk_Cfg is missing; docs/profibus.md.
@@ -296,7 +301,7 @@ def analyze(
         s7_blocks: likewise how many bytes it copies at once when others read and write its memory.
         s7_readback: whether to say where what is read is not what was written (DS916).
         vendor_id: PROFINET vendor id of devices of which the capture shows none, 0x2A for SINAMICS.
-        select: rules to report, by id, beginning of an id, or name; empty for all.
+        select: rules to report, by id, beginning of an id, or name: one, or several; empty for all.
         ignore: rules to leave out.
         options: dialects of the parameter channel.
         digest: whether to compute the SHA-256 of the file, which reads every byte.
@@ -305,13 +310,17 @@ def analyze(
         CaptureError: nothing of the capture can be read.
         ValueError: there is no such rule, engine, channel, port or CPU, a name in `cyclic` is none, or the files
             are not those of one ring buffer.
+        TypeError: `slow_ms` is no number.
         NotReadyError: the engine needs tshark or pyshark, and it is missing; the text says what to do.
     """
-    wanted = tuple(channels)
+    wanted = _several(channels)
+    if slow_ms is not None and not isinstance(slow_ms, (int, float)):
+        raise TypeError(f"slow_ms is {slow_ms!r}: a number of milliseconds, or None")
     if unknown := set(wanted) - set(CHANNELS):
         raise ValueError(f"no channel {min(unknown)!r}: {', '.join(CHANNELS)}")
     chosen = AnalysisOptions(
-        indices=frozenset(indices), slow_ms=slow_ms, select=_rules(select), ignore=_rules(ignore),
+        indices=frozenset(indices), slow_ms=slow_ms, select=_rules(_several(select)),
+        ignore=_rules(_several(ignore)),
         codec=options or Options(), digest=digest, pkw_layouts=tuple((pkw_layouts or {}).items()),
         channels=wanted, cyclic=tuple(map(parse_name, cyclic)), ppos=_ppos(ppos or {}),
         s7=parse_s7(
@@ -339,6 +348,11 @@ def _series(paths: list[str], engine: Engine, options: AnalysisOptions) -> Captu
     if len(tasks) != 1 or engine != "native":
         raise ValueError(f"{paths}: not the files of one ring buffer, for the native engine")
     return read(tasks[0], options)
+
+
+def _several(given: str | Iterable[str]) -> tuple[str, ...]:
+    """A text where several are meant is one of them, not its letters."""
+    return (given,) if isinstance(given, str) else tuple(given)
 
 
 def _ppos(given: Mapping[int, int]) -> tuple[tuple[int, int], ...]:

@@ -22,6 +22,7 @@ from typing import Any
 from xml.etree.ElementTree import ParseError
 
 from ds47.spec.extras import install
+from ds47.spec.raised import Error
 from ds47.version import __version__
 from ds47.wireshark import bundle, doctor, fields
 from ds47.wireshark.locate import NoWiresharkError, Wireshark, find, run
@@ -33,7 +34,7 @@ _SHOWN = "ds47 || ds47_pzd || _ws.lua.error"
 _TREES = "frame ds47 ds47_pzd _ws.lua.error"
 
 
-class NotReadyError(Exception):
+class NotReadyError(Error):
     """tshark, pyshark or the plugin is missing or does not fit; one line, with the mend."""
 
 
