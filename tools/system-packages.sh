@@ -2,7 +2,8 @@
 # Installs what the tests need from the system: tshark and capinfos, Lua 5.2 to 5.4 and luacheck for the
 # plugin, Chromium for the HTML report, Firefox and npm for the page that has the analyzer in it, and venv
 # where Python lacks it.
-# As root on Debian and its relatives it installs; elsewhere it says what is missing and goes on.
+# As root on Debian and its relatives it installs, on a terminal only if the user says so (YES=1: without asking);
+# elsewhere it says what is missing and goes on.
 # Usage: system-packages.sh PYTHON VENV_PYTHON
 python=$1
 venv_python=$2
@@ -28,6 +29,13 @@ if [ "$(id -u)" -ne 0 ] || ! command -v apt-get >/dev/null 2>&1; then
     exit 0
 fi
 
+if [ -t 0 ] && [ -t 2 ] && [ -z "$CI" ] && [ "$YES" != 1 ]; then
+    printf 'The tests need these packages of the system:%s. Install them? [Y/n] ' "$missing" >&2
+    read -r answer
+    case $answer in
+        [Nn]*) echo "Going on without; tests that need them are skipped." >&2; exit 0 ;;
+    esac
+fi
 echo "Installing:$missing ..." >&2
 export DEBIAN_FRONTEND=noninteractive
 log=$(mktemp)
