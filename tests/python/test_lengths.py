@@ -76,7 +76,7 @@ def test_what_has_room_is_there_as_a_whole() -> None:
 def test_on_a_terminal_it_is_short(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("ds47.cli.report._columns", lambda _: 100)
+    monkeypatch.setattr("ds47.cli.report.columns_of", lambda _: 100)
     main(["report", "--no-progress", str(LONG)])
     whole = capsys.readouterr().out
     monkeypatch.setattr("sys.stdout.isatty", lambda: True)

@@ -13,6 +13,7 @@ import pytest
 
 from ds47.analysis import analyze
 from ds47.cli import main
+from ds47.report.html.shell import names
 from ds47.report.verdict import VerdictCounts, inventory, verdict
 from ds47.spec import rules
 from ds47.spec.semantics import diagnosis_words
@@ -118,3 +119,19 @@ def test_what_is_required_and_missing_is_no_success(
     assert problems[-1] == f"ds47: {unplugged}: no transaction in it (--require transactions)"
     full = captures / "seed-g120-read.pcapng"
     assert main([command, "--require", "transactions", str(full)]) == 0
+
+
+@pytest.mark.parametrize(
+    ("paths", "called"),
+    [
+        (["/home/me/a/x.pcapng"], ["x.pcapng"]),
+        (["/home/me/a/x.pcapng", "/home/me/b/y.pcapng"], ["x.pcapng", "y.pcapng"]),
+        (
+            ["/home/me/a/x.pcapng", "/home/me/b/x.pcapng", "z.pcap"],
+            ["a/x.pcapng", "b/x.pcapng", "z.pcap"],
+        ),
+        (["s3://bucket/one/x.pcapng", "-"], ["x.pcapng", "-"]),
+    ],
+)
+def test_a_page_names_no_folder_of_a_machine(paths: list[str], called: list[str]) -> None:
+    assert list(names(paths).values()) == called

@@ -29,6 +29,25 @@ lang_option = click.option(
 )
 
 
+LEAST_WIDTH = 60
+USUAL_WIDTH = 140
+width_option = click.option(
+    "--width",
+    type=click.IntRange(min=LEAST_WIDTH),
+    metavar="COLUMNS",
+    help="Columns of a line of text; filters and bytes may be longer.  [default: the terminal's, or 140]",
+)
+
+
+def columns_of(output_name: str) -> int:
+    """Columns of the terminal (or COLUMNS) where text goes to it, but no fewer than a report needs."""
+    if output_name != "-" or not sys.stdout.isatty():
+        return USUAL_WIDTH
+    from shutil import get_terminal_size  # takes its time: it knows archives, too
+
+    return max(LEAST_WIDTH, get_terminal_size((USUAL_WIDTH, 24)).columns)
+
+
 def format_option(*formats: str, about: str | None = None) -> Callable[[Function], Function]:
     """`-f`: the output format; the first one is the default."""
     return click.option(

@@ -19,7 +19,7 @@ from ds47.batch.memory import collect_rarely
 from ds47.batch.settings import heading_for
 from ds47.capture import CaptureError
 from ds47.capture.names import STDIN
-from ds47.cli.common import color, output, stdout, tell_no_plots, warn
+from ds47.cli.common import color, columns_of, output, stdout, tell_no_plots, warn, width_option
 from ds47.cli.execution import Execution
 from ds47.cli.helping import Helped
 from ds47.cli.options import (
@@ -47,7 +47,6 @@ if TYPE_CHECKING:
     from ds47.cli.run import Narrowing
 
 UNREADABLE, NOTHING = 3, 1
-LEAST_WIDTH = 60
 
 
 @click.command(
@@ -110,13 +109,7 @@ LEAST_WIDTH = 60
 @selection_options
 @heading_options
 @tz_option
-@click.option(
-    "--width",
-    type=click.IntRange(min=LEAST_WIDTH),
-    metavar="COLUMNS",
-    help="Columns of a line of text; filters, bytes and tables may be longer.  "
-    "[default: the terminal's, or 140]",
-)
+@width_option
 @click.option("--digest", is_flag=True, help="Put the SHA-256 of each capture into the report.")
 @analysis_options
 @click.option(
@@ -210,7 +203,7 @@ def command(
         output_name = _page_beside(paths)
     detail = detail or _detail(name, output_name)
     shown = ReportOptions(
-        rules=_Catalogue(), lang=lang, plc=plc, zone=where, width=width or _columns(output_name),
+        rules=_Catalogue(), lang=lang, plc=plc, zone=where, width=width or columns_of(output_name),
         reference=None if reference is None else _reference(reference), detail=detail,
         captures=len(found), filters=filters,
     )  # fmt: skip
@@ -304,15 +297,6 @@ def _detail(format_name: str, output_name: str) -> str:
     """On a terminal text is short: what matters stands on one screen."""
     terminal = output_name == STDIN and sys.stdout.isatty()
     return "short" if format_name == "text" and terminal else "auto"
-
-
-def _columns(output_name: str) -> int:
-    """Of the terminal (or COLUMNS) where text goes to it, but no fewer than a report needs."""
-    if output_name != STDIN or not sys.stdout.isatty():
-        return ReportOptions().width
-    from shutil import get_terminal_size  # takes its time: it knows archives, too
-
-    return max(LEAST_WIDTH, get_terminal_size((ReportOptions().width, 24)).columns)
 
 
 def _reference(text: str) -> Reference:

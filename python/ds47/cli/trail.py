@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from ds47.capture.names import about
-from ds47.cli.common import Misses, format_option, output, warn
+from ds47.cli.common import Misses, columns_of, format_option, output, warn, width_option
 from ds47.cli.helping import Helped
 from ds47.cli.options import analysis_options, options_from, tz_option, zone_for_paths
 from ds47.cli.selecting import CRITERIA, chosen, selection_options
@@ -29,6 +29,7 @@ from ds47.report.zones import Zone
 @click.argument("paths", metavar="PATH...", nargs=-1, required=True)
 @format_option("text", "csv", "json")
 @click.option("-o", "--output", "output_name", metavar="FILE", default="-", help="Write to a file.")
+@width_option
 @selection_options
 @tz_option
 @series_option
@@ -37,6 +38,7 @@ def command(
     paths: Sequence[str],
     format_name: str,
     output_name: str,
+    width: int | None,
     where: Zone,
     series: bool,
     lang: str,
@@ -55,7 +57,7 @@ def command(
     devices: dict[str, None] = {}
     changes = 0
     with output(output_name) as stream:
-        writer = Writer(stream, format_name, lang, where)
+        writer = Writer(stream, format_name, lang, where, width or columns_of(output_name))
         for task in tasks(paths, series, misses):
             try:
                 result = readable(task, analysis)

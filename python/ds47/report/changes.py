@@ -20,7 +20,7 @@ from ds47.report.parameters import plain
 from ds47.report.selection import Selection, Wanted
 from ds47.report.targets import Targets, slot
 from ds47.report.trail import WrittenChange, changes
-from ds47.report.wrap import columns, padded
+from ds47.report.wrap import columns, fitted, padded
 from ds47.report.zones import UNIVERSAL, Zone
 from ds47.spec.semantics import known
 from ds47.spec.units import nanoseconds
@@ -71,6 +71,7 @@ def _row(
         "parameter": element(change.pnu, change.subindex, change.parameter.family),
         "way": way(change), "pnu": change.pnu, "subindex": change.subindex,
         "name": change.parameter.name, "unit": change.parameter.unit,
+        "unknown": change.unknown,
         "old": None if old is None else old.value, "old_known": None if old is None else old.how,
         "old_frame": None if old is None else old.frame, "old_format": None if old is None else old.format,
         "new": change.new, "format": change.parameter.format, "outcome": change.outcome,
@@ -91,8 +92,11 @@ def way(change: WrittenChange) -> str:
 class Writer:
     """Writes the changes of captures in one of FORMATS."""
 
-    def __init__(self, stream: TextIO, format_name: str, lang: str, zone: Zone = UNIVERSAL) -> None:
+    def __init__(
+        self, stream: TextIO, format_name: str, lang: str, zone: Zone = UNIVERSAL, width: int = 140
+    ) -> None:
         self._stream, self._format, self._lang, self._zone = stream, format_name, lang, zone
+        self._width = width
         self._captures: list[dict[str, Any]] = []
         self._csv = csv.writer(Lines(stream), lineterminator="\r\n")
         if format_name == "csv":
@@ -113,7 +117,7 @@ class Writer:
             self._captures.append({"path": result.path, "changes": changes})
         else:
             clock = Clock.of(result, self._zone)
-            texts = lines(result.path, found, self._lang, clock)
+            texts = lines(result.path, found, self._lang, clock, self._width)
             self._stream.writelines(f"{line}\n" for line in texts)
         return len(found), unproved
 
@@ -131,21 +135,41 @@ def _cell(row: dict[str, Any], name: str) -> object:
     return guarded(value) if isinstance(value, str) else value
 
 
-def lines(path: str, found: Sequence[dict[str, Any]], lang: str, clock: Clock) -> Iterator[str]:
-    """A head with the number of changes and the zone, and a table."""
+def lines(
+    path: str, found: Sequence[dict[str, Any]], lang: str, clock: Clock, width: int = 140
+) -> Iterator[str]:
+    """A head with the number of changes and the zone; a table, or two lines for each change if it is too wide."""
     words = say("trail_head", path=escape(path), n=len(found))
     if clock.known:
         words = words.joined(say("trail_first", start=clock.start()), "; ", "；")
-    yield words.text(lang)
+    yield from fitted(words.text(lang), width)
     if not found:
         return
+    yield from _table(found, lang, clock, width)
+    for why in dict.fromkeys(each["unknown"] for each in found if each["unknown"]):
+        frames = [str(each["frame"]) for each in found if each["unknown"] == why]
+        more = ", ..." if len(frames) > _FRAMES else ""
+        about = say(f"trail_why_{why}", n=len(frames), frames=", ".join(frames[:_FRAMES]) + more)
+        yield from fitted("  " + about.text(lang), width)
+
+
+def _table(found: Sequence[dict[str, Any]], lang: str, clock: Clock, width: int) -> Iterator[str]:
     head = [say(name).text(lang) for name in _HEADS[0 if clock.known else 1 :]]
     table = [head, *([*_times(each, clock), *_texts(each, lang)] for each in found)]
     widths = [max(columns(row[at]) for row in table) for at in range(len(head))]
-    for row in table:
-        yield "  " + "  ".join(map(padded, row, widths)).rstrip()
+    if sum(widths) + 2 * len(widths) <= width:
+        for row in table:
+            yield "  " + "  ".join(map(padded, row, widths)).rstrip()
+        return
+    for row in table[1:]:
+        *times, frame, who, device, by, parameter, change, outcome = row
+        yield from fitted(f"  {times[0]}  {parameter}  {change}  {outcome}", width)
+        about = say("trail_card", frame=frame, who=who, device=device, by=by)
+        yield from fitted("    " + about.text(lang), width)
 
 
+_FRAMES = 8
+"""Frames that are named of one reason."""
 _HEADS = (
     "trail_time", "trail_since", "trail_frame", "trail_controller", "trail_device",
     "trail_way", "trail_parameter", "trail_change", "trail_outcome",

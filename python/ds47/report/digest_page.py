@@ -38,6 +38,7 @@ class Writer(_Writer):
             **shell.known(templates, self.options.lang, _SCRIPTS, None),
             "heading": self.options.heading or Heading(),
             "all": self._all,
+            "called": shell.names(self._all.paths),
             "drives": DRIVES,
             "about": about,
         }

@@ -33,6 +33,11 @@ class Digests:
         self.problems.append((path, problem))
 
     @property
+    def paths(self) -> list[str]:
+        """Those of all captures."""
+        return [*(path for path, _ in self.problems), *(each.path for each in self.captures)]
+
+    @property
     def level(self) -> str:
         """That of all of them."""
         return "bad" if self.problems else self._counts.level

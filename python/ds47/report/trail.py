@@ -56,6 +56,8 @@ class WrittenChange:
     new: Value | None
     old: KnownValue | None = None
     outcome: str = SENT
+    unknown: str = ""
+    """Why the value before is not known: "unseen", "open", "itself", "unsure" or "anew"; empty where it is."""
 
     @property
     def frame(self) -> int:
@@ -167,7 +169,7 @@ class _Walk:
                 self._settled(what, frame)
         for (device, pnu, _), there in self._found.cells.items():
             for cell in there.values():
-                cell.certain = self._old(device, pnu, cell) is not None
+                cell.certain = not self._unknown(device, pnu, cell)
         return self._found
 
     def _forget(self, device: str, frame: int) -> None:
@@ -191,7 +193,8 @@ class _Walk:
                 change = WrittenChange(
                     item, parameter.pnu, subindex, parameter, value, None, outcome
                 )
-                change.old = self._old(item.device, parameter.pnu, cell)
+                change.unknown = self._unknown(item.device, parameter.pnu, cell)
+                change.old = None if change.unknown else cell.last
                 pending.append((change, cell))
         for change, cell in pending:
             self._found.changes.append(change)
@@ -199,14 +202,18 @@ class _Walk:
             for each in self._near(change, cell):
                 each.open += 1
 
-    def _old(self, device: str, pnu: int, cell: TrailCell) -> KnownValue | None:
+    def _unknown(self, device: str, pnu: int, cell: TrailCell) -> str:
+        """Why nobody knows what a cell holds; empty where the capture shows it."""
         state = self._devices[device]
-        changing = changes_itself(pnu, self._vendors.get(device))
-        if cell.open or state.open or not cell.certain or changing:
-            return None
-        if cell.last is None or cell.last.frame <= state.forgotten:
-            return None
-        return cell.last
+        if changes_itself(pnu, self._vendors.get(device)):
+            return "itself"
+        if cell.open or state.open:
+            return "open"
+        if cell.last is None:
+            return "unsure" if cell.touched else "unseen"
+        if cell.last.frame <= state.forgotten:
+            return "anew"
+        return "" if cell.certain else "unsure"
 
     def _settled(self, item: Transaction, frame: int) -> None:
         if item.operation == "read" and item.state in ("ok", "partial", "error"):

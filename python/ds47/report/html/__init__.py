@@ -101,7 +101,9 @@ def page(
     """The whole page as text."""
     templates = shell.environment()
     library = plots.library() if any(view.plots for view in views) else None
+    called = shell.names([each.path for each in overview])
     page_of: dict[str, Any] = {
+        "called": called,
         **shell.known(templates, lang, SCRIPTS, library),
         "heading": heading or Heading(),
         "zone": Clock(zone, next((each.row.start_ns for each in overview), None)).zone_name,
@@ -110,7 +112,7 @@ def page(
         "levels": LEVELS,
         "kinds": KINDS,
         "overview": sorted(overview, key=worst_first),
-        "to_do": to_do(overview),
+        "to_do": to_do(overview, called),
         "first_screen": FIRST_SCREEN,
         "total": overview[0] if len(overview) == 1 else Overview.of_all(overview),
         "alone": len(overview) == len(views) == 1,

@@ -5,8 +5,10 @@ What a page is about is not known here.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Sequence
 from functools import cache
+from pathlib import PurePath
 from typing import Any
 
 from ds47.report.formatting import count, duration, escape
@@ -35,7 +37,7 @@ def environment() -> Any:
 
 
 def known(
-    templates: Any, lang: str, scripts: Iterable[str], library: Library | None
+    templates: Any, lang: str, scripts: Sequence[str], library: Library | None
 ) -> dict[str, Any]:
     """The names that a template of a whole page has.
 
@@ -63,7 +65,26 @@ def known(
     }
 
 
-def _script(templates: Any, names: Iterable[str]) -> str:
+def names(paths: Sequence[str]) -> dict[str, str]:
+    """What a page calls captures, by their paths: a page is passed on, and no machine's folders go with it.
+
+    Where two have one name, the folders that tell them apart stand in front.
+    """
+    known = {path: PurePath(path) for path in paths}
+    several = {name for name, n in Counter(each.name for each in known.values()).items() if n > 1}
+    alike = [each.parts[:-1] for each in known.values() if each.name in several]
+    common = 0
+    for parts in zip(*alike, strict=False):
+        if len(set(parts)) > 1:
+            break
+        common += 1
+    return {
+        path: "/".join(each.parts[common:]) if each.name in several else each.name
+        for path, each in known.items()
+    }
+
+
+def _script(templates: Any, names: Sequence[str]) -> str:
     parts = (_source(templates, f"{name}.js") for name in names)
     return '"use strict";\n(() => {\n' + "\n".join(parts) + "\n})();\n"
 

@@ -6,7 +6,7 @@ parameter by parameter. `rows`: the transactions for the script. Here they are p
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -248,8 +248,8 @@ def worst_first(item: Overview) -> tuple[tuple[bool | int | str, ...], int]:
     return item.row.badness(), item.number
 
 
-def to_do(items: Iterable[Overview]) -> list[ToDo]:
-    """What to do over all captures, as every other overview says it."""
+def to_do(items: Iterable[Overview], called: Mapping[str, str]) -> list[ToDo]:
+    """What to do over all captures, as every other overview says it; `called` has their names."""
     captures = list(items)
     numbers = {each.path: each.number for each in reversed(captures)}
     return [
@@ -257,7 +257,7 @@ def to_do(items: Iterable[Overview]) -> list[ToDo]:
             each["severity"],
             causes.headline(each, messages.rule_name(each["rule"])),
             messages.advice(each["rule"]),
-            causes.first_case(each["first"]),
+            causes.first_case(each["first"] | {"path": called[each["first"]["path"]]}),
             numbers[each["first"]["path"]],
         )
         for each in causes.over_all((each.path, each.row.diagnoses) for each in captures)

@@ -1,0 +1,44 @@
+"""The trail as text fits the terminal, and says why a value before is not known."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from ds47.analysis import analyze
+from ds47.cli import main
+from ds47.report.trail import changes
+from ds47.report.wrap import columns
+
+STACK = "real-stacks/o1_profinetpy062_be.pcapng"
+
+
+@pytest.mark.parametrize("lang", ["en", "zh"])
+@pytest.mark.parametrize("width", [60, 80, 140])
+def test_no_line_is_too_wide(
+    captures: Path, width: int, lang: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("tour-machine.pcapng", STACK):
+        assert main(["trail", "--width", str(width), "--lang", lang, str(captures / name)]) == 0
+        lines = capsys.readouterr().out.splitlines()
+        assert max(map(columns, lines[1:])) <= width
+
+
+def test_where_a_table_has_no_room_each_change_has_two_lines(
+    captures: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["trail", "--width", "80", str(captures / "tour-machine.pcapng")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    at = lines.index("  08:00:00.255  p50304[0]  ? -> 100.0  accepted")
+    assert lines[at + 1] == "    frame 6: 192.168.133.2 to press-1-drive DO 2 by 47 slot 1.1"
+    assert lines[-1] == "  ? in frames 6, 26: neither read nor written before in this capture"
+
+
+def test_a_value_is_unknown_for_a_reason(captures: Path) -> None:
+    for name in ("tour-machine.pcapng", STACK, "cyclic-changed-after-off1.pcapng"):
+        for each in changes(analyze(captures / name)):
+            assert (each.old is None) == bool(each.unknown)
+    reasons = {each.unknown for each in changes(analyze(captures / STACK))}
+    assert reasons <= {"", "unseen", "open", "itself", "unsure", "anew"}
+    assert {"", "unseen"} <= reasons
