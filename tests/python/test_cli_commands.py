@@ -618,7 +618,7 @@ def test_lab_without_scapy_is_one_clear_line(capsys, monkeypatch):
     status, out, err = run(capsys, "lab", "list")
     assert (status, out) == (2, "")
     assert len(err.splitlines()) == 1
-    assert err == "ds47: error: the lab needs scapy: pip install scapy\n"
+    assert err == f"ds47: error: the lab needs scapy: {sys.executable} -m pip install scapy\n"
 
 
 def test_lab_writes_logs_of_profibus(capsys, tmp_path):

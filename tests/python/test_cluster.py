@@ -345,7 +345,9 @@ def test_without_dask(capsys: Any, folder: Path, monkeypatch: Any) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     status, _, problems = run(capsys, folder, "--scheduler", "tcp://127.0.0.1:9")
     assert status == 2
-    assert problems == ["ds47: error: --scheduler needs Dask: pip install dask distributed fsspec"]
+    assert problems == [
+        f"ds47: error: --scheduler needs Dask: {sys.executable} -m pip install dask distributed fsspec"
+    ]
 
 
 # -- URLs -----------------------------------------------------------------------------------------
@@ -570,7 +572,7 @@ def test_a_folder_that_cannot_be_listed(capsys: Any) -> None:
 
 def test_without_fsspec(monkeypatch: Any) -> None:
     monkeypatch.setitem(sys.modules, "fsspec.core", None)
-    with pytest.raises(CaptureError, match=r"needs the package fsspec: pip install fsspec$"):
+    with pytest.raises(CaptureError, match=r"needs the package fsspec: .* -m pip install fsspec$"):
         open_capture("s3://bucket/x.pcap")
     assert remote.facts("s3://bucket/x.pcap") == (0, None)
 

@@ -142,7 +142,7 @@ def test_a_table_without_pandas(captures: Path, monkeypatch: pytest.MonkeyPatch)
     result = ds47.analyze(captures / "tour-machine.pcapng")
     with pytest.raises(ModuleNotFoundError) as told:
         result.to_frame()
-    assert str(told.value) == "to_frame needs pandas: pip install pandas"
+    assert str(told.value) == f"to_frame needs pandas: {sys.executable} -m pip install pandas"
 
 
 @pytest.mark.parametrize("by_argument", [True, False])

@@ -133,10 +133,30 @@ def _not_a_capture(head: bytes, broken: str | None) -> str:
         return broken
     if not head:
         return "the file is empty"
+    kind = next((kind for start, kind in _OTHERS.items() if head.startswith(start)), None)
+    if kind is None:
+        kind = f"it begins with {head.hex(' ')}"
+        if head.isascii() and head.decode().isprintable():
+            kind = "it is a text, and no log of PROFIBUS"
     return (
-        f"not a capture: it begins with {head.hex(' ')}, expected is pcap or pcapng (.gz, .zst), "
+        f"not a capture: {kind}; expected is pcap or pcapng (.gz, .zst), "
         "or a recording with frames of PROFIBUS"
     )
+
+
+_OTHERS = {
+    b"\x89PNG": "it is a PNG picture",
+    b"\xff\xd8\xff": "it is a JPEG picture",
+    b"PK\x03\x04": "it is a ZIP file or a workbook: unpack it first",
+    b"%PDF": "it is a PDF",
+    b"Rar!": "it is a RAR file: unpack it first",
+    b"7z\xbc\xaf": "it is a 7z file: unpack it first",
+    b"\x7fELF": "it is a program",
+    b"MZ": "it is a program",
+    b"BZh": "it is packed with bzip2: unpack it first",
+    b"\xfd7zX": "it is packed with xz: unpack it first",
+}
+"""What people take for a capture, by the first bytes."""
 
 
 def holds_capture(path: str | Path) -> bool:

@@ -167,8 +167,7 @@ def tell_no_plots(lang: str) -> None:
     from ds47.spec.extras import install
 
     if plots.library() is None:
-        command = f"{shell_word(sys.executable)} -m {install('plots')}"
-        warn(say("no_plots", command=command).text(lang))
+        warn(say("no_plots", command=install("plots")).text(lang))
 
 
 class Misses:

@@ -670,7 +670,9 @@ def _rule(number: int, lang: str) -> CodeMeaning:
             explanations.of_unknown(), lang, rank="error_code", view="rule",
         )  # fmt: skip
     chinese = lang == "zh"
-    message = re.sub(r"\{[^}]*\}", "…", rule.message_zh if chinese else rule.message)
+    message = rule.message_zh if chinese else rule.message
+    if "{" in message:  # without a case its sentence has nothing to name
+        message = rule.title_zh if chinese else rule.title
     title = words["rule"].format(
         code=code, name=rule.name, severity=words[f"{rule.severity}_severity"], text=message
     )

@@ -5,6 +5,8 @@ Only the words. No package index has ds47, so a hint names the packages, never `
 
 from __future__ import annotations
 
+import sys
+
 _PACKAGES = {
     "lab": "scapy",
     "tshark": "pyshark~=0.6.0",
@@ -19,5 +21,11 @@ _PACKAGES = {
 
 
 def install(what: str) -> str:
-    """The command that installs what an extra needs, `urls` of the extra `cluster`, or a table of pandas."""
-    return f"pip install {_PACKAGES[what]}"
+    """The command that installs for this Python what an extra needs: `urls` of `cluster`, or a table of pandas."""
+    from shlex import quote  # takes its time
+
+    python = sys.executable or "python"
+    python = (
+        quote(python) if sys.platform != "win32" else f'"{python}"' if " " in python else python
+    )
+    return f"{python} -m pip install {_PACKAGES[what]}"
