@@ -11,7 +11,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -19,7 +19,7 @@ from io import BytesIO
 from multiprocessing import active_children, get_context, parent_process
 from pathlib import Path
 from types import ModuleType
-from typing import Final
+from typing import Final, TypeVar
 
 from ds47.batch.endings import Failed
 from ds47.batch.memory import collect, collect_rarely
@@ -39,6 +39,7 @@ _KILLED: Final = CaptureError(
 )
 
 
+Made = TypeVar("Made")
 Products = list[str | bytes | None]
 """For each task of a share: its product, None if that is in its file, or as text why there is none."""
 
@@ -149,6 +150,25 @@ class Local(TaskWindow[Future[Products]]):
             self._pool = self._new_pool(1)
             return _KILLED
         return self._came_of(task, product)
+
+
+def in_order(function: Callable[[Task], Made], tasks: Sequence[Task], jobs: int) -> Iterator[Made]:
+    """What a function makes of each task, in their order; in this process if `jobs` is 1, or one reads stdin.
+
+    What it raises is raised here. It is sent to the processes, so it has plain data only.
+    """
+    if jobs <= 1 or any(task.path == STDIN for task in tasks):
+        yield from map(function, tasks)
+        return
+    share = max(1, min(_SHARE, len(tasks) // (4 * jobs)))
+    with ProcessPoolExecutor(jobs, get_context("spawn"), _prepare) as pool:
+        with _uninterrupted(), _without_main():
+            made = pool.map(function, tasks, chunksize=share)
+        try:
+            yield from made
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
 
 
 def _prepare() -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +16,7 @@ import click
 from ds47.capture.names import about
 from ds47.cli.common import Misses, stdout, warn
 from ds47.cli.helping import Helped
-from ds47.cli.options import analysis_options, options_from
+from ds47.cli.options import analysis_options, each_of, jobs_option, options_from
 from ds47.cli.paths import refuse_urls
 from ds47.cli.series import series_option, tasks, tell_lacking
 from ds47.version import __version__
@@ -55,6 +56,7 @@ _SHOWN = 20
 @click.option(
     "--all", "show_all", is_flag=True, help=f"List more than {_SHOWN} changes of a capture."
 )
+@jobs_option
 @series_option
 @analysis_options
 def command(
@@ -63,6 +65,7 @@ def command(
     by_version: bool,
     yes: bool,
     show_all: bool,
+    jobs: int | None,
     series: bool,
     lang: str,
     **options: Any,
@@ -79,7 +82,7 @@ def command(
         where = parse_where(conditions)
     except WhereError as problem:
         raise click.UsageError(str(problem)) from problem
-    found, status = _find(paths, series, where, by_version, lang, options)
+    found, status = _find(paths, series, where, by_version, lang, jobs, options)
     if not found:
         stdout().write(say("accept_nothing").text(lang) + "\n")
         return status
@@ -106,6 +109,7 @@ def _find(
     where: dict[str, str],
     by_version: bool,
     lang: str,
+    jobs: int | None,
     options: dict[str, Any],
 ) -> tuple[list[tuple[CheckOutcome, list[Change]]], int]:
     """The captures with changes that were asked for; and the exit status so far."""
@@ -113,26 +117,25 @@ def _find(
     from ds47.regression.config import ConfigError
     from ds47.regression.run import check
 
-    analysis = options_from(**options)
+    one = partial(check, options=options_from(**options), lang=lang)
     found, status, misses = [], 0, Misses()
-    for task in tasks(paths, series, misses):
-        try:
-            outcome = check(task, analysis, lang=lang)
-        except ConfigError as problem:
-            raise click.ClickException(str(problem)) from problem
-        tell_lacking(task.path, outcome.missing_files, outcome.problem, misses)
-        if outcome.error is not None:
-            tell = misses if outcome.unreadable else warn
-            tell(about(task.path, outcome.error))
-            status = 1
-            continue
-        changes = [
-            change
-            for change in outcome.changes
-            if chosen(change, where, Path(task.path)) and (change.version or not by_version)
-        ]
-        if changes:
-            found.append((outcome, changes))
+    try:
+        for task, outcome in each_of(one, tasks(paths, series, misses), jobs):
+            tell_lacking(task.path, outcome.missing_files, outcome.problem, misses)
+            if outcome.error is not None:
+                tell = misses if outcome.unreadable else warn
+                tell(about(task.path, outcome.error))
+                status = 1
+                continue
+            changes = [
+                change
+                for change in outcome.changes
+                if chosen(change, where, Path(task.path)) and (change.version or not by_version)
+            ]
+            if changes:
+                found.append((outcome, changes))
+    except ConfigError as problem:
+        raise click.ClickException(str(problem)) from problem
     return found, 3 if misses else status
 
 

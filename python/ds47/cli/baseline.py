@@ -4,17 +4,24 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from ds47.capture.names import about
 from ds47.cli.common import Misses, stdout
 from ds47.cli.helping import Helped
-from ds47.cli.options import analysis_options, options_from
+from ds47.cli.options import analysis_options, each_of, jobs_option, options_from
 from ds47.cli.paths import refuse_urls
 from ds47.cli.series import series_option, tasks, tell_lacking
+
+if TYPE_CHECKING:
+    from ds47.analysis import AnalysisOptions
+    from ds47.batch.tasks import Task
+    from ds47.capture import CaptureError
+    from ds47.model import CaptureResult
 
 
 @click.command(
@@ -24,9 +31,12 @@ from ds47.cli.series import series_option, tasks, tell_lacking
 )
 @click.argument("paths", metavar="PATH...", nargs=-1, required=True)
 @click.option("--force", is_flag=True, help="Write over a result that is there already.")
+@jobs_option
 @series_option
 @analysis_options
-def command(paths: Sequence[str], force: bool, series: bool, lang: str, **options: Any) -> int:
+def command(
+    paths: Sequence[str], force: bool, jobs: int | None, series: bool, lang: str, **options: Any
+) -> int:
     """Store the result of each capture beside it, as NAME.ds47.json.
 
     A result that is there already stays as it is; ds47 accept takes over what changed.
@@ -34,21 +44,19 @@ def command(paths: Sequence[str], force: bool, series: bool, lang: str, **option
     from ds47.batch.products import kept_from
     from ds47.capture import CaptureError
     from ds47.regression import baseline
-    from ds47.regression.run import result_of, result_path
+    from ds47.regression.run import result_path
     from ds47.report.bilingual import say
 
     refuse_urls(paths)
-    analysis = options_from(**options)
     misses = Misses()
-    for task in tasks(paths, series, misses):
+    one = partial(_result, analysis=options_from(**options), force=force)
+    for task, result in each_of(one, tasks(paths, series, misses), jobs):
         target = result_path(task)
-        if os.path.exists(target) and not force:  # noqa: PTH110 (of a name that is too long: False)
+        if result is None:
             _say(say("baseline_there", target=str(target)).text(lang))
             continue
-        try:
-            result = result_of(task, analysis)
-        except CaptureError as problem:
-            misses(about(task.path, str(problem)))
+        if isinstance(result, CaptureError):
+            misses(about(task.path, str(result)))
             continue
         try:
             baseline.save(target, baseline.content(result), Path(task.path).name)
@@ -65,6 +73,21 @@ def command(paths: Sequence[str], force: bool, series: bool, lang: str, **option
         _say(stored.text(lang))
         tell_lacking(task.path, result.missing_files, result.lacking, misses)
     return 3 if misses else 0
+
+
+def _result(
+    task: Task, analysis: AnalysisOptions, *, force: bool
+) -> CaptureResult | CaptureError | None:
+    """What is to be stored of a capture, or why it cannot be read; None where a result is there already."""
+    from ds47.capture import CaptureError
+    from ds47.regression.run import result_of, result_path
+
+    if os.path.exists(result_path(task)) and not force:  # noqa: PTH110 (of a name that is too long: False)
+        return None
+    try:
+        return result_of(task, analysis)
+    except CaptureError as problem:
+        return problem
 
 
 def _say(text: str) -> None:

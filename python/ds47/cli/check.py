@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,13 +17,22 @@ import click
 from ds47.capture.names import STDIN, about
 from ds47.cli.common import Misses, format_option, output, stdout
 from ds47.cli.helping import Helped
-from ds47.cli.options import analysis_options, options_from, require_option, tell_empty
+from ds47.cli.options import (
+    analysis_options,
+    each_of,
+    jobs_option,
+    options_from,
+    require_option,
+    tell_empty,
+)
 from ds47.cli.paths import refuse_urls
 from ds47.cli.series import series_option, tasks, tell_lacking
 from ds47.cli.targets import spare_captures
 from ds47.model import SEVERITIES
 
 if TYPE_CHECKING:
+    from ds47.analysis import AnalysisOptions
+    from ds47.batch.tasks import Task
     from ds47.regression.run import CheckOutcome
     from ds47.report.bilingual import Both
 
@@ -43,7 +53,7 @@ _MARGIN = 8
     ),
 )
 @click.argument("paths", metavar="PATH...", nargs=-1, required=True)
-@format_option("text", "json", about="What goes to stdout.")
+@format_option("text", "json", "markdown", about="What goes to stdout.")
 @click.option(
     "--fail-on",
     type=click.Choice(["never", *SEVERITIES]),
@@ -58,6 +68,7 @@ _MARGIN = 8
 @click.option(
     "--all", "show_all", is_flag=True, help=f"Print more than {_SHOWN} changes of a capture."
 )
+@jobs_option
 @series_option
 @analysis_options
 def command(
@@ -69,6 +80,7 @@ def command(
     sarif: str | None,
     summary: bool,
     show_all: bool,
+    jobs: int | None,
     series: bool,
     lang: str,
     **options: Any,
@@ -82,9 +94,11 @@ def command(
     """
     refuse_urls(paths)
     spare_captures(junit, sarif)
-    outcomes, seconds, misses = _run(paths, series, fail_on, lang, options)
+    outcomes, seconds, misses = _run(paths, series, fail_on, lang, jobs, options)
     if format_name == "json":
         _print_json(outcomes, summary)
+    elif format_name == "markdown":
+        _print_markdown(outcomes, series, None if show_all else _SHOWN, lang)
     else:
         shown = None if show_all else _SHOWN
         _print_text(outcomes, summary, series, shown, lang)
@@ -102,24 +116,36 @@ def command(
 
 
 def _run(
-    paths: Sequence[str], series: bool, fail_on: str | None, lang: str, options: dict[str, Any]
+    paths: Sequence[str],
+    series: bool,
+    fail_on: str | None,
+    lang: str,
+    jobs: int | None,
+    options: dict[str, Any],
 ) -> tuple[list[CheckOutcome], list[float], Misses]:
     from ds47.regression.config import ConfigError
-    from ds47.regression.run import check
 
-    analysis = options_from(**options)
+    one = partial(_timed, analysis=options_from(**options), fail_on=fail_on, lang=lang)
     outcomes, seconds, misses = [], [], Misses()
-    for task in tasks(paths, series, misses):
-        begin = time.perf_counter()
-        try:
-            outcome = check(task, analysis, fail_on, lang)
-        except ConfigError as problem:
-            raise click.ClickException(str(problem)) from problem
-        outcomes.append(outcome)
-        seconds.append(time.perf_counter() - begin)
-        tell_lacking(outcome.path, outcome.missing_files, outcome.problem, misses)
+    try:
+        for _, (outcome, took) in each_of(one, tasks(paths, series, misses), jobs):
+            outcomes.append(outcome)
+            seconds.append(took)
+            tell_lacking(outcome.path, outcome.missing_files, outcome.problem, misses)
+    except ConfigError as problem:
+        raise click.ClickException(str(problem)) from problem
     gone = _gone(paths, series, fail_on)
     return outcomes + gone, seconds + [0.0] * len(gone), misses
+
+
+def _timed(
+    task: Task, analysis: AnalysisOptions, fail_on: str | None, lang: str
+) -> tuple[CheckOutcome, float]:
+    """The check of a capture, and how many seconds it took."""
+    from ds47.regression.run import check
+
+    begin = time.perf_counter()
+    return check(task, analysis, fail_on, lang), time.perf_counter() - begin
 
 
 def _gone(paths: Sequence[str], series: bool, fail_on: str | None) -> list[CheckOutcome]:
@@ -161,6 +187,30 @@ def _print_text(
     if summary:
         write("\n".join(_summary(outcomes).lines(lang)) + "\n")
     write(_last_line(outcomes, series).text(lang) + "\n")
+
+
+def _print_markdown(
+    outcomes: Sequence[CheckOutcome], series: bool, most: int | None, lang: str
+) -> None:
+    """For the summary page of a job: what is not as stored, capture by capture."""
+    from ds47.report.bilingual import say
+    from ds47.report.markdown import MARKS, code, plain, row
+
+    failed = any(outcome.failed for outcome in outcomes)
+    last = plain(_last_line(outcomes, series).text(lang))
+    lines = [f"## {MARKS['bad' if failed else 'good']} {last}"]
+    told = [each for each in outcomes if each.error is not None or each.changes]
+    if told:
+        heads = [plain(say(key).text(lang)) for key in ("md_capture", "check_changes")]
+        lines += ["", row(heads), row(["---"] * 2)]
+    for each in told:
+        known = each.error is None
+        texts = (
+            [text.strip() for text in _changes(each, most, lang)] if known else [each.error or ""]
+        )
+        mark = MARKS["bad" if each.failed else "none"]
+        lines.append(row([f"{mark} {code(each.path)}", "<br>".join(map(plain, texts))]))
+    stdout().write("\n".join(lines) + "\n")
 
 
 def _changes(outcome: CheckOutcome, most: int | None, lang: str) -> Iterator[str]:

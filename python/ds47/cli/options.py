@@ -6,7 +6,7 @@ Turns the command line into `ds47.analysis.AnalysisOptions`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -17,11 +17,13 @@ from ds47.model import CHANNELS, SEVERITIES, SIEMENS
 
 if TYPE_CHECKING:
     from ds47.analysis import AnalysisOptions
+    from ds47.batch.tasks import Task
     from ds47.cyclic.named import Name
     from ds47.parameters.lists import ParameterList
     from ds47.report.zones import Zone
     from ds47.s7.choices import Choices
 
+Made = TypeVar("Made")
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
@@ -70,6 +72,32 @@ fail_on_option = click.option(
     show_default=True,
     help="Exit with 1 if a finding is at least this severe.",
 )
+
+
+jobs_option = click.option(
+    "-j",
+    "--jobs",
+    type=click.IntRange(min=0),
+    metavar="N",
+    help="Captures analysed at once, each in a process; 0: as many as there are cores.  "
+    "[default: as many as pay]",
+)
+
+
+def each_of(
+    function: Callable[[Task], Made], found: Iterable[Task], jobs: int | None
+) -> Iterator[tuple[Task, Made]]:
+    """Each task with what the function makes of it, in their order, in as many processes as `--jobs` says."""
+    from ds47.batch.cores import cores, useful_jobs
+
+    tasks = list(found)
+    number = useful_jobs(tasks) if jobs is None else jobs or cores()
+    if number <= 1:
+        yield from ((task, function(task)) for task in tasks)
+        return
+    from ds47.batch.local import in_order  # takes longer to import than a small capture to check
+
+    yield from zip(tasks, in_order(function, tasks, number), strict=True)
 
 
 require_option = click.option(

@@ -26,6 +26,7 @@ from ds47.cli.options import (
     analysis_options,
     fail_on_option,
     heading_options,
+    jobs_option,
     options_from,
     require_option,
     tell_empty,
@@ -125,14 +126,7 @@ UNREADABLE, NOTHING = 3, 1
     envvar="DS47_TSHARK",
     help="The tshark of the engine tshark, else the one that is found. [env: DS47_TSHARK]",
 )
-@click.option(
-    "-j",
-    "--jobs",
-    type=click.IntRange(min=0),
-    metavar="N",
-    help="Captures analysed at once, each in a process; 0: as many as there are cores.  "
-    "[default: as many as pay]",
-)
+@jobs_option
 @series_option
 @click.option(
     "--results",

@@ -22,7 +22,7 @@ DETAILED: Final = 10
 """Captures that are not OK with their causes, the worst ones; all stand in the table."""
 LISTED: Final = 200
 DRIVES: Final = 20
-_MARKS: Final = {"bad": "❌", "warn": "⚠️", "good": "✅", "none": "⬜"}
+MARKS: Final = {"bad": "❌", "warn": "⚠️", "good": "✅", "none": "⬜"}
 _SPECIAL: Final = re.compile(r"([\\`*_{}\[\]|~])")
 
 
@@ -62,9 +62,9 @@ class Writer(_Writer):
 
     def _rows(self) -> Iterator[tuple[str, str]]:
         for path, problem in self._all.problems:
-            yield _code(path), f"{_MARKS['bad']} {_plain(problem)}"
+            yield code(path), f"{MARKS['bad']} {plain(problem)}"
         for each in self._all.captures[:LISTED]:
-            yield _code(each.path), f"{_MARKS[each.level]} {self._text(each.verdict)}"
+            yield code(each.path), f"{MARKS[each.level]} {self._text(each.verdict)}"
         if left_out := self._all.captures[LISTED:]:
             yield self._text(say("md_more", n=len(left_out))), ""
 
@@ -80,7 +80,7 @@ class Writer(_Writer):
             mirror,
         )
         shown = "; ".join(self._text(each) for each in parts if each)
-        yield f"{_code(digest.path)}: {shown}"
+        yield f"{code(digest.path)}: {shown}"
         if digest.causes:
             yield ""
             heads = ("md_severity", "md_cause", "md_to_do", "md_frame")
@@ -105,33 +105,34 @@ class Writer(_Writer):
 
     def _drives(self, digest: Digest) -> Iterator[tuple[str, ...]]:
         for each in digest.drives[:DRIVES]:
-            name = _code(each.device.station) if each.device.station else ""
-            yield _plain(each.device.ip), name, self._text(each.transactions)
+            name = code(each.device.station) if each.device.station else ""
+            yield plain(each.device.ip), name, self._text(each.transactions)
         if left_out := digest.drives[DRIVES:]:
             yield self._text(say("more_drives", n=len(left_out))), "", ""
 
     def _table(self, heads: Sequence[str], rows: Iterator[tuple[str, ...]]) -> Iterator[str]:
-        yield _row([self._text(say(each)) for each in heads])
-        yield _row(["---"] * len(heads))
-        yield from map(_row, rows)
+        yield row([self._text(say(each)) for each in heads])
+        yield row(["---"] * len(heads))
+        yield from map(row, rows)
 
     def _heading(self, mark: str, level: str, text: Both) -> str:
-        return f"{mark} {_MARKS[level]} {self._text(text)}"
+        return f"{mark} {MARKS[level]} {self._text(text)}"
 
     def _text(self, text: Both) -> str:
-        return _plain(text.text(self.options.lang))
+        return plain(text.text(self.options.lang))
 
 
-def _row(cells: Sequence[str]) -> str:
+def row(cells: Sequence[str]) -> str:
+    """A row of a table, of cells that are Markdown."""
     return f"| {' | '.join(cells)} |"
 
 
-def _plain(text: str) -> str:
+def plain(text: str) -> str:
     """A text without any meaning in Markdown or HTML."""
     text = text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
     return _SPECIAL.sub(r"\\\1", " ".join(text.split()))
 
 
-def _code(text: str) -> str:
+def code(text: str) -> str:
     """A name as it is: in Markdown a code span, whose table cell knows no bar."""
     return "`" + escape(text).replace("`", "'").replace("|", "\\|") + "`"
