@@ -619,7 +619,7 @@ def test_every_word_of_the_commands_too():
         assert en == zh, key
         names = [key, *(key.removeprefix(each) for each in made if key.startswith(each))]
         named = any(f'"{name}"' in sources for name in names)
-        assert named or key.startswith(("s7_owner_", "s7_drive_by_", "version_")), (
+        assert named or key.startswith(("s7_owner_", "s7_drive_by_", "version_", "trail_why_")), (
             key
         )  # rows of s7.toml, proofs
 
