@@ -148,3 +148,23 @@ def test_a_page_is_not_for_a_terminal(
     assert not opened
     run(capsys, "report", "-f", "html", "--open", captures / "tour-machine.pcapng")
     assert opened == [(tmp_path / "tour-machine.html").as_uri()]
+
+
+def test_the_name_of_a_file_says_its_format(
+    capsys: Captured, captures: Path, tmp_path: Path
+) -> None:
+    for name, begins in (("x.html", "<!doctype html>"), ("x.md", "## ")):
+        assert (
+            run(capsys, "report", "-o", tmp_path / name, captures / "tour-machine.pcapng")[0] == 0
+        )
+        assert (tmp_path / name).read_text("utf-8").startswith(begins)
+    run(capsys, "report", "-f", "text", "-o", tmp_path / "y.html", captures / "tour-machine.pcapng")
+    assert "NOT OK: " in (tmp_path / "y.html").read_text("utf-8").splitlines()[1]
+
+
+def test_a_verdict_of_a_part_says_so(capsys: Captured, captures: Path) -> None:
+    _, out, _ = run(capsys, "report", "-t", "6", captures / "tour-machine.pcapng")
+    assert out.splitlines()[1].startswith("NOT OK, of what is shown: p50076 cannot be changed now")
+    assert "only transaction" not in out
+    _, out, _ = run(capsys, "report", "-r", "DS721", captures / "tour-machine.pcapng")
+    assert out.splitlines()[1] == "OK, of what is shown: no parameter transaction"

@@ -42,7 +42,7 @@ GROUPS = {
         "accept": "Take changes of them over",
     },
     "Look up and build": {
-        "explain": "A status, an error number, a parameter, a fault in words",
+        "explain": "A STATUS, an error number, a parameter in words",
         "params": "Parameters, and lists of makers",
         "rules": "What ds47 finds, and what to do about it",
         "decode": "Bytes of a message into its fields",

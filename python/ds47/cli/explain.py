@@ -30,7 +30,7 @@ _LONGEST = 5
     cls=Helped,
     examples=(
         ("ds47 explain DE80B500", "a STATUS of WRREC or RDREC"),
-        ("ds47 explain p1120 F07900", "a parameter and a fault"),
+        ("ds47 explain p1120 0x6B", "a parameter and an error number"),
     ),
 )
 @click.argument("code", nargs=-1, required=True)

@@ -339,6 +339,8 @@ class _Run:
             tell("  " + say(key, target=escape(target)).text(lang))
         if self.key_path is not None:
             tell("  " + say("export_key", path=escape(str(self.key_path))).text(lang))
+            if not self._everything:
+                tell("  " + say("export_values_kept").text(lang))
         for line in _filters(done, lang, whole=self.filters):
             tell("  " + line)
 

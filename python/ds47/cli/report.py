@@ -67,7 +67,7 @@ UNREADABLE, NOTHING = 3, 1
     "format_name",
     type=click.Choice(FORMATS),
     help="Format of the report; ndjson, csv and parquet keep no transaction.  "
-    "[default: text; overview with --results]",
+    "[default: that of the FILE of -o, else text; overview with --results]",
 )
 @click.option(
     "-o",
@@ -184,7 +184,7 @@ def command(
         options_from(**options, kept_lists=True), lang, engine, tshark, jobs, results_name, resume, scheduler
     )  # fmt: skip
     execution.check(paths, series)
-    name = format_name or ("overview" if results_name else "text")
+    name = format_name or _of_name(output_name) or ("overview" if results_name else "text")
     _refuse_what_has_no_effect(name, detail)
     where = zone_for_paths(where, paths)
     choice = chosen(where, **asked)
@@ -256,6 +256,10 @@ _ONLY_IN = {
     "plc": ("text",), "reference": ("text", "html"), "width": ("text",), "filters": ("text",),
     "title": ("html",), "opens": ("html",), "order": ("html",), "customer": ("html",), "author": ("html",),
 }  # fmt: skip
+_ENDINGS = {
+    ".html": "html", ".htm": "html", ".json": "json", ".ndjson": "ndjson", ".csv": "csv", ".parquet": "parquet",
+    ".md": "markdown", ".sarif": "sarif",
+}  # fmt: skip
 _SPELLED = {"opens": "open"}
 _DETAIL_IN = {"summary": ("text", "html", "json", "markdown"), "all": ("text",)}
 
@@ -278,6 +282,11 @@ def _refuse_what_has_no_effect(format_name: str, detail: str | None) -> None:
             raise click.UsageError(
                 f"{option} has no effect in {format_name}, only in {', '.join(formats)}"
             )
+
+
+def _of_name(output_name: str) -> str | None:
+    """The format that the name of a file says: nobody wants text in `report.html`."""
+    return _ENDINGS.get(PurePath(output_name).suffix.lower())
 
 
 def _page_beside(paths: Sequence[str]) -> str:

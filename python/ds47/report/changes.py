@@ -147,7 +147,7 @@ def lines(
         return
     yield from _table(found, lang, clock, width)
     for why in dict.fromkeys(each["unknown"] for each in found if each["unknown"]):
-        frames = [str(each["frame"]) for each in found if each["unknown"] == why]
+        frames = list(dict.fromkeys(str(each["frame"]) for each in found if each["unknown"] == why))
         more = ", ..." if len(frames) > _FRAMES else ""
         about = say(f"trail_why_{why}", n=len(frames), frames=", ".join(frames[:_FRAMES]) + more)
         yield from fitted("  " + about.text(lang), width)

@@ -134,7 +134,8 @@ def advice(
 def advice_parts(row: RuleText, args: Mapping[str, Any], lang: str = "en") -> list[str]:
     """The parts of `advice`, first the one about the error number. A key may have an advice of its own."""
     what = _which(args) if "area" in args else args.get("what")
-    own, code = diagnosis_words(lang).get(f"advice_{what}"), args.get("code")
+    known, code = diagnosis_words(lang), args.get("code")
+    own = known.get(f"advice_{what}") or known.get(f"advice_{args.get('case')}")
     text = own or (row.advice_zh if lang == "zh" else row.advice)
     if code is None:
         return [text]

@@ -146,11 +146,13 @@ class Short:
             yield "  " + self._say("more_drives", n=len(drives) - most)
 
     def _more(self, path: str) -> str:
+        """How to see all: a line to copy, if it has room."""
         from shlex import quote  # takes its time
 
         everything = say("short_all", path=quote(escape(path)))
-        page = everything.joined(say("short_page"), "; ", "；").text(self._lang)
-        return page if columns(page) <= self._whole else self._cut(everything.text(self._lang))
+        page = everything.joined(say("short_page"), "; ", "；")
+        fit = (each.text(self._lang) for each in (page, everything, say("short_same")))
+        return next(line for line in fit if columns(line) <= self._whole)
 
 
 def _text(text: Both | None, lang: str) -> str:

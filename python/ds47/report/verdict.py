@@ -40,6 +40,8 @@ class VerdictCounts:
     """What a verdict rests on."""
 
     captures: int = 0
+    narrowed: int = 0
+    """Those of which a part is shown."""
     frames: int = 0
     nothing: int = 0
     """Captures without PROFINET, PROFIBUS and S7,"""
@@ -79,6 +81,7 @@ class VerdictCounts:
         causes = wrong(result)
         return cls(
             captures=1,
+            narrowed=0 if result.narrowed is None else 1,
             frames=result.frames,
             nothing=1 if result.nothing else 0,
             others=Counter(result.others),
@@ -211,12 +214,19 @@ def verdict(counts: VerdictCounts) -> Both:
     tail = parts[0]
     for each in parts[1:]:
         tail = tail.joined(each, "; ", "；")
-    return say(f"verdict_{counts.level}").joined(tail, ": ", "：")
+    head = say(f"verdict_{counts.level}")
+    if counts.narrowed:
+        head = (head if counts.level != "none" else say("verdict_good")).joined(
+            say("verdict_shown"), ", ", "，"
+        )
+    return head.joined(tail, ": ", "：")
 
 
 def _nothing(counts: VerdictCounts) -> Both:
     """What is there instead of transactions."""
     frames = say("frames", n=counts.frames)
+    if counts.narrowed:
+        return say("verdict_no_jobs")
     if counts.nothing < counts.captures:
         return joined([*(_who(counts) or [frames]), say("verdict_no_jobs")])
     text = joined([frames, say("verdict_nothing")])
@@ -228,7 +238,7 @@ def _nothing(counts: VerdictCounts) -> Both:
 
 def _failures(counts: VerdictCounts) -> list[Both]:
     """How many transactions failed, and of how many nobody knows."""
-    if counts.jobs == 1:
+    if counts.jobs == 1 and not counts.narrowed:
         return [say("verdict_failed_one" if counts.failed else "verdict_open_one")]
     of = f"{counts.jobs:,}"
     failed = [say("verdict_failed", n=counts.failed, of=of)] if counts.failed else []
