@@ -304,11 +304,11 @@ def test_a_reader_that_leaves_is_silent(words):
 @pytest.mark.parametrize(
     ("words", "status", "said"),
     [
-        ("report b.pcap >&-", 2, b"ds47: standard output is closed\n"),
-        ("rules >&-", 2, b"ds47: standard output is closed\n"),
-        ("--help >&-", 2, b"ds47: standard output is closed\n"),
-        ("export b.pcap -o - >&-", 2, b"ds47: standard output is closed\n"),
-        ("check b.pcap >&-", 2, b"ds47: standard output is closed\n"),
+        ("report b.pcap >&-", 2, b"ds47: error: standard output is closed\n"),
+        ("rules >&-", 2, b"ds47: error: standard output is closed\n"),
+        ("--help >&-", 2, b"ds47: error: standard output is closed\n"),
+        ("export b.pcap -o - >&-", 2, b"ds47: error: standard output is closed\n"),
+        ("check b.pcap >&-", 2, b"ds47: error: standard output is closed\n"),
         ("report b.pcap -f html -o page.html >&-", 0, b""),
         ("report - -o page.html <&- >&-", 3, b"ds47: stdin: -: the file is empty\n"),
         ("report . -o page.html >&- 2>&-", 0, b""),
