@@ -87,6 +87,17 @@ def test_on_a_terminal_it_is_short(
     assert len(shown.splitlines()) <= 40 < len(whole.splitlines()) < len(everything.splitlines())
 
 
+def test_what_is_asked_for_is_there_on_a_terminal_too(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    tour = ROOT / "captures" / "tour-machine.pcapng"
+    assert main(["report", "--no-progress", "--plc", str(tour)]) == 0
+    assert capsys.readouterr().out.count("PLC: WRREC ") == 8
+    assert main(["report", "--no-progress", "--filters", str(LONG)]) == 0
+    assert "frame.number == " in capsys.readouterr().out
+
+
 def test_a_page_of_one_sheet(results: list[CaptureResult]) -> None:
     page = written(results[0], long := analyze(LONG), name="html", detail="summary")
     assert len(page) < 100_000

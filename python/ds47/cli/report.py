@@ -195,7 +195,7 @@ def command(
     shown_page = name == "html" and output_name == STDIN and (opens or sys.stdout.isatty())
     if shown_page:
         output_name = _page_beside(paths)
-    detail = detail or _detail(name, output_name)
+    detail = detail or ("auto" if plc or filters else _detail(name, output_name))
     shown = ReportOptions(
         rules=_Catalogue(), lang=lang, plc=plc, zone=where, width=width or columns_of(output_name),
         reference=None if reference is None else _reference(reference), detail=detail,
