@@ -173,9 +173,10 @@ def concluded(result: CaptureResult) -> list[Diagnosis]:
     """What the capture lacks, what is wrong, and notes: what a reader should know, in this order."""
     causes = wrong(result)
     lacking = [each for each in result.diagnoses if each.rule == OF_THE_RECORDING]
+    known = {id(each) for each in causes}
     notes = [
         each for each in result.diagnoses
-        if each.rule != OF_THE_RECORDING and not any(each is other for other in causes)
+        if each.rule != OF_THE_RECORDING and id(each) not in known
     ]  # fmt: skip
     return [*lacking, *causes, *notes]
 
