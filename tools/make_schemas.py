@@ -194,6 +194,11 @@ def _definitions() -> dict[str, Schema]:
     return SIMPLE | shapes | {"line": LINE} | MESSAGE | {"row": ROW}
 
 
+_TOOL = Key(
+    "tool", entity([Key("name", {"const": "ds47"}), Key("version", TEXT | {"minLength": 1})])
+)
+
+
 def report() -> Schema:
     """The whole report."""
     about = (
@@ -202,7 +207,7 @@ def report() -> Schema:
     )
     document = entity([
         Key("schema", {"const": "ds47.report/2"}),
-        Key("tool", entity([Key("name", {"const": "ds47"}), Key("version", TEXT | {"minLength": 1})])),
+        _TOOL,
         Key("run", RUN, about, required=False),
         Key("captures", many(ref("capture"))),
     ])  # fmt: skip
@@ -258,7 +263,7 @@ def summary() -> Schema:
     """What --summary -f json writes."""
     document = entity([
         Key("schema", {"const": "ds47.summary/1"}),
-        Key("tool", entity([Key("name", {"const": "ds47"}), Key("version", TEXT | {"minLength": 1})])),
+        _TOOL,
         Key("level", _LEVEL, "That of all captures."),
         Key("verdict", TEXT),
         Key("captures", many(_DIGEST)),

@@ -16,10 +16,10 @@ import pytest
 
 from ds47 import __version__, spec
 from ds47.cli import COMMANDS, encode, main
-from ds47.cli.common import shell_word
 from ds47.model import OPERATIONS, STATES
 from ds47.report import schema
 from ds47.spec.reporting import command_words, report_words
+from ds47.spec.shell import shell_word
 
 READ = "03 01 02 01 10 01 c4 7f 00 00"
 ANSWER = "03 01 02 01 08 01 41 20 00 00"

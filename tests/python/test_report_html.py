@@ -23,7 +23,6 @@ from ds47 import spec
 from ds47.analysis import analyze
 from ds47.batch import settings
 from ds47.cli import main
-from ds47.cli.common import shell_word
 from ds47.model import (
     Bus,
     BusStation,
@@ -53,6 +52,7 @@ from ds47.report.verdict import VerdictCounts, blind, verdict
 from ds47.spec import cyclic, s7
 from ds47.spec.reporting import command_words, report_words
 from ds47.spec.semantics import diagnosis_words
+from ds47.spec.shell import shell_word
 from ds47.spec.statuses import status_text
 
 HOSTILE = "<script>alert(1)</script>"

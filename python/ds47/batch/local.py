@@ -8,6 +8,7 @@ interrupted or dies, they end.
 from __future__ import annotations
 
 import os
+import pickle
 import signal
 import sys
 import threading
@@ -15,11 +16,13 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from dataclasses import dataclass
 from io import BytesIO
 from multiprocessing import active_children, get_context, parent_process
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import ModuleType
-from typing import Final, TypeVar
+from typing import BinaryIO, ClassVar, Final, TypeVar
 
 from ds47.batch.endings import Failed
 from ds47.batch.memory import collect, collect_rarely
@@ -152,23 +155,35 @@ class Local(TaskWindow[Future[Products]]):
         return self._came_of(task, product)
 
 
-def in_order(function: Callable[[Task], Made], tasks: Sequence[Task], jobs: int) -> Iterator[Made]:
-    """What a function makes of each task, in their order; in this process if `jobs` is 1, or one reads stdin.
+@dataclass(frozen=True)
+class _Made:
+    """What a function makes of a task, as a product."""
 
-    What it raises is raised here. It is sent to the processes, so it has plain data only.
+    function: Callable[[Task], object]
+    is_kept: ClassVar[bool] = False
+
+    def __call__(self, task: Task, stream: BinaryIO) -> None:
+        pickle.dump(self.function(task), stream, pickle.HIGHEST_PROTOCOL)
+
+
+def in_order(function: Callable[[Task], Made], tasks: Sequence[Task], jobs: int) -> Iterator[Made]:
+    """What a function makes of each task, in their order, in several processes; it is sent to them.
+
+    Raises:
+        CaptureError: a process that had a task was killed, twice. What the function raises is raised here, too.
     """
-    if jobs <= 1 or any(task.path == STDIN for task in tasks):
-        yield from map(function, tasks)
-        return
-    share = max(1, min(_SHARE, len(tasks) // (4 * jobs)))
-    with ProcessPoolExecutor(jobs, get_context("spawn"), _prepare) as pool:
-        with _uninterrupted(), _without_main():
-            made = pool.map(function, tasks, chunksize=share)
-        try:
-            yield from made
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+    numbers = {task.path: str(number) for number, task in enumerate(tasks)}
+    with (
+        TemporaryDirectory(prefix="ds47-") as folder,
+        Local(tasks, _Made(function), lambda task: Path(folder, numbers[task.path]), jobs) as local,
+    ):
+        for _, outcome in local:
+            if isinstance(outcome, CaptureError):
+                raise outcome
+            made: Made = pickle.loads(
+                outcome if isinstance(outcome, bytes) else outcome.read_bytes()
+            )
+            yield made
 
 
 def _prepare() -> None:

@@ -192,7 +192,7 @@ def _meant(word: str) -> str:
     from difflib import get_close_matches
     from pathlib import Path
 
-    from ds47.cli.common import shell_word
+    from ds47.spec.shell import shell_word
 
     if word == "-" or Path(word).exists():
         return f" For a report of it: ds47 report {shell_word(word)}"

@@ -142,17 +142,6 @@ def color(stream: TextIO) -> bool:
     return True
 
 
-def shell_word(text: str) -> str:
-    """A word for the shell of this system, quoted if needed; cmd.exe knows only double quotes."""
-    if sys.platform == "win32":
-        from subprocess import list2cmdline
-
-        return list2cmdline([text])
-    from shlex import quote
-
-    return quote(text)
-
-
 def warn(text: str) -> None:
     """One line on stderr; stdout is for results."""
     from ds47.report.formatting import escape

@@ -95,9 +95,14 @@ def each_of(
     if number <= 1:
         yield from ((task, function(task)) for task in tasks)
         return
+    from ds47.batch.endings import Failed
     from ds47.batch.local import in_order  # takes longer to import than a small capture to check
+    from ds47.capture import CaptureError
 
-    yield from zip(tasks, in_order(function, tasks, number), strict=True)
+    try:
+        yield from zip(tasks, in_order(function, tasks, number), strict=True)
+    except (CaptureError, Failed) as problem:
+        raise click.ClickException(str(problem)) from problem
 
 
 require_option = click.option(

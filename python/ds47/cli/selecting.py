@@ -12,7 +12,6 @@ from typing import Any, NamedTuple, TypeVar
 
 import click
 
-from ds47.cli.common import shell_word
 from ds47.cli.options import known_rules
 from ds47.model import STATES
 from ds47.profidrive import naming
@@ -172,10 +171,19 @@ def chosen(
         ("--pnu", pnus), ("--station", stations), ("--state", states), ("--from", [start] if start else ()),
         ("--to", [end] if end else ()),
     )  # fmt: skip
-    words = [f"{name} {shell_word(str(each))}" for name, values in typed for each in values]
+    given = [(name, str(each)) for name, values in typed for each in values]
     return Choice(
-        selection, _moment("--from", start, where), _moment("--to", end, where), where, " ".join(words)
+        selection, _moment("--from", start, where), _moment("--to", end, where), where, _as_typed(given)
     )  # fmt: skip
+
+
+def _as_typed(given: Sequence[tuple[str, str]]) -> str:
+    """The options with their values, as they are typed."""
+    if not given:
+        return ""
+    from ds47.spec.shell import shell_word  # few reports choose a part
+
+    return " ".join(f"{name} {shell_word(value)}" for name, value in given)
 
 
 def _numbers(text: str) -> Iterator[tuple[int, int]]:

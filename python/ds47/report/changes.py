@@ -20,7 +20,7 @@ from ds47.report.parameters import plain
 from ds47.report.selection import Selection, Wanted
 from ds47.report.targets import Targets, slot
 from ds47.report.trail import WrittenChange, changes
-from ds47.report.wrap import columns, fitted, padded
+from ds47.report.wrap import aligned, columns, fitted
 from ds47.report.zones import UNIVERSAL, Zone
 from ds47.spec.semantics import known
 from ds47.spec.units import nanoseconds
@@ -156,10 +156,9 @@ def lines(
 def _table(found: Sequence[dict[str, Any]], lang: str, clock: Clock, width: int) -> Iterator[str]:
     head = [say(name).text(lang) for name in _HEADS[0 if clock.known else 1 :]]
     table = [head, *([*_times(each, clock), *_texts(each, lang)] for each in found)]
-    widths = [max(columns(row[at]) for row in table) for at in range(len(head))]
-    if sum(widths) + 2 * len(widths) <= width:
-        for row in table:
-            yield "  " + "  ".join(map(padded, row, widths)).rstrip()
+    lines = [f"  {line}" for line in aligned(table)]
+    if max(map(columns, lines)) <= width:
+        yield from lines
         return
     for row in table[1:]:
         *times, frame, who, device, by, parameter, change, outcome = row

@@ -66,9 +66,15 @@ class Digest(NamedTuple):
     counts: VerdictCounts
 
     @classmethod
-    def of(cls, result: CaptureResult, options: ReportOptions, most: int) -> Digest:
-        """That of a capture, with at most so many causes."""
-        counts, clock = VerdictCounts.of(result), Clock.of(result, options.zone)
+    def of(
+        cls,
+        result: CaptureResult,
+        options: ReportOptions,
+        most: int,
+        counts: VerdictCounts | None = None,
+    ) -> Digest:
+        """That of a capture, with at most so many causes; `counts` are its own."""
+        counts, clock = counts or VerdictCounts.of(result), Clock.of(result, options.zone)
         found = concluded(result)
         several = len({each.device for each in result.transactions}) > 1
         files, times = FileFrames(result.files), seen_at(result)

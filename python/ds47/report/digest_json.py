@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import json
-from typing import Any, Final, TextIO
+from typing import Any, Final
 
-from ds47.model import CaptureResult
-from ds47.report import ReportOptions
-from ds47.report import Writer as _Writer
 from ds47.report.bilingual import Both
 from ds47.report.digest import Digest, ShortCause, Who
 from ds47.report.digests import Digests
@@ -16,27 +13,17 @@ from ds47.version import __version__
 SCHEMA: Final = "ds47.summary/1"
 
 
-class Writer(_Writer):
+class Writer(Digests):
     """Keeps a digest of each capture, and writes one document at the end."""
-
-    def __init__(self, stream: TextIO, options: ReportOptions | None = None) -> None:
-        super().__init__(stream, options)
-        self._all = Digests(self.options)
-
-    def capture(self, result: CaptureResult) -> None:
-        self._all.capture(result)
-
-    def unreadable(self, path: str, problem: str) -> None:
-        self._all.unreadable(path, problem)
 
     def close(self) -> None:
         document = {
             "schema": SCHEMA,
             "tool": {"name": "ds47", "version": __version__},
-            "level": self._all.level,
-            "verdict": self._text(self._all.verdict),
-            "captures": [self._capture(each) for each in self._all.captures],
-            "unreadable": [{"path": path, "problem": problem} for path, problem in self._all.problems],
+            "level": self.level,
+            "verdict": self._text(self.verdict),
+            "captures": [self._capture(each) for each in self.captures],
+            "unreadable": [{"path": path, "problem": problem} for path, problem in self.problems],
         }  # fmt: skip
         self.stream.write(json.dumps(document, ensure_ascii=False, indent=1) + "\n")
 

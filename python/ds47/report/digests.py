@@ -2,33 +2,33 @@
 
 from __future__ import annotations
 
+from typing import TextIO
+
 from ds47.model import CaptureResult
-from ds47.report import ReportOptions
+from ds47.report import ReportOptions, Writer
 from ds47.report.bilingual import Both
 from ds47.report.digest import Digest
 from ds47.report.short import CAUSES, SUMMED
 from ds47.report.verdict import LEVELS, VerdictCounts, verdict
 
 
-class Digests:
-    """Takes captures as a writer does."""
+class Digests(Writer):
+    """A writer that keeps a digest of each capture, and writes at the end: `close` is that of a format."""
 
-    def __init__(self, options: ReportOptions) -> None:
-        self._options = options
-        self._most = SUMMED if options.detail == "summary" else CAUSES
+    def __init__(self, stream: TextIO, options: ReportOptions | None = None) -> None:
+        super().__init__(stream, options)
+        self._most = SUMMED if self.options.detail == "summary" else CAUSES
         self._counts = VerdictCounts()
         self.captures: list[Digest] = []
         self.problems: list[tuple[str, str]] = []
         """Paths of captures that could not be read at all, and why."""
 
     def capture(self, result: CaptureResult) -> None:
-        """Takes a capture."""
-        digest = Digest.of(result, self._options, self._most)
+        digest = Digest.of(result, self.options, self._most)
         self._counts.add(digest.counts)
         self.captures.append(digest)
 
     def unreadable(self, path: str, problem: str) -> None:
-        """Takes one that could not be read."""
         self._counts.add(VerdictCounts(captures=1, unreadable=1))
         self.problems.append((path, problem))
 

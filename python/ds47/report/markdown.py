@@ -10,9 +10,8 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import Final, TextIO
 
-from ds47.model import CaptureResult, Report
+from ds47.model import Report
 from ds47.report import ReportOptions, write_all
-from ds47.report import Writer as _Writer
 from ds47.report.bilingual import Both, say
 from ds47.report.digest import Digest, ShortCause
 from ds47.report.digests import Digests
@@ -31,41 +30,31 @@ def write(report: Report, stream: TextIO, options: ReportOptions | None = None) 
     write_all(Writer(stream, options), report)
 
 
-class Writer(_Writer):
+class Writer(Digests):
     """Keeps a digest of each capture, and writes at the end."""
-
-    def __init__(self, stream: TextIO, options: ReportOptions | None = None) -> None:
-        super().__init__(stream, options)
-        self._all = Digests(self.options)
-
-    def capture(self, result: CaptureResult) -> None:
-        self._all.capture(result)
-
-    def unreadable(self, path: str, problem: str) -> None:
-        self._all.unreadable(path, problem)
 
     def close(self) -> None:
         for line in self._lines():
             self.stream.write(line + "\n")
 
     def _lines(self) -> Iterator[str]:
-        found = self._all.captures
-        if len(found) == 1 and not self._all.problems:
+        found = self.captures
+        if len(found) == 1 and not self.problems:
             yield from self._one(found[0], "##")
             return
-        yield self._heading("##", self._all.level, self._all.verdict)
+        yield self._heading("##", self.level, self.verdict)
         yield ""
         yield from self._table(("md_capture", "md_verdict"), self._rows())
-        for each in self._all.worst[:DETAILED]:
+        for each in self.worst[:DETAILED]:
             yield ""
             yield from self._one(each, "###")
 
     def _rows(self) -> Iterator[tuple[str, str]]:
-        for path, problem in self._all.problems:
+        for path, problem in self.problems:
             yield code(path), f"{MARKS['bad']} {plain(problem)}"
-        for each in self._all.captures[:LISTED]:
+        for each in self.captures[:LISTED]:
             yield code(each.path), f"{MARKS[each.level]} {self._text(each.verdict)}"
-        if left_out := self._all.captures[LISTED:]:
+        if left_out := self.captures[LISTED:]:
             yield self._text(say("md_more", n=len(left_out))), ""
 
     def _one(self, digest: Digest, mark: str) -> Iterator[str]:

@@ -15,6 +15,7 @@ from ds47.report.digest import Digest, ShortCause, Who, first_sentences
 from ds47.report.formatting import escape
 from ds47.report.summary import COLORS, WIDTH, about
 from ds47.report.wrap import columns, cut, end_of, fitted, wrap
+from ds47.spec.shell import shell_word
 
 LINES: Final = 40
 CAUSES: Final = 5
@@ -147,9 +148,7 @@ class Short:
 
     def _more(self, path: str) -> str:
         """How to see all: a line to copy, if it has room."""
-        from shlex import quote  # takes its time
-
-        everything = say("short_all", path=quote(escape(path)))
+        everything = say("short_all", path=shell_word(escape(path)))
         page = everything.joined(say("short_page"), "; ", "；")
         fit = (each.text(self._lang) for each in (page, everything, say("short_same")))
         return next(line for line in fit if columns(line) <= self._whole)

@@ -107,7 +107,7 @@ class Writer(_Writer):
     ) -> None:
         """A capture by itself."""
         if self.options.detail in ("short", "summary"):
-            self._in_short(result, row, latency)
+            self._in_short(result, counts, row, latency)
             return
         if self._rows:
             self._line()
@@ -123,19 +123,21 @@ class Writer(_Writer):
             self._lists(result)
         self._summary(self._say("summary_head"), total([row]), latency)
 
-    def _in_short(self, result: CaptureResult, row: CaptureRow, latency: Latency) -> None:
+    def _in_short(
+        self, result: CaptureResult, counts: VerdictCounts, row: CaptureRow, latency: Latency
+    ) -> None:
         """A capture in 12 lines, or in 40: with all there is to say, if that has room."""
         from ds47.report.digest import Digest  # not for pipes and files
         from ds47.report.short import CAUSES, LINES, SUMMED, Short
 
         form = Short(self.options.lang, self.options.width, self._paint)
         if self.options.detail == "summary":
-            for line in form.summary(Digest.of(result, self.options, SUMMED)):
+            for line in form.summary(Digest.of(result, self.options, SUMMED, counts)):
                 self._copied(line)
             return
         whole = StringIO()
         write(Report([result]), whole, self.options._replace(detail="auto"))
-        digest = Digest.of(result, self.options, CAUSES)
+        digest = Digest.of(result, self.options, CAUSES, counts)
         lines = [*whole.getvalue().splitlines(), *form.verdict(digest)]
         if len(lines) > LINES or max(map(columns, lines)) > self.options.width:
             head = [f"  {each}" for each in self._about_file(result)]

@@ -212,9 +212,7 @@ def verdict(counts: VerdictCounts) -> Both:
         parts.append(say("verdict_in_part", n=counts.in_part))
     if counts.unreadable:
         parts.append(say("told_unreadable", n=counts.unreadable))
-    tail = parts[0]
-    for each in parts[1:]:
-        tail = tail.joined(each, "; ", "；")
+    tail = joined(parts, "; ", "；")
     head = say(f"verdict_{counts.level}")
     if counts.narrowed:
         head = (head if counts.level != "none" else say("verdict_good")).joined(

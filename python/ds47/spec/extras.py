@@ -22,10 +22,6 @@ _PACKAGES = {
 
 def install(what: str) -> str:
     """The command that installs for this Python what an extra needs: `urls` of `cluster`, or a table of pandas."""
-    from shlex import quote  # takes its time
+    from ds47.spec.shell import shell_word  # not for every start
 
-    python = sys.executable or "python"
-    python = (
-        quote(python) if sys.platform != "win32" else f'"{python}"' if " " in python else python
-    )
-    return f"{python} -m pip install {_PACKAGES[what]}"
+    return f"{shell_word(sys.executable or 'python')} -m pip install {_PACKAGES[what]}"
