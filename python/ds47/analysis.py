@@ -7,7 +7,7 @@ Each step is a module of its own; here they are only joined. Nothing is printed,
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -237,6 +237,7 @@ class Analysis:
             lambda peer, frame: index47.waits(peer.device) or self._pairing.may_lack(peer, frame),
         )  # fmt: skip
         self._name = _names(options.lists)
+        self._built: Callable[[Job], Transaction] = build if self._name is None else self._named
         self._dictionary = Dictionary(self._judge.objects, bounds.described_parameters)
         self._completeness = Completeness(
             bounds.activities, lambda station: self._lines.line.lost(station) if self._lines else 0
@@ -278,7 +279,8 @@ class Analysis:
         """By the order of their jobs; the jobs themselves need not be kept."""
         self._unproven: set[str] = set()
         """Servers of S7 of which nothing showed a drive yet when a job was over."""
-        self._summary: dict[str, int] = {"transactions": 0}
+        self._ended: Counter[tuple[str, str]] = Counter()
+        """How many transactions ended, by state and operation."""
         self._objects = DriveObjects()
         self._capture: Capture | Series | None = None
         self._untimed = False
@@ -296,8 +298,8 @@ class Analysis:
             self._given_up(packet, have)
         self._hear()
         self._s7.finish()
-        for became in self._calls.finish():
-            self._records.take(became)
+        for what, call, message in self._calls.finish():
+            self._records.take[what](call, message)
         self._hear()
         if self._lines is not None:
             self._lines.finish()
@@ -328,7 +330,7 @@ class Analysis:
             transactions=self._numbered(),
             findings=self._findings.result(self._transactions),
             diagnoses=self._findings.diagnoses(),
-            summary=self._summary,
+            summary=summarise(self._ended),
             relations=self._relations(),
             timelines=[] if self._cyclic is None else self._channels().timelines(),
             bus=None if self._lines is None else self._lines.result(capture.timed),
@@ -350,7 +352,7 @@ class Analysis:
         return [each.result() for each in self._channels().relations()]
 
     def _frames(self, frames: Capture | Series) -> None:
-        note, other, records = self._times.note, self._other, self._records.take
+        note, other, happens = self._times.note, self._other, self._records.take
         for frame in frames:
             if frame.link_type not in LINK_TYPES:
                 note(frame.number, frame.time_ns)
@@ -358,8 +360,8 @@ class Analysis:
                 if pdu is not None:
                     if pdu.cut is not None and pdu.opnum in OPERATIONS:
                         self._diagnoses.cut(pdu.cut)
-                    for became in self._calls.take(pdu):
-                        records(became)
+                    for what, call, message in self._calls.take(pdu):
+                        happens[what](call, message)
                 if self._told:
                     self._hear()
                 continue
@@ -458,7 +460,7 @@ class Analysis:
         if unsure is None or channel is None or channel[-1] != SHARED_INDEX:
             tell(*about)
             return
-        live, now = self._early is not None, self._events.newest_ns or 0
+        live, now = self._early is not None, self._events.newest_ns
         unsure.append((now, partial(tell, *about)))
         while live and unsure and (refused or now - unsure[0][0] > limits().unread_ns):
             unsure.popleft()[1]()
@@ -541,8 +543,11 @@ class Analysis:
             for remark in self._cyclic.transaction(transaction):
                 remark.job = job
                 remarks.append(remark)
-        refused = transaction.state == "refused"
-        self._tell(job.key, self._over, job, transaction, remarks, refused=refused)
+        if self._unsure:
+            refused = transaction.state == "refused"
+            self._tell(job.key, self._over, job, transaction, remarks, refused=refused)
+        else:
+            self._over(job, transaction, remarks)
 
     def _over(self, job: Job, transaction: Transaction, remarks: list[Remark]) -> None:
         """A transaction is over, and one of DS47."""
@@ -553,7 +558,7 @@ class Analysis:
         job.forget()
         if DS47 not in self._options.channels:
             return
-        summarise(self._summary, transaction.state, transaction.operation)
+        self._ended[transaction.state, transaction.operation] += 1
         if self._on_transaction is None:
             self._transactions[job.order] = transaction
             for remark in remarks:
@@ -561,7 +566,7 @@ class Analysis:
             return
         self._hand_out(job.order, transaction, remarks, self._on_transaction)
 
-    def _built(self, job: Job) -> Transaction:
+    def _named(self, job: Job) -> Transaction:
         """The transaction of a job, with the names that lists have."""
         transaction = build(job)
         if self._name is not None:
@@ -642,7 +647,7 @@ class Analysis:
 
     def _finished(self, order: int, transaction: Transaction, remarks: list[Remark]) -> None:
         """A transaction that is none of records is over."""
-        summarise(self._summary, transaction.state, transaction.operation)
+        self._ended[transaction.state, transaction.operation] += 1
         if self._on_transaction is not None:
             self._hand_out(order, transaction, remarks, self._on_transaction)
             return

@@ -141,7 +141,7 @@ def test_the_response_is_looked_for_before_reads_for_nothing() -> None:
 
 
 def test_what_was_refused_or_read_is_not_open() -> None:
-    for case in (refused(READ, LOCKED), job(READ, ANSWER), job(READ, write_fault=True)):
+    for case in (refused(READ, LOCKED), job(READ, ANSWER), job(READ, write_refused=True)):
         assert Whole(case).idle(6).of("DS706") == []
 
 

@@ -221,7 +221,7 @@ def test_a_change_that_is_open_may_be_in_force_or_not(court: Court) -> None:
 def test_a_refused_change_changes_nothing(court: Court) -> None:
     court.change(TEN)
     one = court.made(message.change(1, 1, (RAMP, NINE)), None)
-    one.write_response = Half(12, 12, status=0xDF80B500)
+    one.write_response, one.write_refused = Half(12, 12, status=0xDF80B500), True
     court.judge.asked(one)
     court.judge.refused(one)
     assert court.back(NINE)

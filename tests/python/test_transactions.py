@@ -40,7 +40,7 @@ REFUSED = Half(2, 2, status=0xDF80B500)
         (job(READ, superseded_by=9), "superseded"),
         (job(READ, ANSWER, superseded_by=9), "ok"),
         (job(READ, write_response=REFUSED), "refused"),
-        (job(READ, write_fault=True), "refused"),
+        (job(READ, write_refused=True), "refused"),
         (job(READ, read_response=Half(4, 4, status=0xDE80B600)), "refused"),
         (job(READ, STRAY, write_response=REFUSED), "refused"),
         (job(READ, write_response=REFUSED, superseded_by=9), "refused"),

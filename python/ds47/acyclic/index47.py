@@ -88,8 +88,9 @@ class Index47:
         told: list[Any] | None = None,
     ) -> None:
         self._told = [] if told is None else told
-        self._always = ALWAYS | extra
-        self.concerned = self._always | {SHARED_INDEX}
+        self.always = ALWAYS | extra
+        """The indices that are ours whatever they hold."""
+        self.concerned = self.always | {SHARED_INDEX}
         """The indices of which a record can be ours at all."""
         self._waiting = waiting
         self._most_events = waiting * waiting_ars
@@ -114,7 +115,7 @@ class Index47:
         if ar in self.open:
             self.open.move_to_end(ar)
             return True
-        return index in self._always
+        return index in self.always
 
     def pass_on(
         self, ar: ArKey, event: Event, *, proves: bool = False, asks: bool = False

@@ -166,7 +166,9 @@ class Judge:
         job.stray = is_mismatch(job)
         self._sent(job, remarks)
         told = self._response(job, remarks)
-        self._time(job, remarks)
+        write, read = job.write_request, job.read_response
+        if job.polls or (write and read and read.time_ns - write.time_ns > self._slow_ns):
+            self._time(job, remarks)
         if message is None:
             self._written.unasked(job)
         elif message.operation == "change":
@@ -310,10 +312,9 @@ class Judge:
         return tells
 
     def _time(self, job: Job, remarks: list[Remark]) -> None:
-        half, write, accepted = job.read_response, job.write_request, job.write_response
+        """How long the drive took, of a job that took longer than that or was polled for."""
+        half, accepted = job.read_response, job.write_response
         assert half is not None
-        if not job.polls and (write is None or half.time_ns - write.time_ns <= self._slow_ns):
-            return  # the share of the drive is no more than that
         polls = job.not_ready if job.polls else []
         if len(polls) >= self._limits.polls:
             remarks.append(Remark("DS204", half.frame, {"count": len(polls)}))

@@ -80,7 +80,8 @@ class Job:
     """The request of the Write that asked; None for an orphan."""
     phase: str
     write_response: Half | None
-    write_fault: bool
+    write_refused: bool
+    """Whether the Write was answered with a negative status or an RPC fault."""
     read_request: Half | None
     read_response: Half | None
     polls: list[tuple[Half | None, Half]]
@@ -154,7 +155,7 @@ class Job:
         message: Request | None,
         phase: str = "asked",
         write_response: Half | None = None,
-        write_fault: bool = False,
+        write_refused: bool = False,
         read_request: Half | None = None,
         read_response: Half | None = None,
         polls: list[tuple[Half | None, Half]] | None = None,
@@ -173,7 +174,7 @@ class Job:
         self.write_request = None if message is None else record.request
         self.phase = phase
         self.write_response = write_response
-        self.write_fault = write_fault
+        self.write_refused = write_refused
         self.read_request = read_request
         self.read_response = read_response
         self.polls = [] if polls is None else polls
@@ -217,12 +218,6 @@ class Job:
     def device(self) -> str:
         """IP address of the device."""
         return self.peer.device
-
-    @property
-    def write_refused(self) -> bool:
-        """Whether the Write was answered with a negative status or an RPC fault."""
-        response = self.write_response
-        return self.write_fault or (response is not None and bool(response.status))
 
     @property
     def write_told(self) -> bool:
@@ -403,11 +398,10 @@ class Pairing:
         if job.hasty and (fault or (response is not None and response.status)):
             job.twice = job.write_request.frame if job.write_request else 0
             return  # who waits had another response before, and the device executed the call once more
-        job.write_response = response
-        job.write_fault = fault
+        status = response.status if response else None
+        job.write_response, job.write_refused = response, fault or bool(status)
         if response is not None and response.cut and response.untold:
             job.untold = response.frame
-        status = response.status if response else None
         if job.phase == "closed" or (status is None and not fault):
             return
         channel = self.channels.get(job.key)
@@ -1087,7 +1081,7 @@ class Pairing:
                 self._forget_last(channel)  # what is read from now on may be of either
             return
         if channel.last is not None:
-            self._lose(channel.last, "")
+            self._end(channel.last)
         channel.last = job
         if job.message is not None and not job.write_refused:
             self._put(self._delivered, channel.spot, job)

@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Final
+from typing import Any, Final
 
 from ds47.acyclic.pairing import Moment, Pairing, Told
 from ds47.acyclic.record_events import RecordEvents
 from ds47.findings.remark import Remark
 from ds47.profinet import rpc
-from ds47.profinet.calls import Became, RpcCall
+from ds47.profinet.calls import RpcCall, What
 from ds47.profinet.completeness import Completeness
 from ds47.profinet.records import (
     Half,
@@ -85,34 +85,15 @@ class RecordCalls:
         """The newest responses without a request (DS102), by their frames."""
         self._connections: dict[tuple[str, str], rpc.Pdu] = {}
         """Of client and server the request that begins or ends an AR, until its response or the next request."""
-
-    def take(self, became: Became) -> None:
-        """What became of a call."""
-        what, call, pdu = became
-        if what == "asked":
-            self._asked(call, pdu)
-            return
-        if what == "incomplete":
-            self.incomplete(pdu, "RPC", call)
-            return
-        if pdu is None:
-            self._lost(call)
-            return
-        new = pdu.source not in self._stations.known
-        if pdu.ptype == 2 and (new or pdu.opnum == RPC_CONNECT):
-            self._stations.message(pdu)
-        if what == "answered":
-            self._answered(call, pdu)
-        elif call is None:
-            self._unasked(pdu, certain=what == "unasked")
-        elif what == "failed":
-            self._failed(call, pdu)
-        elif what == "again":
-            self._again(call, pdu)
-        elif what == "twice":
-            self._twice(call, pdu)
-        else:
-            self._late(call, pdu)
+        self.take: dict[What, Callable[[Any, Any], None]] = {
+            "asked": self._asked, "answered": self._answered, "failed": self._failed,
+            "again": self._again, "late": self._late, "twice": self._twice,
+            "unasked": lambda _, pdu: self._unasked(pdu, certain=True),
+            "unasked_in_part": lambda _, pdu: self._unasked(pdu, certain=False),
+            "lost": self._lost, "pushed_out": self._lost,
+            "incomplete": lambda call, pdu: self.incomplete(pdu, "RPC", call),
+        }  # fmt: skip
+        """What takes a call and its message, by what became of the call (`profinet.calls.Became`)."""
 
     def finish(self) -> None:
         """The capture is over: tells of each limit that pushed something out, once.
@@ -194,6 +175,7 @@ class RecordCalls:
         """The request of a response that was heard of already, as one without its request."""
         pdu = call.request
         assert pdu is not None
+        self._stations.message(answer)
         for alone in self._alone.pop(answer.frame, ()):
             alone.withdrawn = True
         answers = parse_response(answer)[1]
@@ -214,7 +196,7 @@ class RecordCalls:
         args = {"operation": OPERATIONS.get(pdu.opnum, "?"), "first": call.frame}
         self._about_call(call, Remark("DS103", pdu.frame, args))
 
-    def _lost(self, call: RpcCall) -> None:
+    def _lost(self, call: RpcCall, _: None) -> None:
         pdu, first = call.request, next((each for each in call.context if each.ours), None)
         if pdu is not None and first is not None:
             if call.limit:
@@ -263,6 +245,8 @@ class RecordCalls:
     # Responses
 
     def _answered(self, call: RpcCall, pdu: rpc.Pdu) -> None:
+        if pdu.source not in self._stations.known or pdu.opnum == RPC_CONNECT:
+            self._stations.message(pdu)
         if pdu.opnum not in OPERATIONS:
             self._goes_on(pdu)
             if call.opnum == RPC_CONNECT and call.request is not None:
@@ -286,6 +270,7 @@ class RecordCalls:
             self._events.answered(record, pdu.cut)
 
     def _unasked(self, pdu: rpc.Pdu, *, certain: bool) -> None:
+        self._stations.message(pdu)
         if pdu.opnum not in OPERATIONS:
             self._goes_on(pdu)
             self._connection(pdu)
@@ -309,6 +294,7 @@ class RecordCalls:
             self._events.unasked(record, pdu.cut)
 
     def _twice(self, call: RpcCall, pdu: rpc.Pdu) -> None:
+        self._stations.message(pdu)
         args = {
             "operation": OPERATIONS.get(pdu.opnum, "?"),
             "first": call.answer,

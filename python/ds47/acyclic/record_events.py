@@ -38,9 +38,8 @@ class RecordEvents:
         self._codec = codec
         self._told = told
         self._happens: dict[str, Callable[[Any, Any], object]] = {
-            "write_asked": self._write_asked, "write_answered": self._write_answered,
+            "asked": self._asked, "answered": self._answered,
             "write_failed": self._write_failed, "write_unasked": lambda record, _: pairing.write_unasked(record),
-            "read_asked": self._read_asked, "read_answered": self._read,
             "read_over": lambda record, _: pairing.read_over(record),
             "read_lost": lambda record, _: pairing.read_lost(record), "read_asked_late": pairing.read_asked_late,
             "answered_twice": _answered_twice,
@@ -52,8 +51,8 @@ class RecordEvents:
         """By the name of a limit (spec/limits.toml): where the first of what it pushed out began, and how much."""
         self.concerned = index47.concerned
         """The indices of which a record can be ours at all."""
-        self.newest_ns: int | None = None
-        """The time of the newest frame of a call that is ours,"""
+        self.newest_ns = 0
+        """The time of the newest frame of a call that is ours; 0 where none came,"""
         self.newest_frame = 0
         """and its number."""
         self.requests: Counter[tuple[int, bool]] = Counter()
@@ -91,18 +90,13 @@ class RecordEvents:
             self._length(record, half, cut)
         if record.write:
             message = shared_request(half.data, self._codec, cut=half.cut)
-        if index47.passes(record.relation, record.index):
+        if record.index in index47.always or index47.passes(record.relation, record.index):
             record.proven = True
-            if message is None:
-                self._read_asked(record, half)
-            else:
-                self._write_asked(record, message)
+            self._asked(record, message)
             return
-        if message is None:
-            self.pass_on(record, "read_asked", half)
-        else:
-            asks = index47.asks(record.peer.device, record.place, message)
-            self.pass_on(record, "write_asked", message, asks=asks)
+        asks = message is not None and index47.asks(record.peer.device, record.place, message)
+        self.pass_on(record, "asked", message, asks=asks)
+        if message is not None:
             index47.asked(record.relation, record.place, message, half.data)
         index47.heard(record.relation, half.frame, asks=True)
 
@@ -113,14 +107,9 @@ class RecordEvents:
         if (half.missing and not write) or (half.cut and half.untold):
             self._length(record, half, cut)
         if record.proven:
-            if write:
-                self._write_answered(record, half)
-            else:
-                self._read(record, half)
-        elif write:
-            self.pass_on(record, "write_answered", half)
+            self._answered(record, half)
         else:
-            self.pass_on(record, "read_answered", half, proves=self._proves(record, half))
+            self.pass_on(record, "answered", half, proves=not write and self._proves(record, half))
 
     def unasked(self, record: Record, cut: Cut | None) -> None:
         """A response without its request."""
@@ -153,18 +142,26 @@ class RecordEvents:
 
     # What happens once it is ours
 
-    def _read_asked(self, record: Record, half: Half) -> None:
-        self._clock(record, half)
-        self._pairing.read_request(record)
+    def _asked(self, record: Record, message: Request | None) -> None:
+        half = record.request
+        assert half is not None
+        if half.frame < self.newest_frame or half.time_ns < self.newest_ns:
+            self._back(record, half)
+        else:
+            self.newest_ns, self.newest_frame = half.time_ns, half.frame
+        if message is None:
+            self._pairing.read_request(record)
+        else:
+            record.job = self._pairing.write_request(record, message)
 
-    def _write_asked(self, record: Record, message: Request) -> None:
-        assert record.request is not None
-        self._clock(record, record.request)
-        record.job = self._pairing.write_request(record, message)
-
-    def _write_answered(self, record: Record, half: Half) -> None:
-        self._clock(record, half)
-        if record.job is not None:
+    def _answered(self, record: Record, half: Half) -> None:
+        if half.frame < self.newest_frame or half.time_ns < self.newest_ns:
+            self._back(record, half)
+        else:
+            self.newest_ns, self.newest_frame = half.time_ns, half.frame
+        if not record.write:
+            self._read(record, half)
+        elif record.job is not None:
             self._pairing.write_response(record.job, half)
 
     def _write_failed(self, record: Record, half: Half) -> None:
@@ -172,7 +169,6 @@ class RecordEvents:
             self._pairing.write_response(record.job, half, fault=True)
 
     def _read(self, record: Record, half: Half) -> None:
-        self._clock(record, half)
         if half.cut and half.untold:
             self._pairing.read_untold(record)
             return
@@ -227,12 +223,13 @@ class RecordEvents:
             remark = Remark("DS202", half.frame, args)
         self.pass_on(record, "remark", remark)
 
-    def _clock(self, record: Record, half: Half) -> None:
-        newest, before = self.newest_ns, self.newest_frame
-        if half.frame < before:  # that of an AR that proved itself late
+    def _back(self, record: Record, half: Half) -> None:
+        """A frame, or its time, lies before the newest one."""
+        if half.frame < self.newest_frame:  # that of an AR that proved itself late
             return
-        if newest is not None and half.time_ns < newest:
-            args = {"milliseconds": (newest - half.time_ns) / 1e6, "first": before}
+        if self.newest_frame:
+            back = (self.newest_ns - half.time_ns) / 1e6
+            args = {"milliseconds": back, "first": self.newest_frame}
             self._remark(record, Remark("DS107", half.frame, args))
         self.newest_ns, self.newest_frame = half.time_ns, half.frame
 

@@ -5,6 +5,7 @@ States and parameters follow docs/pairing.md; findings are the business of `judg
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from functools import lru_cache
 from itertools import zip_longest
@@ -34,7 +35,7 @@ def build(job: Job) -> Transaction:
     answer = (read.data or None) if read else None
     took = read.time_ns - write.time_ns if answer and read and write else None
     accepted, asked = job.write_response, job.read_request
-    refused = job.write_fault or bool(accepted and accepted.status) or bool(read and read.status)
+    refused = job.write_refused or bool(read and read.status)
     parameters_ = _parameters(job, refused)
     for item, meaning in zip(parameters_, job.meanings, strict=False):
         if meaning is not None and item.pnu is not None:
@@ -185,7 +186,10 @@ def _pairs(reads: list[tuple[Half | None, Half]]) -> list[Read]:
     return [Read(request.frame if request else None, answer.frame) for request, answer in reads]
 
 
-def summarise(summary: dict[str, int], state: str, operation: str) -> None:
-    """Counts a transaction: in all, by state and by operation."""
-    for key in ("transactions", state, operation):
-        summary[key] = summary.get(key, 0) + 1
+def summarise(ended: Counter[tuple[str, str]]) -> dict[str, int]:
+    """How many transactions there are in all, by state and by operation, from how many there are of each pair."""
+    summary = {"transactions": ended.total()}
+    for pair, number in ended.items():
+        for key in pair:
+            summary[key] = summary.get(key, 0) + number
+    return summary

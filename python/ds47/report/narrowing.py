@@ -6,6 +6,7 @@ is left out still proves what is what (`CaptureResult.entire`), and the result s
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
@@ -67,10 +68,7 @@ def narrowed_words(result: CaptureResult) -> Both:
 
 
 def _summary(transactions: Iterable[Transaction]) -> dict[str, int]:
-    counts = {"transactions": 0}
-    for each in transactions:
-        summarise(counts, each.state, each.operation)
-    return counts
+    return summarise(Counter((each.state, each.operation) for each in transactions))
 
 
 def _diagnoses(

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import tempfile
 from array import array
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import replace
@@ -212,10 +213,9 @@ def _joined(
     about: dict[int | None, set[str]] = {}
     for finding in (*findings, *own):
         about.setdefault(finding.transaction, set()).add(finding.rule)
-    summary = {"transactions": 0}
     for number, each in enumerate(ordered, 1):
         each.id, each.findings = number, sorted(about.get(number, ()))
-        summarise(summary, each.state, each.operation)
+    summary = summarise(Counter((each.state, each.operation) for each in ordered))
     # Equal results are equal texts: the native one counts in the order in which they end.
     summary = {key: summary[key] for key in native.summary if key in summary} | summary
     found = sorted(findings + own, key=_order)
