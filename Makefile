@@ -201,15 +201,12 @@ $(RUN): FORCE
 endif
 
 # What the command needs; then, for the tests and tools, all the rest.
-# Of bokeh only the JavaScript is taken, so it comes alone, without what its Python needs.
-$(RUN): constraints-run.txt constraints.txt pyproject.toml
+$(RUN): constraints-run.txt pyproject.toml
 	@echo "Setting up $(VENV) (once, some ten seconds) ..." >&2
 	@tools/check-python.sh "$(PYTHON)"
 	@rm -f $(RUN) $(STAMP)
 	@"$(PYTHON)" -m venv --clear $(VENV)
 	@$(BIN)/python -m pip install --quiet --require-hashes -r constraints-run.txt
-	@awk '/^[a-z]/ { wanted = /^bokeh==/ } wanted' constraints.txt > $(VENV)/plots.txt
-	@$(BIN)/python -m pip install --quiet --require-hashes --no-deps -r $(VENV)/plots.txt
 	@$(BIN)/python -m pip install --quiet --no-index --no-deps --no-build-isolation --editable .
 	@printf '%s\n' "$(CURDIR)" > $(RUN)
 

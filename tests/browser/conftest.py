@@ -23,8 +23,6 @@ def one_browser():
 
     if find_spec("selenium") is None:
         _missing("selenium")
-    if find_spec("bokeh") is None:
-        _missing("bokeh")
     if programs() is None:
         _missing("chromium or chromedriver")
     with Browser() as browser:

@@ -12,8 +12,7 @@ from ds47.cli import main
 CAPTURE = Path(__file__).parents[2] / "captures" / "real-stacks" / "o1_profinetpy062_be.pcapng"
 PLOTS = (
     "const plots = [...document.querySelectorAll('[data-difference] .canvas')];"
-    "return plots.length === 3 && plots.every((each) => each.firstElementChild"
-    " && each.firstElementChild.shadowRoot)"
+    "return plots.length === 3 && plots.every((each) => each.querySelector('svg'))"
 )
 
 

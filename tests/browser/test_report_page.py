@@ -48,10 +48,10 @@ def test_the_first_screen_needs_no_script(browser, tour):
     try:
         browser.driver.get("about:blank")
         browser.driver.get(tour.as_uri())
-        text = browser.one("main").text
+        verdict, text = browser.one("h1").text, browser.one("main").text
     finally:
         browser.command("Emulation.setScriptExecutionDisabled", value=False)
-    assert text.startswith(
+    assert verdict.startswith(
         "NOT OK: 192.168.133.2 writes while its own request is open; 3 more causes"
     )
     assert "No change access while the controller is enabled" in text
@@ -102,8 +102,8 @@ def test_a_job_opens_to_its_frames_with_bytes_beside_their_meaning(browser, tour
     ]  # fmt: skip
     rows = browser.texts(f"{JOBS} .frame-card:first-of-type .bytes tbody tr")
     assert rows[4:] == [
-        "4 10 01 c3 9c 00 01 address: p50076[1], attribute value, 1 element(s)",
-        "10 08 01 format Float32, 1 value(s)",
+        "4 10 01 c3 9c 00 01 address: p50076[1], attribute value, 1 element",
+        "10 08 01 format Float32, 1 value",
         "12 42 c8 00 00 p50076[1] = 100.0",
     ]
     answer = browser.texts(f"{JOBS} .frame-card:last-of-type .bytes tbody tr.wrong")
@@ -410,7 +410,9 @@ def test_the_button_and_its_key_print_when_everything_is_there(browser, write, c
         browser.click("[data-print]")
     assert browser.wait("return window.printed") == 8
     assert browser.run(WAITING) == 0
-    assert browser.run("return Bokeh.documents.every((each) => each.is_idle)")
+    assert browser.run(
+        "return [...document.querySelectorAll('.canvas')].every((each) => each.querySelector('svg'))"
+    )
 
 
 def test_paper_holds_every_capture_and_says_which_plots_it_lacks(browser, write, captures):
@@ -418,11 +420,13 @@ def test_paper_holds_every_capture_and_says_which_plots_it_lacks(browser, write,
     page = write("paper", *(analyze(captures / name) for name in names))
     browser.driver.get("about:blank")
     browser.driver.get(page.as_uri())
-    browser.run("""addEventListener("beforeprint", () => Promise.resolve().then(() => setTimeout(() => {
-        window.onPaper = [document.querySelectorAll("details.capture-fold[open]").length,
-          document.querySelectorAll("[data-part=transactions] tr.row").length,
-          document.querySelector("#plots-2").textContent];
-      })));
+    browser.run("""addEventListener("beforeprint", () => {
+        const plots = document.querySelector("#plots-2").textContent;
+        Promise.resolve().then(() => setTimeout(() => {
+          window.onPaper = [document.querySelectorAll("details.capture-fold[open]").length,
+            document.querySelectorAll("[data-part=transactions] tr.row").length, plots];
+        }));
+      });
       window.dispatchEvent(new Event("beforeprint"))""")
     folds, jobs, plots = browser.wait("return window.onPaper")
     assert (folds, jobs) == (2, 9)
@@ -442,10 +446,55 @@ def test_a_phone_shows_it_without_scrolling_sideways(browser, tour, dark):
     assert browser.run("return document.documentElement.scrollWidth") <= 390
     wide = browser.run(
         "return [...document.querySelectorAll('main *')].filter((each) =>"
-        " !each.closest('.wide, .parts, svg, .canvas') && each.getBoundingClientRect().right > 391)"
+        " !each.closest('.wide, svg') && each.getBoundingClientRect().right > 391)"
         ".map((each) => each.outerHTML.slice(0, 80))"
     )
     assert wide == []
+
+
+def test_the_parts_are_a_menu_on_a_phone_and_stand_side_by_side_where_there_is_room(browser, tour):
+    browser.look((420, 844), touch=True)
+    browser.open(tour)
+    links = "return [...document.querySelectorAll('.parts a')].filter((each) => each.checkVisibility()).length"
+    assert browser.run(links) == 0
+    first = "return document.querySelector('.problem-list li').getBoundingClientRect().top"
+    assert browser.run(first) < 844 * 0.65, "the first problem is seen without scrolling"
+    browser.click(".parts summary")
+    assert browser.run(links) == 5
+    outside = (
+        "return [...document.querySelectorAll('.parts a')]"
+        ".filter((each) => each.getBoundingClientRect().right > 420).length"
+    )
+    assert browser.run(outside) == 0
+    browser.click(".parts a[href='#transactions-1']")
+    assert browser.run(links) == 0, "the menu closes behind who chose"
+    top = "return document.querySelector('#transactions-1').getBoundingClientRect().top"
+    assert 40 < browser.run(top) < 80, "below the menu"
+    browser.look()
+    assert browser.wait(links) == 5
+
+
+def test_what_is_short_in_a_table_stands_in_one_line(browser, tour):
+    browser.look((1400, 900))
+    browser.open(tour)
+    heights = (
+        "return [...document.querySelectorAll('[data-part=trail] tr.row td:nth-child(5)')].map((each) => {"
+        " const range = document.createRange(); range.selectNodeContents(each);"
+        " return range.getClientRects().length; })"
+    )
+    assert browser.run(heights) == [1, 1, 1, 1]
+    wider = (
+        "return [...document.querySelectorAll('.wide')]"
+        ".filter((each) => each.scrollWidth > each.clientWidth).length"
+    )
+    assert browser.run(wider) == 0
+
+
+def test_a_sentence_about_a_state_breaks(browser, write, captures):
+    browser.look((420, 844), touch=True)
+    browser.open(write("state", analyze(captures / "cyclic-changed-after-off1.pcapng")))
+    assert browser.all(".problem-list .state")
+    assert browser.run("return document.documentElement.scrollWidth") <= 420
 
 
 def test_a_difference_on_a_phone_breaks_no_number(browser, captures, tmp_path):

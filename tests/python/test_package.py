@@ -65,7 +65,7 @@ def test_every_dependency_is_in_the_constraints(repository: Path) -> None:
 def test_hints_install_what_the_extras_have(repository: Path) -> None:
     extras = tomllib.loads(_read(repository, "pyproject.toml"))["project"]["optional-dependencies"]
     name = re.compile(r"[a-z]+")
-    for extra in ("lab", "tshark", "parquet", "plots", "cluster"):
+    for extra in ("lab", "tshark", "parquet", "cluster"):
         hint = install(extra).partition(" -m pip install ")[2]
         assert [name.match(each)[0] for each in hint.split()] == [
             name.match(each)[0] for each in extras[extra]

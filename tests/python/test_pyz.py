@@ -56,7 +56,7 @@ def test_its_page_has_plots_and_equals_that_of_the_command(run, captures, tmp_pa
             "report", "-f", "html", "-o", str(tmp_path / name), "tour-machine.pcapng", cwd=captures
         )
     assert (tmp_path / "one").read_bytes() == (tmp_path / "two").read_bytes()
-    assert b"library-0" in (tmp_path / "one").read_bytes()
+    assert b'data-part="plots"' in (tmp_path / "one").read_bytes()
 
 
 def test_processes_of_it_work_side_by_side(run, captures):

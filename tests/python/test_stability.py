@@ -51,7 +51,7 @@ def test_what_is_new_is_promised_from_now_on(surface: ModuleType, now: set[str])
     [
         ("command ds47 report --", 60), ("rule DS", 300), ("wireshark field ds47.", 250),
         ("wireshark expert ", 80), ("json report-2 ", 250), ("json table-1 ", 20), ("python ds47.Result.", 20),
-        ("python ds47.analyze(", 3), ("code states ", 8), ("pytest --ds47", 1), ("extra ", 5),
+        ("python ds47.analyze(", 3), ("code states ", 8), ("pytest --ds47", 1), ("extra ", 4),
         ("environment DS47_", 3),
     ],
 )  # fmt: skip

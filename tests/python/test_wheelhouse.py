@@ -65,7 +65,7 @@ def test_the_line_of_the_readme_installs_without_network(house, offline, capture
          str(captures / "tour-machine.pcapng")], env=environment, capture_output=True, text=True,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, "")
-    assert "library-0" in (tmp_path / "page.html").read_text("utf-8")
+    assert 'data-part="plots"' in (tmp_path / "page.html").read_text("utf-8")
 
 
 def test_the_container_runs_the_same_line(house, offline, captures, tmp_path):

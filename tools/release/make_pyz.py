@@ -3,9 +3,9 @@
 
     python tools/release/make_pyz.py [FOLDER]        (make pyz)
 
-In it are ds47 without compiled parts, the Wireshark plugin, the JavaScript of the plots, and the libraries
-that are pure Python. Equal sources give equal bytes. What needs a compiled library (Parquet, zstd before
-Python 3.14) is found where the Python that runs the file has it.
+In it are ds47 without compiled parts, the Wireshark plugin, and the libraries that are pure Python. Equal sources
+give equal bytes. What needs a compiled library (Parquet, zstd before Python 3.14) is found where the Python that
+runs the file has it.
 """
 
 from __future__ import annotations
@@ -17,10 +17,8 @@ from pathlib import Path
 
 import pins
 
-LIBRARIES = ("click", "jinja2", "markupsafe", "openpyxl", "et-xmlfile", "tzdata", "bokeh")
+LIBRARIES = ("click", "jinja2", "markupsafe", "openpyxl", "et-xmlfile", "tzdata")
 COMPILED = (".so", ".pyd", ".dll", ".c", ".pyi")
-SCRIPTS = ("bokeh.min.js", "bokeh-api.min.js")
-"""Of bokeh the page takes these two, and nothing runs its Python."""
 LONG_AGO = (1980, 1, 1, 0, 0, 0)
 
 MAIN = '''\
@@ -45,9 +43,6 @@ def wanted(name: str) -> bool:
     """Whether a file of a wheel belongs into the archive."""
     if name.endswith(COMPILED) or ".data/" in name:  # manual pages
         return False
-    if name.startswith("bokeh"):
-        in_use = name.endswith(SCRIPTS) and "/js/" in name
-        return in_use or name == "bokeh/__init__.py" or ".dist-info/" in name
     return not name.endswith("/RECORD")
 
 

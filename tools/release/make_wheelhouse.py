@@ -19,8 +19,7 @@ import make_pyz
 import pins
 
 SOURCES = Path(__file__).resolve().parent
-PURE = ("click", "jinja2", "openpyxl", "et-xmlfile", "tzdata", "bokeh")
-"""Of bokeh pages take the JavaScript; nothing that its Python needs is there, and nothing runs that."""
+PURE = ("click", "jinja2", "openpyxl", "et-xmlfile", "tzdata")
 COMPILED = {"markupsafe": (11, 12, 13, 14), "backports-zstd": (11, 12, 13)}
 """With the Pythons (3.n) that want them."""
 SYSTEMS = {

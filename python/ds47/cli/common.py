@@ -149,16 +149,6 @@ def warn(text: str) -> None:
     click.echo(f"ds47: {escape(text)}", err=True)
 
 
-def tell_no_plots(lang: str) -> None:
-    """If the library for plots is missing, says so on stderr, and how to install it for this Python."""
-    from ds47.report.bilingual import say
-    from ds47.report.html import plots
-    from ds47.spec.extras import install
-
-    if plots.library() is None:
-        warn(say("no_plots", command=install("plots")).text(lang))
-
-
 class Misses:
     """Says on stderr what could not be read; true after the first line."""
 

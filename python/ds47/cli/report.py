@@ -19,7 +19,7 @@ from ds47.batch.memory import collect_rarely
 from ds47.batch.settings import heading_for
 from ds47.capture import CaptureError
 from ds47.capture.names import STDIN
-from ds47.cli.common import color, columns_of, output, stdout, tell_no_plots, warn, width_option
+from ds47.cli.common import color, columns_of, output, stdout, warn, width_option
 from ds47.cli.execution import Execution
 from ds47.cli.helping import Helped
 from ds47.cli.options import (
@@ -215,8 +215,6 @@ def command(
                 run.missing(text)
             execution.run(run, found, todo, results, writer)
         writer.close()
-    if name == "html":
-        tell_no_plots(lang)
     if shown_page:
         stdout().write(say("page_written", path=output_name).text(lang) + "\n")
     if opens:

@@ -14,13 +14,14 @@ from ds47.regression.conclusions import Conclusion, conclusions
 from ds47.regression.difference import Difference
 from ds47.regression.points import durations, elements
 from ds47.report.bilingual import say, state
-from ds47.report.html import plots, shell
+from ds47.report.html import shell
 
 SCRIPTS = (
     "base",
     "clock",
     "data",
     "table",
+    "chart",
     "plots",
     "plot_marks",
     "difference",
@@ -42,9 +43,8 @@ def page(found: Difference, lang: str = "en", *, everything: bool = False) -> st
     templates = shell.environment()
     otherwise = conclusions(found)
     plotted = {"durations": durations(found), "elements": _elements(found, otherwise)}
-    library = plots.library() if any(plotted.values()) else None
     known = {
-        **shell.known(templates, lang, SCRIPTS, library),
+        **shell.known(templates, lang, SCRIPTS),
         "found": found,
         "everything": everything,
         "verdict": words.verdict(found),

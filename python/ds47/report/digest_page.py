@@ -22,7 +22,7 @@ class Writer(Digests):
     def close(self) -> None:
         templates = shell.environment()
         known = {
-            **shell.known(templates, self.options.lang, _SCRIPTS, None),
+            **shell.known(templates, self.options.lang, _SCRIPTS),
             "heading": self.options.heading or Heading(),
             "all": self,
             "called": shell.names(self.paths),

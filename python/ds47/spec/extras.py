@@ -11,7 +11,6 @@ _PACKAGES = {
     "lab": "scapy",
     "tshark": "pyshark~=0.6.0",
     "parquet": "pyarrow",
-    "plots": "bokeh",
     "cluster": "dask distributed fsspec",
     "urls": "fsspec",
     "pandas": "pandas",

@@ -15,7 +15,7 @@ from ds47.report import ReportOptions, write_all
 from ds47.report import Writer as _Writer
 from ds47.report.clock import Clock
 from ds47.report.heading import Heading
-from ds47.report.html import plots, shell
+from ds47.report.html import shell
 from ds47.report.html.texts import say
 from ds47.report.html.views import (
     CaptureView,
@@ -51,6 +51,7 @@ SCRIPTS = (
     "parameters",
     "trail",
     "overview",
+    "chart",
     "plots",
     "plot_marks",
     "cursor",
@@ -100,11 +101,10 @@ def page(
 ) -> str:  # fmt: skip
     """The whole page as text."""
     templates = shell.environment()
-    library = plots.library() if any(view.plots for view in views) else None
     called = shell.names([each.path for each in overview])
     page_of: dict[str, Any] = {
         "called": called,
-        **shell.known(templates, lang, SCRIPTS, library),
+        **shell.known(templates, lang, SCRIPTS),
         "heading": heading or Heading(),
         "zone": Clock(zone, next((each.row.start_ns for each in overview), None)).zone_name,
         "times_of": partial(times_of, zone=zone),

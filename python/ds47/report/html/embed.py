@@ -9,7 +9,6 @@ import base64
 import gzip
 import hashlib
 import json
-from collections.abc import Iterable
 
 from markupsafe import Markup
 
@@ -44,14 +43,9 @@ def data_element(name: str, item: object) -> Markup:
     """A script element that holds data: plain where it is short, else packed."""
     text = _dumps(item)
     if len(text) >= PACK_FROM:
-        return packed_element(name, text)
+        start = Markup('<script type="application/gzip" id="{}">').format(name)
+        return start + packed(text) + _END
     return Markup('<script type="application/json" id="{}">').format(name) + as_json(item) + _END
-
-
-def packed_element(name: str, text: str) -> Markup:
-    """A script element that holds a packed text."""
-    start = Markup('<script type="application/gzip" id="{}">').format(name)
-    return start + packed(text) + _END
 
 
 _END = Markup("</script>\n")
@@ -71,11 +65,10 @@ def safe_style(source: str) -> Markup:
     return Markup(source)  # our own file
 
 
-def policy(scripts: Iterable[str]) -> str:
-    """The content security policy: nothing is loaded, and only these scripts run."""
-    hashes = " ".join(f"'sha256-{_digest(source)}'" for source in scripts)
+def policy(script: str) -> str:
+    """The content security policy: nothing is loaded, and only this script runs."""
     return (
-        f"default-src 'none'; script-src {hashes}; style-src 'unsafe-inline'; "
+        f"default-src 'none'; script-src 'sha256-{_digest(script)}'; style-src 'unsafe-inline'; "
         "img-src data:; font-src data:; base-uri 'none'; form-action 'none'"
     )
 

@@ -13,7 +13,6 @@ from typing import Any
 
 from ds47.report.formatting import count, duration, escape
 from ds47.report.html import embed
-from ds47.report.html.plots import Library
 from ds47.report.html.texts import PageWords
 from ds47.version import __version__
 
@@ -36,16 +35,13 @@ def environment() -> Any:
     return found
 
 
-def known(
-    templates: Any, lang: str, scripts: Sequence[str], library: Library | None
-) -> dict[str, Any]:
+def known(templates: Any, lang: str, scripts: Sequence[str]) -> dict[str, Any]:
     """The names that a template of a whole page has.
 
     Args:
         templates: the environment.
         lang: "en" or "zh", the language that shows first.
         scripts: the files of templates/report/ that make the one script of the page, in this order.
-        library: that of the plots, None without.
     """
     words = PageWords(lang)
     script = _script(templates, scripts)
@@ -58,8 +54,7 @@ def known(
         "label_of": words.attribute,
         "style": embed.safe_style(_source(templates, "page.css")),
         "script": embed.safe_script(script),
-        "policy": embed.policy([script, *(library.scripts if library else ())]),
-        "library": library,
+        "policy": embed.policy(script),
         "words": embed.as_json(words.for_script()),
         "data_element": embed.data_element,
     }

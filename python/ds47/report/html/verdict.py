@@ -36,10 +36,11 @@ def quality(result: CaptureResult) -> list[VerdictLine]:
 
 
 def _complete(result: CaptureResult) -> VerdictLine:
+    frames = say("frames", n=result.frames)
     if result.complete:
-        return VerdictLine("good", say("complete", frames=result.frames))
+        return VerdictLine("good", say("complete", frames=frames))
     problem = Both.same(escape(result.problem)) if result.problem else say("ends_early")
-    return VerdictLine("bad", say("incomplete", problem=problem, frames=result.frames))
+    return VerdictLine("bad", say("incomplete", problem=problem, frames=frames))
 
 
 def _series(result: CaptureResult) -> Iterator[VerdictLine]:
@@ -79,7 +80,9 @@ def _directions(result: CaptureResult) -> VerdictLine:
     missing = result.rpc.get("unanswered", 0)
     if missing:
         return VerdictLine("warn", say("some_unanswered", n=missing, asked=asked))
-    return VerdictLine("good", say("both_directions", n=asked, answered=answered))
+    return VerdictLine(
+        "good", say("both_directions", n=asked, answered=say("responses_some", n=answered))
+    )
 
 
 def _answers(station: BusStation) -> bool:
@@ -95,7 +98,7 @@ def _line(bus: Bus, result: CaptureResult) -> Iterator[VerdictLine]:
     if requests and not any(_answers(each) for each in asked):
         yield VerdictLine("bad", say("bus_only_requests", n=requests))
     elif silent:
-        yield VerdictLine("warn", say("bus_some_unanswered", n=requests, missing=silent))
+        yield VerdictLine("warn", say("bus_some_unanswered", n=silent, of=requests))
     elif requests:
         yield VerdictLine("good", say("bus_answered", n=requests))
     missing = sum(None in (each.parameters, each.configuration) for each in asked)

@@ -30,10 +30,10 @@ function language() {
   return root.lang === "zh" ? "zh" : "en";
 }
 
-/** A text of the page in its present language, with values filled in. */
+/** A text of the page in its present language, with values filled in; `n` also chooses between `one|several`. */
 function say(key, values = {}) {
-  const text = allWords[language()][key] ?? key;
-  return text.replace(/\{(\w+)\}/g, (all, name) => (name in values ? String(values[name]) : all));
+  const [one, several = one] = (allWords[language()][key] ?? key).split("|");
+  return (String(values.n) === "1" ? one : several).replace(/\{(\w+)\}/g, (all, name) => (name in values ? String(values[name]) : all));
 }
 
 /** The name of a state of a transaction, that of every report. */

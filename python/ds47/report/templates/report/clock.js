@@ -1,6 +1,8 @@
 // Times of a capture as every report says them (ds47.report.clock): time of day in the zone of the report, and seconds
 // since the first frame. Both are cut to milliseconds. The zone of who reads the page plays no part.
 
+const DAY = 86400;
+
 class Clock {
   /** told: what html/views/times.py says of the first frame and the zone. */
   constructor(told) {
@@ -17,6 +19,12 @@ class Clock {
     const minutes = Math.floor(Math.abs(ahead) / 60);
     const two = (number) => String(number).padStart(2, "0");
     return [time, date, `${ahead < 0 ? "-" : "+"}${two(Math.floor(minutes / 60))}:${two(minutes % 60)}`];
+  }
+
+  /** Seconds that the day of the first frame had by then. */
+  secondOfDay() {
+    const [, ahead] = this.ahead.findLast(([from]) => from <= 0) || this.ahead[0];
+    return (((this.ms / 1000 + this.ns / 1e9 + ahead) % DAY) + DAY) % DAY;
   }
 
   /** `12:14:03.412`, with its date and offset where these are needed; empty where no time of day is known. */

@@ -9,9 +9,7 @@ class DifferencePlots extends Plots {
   }
 
   async draw() {
-    this.bokeh = await plotLibrary();
     this.place.replaceChildren();
-    this.views = [];
     const { durations, elements } = this.data;
     if (durations.length) {
       const name = ({ device, operation }) => `${device} ${operationName(operation)}`;
@@ -21,13 +19,12 @@ class DifferencePlots extends Plots {
     if (elements.length) {
       this.chosen("diff_plot_value", "plot_pick", elements, ({ label }) => label, (each, parts) => this.overTime(each, parts, each.name + (each.unit ? ` (${each.unit})` : "")));
     }
-    await this.painted();
   }
 
   /** A plot of one of several things, and the choice of it. */
   chosen(words, choice, all, name, draw) {
     const options = all.map((each, number) => el("option", { value: number }, name(each)));
-    const change = (event) => { parts.canvas.replaceChildren(); draw(all[Number(event.target.value)], parts); };
+    const change = (event) => draw(all[Number(event.target.value)], parts);
     const select = el("select", { "aria-label": say(choice), onchange: change }, options);
     const [canvas, about] = this.frame(words, "", { controls: [el("label", {}, `${say(choice)} `, select)] });
     const parts = { canvas, about, words };
@@ -35,41 +32,38 @@ class DifferencePlots extends Plots {
   }
 
   overTime(series, parts, axis) {
-    const worst = Math.max(...SIDES.flatMap(([side]) => series[side].map(([, y]) => y)));
-    const least = Math.min(...SIDES.flatMap(([side]) => series[side].map(([, y]) => y)));
-    const log = series.operation && least > 0 && worst / least > 100;
-    const figure = this.figure(say("diff_plot_seconds"), axis, log ? { y_axis_type: "log" } : {});
-    for (const [side, name, color, marker] of SIDES) {
+    const points = SIDES.flatMap(([side]) => series[side]);
+    const [first, last] = span(points.map(([x]) => x));
+    const [least, worst] = span(points.map(([, y]) => y));
+    const log = Boolean(series.operation) && least > 0 && worst / least > 100;
+    const range = log ? [least / 1.3, worst * 1.3] : [least - room(least, worst), worst + room(least, worst)];
+    const chart = new Chart({ label: say("diff_plot_seconds"), range: [first - room(first, last) / 4, last + room(first, last) / 4] }, { label: axis, range, log });
+    for (const [side, name, color, mark] of SIDES) {
       if (!series[side].length) continue;
-      const source = this.source({ x: series[side].map(([x]) => x), y: series[side].map(([, y]) => y) });
-      if (!series.operation) figure.step({ field: "x" }, { field: "y" }, "after", { source, line_color: COLOR[color], line_alpha: 0.5 });
-      const marks = figure.scatter({ field: "x" }, { field: "y" }, { source, marker, size: 7, fill_color: COLOR[color], line_color: COLOR[color], fill_alpha: 0.6, legend_label: name });
-      this.hover(figure, [marks], [[name, "@y"], ["s", "@x{0.000}"]]);
+      const items = series[side].map(([x, y]) => ({ x, y }));
+      if (!series.operation) chart.add("steps", items, { color: COLOR[color] });
+      chart.add("marks", items, { color: COLOR[color], filled: 0.6, mark, words: name, tell: ({ x, y }) => [[name, tidy(y)], ["s", x.toFixed(3)]] });
     }
     this.tell(parts, series);
-    this.legend(figure);
-    this.show(figure, parts.canvas);
+    chart.show(parts.canvas);
   }
 
   /** How many of 100 transactions are done within how long. */
   share(series, parts) {
-    const all = SIDES.flatMap(([side]) => series[side].map(([, y]) => y)).filter((y) => y > 0);
-    const log = all.length > 0 && Math.max(...all) / Math.min(...all) > 20;
-    const figure = this.figure(say("plot_milliseconds"), say("diff_plot_percent"), log ? { x_axis_type: "log" } : {});
+    const [least, most] = span(SIDES.flatMap(([side]) => series[side].map(([, y]) => y)).filter((y) => y > 0));
+    const log = most / least > WIDE;
+    const chart = new Chart({ label: say("plot_milliseconds"), range: [log ? least / 1.3 : 0, log ? most * 1.3 : Math.max(most, 0.001) * 1.08], log }, { label: say("diff_plot_percent"), range: [0, 104] });
     for (const [side, name, color] of SIDES) {
       const sorted = series[side].map(([, y]) => y).sort((a, b) => a - b);
-      if (!sorted.length) continue;
-      const source = this.source({ x: sorted, y: sorted.map((_, place) => ((place + 1) * 100) / sorted.length) });
-      const line = figure.step({ field: "x" }, { field: "y" }, "after", { source, line_color: COLOR[color], line_width: 2, legend_label: name });
-      this.hover(figure, [line], [[name, "@y{0} %"], ["ms", "@x{0.000}"]]);
+      const steps = sorted.map((x, at) => ({ x, y: ((at + 1) * 100) / sorted.length }));
+      if (steps.length) chart.add("steps", steps, { color: COLOR[color], width: 2, words: name, tell: ({ x, y }) => [[name, `${y.toFixed(0)} %`], ["ms", x.toFixed(3)]] });
     }
     this.tell(parts, series);
-    this.legend(figure);
-    this.show(figure, parts.canvas);
+    chart.show(parts.canvas);
   }
 
   tell({ about, canvas, words }, series) {
-    about.textContent = say("diff_plot_counts", { a: grouped(series.a.length), b: grouped(series.b.length) });
+    about.textContent = say("diff_plot_counts", { a: say("points", { n: grouped(series.a.length) }), b: say("points", { n: grouped(series.b.length) }) });
     canvas.setAttribute("aria-label", `${say(words)}: ${about.textContent}`);
   }
 }

@@ -52,7 +52,7 @@ class Parts {
       const item = this.parameters[number]?.pnu === null ? null : this.parameters[number]; // whose it is is not known
       this.take(6, say("address", {
         text: item ? item.text : this.capture.spelling(this.byte(this.at + 2) * 256 + this.byte(this.at + 3)),
-        attribute: item && item.attribute ? item.attribute : `0x${hex2(this.byte(this.at))}`, count: this.byte(this.at + 1),
+        attribute: item && item.attribute ? item.attribute : `0x${hex2(this.byte(this.at))}`, n: this.byte(this.at + 1),
       }));
     }
     if (known === "id_change") for (let number = 0; number < count && this.block(number); number += 1);
@@ -79,7 +79,7 @@ class Parts {
     }
     const size = item && item.format ? this.capture.sizes[item.format] : undefined;
     if (!size) return false;
-    this.take(2, say("format", { text: item.format, count }));
+    this.take(2, say("format", { text: item.format, n: count }));
     const length = size * count;
     if (!this.has(length)) return false;
     this.take(length, say("values", { address: item.text, text: this.capture.valuesText(item) }));
@@ -88,7 +88,7 @@ class Parts {
   }
 
   errorBlock(item, count) {
-    this.take(2, say("format_error", { count }), true);
+    this.take(2, say("format_error", { n: count }), true);
     const text = item && item.error ? this.capture.errorText(item.error).replace(/ \(0x\w+\)$/, "") : "";
     if (count >= 1 && this.has(2)) {
       this.take(2, say("error_number", { hex: hexNumber(this.byte(this.at) * 256 + this.byte(this.at + 1)), text }), true);

@@ -133,6 +133,14 @@ function follow(hash) {
   return Promise.resolve(Boolean(target));
 }
 
+/** The list of parts is a menu on a phone, and always open where there is room. */
+const narrow = matchMedia("(max-width: 44rem)");
+function foldParts() {
+  for (const menu of document.querySelectorAll(".parts")) menu.open = !narrow.matches;
+}
+narrow.addEventListener("change", foldParts);
+foldParts();
+
 const folded = [];
 let onPaper = false;
 
@@ -179,6 +187,7 @@ document.addEventListener("click", (event) => {
   if (target.matches("a")) {
     event.preventDefault();
     history.replaceState(null, "", target.getAttribute("href"));
+    if (target.closest(".parts")) foldParts();
     follow(target.getAttribute("href"));
   } else if (target.dataset.lang) setLanguage(target.dataset.lang);
   else if ("themeButton" in target.dataset) nextTheme();

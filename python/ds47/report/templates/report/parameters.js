@@ -32,7 +32,7 @@ function parameterTable(place, capture) {
   return new Table(place, {
     id: `p${capture.number}`, name: "col_parameter", rows, key: (row) => row.number,
     columns: [
-      { key: "drive", words: "col_device", class: "keep", value: (row) => drive(row), text: (row) => drive(row) },
+      { key: "drive", words: "col_device", value: (row) => drive(row), text: (row) => drive(row) },
       { key: "parameter", words: "col_parameter", class: "mono", value: (row) => row.pnu * 65536 + row.subindex, cell: (row) => el("div", {}, capture.element(row.pnu, row.subindex), trail(row)) },
       { key: "name", words: "col_name", value: name, text: name },
       count("reads", "col_reads"), count("accepted", "col_accepted"),

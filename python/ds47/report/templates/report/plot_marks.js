@@ -1,32 +1,4 @@
-// What several plots have: the key above a plot, percentiles, groups. What is plotted is in plots.js.
-
-const SIGNS = { circle: "●", diamond: "◆", triangle: "▲", inverted_triangle: "▼", square: "■", hex: "⬢", star: "★", x: "✕" };
-
-/** The key of a figure: a button for each of its words, which hides and shows what it names. */
-function plotKey(figure) {
-  const legend = [figure.legend].flat()[0];
-  const items = legend ? legend.items : [];
-  return el("div", { class: "keys" }, items.map((item) => {
-    const [sign, color] = signOf(item.renderers[0]);
-    const mark = el("span", { class: "sign", "aria-hidden": "true" }, sign);
-    mark.style.color = color;
-    const toggle = ({ currentTarget }) => {
-      const visible = currentTarget.getAttribute("aria-pressed") !== "true";
-      currentTarget.setAttribute("aria-pressed", String(visible));
-      for (const renderer of item.renderers) renderer.visible = visible;
-    };
-    return el("button", { type: "button", "aria-pressed": "true", onclick: toggle }, mark, " ", item.label.value);
-  }));
-}
-
-/** How a renderer looks in text: its sign and its colour. */
-function signOf({ glyph }) {
-  const color = ({ value }) => value;
-  if (glyph.marker) return glyph.fill_color.value === null ? ["○", color(glyph.line_color)] : [SIGNS[glyph.marker.value], color(glyph.fill_color)];
-  if (glyph.type.startsWith("VSpan")) return ["┃", color(glyph.line_color)];
-  if (glyph.fill_color) return ["■", color(glyph.fill_color)];
-  return [{ dashed: "╌", dotted: "┈" }[glyph.line_dash?.value ?? glyph.line_dash] ?? "━", color(glyph.line_color)];
-}
+// What several plots have: percentiles, groups, axes of numbers of something. What is plotted is in plots.js.
 
 /** The nearest-rank percentile of sorted numbers: always one that was measured. */
 function nearestRank(sorted, percent) {
@@ -80,4 +52,9 @@ function span(numbers) {
 /** What is free above and below values on a plot. */
 function room(low, high) {
   return (high - low) * 0.08 || Math.abs(high) * 0.1 || 1;
+}
+
+/** The axis of numbers of transactions. */
+function countAxis(numbers) {
+  return { label: say("plot_jobs"), range: [0, Math.max(1, ...numbers) * 1.08], whole: true };
 }

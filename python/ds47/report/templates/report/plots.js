@@ -1,49 +1,30 @@
-// The plots of a capture. The library is unpacked when the first plot comes into view.
-//
-// Backgrounds are transparent and the colours fit light and dark, so that a change of theme, and paper, need nothing.
-// Keys, marks of findings and events of drives, which several plots have, are in plot_marks.js.
+// The plots of a capture: what is plotted, and the words with it. How a chart is drawn is in chart.js; percentiles and
+// groups are in plot_marks.js.
 
-const COLOR = { good: "#2e9e5b", bad: "#d9483b", open: "#d08a1d", read: "#2f7fd1", change: "#9a5fd0", orphan: "#9aa4ae", sent: "#d08a1d", state: "#7b8794", axis: "#7b8794", grid: "rgba(123,135,148,.28)" };
+const COLOR = { good: "#2e9e5b", bad: "#d9483b", open: "#d08a1d", read: "#2f7fd1", change: "#9a5fd0", orphan: "#9aa4ae", sent: "#d08a1d", state: "#7b8794", axis: "#7b8794" };
 const MOST_POINTS = 6000;
 const MOST_PICKED = 3000;
 const PALETTE = ["#2f7fd1", "#9a5fd0", "#1f9c94", "#c2762b", "#b0488f", "#6b7f2a", "#5b6bd6"];
 const MARKERS = ["circle", "diamond", "triangle", "square", "inverted_triangle", "hex", "star"];
 const OF_A_STRETCH = 20; // transactions of which percentiles are taken
 const STRETCHES = 60;
-const PERCENTS = [[50, "solid", "#7b8794"], [95, "dashed", "#d08a1d"], [99, "dotted", "#c2502e"]];
+const PERCENTS = [[50, null, "#7b8794"], [95, "7 4", "#d08a1d"], [99, "2 3", "#c2502e"]];
 const WIDE = 20; // from this ratio on an axis of durations is logarithmic
 const WIDE_VALUES = 1000;
 const BINS = 48;
 const LOAD_KINDS = ["good", "orphan", "open", "bad"];
-let libraryReady = null;
-
-/** The plotting library, started once. */
-function plotLibrary() {
-  libraryReady ??= (async () => {
-    for (let number = 0; document.getElementById(`library-${number}`); number += 1) {
-      const script = document.createElement("script");
-      script.textContent = await embedded(`library-${number}`);
-      document.head.append(script);
-    }
-    return window.Bokeh;
-  })();
-  return libraryReady;
-}
 
 class Plots {
   constructor(place, capture, partly) {
     Object.assign(this, { place, capture, partly });
     this.picked = null;
-    this.views = [];
   }
 
   async draw() {
-    this.bokeh = await plotLibrary();
     const { capture } = this;
     const timed = capture.rows.filter((row) => (capture.get(row, "duration") ?? -1) >= 0);
     this.place.replaceChildren();
-    this.views = [];
-    this.reach = this.ends();
+    this.time = this.timeAxis();
     if (timed.length) {
       this.distribution(timed);
       this.latency(timed);
@@ -52,63 +33,15 @@ class Plots {
     }
     this.load();
     this.value();
-    await this.painted();
   }
 
-  /** Waits, not for ever, until the library has painted what it was given: it does so in its own time. */
-  async painted() {
-    const documents = (await Promise.all(this.views)).map((view) => view.model.document);
-    for (let patience = 100; patience && documents.some((each) => each && !each.is_idle); patience -= 1) {
-      await new Promise((resolve) => setTimeout(resolve, 50));
-    }
-  }
-
-  /** An empty plot in its frame: [canvas element, figure maker]. */
+  /** An empty plot in its frame: [canvas, what is said below]. */
   frame(words, text, { controls = [] } = {}) {
     const canvas = el("div", { class: "canvas", role: "img", "aria-label": `${say(words)}: ${text}` });
     const note = this.partly ? ` ${say("plot_partly")}` : "";
     const about = el("p", { class: "dim" }, text + note);
     this.place.append(el("figure", { class: "plot" }, el("figcaption", {}, say(words)), ...controls, canvas, about));
     return [canvas, about];
-  }
-
-  figure(x, y, options = {}) {
-    const figure = this.bokeh.Plotting.figure({
-      sizing_mode: "stretch_both", tools: "pan,wheel_zoom,box_zoom,reset,save", toolbar_location: "above",
-      background_fill_color: null, border_fill_color: null, outline_line_color: null, output_backend: "canvas", ...options,
-    });
-    Object.assign(figure.toolbar, { logo: null, autohide: true }); // and so there is none on paper
-    for (const axis of [figure.xaxis, figure.yaxis]) axis.formatter = new this.bokeh.BasicTickFormatter({ power_limit_high: 7 });
-    for (const [axis, title] of [[figure.xaxis, x], [figure.yaxis, y]]) {
-      Object.assign(axis, {
-        axis_label: title, axis_label_text_color: COLOR.axis, major_label_text_color: COLOR.axis, axis_label_text_font_style: "normal",
-        axis_line_color: COLOR.axis, major_tick_line_color: COLOR.axis, minor_tick_line_color: null,
-      });
-    }
-    figure.xgrid.grid_line_color = COLOR.grid;
-    figure.ygrid.grid_line_color = COLOR.grid;
-    return figure;
-  }
-
-  /** The key stands above the canvas, as buttons: whole at any width, and each hides what it names. */
-  legend(figure) {
-    figure.legend.visible = false;
-    figure.keyed = true;
-  }
-
-  show(figure, canvas) {
-    canvas.parentElement.querySelector(".keys")?.remove();
-    if (figure.keyed) canvas.before(plotKey(figure));
-    this.views.push(this.bokeh.Plotting.show(figure, canvas));
-  }
-
-  /** When something was, for each of its points: time of day and seconds since the first frame. */
-  times(seconds) {
-    return seconds.map((each) => this.capture.clock.both(each * 1e6));
-  }
-
-  hover(figure, renderers, tooltips) {
-    figure.add_tools(new this.bokeh.HoverTool({ renderers, tooltips, visible: false }));
   }
 
   distribution(timed) {
@@ -126,25 +59,21 @@ class Plots {
       const place = (wide ? Math.log10(Math.max(value, low)) : value) - from;
       top[Math.min(count - 1, Math.floor((place / (to - from)) * count))] += 1;
     }
-    const figure = this.figure(say("plot_milliseconds"), say("plot_jobs"), wide ? { x_axis_type: "log" } : {});
-    const left = top.map((_, number) => edge(number));
-    const right = top.map((_, number) => edge(number + 1));
-    const source = this.source({ left, right, top });
-    const bars = figure.quad({ field: "left" }, { field: "right" }, { value: 0 }, { field: "top" }, { source, fill_color: COLOR.read, fill_alpha: 0.75, line_color: null });
-    this.hover(figure, [bars], [["ms", "@left{0.0} – @right{0.0}"], [say("plot_jobs"), "@top"]]);
-    this.show(figure, canvas);
+    const bars = top.map((number, at) => ({ left: edge(at), right: edge(at + 1), bottom: 0, top: number }));
+    const chart = new Chart({ label: say("plot_milliseconds"), range: [edge(0), edge(count)], log: wide }, countAxis(top));
+    const tell = (bar) => [["ms", `${bar.left.toFixed(1)} – ${bar.right.toFixed(1)}`], [say("plot_jobs"), grouped(bar.top)]];
+    chart.add("bars", bars, { color: COLOR.read, filled: 0.75, width: 0, tell });
+    chart.show(canvas);
   }
 
-  /** From when until when there is something: all plots over time have the same axis. */
-  ends() {
-    const starts = this.capture.rows.map((row) => this.capture.get(row, "start") / 1e6);
-    const [begin, end] = span([...starts, ...(this.capture.events || []).map(([us]) => us / 1e6)]);
-    return { start: begin - room(begin, end) / 4, end: end + room(begin, end) / 2 };
-  }
-
-  /** A figure whose axis is time. */
-  overTimeFigure(y, options = {}) {
-    return this.figure(say("plot_seconds"), y, { x_range: new this.bokeh.Range1d(this.reach), ...options });
+  /** Time, the same for all plots over it: from when until when there is something. */
+  timeAxis() {
+    const { clock, rows, events } = this.capture;
+    const starts = rows.map((row) => this.capture.get(row, "start") / 1e6);
+    const [begin, end] = span([...starts, ...(events || []).map(([us]) => us / 1e6)]);
+    const around = Math.max(room(begin, end), 0.01);
+    const label = clock.known ? say("plot_time_of_day", { zone: clock.parts(begin * 1e6)[2] }) : say("plot_seconds");
+    return { label, range: [begin - around / 4, end + around / 2], clock };
   }
 
   /** By what transactions are told apart: only what has several. */
@@ -176,29 +105,29 @@ class Plots {
     const [least, most] = span(positive);
     const log = most / least > WIDE;
     if (log) for (const point of points) Object.assign(point, { y: Math.max(point.y, least), value: point.y }); // a logarithm has no 0
-    const figure = this.overTimeFigure(say("plot_milliseconds"), log ? { y_axis_type: "log" } : {});
+    const range = log ? [least / 1.3, most * 1.3] : [0, (positive.length ? most : 1) * 1.08];
+    const chart = new Chart(this.time, { label: say("plot_milliseconds"), range, log });
+    const said = ({ y, value }) => [say("col_duration"), duration((value ?? y) * 1000)];
     const groups = biggest(points, ({ row }) => of(row), PALETTE.length);
     const told = [];
     for (const [place, [name, mine]] of groups.entries()) {
       const drawn = thinned(mine);
       if (drawn.length < mine.length) told.push(say("plot_thinned", { n: grouped(drawn.length), all: grouped(mine.length) }));
-      this.points(figure, drawn, PALETTE[place], name ?? say("plot_others"), MARKERS[place], "ms");
+      this.points(chart, drawn, { color: PALETTE[place], words: name ?? say("plot_others"), mark: MARKERS[place] }, said);
     }
     const size = stretch(points.length);
-    if (size) this.percentileLines(figure, points, size);
-    this.findings(figure, points);
-    this.events(figure);
-    this.legend(figure);
-    canvas.replaceChildren();
+    if (size) this.percentileLines(chart, points, size);
+    this.findings(chart, points, said);
+    this.events(chart);
     const text = [say("plot_figures", figuresOf(measured(points))), ...(size ? [say("plot_stretches", { n: grouped(size) })] : []), ...told, ...(this.partly ? [say("plot_partly")] : [])].join(" ");
     about.textContent = text;
     canvas.setAttribute("aria-label", `${say("plot_latency")}: ${text}`);
     table.replaceChildren(...(groups.length > 1 ? [figuresTable(say(words), groups)] : []));
-    this.show(figure, canvas);
+    chart.show(canvas);
   }
 
   /** Percentiles of each stretch of so many transactions, in the order of time. */
-  percentileLines(figure, points, size) {
+  percentileLines(chart, points, size) {
     const inTime = [...points].sort((a, b) => a.x - b.x);
     const stretches = [];
     for (let from = 0; from < inTime.length; from += size) {
@@ -207,61 +136,44 @@ class Plots {
     }
     const ends = stretches.map((each) => each[0].x).concat(inTime[inTime.length - 1].x);
     const sorted = stretches.map((each) => each.map(({ y }) => y).sort((a, b) => a - b));
-    for (const [percent, line_dash, line_color] of PERCENTS) {
+    for (const [percent, dash, color] of PERCENTS) {
       const y = sorted.map((each) => nearestRank(each, percent));
-      const source = this.source({ x: ends, y: y.concat(y[y.length - 1]), time: this.times(ends) });
-      const line = figure.step({ field: "x" }, { field: "y" }, "after", { source, line_color, line_dash, line_width: 2, legend_label: `p${percent}` });
-      this.hover(figure, [line], [[`p${percent}`, "@y{0.000} ms"], [say("col_time"), "@time"]]);
+      const steps = ends.map((x, at) => ({ x, y: y[at] ?? y.at(-1) }));
+      const tell = (step) => [[`p${percent}`, duration(step.y * 1000)], [say("col_time"), this.capture.clock.both(step.x * 1e6)]];
+      chart.add("steps", steps, { color, dash, width: 2, words: `p${percent}`, tell });
     }
   }
 
-  source(data) {
-    return new this.bokeh.ColumnDataSource({ data });
+  /** Marks that say which transaction they are, and open it. said: what of a point is its value, [name, text]. */
+  points(chart, points, look, said) {
+    const { capture } = this;
+    const tell = (point) => [
+      [say("col_id"), `#${point.id}`], [say("col_device"), capture.target(point.row)], [say("col_time"), capture.clock.both(capture.get(point.row, "start"))],
+      [say("plot_frame"), String(capture.frames(point.row)[0])], said(point), [say("plot_by_controller"), capture.controller(point.row)], [say("plot_findings"), this.rules(point.row)],
+    ];
+    const size = points.length > 800 ? 2.5 : look.mark === "circle" ? 3.5 : 5;
+    chart.add("marks", points, { size, width: look.mark === "x" ? 2 : 1, filled: look.mark === "x" ? 0 : 0.7, tell, open: ({ id }) => openJob(capture.number, id), ...look });
   }
 
-  /** Marks that open their transaction when they are clicked. */
-  points(figure, points, color, words, marker, unit) {
-    const data = { x: points.map(({ x }) => x), y: points.map(({ y }) => y), id: points.map(({ id }) => id), value: points.map(({ y, value }) => value ?? y), by: points.map(({ row }) => this.capture.controller(row)), frame: points.map(({ row }) => this.capture.frames(row)[0]), time: this.times(points.map(({ row }) => this.capture.get(row, "start") / 1e6)) };
-    const source = this.source(data);
-    const marks = figure.scatter({ field: "x" }, { field: "y" }, {
-      source, marker, size: (points.length > 800 ? 4 : 7) + (marker === "circle" ? 0 : 3), line_width: marker === "x" ? 2 : 1, fill_color: color, line_color: color, fill_alpha: 0.7, line_alpha: 0.9, legend_label: words,
-    });
-    this.hover(figure, [marks], [[say("col_id"), "#@id"], [say("col_time"), "@time"], [say("plot_frame"), "@frame"], [unit, "@value"], [say("plot_by_controller"), "@by"]]);
-    this.opens(figure, marks, source, data.id);
-    return marks;
-  }
-
-  /** A click on one of the marks opens its transaction. */
-  opens(figure, marks, source, ids) {
-    figure.add_tools(new this.bokeh.TapTool({ renderers: [marks], visible: false }));
-    source.selected.properties.indices.change.connect(() => {
-      const [first] = source.selected.indices;
-      if (first !== undefined) openJob(this.capture.number, ids[first]);
-    });
+  /** The errors and warnings of a transaction. */
+  rules(row) {
+    const found = this.capture.rulesOf(row).filter(([, , severity]) => severity !== "note");
+    return found.map(([id, name]) => `${id} ${name}`).join(say("separator"));
   }
 
   /** A ring around each transaction that has an error or a warning. */
-  findings(figure, points) {
-    const found = points.flatMap((point) => {
-      const rules = this.capture.rulesOf(point.row).filter(([, , severity]) => severity !== "note");
-      return rules.length ? [{ ...point, rules: rules.map(([id, name]) => `${id} ${name}`).join(say("separator")) }] : [];
-    });
-    if (!found.length) return;
-    const shown = sampled(found, MOST_POINTS);
-    const source = this.source({ x: shown.map(({ x }) => x), y: shown.map(({ y }) => y), id: shown.map(({ id }) => id), rules: shown.map(({ rules }) => rules) });
-    const rings = figure.scatter({ field: "x" }, { field: "y" }, { source, marker: "circle", size: shown.length > 800 ? 8 : 13, fill_color: null, line_color: COLOR.bad, line_width: 1.4, legend_label: say("plot_findings") });
-    this.hover(figure, [rings], [[say("col_id"), "#@id"], [say("plot_findings"), "@rules"]]);
-    this.opens(figure, rings, source, shown.map(({ id }) => id));
+  findings(chart, points, said) {
+    const found = sampled(points.filter(({ row }) => this.rules(row)), MOST_POINTS);
+    if (found.length) this.points(chart, found, { color: COLOR.bad, filled: 0, width: 1.4, size: found.length > 800 ? 4 : 6.5, mark: "ring", words: say("plot_findings") }, said);
   }
 
   /** What cyclic frames say of drives, as lines on the axis of time. */
-  events(figure) {
-    for (const [kind, words, line_dash] of [["state", "plot_event_state", "dashed"], ["fault", "plot_event_fault", "solid"]]) {
-      const events = (this.capture.events || []).filter((each) => each[1] === kind);
-      if (!events.length) continue;
-      const source = this.source({ x: events.map(([us]) => us / 1e6), text: events.map((each) => either(each, 2)), place: events.map((each) => each[4]), frame: events.map((each) => each[5]), time: this.times(events.map(([us]) => us / 1e6)) });
-      const lines = figure.vspan({ field: "x" }, { source, line_color: kind === "fault" ? COLOR.bad : COLOR.state, line_dash, line_alpha: 0.8, legend_label: say(words) });
-      this.hover(figure, [lines], [[say("col_time"), "@time"], [say("plot_frame"), "@frame"], [say("plot_event"), "@place: @text"]]);
+  events(chart) {
+    const { clock, events } = this.capture;
+    for (const [kind, words, color, dash] of [["state", "plot_event_state", COLOR.state, "5 4"], ["fault", "plot_event_fault", COLOR.bad, null]]) {
+      const lines = (events || []).filter((each) => each[1] === kind).map((each) => ({ x: each[0] / 1e6, each }));
+      const tell = ({ each }) => [[say("col_time"), clock.both(each[0])], [say("plot_frame"), String(each[5])], [say("plot_event"), `${each[4]}: ${either(each, 2)}`]];
+      if (lines.length) chart.add("lines", lines, { color, dash, words: say(words), tell });
     }
   }
 
@@ -283,22 +195,17 @@ class Plots {
     const seen = capture.states.filter((state) => states[state]);
     const text = say("plot_load_text", { n: grouped(transactions), seconds: seconds.toFixed(1), states: told(seen.map((state) => [states[state], stateName(state)])) });
     const [canvas] = this.frame("plot_load", text);
-    const figure = this.overTimeFigure(say("plot_jobs"));
-    let bottom = new Array(BINS).fill(0);
-    const left = bottom.map((_, number) => begin + number * width);
-    const right = bottom.map((_, number) => begin + (number + 1) * width);
+    const chart = new Chart(this.time, countAxis(Object.values(kinds).reduce((sums, more) => sums.map((sum, at) => sum + more[at]))));
+    let under = new Array(BINS).fill(0);
     for (const kind of LOAD_KINDS) {
-      if (!kinds[kind].some(Boolean)) continue;
       const words = seen.filter((state) => capture.kinds[state] === kind).map(stateName).join(say("separator"));
-      const top = bottom.map((value, number) => value + kinds[kind][number]);
-      const source = this.source({ left, right, bottom, top, count: kinds[kind], from: this.times(left), to: this.times(right) });
-      const bars = figure.quad({ field: "left" }, { field: "right" }, { field: "bottom" }, { field: "top" }, { source, fill_color: COLOR[kind], fill_alpha: 0.8, line_color: null, legend_label: words });
-      this.hover(figure, [bars], [[say("col_time"), "@from – @to"], [words, "@count"]]);
-      bottom = top;
+      const bars = kinds[kind].map((number, at) => ({ left: begin + at * width, right: begin + (at + 1) * width, bottom: under[at], top: under[at] + number, number })).filter(({ number }) => number);
+      const tell = (bar) => [[say("col_time"), `${capture.clock.both(bar.left * 1e6)} – ${capture.clock.both(bar.right * 1e6)}`], [words, grouped(bar.number)]];
+      if (bars.length) chart.add("bars", bars, { color: COLOR[kind], filled: 0.8, width: 0, words, tell });
+      under = under.map((height, at) => height + kinds[kind][at]);
     }
-    this.events(figure);
-    this.legend(figure);
-    this.show(figure, canvas);
+    this.events(chart);
+    chart.show(canvas);
   }
 
   /** Every element that has numbers, with its points in the order of time. */
@@ -377,24 +284,21 @@ class Plots {
     const points = series.points.map((point) => ({ ...point, value: point.y, y: Math.min(Math.max(point.y, edges[0]), edges[1]) }));
     const beyond = points.filter(({ y, value }) => y !== value).length;
     const unit = series.unit ? ` ${series.unit}` : "";
-    const text = say("plot_value_text", { n: grouped(points.length), read: grouped(count("read")), written: grouped(count("written")), sent: grouped(count("sent")), refused: grouped(count("refused")), low: low + unit, high: high + unit })
+    const text = say("plot_value_text", { points: say("points", { n: grouped(points.length) }), read: grouped(count("read")), written: grouped(count("written")), sent: grouped(count("sent")), refused: grouped(count("refused")), low: low + unit, high: high + unit })
       + (beyond ? ` ${say("plot_beyond", { n: grouped(beyond) })}` : "");
     canvas.setAttribute("aria-label", `${say("plot_value")}, ${parameter}: ${text}`);
     this.valueAbout.textContent = text;
-    const figure = this.overTimeFigure(`${parameter}${series.unit ? ` (${series.unit})` : ""}`, { y_range: new this.bokeh.Range1d({ start: edges[0], end: edges[1] }), ...(log ? { y_axis_type: "log" } : {}) });
+    const chart = new Chart(this.time, { label: `${parameter}${series.unit ? ` (${series.unit})` : ""}`, range: edges, log });
+    const said = ({ value }) => [parameter, value + unit];
     const known = thinned(points.filter(({ kind }) => kind === "read" || kind === "written").sort((a, b) => a.x - b.x));
-    if (known.length > 1) {
-      figure.step({ field: "x" }, { field: "y" }, "after", { source: this.source({ x: known.map(({ x }) => x), y: known.map(({ y }) => y) }), line_color: COLOR.axis, line_alpha: 0.55 });
-    }
-    for (const [kind, color, words, marker] of [["read", "read", "plot_read", "circle"], ["written", "change", "plot_written", "diamond"], ["sent", "sent", "plot_sent", "triangle"], ["refused", "bad", "plot_not_taken", "x"]]) {
+    if (known.length > 1) chart.add("steps", known, {});
+    for (const [kind, color, words, mark] of [["read", "read", "plot_read", "circle"], ["written", "change", "plot_written", "diamond"], ["sent", "sent", "plot_sent", "triangle"], ["refused", "bad", "plot_not_taken", "x"]]) {
       const mine = thinned(points.filter((point) => point.kind === kind));
-      if (mine.length) this.points(figure, mine, COLOR[color], say(words), marker, series.unit || "=");
+      if (mine.length) this.points(chart, mine, { color: COLOR[color], words: say(words), mark }, said);
     }
-    this.findings(figure, points);
-    this.events(figure);
-    this.legend(figure);
-    canvas.replaceChildren();
-    this.show(figure, canvas);
+    this.findings(chart, points, said);
+    this.events(chart);
+    chart.show(canvas);
   }
 }
 

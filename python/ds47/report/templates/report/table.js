@@ -2,6 +2,7 @@
 // What the columns are is said by transactions.js and parameters.js.
 
 const PRINTED = 120; // rows that go to paper, where a table does not say otherwise
+const SHORT = 22; // characters of a cell that is not wrapped
 
 class Table {
   /**
@@ -162,8 +163,8 @@ class Table {
   lines(row) {
     const key = this.key(row);
     const open = this.open.has(key);
-    const cells = this.columns.map((column) => el("td", { class: [column.number ? "number" : "", column.class || ""].join(" ").trim() || null, "data-label": say(column.words) },
-      ...[column.cell ? column.cell(row, open) : column.text(row)].flat()));
+    const cells = this.columns.map((column) => fitted(el("td", { class: [column.number ? "number" : "", column.class || ""].join(" ").trim() || null, "data-label": say(column.words) },
+      ...[column.cell ? column.cell(row, open) : column.text(row)].flat())));
     const line = el("tr", { class: `row${this.detail ? " opens" : ""}${open ? " open" : ""}`, id: this.detail ? `job-${this.id}-${key}` : null }, cells);
     if (this.detail) line.addEventListener("click", (event) => { if (!event.target.closest("a, button.copy")) this.toggle(row); });
     return open ? [line, this.opened(row)] : [line];
@@ -196,6 +197,12 @@ class Table {
     line.querySelector(".expander").focus({ preventScroll: true });
     return true;
   }
+}
+
+/** What is short stands in one line; what is long has room for it. */
+function fitted(cell) {
+  cell.classList.add(cell.textContent.length > SHORT ? "long" : "keep");
+  return cell;
 }
 
 /**

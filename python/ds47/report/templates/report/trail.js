@@ -50,14 +50,14 @@ function trailTable(place, capture) {
   const changes = changesOf(capture);
   const who = (change) => capture.controller(change.job);
   const start = (change) => capture.get(change.job, "start");
-  const text = (key, words, of, extra = {}) => ({ key, words, value: of, text: of, ...extra });
+  const text = (key, words, of) => ({ key, words, value: of, text: of });
   return new Table(place, {
     id: `t${capture.number}`, name: "trail_title", rows: changes, key: (change) => change.number, detail: null, printed: 30, changes,
     columns: [
       { ...timeColumn(capture, start), key: "time" },
       { key: "frame", words: "trail_frame", number: true, value: (change) => capture.frames(change.job)[0], text: (change) => String(capture.frames(change.job)[0]) },
       { key: "id", words: "col_id", value: (change) => change.id, cell: (change) => el("a", { href: `#job-${capture.number}-${change.id}` }, `#${change.id}`) },
-      text("who", "controller", who), text("drive", "col_device", (change) => change.drive), text("way", "trail_way", (change) => change.way, { class: "keep" }),
+      text("who", "controller", who), text("drive", "col_device", (change) => change.drive), text("way", "trail_way", (change) => change.way),
       { key: "parameter", words: "col_parameter", class: "value", value: (change) => change.pnu * 65536 + change.subindex, cell: (change) => el("span", {}, change.address, " ", el("span", { class: "dim label" }, either(change.names))) },
       { key: "change", words: "trail_change", class: "value", value: (change) => change.new, cell: changeCell },
       { key: "outcome", words: "col_state", value: (change) => change.outcome, cell: outcomeCell },

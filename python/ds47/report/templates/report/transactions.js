@@ -8,7 +8,7 @@ function transactionTable(place, capture) {
       { key: "id", words: "col_id", value: (row) => get(row, "id"), cell: (row, open) => expander(capture, row, open) },
       timeColumn(capture, (row) => get(row, "start")),
       { key: "operation", words: "col_operation", value: (row) => capture.operation(row), text: (row) => operationName(capture.operation(row)) },
-      { key: "device", words: "col_device", class: capture.manyControllers ? null : "keep", value: (row) => capture.drive(row), text: (row) => (capture.manyControllers ? `${capture.controller(row)} → ${capture.drive(row)}` : capture.drive(row)) },
+      { key: "device", words: "col_device", value: (row) => capture.drive(row), text: (row) => (capture.manyControllers ? `${capture.controller(row)} → ${capture.drive(row)}` : capture.drive(row)) },
       { key: "axis", words: "col_axis", number: true, value: (row) => get(row, "axis"), text: (row) => (get(row, "axis") === null ? "" : String(get(row, "axis"))) },
       { key: "what", words: "col_what", class: "what", value: (row) => summary(capture, row), cell: (row) => what(capture, row) },
       { key: "state", words: "col_state", value: (row) => get(row, "state"), cell: (row) => stateCell(capture.state(row)) },
