@@ -518,6 +518,8 @@ class _Swapped:
         return frozenset(int.from_bytes(value.to_bytes(2), self._order) for value in values)
 
 
+_SWAPPED: dict[ByteOrder, _Swapped] = {"little": _Swapped("little"), "big": _Swapped("big")}
+
 _OPERATION_END = 112  # where the operation ends in a plain RPC PDU
 _ANY_UUID = b"|".join(re.escape(UUIDS[at : at + 16]) for at in range(0, len(UUIDS), 16))
 is_plain = re.compile(
@@ -635,7 +637,7 @@ class Scan:
         self._watched: dict[bytes, _Watched] = {}
         self._ids: frozenset[int] = frozenset()
         self._runs = Runs(b"")
-        self._swapped = _Swapped(order)
+        self._swapped = _SWAPPED[order]
         self._big = order == "big"
         self._ports = NO_PORTS
         self._pieces = -1
@@ -960,7 +962,7 @@ class PcapngScan(Scan):
         """A section of that byte order begins; it has no interfaces yet."""
         self.links = []
         self._big = order == "big"
-        self._swapped = _Swapped(order)
+        self._swapped = _SWAPPED[order]
         sign = "<>"[order == "big"]
         self._block = re.escape(struct.pack(f"{sign}I", ENHANCED_PACKET))
         self._layout = struct.Struct(f"{sign}7I{_TYPES}").unpack_from
