@@ -43,7 +43,7 @@ class Opening:
         self._options = options
         self._lang = options.lang
         self._paint = paint
-        self._width = min(WIDTH, options.width)
+        self._width = min(WIDTH, options.columns)
         self._clock = Clock(options.zone, None)
         self._seen_at: dict[int, int] = {}
         """When the frames of findings were, by number."""
@@ -101,7 +101,7 @@ class Opening:
         width = max(len(escape(each.ip)) for each in shown)
         for each, text in zip(shown, counts, strict=False):
             line = f"  {escape(each.ip):<{width}}{about(each, self._lang)}{text}".rstrip()
-            yield from fitted(line, self._options.width)
+            yield from fitted(line, self._options.columns)
         if len(items) > DRIVES:
             yield "  " + self._say(more, n=len(items) - DRIVES)
 

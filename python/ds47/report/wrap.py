@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 
 _STAYS = tuple("，。；：、）”")
 """Characters that never begin a line."""
@@ -28,11 +28,27 @@ def wrap(text: str, width: int, hanging: int = 0) -> list[str]:
     return [*lines, line.rstrip()]
 
 
-def fitted(text: str, width: int) -> list[str]:
-    """A line of a report in lines that fit: all but the first are indented by four more columns."""
-    if columns(text) <= width:
+def fitted(text: str, width: int | None) -> list[str]:
+    """A line of a report in lines that fit: all but the first are indented by four more columns.
+
+    Without a width it stays one line: nobody reads it on a terminal.
+    """
+    if width is None or columns(text) <= width:
         return [text]
     return wrap(text, width, len(text) - len(text.lstrip()) + 4)
+
+
+def filled(parts: Iterable[str], width: int, indent: int) -> Iterator[str]:
+    """Parts with two blanks between them, in as few lines as have room; one is broken only if it has none alone."""
+    line = ""
+    for part in parts:
+        longer = f"{line}  {part}" if line else " " * indent + part
+        if line and columns(longer) > width:
+            yield from wrap(line, width, indent)
+            longer = " " * indent + part
+        line = longer
+    if line:
+        yield from wrap(line, width, indent)
 
 
 def cut(text: str, width: int) -> str:
@@ -72,12 +88,3 @@ def _pieces(text: str) -> Iterator[str]:
                 yield word[begin:at]
                 begin = at
         yield word[begin:]
-
-
-def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Cells in columns, each as wide as its widest cell, with two blanks between."""
-    widths = [max(map(columns, cells)) for cells in zip(*rows, strict=True)]
-    return [
-        "  ".join(padded(cell, width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    ]

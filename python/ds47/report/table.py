@@ -1,0 +1,74 @@
+"""Tables of text: rows of cells side by side where the terminal has room, else a card for each row.
+
+The reports know what stands in the cells, `ds47.report.wrap` how a line is broken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+from ds47.report.wrap import columns, filled, fitted, padded, wrap
+
+_LEAST = 24
+"""Columns for the last cell of a row at least, which is broken where it needs more."""
+
+Paint = Callable[[str, str], str]
+Row = Sequence[str]
+
+
+def unpainted(_: str, text: str) -> str:
+    """A text without colour."""
+    return text
+
+
+def table(
+    rows: Sequence[Row],
+    width: int | None,
+    head: Row = (),
+    *,
+    lead: Sequence[int] = (0,),
+    right: bool = False,
+    paint: Paint = unpainted,
+) -> list[str]:
+    """Lines of at most `width` columns, behind two blanks; None: as wide as the cells are.
+
+    Args:
+        rows: what stands in the cells.
+        width: columns of a line.
+        head: the names of the columns, which stand in a card before each cell.
+        lead: the cells in the first line of a card, by their numbers.
+        right: whether all cells but the last end below each other.
+        paint: colours the names.
+    """
+    if not rows:
+        return []
+    whole = [*([head] if head else []), *rows]
+    *sizes, last = [max(map(columns, cells)) for cells in zip(*whole, strict=True)]
+    room = last if width is None else width - sum(sizes) - 2 * len(sizes) - 2
+    lines = []
+    if room >= min(last, _LEAST):
+        lines = [line for row in whole for line in _side_by_side(row, sizes, room, right)]
+    if width is not None and (not lines or max(map(columns, lines)) > width):
+        return [line for row in rows for line in _card(row, width, head, lead, paint)]
+    return [paint("dim", lines[0]), *lines[1:]] if head else lines
+
+
+def _side_by_side(row: Row, sizes: Sequence[int], room: int, right: bool) -> Iterator[str]:
+    front = "  "
+    for cell, size in zip(row, sizes, strict=False):
+        front += (" " * (size - columns(cell)) + cell if right else padded(cell, size)) + "  "
+    for part in wrap(row[-1], room):
+        yield (front + part).rstrip()
+        front = " " * columns(front)
+
+
+def _card(row: Row, width: int, head: Row, lead: Sequence[int], paint: Paint) -> Iterator[str]:
+    first = [at % len(row) for at in lead]
+    yield from fitted("  " + "  ".join(row[at] for at in first if row[at]), width)
+    names = head or [""] * len(row)
+    others = [
+        f"{paint('dim', name)} {cell}" if name and not cell.startswith(name) else cell
+        for at, (name, cell) in enumerate(zip(names, row, strict=True))
+        if cell not in ("", "-") and at not in first
+    ]
+    yield from filled(others, width, 4)
