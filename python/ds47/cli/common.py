@@ -47,6 +47,13 @@ def columns_of(output_name: str = "-") -> int | None:
     return max(LEAST_WIDTH, get_terminal_size().columns)
 
 
+def prose_width() -> int:
+    """Columns of a line of explanation on stdout."""
+    from ds47.report.explanation import WIDTH
+
+    return min(WIDTH, columns_of() or WIDTH)
+
+
 def tell(lines: Iterable[str]) -> None:
     """Writes lines to stdout; each goes on in the next line where the terminal has no room."""
     from ds47.report.wrap import fitted

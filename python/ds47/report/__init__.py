@@ -71,11 +71,11 @@ class ReportOptions(NamedTuple):
     report (text), or the one a page starts in (html). `plc`: also show what the PLC saw of jobs that are ok
     (text only). `reference`: the meaning of 100 % of a setpoint (text, html). `s7`: also show transactions of
     S7 without findings (text only). `heading`: the title block (html). `zone`: the time zone (text, html).
-    `width`: columns of a line; None: tables are as wide as they are, and prose has 140 (text). `detail`: "all"; "auto" leaves out transactions, events and
-    findings where these are many; "short" is 40 lines at most (text); "summary" is 12, and the same in html, json
-    and markdown. `captures`: how many captures the report covers. For many of them, unless `detail` is "all", the
-    text shows totals. `filters`: a display filter for the frames of each
-    cause and rule (text).
+    `width`: columns of a line; None: tables are as wide as they are, and prose has 140 (text).
+    `detail`: "all"; "auto" leaves out transactions, events and findings where these are many; "short" is 40
+    lines at most (text); "summary" is 12, and the same in html, json and markdown. `captures`: how many captures
+    the report covers. For many of them, unless `detail` is "all", the text shows totals. `filters`: a display
+    filter for the frames of each cause and rule (text).
     """
 
     color: bool = False

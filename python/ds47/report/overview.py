@@ -18,9 +18,9 @@ from ds47.report import Writer as _Writer
 from ds47.report.bilingual import Both, joined, numbered, say
 from ds47.report.clock import Clock, beginning
 from ds47.report.formatting import duration, escape
+from ds47.report.table import table
 from ds47.report.todo import is_lowered
 from ds47.report.verdict import VerdictCounts
-from ds47.report.table import table
 from ds47.report.wrap import fitted
 from ds47.report.zones import Zone
 from ds47.spec.units import nanoseconds

@@ -11,6 +11,8 @@ from ds47.report.wrap import columns, filled, fitted, padded, wrap
 
 _LEAST = 24
 """Columns for the last cell of a row at least, which is broken where it needs more."""
+_NOTHING = ("", "-", "0")
+"""Cells that a card leaves out."""
 
 Paint = Callable[[str, str], str]
 Row = Sequence[str]
@@ -28,9 +30,10 @@ def table(
     *,
     lead: Sequence[int] = (0,),
     right: bool = False,
+    indent: int = 2,
     paint: Paint = unpainted,
 ) -> list[str]:
-    """Lines of at most `width` columns, behind two blanks; None: as wide as the cells are.
+    """Lines of at most `width` columns; None: as wide as the cells are.
 
     Args:
         rows: what stands in the cells.
@@ -38,23 +41,26 @@ def table(
         head: the names of the columns, which stand in a card before each cell.
         lead: the cells in the first line of a card, by their numbers.
         right: whether all cells but the last end below each other.
+        indent: blanks before each line.
         paint: colours the names.
     """
     if not rows:
         return []
     whole = [*([head] if head else []), *rows]
     *sizes, last = [max(map(columns, cells)) for cells in zip(*whole, strict=True)]
-    room = last if width is None else width - sum(sizes) - 2 * len(sizes) - 2
+    room = last if width is None else width - indent - sum(sizes) - 2 * len(sizes)
     lines = []
     if room >= min(last, _LEAST):
-        lines = [line for row in whole for line in _side_by_side(row, sizes, room, right)]
+        lines = [line for row in whole for line in _side_by_side(row, sizes, room, right, indent)]
     if width is not None and (not lines or max(map(columns, lines)) > width):
-        return [line for row in rows for line in _card(row, width, head, lead, paint)]
+        return [line for row in rows for line in _card(row, width, head, lead, indent, paint)]
     return [paint("dim", lines[0]), *lines[1:]] if head else lines
 
 
-def _side_by_side(row: Row, sizes: Sequence[int], room: int, right: bool) -> Iterator[str]:
-    front = "  "
+def _side_by_side(
+    row: Row, sizes: Sequence[int], room: int, right: bool, indent: int
+) -> Iterator[str]:
+    front = " " * indent
     for cell, size in zip(row, sizes, strict=False):
         front += (" " * (size - columns(cell)) + cell if right else padded(cell, size)) + "  "
     for part in wrap(row[-1], room):
@@ -62,13 +68,15 @@ def _side_by_side(row: Row, sizes: Sequence[int], room: int, right: bool) -> Ite
         front = " " * columns(front)
 
 
-def _card(row: Row, width: int, head: Row, lead: Sequence[int], paint: Paint) -> Iterator[str]:
+def _card(
+    row: Row, width: int, head: Row, lead: Sequence[int], indent: int, paint: Paint
+) -> Iterator[str]:
     first = [at % len(row) for at in lead]
-    yield from fitted("  " + "  ".join(row[at] for at in first if row[at]), width)
+    yield from fitted(" " * indent + "  ".join(row[at] for at in first if row[at]), width)
     names = head or [""] * len(row)
     others = [
         f"{paint('dim', name)} {cell}" if name and not cell.startswith(name) else cell
         for at, (name, cell) in enumerate(zip(names, row, strict=True))
-        if cell not in ("", "-") and at not in first
+        if cell not in _NOTHING and at not in first
     ]
-    yield from filled(others, width, 4)
+    yield from filled(others, width, indent + 2, indent + 2)

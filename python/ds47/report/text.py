@@ -41,9 +41,9 @@ from ds47.report.latency import Latency
 from ds47.report.overview import CaptureRow, told_sums, total, worst_first
 from ds47.report.sentences import at_offset, sentence
 from ds47.report.summary import Opening
+from ds47.report.table import table
 from ds47.report.targets import Targets
 from ds47.report.verdict import VerdictCounts
-from ds47.report.table import table
 from ds47.report.wrap import columns, cut, end_of, fitted, wrap
 from ds47.spec.cyclic import telegrams
 

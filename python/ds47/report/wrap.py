@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator
 _STAYS = tuple("，。；：、）”")
 """Characters that never begin a line."""
 _COLOR = re.compile(r"\x1b\[\d*m")
+_CELLS = re.compile("(?<=[^ ])  +")
 _WORDS = re.compile("(?<= )(?! )")
 
 
@@ -31,24 +32,26 @@ def wrap(text: str, width: int, hanging: int = 0) -> list[str]:
 def fitted(text: str, width: int | None) -> list[str]:
     """A line of a report in lines that fit: all but the first are indented by four more columns.
 
-    Without a width it stays one line: nobody reads it on a terminal.
+    It is broken between cells, which have two blanks between them, before it is broken between words. Without a
+    width it stays one line: nobody reads it on a terminal.
     """
     if width is None or columns(text) <= width:
         return [text]
-    return wrap(text, width, len(text) - len(text.lstrip()) + 4)
+    indent = len(text) - len(text.lstrip())
+    return list(filled(_CELLS.split(text.strip()), width, indent, indent + 4))
 
 
-def filled(parts: Iterable[str], width: int, indent: int) -> Iterator[str]:
-    """Parts with two blanks between them, in as few lines as have room; one is broken only if it has none alone."""
+def filled(parts: Iterable[str], width: int, indent: int, hanging: int) -> Iterator[str]:
+    """Parts with two blanks between them; one is broken only where it has no room in a line of its own."""
     line = ""
     for part in parts:
         longer = f"{line}  {part}" if line else " " * indent + part
-        if line and columns(longer) > width:
-            yield from wrap(line, width, indent)
-            longer = " " * indent + part
+        if line and columns(longer) > width >= hanging + columns(part):
+            yield from wrap(line, width, hanging)
+            longer = " " * hanging + part
         line = longer
     if line:
-        yield from wrap(line, width, indent)
+        yield from wrap(line, width, hanging)
 
 
 def cut(text: str, width: int) -> str:
