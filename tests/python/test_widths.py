@@ -42,7 +42,8 @@ SHOWN = (
 )  # fmt: skip
 """DS47, PKW and PZD, PROFIBUS, S7, and what is long."""
 OF_CAPTURES = (
-    ("report", "--all"), ("report", "--filters"), ("report", "-f", "overview"), ("trail",), ("watch", "--no-follow"),
+    ("report", "--all"), ("report", "--filters"), ("report", "-f", "overview"), ("trail",),
+    ("watch", "--no-follow"),
 )  # fmt: skip
 OTHERS = (
     ("report", "--no-progress", "captures/field", "captures/lossy-stacks"),
@@ -51,7 +52,7 @@ OTHERS = (
     ("diff", "captures/lossy-stacks/l1_replay.device.pcapng", "captures/lossy-stacks/l4_harsh.pcapng"),
     ("check", "--summary", "--all", "captures/field"),
     ("rules",), ("rules", "PKW"), ("rules", "DS"),
-    ("params", "show", "p1120"), ("params", "show", "PROFIdrive"), ("params", "list"),
+    ("params", "show", "p1120"), ("params", "show", "r0945"), ("params", "list"),
     ("explain", "DE80B500"), ("explain", "0x6B", "82", "p2900", "REAL", "DS705"), ("explain", "stw1 047F"),
     ("decode", "--as", "response", "01 82 02 01 81 44 00 6B 00 00 05"),
     ("decode", "--as", "ppo1-in", "20 00 00 00 00 00 00 01 FB 37 20 00"),

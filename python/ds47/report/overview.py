@@ -18,7 +18,6 @@ from ds47.report import Writer as _Writer
 from ds47.report.bilingual import Both, joined, numbered, say
 from ds47.report.clock import Clock, beginning
 from ds47.report.formatting import duration, escape
-from ds47.report.table import table
 from ds47.report.todo import is_lowered
 from ds47.report.verdict import VerdictCounts
 from ds47.report.wrap import fitted
@@ -251,6 +250,8 @@ def worst_first(
     ordered = sorted((row for row in rows if not row.quiet), key=CaptureRow.badness)
     if not ordered:
         return []
+    from ds47.report.table import table  # not for a single capture
+
     listed = ordered[:most]
     timed = any(beginning(zone, row.start_ns) for row in listed)
     names = (*_HEADINGS, *(_TIMES if timed else ()), "capture")

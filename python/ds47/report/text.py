@@ -41,7 +41,6 @@ from ds47.report.latency import Latency
 from ds47.report.overview import CaptureRow, told_sums, total, worst_first
 from ds47.report.sentences import at_offset, sentence
 from ds47.report.summary import Opening
-from ds47.report.table import table
 from ds47.report.targets import Targets
 from ds47.report.verdict import VerdictCounts
 from ds47.report.wrap import columns, cut, end_of, fitted, wrap
@@ -234,6 +233,8 @@ class Writer(_Writer):
         self, rows: Iterable[Sequence[Both]], head: Sequence[Both] = (), lead: Sequence[int] = (0,)
     ) -> None:
         """A table in the language of the report."""
+        from ds47.report.table import table  # few captures have any
+
         named, *shown = [[cell.text(self.options.lang) for cell in row] for row in (head, *rows)]
         for line in table(shown, self.options.width, named, lead=lead, paint=self._paint):
             self._copied(line)
@@ -364,26 +365,23 @@ class Writer(_Writer):
             if known is not None:
                 self._line("  " + timelines.reference_words(known).text(self.options.lang))
             rows = timelines.rows(timeline)
-            shown = [self._event(row) for row in rows[:EVENTS_LISTED]]
-            for line in table(shown, self.options.width, lead=range(3)):
-                self._copied(line)
+            self._rows_of(map(self._event, rows[:EVENTS_LISTED]), lead=range(3))
             if len(rows) > EVENTS_LISTED:
                 self._line("  " + self._say("more", number=str(len(rows) - EVENTS_LISTED)))
             if timeline.events_left_out:
                 self._line("  " + self._say("timeline_left_out", n=timeline.events_left_out))
 
-    def _event(self, row: EventRow) -> list[str]:
+    def _event(self, row: EventRow) -> list[Both]:
         from ds47.report import timelines
 
-        lang = self.options.lang
-        standing = timelines.standing(row).text(lang)
+        moment, standing = self._clock.at(row.last.time_ns), timelines.standing(row)
         return [
-            self._say("frame", frame=str(row.last.frame)),
-            *filter(None, [self._clock.at(row.last.time_ns)]),
-            f"{self._clock.since(row.last.time_ns)} s",
-            timelines.change(row),
-            timelines.words(row).text(lang),
-            f"[{standing}]" if standing else "",
+            say("frame", frame=str(row.last.frame)),
+            *map(Both.same, filter(None, [moment])),
+            Both.same(f"{self._clock.since(row.last.time_ns)} s"),
+            Both.same(timelines.change(row)),
+            timelines.words(row),
+            Both.same(f"[{standing.text(self.options.lang)}]" if standing.en else ""),
         ]
 
     def _connections(self, result: CaptureResult) -> None:
