@@ -174,7 +174,7 @@ def _print_text(
 
     def line(key: str, text: str) -> None:
         front = padded(say(key).text(lang) if key else "", _MARGIN) + " "
-        tell([front + text] if width is None else wrap(front + text, width, _MARGIN + 1))
+        tell([front + text] if width is None else wrap(front + text, width, _MARGIN + 3))
 
     for outcome in outcomes:
         if outcome.error is not None:

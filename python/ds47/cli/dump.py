@@ -16,7 +16,7 @@ _FRONT = 6 + 2 + 3 * BYTES_PER_LINE + 1
 def dump(data: bytes, start: int, end: int, meaning: str) -> Iterator[str]:
     """Lines with offset and bytes, and beside them, from the first on, what they mean."""
     width = columns_of()
-    parts = [meaning] if width is None else wrap(meaning, width - _FRONT)
+    parts = [meaning] if width is None else wrap(meaning, width - _FRONT, 2)
     for at, part in zip_longest(range(start, max(end, start + 1), BYTES_PER_LINE), parts):
         front = (
             "" if at is None else f"{at:>6}  {data[at : min(end, at + BYTES_PER_LINE)].hex(' ')}"

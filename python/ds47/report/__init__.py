@@ -11,7 +11,7 @@ finished, and holds no more than one.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
 from types import MappingProxyType
@@ -47,6 +47,9 @@ _SUMMARIES = {"json": "digest_json", "html": "digest_page"}
 _PROSE = 140
 """Columns of a line of prose where no terminal has another number."""
 _COLORS = {"error": "31", "warning": "33", "note": "36", "ok": "32", "bold": "1", "dim": "2"}
+
+Paint = Callable[[str, str], str]
+"""Takes a colour ("error", "bold", ...) and a text."""
 
 
 class CannotWriteError(Exception):

@@ -5,8 +5,9 @@ The reports know what stands in the cells, `ds47.report.wrap` how a line is brok
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
+from ds47.report import Paint
 from ds47.report.wrap import columns, filled, fitted, padded, wrap
 
 _LEAST = 24
@@ -14,7 +15,6 @@ _LEAST = 24
 _NOTHING = ("", "-", "0")
 """Cells that a card leaves out."""
 
-Paint = Callable[[str, str], str]
 Row = Sequence[str]
 
 

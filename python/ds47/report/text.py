@@ -78,7 +78,8 @@ class Writer(_Writer):
 
     def __init__(self, stream: TextIO, options: ReportOptions | None = None) -> None:
         super().__init__(stream, options)
-        self._opening = Opening(self.options, self._paint)
+        self._paint = self.options.paint
+        self._opening = Opening(self.options)
         self._counts = VerdictCounts()
         self._rows: list[CaptureRow] = []
         self._latency = Latency()
@@ -238,9 +239,6 @@ class Writer(_Writer):
         named, *shown = [[cell.text(self.options.lang) for cell in row] for row in (head, *rows)]
         for line in table(shown, self.options.width, named, lead=lead, paint=self._paint):
             self._copied(line)
-
-    def _paint(self, color: str, text: str) -> str:
-        return self.options.paint(color, text)
 
     def _title(self, text: str) -> None:
         self._line(self._paint("bold", text))
