@@ -176,8 +176,9 @@ def test_the_last_cell_is_broken_as_long_as_it_has_some_room() -> None:
 def test_else_each_row_is_a_card_without_what_is_nothing() -> None:
     assert table(ROWS, 40, HEAD, lead=(0, 1)) == [
         "  dp3  slave",
-        "    requests 12  about no answer to the",
-        "    first request of the master",
+        "    requests 12",
+        "    about no answer to the first request",
+        "    of the master",
         "  dp12  master",
     ]
     dim = table([("a", "x", "PPO3")], 14, ("name", "b", "PPO"), paint=lambda _, text: f"<{text}>")
@@ -189,10 +190,11 @@ def test_a_line_is_broken_between_cells_first() -> None:
         "  10.0.0.1  device 0x0501",
         "      1 transaction, all done",
     ]
-    long = "  10.0.0.1  a text that has no room in a line of its own  ok"
+    long = "  10.0.0.1     a text that has no room in a line of its own  ok"
     assert fitted(long, 40) == [
-        "  10.0.0.1  a text that has no room in a",
-        "      line of its own",
+        "  10.0.0.1",
+        "      a text that has no room in a line",
+        "      of its own",
         "      ok",
     ]
     assert fitted(long, None) == [long]

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from ds47.report import Paint
-from ds47.report.wrap import columns, filled, fitted, padded, wrap
+from ds47.report.wrap import columns, fitted, padded
 
 _LEAST = 24
 """Columns for the last cell of a row at least, which is broken where it needs more."""
@@ -16,11 +16,6 @@ _NOTHING = ("", "-", "0")
 """Cells that a card leaves out."""
 
 Row = Sequence[str]
-
-
-def unpainted(_: str, text: str) -> str:
-    """A text without colour."""
-    return text
 
 
 def table(
@@ -31,7 +26,7 @@ def table(
     lead: Sequence[int] = (0,),
     right: bool = False,
     indent: int = 2,
-    paint: Paint = unpainted,
+    paint: Paint = lambda _, text: text,
 ) -> list[str]:
     """Lines of at most `width` columns; None: as wide as the cells are.
 
@@ -63,7 +58,7 @@ def _side_by_side(
     front = " " * indent
     for cell, size in zip(row, sizes, strict=False):
         front += (" " * (size - columns(cell)) + cell if right else padded(cell, size)) + "  "
-    for part in wrap(row[-1], room):
+    for part in fitted(row[-1], room, 0):
         yield (front + part).rstrip()
         front = " " * columns(front)
 
@@ -79,4 +74,5 @@ def _card(
         for at, (name, cell) in enumerate(zip(names, row, strict=True))
         if cell not in _NOTHING and at not in first
     ]
-    yield from filled(others, width, indent + 2, indent + 2)
+    if others:
+        yield from fitted(" " * (indent + 2) + "  ".join(others), width, 0)

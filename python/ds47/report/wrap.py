@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 _STAYS = tuple("，。；：、）”")
 """Characters that never begin a line."""
 _COLOR = re.compile(r"\x1b\[\d*m")
-_CELLS = re.compile("(?<=[^ ])  +")
+_CELLS = re.compile("(?<=  )(?! )")
 _WORDS = re.compile("(?<= )(?! )")
 
 
@@ -17,41 +17,33 @@ def wrap(text: str, width: int, hanging: int = 0) -> list[str]:
     """Lines of at most `width` columns; all but the first begin with `hanging` blanks."""
     if columns(text) <= width:
         return [text.rstrip()]
-    room = len if text.isascii() and "\x1b" not in text else columns
-    lines, line, taken = [], "", 0
-    for piece in _pieces(text):
-        if line.strip() and taken + room(piece.rstrip()) > width:
-            lines.append(line.rstrip())
-            line, taken = " " * hanging, hanging
-            piece = piece.lstrip()
-        line += piece
-        taken += room(piece)
-    return [*lines, line.rstrip()]
+    return list(_filled(_pieces(text), width, hanging))
 
 
-def fitted(text: str, width: int | None) -> list[str]:
-    """A line of a report in lines that fit: all but the first are indented by four more columns.
+def fitted(text: str, width: int | None, hanging: int = 4) -> list[str]:
+    """A line of a report in lines that fit: all but the first are indented by `hanging` more columns.
 
     It is broken between cells, which have two blanks between them, before it is broken between words. Without a
     width it stays one line: nobody reads it on a terminal.
     """
     if width is None or columns(text) <= width:
         return [text]
-    indent = len(text) - len(text.lstrip())
-    return list(filled(_CELLS.split(text.strip()), width, indent, indent + 4))
+    hanging += len(text) - len(text.lstrip())
+    lines = _filled(_CELLS.split(text), width, hanging)
+    return [part for line in lines for part in wrap(line, width, hanging)]
 
 
-def filled(parts: Iterable[str], width: int, indent: int, hanging: int) -> Iterator[str]:
-    """Parts with two blanks between them; one is broken only where it has no room in a line of its own."""
-    line = ""
-    for part in parts:
-        longer = f"{line}  {part}" if line else " " * indent + part
-        if line and columns(longer) > width >= hanging + columns(part):
-            yield from wrap(line, width, hanging)
-            longer = " " * hanging + part
-        line = longer
-    if line:
-        yield from wrap(line, width, hanging)
+def _filled(pieces: Iterable[str], width: int, hanging: int) -> Iterator[str]:
+    """Lines of as many pieces as have room."""
+    line, taken = "", 0
+    for piece in pieces:
+        if line.strip() and taken + columns(piece.rstrip()) > width:
+            yield line.rstrip()
+            line, taken = " " * hanging, hanging
+            piece = piece.lstrip()
+        line += piece
+        taken += columns(piece)
+    yield line.rstrip()
 
 
 def cut(text: str, width: int) -> str:
