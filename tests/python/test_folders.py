@@ -38,7 +38,7 @@ from ds47.cli import main
 from ds47.model import CaptureResult, Report
 from ds47.report import json as contract
 from ds47.report import load
-from ds47.report.overview import CaptureRow, table
+from ds47.report.overview import CaptureRow, worst_first
 from ds47.report.wrap import columns
 from ds47.spec import units
 
@@ -676,7 +676,7 @@ def test_columns_of_the_overview_line_up_in_chinese() -> None:
         CaptureRow.of(bad),
         CaptureRow.unreadable("c", "why"),
     ]
-    title, *lines, more = table(rows, "zh", 2)
+    title, *lines, more = worst_first(rows, report.ReportOptions(lang="zh"), 2)
     assert title == "抓包，问题最严重的在前"
     head, worst, second = (line.split() for line in lines)
     assert head == ["错误", "警告", "提示", "非正常任务", "任务总数", "抓包"]
@@ -685,7 +685,9 @@ def test_columns_of_the_overview_line_up_in_chinese() -> None:
     starts = [line.index(last) for line, last in zip(lines, ("抓包", "c", "b"), strict=True)]
     assert len({columns(line[:at]) for line, at in zip(lines, starts, strict=True)}) == 1
     assert more == "  另有 1 个抓包（-f overview）"
-    assert table(rows[:1], "zh")[-1].endswith("a  仅部分读取：文件提前结束")
+    assert worst_first(rows[:1], report.ReportOptions(lang="zh"))[-1].endswith(
+        "a  仅部分读取：文件提前结束"
+    )
 
 
 def test_an_overview_of_one_capture_that_is_ill(capsys: Any, captures: Path) -> None:

@@ -160,7 +160,7 @@ def test_markdown_of_several_captures(results: list[CaptureResult]) -> None:
         (["--summary", "-f", "csv"], "--summary has no effect in csv, only in text, html, json"),
         (["--all", "-f", "html"], "--all has no effect in html, only in text"),
         (["--plc", "-f", "json"], "--plc has no effect in json, only in text"),
-        (["--width", "80", "-f", "html"], "--width has no effect in html, only in text"),
+        (["--width", "80", "-f", "html"], "--width has no effect in html, only in text, overview"),
         (["--filters", "-f", "junit"], "--filters has no effect in junit, only in text"),
         (["--reference", "50Hz", "-f", "json"], "--reference has no effect in json, only in"),
     ],

@@ -611,6 +611,7 @@ def test_every_word_of_the_commands_too():
         "s7_user_",
         "bus_",
         "verdict_",
+        "trail_",
     )
     for key, texts in command_words().items():
         assert key not in report_words()

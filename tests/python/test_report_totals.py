@@ -28,7 +28,7 @@ from ds47.report.html.views import Overview, capture_view
 from ds47.report.html.views.drives import drives
 from ds47.report.html.views.elements import elements
 from ds47.report.latency import Latency, percentile
-from ds47.report.overview import CaptureRow, document, lines, table, total, write
+from ds47.report.overview import CaptureRow, document, lines, total, worst_first, write
 from ds47.report.todo import answering, uncovered
 from ds47.report.verdict import VerdictCounts, blind, verdict
 from ds47.report.zones import zone
@@ -233,7 +233,7 @@ def test_the_overview_says_when_each_capture_began_and_how_long_it_is() -> None:
         row("c", 1, "1970-01-01T00:00:01.000000000", "1970-01-01T00:00:02.000000000"),
         CaptureRow.unreadable("d", "why"),
     ]
-    head, names, *lines = table(rows, "en", zone=zone("Europe/Berlin"))
+    head, names, *lines = worst_first(rows, ReportOptions(zone=zone("Europe/Berlin")))
     assert head == "Captures, the worst first (times: Europe/Berlin)"
     assert names.split()[-3:] == ["start", "length", "capture"]
     assert [line.split()[5:] for line in lines] == [
@@ -474,7 +474,8 @@ def test_rules_in_as_many_captures_stand_by_their_ids() -> None:
 
 def test_a_series_of_two_files_says_so() -> None:
     assert (
-        table([CaptureRow("x", complete=False, files=2)], "en")[-1].split("  ")[-2] == "x (2 files)"
+        worst_first([CaptureRow("x", complete=False, files=2)], ReportOptions())[-1].split("  ")[-2]
+        == "x (2 files)"
     )
 
 
@@ -521,7 +522,7 @@ All 10 captures: 2 in which all is well, 1 not readable, 1 only partly read
 
 
 def test_a_table_of_captures_says_how_many_it_leaves_out() -> None:
-    assert table(ROWS[:2], "en") == []
-    assert "1 capture more" in table(ROWS[2:5], "en", 2)[-1]
-    assert len(table(ROWS[2:5], "en", 2)) == 2 + 2 + 1
-    assert len(table(ROWS[2:5], "en", 3)) == 2 + 3
+    assert worst_first(ROWS[:2], ReportOptions()) == []
+    assert "1 capture more" in worst_first(ROWS[2:5], ReportOptions(), 2)[-1]
+    assert len(worst_first(ROWS[2:5], ReportOptions(), 2)) == 2 + 2 + 1
+    assert len(worst_first(ROWS[2:5], ReportOptions(), 3)) == 2 + 3

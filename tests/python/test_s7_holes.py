@@ -174,7 +174,7 @@ def test_frames_that_a_snap_length_cut(name: str, snap: int, tmp_path: Path) -> 
 def test_a_report_of_answers_alone_begins_with_the_direction_that_is_missing() -> None:
     result = analyze(ANSWERS)
     assert [each.rule for each in result.diagnoses] == ["DS725"]
-    opening, clock = Opening(ReportOptions(), lambda _, text: text), Clock.of(result, UNIVERSAL)
+    opening, clock = Opening(ReportOptions()), Clock.of(result, UNIVERSAL)
     lines = "\n".join(opening.lines(result, clock, VerdictCounts.of(result)))
     first, rest = lines.split("  DS725 ")[0], lines.split("  DS725 ")[1]
     assert "DS908" not in first

@@ -25,13 +25,14 @@ def test_no_line_is_too_wide(
         assert max(map(columns, lines[1:])) <= width
 
 
-def test_where_a_table_has_no_room_each_change_has_two_lines(
+def test_where_a_table_has_no_room_each_change_is_a_card(
     captures: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["trail", "--width", "80", str(captures / "tour-machine.pcapng")]) == 0
     lines = capsys.readouterr().out.splitlines()
     at = lines.index("  08:00:00.255  p50304[0]  ? -> 100.0  accepted")
-    assert lines[at + 1] == "    frame 6: 192.168.133.2 to press-1-drive DO 2 by 47 slot 1.1"
+    about = "seconds 0.255  frame 6  controller 192.168.133.2  drive press-1-drive DO 2"
+    assert lines[at + 1 : at + 3] == [f"    {about}", "    by 47 slot 1.1"]
     assert lines[-1] == "  ? in frames 6, 26: neither read nor written before in this capture"
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ds47.capture.names import about
-from ds47.cli.common import Misses, stdout, warn
+from ds47.cli.common import Misses, tell, warn
 from ds47.cli.helping import Helped
 from ds47.cli.options import analysis_options, each_of, jobs_option, options_from
 from ds47.cli.paths import refuse_urls
@@ -84,7 +84,7 @@ def command(
         raise click.UsageError(str(problem)) from problem
     found, status = _find(paths, series, where, by_version, lang, jobs, options)
     if not found:
-        stdout().write(say("accept_nothing").text(lang) + "\n")
+        tell([say("accept_nothing").text(lang)])
         return status
     _list(found, None if show_all else _SHOWN, lang)
     total = sum(len(changes) for _, changes in found)
@@ -99,7 +99,7 @@ def command(
         click.confirm(question.text(lang), abort=True)
     for outcome, changes in found:
         _take(outcome, changes)
-    stdout().write(say("accept_done", **what).text(lang) + "\n")
+    tell([say("accept_done", **what).text(lang)])
     return status
 
 
@@ -143,14 +143,11 @@ def _list(found: Sequence[tuple[CheckOutcome, list[Change]]], most: int | None, 
     from ds47.report.bilingual import say
     from ds47.report.formatting import escape
 
-    write = stdout().write
     for outcome, changes in found:
-        write(f"{escape(outcome.path)}\n")
-        for change in changes[:most]:
-            write(f"    {escape(change.text)}\n")
+        tell([escape(outcome.path), *(f"    {escape(change.text)}" for change in changes[:most])])
         if most is not None and len(changes) > most:
             more = say("changes_more", number=str(len(changes) - most)).text(lang)
-            write(f"    {more}\n")
+            tell([f"    {more}"])
 
 
 def _take(outcome: CheckOutcome, changes: list[Change]) -> None:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ds47.capture.names import STDIN, about
-from ds47.cli.common import Misses, format_option, output, stdout
+from ds47.cli.common import Misses, columns_of, format_option, output, stdout, tell
 from ds47.cli.helping import Helped
 from ds47.cli.options import (
     analysis_options,
@@ -168,12 +168,13 @@ def _print_text(
 ) -> None:
     from ds47.report.bilingual import say
     from ds47.report.formatting import escape
-    from ds47.report.wrap import padded
+    from ds47.report.wrap import padded, wrap
 
-    write = stdout().write
+    width = columns_of()
 
     def line(key: str, text: str) -> None:
-        write(f"{padded(say(key).text(lang) if key else '', _MARGIN)} {text}\n")
+        front = padded(say(key).text(lang) if key else "", _MARGIN) + " "
+        tell([front + text] if width is None else wrap(front + text, width, _MARGIN + 3))
 
     for outcome in outcomes:
         if outcome.error is not None:
@@ -185,8 +186,8 @@ def _print_text(
         for text in _changes(outcome, most, lang):
             line("", text)
     if summary:
-        write("\n".join(_summary(outcomes).lines(lang)) + "\n")
-    write(_last_line(outcomes, series).text(lang) + "\n")
+        tell(_summary(outcomes).lines(lang, width))
+    tell([_last_line(outcomes, series).text(lang)])
 
 
 def _print_markdown(

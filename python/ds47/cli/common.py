@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TextIO, TypeVar
@@ -30,7 +30,6 @@ lang_option = click.option(
 
 
 LEAST_WIDTH = 60
-USUAL_WIDTH = 140
 width_option = click.option(
     "--width",
     type=click.IntRange(min=LEAST_WIDTH),
@@ -39,13 +38,28 @@ width_option = click.option(
 )
 
 
-def columns_of(output_name: str) -> int:
-    """Columns of the terminal (or COLUMNS) where text goes to it, but no fewer than a report needs."""
+def columns_of(output_name: str = "-") -> int | None:
+    """Columns of the terminal (or COLUMNS) where text goes to it, but no fewer than a report needs; else None."""
     if output_name != "-" or not sys.stdout.isatty():
-        return USUAL_WIDTH
+        return None
     from shutil import get_terminal_size  # takes its time: it knows archives, too
 
-    return max(LEAST_WIDTH, get_terminal_size((USUAL_WIDTH, 24)).columns)
+    return max(LEAST_WIDTH, get_terminal_size().columns)
+
+
+def prose_width() -> int:
+    """Columns of a line of explanation on stdout."""
+    from ds47.report.explanation import WIDTH
+
+    return min(WIDTH, columns_of() or WIDTH)
+
+
+def tell(lines: Iterable[str]) -> None:
+    """Writes lines to stdout; each goes on in the next line where the terminal has no room."""
+    from ds47.report.wrap import fitted
+
+    stream, width = stdout(), columns_of()
+    stream.writelines(f"{part}\n" for line in lines for part in fitted(line, width))
 
 
 def format_option(*formats: str, about: str | None = None) -> Callable[[Function], Function]:

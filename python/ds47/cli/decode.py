@@ -18,6 +18,7 @@ from ds47.cli.common import (
     lang_option,
     pkw_layout_option,
     stdout,
+    tell,
     warn,
 )
 from ds47.cli.decode_cyclic import CYCLIC, cyclic_words
@@ -86,14 +87,15 @@ def command(
 
     options = codec_options(legacy_g120_formats, profile_v3_types, vendor)
     data = _bytes(" ".join(message) if message else sys.stdin.read(), "the message", lang)
+    as_json = format_name == "json"
     if kind in CYCLIC:
-        stdout().write(cyclic_words(data, kind, pkw_layout, format_name, lang, options.vendor_id))
+        _print(cyclic_words(data, kind, pkw_layout, format_name, lang, options.vendor_id), as_json)
         return
     if kind == PROFIBUS:
-        stdout().write(profibus_words(data, format_name, options, lang))
+        _print(profibus_words(data, format_name, options, lang), as_json)
         return
     if kind == S7:
-        stdout().write(s7_words(data, format_name, lang))
+        _print(s7_words(data, format_name, lang), as_json)
         return
     question = None if request_hex is None else _bytes(request_hex, "--request", lang)
     found = _decoded(data, "response" if question else kind, question, options)
@@ -101,8 +103,15 @@ def command(
         other = "response" if found.kind == "request" else "request"
         kind_name = say(f"decode_{found.kind}")
         warn(say("decode_guess", kind=kind_name, option=other).text(lang))
-    as_json = format_name == "json"
-    stdout().write(json.text(found.to_dict()) + "\n" if as_json else text(found, lang))
+    _print(json.text(found.to_dict()) + "\n" if as_json else text(found, lang), as_json)
+
+
+def _print(shown: str, as_json: bool) -> None:
+    """JSON is for programs; text fits the terminal."""
+    if as_json:
+        stdout().write(shown)
+    else:
+        tell(shown.splitlines())
 
 
 def _decoded(data: bytes, kind: str | None, question: bytes | None, options: Options) -> Message:

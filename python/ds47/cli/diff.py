@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 import click
 
 from ds47.capture.names import about
-from ds47.cli.common import format_option, output, warn
+from ds47.cli.common import columns_of, format_option, output, warn
 from ds47.cli.helping import Helped
 from ds47.cli.options import analysis_options, options_from
 from ds47.cli.series import series_option, tasks, tell_lacking
@@ -64,7 +64,8 @@ def command(
     else:
         found, whole = _captures(a, b, series, analysis, lang)
     with output(output_name) as stream:
-        write(found, format_name, stream, lang, everything=everything)
+        width = columns_of(output_name)
+        write(found, format_name, stream, lang, everything=everything, width=width)
     if not whole:
         return 3
     return int(exit_code and bool(found.changed))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ds47.cli.common import lang_option, stdout, warn
+from ds47.cli.common import lang_option, prose_width, stdout, tell, warn
 from ds47.cli.helping import Helped
 
 if TYPE_CHECKING:
@@ -96,7 +96,8 @@ def _print(text: str, vendor: str | None, lang: str, format_name: str) -> None:
         from ds47.report import known
         from ds47.report.explanation import lines
 
-        stream.write("\n".join([*known.lines(listed), *lines(meanings, lang)]) + "\n")
+        tell(known.lines(listed))
+        stream.write("\n".join(lines(meanings, lang, prose_width())) + "\n")
 
 
 def _listed(text: str, number: int | None, lang: str) -> list[SourceEntry]:

@@ -11,7 +11,8 @@ from types import ModuleType
 
 import click
 
-from ds47.cli.common import stdout
+from ds47.cli.common import columns_of, stdout, tell
+from ds47.report.table import table
 from ds47.spec.extras import install
 
 
@@ -24,10 +25,8 @@ def command() -> None:
 def list_scenarios() -> None:
     """List the scenarios."""
     scenarios = _lab().everything()
-    width = max(map(len, scenarios), default=0)
-    stream = stdout()
-    for name in sorted(scenarios):
-        stream.write(f"{name:<{width}}  {scenarios[name].title}\n")
+    rows = [(name, scenarios[name].title) for name in sorted(scenarios)]
+    tell(table(rows, columns_of(), indent=0))
 
 
 @command.command("write")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ds47.cli.common import format_option, lang_option, stdout, vendor_number, warn
+from ds47.cli.common import format_option, lang_option, stdout, tell, vendor_number, warn
 from ds47.profidrive.naming import spelled
 from ds47.report.bilingual import say
 from ds47.report.formatting import escape
@@ -85,14 +85,11 @@ def take(
     except lists.ListError as problem:
         warn(str(problem))
         return _UNREADABLE
-    stream = stdout()
     counts = say(
         "params_counts", n=len(found.rows), messages=say("params_messages", n=len(found.messages))
     )
     key = "params_replaced" if replaced else "params_taken"
-    stream.write(
-        say(key, name=escape(found.name), counts=counts, place=str(saved_to)).text(lang) + "\n"
-    )
+    tell([say(key, name=escape(found.name), counts=counts, place=str(saved_to)).text(lang)])
     for line in found.passed_over[:_SHOWN]:
         warn(say("params_passed_over", what=escape(line)).text(lang))
     if len(found.passed_over) > _SHOWN:
@@ -155,7 +152,7 @@ def show(words: tuple[str, ...], lang: str, format_name: str) -> int:
 
         stream.write(text([each._asdict() for each in found]) + "\n")
     elif found:
-        stream.write("\n".join(known.lines(found)) + "\n")
+        tell(known.lines(found))
     if not found:
         warn(say("params_unknown", text=escape(" ".join(words))).text(lang))
         return 1
@@ -201,9 +198,9 @@ def listed(lang: str, format_name: str) -> int:
             n=len(found.rows),
             messages=say("params_messages", n=len(found.messages)),
         )
-        stream.write(f"{escape(found.name)}: {counts.text(lang)}; {about(found, lang)}; {path}\n")
+        tell([f"{escape(found.name)}: {counts.text(lang)}; {about(found, lang)}; {path}"])
     if not kept:
-        stream.write(say("params_no_list", folder=str(store.folder())).text(lang) + "\n")
+        tell([say("params_no_list", folder=str(store.folder())).text(lang)])
     return 0
 
 
@@ -256,7 +253,7 @@ def export(path: Path | None, wireshark: bool, folder: Path | None, lang: str) -
     except OSError as problem:
         warn(f"{path}: {problem.strerror or problem}")
         return _UNREADABLE
-    stream.write(say("params_exported", n=len(kept), place=str(path)).text(lang) + "\n")
+    tell([say("params_exported", n=len(kept), place=str(path)).text(lang)])
     return 0
 
 
@@ -290,5 +287,5 @@ def remove(name: str, lang: str) -> int:
     except lists.ListError as problem:
         warn(str(problem))
         return 1
-    stdout().write(say("params_removed", path=str(path)).text(lang) + "\n")
+    tell([say("params_removed", path=str(path)).text(lang)])
     return 0

@@ -251,7 +251,7 @@ def _heading(said: Heading, paths: Sequence[str]) -> Heading:
 
 
 _ONLY_IN = {
-    "plc": ("text",), "reference": ("text", "html"), "width": ("text",), "filters": ("text",),
+    "plc": ("text",), "reference": ("text", "html"), "width": ("text", "overview"), "filters": ("text",),
     "title": ("html",), "opens": ("html",), "order": ("html",), "customer": ("html",), "author": ("html",),
 }  # fmt: skip
 _ENDINGS = {

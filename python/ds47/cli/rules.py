@@ -9,13 +9,11 @@ from collections.abc import Sequence
 
 import click
 
-from ds47.cli.common import RuleWords, lang_option, rule_text, stdout
+from ds47.cli.common import RuleWords, columns_of, lang_option, prose_width, rule_text, stdout, tell
 from ds47.cli.helping import Helped
 from ds47.report.bilingual import say
-from ds47.report.wrap import padded, wrap
-
-_WIDTH = 100
-"""Columns of a line of an explanation."""
+from ds47.report.table import table
+from ds47.report.wrap import fitted, wrap
 
 
 @click.command(
@@ -39,12 +37,14 @@ def command(names: Sequence[str], lang: str, format_name: str) -> None:
         lines = ",\n".join(text(rule._asdict()) for rule in chosen)
         stream.write(f"[\n{lines}\n]\n")
     elif names and not searched:
-        stream.write("\n".join(_explained(rule, lang) for rule in chosen))
+        width = prose_width()
+        stream.write("\n".join(_explained(rule, lang, width) for rule in chosen))
     else:
-        width = max((len(rule.name) for rule in chosen), default=0)
-        for rule in chosen:
-            severity = padded(say(f"severity_{rule.severity}").text(lang), 7)
-            stream.write(f"{rule.id}  {severity}  {rule.name:<{width}}  {rule.message}\n")
+        rows = [
+            (rule.id, say(f"severity_{rule.severity}").text(lang), rule.name, rule.message)
+            for rule in chosen
+        ]
+        tell(table(rows, columns_of(), lead=range(3), indent=0))
 
 
 def _chosen(names: Sequence[str], lang: str) -> tuple[list[RuleWords], bool]:
@@ -74,7 +74,7 @@ def _has(rule: RuleWords, word: str) -> bool:
     return bool(wanted) and any(wanted in text for text in texts)
 
 
-def _explained(rule: RuleWords, lang: str) -> str:
+def _explained(rule: RuleWords, lang: str, width: int) -> str:
     severity = say(f"severity_{rule.severity}")
     lines = [say("rules_entry", rule=rule.id, name=rule.name, severity=severity).text(lang)]
     for key, text in (
@@ -86,9 +86,9 @@ def _explained(rule: RuleWords, lang: str) -> str:
         if not text:
             continue
         shown = say(key, text=" ".join(text.split())).text(lang)
-        lines += ("  " + line for line in wrap(shown, _WIDTH - 2, 2))
+        lines += ("  " + line for line in wrap(shown, width - 2, 2))
     if rule.analyzer_only:
-        lines.append("  " + say("rules_analyzer_only").text(lang))
+        lines += fitted("  " + say("rules_analyzer_only").text(lang), width)
     if rule.changed:
-        lines.append("  " + say("rules_changed", text=", ".join(rule.changed)).text(lang))
+        lines += fitted("  " + say("rules_changed", text=", ".join(rule.changed)).text(lang), width)
     return "\n".join(lines) + "\n"

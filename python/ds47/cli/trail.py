@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from ds47.capture.names import about
-from ds47.cli.common import Misses, columns_of, format_option, output, warn, width_option
+from ds47.cli.common import Misses, color, columns_of, format_option, output, warn, width_option
 from ds47.cli.helping import Helped
 from ds47.cli.options import analysis_options, options_from, tz_option, zone_for_paths
 from ds47.cli.selecting import CRITERIA, chosen, selection_options
@@ -47,6 +47,7 @@ def command(
     """Show who changed which parameter, when, from where, from which value to which."""
     from ds47.capture import CaptureError
     from ds47.regression.run import readable
+    from ds47.report import ReportOptions
     from ds47.report.changes import Writer
     from ds47.report.selection import names, there_are
 
@@ -57,7 +58,9 @@ def command(
     devices: dict[str, None] = {}
     changes = 0
     with output(output_name) as stream:
-        writer = Writer(stream, format_name, lang, where, width or columns_of(output_name))
+        width = width or columns_of(output_name)
+        shown = ReportOptions(color(stream), lang=lang, zone=where, width=width)
+        writer = Writer(stream, format_name, shown)
         for task in tasks(paths, series, misses):
             try:
                 result = readable(task, analysis)

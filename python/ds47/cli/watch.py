@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ds47.capture.names import STDIN
-from ds47.cli.common import color, format_option, stdout, warn
+from ds47.cli.common import color, columns_of, format_option, stdout, warn
 from ds47.cli.helping import Helped
 from ds47.cli.options import analysis_options, fail_on_option, options_from, tz_option
 from ds47.model import S7, SEVERITIES
@@ -114,7 +114,12 @@ def _show(format_name: str, name: str, lang: str, only_s7: bool, where: Zone) ->
     if format_name == "ndjson":
         return NdjsonShow(stream, name, sys.stderr, lang)
     options = ReportOptions(
-        color=color(stream), rules=spec.rules(), lang=lang, s7=only_s7, zone=where
+        color=color(stream),
+        rules=spec.rules(),
+        lang=lang,
+        s7=only_s7,
+        zone=where,
+        width=columns_of(),
     )
     return TextShow(stream, options)
 

@@ -16,6 +16,7 @@ from ds47.regression.difference import Difference
 from ds47.regression.difference_json import document
 from ds47.report.bilingual import Both, say, state
 from ds47.report.formatting import escape
+from ds47.report.wrap import fitted
 
 FORMATS = ("text", "json", "html")
 
@@ -27,6 +28,7 @@ def write(
     lang: str = "en",
     *,
     everything: bool = False,
+    width: int | None = None,
 ) -> None:
     """Writes a difference.
 
@@ -36,6 +38,7 @@ def write(
         stream: where to.
         lang: "en" or "zh", the language of text and page.
         everything: list also what was not compared, which is else one line of text (JSON has it always).
+        width: columns of a line of text; None: a line is as long as it is.
     """
     if format_name == "json":
         stream.write(
@@ -46,7 +49,8 @@ def write(
 
         stream.write(page(found, lang, everything=everything))
     else:
-        stream.writelines(f"{line}\n" for line in lines(found, lang, everything=everything))
+        texts = lines(found, lang, everything=everything)
+        stream.writelines(f"{part}\n" for line in texts for part in fitted(line, width))
 
 
 def lines(found: Difference, lang: str = "en", *, everything: bool = False) -> Iterator[str]:

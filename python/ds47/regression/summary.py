@@ -13,7 +13,7 @@ from typing import Any
 from ds47 import spec
 from ds47.regression.compare import Change, Json
 from ds47.report.bilingual import Both, joined, say
-from ds47.report.wrap import columns, padded
+from ds47.report.table import table
 
 _LISTED = 12
 """How many of a kind a line names before it only counts."""
@@ -96,16 +96,15 @@ class Summary:
         for finding in now["findings"]:
             cover["rule"][finding["rule"]] += 1
 
-    def lines(self, lang: str = "en") -> list[str]:
-        """The summary as text."""
-        lines = [say("summary_labels").text(lang)]
-        width = max(map(columns, self.labels), default=0)
+    def lines(self, lang: str = "en", width: int | None = None) -> list[str]:
+        """The summary as text; `width`: columns of a line of its table."""
+        rows = []
         for name, row in sorted(self.labels.items()):
-            lines.append(f"  {padded(name, width)}  {_about(row).text(lang)}")
+            rows.append((name, _about(row).text(lang)))
             for key, counter in (("new", row.findings_new), ("gone", row.findings_gone)):
                 if counter:
-                    text = say(f"summary_{key}", rules=_counted(counter)).text(lang)
-                    lines.append(f"  {'':<{width}}  {text}")
+                    rows.append(("", say(f"summary_{key}", rules=_counted(counter)).text(lang)))
+        lines = [say("summary_labels").text(lang), *table(rows, width)]
         lines.append(say("summary_coverage").text(lang))
         lines += [
             f"  {key:<9} {len(seen):>4}: {_counted(seen).text(lang)}"

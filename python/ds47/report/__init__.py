@@ -11,7 +11,7 @@ finished, and holds no more than one.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
 from types import MappingProxyType
@@ -44,6 +44,12 @@ FORMATS = (
 
 _SUMMARIES = {"json": "digest_json", "html": "digest_page"}
 """Formats with a module of their own for `--summary`."""
+_PROSE = 140
+"""Columns of a line of prose where no terminal has another number."""
+_COLORS = {"error": "31", "warning": "33", "note": "36", "ok": "32", "bold": "1", "dim": "2"}
+
+Paint = Callable[[str, str], str]
+"""Takes a colour ("error", "bold", ...) and a text."""
 
 
 class CannotWriteError(Exception):
@@ -68,11 +74,11 @@ class ReportOptions(NamedTuple):
     report (text), or the one a page starts in (html). `plc`: also show what the PLC saw of jobs that are ok
     (text only). `reference`: the meaning of 100 % of a setpoint (text, html). `s7`: also show transactions of
     S7 without findings (text only). `heading`: the title block (html). `zone`: the time zone (text, html).
-    `width`: columns of a line (text). `detail`: "all"; "auto" leaves out transactions, events and
-    findings where these are many; "short" is 40 lines at most (text); "summary" is 12, and the same in html, json
-    and markdown. `captures`: how many captures the report covers. For many of them, unless `detail` is "all", the
-    text shows totals. `filters`: a display filter for the frames of each
-    cause and rule (text).
+    `width`: columns of a line; None: tables are as wide as they are, and prose has 140 (text).
+    `detail`: "all"; "auto" leaves out transactions, events and findings where these are many; "short" is 40
+    lines at most (text); "summary" is 12, and the same in html, json and markdown. `captures`: how many captures
+    the report covers. For many of them, unless `detail` is "all", the text shows totals. `filters`: a display
+    filter for the frames of each cause and rule (text).
     """
 
     color: bool = False
@@ -84,10 +90,19 @@ class ReportOptions(NamedTuple):
     s7: bool = False
     heading: Heading | None = None
     zone: Zone = UNIVERSAL
-    width: int = 140
+    width: int | None = None
     detail: str = "all"
     captures: int = 1
     filters: bool = False
+
+    @property
+    def columns(self) -> int:
+        """Columns of a line of prose."""
+        return self.width or _PROSE
+
+    def paint(self, color: str, text: str) -> str:
+        """A text in a colour ("error", "bold", ...), if there are colours."""
+        return f"\x1b[{_COLORS[color]}m{text}\x1b[0m" if self.color else text
 
 
 class Writer:

@@ -18,7 +18,7 @@ from ds47.report.digest import first_sentences
 from ds47.report.file_frames import FileFrames, name
 from ds47.report.formatting import escape
 from ds47.report.summary import WIDTH
-from ds47.report.wrap import wrap
+from ds47.report.wrap import fitted, wrap
 
 _ADVICE = 2
 """Lines of an advice: each capture has the whole of it."""
@@ -101,17 +101,18 @@ def lines(
     """What `over_all` gave, as text; without `advice` where each capture has said what to do."""
     if not items:
         return
-    lang = options.lang
-    yield say("to_do_head").text(lang)
+    lang, width = options.lang, min(WIDTH, options.columns)
+    yield options.paint("bold", say("to_do_head").text(lang))
     for each in items:
         rule = options.rules.get(each["rule"])
-        yield f"  {headline(each, rule.name if rule else '').text(lang)}"
+        told = headline(each, rule.name if rule else "").text(lang)
+        yield from fitted(f"  {told}", options.width)
         if advice and rule:
             text = rule.advice_zh if lang == "zh" else rule.advice
-            text = first_sentences(text, _ADVICE * (WIDTH - 8))
-            for part in wrap("-> " + text, WIDTH - 4, 3):
+            text = first_sentences(text, _ADVICE * (width - 8))
+            for part in wrap("-> " + text, width - 4, 3):
                 yield "    " + part
-        yield f"    {first_case(each['first']).text(lang)}"
+        yield from fitted(f"    {first_case(each['first']).text(lang)}", options.width)
 
 
 def headline(item: dict[str, Any], rule_name: str) -> Both:

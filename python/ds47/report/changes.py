@@ -10,6 +10,7 @@ from typing import Any, TextIO
 from ds47.model import DS47, CaptureResult
 from ds47.profidrive.drive_objects import Identity
 from ds47.profidrive.naming import element
+from ds47.report import ReportOptions
 from ds47.report.bilingual import say
 from ds47.report.clock import Clock
 from ds47.report.csv import Lines, guarded
@@ -18,10 +19,10 @@ from ds47.report.formatting import value as value_text
 from ds47.report.json import timestamp
 from ds47.report.parameters import plain
 from ds47.report.selection import Selection, Wanted
+from ds47.report.table import table
 from ds47.report.targets import Targets, slot
 from ds47.report.trail import WrittenChange, changes
-from ds47.report.wrap import aligned, columns, fitted
-from ds47.report.zones import UNIVERSAL, Zone
+from ds47.report.wrap import fitted
 from ds47.spec.semantics import known
 from ds47.spec.units import nanoseconds
 
@@ -92,11 +93,8 @@ def way(change: WrittenChange) -> str:
 class Writer:
     """Writes the changes of captures in one of FORMATS."""
 
-    def __init__(
-        self, stream: TextIO, format_name: str, lang: str, zone: Zone = UNIVERSAL, width: int = 140
-    ) -> None:
-        self._stream, self._format, self._lang, self._zone = stream, format_name, lang, zone
-        self._width = width
+    def __init__(self, stream: TextIO, format_name: str, options: ReportOptions) -> None:
+        self._stream, self._format, self._options = stream, format_name, options
         self._captures: list[dict[str, Any]] = []
         self._csv = csv.writer(Lines(stream), lineterminator="\r\n")
         if format_name == "csv":
@@ -116,8 +114,8 @@ class Writer:
             changes = [{key: each[key] for key in keys} for each in found]
             self._captures.append({"path": result.path, "changes": changes})
         else:
-            clock = Clock.of(result, self._zone)
-            texts = lines(result.path, found, self._lang, clock, self._width)
+            clock = Clock.of(result, self._options.zone)
+            texts = lines(result.path, found, clock, self._options)
             self._stream.writelines(f"{line}\n" for line in texts)
         return len(found), unproved
 
@@ -136,35 +134,24 @@ def _cell(row: dict[str, Any], name: str) -> object:
 
 
 def lines(
-    path: str, found: Sequence[dict[str, Any]], lang: str, clock: Clock, width: int = 140
+    path: str, found: Sequence[dict[str, Any]], clock: Clock, options: ReportOptions
 ) -> Iterator[str]:
-    """A head with the number of changes and the zone; a table, or two lines for each change if it is too wide."""
+    """A head with the number of changes and the zone; a table; why values before are not known."""
+    lang, width = options.lang, options.width
     words = say("trail_head", path=escape(path), n=len(found))
     if clock.known:
         words = words.joined(say("trail_first", start=clock.start()), "; ", "；")
-    yield from fitted(words.text(lang), width)
+    yield from fitted(options.paint("bold", words.text(lang)), width)
     if not found:
         return
-    yield from _table(found, lang, clock, width)
+    head = [say(name).text(lang) for name in _HEADS[0 if clock.known else 1 :]]
+    cells = [[*_times(each, clock), *_texts(each, options)] for each in found]
+    yield from table(cells, width, head, lead=(0, -3, -2, -1), paint=options.paint)
     for why in dict.fromkeys(each["unknown"] for each in found if each["unknown"]):
         frames = list(dict.fromkeys(str(each["frame"]) for each in found if each["unknown"] == why))
         more = ", ..." if len(frames) > _FRAMES else ""
         about = say(f"trail_why_{why}", n=len(frames), frames=", ".join(frames[:_FRAMES]) + more)
         yield from fitted("  " + about.text(lang), width)
-
-
-def _table(found: Sequence[dict[str, Any]], lang: str, clock: Clock, width: int) -> Iterator[str]:
-    head = [say(name).text(lang) for name in _HEADS[0 if clock.known else 1 :]]
-    table = [head, *([*_times(each, clock), *_texts(each, lang)] for each in found)]
-    lines = [f"  {line}" for line in aligned(table)]
-    if max(map(columns, lines)) <= width:
-        yield from lines
-        return
-    for row in table[1:]:
-        *times, frame, who, device, by, parameter, change, outcome = row
-        yield from fitted(f"  {times[0]}  {parameter}  {change}  {outcome}", width)
-        about = say("trail_card", frame=frame, who=who, device=device, by=by)
-        yield from fitted("    " + about.text(lang), width)
 
 
 _FRAMES = 8
@@ -173,12 +160,7 @@ _HEADS = (
     "trail_time", "trail_since", "trail_frame", "trail_controller", "trail_device",
     "trail_way", "trail_parameter", "trail_change", "trail_outcome",
 )  # fmt: skip
-_OUTCOMES = {
-    "accepted": "trail_accepted",
-    "negative": "trail_negative",
-    "refused": "trail_refused",
-    "sent": "trail_sent",
-}
+_COLORS = {"negative": "error", "refused": "error", "sent": "warning"}
 
 
 def _times(row: dict[str, Any], clock: Clock) -> list[str]:
@@ -187,16 +169,19 @@ def _times(row: dict[str, Any], clock: Clock) -> list[str]:
     return [*filter(None, [clock.at(time_ns)]), clock.since(time_ns)]
 
 
-def _texts(row: dict[str, Any], lang: str) -> list[str]:
+def _texts(row: dict[str, Any], options: ReportOptions) -> list[str]:
+    lang = options.lang
     who, device = row["controller_station"] or row["controller"], row["station"] or row["device"]
     unknown = say("trail_unknown").text(lang)
     old = unknown if row["old_known"] is None else value_text(row["old"], row["old_format"])
     new = unknown if row["new"] is None else value_text(row["new"], row["format"])
-    outcome = say(_OUTCOMES[row["outcome"]]).text(lang)
+    outcome = say(f"trail_{row['outcome']}").text(lang)
     if row["error"] is not None:
         outcome += f" 0x{row['error']:02X}"
     if row["status"] is not None:
         outcome += f" {row['status']}"
+    if row["outcome"] in _COLORS:
+        outcome = options.paint(_COLORS[row["outcome"]], outcome)
     return [
         str(row["frame"]), escape(who), escape(" ".join(filter(None, (device, row["target"])))),
         row["way"], row["parameter"], f"{old} -> {new}", outcome,

@@ -44,7 +44,7 @@ def lines(meanings: Sequence[CodeMeaning], lang: str, width: int = WIDTH) -> Ite
     if empty:
         yield from wrap(words["nothing"].format(list=words["list_separator"].join(empty)), width, 2)
     if others:
-        yield words["more"].format(command=others[0].name)
+        yield from wrap(words["more"].format(command=others[0].name), width)
 
 
 def _full(meaning: CodeMeaning, words: Mapping[str, str], width: int) -> Iterator[str]:

@@ -20,8 +20,8 @@ from ds47.report.clock import Clock, beginning
 from ds47.report.formatting import duration, escape
 from ds47.report.todo import is_lowered
 from ds47.report.verdict import VerdictCounts
-from ds47.report.wrap import columns
-from ds47.report.zones import UNIVERSAL, Zone
+from ds47.report.wrap import fitted
+from ds47.report.zones import Zone
 from ds47.spec.units import nanoseconds
 from ds47.version import __version__
 
@@ -223,11 +223,11 @@ class Writer(_Writer):
 def lines(rows: Sequence[CaptureRow], options: ReportOptions) -> list[str]:
     """The overview as text: captures that need attention, what to do, what was found, totals."""
     summed = total(rows)
+    numbers = [*_spaced(_rules(summed, options)), *_sums(summed, options)]
     return [
-        *_spaced(table(rows, options.lang, zone=options.zone)),
+        *_spaced(worst_first(rows, options)),
         *_spaced(list(causes.lines(summed["to_do"], options))),
-        *_spaced(_rules(summed, options)),
-        *_sums(summed, options.lang),
+        *(line for each in numbers for line in fitted(each, options.width)),
     ]
 
 
@@ -239,30 +239,33 @@ _HEADINGS = ("errors", "warnings", "notes", "not_ok", "of")
 _TIMES = ("start", "length")
 
 
-def table(
-    rows: Iterable[CaptureRow], lang: str, most: int | None = None, zone: Zone = UNIVERSAL
+def worst_first(
+    rows: Iterable[CaptureRow], options: ReportOptions, most: int | None = None
 ) -> list[str]:
     """A line for each capture that needs attention, the worst first, at most `most`.
 
-    If the time of any is known, all have the columns start (in `zone`) and length.
+    If the time of any is known, all have the columns start (in the zone of the report) and length.
     """
+    lang, zone = options.lang, options.zone
     ordered = sorted((row for row in rows if not row.quiet), key=CaptureRow.badness)
     if not ordered:
         return []
+    from ds47.report.table import table  # not for a single capture
+
     listed = ordered[:most]
     timed = any(beginning(zone, row.start_ns) for row in listed)
     names = (*_HEADINGS, *(_TIMES if timed else ()), "capture")
-    cells = [tuple(say(f"worst_{each}").text(lang) for each in names)]
+    head = [say(f"worst_{each}").text(lang) for each in names]
+    cells = []
     for row in listed:
-        *counts, name = _cells(row, lang)
+        *counts, name = _cells(row, options)
         cells.append((*counts, *(times_of(row, zone) if timed else ()), name))
-    widths = [max(columns(line[at]) for line in cells) for at in range(len(names) - 1)]
     zone_name = Clock(zone, listed[0].start_ns).zone_name
-    shown = [(say("worst_head_timed", zone=zone_name) if timed else say("worst_head")).text(lang)]
-    for line in cells:
-        pairs = zip(line[:-1], widths, strict=True)
-        numbers = (" " * (width - columns(cell)) + cell for cell, width in pairs)
-        shown.append(f"  {'  '.join(numbers)}  {line[-1]}")
+    title = say("worst_head_timed", zone=zone_name) if timed else say("worst_head")
+    shown = [
+        options.paint("bold", title.text(lang)),
+        *table(cells, options.width, head, lead=(-1,), right=True, paint=options.paint),
+    ]
     if most is not None and len(ordered) > most:
         shown.append("  " + say("worst_more", n=len(ordered) - most).text(lang))
     return shown
@@ -274,8 +277,8 @@ def times_of(row: CaptureRow, zone: Zone) -> tuple[str, str]:
     return beginning(zone, row.start_ns) or "-", "-" if length is None else duration(length)
 
 
-def _cells(row: CaptureRow, lang: str) -> tuple[str, ...]:
-    name = escape(row.path)
+def _cells(row: CaptureRow, options: ReportOptions) -> tuple[str, ...]:
+    name, lang = escape(row.path), options.lang
     if not row.readable:
         problem = say("worst_unreadable", problem=_about(row)).text(lang)
         return ("-",) * len(_HEADINGS) + (f"{name}  {problem}",)
@@ -289,10 +292,14 @@ def _cells(row: CaptureRow, lang: str) -> tuple[str, ...]:
     if row.dropped:
         notes.append(say("worst_dropped", n=row.dropped))
     found = row.findings
-    numbers = (found.get("error", 0), found.get("warning", 0), found.get("note", 0))
     not_ok = row.transactions - row.states.get("ok", 0)
-    shown = (f"{number:,}" for number in (*numbers, not_ok, row.transactions))
-    return (*shown, "  ".join([name, *(each.text(lang) for each in notes)]))
+    numbers = [found.get(each, 0) for each in SEVERITIES[::-1]]
+    shown = [
+        options.paint(severity, f"{number:,}") if number else "0"
+        for severity, number in zip(SEVERITIES[::-1], numbers, strict=True)
+    ]
+    told = "  ".join([name, *(each.text(lang) for each in notes)])
+    return (*shown, f"{not_ok:,}", f"{row.transactions:,}", told)
 
 
 def _about(row: CaptureRow) -> Both:
@@ -308,7 +315,7 @@ def _rules(summed: dict[str, Any], options: ReportOptions) -> list[str]:
     found = [each for each in summed["rules"].items() if not each[0].startswith(DIAGNOSIS)]
     if not found:
         return []
-    shown = [say("findings_head").text(options.lang)]
+    shown = [options.paint("bold", say("findings_head").text(options.lang))]
     for rule, numbers in sorted(found, key=lambda item: (-item[1]["captures"], item[0])):
         about = options.rules.get(rule)
         line = say(
@@ -322,7 +329,7 @@ def _rules(summed: dict[str, Any], options: ReportOptions) -> list[str]:
     return shown
 
 
-def _sums(summed: dict[str, Any], lang: str) -> list[str]:
+def _sums(summed: dict[str, Any], options: ReportOptions) -> list[str]:
     captures = say("all_captures", captures=say("captures", n=summed["captures"]))
     odd = [say(f"all_{key}", n=summed[key]) for key in _ODD if summed[key]]
     work, found = told_sums(summed, "{:,}".format)
@@ -331,7 +338,8 @@ def _sums(summed: dict[str, Any], lang: str) -> list[str]:
         time, path = duration(summed["slowest"]["ns"]), escape(summed["slowest"]["path"])
         shown.append(say("slowest", time=time, path=path))
     head = captures.joined(joined(odd), ": ", "：") if odd else captures
-    return [head.text(lang), *(f"  {line.text(lang)}" for line in shown)]
+    title, *others = (each.text(options.lang) for each in (head, *shown))
+    return [options.paint("bold", title), *(f"  {each}" for each in others)]
 
 
 _ODD = ("quiet", "unreadable", "incomplete")

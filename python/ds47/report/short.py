@@ -5,11 +5,12 @@ No line is wider than the terminal: a sentence is broken or cut. `ds47.report.te
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import PurePath
 from typing import Final
 
+from ds47.report import Paint
 from ds47.report.bilingual import Both, say
 from ds47.report.digest import Digest, ShortCause, Who, first_sentences
 from ds47.report.formatting import escape
@@ -28,8 +29,6 @@ _SENTENCE: Final = 3
 """Lines of the sentence of a cause,"""
 _ADVICE: Final = 2
 """and of its advice."""
-
-Paint = Callable[[str, str], str]
 
 
 class Short:

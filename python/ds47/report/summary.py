@@ -6,7 +6,7 @@ which all is well has the first two only. Nothing here writes: lines are given t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 from ds47.findings.grouping import headlines
 from ds47.model import CaptureResult, Device, Diagnosis, Finding
@@ -33,17 +33,15 @@ OF_ONE_RULE = 3
 COLORS = {"bad": "error", "warn": "warning", "good": "ok", "none": "dim"}
 """The colour of a verdict by its level."""
 
-Paint = Callable[[str, str], str]
-
 
 class Opening:
-    """Makes the lines. `paint` takes a colour ("error", "bold", ...) and a text."""
+    """Makes the lines."""
 
-    def __init__(self, options: ReportOptions, paint: Paint) -> None:
+    def __init__(self, options: ReportOptions) -> None:
         self._options = options
         self._lang = options.lang
-        self._paint = paint
-        self._width = min(WIDTH, options.width)
+        self._paint = options.paint
+        self._width = min(WIDTH, options.columns)
         self._clock = Clock(options.zone, None)
         self._seen_at: dict[int, int] = {}
         """When the frames of findings were, by number."""
@@ -101,7 +99,7 @@ class Opening:
         width = max(len(escape(each.ip)) for each in shown)
         for each, text in zip(shown, counts, strict=False):
             line = f"  {escape(each.ip):<{width}}{about(each, self._lang)}{text}".rstrip()
-            yield from fitted(line, self._options.width)
+            yield from fitted(line, self._options.columns)
         if len(items) > DRIVES:
             yield "  " + self._say(more, n=len(items) - DRIVES)
 

@@ -8,7 +8,7 @@ that none of them can talk to the terminal.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from io import StringIO
 from itertools import islice
@@ -38,12 +38,12 @@ from ds47.report.file_frames import FileFrames, name
 from ds47.report.filters import display_filter
 from ds47.report.formatting import duration, escape, parameter
 from ds47.report.latency import Latency
-from ds47.report.overview import CaptureRow, table, told_sums, total
+from ds47.report.overview import CaptureRow, told_sums, total, worst_first
 from ds47.report.sentences import at_offset, sentence
 from ds47.report.summary import Opening
 from ds47.report.targets import Targets
 from ds47.report.verdict import VerdictCounts
-from ds47.report.wrap import aligned, columns, cut, end_of, fitted, wrap
+from ds47.report.wrap import columns, cut, end_of, fitted, wrap
 from ds47.spec.cyclic import telegrams
 
 if TYPE_CHECKING:
@@ -65,7 +65,6 @@ CAPTURES_LISTED = 20
 """Captures of a run that are listed at its end, the worst ones; `-f overview` lists all."""
 WORST_LISTED, CAUSES_LISTED = 6, 4
 """Captures, and causes, in a report that tells of many captures together only."""
-_COLORS = {"error": "31", "warning": "33", "note": "36", "ok": "32", "bold": "1", "dim": "2"}
 _SERIOUS_STATES = ("error", "mismatch", "refused")
 
 
@@ -79,7 +78,8 @@ class Writer(_Writer):
 
     def __init__(self, stream: TextIO, options: ReportOptions | None = None) -> None:
         super().__init__(stream, options)
-        self._opening = Opening(self.options, self._paint)
+        self._paint = self.options.paint
+        self._opening = Opening(self.options)
         self._counts = VerdictCounts()
         self._rows: list[CaptureRow] = []
         self._latency = Latency()
@@ -130,7 +130,7 @@ class Writer(_Writer):
         from ds47.report.digest import Digest  # not for pipes and files
         from ds47.report.short import CAUSES, LINES, SUMMED, Short
 
-        form = Short(self.options.lang, self.options.width, self._paint)
+        form = Short(self.options.lang, self.options.columns, self._paint)
         if self.options.detail == "summary":
             for line in form.summary(Digest.of(result, self.options, SUMMED, counts)):
                 self._copied(line)
@@ -139,7 +139,7 @@ class Writer(_Writer):
         write(Report([result]), whole, self.options._replace(detail="auto"))
         digest = Digest.of(result, self.options, CAUSES, counts)
         lines = [*whole.getvalue().splitlines(), *form.verdict(digest)]
-        if len(lines) > LINES or max(map(columns, lines)) > self.options.width:
+        if len(lines) > LINES or max(map(columns, lines)) > self.options.columns:
             head = [f"  {each}" for each in self._about_file(result)]
             lines = form.screen(digest, head, self._totals(total([row]), latency))
         for line in lines:
@@ -187,7 +187,7 @@ class Writer(_Writer):
         to_do = list(causes.lines(sums["to_do"][:causes_listed], self.options, advice=self._many))
         if left_out := len(sums["to_do"][causes_listed:]):
             to_do.append("  " + self._say("causes_more", n=left_out))
-        worst = table(self._rows, self.options.lang, listed, self.options.zone)
+        worst = worst_first(self._rows, self.options, listed)
         blocks = [block for block in (worst, to_do) if block]
         for number, block in enumerate(blocks):
             before = [] if self._many and not number else [""]  # many: nothing stands above
@@ -204,7 +204,7 @@ class Writer(_Writer):
         """All captures in 12 lines: the verdict, the most frequent causes, the worst captures."""
         from ds47.report.short import SUMMED
 
-        lang, width, rules = self.options.lang, self.options.width, self.options.rules
+        lang, width, rules = self.options.lang, self.options.columns, self.options.rules
         self._title(self._say("summary_all", n=len(self._rows)))
         self._copied(self._opening.verdict(self._counts, width))
         self._copied(cut("  " + told_sums(sums, str)[0].text(lang), width))
@@ -223,15 +223,22 @@ class Writer(_Writer):
             self._copied("  " + self._say("worst_more", n=len(left_out)))
 
     def _line(self, text: str = "") -> None:
-        for line in fitted(text, self.options.width):
+        for line in fitted(text, self.options.columns):
             self._copied(line)
 
     def _copied(self, text: str) -> None:
         """A line that is not wrapped: text to copy, and text that fits."""
         self.stream.write(text + "\n")
 
-    def _paint(self, color: str, text: str) -> str:
-        return f"\x1b[{_COLORS[color]}m{text}\x1b[0m" if self.options.color else text
+    def _rows_of(
+        self, rows: Iterable[Sequence[Both]], head: Sequence[Both] = (), lead: Sequence[int] = (0,)
+    ) -> None:
+        """A table in the language of the report."""
+        from ds47.report.table import table  # few captures have any
+
+        named, *shown = [[cell.text(self.options.lang) for cell in row] for row in (head, *rows)]
+        for line in table(shown, self.options.width, named, lead=lead, paint=self._paint):
+            self._copied(line)
 
     def _title(self, text: str) -> None:
         self._line(self._paint("bold", text))
@@ -278,9 +285,7 @@ class Writer(_Writer):
         self._line()
         self._title(self._say("bus_head"))
         self._line("  " + stations.counts(bus).text(lang))
-        table = [stations.head(), *stations.rows(bus)]
-        for line in aligned([[cell.text(lang) for cell in row] for row in table]):
-            self._copied("  " + line)
+        self._rows_of(stations.rows(bus), stations.head(), lead=(0, 1))
         for each in (*stations.diagnoses(bus), *stations.hints(bus, relations)):
             self._line("  " + each.text(lang))
 
@@ -358,26 +363,23 @@ class Writer(_Writer):
             if known is not None:
                 self._line("  " + timelines.reference_words(known).text(self.options.lang))
             rows = timelines.rows(timeline)
-            table = [self._event(row) for row in rows[:EVENTS_LISTED]]
-            for line in aligned(table):
-                self._copied("  " + line)
+            self._rows_of(map(self._event, rows[:EVENTS_LISTED]), lead=range(3))
             if len(rows) > EVENTS_LISTED:
                 self._line("  " + self._say("more", number=str(len(rows) - EVENTS_LISTED)))
             if timeline.events_left_out:
                 self._line("  " + self._say("timeline_left_out", n=timeline.events_left_out))
 
-    def _event(self, row: EventRow) -> list[str]:
+    def _event(self, row: EventRow) -> list[Both]:
         from ds47.report import timelines
 
-        lang = self.options.lang
-        standing = timelines.standing(row).text(lang)
+        moment, standing = self._clock.at(row.last.time_ns), timelines.standing(row)
         return [
-            self._say("frame", frame=str(row.last.frame)),
-            *filter(None, [self._clock.at(row.last.time_ns)]),
-            f"{self._clock.since(row.last.time_ns)} s",
-            timelines.change(row),
-            timelines.words(row).text(lang),
-            f"[{standing}]" if standing else "",
+            say("frame", frame=str(row.last.frame)),
+            *map(Both.same, filter(None, [moment])),
+            Both.same(f"{self._clock.since(row.last.time_ns)} s"),
+            Both.same(timelines.change(row)),
+            timelines.words(row),
+            Both.same(f"[{standing.text(self.options.lang)}]" if standing.en else ""),
         ]
 
     def _connections(self, result: CaptureResult) -> None:
@@ -387,10 +389,9 @@ class Writer(_Writer):
         lang = self.options.lang
         self._line()
         self._title(self._say("s7_head"))
-        table = [communication.head(), *islice(communication.rows(result), CONNECTIONS_LISTED)]
-        for line in aligned([[cell.text(lang) for cell in row] for row in table]):
-            self._copied("  " + line)
-        left_out = len(result.connections) - len(table) + 1 + result.connections_left_out
+        listed = list(islice(communication.rows(result), CONNECTIONS_LISTED))
+        self._rows_of(listed, communication.head())
+        left_out = len(result.connections) - len(listed) + result.connections_left_out
         if left_out:
             self._line("  " + self._say("s7_left_out", n=left_out))
         for each in islice(communication.evidence(result), CONNECTIONS_LISTED):
@@ -408,9 +409,8 @@ class Writer(_Writer):
         for each in buffers.buffers(result):
             self._line()
             self._title(buffers.head(each).text(self.options.lang))
-            table = [[cell.text(self.options.lang) for cell in row] for row in buffers.rows(each)]
-            for line in aligned(table):
-                self._line("  " + line)
+            rows = buffers.rows(each)
+            self._rows_of(rows, lead=range(len(rows[0])))
 
     def _files(self, files: Sequence[CaptureFile]) -> None:
         """Of a series: which file has which frames, and which are missing."""
@@ -466,7 +466,7 @@ class Writer(_Writer):
         parts = [parameter(each, written, lang) for each in item.parameters]
         if item.channel == S7:
             parts = communication.parts(item, lang)
-        end, width = [*marks, _timing(item, lang)], self.options.width
+        end, width = [*marks, _timing(item, lang)], self.options.columns
         whole = "  ".join([left, *filter(None, ["; ".join(parts)]), *end])
         if columns(whole) <= width or not parts:
             return wrap(whole, width, 6)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 
 _STAYS = tuple("，。；：、）”")
 """Characters that never begin a line."""
 _COLOR = re.compile(r"\x1b\[\d*m")
+_CELLS = re.compile("(?<=  )(?! )")
 _WORDS = re.compile("(?<= )(?! )")
 
 
@@ -16,23 +17,33 @@ def wrap(text: str, width: int, hanging: int = 0) -> list[str]:
     """Lines of at most `width` columns; all but the first begin with `hanging` blanks."""
     if columns(text) <= width:
         return [text.rstrip()]
-    room = len if text.isascii() and "\x1b" not in text else columns
-    lines, line, taken = [], "", 0
-    for piece in _pieces(text):
-        if line.strip() and taken + room(piece.rstrip()) > width:
-            lines.append(line.rstrip())
+    return list(_filled(_pieces(text), width, hanging))
+
+
+def fitted(text: str, width: int | None, hanging: int = 4) -> list[str]:
+    """A line of a report in lines that fit: all but the first are indented by `hanging` more columns.
+
+    It is broken between cells, which have two blanks between them, before it is broken between words. Without a
+    width it stays one line: nobody reads it on a terminal.
+    """
+    if width is None or columns(text) <= width:
+        return [text]
+    hanging += len(text) - len(text.lstrip())
+    lines = _filled(_CELLS.split(text), width, hanging)
+    return [part for line in lines for part in wrap(line, width, hanging)]
+
+
+def _filled(pieces: Iterable[str], width: int, hanging: int) -> Iterator[str]:
+    """Lines of as many pieces as have room."""
+    line, taken = "", 0
+    for piece in pieces:
+        if line.strip() and taken + columns(piece.rstrip()) > width:
+            yield line.rstrip()
             line, taken = " " * hanging, hanging
             piece = piece.lstrip()
         line += piece
-        taken += room(piece)
-    return [*lines, line.rstrip()]
-
-
-def fitted(text: str, width: int) -> list[str]:
-    """A line of a report in lines that fit: all but the first are indented by four more columns."""
-    if columns(text) <= width:
-        return [text]
-    return wrap(text, width, len(text) - len(text.lstrip()) + 4)
+        taken += columns(piece)
+    yield line.rstrip()
 
 
 def cut(text: str, width: int) -> str:
@@ -72,12 +83,3 @@ def _pieces(text: str) -> Iterator[str]:
                 yield word[begin:at]
                 begin = at
         yield word[begin:]
-
-
-def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Cells in columns, each as wide as its widest cell, with two blanks between."""
-    widths = [max(map(columns, cells)) for cells in zip(*rows, strict=True)]
-    return [
-        "  ".join(padded(cell, width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    ]
