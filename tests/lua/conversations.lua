@@ -177,7 +177,8 @@ local ROLES = {
 local REFUSED = "DS203" -- the Write response itself says it, whatever comes later
 
 local function waits_refused(job)
-  return job.phase ~= "closed" and job:write_refused() and not job.write_fault and not job.read_response
+  local half = job.write_response
+  return job.phase ~= "closed" and job.write_refused and half and half.status and not job.read_response
 end
 
 -- What is told of one step must be true in the end.

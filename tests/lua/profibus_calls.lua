@@ -136,7 +136,7 @@ function Ear.closed(_, job)
   tell("closed", {
     controller = job.peer.controller, device = job.peer.device, phase = job.phase, reason = job.reason,
     request = half_of(job:write_request()), write_response = half_of(job.write_response),
-    refused = job:write_refused(), read_request = half_of(job.read_request),
+    refused = job.write_refused, read_request = half_of(job.read_request),
     read_response = half_of(job.read_response), reference = or_null(job:reference()),
     polls = mapped(job.polls, function(poll) return poll.response.frame end),
     rereads = mapped(job.rereads, function(read) return read.response.frame end),

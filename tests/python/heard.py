@@ -24,7 +24,7 @@ from ds47.profidrive.drive_objects import DriveObjects
 from ds47.profinet.records import Half
 from ds47.spec.semantics import Limits
 
-_PLAIN = ("phase", "write_fault", "previous_reference", "previous", "superseded_by", "reason",
+_PLAIN = ("phase", "write_refused", "previous_reference", "previous", "superseded_by", "reason",
           "repeats", "limit", "contested")  # fmt: skip
 _lines: list[dict[str, Any]] = []
 _numbers: dict[int, tuple[int, object]] = {}

@@ -159,8 +159,8 @@ def test_another_status_says_nothing_of_another_user() -> None:
         (CHANGE, {"empty_reads": [at(4)]}, True),
         (CHANGE, {"read_request": at(3)}, True),
         (READ, {"read_response": at(4, 0)}, False),
-        (READ, {"write_response": at(2, 0xDF80C200)}, False),
-        (READ, {"write_fault": True}, False),
+        (READ, {"write_response": at(2, 0xDF80C200), "write_refused": True}, False),
+        (READ, {"write_refused": True}, False),
         (READ, {"ended": None}, False),
     ],
 )

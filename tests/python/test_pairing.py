@@ -255,7 +255,7 @@ def test_a_fault_refuses() -> None:
     channel = Channel()
     job = channel.ask()
     channel.written(job, None, fault=True)
-    assert (job.phase, job.write_fault) == ("refused", True)
+    assert (job.phase, job.write_refused) == ("refused", True)
 
 
 def test_a_write_response_without_status_changes_nothing() -> None:

@@ -371,7 +371,7 @@ function Judge:left_open(job, dropped)
   if job.read_response then return owned(self, job) end -- refused (P34)
   if write and job.missing then
     put(remarks, "DS110", write.frame, job.missing)
-  elseif write and not job:write_refused() and not job.contested then
+  elseif write and not job.write_refused and not job.contested then
     local change = is_change(job)
     if job.superseded_by ~= nil then
       local args = {request = write.frame, by = job.superseded_by}

@@ -38,7 +38,7 @@ M.Job = Job
 -- What a job has until it gets its own.
 local NONE = {}
 local NO_KEYS = ordered.new()
-Job.write_fault = false
+Job.write_refused = false -- whether the Write was answered with a negative status or an RPC fault
 Job.polls = NONE -- Reads that left it open: array of {request = half or nil, response = half}
 Job.rereads = NONE -- the same
 Job.empty_reads = NONE -- array of halves
@@ -104,12 +104,6 @@ end
 
 --- The half of the Write request that asked; nil for an orphan.
 function Job:write_request() return self.message and self.record.request end
-
---- Whether the Write was answered with a negative status or an RPC fault.
-function Job:write_refused()
-  local half = self.write_response
-  return self.write_fault or (half ~= nil and half.status ~= nil and half.status ~= 0)
-end
 
 --- Whether the capture shows what the Write was answered.
 function Job:write_told() return self.write_response ~= nil and not is_untold(self.write_response) end
@@ -331,7 +325,7 @@ end
 -- @param newest_ns, lost  at the end of the capture: its time, and whether a call is open
 local function lacks(self, job, reason, newest_ns, lost)
   local asked = job:write_request()
-  if asked == nil or job.read_response or job:write_refused() then return nil end
+  if asked == nil or job.read_response or job.write_refused then return nil end
   local found = lacks_calls(self, job, asked, lost)
   if found or job.limit then
     return found
@@ -382,7 +376,7 @@ end
 
 -- Nothing more is known of a job from now on, and not because nothing came.
 local function push_out(self, job, limit)
-  if job.read_response == nil and not job:write_refused() then
+  if job.read_response == nil and not job.write_refused then
     job.limit, self.forgot_requests = limit, true
   end
   lose(self, job, "")
@@ -692,7 +686,7 @@ local function answer(self, channel, job, record)
   job.read_before = may_be_read(self, job)
   if job.message then -- before an orphan anything may be missing
     channel.ended = half.frame
-    if is_headless(half) and not job:write_refused() then
+    if is_headless(half) and not job.write_refused then
       job.missing = {what = "cut_off", first = half.frame}
     end
   end
@@ -701,14 +695,14 @@ local function answer(self, channel, job, record)
   self.listener:answered(job)
   if half.data == "" then
     lose(self, job, "")
-    if not job:write_refused() then
+    if not job.write_refused then
       forget_last(self, channel) -- what is read from now on may be of either
     end
     return
   end
   if channel.last then end_job(self, channel.last, "lost") end -- it has its response
   channel.last = job
-  if job.message and not job:write_refused() then
+  if job.message and not job.write_refused then
     self.delivered:keep(channel.place, job, self.limits.channels)
   end
 end
@@ -742,7 +736,7 @@ local function set_aside(self, channel, job, missing)
   else
     take_from(channel.asked, job)
   end
-  if not (job.read_response or job:write_refused()) then job.missing = missing end
+  if not (job.read_response or job.write_refused) then job.missing = missing end
   lose(self, job, "")
 end
 
@@ -847,12 +841,12 @@ function Pairing:write_response(job, response, fault)
     return -- who waits had another response before, and the device executed the call once more
   end
   job.write_response = response
-  if fault or job.write_fault then job.write_fault = fault or nil end
+  local status = response and response.status
+  job.write_refused = fault or (status ~= nil and status ~= 0)
   if response then
     touch(self, job, "write_response", response)
     job.untold = is_untold(response) and response.frame or job.untold
   end
-  local status = response and response.status
   if job.phase == "closed" or (status == nil and not fault) then return end
   local channel = self.channels.values[job.channel_key]
   if channel == nil then return end
@@ -893,7 +887,7 @@ local function counts(job, record)
   local before, now = job.previous_reference, job:reference()
   local step = before and now and (now - before) % 256
   local first = before == nil and job.previous == nil
-    and record.request and not (job.fetching or job.uncounted or job:write_refused())
+    and record.request and not (job.fetching or job.uncounted or job.write_refused)
   for _, poll in ipairs(first and job.polls or NONE) do first = first and poll.request ~= nil end
   return first or step == 1 or step == 2
 end
@@ -975,7 +969,7 @@ local function of_another(self, channel, job, record)
     return found
   end
   local sure = fits and kind_fits(job.message, data) -- of a record that is too short nothing tells
-  local first = found.what == "begins" and (sure or fits and not job:write_refused())
+  local first = found.what == "begins" and (sure or fits and not job.write_refused)
   return not (first or sure and counts(job, record)) and found or nil
 end
 

@@ -147,7 +147,7 @@ end
 -- A request may name a parameter twice.
 local function outcome(job, stray)
   local failed, message, response = {}, job.message, job.response
-  if job:write_refused() then return nil, 0 end
+  if job.write_refused then return nil, 0 end
   if response == nil or response.response_id == nil or stray or is_doubtful(job, response) then
     return failed, 0
   end

@@ -41,7 +41,7 @@ end
 
 local function refused(job)
   local read = job.read_response
-  return job:write_refused() or (read ~= nil and read.status ~= nil and read.status ~= 0)
+  return job.write_refused or (read ~= nil and read.status ~= nil and read.status ~= 0)
 end
 
 local function count_failed(blocks)

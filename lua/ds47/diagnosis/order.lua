@@ -94,7 +94,7 @@ end
 
 -- What was to be read, or was waited for; of a change many programs never read the answer.
 local function connection_lost(remarks, job, asked)
-  if job.missing or job.ended == nil or job.contested or job.read_response or job:write_refused() then
+  if job.missing or job.ended == nil or job.contested or job.read_response or job.write_refused then
     return
   end
   if job.message.operation == "read" or job.read_request or job.polls[1] or job.empty_reads[1] then
