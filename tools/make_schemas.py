@@ -237,6 +237,7 @@ _SHORT_CAUSE = entity([
     Key("message", TEXT, "In the language of --lang, as all words here."),
     Key("advice", TEXT),
     Key("findings", COUNT),
+    Key("alike", COUNT, "Causes of the same rule that are not listed; they are not in causes_left_out."),
     Key("frame", whole(1, maybe=True), "The first one that shows it; null where none does."),
     Key("transaction", whole(1, maybe=True)),
 ])  # fmt: skip
@@ -253,7 +254,7 @@ _DIGEST = entity([
     Key("failed", COUNT, "Those that did not do what they were meant to do."),
     Key("unknown", COUNT, "Those of which nobody knows what the drive made of them."),
     Key("states", ref("counts"), "All of them by state; what is not there is 0."),
-    Key("causes", many(_SHORT_CAUSE), "The worst first, three at most."),
+    Key("causes", many(_SHORT_CAUSE), "Three at most, the worst first; one of each rule before a second of any."),
     Key("causes_left_out", COUNT),
     Key("drives", many(entity([Key("ip", TEXT), Key("station", MAYBE_TEXT), Key("transactions", TEXT)]))),
 ])  # fmt: skip

@@ -20,8 +20,9 @@ from ds47.analysis import analyze
 from ds47.cli import main
 from ds47.model import CaptureResult, Report
 from ds47.report import ReportOptions, open_writer, schema, text, write_all
-from ds47.report.digest import first_sentences
-from ds47.report.verdict import VerdictCounts, verdict
+from ds47.report.digest import Digest, first_sentences
+from ds47.report.short import Short
+from ds47.report.verdict import VerdictCounts, concluded, verdict
 from ds47.report.wrap import columns
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -65,6 +66,30 @@ def test_a_screen_begins_and_ends_with_the_verdict() -> None:
     assert sum(line.lstrip().startswith("look at frame ") for line in lines) == 5
     assert any(re.fullmatch(r"  and \d+ more causes and notes", line) for line in lines)
     assert any(line.startswith(f"all of it: ds47 report --all {LONG}") for line in lines)
+
+
+@pytest.mark.parametrize("most", [1, 3, 5])
+def test_every_cause_is_counted_once_and_one_of_each_kind_comes_first(
+    results: list[CaptureResult], most: int
+) -> None:
+    alike = 0
+    for result in results:
+        digest, known = Digest.of(result, ReportOptions(), most), concluded(result)
+        counted = sum(1 + each.alike for each in digest.causes)
+        assert counted + digest.left_out == len(known), result.path
+        kinds = len({each.rule for each in known})
+        assert len({each.rule for each in digest.causes}) == min(most, kinds), result.path
+        alike += sum(each.alike for each in digest.causes)
+    assert alike  # else there was nothing to count
+
+
+def test_a_screen_without_room_for_a_cause_counts_those_like_it() -> None:
+    digest = Digest.of(analyze(LONG), ReportOptions(), 5)
+    lines = Short("en", 140, lambda _, text: text).screen(digest, ["x"] * 20, [])
+    shown = sum(bool(re.match(r"  DS\d", line)) for line in lines)
+    rest = sum(1 + each.alike for each in digest.causes[shown:]) + digest.left_out
+    assert 0 < shown < 5
+    assert f"  and {rest} more causes and notes" in lines
 
 
 def test_what_has_room_is_there_as_a_whole() -> None:

@@ -30,8 +30,10 @@ class ShortCause(NamedTuple):
     message: Both
     advice: Both
     times: Both | None
-    """How often, if more than once."""
+    """How often, if more than once, and how many more causes are `alike`."""
     findings: int
+    alike: int
+    """Causes of the same rule that are not among those of the digest."""
     frame: int | None
     transaction: int | None
     number: Both | None
@@ -48,7 +50,7 @@ class Who(NamedTuple):
 
 
 class Digest(NamedTuple):
-    """What there is to say; `left_out` are causes that are not among `causes`."""
+    """What there is to say; `left_out` are causes that are not among `causes`, and not `alike` to one of them."""
 
     path: str
     level: str
@@ -75,7 +77,8 @@ class Digest(NamedTuple):
     ) -> Digest:
         """That of a capture, with at most so many causes; `counts` are its own."""
         counts, clock = counts or VerdictCounts.of(result), Clock.of(result, options.zone)
-        found = concluded(result)
+        shown, left_out = _of_every_kind(concluded(result), most)
+        alike = Counter(each.rule for each in left_out)
         several = len({each.device for each in result.transactions}) > 1
         files, times = FileFrames(result.files), seen_at(result)
         return cls(
@@ -87,11 +90,19 @@ class Digest(NamedTuple):
             _narrowed(result),
             result.start,
             result.end,
-            [_short(each, several, files, clock, times) for each in found[:most]],
-            len(found[most:]),
+            [_short(each, alike.pop(each.rule, 0), several, files, clock, times) for each in shown],
+            alike.total(),
             who(result, counts),
             counts,
         )
+
+
+def _of_every_kind(found: list[Diagnosis], most: int) -> tuple[list[Diagnosis], list[Diagnosis]]:
+    """Of causes, the worst first, those to show, and the others: of each rule one comes before a second of any."""
+    first = {each.rule: at for at, each in reversed([*enumerate(found)])}
+    ranks = sorted(range(len(found)), key=lambda at: first[found[at].rule] != at)
+    shown = sorted(ranks[:most])
+    return [found[at] for at in shown], [found[at] for at in sorted(ranks[most:])]
 
 
 def _narrowed(result: CaptureResult) -> Both | None:
@@ -103,7 +114,12 @@ def _narrowed(result: CaptureResult) -> Both | None:
 
 
 def _short(
-    item: Diagnosis, several: bool, files: FileFrames, clock: Clock, times: dict[int, int]
+    item: Diagnosis,
+    alike: int,
+    several: bool,
+    files: FileFrames,
+    clock: Clock,
+    times: dict[int, int],
 ) -> ShortCause:
     frame = item.frames[0] if item.frames else None
     job = item.transactions[0] if item.transactions else None
@@ -117,9 +133,12 @@ def _short(
         about += [clock.moment(times[frame])] if frame in times else []
         number = Both(*(escape(files.number(frame, lang)) for lang in LANGUAGES))
         where = say("frame_about", frame=number, about=", ".join(about)) if about else number
+    often = [
+        each for each in (times_of(item), say("short_alike", n=alike) if alike else None) if each
+    ]
     return ShortCause(
-        item.rule, item.severity, message, _advice(item), times_of(item), item.count, frame, job,
-        number, where,
+        item.rule, item.severity, message, _advice(item), joined(often, " ", "") if often else None,
+        item.count, alike, frame, job, number, where,
     )  # fmt: skip
 
 

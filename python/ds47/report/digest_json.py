@@ -52,6 +52,7 @@ class Writer(Digests):
             "message": self._text(cause.message),
             "advice": self._text(cause.advice),
             "findings": cause.findings,
+            "alike": cause.alike,
             "frame": cause.frame,
             "transaction": cause.transaction,
         }

@@ -60,7 +60,7 @@ class Short:
             yield from ("", self._paint("bold", self._say("to_do_head")))
         for each in digest.causes[:number]:
             yield from self._cause(each)
-        left_out = len(digest.causes) - number + digest.left_out
+        left_out = digest.left_out + sum(1 + each.alike for each in digest.causes[number:])
         if left_out:
             yield self._dim("  " + self._say("short_more", n=left_out))
         if digest.drives:
