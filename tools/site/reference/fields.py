@@ -1,4 +1,4 @@
-"""Fields of the Wireshark plugin: names and types are its own, meanings are in docs/wireshark.md and fields.toml."""
+"""Fields of the Wireshark plugin: names and types are its own, meanings those of wireshark.md and fields.toml."""
 
 from __future__ import annotations
 
