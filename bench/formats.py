@@ -4,7 +4,7 @@ Two captures: many drives, written by the lab (make_dense), and one drive, writt
 shares no code with it (make_one_ar). Each version is installed plain and, where that is possible,
 compiled; all of them and `tshark -T fields` take turns. --against names a commit of this repository.
 CPU time counts, less that of a bare interpreter; the best of the runs, because whatever else the machine
-does only adds to it. The full captures give the tables in docs/benchmarks.md.
+does only adds to it. It prints tables and writes nothing.
 Not a test: it fails where a program fails, not where it is slow. POSIX only (wait4).
 """
 
@@ -24,7 +24,6 @@ CAPTURES = {
     "16 drives": ("make_dense.py", "dense-{}.pcapng"),
     "one AR": ("make_one_ar.py", "one_ar-{}.pcap"),
 }
-BEGIN, END = "<!-- bench/formats.py writes from here -->", "<!-- the formats: to here -->"
 TSHARK = "tshark -T fields"
 BARE = "python -c pass"
 
@@ -98,13 +97,12 @@ def main() -> None:
     parser.add_argument(
         "--small",
         action="store_true",
-        help="a tenth of the frames, nothing compiled; writes nothing",
+        help="a tenth of the frames, nothing compiled",
     )
     parser.add_argument(
         "--trial", action="store_true", help="a tenth of --small, to see that it runs"
     )
     parser.add_argument("-n", type=int, default=3, help="runs of each (default 3)")
-    parser.add_argument("--no-write", action="store_true", help="leave docs/benchmarks.md alone")
     parser.add_argument("--against", metavar="COMMIT", help="an earlier version, side by side")
     arguments = parser.parse_args()
     arguments.small |= arguments.trial
@@ -112,17 +110,14 @@ def main() -> None:
     frames = 2_000 if arguments.trial else 20_000 if arguments.small else 200_000
     kinds = ["plain"] if arguments.small else ["plain", "compiled"]
     packages = versions(arguments.against, kinds)
-    parts = [
+    print(
         f"CPU seconds, the best of {arguments.n} runs side by side; in brackets how many times as fast "
-        f"as `{TSHARK}`, the machine as above."
-    ]
+        f"as `{TSHARK}`.\n"
+    )
     for name, (maker, file) in CAPTURES.items():
         capture = run.made(file.format(frames), maker, frames)
         result = measure(capture, packages, arguments.n)
-        parts.append(table(f"{frames:,} record frames, {name}", result, packages))
-        print(parts[-1] + "\n", flush=True)
-    if not arguments.small and not arguments.no_write:
-        run.write("\n\n".join(parts), BEGIN, END)
+        print(table(f"{frames:,} record frames, {name}", result, packages) + "\n", flush=True)
 
 
 if __name__ == "__main__":

@@ -24,7 +24,9 @@ import statistics
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import groupby
 from pathlib import Path
 
 import window
@@ -118,21 +120,29 @@ class Cost:
         times = f"{self.without:>9.2f}{self.including:>9.2f}{self.ratio:>8.2f}"
         return f"{self.version:<9}{self.capture:<34}{self.mode:<30}{times}"
 
-    def row(self) -> str:
+    def cell(self) -> str:
         """As it stands in the document."""
-        times = f"{self.without:.2f} | {self.including:.2f} | {self.ratio:.2f}"
-        return f"| {self.version} | {self.capture} | {self.mode} | {times} |"
+        return f"{self.without:.2f} to {self.including:.2f} ({self.ratio:.1f})"
+
+
+HEAD = f"| tshark | capture | {' | '.join(mode.title for mode in MODES)} |\n|---|---|{'--:|' * len(MODES)}"
+
+
+def rows(costs: list[Cost]) -> Iterator[str]:
+    """A row for each tshark and capture, a cell for each way of reading."""
+    for (number, capture), group in groupby(costs, lambda cost: (cost.version, cost.capture)):
+        yield f"| {number} | {capture} | {' | '.join(cost.cell() for cost in group)} |"
 
 
 def write(costs: list[Cost], turns: int) -> None:
     """Put the table between the two marks of docs/benchmarks.md."""
     load = f", load {os.getloadavg()[0]:.1f} at the end"
     lines = [
-        f"Processor seconds of tshark, median of {turns}, {os.cpu_count()} cores{load}.",
+        f"Processor seconds of tshark without the plugin and with it, in brackets their ratio; median of {turns}, "
+        f"{os.cpu_count()} cores{load}.",
         "",
-        "| tshark | capture | read with | without | with | ratio |",
-        "|---|---|---|--:|--:|--:|",
-        *(cost.row() for cost in costs),
+        HEAD,
+        *rows(costs),
     ]
     document = DOCUMENT.read_text(encoding="utf-8")
     before, rest = document.split(BEGIN, 1)

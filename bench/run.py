@@ -4,7 +4,7 @@ Makes the captures, installs ds47 twice beside the checkout (plain Python, and c
 possible), runs every program in turns so that a slow minute of the machine falls on all of them,
 and prints the medians of wall time, CPU time and peak memory with the ratios of the targets. The
 time of a bare interpreter stands in a row of its own and is taken off the rows of ds47 before
-a ratio is made. --write puts the tables into docs/benchmarks.md.
+a ratio is made. The table of the full captures goes into docs/benchmarks.md.
 
 Not a test: it judges no time, but fails where a program fails. POSIX only (wait4). pyshark and scapy
 get a slice, and their times are scaled to the whole.
@@ -243,25 +243,25 @@ def sections(programs: Programs, small: bool, trial: bool) -> list[Section]:
         Target("ds47, plain", "tshark -T fields", 15),
     ]
     found = [
-        Section(f"{frames:,} frames of noise, JSON out (pcap)", one,
+        Section(f"{frames:,} frames of noise (pcap)", one,
                 [programs.bare(), *programs.ours(one, *JSON), *programs.others(one)], noise_targets),
     ]  # fmt: skip
     if not small:
         ten = made("noise-10000000.pcap", "make_noise.py", 10_000_000)
         found.append(
-            Section("10,000,000 frames of noise, JSON out (pcap)", ten,
+            Section("10,000,000 frames of noise (pcap)", ten,
                     [programs.bare(), *programs.ours(ten, *JSON), *programs.others(ten, plugin=False, slow=True)],
                     [Target("ds47, compiled", "tcpdump, BPF", 1), *noise_targets[2:]])
         )  # fmt: skip
         ng = made(f"noise-{frames}.pcapng", "make_noise.py", frames)
         found.append(
-            Section(f"{frames:,} frames of noise, JSON out (pcapng)", ng,
+            Section(f"{frames:,} frames of noise (pcapng)", ng,
                     [programs.bare(), *programs.ours(ng, *JSON), *programs.others(ng, plugin=False)],
                     noise_targets)
         )  # fmt: skip
         plant = made(f"mixed-{frames}.pcap", "make_noise.py", frames, "--mixed")
         found.append(
-            Section(f"{frames:,} frames of many sizes, with other traffic, JSON out (pcap)", plant,
+            Section(f"{frames:,} frames of many sizes, with other traffic (pcap)", plant,
                     [programs.bare(), *programs.ours(plant, *JSON), *programs.others(plant, plugin=False)],
                     [])
         )  # fmt: skip
@@ -280,9 +280,7 @@ def sections(programs: Programs, small: bool, trial: bool) -> list[Section]:
         Target("ds47, plain", "tshark -T fields", 2),
         *(Target(f"ds47 {s}, {k}", f"ds47, {k}", 1 / 1.5) for s in (".gz", ".zst") for k in programs.packages),
     ]  # fmt: skip
-    found.append(
-        Section(f"{record_frames:,} record frames, JSON out (pcapng)", dense, rows, targets)
-    )
+    found.append(Section(f"{record_frames:,} record frames (pcapng)", dense, rows, targets))
     return found
 
 
@@ -290,7 +288,7 @@ def profibus(programs: Programs, frames: int, noise: Path) -> Section:
     """Data exchange by PROFIBUS beside as many frames of noise: no other program here reads it."""
     bus = made(f"profibus-{frames}.pcap", "make_profibus.py", frames)
     return Section(
-        f"{frames:,} frames of PROFIBUS, PPO1 in data exchange, JSON out (pcap)", bus,
+        f"{frames:,} frames of PROFIBUS, PPO1 in data exchange (pcap)", bus,
         [programs.bare(), *programs.ours(bus, *JSON), *programs.ours(noise, *JSON, name="noise")],
         [Target("ds47, plain", "noise, plain", 1 / 10), Target("ds47, compiled", "noise, plain", 1 / 3)],
     )  # fmt: skip
@@ -301,7 +299,7 @@ def s7(programs: Programs, frames: int) -> Section:
     jobs = made(f"s7-{frames}.pcap", "make_s7.py", frames)
     records = made(f"one_ar-{frames}.pcap", "make_one_ar.py", frames)
     return Section(
-        f"{frames:,} frames of S7, GET and PUT, JSON out (pcap)", jobs,
+        f"{frames:,} frames of S7, GET and PUT (pcap)", jobs,
         [programs.bare(), *programs.ours(jobs, *JSON), *programs.ours(records, *JSON, name="records")],
         [Target(f"ds47, {kind}", f"records, {kind}", 1) for kind in programs.packages],
     )  # fmt: skip
@@ -337,28 +335,33 @@ def net(section: Section, result: dict[str, Run], name: str) -> float:
     return max(1e-9, result[name].wall - (result["python -c pass"].wall if ours else 0))
 
 
-def table(section: Section, result: dict[str, Run]) -> str:
-    """The rows and the targets as Markdown."""
-    size = section.capture.stat().st_size / 1e6
-    lines = [f"### {section.title}, {size:,.0f} MB", "",
-             "| program | wall s | CPU s | peak MiB |", "|---|--:|--:|--:|"]  # fmt: skip
+HEAD = """\
+| capture, JSON out | program | wall s | CPU s | peak MiB | ratio, target |
+|---|---|--:|--:|--:|---|"""
+
+
+def rows_of(section: Section, result: dict[str, Run]) -> list[str]:
+    """The section as rows of the table, its title in the first of them."""
+    title = f"{section.title}, {section.capture.stat().st_size / 1e6:,.0f} MB"
+    lines = []
     for name, run in result.items():
-        lines.append(f"| {name} | {run.wall:.3f} | {run.cpu:.3f} | {run.peak:.0f} |")
-    wanted = [t for t in section.targets if t.row in result and t.other in result]
-    if wanted:
-        lines += ["", "| ratio | target | measured | |", "|---|--:|--:|---|"]
-    for target in wanted:
-        ratio = net(section, result, target.other) / net(section, result, target.row)
-        verdict = "met" if ratio >= target.limit else "missed"
-        said = f"{target.row} against {target.other}"
-        lines.append(f"| {said} | {_factor(target.limit)} | {_factor(ratio)} | {verdict} |")
-    return "\n".join(lines)
+        ratios = [
+            judged(target, net(section, result, target.other) / net(section, result, name))
+            for target in section.targets
+            if target.row == name and target.other in result
+        ]
+        numbers = f"{run.wall:.3f} | {run.cpu:.3f} | {run.peak:.0f}"
+        lines.append(f"| {title} | {name} | {numbers} | {'; '.join(ratios)} |")
+        title = ""
+    return lines
 
 
-def _factor(ratio: float) -> str:
-    if ratio >= 1:
-        return f"{ratio:.1f} x faster"
-    return f"{1 / ratio:.2f} x the time"
+def judged(target: Target, ratio: float) -> str:
+    """A ratio in words with what was wanted: how many times as fast, or as long."""
+    missed = "" if ratio >= target.limit else "**missed**: "
+    if target.limit >= 1:
+        return f"{missed}{ratio:.1f} x as fast as {target.other} ({target.limit:.1f})"
+    return f"{missed}{1 / ratio:.2f} x the time of {target.other} ({1 / target.limit:.2f})"
 
 
 def machine(times: int) -> str:
@@ -389,13 +392,13 @@ def _lines(path: str) -> list[str]:
         return []
 
 
-def write(text: str, begin: str = BEGIN, end: str = END) -> None:
-    """Put the tables between two marks of docs/benchmarks.md."""
+def write(text: str) -> None:
+    """Put the table between the two marks of docs/benchmarks.md."""
     document = DOCUMENT.read_text(encoding="utf-8")
-    before, rest = document.split(begin, 1)
-    after = rest.split(end, 1)[1]
+    before, rest = document.split(BEGIN, 1)
+    after = rest.split(END, 1)[1]
     DOCUMENT.write_text(
-        f"{before}{begin}\n\n{text}\n\n{end}{after}", encoding="utf-8", newline="\n"
+        f"{before}{BEGIN}\n\n{text}\n\n{END}{after}", encoding="utf-8", newline="\n"
     )
 
 
@@ -422,14 +425,16 @@ def main() -> None:
             continue
         if check(package):
             packages[kind] = package
-    parts = []
+    lines = [HEAD]
+    print(HEAD)
     for section in sections(Programs(packages), arguments.small, arguments.trial):
-        parts.append(table(section, measure(section, arguments.n)))
-        print(parts[-1] + "\n", flush=True)
-    parts.append(machine(arguments.n))
-    print(parts[-1])
+        found = rows_of(section, measure(section, arguments.n))
+        print("\n".join(found), flush=True)
+        lines += found
+    where = machine(arguments.n)
+    print("\n" + where)
     if not arguments.small and not arguments.no_write:
-        write("\n\n".join([parts[-1], *parts[:-1]]))
+        write(where + "\n\n" + "\n".join(lines))
 
 
 if __name__ == "__main__":

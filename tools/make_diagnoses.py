@@ -3,9 +3,9 @@
     .venv/bin/python tools/make_diagnoses.py            writes the page
     .venv/bin/python tools/make_diagnoses.py --check    fails when the page is not what would be written
 
-What stands outside the two marks is written by hand and left alone. A chapter has what one notices at the
-machine (diagnoses_noticed.toml), the cause, the conversation of the scene as a picture, what the report says of
-its capture, and how the near miss differs. A scene is played once: it is the picture and the capture.
+What stands outside the two marks is written by hand and left alone. The table leads from what one notices at the
+machine (diagnoses_noticed.toml) to a chapter: the cause, the conversation of the scene as a picture with what the
+report says of it, and how the near miss differs. A scene is played once: it is the picture and the capture.
 """
 
 from __future__ import annotations
@@ -44,6 +44,8 @@ NAMES = {wire.CONNECT: "Connect", wire.RELEASE: "Release", wire.READ: "Read", wi
 """The calls of the scenes that have a picture."""
 USUAL_ROOM = 240
 """Bytes; a Read that leaves fewer says so."""
+OTHERS, LOOK = "  Other findings", "    look at frame"
+"""Lines of the report that the page has not."""
 
 
 # The conversation
@@ -204,40 +206,38 @@ def played(name: str) -> tuple[Stage, CaptureResult]:
 
 
 def told(result: CaptureResult) -> list[str]:
-    """What the text report says to do."""
+    """What the text report says to do: the diagnoses alone, without the frames, which the picture marks."""
     stream = io.StringIO()
     text.write(Report([result]), stream, ReportOptions(rules=rules()))
     lines = stream.getvalue().splitlines()
     start = lines.index("What to do")
-    return lines[start + 1 : lines.index("", start)]
+    found = lines[start + 1 : lines.index("", start)]
+    if OTHERS in found:
+        found = found[: found.index(OTHERS)]
+    return [line for line in found if not line.startswith(LOOK)]
 
 
-def chapter(rule: Rule, noticed: dict[str, str]) -> Iterator[str]:
+def chapter(rule: Rule) -> Iterator[str]:
     """Everything that the page says of a diagnosis."""
     name = TOPIC + rule.name
     scenes = lab.scenarios()
     stage, result = played(name)
     yield f"### {rule.id} {rule.name} ({rule.severity})"
     yield ""
-    yield f"**You notice** {noticed[rule.id]}"
-    yield ""
-    yield f"**Why** {rule.cause}"
-    yield ""
-    yield f"[{name}.pcapng](../captures/{name}.pcapng): {scenes[name].shows}."
+    yield f"{rule.cause} [{name}](../captures/{name}.pcapng): {scenes[name].shows}."
     yield ""
     yield "```text"
     yield from picture(stage, result)
-    yield "```"
     yield ""
-    yield "What the report says to do:"
-    yield ""
-    yield "```text"
     yield from told(result)
     yield "```"
     yield ""
-    for each in sorted(variants(rule), key=lambda other: other.endswith(MISS)):
-        word = "**Not**" if each.endswith(MISS) else "Also"
-        yield f"* {word} `{each}`: {scenes[each].shows}."
+    others = variants(rule)
+    if also := [f"`{each}`" for each in others if not each.endswith(MISS)]:
+        yield f"* Also {', '.join(also)}"
+    for each in others:
+        if each.endswith(MISS):
+            yield f"* **Not** `{each}`: {scenes[each].shows}."
     yield ""
 
 
@@ -270,7 +270,7 @@ def made() -> str:
         lines.append(f"| {noticed[rule.id]} | [{rule.id} {rule.name}]({anchor(rule)}) |")
     lines.append("")
     for rule in diagnoses():
-        lines += chapter(rule, noticed)
+        lines += chapter(rule)
     return "\n".join(lines)
 
 

@@ -368,20 +368,35 @@ def _row(columns: dict[str, Schema], about: str, own: dict[str, Schema] | None =
     return entity(keys, about)
 
 
+_RULE = "\n|---|---|---|---|\n"
+
+
 def page() -> str:
-    """docs/data.md with the columns of both tables."""
-    text, definitions = PAGE.read_text("utf-8"), table()["$defs"]
-    for heading in ("Parquet", "CSV"):
-        rows = ""
-        for name, column in definitions[heading.lower()]["properties"].items():
-            about = definitions[name] if "$ref" in column else column
-            kind, unit = about["arrow"].partition("[")[0], about.get("unit", "")
-            rows += f"| `{name}` | {kind} | {unit} | {about['description']} |\n"
-        before, heading, after = text.partition(f"\n## {heading}\n")
-        above, rule, below = after.partition("\n|---|---|---|---|\n")
-        below = below[below.index("\n\n") + 1 :]
-        text = before + heading + above + rule + rows + below
-    return text
+    """docs/data.md with the columns of Parquet, and of CSV their names and the rows that Parquet has otherwise."""
+    definitions = table()["$defs"]
+    rows = {
+        name: [_told(column, definitions) for column in definitions[name]["properties"].items()]
+        for name in ("parquet", "csv")
+    }
+    before, heading, after = PAGE.read_text("utf-8").partition("## CSV\n")
+    named = ", ".join(f"`{name}`" for name in definitions["csv"]["properties"])
+    start, end = (after.index(mark) for mark in ("\nColumns: ", "\n\n| column"))
+    after = f"{after[:start]}\nColumns: {named}.{after[end:]}"
+    others = [row for row in rows["csv"] if row not in rows["parquet"]]
+    return _filled(before, rows["parquet"]) + heading + _filled(after, others)
+
+
+def _told(column: tuple[str, Schema], definitions: Schema) -> str:
+    name, inner = column
+    about = definitions[name] if "$ref" in inner else inner
+    kind, unit = about["arrow"].partition("[")[0], about.get("unit", "")
+    return f"| `{name}` | {kind} | {unit} | {about['description']} |\n"
+
+
+def _filled(text: str, rows: list[str]) -> str:
+    """A chapter with these rows in its table of columns."""
+    above, rule, below = text.partition(_RULE)
+    return above + rule + "".join(rows) + below[below.index("\n\n") + 1 :]
 
 
 def main() -> int:

@@ -129,15 +129,23 @@ def expected_errors(transactions: list[tuple[str, dict[str, Any]]]) -> Counter[t
     )
 
 
+def told(name: str) -> list[str]:
+    """The rows of the columns of a format."""
+    return [
+        f"| `{column}` | {about['arrow'].partition('[')[0]} | {about.get('unit', '')} | {about['description']} |"
+        for column, about in parquet.columns(name).items()
+    ]
+
+
 def test_the_tables_are_those_of_the_schema():
-    for name in ("parquet", "csv"):
-        rows = ["| column | type | unit | meaning |", "|---|---|---|---|"]
-        for column, about in parquet.columns(name).items():
-            kind = about["arrow"].partition("[")[0]
-            rows.append(
-                f"| `{column}` | {kind} | {about.get('unit', '')} | {about['description']} |"
-            )
-        assert "\n".join(rows) in PAGE, name
+    head = ["| column | type | unit | meaning |", "|---|---|---|---|"]
+    first, second = PAGE.split("\n## CSV\n")
+    assert "\n".join([*head, *told("parquet"), ""]) in first
+    others = [row for row in told("csv") if row not in told("parquet")]
+    assert [row.split("`")[1] for row in others] == ["start", "values"]
+    assert "\n".join([*head, *others, ""]) in second
+    named = ", ".join(f"`{column}`" for column in parquet.columns("csv"))
+    assert f"\nColumns: {named}.\n" in second
 
 
 @pytest.mark.slow

@@ -595,28 +595,26 @@ def test_the_page_is_what_the_captures_say() -> None:
 
 
 def listed(page: str) -> Counter[tuple[str, str, int, int]]:
-    """What the tables of the chapter on real captures say: capture, rule, count, first frame."""
-    chapter = page[page.index("## Real captures") :]
+    """What the table of the chapter on diagnoses says: capture, rule, count, first frame."""
     rows: Counter[tuple[str, str, int, int]] = Counter()
     captures: list[str] = []
-    for line in chapter.splitlines():
-        cells = [cell.strip() for cell in line.strip("|").split("|")]
-        if cells[0] == "diagnosis":
-            captures = [cell.removesuffix(", frames") for cell in cells[1:-1]]
-        elif match := re.fullmatch(r"(DS7\d\d)(?: x (\d+))?", cells[0]):
-            for capture, frames in zip(captures, cells[1:-1], strict=True):
-                if frames:
-                    first = int(frames.split(",")[0])
-                    rows[capture, match[1], int(match[2] or 1), first] += 1
+    for line in page[page.index("## Diagnoses") :].splitlines():
+        rule, *cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if rule == "diagnosis":
+            captures = cells[:-1]
+        elif re.fullmatch(r"DS7\d\d", rule):
+            for capture, cell in zip(captures, cells[:-1], strict=True):
+                for frame, count in re.findall(r"(\d+)(?: x (\d+))?", cell):
+                    rows[capture, rule, int(count or 1), int(frame)] += 1
     return rows
 
 
-def test_the_page_lists_each_diagnosis_of_the_real_captures(captures: Path) -> None:
+def test_the_diagnoses_of_the_real_captures_are_those_looked_at(captures: Path) -> None:
     found: Counter[tuple[str, str, int, int]] = Counter()
     for path in sorted((captures / "real-stacks").glob("*.pcapng")):
         for each in analyze(path, AnalysisOptions()).diagnoses:
             found[path.name.split("_")[0], each.rule, each.count, each.frames[0]] += 1
-    assert listed((ROOT / "docs" / "diagnoses.md").read_text("utf-8")) == found
+    assert listed((captures / "real-stacks" / "README.md").read_text("utf-8")) == found
 
 
 def test_captures_without_the_channel_have_no_diagnosis(shared: Path) -> None:

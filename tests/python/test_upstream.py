@@ -45,7 +45,7 @@ def test_the_frames_that_the_page_names_do_not_agree(name: str) -> None:
 
 def test_the_patch_is_one() -> None:
     """Each hunk has as many lines as its head says: `patch` takes no other."""
-    (patch,) = re.findall(r"^```diff\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
+    patch = (ROOT / "tools/upstream.patch").read_text("utf-8")
     head, *hunks = re.split(r"^(?=@@ )", patch, flags=re.MULTILINE)
     assert head.splitlines()[0].startswith("--- a/plugins/epan/profinet/packet-dcerpc-pn-io.c")
     assert len(hunks) > 5

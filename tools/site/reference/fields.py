@@ -1,10 +1,11 @@
-"""Fields of the Wireshark plugin: names and types from the plugin, what they say from docs/wireshark.md."""
+"""Fields of the Wireshark plugin: names and types are its own, meanings those of wireshark.md and fields.toml."""
 
 from __future__ import annotations
 
 import re
 import shutil
 import subprocess
+import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -64,9 +65,10 @@ def registered(root: Path) -> list[Field]:
 
 
 def meanings(root: Path) -> dict[str, str]:
-    """What docs/wireshark.md says of each field, as Markdown."""
+    """What docs/wireshark.md says of each field, and fields.toml of those that it leaves out, as Markdown."""
     text = (root / "docs" / "wireshark.md").read_text("utf-8")
-    found: dict[str, str] = {}
+    others = tomllib.loads((root / "tools" / "site" / "fields.toml").read_text("utf-8"))
+    found = {f"ds47.{name}": says for names, says in others.items() for name in names.split()}
     for names, _kinds, says in _ROW.findall(text):
         moved = re.sub(r"\]\((?=[\w-]+\.md)", "](../", says)
         for name in re.findall(r"`(ds47[a-z0-9_.]*)`", names):
