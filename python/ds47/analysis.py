@@ -299,7 +299,7 @@ class Analysis:
         self._hear()
         self._s7.finish()
         for what, call, message in self._calls.finish():
-            self._records.take[what](call, message)
+            self._records.takes[what](call, message)
         self._hear()
         if self._lines is not None:
             self._lines.finish()
@@ -352,7 +352,7 @@ class Analysis:
         return [each.result() for each in self._channels().relations()]
 
     def _frames(self, frames: Capture | Series) -> None:
-        note, other, happens = self._times.note, self._other, self._records.take
+        note, other, happens = self._times.note, self._other, self._records.takes
         for frame in frames:
             if frame.link_type not in LINK_TYPES:
                 note(frame.number, frame.time_ns)

@@ -76,5 +76,7 @@ def job(
         made.response = decode_response(answer, message) if answer else None
     for name, value in changes.items():
         setattr(made, name, value)
+    written = made.write_response
+    made.write_refused = made.write_refused or bool(written and written.status)
     made.stray = is_mismatch(made)
     return made

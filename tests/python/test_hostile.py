@@ -428,8 +428,8 @@ def small(monkeypatch):
 def feed(run: Analysis, packet: Packet) -> None:
     """What an analysis does with a packet."""
     pdu = run._brought(packet)
-    for became in () if pdu is None else run._calls.take(pdu):
-        run._records.take(became)
+    for what, call, said in () if pdu is None else run._calls.take(pdu):
+        run._records.takes[what](call, said)
     run._hear()
 
 
@@ -559,8 +559,8 @@ def test_a_transport_finding_holds_no_finished_transaction():
     assert run._remarks
     assert not any(remark.job for remark in run._findings._remarks)
     assert not any(job.over for job in run._remarks)
-    for became in run._calls.finish():
-        run._records.take(became)
+    for what, call, said in run._calls.finish():
+        run._records.takes[what](call, said)
     run._hear()
     run._pairing.finish()
     run._hear()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import pytest
 from talk import job
 
@@ -128,10 +130,9 @@ def test_names_of_a_vendor_are_for_its_drives() -> None:
 
 
 def test_summary() -> None:
-    summary = {"transactions": 0}
-    for made in (job(READ), job(READ, ANSWER), job(CHANGE)):
-        transaction = build(made)
-        summarise(summary, transaction.state, transaction.operation)
+    ended = [build(made) for made in (job(READ), job(READ, ANSWER), job(CHANGE))]
+    summary = summarise(Counter((each.state, each.operation) for each in ended))
+    assert list(summary) == ["transactions", "unanswered", "read", "ok", "change"]
     assert summary == {"transactions": 3, "unanswered": 2, "ok": 1, "read": 2, "change": 1}
 
 

@@ -85,7 +85,7 @@ class RecordCalls:
         """The newest responses without a request (DS102), by their frames."""
         self._connections: dict[tuple[str, str], rpc.Pdu] = {}
         """Of client and server the request that begins or ends an AR, until its response or the next request."""
-        self.take: dict[What, Callable[[Any, Any], None]] = {
+        self.takes: dict[What, Callable[[Any, Any], None]] = {
             "asked": self._asked, "answered": self._answered, "failed": self._failed,
             "again": self._again, "late": self._late, "twice": self._twice,
             "unasked": lambda _, pdu: self._unasked(pdu, certain=True),
