@@ -10,6 +10,7 @@ from typing import Final
 
 from ds47.model import ODD, PZD, REFUTED, CaptureResult, Transaction
 from ds47.profidrive.drive_objects import Identity
+from ds47.report.bilingual import Both, joined, say
 from ds47.report.targets import Targets
 
 _SELECTION: Final = 922
@@ -20,9 +21,9 @@ _LARGEST: Final = 999
 class Telegrams:
     """The telegrams of one capture."""
 
-    def __init__(self, result: CaptureResult) -> None:
+    def __init__(self, result: CaptureResult, targets: Targets | None = None) -> None:
         told = list(_told(result.evidence))
-        self._targets = Targets(result.evidence if told else ())
+        self._targets = targets or Targets(result.evidence if told else ())
         self._said: dict[Identity, tuple[str, int]] = {
             self._targets.identity(item, _SELECTION): (item.device, number) for item, number in told
         }
@@ -43,15 +44,20 @@ class Telegrams:
                 return said[1]
         return self._lengths.get((item.device, item.slot))
 
-    def device(self, ip: str) -> list[int]:
-        """Those of the drive objects of a device, sorted, each once."""
-        found = {number for device, number in self._said.values() if device == ip}
-        found |= {
+    def words(self, ip: str) -> Both | None:
+        """`telegram 102` of a device, as it says, `lengths of telegram 1`; None where nothing tells it."""
+        said = {number for device, number in self._said.values() if device == ip}
+        lengths = {
             number
             for place, number in self._lengths.items()
             if place[0] == ip and place not in self._slots
         }
-        return sorted(found)
+        found = [
+            say(key, numbers=", ".join(map(str, sorted(numbers))))
+            for key, numbers in (("drive_telegram", said), ("drive_lengths", lengths))
+            if numbers
+        ]
+        return joined(found) if found else None
 
 
 def _told(transactions: list[Transaction]) -> Iterator[tuple[Transaction, int]]:
