@@ -34,7 +34,7 @@ from ds47.spec.units import moment
 
 if TYPE_CHECKING:
     import pandas
-    import pyarrow
+    import pyarrow  # type: ignore[import-untyped]
 
 TELEGRAM: Final = "telegram"
 """A column that only tables of the library have: a report writes rows before it knows."""
