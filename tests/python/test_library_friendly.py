@@ -13,7 +13,7 @@ import ds47
 from ds47.capture import open_capture
 from ds47.cli import main
 from ds47.model import CaptureResult
-from ds47.report.telegrams import Telegrams
+from ds47.report.targets import Telegrams
 
 
 @pytest.mark.parametrize(

@@ -26,8 +26,7 @@ from ds47.report import contract, csv, json, parquet
 from ds47.report import values as meanings
 from ds47.report.filters import display_filter
 from ds47.report.sentences import error_words, message, sentence
-from ds47.report.targets import Targets
-from ds47.report.telegrams import Telegrams
+from ds47.report.targets import Targets, Telegrams
 from ds47.report.verdict import VerdictCounts, verdict
 from ds47.spec import extras
 from ds47.spec.units import moment

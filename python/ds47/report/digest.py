@@ -17,7 +17,7 @@ from ds47.report.clock import Clock, seen_at
 from ds47.report.file_frames import FileFrames
 from ds47.report.formatting import escape
 from ds47.report.sentences import advice, sentence
-from ds47.report.telegrams import Telegrams
+from ds47.report.targets import Telegrams
 from ds47.report.todo import is_lowered
 from ds47.report.verdict import VerdictCounts, concluded, inventory, outcomes, verdict
 from ds47.spec import rules

@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 from ds47.model import S7, CaptureResult, Device, Transaction
 from ds47.report.html.texts import Both, joined
 from ds47.report.latency import percentile
-from ds47.report.targets import ANSWERED, Targets
-from ds47.report.telegrams import Telegrams
+from ds47.report.targets import ANSWERED, Targets, Telegrams
 from ds47.report.verdict import by_state
 
 
