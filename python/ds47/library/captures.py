@@ -4,23 +4,24 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from decimal import Decimal
 from functools import partial
 from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO, NoReturn, Unpack, get_args
+from typing import TYPE_CHECKING, BinaryIO, NoReturn, Unpack, get_args
 
 from ds47.analysis import AnalysisOptions
 from ds47.analysis import analyze as analyze_natively
-from ds47.batch.captures import captures
-from ds47.batch.cores import cores
-from ds47.batch.tasks import Task, plan, read
 from ds47.capture import CaptureError, PcapngWriter, open_capture
 from ds47.capture.writer import nearest
 from ds47.library.choices import Choices, Engine, chosen
 from ds47.library.result import Result
 from ds47.model import CaptureResult
 from ds47.profidrive import Options
+
+if TYPE_CHECKING:
+    from decimal import Decimal
+
+    from ds47.batch.tasks import Task
 
 _ETHERNET = 1
 
@@ -119,6 +120,10 @@ def analyze_many(
         TypeError: as for `analyze`.
         NotReadyError: as for `analyze`.
     """
+    from ds47.batch.captures import captures  # one capture needs nothing of this
+    from ds47.batch.cores import cores
+    from ds47.batch.tasks import plan
+
     options = chosen(choices)._replace(digest=digest)
     if engine != "native" and jobs != 1:
         raise ValueError(f"the engine {engine} takes one job, not {jobs}")
@@ -175,9 +180,8 @@ def _engine(
 
 
 def _native(options: AnalysisOptions, path: str | Path | BinaryIO) -> CaptureResult:
-    return analyze_natively(
-        path, options
-    )  # which other processes cannot be sent where it is compiled
+    """A function of plain Python: one that is compiled need not be one that other processes can be sent."""
+    return analyze_natively(path, options)
 
 
 def _read(analyze_: Callable[[str], CaptureResult], task: Task) -> CaptureResult:
@@ -199,6 +203,8 @@ def _refuse(problem: str) -> NoReturn:
 
 
 def _nanoseconds(time: float | Decimal | str) -> int:
+    from decimal import Decimal
+
     try:
         return nearest(round(Decimal(time).scaleb(9)))
     except (ArithmeticError, ValueError) as problem:
@@ -206,6 +212,8 @@ def _nanoseconds(time: float | Decimal | str) -> int:
 
 
 def _series(paths: list[str], engine: Engine, options: AnalysisOptions) -> CaptureResult:
+    from ds47.batch.tasks import plan, read
+
     tasks = plan(paths, series=True)
     if len(tasks) != 1 or engine != "native":
         raise ValueError(f"{paths}: not the files of one ring buffer, for the native engine")
