@@ -19,7 +19,7 @@ import tomllib
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args, get_origin
 
 import click
 
@@ -119,7 +119,9 @@ def names() -> Iterator[str]:
             yield f"python {module}.{name}"
             if module != "ds47":
                 continue  # layers: their fields are scapy's way
-            if inspect.isclass(found):
+            if get_origin(found) is Literal:
+                yield from (f"python {module}.{name} = {word}" for word in get_args(found))
+            elif inspect.isclass(found):
                 yield from _members(f"python {module}.{name}", found)
             elif callable(found):
                 yield from _parameters(f"python {module}.{name}", found)

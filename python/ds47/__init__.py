@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from typing import Any
 
     from ds47.capture import CaptureError
+    from ds47.library.captures import analyze, analyze_frames, analyze_many
+    from ds47.library.choices import Choices, Engine
     from ds47.library.message import (
         Message,
         MessageFinding,
@@ -26,39 +28,49 @@ if TYPE_CHECKING:
         decode_response,
         encode,
     )
-    from ds47.library.result import Access, Element, LastValue, Result, analyze
+    from ds47.library.result import Access, Element, LastValue, Result
+    from ds47.library.watching import Seen, watch
     from ds47.model import (
         CaptureFile,
+        Channel,
         Device,
         Diagnosis,
         Finding,
         Frames,
         Parameter,
         ParameterError,
+        State,
         Transaction,
     )
     from ds47.profidrive import Options
+    from ds47.spec import Operation, Severity
     from ds47.spec.raised import Error
     from ds47.wireshark.tshark import NotReadyError
 
 __all__ = [
-    "Access", "CaptureError", "CaptureFile", "Device", "Diagnosis", "Element", "Error", "Finding", "Frames",
-    "LastValue", "Message", "MessageFinding", "NotReadyError", "Options", "Parameter", "ParameterError", "Result",
-    "Transaction", "__version__", "analyze", "decode_request", "decode_response", "encode",
+    "Access", "CaptureError", "CaptureFile", "Channel", "Choices", "Device", "Diagnosis", "Element", "Engine",
+    "Error", "Finding", "Frames", "LastValue", "Message", "MessageFinding", "NotReadyError", "Operation",
+    "Options", "Parameter", "ParameterError", "Result", "Seen", "Severity", "State", "Transaction",
+    "__version__", "analyze", "analyze_frames", "analyze_many", "decode_request", "decode_response", "encode",
+    "watch",
 ]  # fmt: skip
 
 _ROOMS = {
     "ds47.capture": ("CaptureError",),
     "ds47.spec.raised": ("Error",),
+    "ds47.library.captures": ("analyze", "analyze_frames", "analyze_many"),
+    "ds47.library.choices": ("Choices", "Engine"),
     "ds47.library.message": (
         "Message", "MessageFinding", "decode_request", "decode_response", "encode",
     ),
-    "ds47.library.result": ("Access", "Element", "LastValue", "Result", "analyze"),
+    "ds47.library.result": ("Access", "Element", "LastValue", "Result"),
+    "ds47.library.watching": ("Seen", "watch"),
     "ds47.model": (
-        "CaptureFile", "Device", "Diagnosis", "Finding", "Frames", "Parameter", "ParameterError",
-        "Transaction",
+        "CaptureFile", "Channel", "Device", "Diagnosis", "Finding", "Frames", "Parameter", "ParameterError",
+        "State", "Transaction",
     ),
     "ds47.profidrive": ("Options",),
+    "ds47.spec": ("Operation", "Severity"),
     "ds47.wireshark.tshark": ("NotReadyError",),
 }  # fmt: skip
 
@@ -70,8 +82,10 @@ def __getattr__(name: str) -> Any:
         if name in names:
             globals()[name] = found = getattr(import_module(room), name)
             from ds47.library.docstrings import restore
+            from ds47.report.shown import switch_on
 
             restore()
+            switch_on()
             return found
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 

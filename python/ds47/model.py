@@ -8,36 +8,35 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from datetime import datetime
+from typing import Any, Final, Literal, NamedTuple, get_args
 
-from ds47.spec import Pnu, error_hex, error_text
+from ds47.spec import Operation, Pnu, Severity, error_hex, error_text
 from ds47.spec.cyclic import error_text as pkw_error_text
 from ds47.spec.cyclic import meaning as pkw_meaning
 from ds47.spec.plain import Plain
-from ds47.spec.units import milliseconds, status, timestamp
+from ds47.spec.units import milliseconds, moment, status, timestamp
 
 Value = int | float | str
 """One value as JSON shows it: docs/report.md, values."""
 
 SIEMENS = 0x002A
 """PROFINET vendor id of the drives whose own parameters and error numbers are known."""
-OPERATIONS = ("read", "change", "vendor", "unknown", "get", "put", "bsend", "usend")
-"""The last four are those of S7."""
-STATES = (
-    "ok",
-    "partial",
-    "error",
-    "mismatch",
-    "refused",
-    "unanswered",
-    "superseded",
-    "incomplete",
-    "orphan",
-)
-SEVERITIES = ("note", "warning", "error")
+OPERATIONS: tuple[Operation, ...] = get_args(Operation)
+State = Literal[
+    "ok", "partial", "error", "mismatch", "refused", "unanswered", "superseded", "incomplete", "orphan"
+]  # fmt: skip
+"""What became of a transaction (docs/pairing.md)."""
+STATES: tuple[State, ...] = get_args(State)
+SEVERITIES: tuple[Severity, ...] = get_args(Severity)
 """From harmless to serious, so that an index compares two of them."""
-DS47, PKW, PZD, S7 = CHANNELS = ("ds47", "pkw", "pzd", "s7")
-"""Channels: records, parameters and process data inside cyclic frames, S7 communication."""
+Channel = Literal["ds47", "pkw", "pzd", "s7"]
+"""Records, parameters and process data inside cyclic frames, S7 communication."""
+DS47: Final = "ds47"
+PKW: Final = "pkw"
+PZD: Final = "pzd"
+S7: Final = "s7"
+CHANNELS: tuple[Channel, ...] = (DS47, PKW, PZD, S7)
 DIAGNOSIS = "DS7"
 """What the id of every diagnosis begins with."""
 
@@ -273,8 +272,8 @@ class Item(Plain):
 class Transaction(Plain):
     """One parameter request with all that came of it (docs/pairing.md), or a job of S7 (docs/s7.md)."""
 
-    operation: str
-    state: str
+    operation: Operation
+    state: State
     controller: str
     device: str
     ar: str | None
@@ -300,7 +299,7 @@ class Transaction(Plain):
     """Place inside the first frame: an IODWriteMultiple carries several records."""
     findings: list[str] = field(default_factory=list)
     id: int = 0
-    channel: str = DS47
+    channel: Channel = DS47
     cycles: int | None = None
     """From a request in cyclic frames to its response, in cycles; None where they were not seen to begin."""
     station: int | None = None
@@ -321,6 +320,11 @@ class Transaction(Plain):
     def start(self) -> str:
         """Time of the first PDU: ISO 8601 in UTC, nine digits."""
         return timestamp(self.start_ns)
+
+    @property
+    def start_time(self) -> datetime | None:
+        """The same in UTC, to the microsecond; None in a year that `datetime` has not, as captures may lie."""
+        return moment(self.start_ns)
 
     @property
     def duration_ms(self) -> float | None:
@@ -349,7 +353,7 @@ class Finding(Plain):
     """
 
     rule: str
-    severity: str
+    severity: Severity
     frame: int
     frames: list[int]
     """All frames that it is about, sorted; `frame` is among them."""
@@ -366,7 +370,7 @@ class Finding(Plain):
     def __init__(
         self,
         rule: str,
-        severity: str,
+        severity: Severity,
         frame: int,
         frames: list[int] | None = None,
         transaction: int | None = None,
@@ -391,6 +395,11 @@ class Finding(Plain):
         return None if self.time_ns is None else timestamp(self.time_ns)
 
     @property
+    def frame_time(self) -> datetime | None:
+        """The same in UTC, to the microsecond; None in a year that `datetime` has not, too."""
+        return None if self.time_ns is None else moment(self.time_ns)
+
+    @property
     def filter(self) -> str:
         """A Wireshark display filter that shows the frames."""
         return " or ".join(f"frame.number == {frame}" for frame in self.frames)
@@ -406,7 +415,7 @@ class Diagnosis(Plain):
     """One cause (DS7xx) with all that it explains (docs/diagnoses.md)."""
 
     rule: str
-    severity: str
+    severity: Severity
     args: dict[str, Any] = field(default_factory=dict)
     """Those of its findings; None for one that is not the same in all of them."""
     device: str | None = None
@@ -475,7 +484,7 @@ class Relation(Plain):
     only a Connect says is None.
     """
 
-    channel: str
+    channel: Channel
     controller: str
     device: str
     api: int | None

@@ -69,7 +69,7 @@ RARE = (
     "ds47.profinet.connect", "ds47.profinet.traces", "ds47.regression", "ds47.report.bus",
     "ds47.report.contract", "ds47.report.html", "ds47.report.json", "ds47.report.narrowing",
     "ds47.report.timelines", "ds47.s7.communication", "ds47.s7.model", "ds47.scapy",
-    "ds47.spec.profibus", "ds47.watch", "ds47.wireshark",
+    "ds47.spec.profibus", "ds47.live", "ds47.wireshark",
 )  # fmt: skip
 """What a capture of a few record calls does not need."""
 

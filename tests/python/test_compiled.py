@@ -27,7 +27,7 @@ for name in ds47.__all__:
     own = vars(thing).items() if isinstance(thing, type) else ()
     parts = {f"{name}.{key}": each for key, each in own if isinstance(each, property)}
     told |= {key: inspect.getdoc(each) for key, each in ({name: thing} | parts).items()}
-    if callable(thing) and BaseException not in getattr(thing, "__mro__", ()):
+    if callable(thing) and not {BaseException, dict} & set(getattr(thing, "__mro__", ())):
         told[f"{name}()"] = [
             (each.name, str(each.kind), each.default is each.empty)
             for each in inspect.signature(thing).parameters.values()

@@ -12,9 +12,9 @@ import pytest
 from test_profibus_calls import GIVEN, READ, WRITE, Talk
 
 from ds47.analysis import analyze
+from ds47.batch.captures import captures
 from ds47.capture import CaptureError, open_capture
 from ds47.capture.writer import PcapngWriter
-from ds47.cli.paths import captures
 from ds47.profibus import PROFIBUS_DL, USER0, telegram
 
 MS = 1_000_000

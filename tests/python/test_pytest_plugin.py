@@ -212,10 +212,14 @@ def test_the_fixture(pytester, folder, captures):
             assert [each.rule for each in cap.findings("error")] == ["DS410"]
             assert cap.findings(rule="drive-error") == cap.findings(rule="DS410")
             assert cap.findings(rule="DS1") == []
+
+        def test_none(ds47_capture):
+            assert not ds47_capture("captures/conversation-error.pcapng").findings("error")
         """
     )
     result = pytester.runpytest_subprocess()
-    result.assert_outcomes(passed=2, failed=1)
+    result.assert_outcomes(passed=2, failed=2)
+    assert "assert not [<ds47 finding DS410 error, frame 4, #1: offset 4: " in result.stdout.str()
     assert (
         "captures/none.pcapng: cannot be opened: No such file or directory" in result.stdout.str()
     )

@@ -18,9 +18,9 @@ import ds47
 from ds47.batch import settings
 from ds47.capture import CaptureError
 from ds47.cli import main
+from ds47.live import dumpcap
 from ds47.s7 import choices
 from ds47.s7.choices import Choices
-from ds47.watch import dumpcap
 
 READ = item(1, 0, 4)
 Said = Callable[..., str]

@@ -25,8 +25,8 @@ from ds47.lab import fdl, message
 from ds47.lab.client import Client
 from ds47.lab.master import Master, Way
 from ds47.lab.stage import Stage
-from ds47.watch.live import Live
-from ds47.watch.show import NdjsonShow
+from ds47.live.show import NdjsonShow
+from ds47.live.traffic import Live
 
 MANY = 10_000
 SEQUENCE = struct.Struct("<I")

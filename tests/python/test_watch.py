@@ -33,12 +33,12 @@ from ds47.lab import message
 from ds47.lab.client import BUSY, Client
 from ds47.lab.ether import Host
 from ds47.lab.stage import Stage
+from ds47.live import dumpcap
+from ds47.live.show import NdjsonShow, Tally
+from ds47.live.traffic import Live
 from ds47.model import Finding, Transaction
 from ds47.report import schema
 from ds47.report.sentences import sentence
-from ds47.watch import dumpcap
-from ds47.watch.live import Live
-from ds47.watch.show import NdjsonShow, Tally
 
 ROOT = Path(__file__).resolve().parents[2]
 CAPTURES = ROOT / "captures"
@@ -185,7 +185,7 @@ def test_watch_and_report_say_the_same(source: Path, tmp_path: Path) -> None:
     """The last line of each transaction, and all findings, are those of the report."""
     from ds47.analysis import AnalysisOptions
     from ds47.capture import open_capture
-    from ds47.watch.live import Live
+    from ds47.live.traffic import Live
 
     out = io.StringIO()
     show = NdjsonShow(out, "x", io.StringIO())

@@ -9,15 +9,16 @@ from collections import Counter
 from collections.abc import Sequence
 from functools import lru_cache
 from itertools import zip_longest
+from typing import cast
 
 from ds47.acyclic.pairing import Job
-from ds47.model import Frames, Parameter, ParameterError, Read, Transaction, Value
+from ds47.model import Frames, Parameter, ParameterError, Read, State, Transaction, Value
 from ds47.profidrive import Address, Block
 from ds47.profidrive.dictionary import explain, family_of, unit_of
 from ds47.profidrive.family import NOT_SUPPORTED
 from ds47.profidrive.model import attribute_name, format_name
 from ds47.profinet.records import NIL_UUID, NO_API, Half
-from ds47.spec import Pnu, parameter, request_ids, response_ids
+from ds47.spec import Operation, Pnu, parameter, request_ids, response_ids
 from ds47.spec.units import uuid_text
 
 
@@ -50,7 +51,7 @@ def build(job: Job) -> Transaction:
     )
     nowhere = record.api == NO_API
     return Transaction(
-        _operation(job) if message is None else message.operation,
+        _operation(job) if message is None else cast(Operation, message.operation),
         _state(job, refused),
         peer.controller,
         peer.device,
@@ -74,7 +75,7 @@ def build(job: Job) -> Transaction:
     )
 
 
-def _operation(job: Job) -> str:
+def _operation(job: Job) -> Operation:
     """What the response id of an orphan says that was asked."""
     response_id = job.response.response_id if job.response else None
     for known in request_ids().values():
@@ -83,7 +84,7 @@ def _operation(job: Job) -> str:
     return "unknown"
 
 
-def _state(job: Job, refused: bool) -> str:
+def _state(job: Job, refused: bool) -> State:
     """The state of a closed job: the first of docs/pairing.md, P39 to P46, that applies."""
     read = job.read_response
     if job.message is None:
@@ -101,7 +102,7 @@ def _state(job: Job, refused: bool) -> str:
     return "mismatch" if job.stray else _outcome(job, job.message.asked)
 
 
-def _outcome(job: Job, asked: int | None) -> str:
+def _outcome(job: Job, asked: int | None) -> State:
     response, half = job.response, job.read_response
     response_id = response.response_id if response else None
     if response is None or response_id is None or response_id == NOT_SUPPORTED:
@@ -125,7 +126,7 @@ def _outcome(job: Job, asked: int | None) -> str:
     return "partial" if done else "error"
 
 
-def _outcome_as_far_as_seen(done: int, failed: int, negative: bool, sure: bool) -> str:
+def _outcome_as_far_as_seen(done: int, failed: int, negative: bool, sure: bool) -> State:
     """That of a response whose end the capture cut off, or how many were asked for: the rest nobody knows.
 
     `sure`: whether all parameters failed if none of them is seen to be done.

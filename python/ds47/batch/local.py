@@ -166,20 +166,34 @@ class _Made:
         pickle.dump(self.function(task), stream, pickle.HIGHEST_PROTOCOL)
 
 
-def in_order(function: Callable[[Task], Made], tasks: Sequence[Task], jobs: int) -> Iterator[Made]:
+def in_order(
+    function: Callable[[Task], Made],
+    tasks: Sequence[Task],
+    jobs: int,
+    instead: Callable[[Task, CaptureError], Made] | None = None,
+) -> Iterator[Made]:
     """What a function makes of each task, in their order, in several processes; it is sent to them.
 
+    Args:
+        function: what is sent.
+        tasks: for which it is called, each.
+        jobs: how many processes there are.
+        instead: makes something of a task whose process was killed, twice, or that it raised CaptureError for.
+
     Raises:
-        CaptureError: a process that had a task was killed, twice. What the function raises is raised here, too.
+        CaptureError: as said, without `instead`. What else the function raises is raised here, too.
     """
     numbers = {task.path: str(number) for number, task in enumerate(tasks)}
     with (
         TemporaryDirectory(prefix="ds47-") as folder,
         Local(tasks, _Made(function), lambda task: Path(folder, numbers[task.path]), jobs) as local,
     ):
-        for _, outcome in local:
+        for task, outcome in local:
             if isinstance(outcome, CaptureError):
-                raise outcome
+                if instead is None:
+                    raise outcome
+                yield instead(task, outcome)
+                continue
             made: Made = pickle.loads(
                 outcome if isinstance(outcome, bytes) else outcome.read_bytes()
             )

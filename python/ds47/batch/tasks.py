@@ -1,7 +1,7 @@
 """What to analyse: captures, or series of files read as one, with a mark that shows a changed file.
 
 Lives here: `Task`, how to read it, and the name of its product. Not here: which captures a folder has
-(`ds47.cli.paths`), and which files are a series (`ds47.capture.rings`).
+(`ds47.batch.captures`), and which files are a series (`ds47.capture.rings`).
 """
 
 from __future__ import annotations

@@ -17,8 +17,7 @@ from ds47.capture.names import about
 from ds47.cli.common import Misses, tell, warn
 from ds47.cli.helping import Helped
 from ds47.cli.options import analysis_options, each_of, jobs_option, options_from
-from ds47.cli.paths import refuse_urls
-from ds47.cli.series import series_option, tasks, tell_lacking
+from ds47.cli.series import refuse_urls, series_option, tasks, tell_lacking
 from ds47.version import __version__
 
 if TYPE_CHECKING:

@@ -25,8 +25,7 @@ from ds47.cli.options import (
     require_option,
     tell_empty,
 )
-from ds47.cli.paths import refuse_urls
-from ds47.cli.series import series_option, tasks, tell_lacking
+from ds47.cli.series import refuse_urls, series_option, tasks, tell_lacking
 from ds47.cli.targets import spare_captures
 from ds47.model import SEVERITIES
 

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ds47.batch.captures import captures
 from ds47.capture.names import STDIN, about
 from ds47.capture.remote import is_url
 from ds47.cli.common import counted, warn
-from ds47.cli.paths import captures
 
 if TYPE_CHECKING:
     from ds47.batch.tasks import Task
@@ -34,14 +34,24 @@ def tasks(paths: Sequence[str], series: bool, missing: Callable[[str], None]) ->
     """What the paths of a command mean, in order; with `series` the files of a ring buffer are one.
 
     Args:
-        paths: as for `ds47.cli.paths.captures`.
+        paths: as for `ds47.batch.captures.captures`.
         series: whether the option was given.
-        missing: as for `ds47.cli.paths.captures`.
+        missing: as for `ds47.batch.captures.captures`.
     """
     from ds47.batch.tasks import in_folders, plan
 
     named = list(_with_their_series(paths)) if series else paths
     return plan(list(captures(named, missing, in_folders(series))), series)
+
+
+def refuse_urls(paths: Sequence[str]) -> None:
+    """Raises click.UsageError for a URL: a stored result stands beside its capture, in a folder."""
+    for path in paths:
+        if is_url(path):
+            raise click.UsageError(
+                f"{path}: stored results stand beside captures in a folder, not behind a URL: "
+                "copy the captures, or use ds47 report --results"
+            )
 
 
 def missing_files(path: str, missing: Sequence[int]) -> str | None:

@@ -1,12 +1,11 @@
 """`ds47 watch`: transactions of a running plant, line by line.
 
-Here: options, starting and ending the capture, exit status. The work is in `ds47.watch`.
+Here: options, starting and ending the capture, exit status. The work is in `ds47.live`.
 """
 
 from __future__ import annotations
 
 import os
-import stat
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -22,10 +21,10 @@ from ds47.model import S7, SEVERITIES
 
 if TYPE_CHECKING:
     from ds47.analysis import AnalysisOptions
+    from ds47.live.dumpcap import Dumpcap
+    from ds47.live.feed import Feed
+    from ds47.live.show import Show
     from ds47.report.zones import Zone
-    from ds47.watch.dumpcap import Dumpcap
-    from ds47.watch.feed import Feed
-    from ds47.watch.show import Show
 
 _UNREADABLE = 3
 
@@ -85,7 +84,8 @@ def command(
         raise click.UsageError("--capture-filter, --duration and --dumpcap go with -i")
     if duration is not None and duration <= 0:
         raise click.UsageError("--duration must be more than 0 seconds")
-    from ds47.watch.dumpcap import DumpcapError
+    from ds47.live.dumpcap import DumpcapError
+    from ds47.live.feed import grows
 
     analysis = options_from(**options, kept_lists=True)
     name = source or "+".join(interfaces)
@@ -94,7 +94,7 @@ def command(
     try:
         if source:
             with _opened(source) as descriptor:
-                status = watch.run(descriptor, follow=not no_follow and _grows(source, descriptor))
+                status = watch.run(descriptor, follow=not no_follow and grows(source, descriptor))
         else:
             status = watch.run_dumpcap(program, interfaces, capture_filter, duration)
     except DumpcapError as problem:
@@ -107,8 +107,8 @@ def command(
 
 def _show(format_name: str, name: str, lang: str, only_s7: bool, where: Zone) -> Show:
     from ds47 import spec
+    from ds47.live.show import NdjsonShow, TextShow
     from ds47.report import ReportOptions
-    from ds47.watch.show import NdjsonShow, TextShow
 
     stream = stdout()
     if format_name == "ndjson":
@@ -126,23 +126,18 @@ def _show(format_name: str, name: str, lang: str, only_s7: bool, where: Zone) ->
 
 @contextmanager
 def _opened(source: str) -> Iterator[int]:
-    """The descriptor of stdin, of a named pipe, of a file."""
-    if source == STDIN:
-        yield sys.stdin.fileno()
-        return
+    """The descriptor of a source, which is closed at the end."""
+    from ds47.live.feed import opened
+
     try:
-        descriptor = os.open(source, os.O_RDONLY | getattr(os, "O_BINARY", 0))
+        descriptor = opened(source)
     except OSError as problem:
         raise click.ClickException(f"cannot open {source}: {problem.strerror}") from problem
     try:
         yield descriptor
     finally:
-        os.close(descriptor)
-
-
-def _grows(source: str, descriptor: int) -> bool:
-    """Whether a source is a file that was named, so that its end need not be the end of the capture."""
-    return source != STDIN and stat.S_ISREG(os.fstat(descriptor).st_mode)
+        if source != STDIN:
+            os.close(descriptor)
 
 
 class _Watch:
@@ -163,19 +158,15 @@ class _Watch:
         duration: float | None,
     ) -> int:
         """Captures with dumpcap. Raises DumpcapError."""
-        from ds47.s7.choices import PORT
-        from ds47.watch import dumpcap
+        from ds47.live import dumpcap
 
-        wanted = S7 in self._options.channels
-        ports = (PORT, *self._options.s7.ports) if wanted else ()
-        words = dumpcap.arguments(interfaces, capture_filter, duration, ports)
-        with dumpcap.Dumpcap(dumpcap.find(program), words) as running:
+        with dumpcap.start(program, interfaces, capture_filter, duration, self._options) as running:
             return self.run(running.output.fileno(), running)
 
     def run(self, descriptor: int, running: Dumpcap | None = None, *, follow: bool = False) -> int:
         """Watches a pipe to its end, or until the user stops it; `follow`: a file that grows."""
+        from ds47.live.feed import Feed, keyboard
         from ds47.report.bilingual import say
-        from ds47.watch.feed import Feed, keyboard
 
         def end() -> None:
             if running is not None:
@@ -196,7 +187,7 @@ class _Watch:
 
     def _read(self, feed: Feed, running: Dumpcap | None) -> int:
         from ds47.capture import CaptureError, open_capture
-        from ds47.watch.live import Live
+        from ds47.live.traffic import Live
 
         try:
             with open_capture(feed, name=self._name) as capture:  # type: ignore[arg-type]

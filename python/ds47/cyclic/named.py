@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 from ds47.cyclic.pkw import LENGTH
 from ds47.cyclic.relations import CyclicRelation, CyclicSide
-from ds47.model import NAMED, PKW, PZD
+from ds47.model import NAMED, PKW, PZD, Channel
 from ds47.spec import profibus
 
 KINDS: Final = ("pkw", "pzd", "ppo1")
@@ -109,7 +109,9 @@ def relations(names: Sequence[Name]) -> Iterator[CyclicRelation]:
             yield _relation(PZD, output, input_, behind, _PZD_LENGTH)
 
 
-def _relation(channel: str, output: Name, input_: Name, behind: int, length: int) -> CyclicRelation:
+def _relation(
+    channel: Channel, output: Name, input_: Name, behind: int, length: int
+) -> CyclicRelation:
     sides = [
         CyclicSide(
             bytes.fromhex(name.mac.replace(":", "")), name.frame_id, name.offset + behind, length,

@@ -75,7 +75,7 @@ class CyclicRelation:
     AR and no submodule, and `frame` is its first one.
     """
 
-    channel: str
+    channel: model.Channel
     controller: str
     device: str
     vendor_id: int | None
@@ -153,7 +153,7 @@ class CyclicRelation:
 class Found(NamedTuple):
     """A candidate: the channel, where it is in the data of a submodule, and what its lengths allow."""
 
-    channel: str
+    channel: model.Channel
     submodule: Submodule
     offset: int
     telegrams: tuple[int, ...]

@@ -5,16 +5,18 @@ What was wrong with it is not said here.
 
 from __future__ import annotations
 
+from typing import cast
+
 from ds47 import spec
 from ds47.cyclic import handshake, pkw
 from ds47.cyclic.handshake import PkwJob
 from ds47.cyclic.relations import SIEMENS, CyclicRelation
-from ds47.model import PKW, Frames, Parameter, ParameterError, Transaction
+from ds47.model import PKW, Frames, Parameter, ParameterError, State, Transaction
 from ds47.profidrive.dictionary import unit_of
 from ds47.spec import cyclic
 from ds47.spec.units import uuid_text
 
-_OPERATIONS = {
+_OPERATIONS: dict[str, spec.Operation] = {
     "read": "read",
     "description": "read",
     "count": "read",
@@ -32,7 +34,7 @@ def build(relation: CyclicRelation, job: PkwJob, layout: str = pkw.CYCLIC) -> Tr
     answer = job.answer or (job.odd if job.state == handshake.MISMATCH else None)
     return Transaction(
         operation=_OPERATIONS.get(access, "unknown"),
-        state=job.state,
+        state=cast(State, job.state),
         controller=relation.controller,
         device=relation.device,
         station=relation.station,

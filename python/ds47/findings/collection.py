@@ -7,7 +7,7 @@ worded here either: that is `ds47.report.sentences`.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, Final
 
 from ds47.findings.grouping import Grouping, cause
 from ds47.findings.remark import Remark
@@ -15,7 +15,7 @@ from ds47.findings.times import FrameTimes
 from ds47.model import DIAGNOSIS, Diagnosis, Finding, Transaction
 from ds47.spec import Rule, rules
 
-NOTE = "note"
+NOTE: Final = "note"
 
 
 class Findings:

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, Literal, NamedTuple, get_args
+from collections.abc import Iterator
+from datetime import datetime
+from functools import cached_property
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from ds47.analysis import AnalysisOptions
-from ds47.analysis import analyze as analyze_natively
-from ds47.cyclic.named import pairs as name_pairs
-from ds47.cyclic.named import parse as parse_name
-from ds47.cyclic.named import parse_ppo
 from ds47.model import (
-    CHANNELS,
     CaptureFile,
     CaptureResult,
     Device,
@@ -27,20 +22,23 @@ from ds47.model import (
     Transaction,
     Value,
 )
-from ds47.profidrive import Options
-from ds47.report import contract, csv, json
+from ds47.report import contract, csv, json, parquet
 from ds47.report import values as meanings
 from ds47.report.filters import display_filter
 from ds47.report.sentences import error_words, message, sentence
-from ds47.report.targets import Targets
+from ds47.report.targets import Targets, Telegrams
 from ds47.report.verdict import VerdictCounts, verdict
-from ds47.s7.choices import parse as parse_s7
-from ds47.spec import extras, rule_prefix
+from ds47.spec import extras
+from ds47.spec.units import moment
 
 if TYPE_CHECKING:
     import pandas
+    import pyarrow  # type: ignore[import-untyped]
 
-Engine = Literal["native", "tshark", "both"]
+TELEGRAM: Final = "telegram"
+"""A column that only tables of the library have: a report writes rows before it knows."""
+_KINDS: Final = {"int64": "Int64", "string": "string", "double": "float64"}
+"""Types of pandas by those of Arrow, for columns that may lack a value."""
 _KNOWN = ("ok", "partial")
 """States of a transaction of which a value is one of its parameter."""
 
@@ -119,6 +117,16 @@ class Result:
     def end(self) -> str | None:
         """Time of the last frame: ISO 8601 in UTC, nine digits."""
         return self._capture.end
+
+    @property
+    def start_time(self) -> datetime | None:
+        """Time of the first frame in UTC, to the microsecond; None in a year that `datetime` has not, too."""
+        return None if self._capture.start_ns is None else moment(self._capture.start_ns)
+
+    @property
+    def end_time(self) -> datetime | None:
+        """The same of the last frame."""
+        return None if self._capture.end_ns is None else moment(self._capture.end_ns)
 
     @property
     def complete(self) -> bool:
@@ -221,6 +229,17 @@ class Result:
                 found[about, parameter.pnu, subindex] = key, last
         return dict(found.values())
 
+    def telegram(self, item: Transaction) -> int | None:
+        """The PROFIdrive telegram of the drive object that a transaction reaches, None where nothing tells it.
+
+        It is p0922 as it was read or written last; else the only one that has the lengths of the cyclic data.
+        """
+        return self._telegrams.of(item)
+
+    @cached_property
+    def _telegrams(self) -> Telegrams:
+        return Telegrams(self._capture)
+
     def message(self, item: Finding | Diagnosis | ParameterError, lang: str = "en") -> str:
         """What a finding, a diagnosis or an error of a parameter says: a line in "en" or "zh"."""
         if isinstance(item, ParameterError):
@@ -241,132 +260,55 @@ class Result:
         return json.document(Report([self._capture]))
 
     def to_frame(self) -> pandas.DataFrame:
-        """A table with a row for each parameter and the columns of `ds47 report -f csv`.
+        """A table with a row for each parameter and the columns of `ds47 report -f csv`, and `telegram`.
 
-        `values` and `scaled` are lists, `start` is a time of pandas in UTC. A transaction without parameters has
-        one row.
+        `values` and `scaled` are lists, `start` is a time of pandas in UTC. Whole numbers and texts are of the
+        types of pandas that may lack. A transaction without parameters has one row.
 
         Raises:
-            ModuleNotFoundError: pandas is not installed; the text says how to install it.
+            NotReadyError: pandas is not installed; the text says how to install it.
         """
-        try:
-            import pandas
-        except ModuleNotFoundError as problem:
-            hint = f"to_frame needs pandas: {extras.install('pandas')}"
-            raise ModuleNotFoundError(hint, name="pandas") from problem
-        table = pandas.DataFrame(list(_rows(self._capture)), columns=list(csv.COLUMNS))
+        pandas = _needed("pandas", "to_frame", "pandas")
+        table = pandas.DataFrame(list(self._rows()), columns=[*csv.COLUMNS, TELEGRAM])
         table["start"] = pandas.to_datetime(table["start"], utc=True, errors="coerce")
-        return table
+        kinds = {
+            name: _KINDS[each["arrow"]]
+            for name, each in parquet.columns("csv").items()
+            if name not in ("start", "values", "scaled")  # a time, and lists
+        }
+        return table.astype(kinds | {TELEGRAM: "Int64"})
 
+    def to_arrow(self) -> pyarrow.Table:
+        """A table with a row for each value and the columns of `ds47 report -f parquet`, and `telegram`.
 
-def analyze(
-    path: str | Path | BinaryIO | Sequence[str | Path],
-    *,
-    engine: Engine = "native",
-    tshark: str | None = None,
-    indices: Iterable[int] = (),
-    slow_ms: float | None = None,
-    pkw_layouts: Mapping[str, str] | None = None,
-    channels: str | Iterable[str] = ("ds47", "pkw", "pzd", "s7"),
-    cyclic: Iterable[str] = (),
-    ppos: Mapping[int, int] | None = None,
-    s7_ports: Iterable[int] = (),
-    s7_cpus: Mapping[str, str] | None = None,
-    s7_blocks: Mapping[str, int] | None = None,
-    s7_readback: bool = False,
-    vendor_id: int | None = None,
-    select: str | Iterable[str] = (),
-    ignore: str | Iterable[str] = (),
-    options: Options | None = None,
-    digest: bool = False,
-) -> Result:
-    """Analyses one capture.
+        polars, DuckDB and pandas take it as it is.
 
-    Args:
-        path: a pcap or pcapng file, gzipped or zstd too; a URL; "-" for standard input; a binary stream; or the
-            files of a ring buffer, which are one capture.
-        engine: "native", "tshark" (what the Wireshark plugin says), or "both" (DS601 where they differ).
-        tshark: the program of the engines "tshark" and "both"; None for that of the environment variable
-            DS47_TSHARK, else the one that is found.
-        indices: further record indices that carry the parameter channel.
-        slow_ms: from which share of the drive a transaction is slow (DS416); None for the shipped limit.
-        pkw_layouts: the layout of IND in PKW, "cyclic" or "uss", by the IP address of the device; "" for all
-            others.
-        channels: what to report: "ds47" record calls, "pkw", "pzd", "s7"; one of them, or several.
-        cyclic: channels in cyclic frames whose Connect is missing, two names for each, as in
-            "00:1b:1b:11:22:33@8000:0:pkw"; docs/cyclic.md 5.
-        ppos: numbers of PPO by the address of the station on PROFIBUS, where Chk_Cfg is missing; docs/profibus.md.
-        s7_ports: TCP ports of S7 servers, beside 102.
-        s7_cpus: the kind of CPU ("s7-400", docs/s7.md) by the IP address of a server; "" for all others.
-        s7_blocks: likewise how many bytes it copies at once when others read and write its memory.
-        s7_readback: whether to say where what is read is not what was written (DS916).
-        vendor_id: PROFINET vendor id of devices of which the capture shows none, 0x2A for SINAMICS.
-        select: rules to report, by id, beginning of an id, or name: one, or several; empty for all.
-        ignore: rules to leave out.
-        options: dialects of the parameter channel.
-        digest: whether to compute the SHA-256 of the file, which reads every byte.
+        Raises:
+            NotReadyError: pyarrow is not installed; the text says how to install it.
+        """
+        arrow = _needed("pyarrow", "to_arrow", "parquet")
+        columns = parquet.Columns()
+        for each in self:
+            columns.add(self.path, each)
+        table = columns.table()
+        known = {each.id: self.telegram(each) for each in self}
+        numbers = [known[number] for number in table.column("transaction").to_pylist()]
+        about = {
+            "description": "PROFIdrive telegram of the drive object, where the capture tells it."
+        }
+        field = arrow.field(TELEGRAM, arrow.int64(), metadata=about)
+        return table.append_column(field, arrow.array(numbers, arrow.int64()))
 
-    Raises:
-        CaptureError: nothing of the capture can be read.
-        ValueError: there is no such rule, engine, channel, port or CPU, a name in `cyclic` is none, or the files
-            are not those of one ring buffer.
-        TypeError: `slow_ms` is no number.
-        NotReadyError: the engine needs tshark or pyshark, and it is missing; the text says what to do.
-    """
-    wanted = _several(channels)
-    if slow_ms is not None and not isinstance(slow_ms, (int, float)):
-        raise TypeError(f"slow_ms is {slow_ms!r}: a number of milliseconds, or None")
-    if unknown := set(wanted) - set(CHANNELS):
-        raise ValueError(f"no channel {min(unknown)!r}: {', '.join(CHANNELS)}")
-    chosen = AnalysisOptions(
-        indices=frozenset(indices), slow_ms=slow_ms, select=_rules(_several(select)),
-        ignore=_rules(_several(ignore)),
-        codec=options or Options(), digest=digest, pkw_layouts=tuple((pkw_layouts or {}).items()),
-        channels=wanted, cyclic=tuple(map(parse_name, cyclic)), ppos=_ppos(ppos or {}),
-        s7=parse_s7(
-            tuple(s7_ports), [f"{ip}={kind}" for ip, kind in (s7_cpus or {}).items()],
-            [f"{ip}={size}" for ip, size in (s7_blocks or {}).items()], s7_readback,
-        ),
-        vendor_id=vendor_id,
-    )  # fmt: skip
-    name_pairs(chosen.cyclic)
-    if engine not in get_args(Engine):
-        raise ValueError(f"no engine {engine!r}: {', '.join(get_args(Engine))}")
-    if isinstance(path, Sequence) and not isinstance(path, str):
-        return Result(_series([str(each) for each in path], engine, chosen))
-    if engine == "native":
-        return Result(analyze_natively(path, chosen))
-    from ds47.wireshark.engine import Engine as Tshark
-
-    return Result(Tshark(engine, chosen, tshark or os.environ.get("DS47_TSHARK")).analyze(path))
-
-
-def _series(paths: list[str], engine: Engine, options: AnalysisOptions) -> CaptureResult:
-    from ds47.batch.tasks import plan, read
-
-    tasks = plan(paths, series=True)
-    if len(tasks) != 1 or engine != "native":
-        raise ValueError(f"{paths}: not the files of one ring buffer, for the native engine")
-    return read(tasks[0], options)
-
-
-def _several(given: str | Iterable[str]) -> tuple[str, ...]:
-    """A text where several are meant is one of them, not its letters."""
-    return (given,) if isinstance(given, str) else tuple(given)
-
-
-def _ppos(given: Mapping[int, int]) -> tuple[tuple[int, int], ...]:
-    return tuple(parse_ppo(f"{station}=ppo{number}") for station, number in given.items())
-
-
-def _rules(names: Iterable[str]) -> tuple[str, ...]:
-    found = []
-    for name in names:
-        prefix = rule_prefix(name)
-        if prefix is None:
-            raise ValueError(f"no rule begins with {name!r} or is named so; see: ds47 rules")
-        found.append(prefix)
-    return tuple(found)
+    def _rows(self) -> Iterator[list[Any]]:
+        path = parquet.utf8(self.path)
+        for each in self:
+            left, telegram = [path, *contract.transaction_cells()(each, "en")], self.telegram(each)
+            for item, right in contract.rows(each):
+                told: list[Any] = [None] * len(csv.PARAMETER_COLUMNS)
+                if item is not None:
+                    values, error = [item.values, item.scaled], contract.error_cells(item, "en")
+                    told = [*contract.head_cells(item, "en"), *values, *error]
+                yield [*left, *told, *right, telegram]
 
 
 def _subindices(item: Parameter) -> range:
@@ -377,12 +319,11 @@ def _subindices(item: Parameter) -> range:
     return range(first, first + max(item.element_count or 1, len(item.values)))
 
 
-def _rows(capture: CaptureResult) -> Iterator[list[Any]]:
-    for each in capture.transactions:
-        left = [capture.path, *contract.transaction_cells()(each, "en")]
-        for item, right in contract.rows(each):
-            if item is None:
-                yield left + [None] * len(csv.PARAMETER_COLUMNS) + right
-                continue
-            values, error = [item.values, item.scaled], contract.error_cells(item, "en")
-            yield left + contract.head_cells(item, "en") + values + error + right
+def _needed(package: str, method: str, extra: str) -> Any:
+    """A package that a plain installation does not have."""
+    try:
+        return import_module(package)
+    except ModuleNotFoundError as problem:
+        from ds47.wireshark.tshark import NotReadyError
+
+        raise NotReadyError(f"{method} needs {package}: {extras.install(extra)}") from problem

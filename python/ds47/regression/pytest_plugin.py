@@ -285,7 +285,9 @@ def ds47_capture(request: pytest.FixtureRequest) -> Callable[..., CaptureUnderTe
     def analysis(path: str | Path, **options: Any) -> CaptureUnderTest:
         from ds47.analysis import AnalysisOptions, analyze
         from ds47.capture import CaptureError
+        from ds47.report.shown import switch_on
 
+        switch_on()  # what a failed assertion prints
         settings, result = AnalysisOptions(**options), None
         try:
             result = analyze(request.path.parent / path, settings)

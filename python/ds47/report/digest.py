@@ -17,6 +17,7 @@ from ds47.report.clock import Clock, seen_at
 from ds47.report.file_frames import FileFrames
 from ds47.report.formatting import escape
 from ds47.report.sentences import advice, sentence
+from ds47.report.targets import Telegrams
 from ds47.report.todo import is_lowered
 from ds47.report.verdict import VerdictCounts, concluded, inventory, outcomes, verdict
 from ds47.spec import rules
@@ -47,6 +48,12 @@ class Who(NamedTuple):
 
     device: Device
     transactions: Both
+    telegram: Both | None = None
+
+    def words(self, lang: str) -> str:
+        """`telegram 102  8 transactions, 1 partial`."""
+        told = (self.telegram, self.transactions)
+        return "  ".join(each.text(lang) for each in told if each is not None)
 
 
 class Digest(NamedTuple):
@@ -163,6 +170,7 @@ def who(result: CaptureResult, counts: VerdictCounts) -> list[Who]:
     jobs = [each for each in result.transactions if each.channel != S7]
     devices: dict[str, Device] = {}
     states: dict[str, Counter[str]] = {}
+    telegrams = Telegrams(result)
     for (name, state), number in Counter(map(attrgetter("device", "state"), jobs)).items():
         device = result.device(name)
         devices.setdefault(device.ip, device)
@@ -174,6 +182,7 @@ def who(result: CaptureResult, counts: VerdictCounts) -> list[Who]:
                 say("transactions", n=states[ip].total()),
                 *outcomes(states[ip], smooth=counts.smooth),
             ]),
+            telegrams.words(ip),
         )
         for ip, device in devices.items()
     ]  # fmt: skip

@@ -60,36 +60,64 @@ class Writer(_Writer):
                 f"parquet needs pyarrow ({problem}): {install('parquet')}"
             ) from problem
         stream.flush()
-        self._arrow: Any = arrow
-        self._schema = arrow_schema()
-        self._types = self._schema.types
+        self._columns = Columns(self.options.lang)
+        schema = self._columns.schema
         self._file = parquet.ParquetWriter(
             arrow.PythonFile(_Sink(stream.buffer), "w"),
-            self._schema,
+            schema,
             compression="zstd",
             version="2.6",
-            use_dictionary=[each.name for each in self._schema if each.type == arrow.string()],
+            use_dictionary=[each.name for each in schema if each.type == arrow.string()],
         )
-        self._rows: list[Row] = []
-        self._batches: list[Any] = []
 
     def transaction(self, path: str, transaction: Transaction, findings: Sequence[Finding]) -> None:
+        self._columns.add(path, transaction)
+        if self._columns.packed >= ROWS_PER_GROUP:
+            self._group()
+
+    def close(self) -> None:
+        self._group()
+        self._file.close()
+
+    def _group(self) -> None:
+        table = self._columns.table()
+        if table.num_rows:
+            self._file.write_table(table, row_group_size=ROWS_PER_GROUP)
+
+
+class Columns:
+    """The rows of transactions as columns of Arrow, which take a small part of the memory. Needs pyarrow."""
+
+    def __init__(self, lang: str = "en") -> None:
+        self._arrow: Any = import_module("pyarrow")
+        self._lang = lang
+        self.schema = arrow_schema()
+        self._types = self.schema.types
+        self._rows: list[Row] = []
+        self._batches: list[Any] = []
+        self.packed = 0
+        """Rows that are columns already."""
+
+    def add(self, path: str, transaction: Transaction) -> None:
+        """Takes the rows of a transaction."""
         left = _transaction_cells(path, transaction)
         for position, (parameter, right) in enumerate(contract.rows(transaction)):
             parts = [_NO_PARAMETER]
             if parameter is not None:
-                parts = _parameter_cells(position, parameter, self.options.lang)
+                parts = _parameter_cells(position, parameter, self._lang)
             self._rows += [left + cells + right for cells in parts]
         if len(self._rows) >= _ROWS_AT_ONCE:
             self._pack()
 
-    def close(self) -> None:
+    def table(self) -> Any:
+        """All rows since the last table, as a pyarrow.Table."""
         self._pack()
-        self._group()
-        self._file.close()
+        found = self._arrow.Table.from_batches(self._batches, self.schema)
+        self._batches.clear()
+        self.packed = 0
+        return found
 
     def _pack(self) -> None:
-        """Turns rows into columns, which take a small part of the memory."""
         if not self._rows:
             return
         columns = zip(*self._rows, strict=True)
@@ -97,16 +125,9 @@ class Writer(_Writer):
             self._arrow.array(column, kind)
             for column, kind in zip(columns, self._types, strict=True)
         ]
-        self._batches.append(self._arrow.RecordBatch.from_arrays(arrays, schema=self._schema))
+        self._batches.append(self._arrow.RecordBatch.from_arrays(arrays, schema=self.schema))
+        self.packed += len(self._rows)
         self._rows.clear()
-        if sum(batch.num_rows for batch in self._batches) >= ROWS_PER_GROUP:
-            self._group()
-
-    def _group(self) -> None:
-        if self._batches:
-            table = self._arrow.Table.from_batches(self._batches)
-            self._file.write_table(table, row_group_size=ROWS_PER_GROUP)
-            self._batches.clear()
 
 
 class _Sink:
@@ -171,15 +192,15 @@ def columns(table: str) -> dict[str, dict[str, Any]]:
 def _transaction_cells(path: str, item: Transaction) -> Row:
     cells = contract.transaction_cells()(item, "en")
     cells[_START] = item.start_ns if _fits(item.start_ns) else None
-    return [_text(path), *cells]
+    return [utf8(path), *cells]
 
 
 def _parameter_cells(position: int, item: Parameter, lang: str) -> list[Row]:
     """A row for each value of the parameter, one row where it has none."""
     head = [position, *contract.head_cells(item, lang)]
-    head[_UNIT] = _text(item.unit)
+    head[_UNIT] = utf8(item.unit)
     code, text, info = contract.error_cells(item, lang)
-    tail: Row = [code, _text(text), info]
+    tail: Row = [code, utf8(text), info]
     first = item.subindex if item.attribute == "value" else None
     if not item.values:
         return [[*head, None, first, None, None, None, None, None, *tail]]
@@ -205,7 +226,7 @@ def _value_cells(value: Value, numeric: bool) -> tuple[str, float | None, int | 
     if isinstance(value, int):
         return str(value), float(value), value if _fits(value) else None
     if not numeric:
-        return _text(value), None, None
+        return utf8(value), None, None
     if value in _NOT_FINITE:
         return value, _NOT_FINITE[value], None
     number = int(value)
@@ -214,7 +235,7 @@ def _value_cells(value: Value, numeric: bool) -> tuple[str, float | None, int | 
 
 def _scaled_cells(value: Value) -> tuple[str, float | None]:
     if isinstance(value, str):
-        return _text(value), _NOT_FINITE.get(value)
+        return utf8(value), _NOT_FINITE.get(value)
     return repr(value), float(value)
 
 
@@ -223,7 +244,7 @@ def _fits(number: int) -> bool:
     return -(1 << 63) < number < 1 << 63
 
 
-def _text(text: Any) -> Any:
+def utf8(text: Any) -> Any:
     """A text as UTF-8 can hold it: half a surrogate in a file name becomes an escape."""
     if text is None or text.isascii():
         return text

@@ -141,7 +141,7 @@ class Short:
     def _drives(self, drives: Sequence[Who], most: int) -> Iterator[str]:
         for each in drives[:most]:
             device = escape(each.device.ip) + about(each.device, self._lang)
-            yield self._cut(f"  {device}  {each.transactions.text(self._lang)}")
+            yield self._cut(f"  {device}  {each.words(self._lang)}")
         if len(drives) > most:
             yield "  " + self._say("more_drives", n=len(drives) - most)
 

@@ -84,7 +84,7 @@ class Opening:
         drives = who(result, counts)
         ours = {each.device.ip for each in drives}
         others = [each for each in result.devices if each.ip not in ours]
-        texts = ["  " + each.transactions.text(self._lang) for each in drives]
+        texts = ["  " + each.words(self._lang) for each in drives]
         devices = [each.device for each in drives]
         yield from self._devices("drives_head", "more_drives", devices, texts)
         yield from self._devices("other_devices_head", "more_devices", others, [""] * len(others))

@@ -2,15 +2,17 @@
 
 `profidrive.drive_objects` decides which requests reach the same drive object. Here it gets a name: `DO 2`;
 `axis 9` for an axis byte that names none, or one that the device lacks; or the slot if only that is known.
+`Telegrams` knows what it exchanges in cyclic data.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
-from ds47.model import DS47, Transaction
+from ds47.model import DS47, ODD, PZD, REFUTED, CaptureResult, Transaction
 from ds47.profidrive.drive_objects import LOCAL, DriveObjects, Identity, access_of
+from ds47.report.bilingual import Both, joined, say
 from ds47.report.sentences import slot_number
 
 ANSWERED = ("ok", "partial", "error")
@@ -19,6 +21,8 @@ ANSWERED = ("ok", "partial", "error")
 
 _Way = tuple[str, int | None, int | None, int | None, int | None, int | None]
 _WAYS: Final = 4096
+_SELECTION: Final = 922
+"""The parameter that says the telegram of a drive object; 999 is free configuration."""
 _LOCAL: Final = (LOCAL, None)
 """Record indices of requests of which the submodule decides; PKW has none."""
 
@@ -87,3 +91,61 @@ class Targets:
 def slot(item: Transaction) -> str:
     """`slot 1.1`, on PROFIBUS `slot 1`; empty for a channel named by hand."""
     return "" if item.slot is None else f"slot {slot_number(item.slot, item.subslot)}"
+
+
+class Telegrams:
+    """The PROFIdrive telegrams of one capture.
+
+    The drive itself says them in p0922. Where nobody asks for that, the lengths of cyclic data may leave only one.
+    """
+
+    def __init__(self, result: CaptureResult, targets: Targets | None = None) -> None:
+        told = list(_told(result.evidence))
+        self._targets = targets or Targets(result.evidence if told else ())
+        self._said: dict[Identity, tuple[str, int]] = {
+            self._targets.identity(item, _SELECTION): (item.device, number) for item, number in told
+        }
+        self._lengths = {
+            (each.device, each.slot): each.telegrams[0]
+            for each in result.entire.relations
+            if each.channel == PZD
+            and len(each.telegrams) == 1
+            and each.certainty not in (ODD, REFUTED)
+        }
+        self._slots = {(item.device, item.slot) for item, _ in told}
+
+    def of(self, item: Transaction) -> int | None:
+        """That of the drive object that a transaction reaches; None where nothing tells it."""
+        if self._said:
+            said = self._said.get(self._targets.identity(item, _SELECTION))
+            if said is not None:
+                return said[1]
+        return self._lengths.get((item.device, item.slot))
+
+    def words(self, ip: str) -> Both | None:
+        """`telegram 102` of a device, as it says, `lengths of telegram 1`; None where nothing tells it."""
+        said = {number for device, number in self._said.values() if device == ip}
+        lengths = {
+            number
+            for place, number in self._lengths.items()
+            if place[0] == ip and place not in self._slots
+        }
+        found = [
+            say(key, numbers=", ".join(map(str, sorted(numbers))))
+            for key, numbers in (("drive_telegram", said), ("drive_lengths", lengths))
+            if numbers
+        ]
+        return joined(found) if found else None
+
+
+def _told(transactions: list[Transaction]) -> Iterator[tuple[Transaction, int]]:
+    """Transactions that say the telegram, and which."""
+    for item in transactions:
+        if item.state not in ("ok", "partial") or item.operation not in ("read", "change"):
+            continue
+        for each in item.parameters:
+            if each.pnu != _SELECTION or each.error is not None or each.attribute != "value":
+                continue
+            number = each.values[0] if each.values else None
+            if isinstance(number, int) and 0 < number <= 999:
+                yield item, number

@@ -6,14 +6,15 @@ What was wrong with them is not said here.
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import cast
 
 from ds47 import model
-from ds47.model import S7, Frames, Read, Transaction
+from ds47.model import S7, Frames, Read, State, Transaction
 from ds47.s7 import addresses, drives
 from ds47.s7.blocks import BlockSize
 from ds47.s7.drives import DriveElement
 from ds47.s7.model import S7Address, S7Connection, S7Item, S7Job
-from ds47.spec import s7
+from ds47.spec import Operation, s7
 
 _BYTE = 8
 
@@ -27,8 +28,8 @@ def build(job: S7Job, *, of_drive: bool) -> Transaction:
         Read(each.at.frame, each.acknowledged and each.acknowledged.frame) for each in job.segments
     ]
     transaction = Transaction(
-        operation=job.operation,
-        state=job.state,
+        operation=cast(Operation, job.operation),
+        state=cast(State, job.state),
         controller=job.asker.ip,
         device=job.partner.ip,
         ar=None,

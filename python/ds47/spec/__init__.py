@@ -11,10 +11,15 @@ from functools import cache, lru_cache
 from json import loads
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final, cast
+from typing import Any, Final, Literal, cast
 from zlib import crc32
 
 from ds47.spec.rows import Row
+
+Operation = Literal["read", "change", "vendor", "unknown", "get", "put", "bsend", "usend"]
+"""What a transaction is asked for; the last four are those of S7."""
+Severity = Literal["note", "warning", "error"]
+"""How serious a finding is."""
 
 
 class Format(Row):
@@ -53,7 +58,7 @@ class RequestId(Row):
 
     code: int
     name: str
-    operation: str
+    operation: Operation
     body: str
     positive: int
     negative: int
@@ -160,7 +165,7 @@ class Rule(Row):
     id: str
     name: str
     title: str
-    severity: str
+    severity: Severity
     scope: str
     anchor: str
     expert: str

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 
@@ -25,10 +26,20 @@ class Plain:
     __hash__ = None  # type: ignore[assignment]
 
     def __repr__(self) -> str:
-        values = [f"{name}={getattr(self, name)!r}" for name in self.__dataclass_fields__]
-        return f"{type(self).__name__}({', '.join(values)})"
+        """A line for a person where some room has words for it, else all fields."""
+        return SHOWN.get(type(self), fields)(self)
 
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
         return type(self), tuple(getattr(self, name) for name in self.__dataclass_fields__)
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
+
+
+def fields(item: Plain) -> str:
+    """A class and its fields, as `dataclass` shows them."""
+    values = [f"{name}={getattr(item, name)!r}" for name in item.__dataclass_fields__]
+    return f"{type(item).__name__}({', '.join(values)})"
+
+
+SHOWN: dict[type, Callable[[Any], str]] = {}
+"""What shows a class in a line: `ds47.report.shown` adds those that need words, which are in no room below."""

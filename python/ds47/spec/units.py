@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from datetime import date
+from datetime import UTC, date, datetime, timedelta
 from functools import lru_cache
 from typing import Final
 
@@ -33,6 +33,14 @@ def second(seconds: int) -> str:
     hour, minute = divmod(minutes, 60)
     year = day.year + 400 * cycles
     return f"{year:04}-{day:%m-%d}T{hour:02}:{minute:02}:{seconds:02}"
+
+
+def moment(time_ns: int) -> datetime | None:
+    """Nanoseconds since 1970 as a time in UTC, cut to microseconds; None in a year that `datetime` has not."""
+    try:
+        return datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=time_ns // 1000)
+    except OverflowError:
+        return None
 
 
 def nanoseconds(text: str) -> int:

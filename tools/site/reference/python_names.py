@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal, get_origin
 
 import ds47
 
@@ -10,7 +11,16 @@ _HEAD = """# Python names
 
 Everything in `ds47.__all__`. [The library](../python.md) tells how they are used, with examples.
 """
-_FIRST = ("analyze", "Result", "decode_request", "decode_response", "encode", "Options")
+_FIRST = (
+    "analyze",
+    "analyze_many",
+    "watch",
+    "Result",
+    "decode_request",
+    "decode_response",
+    "encode",
+    "Options",
+)
 """What a program begins with."""
 
 
@@ -20,12 +30,19 @@ def names() -> list[str]:
     return [*_FIRST, *rest]
 
 
+def _module(name: str) -> str:
+    """The module that defines a name; a `Literal` does not know it."""
+    found = getattr(ds47, name)
+    if get_origin(found) is not Literal:
+        return str(found.__module__)
+    return next(module for module, its in ds47._ROOMS.items() if name in its)
+
+
 def page(_root: Path) -> str:
     """A directive for each, of the module that defines it: the package has them only when they are asked for."""
     parts = [_HEAD]
     for name in names():
-        module = getattr(ds47, name).__module__
         parts.append(
-            f"::: {module}.{name}\n    options:\n      heading: ds47.{name}\n      toc_label: {name}\n"
+            f"::: {_module(name)}.{name}\n    options:\n      heading: ds47.{name}\n      toc_label: {name}\n"
         )
     return "\n".join(parts)

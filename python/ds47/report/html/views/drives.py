@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from ds47.model import S7, CaptureResult, Device, Transaction
 from ds47.report.html.texts import Both, joined
 from ds47.report.latency import percentile
-from ds47.report.targets import ANSWERED, Targets
+from ds47.report.targets import ANSWERED, Targets, Telegrams
 from ds47.report.verdict import by_state
 
 
@@ -17,6 +17,7 @@ class DriveView:
     """A device that was asked for parameters."""
 
     device: Device
+    telegram: Both | None = None
     objects: set[int] = field(default_factory=set)
     """Drive objects that answered, by their numbers."""
     controllers: set[str] = field(default_factory=set)
@@ -44,13 +45,16 @@ def drives(result: CaptureResult, targets: Targets | None = None) -> list[DriveV
     """The drives in the order of their first transaction."""
     known: dict[str, DriveView] = {}
     targets = targets or Targets(result.evidence)
+    telegrams = Telegrams(result, targets)
     found: dict[str, DriveView] = {}
     for item in result.transactions:
         if item.channel == S7:
             continue  # its partners are no drives
         if item.device not in known:
             device = result.device(item.device)
-            known[item.device] = found.setdefault(device.ip, DriveView(device))
+            known[item.device] = found.setdefault(
+                device.ip, DriveView(device, telegrams.words(device.ip))
+            )
         _count(known[item.device], item, targets)
     for drive in found.values():
         drive.durations.sort()

@@ -12,7 +12,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import BinaryIO
 
+from ds47.analysis import AnalysisOptions
 from ds47.capture.closing import Closing
+from ds47.model import S7
+from ds47.s7.choices import PORT
+from ds47.spec.raised import Error
 from ds47.wireshark.locate import usual_folders
 
 _DCP = "ether proto 0x8892 and ether[{0}:2] >= 0xfefc and ether[{0}:2] <= 0xfeff"
@@ -44,7 +48,7 @@ _ADVICE = {
 }
 
 
-class DumpcapError(Exception):
+class DumpcapError(Error):
     """dumpcap is not there, or does not capture; the message is for a person."""
 
 
@@ -93,6 +97,18 @@ def arguments(
     if duration is not None:
         words += ["-a", f"duration:{duration:g}"]
     return words
+
+
+def start(
+    program: str | None,
+    interfaces: Sequence[str],
+    capture_filter: str | None,
+    duration: float | None,
+    options: AnalysisOptions,
+) -> Dumpcap:
+    """Captures what an analysis with these options needs. Raises DumpcapError."""
+    ports = (PORT, *options.s7.ports) if S7 in options.channels else ()
+    return Dumpcap(find(program), arguments(interfaces, capture_filter, duration, ports))
 
 
 class Dumpcap(Closing):

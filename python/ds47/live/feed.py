@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import queue
 import signal
+import stat
 import sys
 import threading
 import time
@@ -17,6 +18,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Literal
+
+from ds47.capture.names import STDIN
 
 _CHUNK = 1 << 16
 _CHUNKS_AHEAD = 16
@@ -58,9 +61,11 @@ class Feed:
         self._left = b""
         self._ended = False
         self._deadline: float | None = None
+        self._closed = False
         self.problem: str | None = None
         """What the reading of the pipe failed of."""
-        threading.Thread(target=self._read_source, daemon=True).start()
+        self._thread = threading.Thread(target=self._read_source, daemon=True)
+        self._thread.start()
 
     @property
     def stopped(self) -> bool:
@@ -74,6 +79,13 @@ class Feed:
     def summary(self) -> None:
         """Wish for a summary; may be called from a signal handler."""
         self._events.put(("summary", b""))
+
+    def close(self) -> bool:
+        """Nothing is wanted any more; whether the reading thread has ended, and leaves the descriptor alone."""
+        self._closed = True
+        self._room.release()
+        self._thread.join(2 * _PATIENCE)
+        return not self._thread.is_alive()
 
     def read1(self, size: int = _CHUNK) -> bytes:
         """What there is, at least one byte; b"" at the end."""
@@ -116,7 +128,7 @@ class Feed:
         self._events.put(("end", b""))
 
     def _pieces(self) -> Iterator[bytes]:
-        while True:
+        while not self._closed:
             if data := os.read(self._descriptor, _CHUNK):
                 yield data
             elif not self._follow:
@@ -157,6 +169,18 @@ class Feed:
         with suppress(OSError):
             while os.read(descriptor, 1024):
                 self.summary()
+
+
+def opened(source: str) -> int:
+    """The descriptor of standard input, of a named pipe, of a file. Raises OSError."""
+    if source == STDIN:
+        return sys.stdin.fileno()
+    return os.open(source, os.O_RDONLY | getattr(os, "O_BINARY", 0))
+
+
+def grows(source: str, descriptor: int) -> bool:
+    """Whether a source is a file that was named, so that its end need not be the end of the capture."""
+    return source != STDIN and stat.S_ISREG(os.fstat(descriptor).st_mode)
 
 
 def keyboard(source: int) -> int | None:

@@ -1,4 +1,4 @@
-"""Which captures the arguments of a command mean.
+"""Which captures a user means: the arguments of a command, or of `ds47.analyze_many`.
 
 Nothing is opened here.
 """
@@ -8,8 +8,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-
-import click
 
 from ds47.capture import CaptureError
 from ds47.capture.names import EXPORTED, STDIN, SUFFIXES, is_capture
@@ -53,16 +51,6 @@ def _meant(
     if not found:
         missing(f"{path}: no capture in this folder ({', '.join(SUFFIXES)}; not {EXPORTED})")
     return found
-
-
-def refuse_urls(paths: Sequence[str]) -> None:
-    """Raises click.UsageError for a URL: a stored result stands beside its capture, in a folder."""
-    for path in paths:
-        if is_url(path):
-            raise click.UsageError(
-                f"{path}: stored results stand beside captures in a folder, not behind a URL: "
-                "copy the captures, or use ds47 report --results"
-            )
 
 
 def _in_folder(
