@@ -123,10 +123,8 @@ def test_baseline_writes_over_nothing(stored, capsys):
 def test_a_folder_without_captures_is_3(tmp_path, capsys, command):
     status, _, err = run(capsys, command, tmp_path)
     assert status == 3
-    assert (
-        err
-        == f"ds47: {tmp_path}: no capture in this folder (.pcap, .pcapng, .cap; not .ds47.pcapng)\n"
-    )
+    endings = ".pcap, .pcapng, .cap, also with .gz or .zst; not .ds47.pcapng"
+    assert err == f"ds47: {tmp_path}: no capture in this folder ({endings})\n"
 
 
 @pytest.mark.skipif(os.name == "nt", reason="other lengths there")

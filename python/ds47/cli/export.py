@@ -148,6 +148,8 @@ def command(
     run.open_key()
     for task, target in zip(found, targets, strict=True):
         run.one(task, target)
+    if not run.written:
+        choice.refuse_backwards()
     if run.misses:
         return _UNREADABLE
     return 0 if run.written else _NOTHING

@@ -10,6 +10,7 @@ import stat
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -128,11 +129,25 @@ def _opened(source: str) -> Iterator[int]:
     try:
         descriptor = os.open(source, os.O_RDONLY | getattr(os, "O_BINARY", 0))
     except OSError as problem:
-        raise click.ClickException(f"cannot open {source}: {problem.strerror}") from problem
+        from ds47.spec.shell import shell_word
+
+        hint = (
+            f". For an interface: ds47 watch -i {shell_word(source)}"
+            if _may_be_interface(source, problem)
+            else ""
+        )
+        raise click.ClickException(f"cannot open {source}: {problem.strerror}{hint}") from problem
     try:
         yield descriptor
     finally:
         os.close(descriptor)
+
+
+def _may_be_interface(source: str, problem: OSError) -> bool:
+    """Whether a source that is not there has no folder and no ending: `eth0` instead of `-i eth0`."""
+    return (
+        isinstance(problem, FileNotFoundError) and Path(source).name == source and "." not in source
+    )
 
 
 def _grows(source: str, descriptor: int) -> bool:

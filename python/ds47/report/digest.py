@@ -74,7 +74,10 @@ class Digest(NamedTuple):
         counts: VerdictCounts | None = None,
     ) -> Digest:
         """That of a capture, with at most so many causes; `counts` are its own."""
-        counts, clock = counts or VerdictCounts.of(result), Clock.of(result, options.zone)
+        counts, clock = (
+            counts or VerdictCounts.of(result, options.zone),
+            Clock.of(result, options.zone),
+        )
         found = concluded(result)
         several = len({each.device for each in result.transactions}) > 1
         files, times = FileFrames(result.files), seen_at(result)
