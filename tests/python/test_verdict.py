@@ -48,7 +48,7 @@ def unplugged(tmp_path: Path) -> Path:
     [
         (
             "profibus-wrong-project",
-            "NOT OK: data of dp3 are not as long as configured; 4 more causes",
+            "NOT OK: the data length of dp3 differs from its configuration; 4 more causes",
             "3 stations of PROFIBUS",
         ),
         (

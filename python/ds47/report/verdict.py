@@ -198,7 +198,10 @@ def _worst(result: CaptureResult, causes: list[Diagnosis], zone: Zone) -> tuple[
     text = Both(*(escape(brief(first, lang)) for lang in LANGUAGES))
     if first.rule in OF_FAULTS and (over := _over(result.entire, first)) is not None:
         time = Clock.of(result.entire, zone).moment(over) if over else ""
-        text = text.joined(say("verdict_until" if over else "verdict_lasts", time=time), ", ", "，")
+        key = (
+            "verdict_lasts" if not over else "verdict_until" if first.count == 1 else "verdict_last"
+        )
+        text = text.joined(say(key, time=time), ", ", "，")
     return SEVERITIES.index(first.severity), text
 
 
