@@ -105,13 +105,13 @@ def test_the_headline_says_that_a_fault_is_over() -> None:
     head = "192.168.133.33 slot 2 had a fault while running"
     said = verdict(VerdictCounts.of(result))
     assert said.en == f"NOT OK: {head}, until 08:00:00.338"
-    assert said.zh.endswith("运行中出现故障，08:00:00.338 消除")
+    assert said.zh.endswith("运行中出现故障，直到 08:00:00.338")
     there = VerdictCounts.of(result, zone("+01:00"))
     assert verdict(there).en == f"NOT OK: {head}, until 09:00:00.338"
     events = result.timelines[0].events
     while events[-1].name != "fault":
         events.pop()
-    assert verdict(VerdictCounts.of(result)).en == f"NOT OK: {head}, not cleared in this capture"
+    assert verdict(VerdictCounts.of(result)).en == f"NOT OK: {head}, with no end in this capture"
     result.timelines[0].events_left_out = 1  # one of them may be its end
     assert verdict(VerdictCounts.of(result)).en == f"NOT OK: {head}"
 

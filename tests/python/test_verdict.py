@@ -53,7 +53,7 @@ def unplugged(tmp_path: Path) -> Path:
         ),
         (
             "cyclic-does-not-start",
-            "NOT OK: 192.168.133.33 slot 2 waits for an edge of ON",
+            "NOT OK: 192.168.133.33 slot 2 waited for an edge of ON, until 08:00:06.706",
             "1 drive in cyclic frames",
         ),
         (

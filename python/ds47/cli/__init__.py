@@ -39,7 +39,7 @@ GROUPS = {
         "diff": "Two captures: what changed between them",
         "check": "Captures against their stored results, for CI",
         "baseline": "Store the results",
-        "accept": "Take changes of them over",
+        "accept": "Accept changes into them",
     },
     "Look up and build": {
         "explain": "A STATUS, an error number, a parameter in words",

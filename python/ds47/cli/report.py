@@ -101,7 +101,7 @@ UNREADABLE, NOTHING = 3, 1
 @click.option(
     "--filters",
     is_flag=True,
-    help="For each cause and rule the display filter of all its frames, as long as it is (text).",
+    help="Print the display filter of all frames of each cause and rule, however long it is (text).",
 )
 @selection_options
 @heading_options
@@ -114,13 +114,13 @@ UNREADABLE, NOTHING = 3, 1
     type=click.Choice(["native", "tshark", "both"]),
     default="native",
     show_default=True,
-    help="Who decodes; tshark is the Wireshark plugin, both reports where they differ (DS601).",
+    help="Which decoder: native, tshark with the Wireshark plugin, or both, to report where they differ (DS601).",
 )
 @click.option(
     "--tshark",
     metavar="PROGRAM",
     envvar="DS47_TSHARK",
-    help="The tshark of the engine tshark, else the one that is found. [env: DS47_TSHARK]",
+    help="The tshark for --engine tshark, if not the one that is found. [env: DS47_TSHARK]",
 )
 @jobs_option
 @series_option
@@ -133,7 +133,7 @@ UNREADABLE, NOTHING = 3, 1
 @click.option(
     "--resume",
     is_flag=True,
-    help="With --results: leave out what is stored already, unless anything changed.",
+    help="With --results: skip what is already stored, unless anything changed.",
 )
 @click.option(
     "--scheduler",

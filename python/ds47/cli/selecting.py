@@ -62,7 +62,7 @@ _OPTIONS = (
     ),
     click.option(
         "--do", "drive_objects", multiple=True, type=click.IntRange(0, 0xFFFF), metavar="N",
-        help="Number of a drive object, where the capture proves which one is asked.",
+        help="Number of a drive object, where the capture proves which one was asked.",
     ),
     click.option(
         "--pnu", "pnus", multiple=True, type=_Number(), metavar="N",
@@ -79,10 +79,10 @@ _OPTIONS = (
     ),
     click.option(
         "--from", "start", metavar="TIME",
-        help="From when on: time of day (08:15, 08:15:00.5) or ISO 8601 in the zone of --tz, or seconds"
+        help="Start: time of day (08:15, 08:15:00.5) or ISO 8601 in the zone of --tz, or seconds"
         " from the first frame.",
     ),
-    click.option("--to", "end", metavar="TIME", help="Until when."),
+    click.option("--to", "end", metavar="TIME", help="End, in the same forms."),
 )  # fmt: skip
 
 

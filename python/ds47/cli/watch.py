@@ -55,7 +55,7 @@ _UNREADABLE = 3
 @click.option(
     "--no-follow",
     is_flag=True,
-    help="End where a SOURCE that is a file ends now; else what is written behind it is waited for.",
+    help="Stop at the present end of SOURCE, if it is a file, instead of waiting for more.",
 )
 @format_option("text", "ndjson")
 @fail_on_option

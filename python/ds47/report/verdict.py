@@ -33,8 +33,11 @@ KINDS = {
     "orphan": "orphan",
 }
 """How good or bad each state is, in a plot or a figure."""
-OF_FAULTS = ("DS520", "DS524")
-"""Rules about a fault of a drive that may be over before the capture ends."""
+ENDS = {
+    **dict.fromkeys(("DS520", "DS524", "DS532"), "fault-cleared"),
+    **dict.fromkeys(("DS521", "DS523"), "running"),
+}
+"""Rules about the state of a drive, with the event that ends it: it may be over before the capture is."""
 LEVELS = ("none", "good", "warn", "bad")
 """From nothing to say to serious; names of classes in the style sheet of the page."""
 
@@ -191,12 +194,12 @@ def _shows_a_part(item: Diagnosis) -> bool:
 
 
 def _worst(result: CaptureResult, causes: list[Diagnosis], zone: Zone) -> tuple[int, Both] | None:
-    """The first of them as a clause; of a fault with its end."""
+    """The first of them as a clause; of the state of a drive with its end."""
     if not causes:
         return None
     first = causes[0]
     text = Both(*(escape(brief(first, lang)) for lang in LANGUAGES))
-    if first.rule in OF_FAULTS and (over := _over(result.entire, first)) is not None:
+    if first.rule in ENDS and (over := _over(result.entire, first)) is not None:
         time = Clock.of(result.entire, zone).moment(over) if over else ""
         key = (
             "verdict_lasts" if not over else "verdict_until" if first.count == 1 else "verdict_last"
@@ -206,13 +209,14 @@ def _worst(result: CaptureResult, causes: list[Diagnosis], zone: Zone) -> tuple[
 
 
 def _over(result: CaptureResult, item: Diagnosis) -> int | None:
-    """When the last fault of this drive was gone; 0 if the capture shows no end of it, None if it is not known."""
+    """When what this is about was over; 0 if the capture shows no end of it, None if it is not known."""
     where = item.args.get("device"), item.args.get("slot")
     for line in result.timelines:
         relation = result.relations[line.relation - 1]
-        if where == (relation.device, relation.slot) and not line.events_left_out:
-            last = [each for each in line.events if each.name in ("fault", "fault-cleared")][-1:]
-            return next((each.time_ns if each.name != "fault" else 0 for each in last), None)
+        known = not (line.events_left_out or item.frames_left_out)
+        if known and where == (relation.device, relation.slot):
+            ends = (each for each in line.events if each.name == ENDS[item.rule])
+            return next((each.time_ns for each in ends if each.frame > item.frames[-1]), 0)
     return None
 
 
