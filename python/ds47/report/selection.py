@@ -220,5 +220,6 @@ def _partners(result: CaptureResult) -> set[str]:
     """What no frame names: stations of PROFIBUS, with records or without, and servers of S7."""
     found = {each.device for each in result.transactions if each.station is not None}
     if result.bus is not None:
-        found |= {f"dp{each.address}" for each in result.bus.stations}
+        slaves = (each for each in result.bus.stations if each.role != "master")
+        found |= {f"dp{each.address}" for each in slaves}
     return found | {each.server for each in result.connections}
