@@ -12,13 +12,13 @@ from __future__ import annotations
 import re
 import sys
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import click
 
 from ds47 import __version__
-from ds47.cli import group
+from ds47.cli import EXAMPLES, group
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "man"
@@ -42,13 +42,6 @@ FILES = (
     ("ds47.toml", "beside captures or above them: zone, title, expectations, masks, what cyclic frames hold"),
     ("NAME.ds47.json", "beside a capture: its stored result, which ds47 check compares"),
 )  # fmt: skip
-EXAMPLES = (
-    ("what happened in a capture", "ds47 report line-3.pcapng"),
-    ("the same as a page for colleagues", "ds47 report -f html -o line-3.html line-3.pcapng"),
-    ("what a code says", "ds47 explain DE80B500"),
-    ("what differs from yesterday", "ds47 diff yesterday.pcapng today.pcapng"),
-    ("the first half minute", "ds47 demo"),
-)
 
 
 def escaped(text: str) -> str:
@@ -123,6 +116,14 @@ def options(command: click.Command, context: click.Context) -> Iterator[tuple[st
             yield record
 
 
+def examples(rows: Sequence[tuple[str, str]]) -> Iterator[str]:
+    """Lines to type, with what they do, as the help of the command has them."""
+    if rows:
+        yield ".SH EXAMPLES"
+    for line, about in rows:
+        yield from (".TP", escaped(about), rf"\fB{escaped(line)}\fP")
+
+
 def parts(command: click.Command, context: click.Context, name: str) -> Iterator[str]:
     """Synopsis, description and options; of a group the same of each of its commands."""
     yield ".SH SYNOPSIS"
@@ -131,11 +132,7 @@ def parts(command: click.Command, context: click.Context, name: str) -> Iterator
     yield from told(command.help or "")
     yield ".SH OPTIONS"
     yield from pairs(options(command, context))
-    examples = getattr(command, "examples", ())
-    if examples:
-        yield ".SH EXAMPLES"
-    for line, about in examples:
-        yield from (".TP", escaped(about), rf"\fB{escaped(line)}\fP")
+    yield from examples(getattr(command, "examples", ()))
     if isinstance(command, click.Group):
         for word in command.list_commands(context):
             found = command.get_command(context, word)
@@ -163,9 +160,7 @@ def overview(context: click.Context) -> Iterator[str]:
     for title, rows in (("EXIT STATUS", STATUS), ("ENVIRONMENT", VARIABLES), ("FILES", FILES)):
         yield f".SH {title}"
         yield from pairs(rows)
-    yield ".SH EXAMPLES"
-    for about, line in EXAMPLES:
-        yield from (".TP", escaped(about), rf"\fB{escaped(line)}\fP")
+    yield from examples(EXAMPLES)
     yield ".SH SEE ALSO"
     yield r"\fBtshark\fP(1), \fBdumpcap\fP(1)"
 

@@ -55,7 +55,7 @@ def test_the_first_screen_needs_no_script(browser, tour):
         "NOT OK: 192.168.133.2 writes while its own request is open; 3 more causes"
     )
     assert "No change access while the controller is enabled" in text
-    assert "Scripts are switched off here" in text
+    assert "Scripts are disabled here" in text
 
 
 def test_a_click_on_a_head_sorts_up_and_down_and_back(browser, tour):
@@ -139,7 +139,7 @@ def test_the_bytes_shown_are_all_the_bytes_there_are(browser, long, stack):
         for item in stack.transactions
     ]
     assert shown == expected
-    rest = [text for text in browser.texts(f"{JOBS} .bytes tr") if "not taken apart here" in text]
+    rest = [text for text in browser.texts(f"{JOBS} .bytes tr") if "not decoded here" in text]
     assert len(rest) <= len(expected) // 20
 
 

@@ -141,7 +141,7 @@ def test_wherever_the_pointer_is(drawing, truth, zoom):
 
 def test_a_click_holds_and_escape_lets_go(drawing):
     held = point(drawing, 5.0, "click")
-    assert "held, Escape lets go" in held[0]
+    assert "held, Escape releases it" in held[0]
     assert point(drawing, 7.0) == held
     assert point(drawing, 7.0, "click")[0] != held[0]
     told = press(drawing, Keys.ESCAPE)
@@ -181,7 +181,7 @@ def test_beside_what_is_known_it_says_so(browser, write):
     )
     assert point(browser, first + span)[STATE] in (
         "not known",
-        "behind the last frame of this drive",
+        "after the last frame of this drive",
     )
     assert point(browser, first + span)[COMMAND] != "none so far"
 

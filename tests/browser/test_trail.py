@@ -43,7 +43,7 @@ def test_a_click_on_the_changes_of_a_parameter_shows_its_trail(browser, page):
     browser.open(page)
     row = "[data-part=parameters] tr.row:has(a.trail)"
     name, link = browser.texts(f"{row} td:nth-child(2) > div")[0].split(" ", 1)
-    number = int(link.removeprefix("changes: "))
+    number = int(link.removeprefix("writes: "))
     browser.click(f"{row} a.trail")
     browser.wait(f"return document.querySelectorAll('{TRAIL} tr.row').length === {number}")
     assert {each.split()[0] for each in column(browser, 7)} == {name}

@@ -166,7 +166,7 @@ def test_it_can_be_said_at_the_command_and_in_ds47_toml(
     assert main(["report", str(path), "--vendor", "sinamics"]) == 0
     text = capsys.readouterr().out
     assert NAME in text
-    assert "no vendor seen, taken for 0x002A (SINAMICS)" in text
+    assert "no vendor seen, assumed to be 0x002A (SINAMICS)" in text
     folder = tmp_path / "project"
     folder.mkdir()
     inside = Path(shutil.copy(path, folder))

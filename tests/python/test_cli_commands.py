@@ -391,7 +391,7 @@ def test_findings_are_chosen_by_the_name_that_reports_print(capsys, captures):
 def test_decode_guesses_and_says_so(capsys, text):
     status, out, err = run(capsys, "decode", text)
     assert status == 0
-    assert "taken as a request" in err
+    assert "taken for a request" in err
     assert "p50303[0]" in out
     assert "     4  10 01 c4 7f 00 00" in out
 
@@ -560,7 +560,7 @@ def test_encode_takes_the_type_of_a_parameter_that_it_knows(capsys):
     assert (status, out) == (0, "01 02 01 01 10 01 0b 54 00 00 08 01 41 20 00 00\n")
     assert err == (
         "ds47: p2900 is sent as Float32: Fixed value 1, as on SINAMICS\n"
-        "ds47: DO 1, as the line names none; axis N in the line names another\n"
+        "ds47: DO 1, because the line names none; axis N in the line names another\n"
     )
     _, out, err = run(capsys, "encode", "change axis 2 P0922=1 p2900=REAL:2.0", "--lang", "zh")
     assert out.startswith("01 02 02 02 10 01 03 9a ")
@@ -599,7 +599,7 @@ def test_encode_says_that_a_read_of_an_array_asks_for_nothing(capsys):
     assert status == 0
     assert out.startswith("01 01 01 04 10 00 03 b1 00 00 ")
     assert err == (
-        "ds47: r0945 is an array, and 0 elements are asked for;"
+        "ds47: r0945 is an array, but the request asks for 0 elements;"
         " r0945[0] asks for one, r0945[0..7] for eight\n"
     )
     assert "r0945 是数组" in run(capsys, "encode", "--lang", "zh", "read p945")[2]

@@ -116,8 +116,8 @@ def test_what_is_said_instead() -> None:
     (item,) = [each for each in result.transactions if each.state == "incomplete"]
     note, first = words(result)
     assert item.findings == ["DS110"]
-    assert "a response stands in frame" in note
-    assert first.endswith("with the responses to requests by PKW: 1")
+    assert "already has a response (frame" in note
+    assert first.endswith("and with them the responses to PKW requests: 1")
 
 
 EARLY, NEVER = {"pause": 8, "cycles": 5}, {"pause": 10_000, "cycles": 20}

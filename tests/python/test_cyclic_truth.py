@@ -170,13 +170,13 @@ def test_a_drive_that_trips_is_not_ok(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "NOT OK" in text
     assert "DS520 error" in text
     text = printed(of_maker(FOREIGN, trips=3), tmp_path, capsys)
-    assert "WARNING: Fault of 192.168.1" in text
+    assert "slot 2 had a fault while running, the last time until 08:00:" in text
     assert "DS520 note fault-while-running" in text
     assert "(3 times)" in text
-    assert "A note, because the drive is not one of Siemens" in text
+    assert "Only a note, because the drive is not from Siemens" in text
     assert "仅为提示" in printed(of_maker(FOREIGN, trips=3), tmp_path, capsys, "--lang", "zh")
     page = printed(of_maker(FOREIGN, trips=3), tmp_path, capsys, "-f", "html")
-    assert "A note, because the drive is not one of Siemens" in page
+    assert "Only a note, because the drive is not from Siemens" in page
     assert "OK: 1 drive in cyclic frames" in printed(of_maker(FOREIGN), tmp_path, capsys)
 
 
@@ -421,5 +421,5 @@ def test_what_stands_in_the_frames_to_another_makers_drive_is_not_ok(
     bus = on_profibus(talk((IDLE, 5), (READ, 2600), pause=10_000))
     assert bus is not None
     text = printed(bus, tmp_path, capsys)
-    assert "WARNING: What reads as a PKW request has no response" in text
+    assert "WARNING: Apparent PKW request without a response" in text
     assert "DS514 warning" in text

@@ -98,8 +98,8 @@ def test_a_read_is_never_compared_with_a_change():
         "The 1 parameter element that both captures show is the same in both."
     ]
     assert told(capture(asked(20, 7)), capture(refused)) == [
-        "No parameter element is shown by both captures: there is nothing to compare.",
-        "asked for in both captures, read or changed in one only: 1 element",
+        "No parameter element is in both captures: there is nothing to compare.",
+        "requested in both captures, but read or changed in one only: 1 element",
         "  10.0.0.2 slot 1.1 axis 2 r0020[0] change  A: none; B: 1 x negative response 0x01 text 1",
         "  10.0.0.2 slot 1.1 axis 2 r0020[0] read  A: 1 x = 7; B: none",
     ]
@@ -109,7 +109,7 @@ def test_one_negative_response_is_not_what_a_parameter_became():
     one = capture(*[asked(2, 10)] * 27, asked(2, code=0x01, element_count=1))
     assert told(one, capture(*[asked(2, 10)] * 3)) == [
         "The 1 parameter element that both captures show is the same in both.",
-        "the same last value in both; failures beside it are within chance:",
+        "the same last value in both; the failures are within chance:",
         "  10.0.0.2 slot 1.1 axis 2 r0002[0] read  A: 27 x = 10, 1 x negative response 0x01 text 1; B: 3 x = 10",
     ]
 
@@ -143,7 +143,7 @@ def test_strings_are_compared_as_far_as_both_were_read():
     other = capture(text(8560, "070809", subindex=6), text(199, "X", "VisibleString"))
     assert told(one, other) == [
         "None of the 3 parameter elements that both captures show differs.",
-        "asked for in one capture only: 2 elements in A, 1 element in B",
+        "requested in one capture only: 2 elements in A, 1 element in B",
         '  10.0.0.2 slot 1.1 axis 2 p0199[1..2] read  A: 1 x = "-L"; B: none',
         "  10.0.0.2 slot 1.1 axis 2 p8560[8] read  A: none; B: 1 x = 09",
     ]
@@ -152,7 +152,7 @@ def test_strings_are_compared_as_far_as_both_were_read():
         capture(text(199, "R", "VisibleString", subindex=3)),
     ) == [
         "The 1 parameter element that both captures show is the same in both.",
-        "asked for in one capture only: 3 elements in A",
+        "requested in one capture only: 3 elements in A",
         '  10.0.0.2 slot 1.1 axis 2 p0199[0..2] read  A: 1 x = "NEA"; B: none',
     ]
 
@@ -192,7 +192,7 @@ def test_what_was_asked_for_without_success_was_asked_for(item):
 def test_a_response_without_a_request_may_have_been_asked_for_anything():
     orphan = asked(1, 5, state="orphan", pnu=None, subindex=None, attribute=None)
     assert told(capture(asked(2, 1), asked(3, 1)), capture(asked(3, 1), orphan))[-1] == (
-        "B has 1 transaction of which it does not show all that was asked for"
+        "B has 1 transaction that does not show everything that was requested"
     )
 
 
@@ -202,11 +202,11 @@ def test_other_requests_may_have_other_outcomes():
     )
     other = capture(asked(46, 1), asked(47, 9, operation="change"))
     assert told(one, other) == [
-        "No parameter element is shown by both captures: there is nothing to compare.",
+        "No parameter element is in both captures: there is nothing to compare.",
         "other negative responses, but to other requests:",
         "  10.0.0.2 slot 1.1 axis 2 r0046[0] read  A: 1 x negative response 0x03 text 3; B: 1 x = 1",
         "  10.0.0.2 slot 1.1 axis 2 p0047[0] change  A: 1 x negative response 0x02 text 2; B: 1 x accepted := 9",
-        "asked for in one capture only: 4 elements in A",
+        "requested in one capture only: 4 elements in A",
         "  10.0.0.2 slot 1.1 axis 2 r0046[1..4] read  A: 1 x negative response 0x03 text 3; B: none",
     ]
     same = asked(46, 1, code=0x03), asked(46, 1)
@@ -331,10 +331,10 @@ def test_what_only_one_capture_has_is_one_line_without_all():
     one = capture(asked(2, 1), *(asked(number, 1) for number in range(100, 150)))
     text = list(lines(difference(one, capture(asked(2, 1)), ("a", "b"))))
     assert [line for line in text if "100" in line] == []
-    assert "asked for in one capture only: 50 elements in A" in text
+    assert "requested in one capture only: 50 elements in A" in text
     assert "(--all lists them)" in text
     order = [next(n for n, line in enumerate(text) if line.startswith(each)) for each in (
-        "The 1 parameter", "states", "findings", "asked for", "duration",
+        "The 1 parameter", "states", "findings", "requested", "duration",
     )]  # fmt: skip
     assert order == sorted(order)
 

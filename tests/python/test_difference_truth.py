@@ -37,11 +37,11 @@ VALUES = re.compile(r"(\d+) x(?: accepted)?(?:, (\d+) different values, the last
 SECTIONS = {
     "parameter elements that differ": "differ",
     "other negative responses, but to other requests": "requests",
-    "the same last value in both; failures beside it are within chance": "sometimes",
-    "asked for in one capture only": "only",
-    "asked for in both captures, read or changed in one only": "operation",
-    "asked for in other ways in the other capture": "way",
-    "asked for in both captures, but one does not show what came of it": "open",
+    "the same last value in both; the failures are within chance": "sometimes",
+    "requested in one capture only": "only",
+    "requested in both captures, but read or changed in one only": "operation",
+    "requested in other ways in the other capture": "way",
+    "requested in both captures, but one does not show the outcome": "open",
 }
 
 

@@ -73,7 +73,7 @@ def test_a_drive_that_takes_one_parameter_a_request(field: Path) -> None:
     (told,) = [each for each in result.findings if each.rule == "DS701"]
     assert told.args["asked"] == 2
     assert advice(rules()["DS701"], told.args).startswith(
-        "0x23, several parameters: the drive takes one a request"
+        "0x23, several parameters: the drive takes one per request"
     )
 
 
@@ -81,7 +81,7 @@ def test_counts_that_agree_are_not_the_cause_of_0x18(field: Path) -> None:
     (told,) = [each for each in result_of(field / "len-0x18.pcap").findings if each.rule == "DS717"]
     said = advice(rules()["DS717"], told.args)
     assert said.startswith(
-        "0x18: where number of values and number of elements agree, it is the length"
+        "0x18: if number of values and number of elements agree, the length is wrong"
     )
 
 

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import json
 import shlex
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import click
 import pytest
 
-from ds47.cli import COMMANDS, GROUPS, group, main
+from ds47.cli import COMMANDS, EXAMPLES, GROUPS, group, main
+from ds47.cli.selecting import CRITERIA, chosen
+from ds47.report.zones import Zone
 
 Captured = pytest.CaptureFixture[str]
 
@@ -70,6 +74,7 @@ HELPED = [
     for name in COMMANDS
     for line, _ in getattr(group.get_command(click.Context(group), name), "examples", ())
 ]
+HELPED += [(line.split()[1], line) for line, _ in EXAMPLES]
 
 
 @pytest.mark.parametrize(("name", "line"), HELPED)
@@ -99,7 +104,8 @@ def test_a_full_disk_has_a_name(capsys: Captured, captures: Path) -> None:
         pytest.skip("needs /dev/full")
     status, _, err = run(capsys, "report", "-o", full, captures / "tour-machine.pcapng")
     assert status == 2
-    assert "No space left on device" in err
+    assert err == "ds47: error: /dev/full: No space left on device\n"
+    assert run(capsys, "trail", "-o", full, captures / "tour-machine.pcapng")[2] == err
 
 
 @pytest.mark.parametrize(
@@ -133,6 +139,94 @@ def test_parameters_are_offered_where_one_is_missing(capsys: Captured, captures:
     assert err.startswith(
         "ds47: nothing matches --pnu 1121; read or changed here: p50076, p50303, p50304"
     )
+
+
+def test_states_are_offered_where_one_is_missing(capsys: Captured, captures: Path) -> None:
+    path = captures / "conversation-superseded-read.pcapng"
+    status, out, err = run(capsys, "report", "-s", "unanswered", path)
+    assert (status, out) == (1, "")
+    assert err == (
+        "ds47: nothing matches --state unanswered; there are 1 ok, 1 superseded;"
+        " superseded: the response was not fetched before the next request\n"
+    )
+    _, _, err = run(capsys, "report", "--lang", "zh", "-s", "unanswered", path)
+    assert err.startswith("ds47: 没有内容符合 --state unanswered；有 1 个正常，1 个被取代；")
+    _, _, err = run(capsys, "trail", "-s", "orphan", captures / "tour-machine.pcapng")
+    assert err.endswith("there are 4 ok, 1 partial, 1 error, 1 refused, 1 unanswered\n")
+
+
+def test_a_station_without_transactions_can_be_asked_for(capsys: Captured, captures: Path) -> None:
+    path = captures / "profibus-wrong-project.pcapng"
+    status, out, err = run(capsys, "report", "-d", "dp3", path)
+    assert (status, err) == (0, "")
+    assert "narrowed by --device dp3: 0 of 0 transactions, 4 of 6 findings" in out
+    assert "DS814 error bus-slave-diagnosis" in out
+    healthy = captures / "profibus-healthy.pcapng"
+    status, out, _ = run(capsys, "report", "-d", "dp4", healthy)  # not even a finding
+    assert status == 0
+    assert [line.split()[0] for line in out.splitlines() if line.startswith("  dp")] == [
+        "dp2", "dp4", "dp4",
+    ]  # fmt: skip
+    assert run(capsys, "report", "-d", "dp4", "-s", "error", healthy)[0] == 1
+    status, out, err = run(capsys, "report", "-d", "dp77", healthy)
+    assert (status, out) == (1, "")
+    assert err == "ds47: nothing matches --device dp77; there are dp3, dp4, dp5\n"
+
+
+@pytest.mark.parametrize("command", ["report", "trail", "export"])
+@pytest.mark.parametrize(("start", "end"), [("12:00", "11:00"), ("12", "11.5")])
+def test_a_span_that_ends_before_it_begins(
+    capsys: Captured, captures: Path, tmp_path: Path, command: str, start: str, end: str
+) -> None:
+    path = captures / "tour-machine.pcapng"
+    words = command, "-o", tmp_path / "out", "--from", start, "--to", end, path
+    status, _, err = run(capsys, *words)
+    assert status == 2
+    assert f"ds47: error: --from is later than --to. Try: ds47 {command} -h\n" in err
+
+
+def test_a_span_of_time_may_go_past_midnight() -> None:
+    zone = Zone("UTC", UTC)
+    none: dict[str, Any] = dict.fromkeys(CRITERIA, ())
+    choice = chosen(zone, **none | {"start": "23:50", "end": "00:10"})
+    first = int(datetime(2026, 1, 1, 23, tzinfo=UTC).timestamp()) * 10**9
+    selection = choice.of(first, first + 2 * 3600 * 10**9)
+    assert (selection.start, selection.end) == (first + 3000 * 10**9, first + 4200 * 10**9)
+
+
+def test_an_interface_without_its_option(capsys: Captured) -> None:
+    _, _, err = run(capsys, "watch", "eth99")
+    assert err == (
+        "ds47: error: cannot open eth99: No such file or directory."
+        " For an interface: ds47 watch -i eth99\n"
+    )
+    for path in ("eth99.pcapng", "./eth99"):
+        assert "interface" not in run(capsys, "watch", path)[2]
+
+
+def test_one_length_of_a_report(capsys: Captured, captures: Path) -> None:
+    path = captures / "tour-machine.pcapng"
+    status, out, err = run(capsys, "report", "--summary", "--all", path)
+    assert (status, out) == (2, "")
+    assert err == "ds47: error: either --summary or --all. Try: ds47 report -h\n"
+    _, _, err = run(capsys, "report", "--all", "-f", "json", path)
+    assert "--all has no effect in json, only in text" in err
+
+
+def test_a_fault_says_how_to_take_in_its_list(
+    capsys: Captured, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As the advice has it: a CSV file with two columns, one command."""
+    monkeypatch.setenv("DS47_PARAMS", str(tmp_path / "lists"))
+    _, out, _ = run(capsys, "explain", "F07900")
+    told = " ".join(out.split())
+    assert "the columns number (F07900) and name" in told
+    command = "params import LIST.csv --vendor sinamics"
+    assert f"ds47 {command}" in told
+    (tmp_path / "LIST.csv").write_text("number,name\nF07900,Motor blocked\n", "utf-8")
+    monkeypatch.chdir(tmp_path)
+    assert run(capsys, *command.split())[0] == 0
+    assert "Motor blocked" in run(capsys, "explain", "F07900")[1]
 
 
 def test_a_page_is_not_for_a_terminal(

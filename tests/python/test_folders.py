@@ -662,7 +662,7 @@ def test_an_overview_of_results_given_as_a_whole() -> None:
     lines = stream.getvalue().splitlines()
     assert lines[0] == "Captures, the worst first"
     assert lines[2].endswith("b  only partly read: cut")
-    assert lines[-3] == "All 2 captures: 1 in which all is well, 1 only partly read"
+    assert lines[-3] == "All 2 captures: 1 without problems, 1 only partly read"
     assert CaptureRow.loaded(CaptureRow.unreadable("x", "why").plain()) == CaptureRow.unreadable(
         "x", "why"
     )

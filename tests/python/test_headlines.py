@@ -90,9 +90,9 @@ def test_what_differs_is_not_named():
     assert told.args["subindex"] is None
     assert told.args["pnu"] == 2902
     assert sentence(told) == (
-        "r2902 with several subindices or numbers of elements has negative responses: 0x03 Invalid subindex"
+        "r2902 is refused with several subindices or numbers of elements: 0x03 Invalid subindex"
     )
-    assert sentence(told, "zh") == "r2902（多个下标或元素数量）得到否定应答：0x03 错误的下标"
+    assert sentence(told, "zh") == "r2902（多个下标或元素数量）被拒绝：0x03 错误的下标"
 
 
 def test_what_nothing_names_may_differ():
@@ -100,9 +100,7 @@ def test_what_nothing_names_may_differ():
     other.args["vendor_id"] = 0x2A
     (told,) = grouped(refused(5), other)
     assert told.differs == ["vendor_id"]
-    assert sentence(told).startswith(
-        "r2902[6] with number of elements 1 has a negative response: 0x03 "
-    )
+    assert sentence(told).startswith("r2902[6] (number of elements 1) is refused: 0x03 ")
 
 
 def test_an_integer_is_not_a_float():
@@ -216,7 +214,7 @@ def test_a_title_that_stands_for_several_says_of_whom_they_are():
     findings.append(Finding("DS523", "error", 12, args={**inhibited, "slot": 3, "seconds": 7.5}))
     several, alone = headlines(findings)
     assert (several.count, sentence(several)) == (2, "192.168.0.5 slot 2: ON without a new edge")
-    assert sentence(alone).startswith("Switching on of 192.168.0.5 slot 3 is inhibited")
+    assert sentence(alone).startswith("192.168.0.5 slot 3 inhibits switching on")
     refused = {"device": "10.0.0.2", "controller": "10.0.0.1", "operation": "PUT", "code": 0x8404}
     (told,) = headlines(
         Finding("DS909", "error", n, args={**refused, "area": f"MB{n}"}) for n in (1, 2)
@@ -226,7 +224,7 @@ def test_a_title_that_stands_for_several_says_of_whom_they_are():
 
 def test_an_advice_is_about_the_error_number_that_was_seen():
     rule = spec.rules()["DS719"]
-    state, enabled = "0x11: see in the parameter list", "0x6B: remove the enable"
+    state, enabled = "0x11: look up in the parameter list", "0x6B: remove the enable"
     for code, seen, other in ((0x11, state, enabled), (0x6B, enabled, state)):
         text = advice(rule, {"code": code})
         assert text.startswith(seen)
@@ -262,7 +260,7 @@ def test_each_error_number_has_its_own_advice_and_the_rest_is_said_once():
     told = lines("DS410", 0x84, 0x11, 0x85)
     assert told.count("Look the parameter up") == told.count("-> 0x11: the drive does not") == 1
     told = lines("DS719", 0x11, 0x6B)
-    assert told.count("-> 0x11: see in the parameter list") == 1
+    assert told.count("-> 0x11: look up in the parameter list") == 1
     assert told.count("-> 0x6B: remove the enable") == 1
 
 
@@ -325,7 +323,7 @@ def test_the_number_is_that_of_the_frames_or_both_are_told():
     lines = opening(capture(handmade.transaction(id=5, state="error"), findings=findings))
     head = " ".join(line.strip() for line in lines[lines.index("What to do") + 1 :][:2])
     assert head == (
-        "DS410 error drive-error: Parameters have a negative response: 0x00 Illegal parameter number: the "
+        "DS410 error drive-error: Parameters got a negative response: 0x00 Illegal parameter number: the "
         "parameter does not exist (2 times in 1 frame)"
     )
     assert "    look at frame 5 (#5)" in lines
@@ -356,7 +354,7 @@ def test_frames_that_the_filter_has_no_room_for_are_told():
     told = Diagnosis("DS719", "error", refused(1).args, DRIVE, 90, list(range(1, 140, 2)), [1])
     told.frames_left_out = 20
     lines = opening(capture(handmade.transaction(), diagnoses=[told]), filters=True)
-    assert lines[-1].endswith("  (and 30 frames more)")  # 10 of the filter, 20 that were not kept
+    assert lines[-1].endswith("  (and 30 more frames)")  # 10 of the filter, 20 that were not kept
 
 
 def test_a_corrected_request_says_whose_it_is():

@@ -43,7 +43,7 @@ def test_the_same_in_several_processes(capsys: Captured, folder: Path) -> None:
     assert run(capsys, "check", "-j", 2, folder) == checked
     accepted = run(capsys, "accept", "-j", 2, "--yes", folder)
     assert accepted[0] == 0
-    assert "took over" in accepted[1]
+    assert "accepted" in accepted[1]
     assert run(capsys, "check", "-j", 2, folder)[1].endswith("4 captures: 4 as stored, 0 not\n")
 
 

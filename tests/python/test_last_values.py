@@ -84,8 +84,8 @@ def test_what_one_side_did_not_ask_for_is_one_line(
     other.write_text("".join(text[:3]), "utf-8")
     out = run(capsys, other, path)[1]
     count = len(text) - 3
-    assert out.count("asked for in one capture only") == 1
-    assert f"asked for in one capture only: {count} elements in B" in out
+    assert out.count("requested in one capture only") == 1
+    assert f"requested in one capture only: {count} elements in B" in out
     assert len(run(capsys, other, path, "--all")[1].splitlines()) > len(out.splitlines())
 
 

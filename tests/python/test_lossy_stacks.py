@@ -137,7 +137,7 @@ def test_a_refusal_with_nothing_open_is_told_with_what_the_frames_show(
     assert main(["report", "--all", str(stacks / "l3_once.pcapng")]) == 0
     told = " ".join(capsys.readouterr().out.split())
     assert (
-        "was turned away in frame 86 with state conflict; no open request is in the capture" in told
+        "in frame 86 was refused with a state conflict; the capture shows no open request" in told
     )
 
 

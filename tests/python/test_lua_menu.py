@@ -27,8 +27,8 @@ def test_a_report_takes_a_name_that_is_free(lua: str, tmp_path: Path) -> None:
     (tmp_path / "locked").write_text("no folder")
     lines = iter(run(lua, "saving.lua", tmp_path))
     assert next(lines) == "Nothing was saved: no file name was given."
-    for number, saved, stays in ((2, "Saved: {}", "{} is there already and stays as it is."),
-                                 (3, "Saved: {}", "{} is there already and stays as it is."),
+    for number, saved, stays in ((2, "Saved: {}", "{} already exists and is left as it is."),
+                                 (3, "Saved: {}", "{} already exists and is left as it is."),
                                  (4, "已保存：{}", "{} 已存在，保持不变。")):  # fmt: skip
         for ending in (".txt", ".csv"):
             assert next(lines) == saved.format(tmp_path / f"report-{number}{ending}")

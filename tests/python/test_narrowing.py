@@ -339,7 +339,7 @@ def test_many_captures_are_a_screenful(capsys, captures):
     _, text, _ = run(capsys, captures)
     assert len(text.splitlines()) <= 60
     assert text.startswith("Captures, the worst first")
-    assert text.splitlines()[-1] == "ds47 report NAME tells of one capture, --all of each."
+    assert text.splitlines()[-1] == "ds47 report NAME reports one capture, --all each of them."
     assert re.search(r"All \d+ captures", text)
 
 

@@ -90,7 +90,22 @@ def test_bad_hex(text: str) -> None:
         parse_hex(text)
 
 
+@pytest.mark.parametrize(
+    ("line", "plain"),
+    [
+        ("change DO3 p1120=Float32:5", "change axis 3 p1120=Float32:5"),
+        ("DO3 p1120=Float32:5", "change axis 3 p1120=Float32:5"),
+        ("do 3 ref7 p1120", "read axis 3 ref 7 p1120"),
+        ("axis2 p945[0..3]", "read axis 2 p945[0..3]"),
+    ],
+)
+def test_a_drive_object_may_stand_close_and_first(line: str, plain: str) -> None:
+    assert encode_request(parse_request_line(line)) == encode_request(parse_request_line(plain))
+
+
 BAD = [
+    ("DO3", "no parameter given, for example: read axis 1 p922"),
+    ("DOx p1", "'DOx': a line begins with read, change or a request id such as 0x51"),
     ("", "'': a line begins with read, change or a request id such as 0x51"),
     ("fly p1", "'fly': a line begins with read, change or a request id such as 0x51"),
     ("read", "no parameter given, for example: read axis 1 p922"),

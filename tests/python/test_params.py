@@ -113,7 +113,7 @@ def test_columns_that_nobody_would_guess(tmp_path, capsys):
     assert "--columns number=HEADING,name=HEADING" in capsys.readouterr().err
     columns = "number=Param,name=What it is,unit=in"
     assert main(["params", "import", str(path), "--columns", columns, "--name", "mine"]) == 0
-    assert "taken in as mine: 1 parameter, 0 faults and alarms" in capsys.readouterr().out
+    assert "imported as mine: 1 parameter, 0 faults and alarms" in capsys.readouterr().out
     assert main(["params", "import", str(path), "--columns", "Param"]) == 2
     assert main(["params", "import", str(path), "--columns", "price=Param"]) == 2
 
@@ -214,7 +214,7 @@ def test_taken_in_shown_listed_replaced_and_removed(tmp_path, capsys, folder):
     assert (folder / "g120.toml").is_file()
     capsys.readouterr()
     assert main(["params", "import", str(path), "--vendor", "0x2A"]) == 0
-    assert "g120 is replaced" in capsys.readouterr().out
+    assert "replaced g120" in capsys.readouterr().out
     assert main(["params", "list", "-f", "json"]) == 0
     (told,) = json.loads(capsys.readouterr().out)
     assert (told["name"], told["vendor_id"], told["parameters"], told["messages"]) == (

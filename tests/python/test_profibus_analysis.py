@@ -267,7 +267,7 @@ def test_a_response_without_a_request_is_no_implicit_read(
     told = reported(on_a_line(("5e002ff0", ANSWER)), tmp_path, capsys, "--index", "47")
     assert "#1 " in told
     assert "ReadImplicit" not in told
-    assert "What 1 response belongs to" in " ".join(told.split())
+    assert "Which request 1 response belongs to" in " ".join(told.split())
 
 
 def test_a_request_between_names_no_ar(tmp_path: Path) -> None:

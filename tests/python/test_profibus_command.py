@@ -94,10 +94,10 @@ def test_a_refused_configuration(capsys: Capture) -> None:
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("6809096883827d33335e002ff06416", "wrong at byte 13: check byte is 64, and the bytes give 65"),
-        ("68090a6883827d33335e002ff06516", "wrong at byte 1: length bytes differ: 9 and 10"),
-        ("6809096883827d33335e002ff065", "wrong at byte 14: cut off: 14 of 15 bytes"),
-        ("00", "wrong at byte 0: no frame begins with 00"),
+        ("6809096883827d33335e002ff06416", "error at byte 13: check byte is 64, and the bytes give 65"),
+        ("68090a6883827d33335e002ff06516", "error at byte 1: length bytes differ: 9 and 10"),
+        ("6809096883827d33335e002ff065", "error at byte 14: cut off: 14 of 15 bytes"),
+        ("00", "error at byte 0: no frame begins with 00"),
         ("6813136882830833335e002f14030102010801412000008516",
          "length byte says 20, and 10 bytes of data follow"),
     ],

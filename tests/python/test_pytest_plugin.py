@@ -176,7 +176,7 @@ def test_what_comes_of_a_newer_version_alone_passes_and_is_said(pytester, folder
     stored.write_text(json.dumps(document), "utf-8")
     result = pytester.runpytest_subprocess("--ds47", "captures", "-rA")
     result.assert_outcomes(passed=2)
-    result.stdout.fnmatch_lines(["stored by ds47 1.0.0; 1 change comes of the newer ds47 alone*"])
+    result.stdout.fnmatch_lines(["stored by ds47 1.0.0; 1 change comes from the newer ds47 alone*"])
 
 
 @pytest.mark.slow

@@ -305,7 +305,7 @@ def test_text_groups_findings_with_one_filter_and_says_what_it_left_out():
     assert "DS204 note polled: 80 findings" in content
     assert content.count(" or frame.number == 160") == 0
     assert content.count(" or frame.number == 120\n") == 0
-    assert "frame.number == 118 or frame.number == 120  (and 20 frames more)" in content
+    assert "frame.number == 118 or frame.number == 120  (and 20 more frames)" in content
     assert "and 68 more" in content
     assert "look at frame 7: frame.number == 7" in content
 

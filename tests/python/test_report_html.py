@@ -259,7 +259,7 @@ def test_one_place_counts_for_tiles_verdict_drives_and_plots():
         ({"rpc": {"requests": 5, "responses": 0}}, "bad", "Only requests (5)"),
         ({"rpc": {"requests": 0, "responses": 5}}, "bad", "Only responses (5)"),
         ({"rpc": {"requests": 5, "responses": 4, "unanswered": 1}}, "warn", "1 of 5 calls has no response"),
-        ({"rpc": {}}, "none", "No acyclic PROFINET call"),
+        ({"rpc": {}}, "none", "no acyclic PROFINET call"),
         ({"findings": [handmade.finding("DS106", "warning", "m", 1)]}, "warn", "1 frame was cut"),
         (
             {"findings": [handmade.finding("DS403", "warning", "m", 1)] * 2}, "warn",
@@ -289,8 +289,8 @@ def line(*stations: dict[str, int | None], damaged: int = 0) -> Bus:
         (line({}, {"unanswered": 4}), "warn", "but 4 of 20 requests have no answer"),
         (line({"unanswered": 10}), "warn", "but 10 of 10 requests have no answer"),
         (line({"unanswered": 10, "parameters": None}), "bad", "Only requests (10)"),
-        (line({}, {}), "good", "of each of its 2 slaves is in it"),
-        (line({}, {"configuration": None}), "none", "of 1 of 2 slaves is not in it"),
+        (line({}, {}), "good", "of each of its 2 slaves is included"),
+        (line({}, {"configuration": None}), "none", "of 1 of 2 slaves is not included"),
         (line({}, damaged=3), "warn", "3 frames are damaged"),
     ],
 )
@@ -344,8 +344,8 @@ def test_drive_errors_are_put_together_by_their_number_and_direction():
     ]
     found = problems(capture(*items, findings=findings))
     assert [(each.count, each.what.en) for each in found] == [
-        (3, "The drive does not accept a value: No change access while the controller is enabled (0x6B)"),
-        (1, "The drive does not give a value: Illegal parameter number: the parameter does not exist (0x00)"),
+        (3, "The drive rejects a value: No change access while the controller is enabled (0x6B)"),
+        (1, "The drive does not return a value: Illegal parameter number: the parameter does not exist (0x00)"),
     ]  # fmt: skip
     assert found[0].locations == {"p50303[0] DO 2": 2, "p0005[0] DO 2": 1}
     assert found[0].what.zh.startswith("驱动器不接受写入的值：")
@@ -465,7 +465,7 @@ def test_findings_that_differ_are_told_by_an_example_with_the_places_they_name()
         for read in (1, 4)
     ]
     (found,) = problems(capture(transaction(), findings=findings))
-    one = "Parameter p0007[0] reads back 1, but 2 is the last value that this capture shows being written to it"
+    one = "Parameter p0007[0] reads back as 1, but the last value written in this capture is 2"
     assert found.title.en == f"{one} (frame 3) (for example)"
     assert found.locations == {"p0007[0] DO 2": 2}
     (alone,) = problems(capture(transaction(), findings=findings[:1]))
@@ -603,7 +603,7 @@ def test_the_words_of_an_error_number_are_of_either_language():
         finding("DS410", "error", 1, pnu=5, subindex=0, code=1, vendor_id=0x2A, info=0)
     )
     en, zh = (f"0x01 {spec.error_text(1, lang, 0x2A)}" for lang in ("en", "zh"))
-    assert both.en == f"Parameter p0005[0] has a negative response: {en} (info 0)"
+    assert both.en == f"Parameter p0005[0] got a negative response: {en} (info 0)"
     assert both.zh == f"参数 p0005[0] 得到否定应答：{zh}（附加信息 0）"
 
 
@@ -763,7 +763,7 @@ def test_every_stored_capture_gives_a_page(captures):
     assert len([1 for _, a in seen.found if "data-capture" in a]) == html.DETAILED < len(results)
     overview = [a for tag, a in seen.found if a.get("href", "").startswith("#capture-")]
     assert len({a["href"] for a in overview}) == html.DETAILED
-    assert f"{html.DETAILED} captures are shown with all their parts" in "".join(seen.text)
+    assert f"{html.DETAILED} captures are shown in full" in "".join(seen.text)
 
 
 def test_no_capture_at_all_is_a_page_too():

@@ -75,7 +75,7 @@ def test_a_change_of_which_nobody_read_the_answer_is_not_ok(captures: Path):
     ]
     shown = lines[lines.index("What this capture cannot show") + 1 :]
     assert any(
-        line.startswith("  What the drive made of 1 request: its response") for line in shown
+        line.startswith("  What the drive did with 1 request: its response") for line in shown
     )
 
 
@@ -159,16 +159,15 @@ def test_what_no_diagnosis_covers_stands_behind_them_a_line_a_rule():
     job = handmade.transaction(state="error")
     lines = opening(capture(job, findings=findings, diagnoses=[diagnosis()]))
     place = lines.index("  Other findings")
-    head = (
-        "  DS410 error drive-error: Parameters have a negative response: 0x11 "
-        + spec.error_text(0x11, "en")
+    head = "  DS410 error drive-error: Parameters got a negative response: 0x11 " + spec.error_text(
+        0x11, "en"
     )
     heads = [(line + lines[at + 1][3:]) for at, line in enumerate(lines) if line.startswith("  DS")]
     assert heads[1:] == [
         f"{head} (2 times in 1 frame)",
         *(
-            f"  DS417 warning read-back-differs: Parameter p000{pnu}[0] reads back 1, but 2 is the last value"
-            " that this capture shows being written to it (frame 7)"
+            f"  DS417 warning read-back-differs: Parameter p000{pnu}[0] reads back as 1, but the last value"
+            " written in this capture is 2 (frame 7)"
             for pnu in (4, 5)
         ),
     ]
@@ -254,8 +253,8 @@ def test_what_a_capture_cannot_show_is_told_where_something_is_wrong_and_only_wh
     lines = opening(capture(job, dropped=None))
     shown = lines[lines.index("What this capture cannot show") + 1 :]
     assert [line for line in shown if not line.startswith("   ")] == [
-        "  Whether an accepted value is still in force later: a later read shows that. Whether it was",
-        "  Whether the capturing computer lost frames: a missing response may have been there.",
+        "  Whether an accepted value is still in force later: only a later read shows that. Whether it was",
+        "  Whether the capturing computer lost frames: a missing response may have been sent.",
     ]
     assert "cannot show" not in written(capture(handmade.transaction(state="error")))
 
@@ -752,7 +751,7 @@ def test_one_without_an_ar_asks_nothing_of_its_own():
     from ds47.report.verdict import blind
 
     orphan = handmade.transaction(state="orphan", frames=Frames(None, None, 1, 2))
-    words = "What 1 response belongs to"
+    words = "Which request 1 response belongs to"
     assert not any(each.en.startswith(words) for each in blind(capture(orphan)))
     orphan.ar = "00010203-0405-0607-0809-0a0b0c0d0e0f"
     assert any(each.en.startswith(words) for each in blind(capture(orphan)))

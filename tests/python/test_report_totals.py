@@ -164,9 +164,9 @@ def test_what_a_capture_cannot_show_is_counted() -> None:
         "Whether an accepted value is still in force later: ",
         "Whether the capturing computer lost frames: ",
         "The station names of 2 devices: ",
-        "What the drive made of 3 requests: ",
-        "What 2 responses belong to: ",
-        "Which requests 3 responses belong to that were read without an AR.",
+        "What the drive did with 3 requests: ",
+        "Which requests 2 responses belong to: ",
+        "Which requests 3 responses read without an AR belong to.",
         "5 other record requests (diagnosis, identification and the like): ",
     ]
     assert [each.en[: len(start)] for each, start in zip(shown, begins, strict=True)] == begins
@@ -493,7 +493,7 @@ def test_the_overview_is_written_line_by_line() -> None:
     stream = io.StringIO()
     write(Report([capture(job(1))]), stream)
     assert stream.getvalue().startswith(
-        "All 1 capture: 1 in which all is well\n  9 frames, 1 transaction: 1 ok"
+        "All 1 capture: 1 without problems\n  9 frames, 1 transaction: 1 ok"
     )
     assert stream.getvalue().endswith("\n")
 
@@ -515,7 +515,7 @@ Findings
   DS410: 2 findings in 2 captures
   DS415: 3 findings in 1 capture
 
-All 10 captures: 2 in which all is well, 1 not readable, 1 only partly read
+All 10 captures: 2 without problems, 1 not readable, 1 only partly read
   11,111 frames, 11 transactions: 8 ok, 3 error; 2 read
   10 findings: 2 error, 4 warning, 4 note
   slowest 7.0 ms, in quiet"""  # noqa: E501
@@ -523,6 +523,6 @@ All 10 captures: 2 in which all is well, 1 not readable, 1 only partly read
 
 def test_a_table_of_captures_says_how_many_it_leaves_out() -> None:
     assert worst_first(ROWS[:2], ReportOptions()) == []
-    assert "1 capture more" in worst_first(ROWS[2:5], ReportOptions(), 2)[-1]
+    assert "1 more capture" in worst_first(ROWS[2:5], ReportOptions(), 2)[-1]
     assert len(worst_first(ROWS[2:5], ReportOptions(), 2)) == 2 + 2 + 1
     assert len(worst_first(ROWS[2:5], ReportOptions(), 3)) == 2 + 3

@@ -178,6 +178,6 @@ def test_a_report_of_answers_alone_begins_with_the_direction_that_is_missing() -
     lines = "\n".join(opening.lines(result, clock, VerdictCounts.of(result)))
     first, rest = lines.split("  DS725 ")[0], lines.split("  DS725 ")[1]
     assert "DS908" not in first
-    assert "one direction only was captured" in " ".join(rest.split())
+    assert " sends was captured" in " ".join(rest.split())
     assert "DS908 error" in rest
     assert VerdictCounts.of(result).level == "bad"

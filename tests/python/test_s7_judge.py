@@ -379,7 +379,7 @@ def test_jobs_may_be_open(how: str) -> None:
     [
         ("no_confirm", b"\3\2", "CR to TSAP 03.02 (rack 0, slot 2) has no CC"),
         ("disconnect", b"\3\x21", "CR to TSAP 03.21 (rack 1, slot 1) is answered with DR"),
-        ("reset", b"\3\2", "TCP is reset after CR to TSAP 03.02 (rack 0, slot 2)"),
+        ("reset", b"\3\2", "TCP is reset after the CR to TSAP 03.02 (rack 0, slot 2)"),
         ("reset", None, "TCP is reset"),
         ("setup", b"\3\2", "the setup is refused, PDU has a wrong length (8500)"),
     ],

@@ -267,7 +267,7 @@ def test_the_report_names_files_and_frames(capsys: Any, plant: Path) -> None:
     assert " first frame, " in lines[at + 3]
     assert lines[at + 4 : at + 11] == [
         "  5 files read as one, frames numbered through all of them",
-        "    10 files before the first: written over, or not here",
+        "    10 files before the first: overwritten, or not here",
         f"    {ring(11, NIGHT)}: frames 1 to 3",
         f"    {ring(12, NIGHT)}: frames 4 to 7",
         f"    {ring(13, NIGHT)}: frames 8 to 12",

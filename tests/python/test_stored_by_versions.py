@@ -142,9 +142,9 @@ def test_what_comes_of_the_version_is_told_and_is_green(
     status, out, _ = run(capsys, *arguments)
     assert (status, out) == (0, (
         f"noted    {of_1_0.capture}\n"
-        "         stored by ds47 1.0.0; 3 changes come of the newer ds47 alone, by what changed in it: "
+        "         stored by ds47 1.0.0; 3 changes come from the newer ds47 alone, from what changed in it: "
         "DS401, DS413, DS705 (2.0.0)\n"
-        "1 capture: 1 as stored, 0 not; to take over what comes of the version alone: "
+        "1 capture: 1 as stored, 0 not; to accept what the version alone changes: "
         "ds47 accept --by-version PATH...\n"
     ))  # fmt: skip
     suite = ET.parse(junit).getroot()[0]
@@ -164,7 +164,7 @@ def test_by_version_takes_it_over_and_the_result_is_of_this_version(
 ) -> None:
     of_1_0.edit(without("DS413"))
     status, out, _ = run(capsys, "accept", "--by-version", "--yes", of_1_0.folder)
-    assert (status, out.splitlines()[-1]) == (0, "took over 1 change in 1 capture")
+    assert (status, out.splitlines()[-1]) == (0, "accepted 1 change in 1 capture")
     assert of_1_0.document()["tool"]["version"] == __version__
     assert "drive_object" in of_1_0.document()["capture"]["transactions"][0]
     assert run(capsys, "check", of_1_0.folder)[:2] == (0, "1 capture: 1 as stored, 0 not\n")
@@ -178,10 +178,10 @@ def test_of_two_differences_only_that_of_the_version_is_taken_over(
     assert status == 1
     assert out.startswith("CHANGED")
     assert "transaction 1: p" in out
-    assert "stored by ds47 1.0.0; 1 change comes of the newer ds47 alone" in out
-    assert "ds47 accept PATH...; to take over what comes of the version alone" in out
+    assert "stored by ds47 1.0.0; 1 change comes from the newer ds47 alone" in out
+    assert "ds47 accept PATH...; to accept what the version alone changes" in out
     status, out, _ = run(capsys, "accept", "--by-version", "--yes", tour.folder)
-    assert (status, out.splitlines()[-1]) == (0, "took over 1 change in 1 capture")
+    assert (status, out.splitlines()[-1]) == (0, "accepted 1 change in 1 capture")
     assert "DS402" in out
     assert "transaction 1: p" not in out
     status, out, _ = run(capsys, "check", tour.folder)
@@ -197,7 +197,7 @@ def test_what_is_left_of_the_version_stays_known_as_such(tour: Place, capsys: An
     assert run(capsys, "accept", "--where", "kind=value", "--yes", tour.folder)[0] == 0
     assert tour.document()["tool"]["version"] == "1.0.0"
     status, out, _ = run(capsys, "check", tour.folder)
-    assert (status, "1 change comes of the newer ds47 alone" in out) == (0, True)
+    assert (status, "1 change comes from the newer ds47 alone" in out) == (0, True)
 
 
 def test_where_counts_too(of_1_0: Place, capsys: Any) -> None:
@@ -278,7 +278,7 @@ def test_a_name_that_a_version_knows(tour: Place, capsys: Any) -> None:
     status, out, _ = run(capsys, "check", tour.folder)
     assert status == 0
     assert (
-        "1 change comes of the newer ds47 alone, by what changed in it: known names of parameters (2.0.0)"
+        "1 change comes from the newer ds47 alone, from what changed in it: known names of parameters (2.0.0)"
         in out
     )
     tour.edit(another_recording)
@@ -298,7 +298,7 @@ def test_another_recording_is_said_to_leave_it_open(of_1_0: Place, capsys: Any) 
     status, out, _ = run(capsys, "check", of_1_0.folder)
     assert status == 1
     assert "stored by ds47 1.0.0; 1 change is about what changed in ds47 since: DS705" in out
-    assert "it may also come of the capture or the device" in out
+    assert "the capture or the device may be the reason as well" in out
 
 
 def test_a_result_of_a_newer_version_is_named(of_1_0: Place, capsys: Any) -> None:
@@ -363,7 +363,7 @@ def test_a_state_that_a_version_brought() -> None:
     assert explained(new, value, finding) == [None, None, None]
     (line,) = origin.lines(origin.explained([new, finding], result, result))
     assert line.en == (
-        "stored by ds47 1.0.0; 2 changes come of the newer ds47 alone, by what changed in it: "
+        "stored by ds47 1.0.0; 2 changes come from the newer ds47 alone, from what changed in it: "
         "state incomplete, DS401 (2.0.0)"
     )
     assert not list(Origin("1.0.0", same_file=False, now="1.9.0").lines([new]))
@@ -444,7 +444,7 @@ def test_a_change_of_the_version_never_fails() -> None:
 def test_rules_say_where_they_changed(capsys: Any) -> None:
     assert spec.rules()["DS401"].changed == ("2.0.0",)
     assert run(capsys, "rules", "DS401")[1].endswith(
-        "Finds more or less than before from 2.0.0 on.\n"
+        "Finds more or less than before since 2.0.0.\n"
     )
     _, out, _ = run(capsys, "rules", "DS40", "-f", "json")
     assert {each["id"]: each["changed"] for each in json.loads(out)}["DS401"] == ["2.0.0"]

@@ -77,7 +77,7 @@ def polled(client: Client) -> None:
 def test_a_status_that_was_not_zero_is_not_called_zero(tmp_path: Path) -> None:
     (text,) = told(polled, "DS701", tmp_path)
     assert text.endswith(
-        "but the STATUS of the RDREC that brought it is 0 (after 3 x DE80B500: not ready yet)"
+        "but the STATUS of the RDREC that fetched it is 0 (after 3 x DE80B500: not ready yet)"
     )
 
 
@@ -106,7 +106,7 @@ def test_a_parameter_whose_request_is_not_there_has_no_question_mark_for_a_numbe
 
     (finding,) = of(result_of(answered, tmp_path), "DS410")
     assert sentence(finding).startswith(
-        "A parameter of unknown number has a negative response: 0x6B"
+        "A parameter of unknown number got a negative response: 0x6B"
     )
     assert sentence(finding, "zh").startswith("参数号未知的参数得到否定应答：0x6B")
 
@@ -162,7 +162,9 @@ def requests_and_an_answer(client: Client) -> None:
 
 def test_of_one_direction_nothing_is_said(tmp_path: Path) -> None:
     both = told(requests_only, "DS110", tmp_path)
-    assert all(each.endswith("nothing that the device sent is in the capture") for each in both)
+    assert all(
+        each.endswith("so far the capture has nothing that the device sent") for each in both
+    )
     assert len(both) == 2
 
 
@@ -186,7 +188,7 @@ def test_a_response_without_an_ar_did_not_begin_before_the_capture(tmp_path: Pat
     result = result_of(read_without_ar, tmp_path)
     (finding,) = of(result, "DS403")
     assert (
-        "read without an AR (ReadImplicit) and which request it belongs to is not known"
+        "read without an AR (ReadImplicit), so neither its request nor the parameter numbers are known"
         in sentence(finding)
     )
     lines = [line.en for line in blind(result)]
@@ -207,7 +209,7 @@ def no_room_in_the_middle(client: Client) -> None:
 def test_room_is_what_the_device_has_shown(tmp_path: Path) -> None:
     found = diagnosed(no_room_in_the_middle, "DS713", tmp_path)
     assert sentence(found) == (
-        "Parameters answered: 2 of 3, p6001[0] has a negative response 0x15 (response too long); "
+        "Parameters answered: 2 of 3, p6001[0] got a negative response 0x15 (response too long); "
         "the capture shows a response of the device with 576 bytes"
     )
     assert found.corrected == message.read(1, 1, message.address(6000, 0, 140), message.address(2))
@@ -383,12 +385,24 @@ ZERO = message.raw_block(0x40, 0, b"")
 @pytest.mark.parametrize(
     ("talk", "says", "corrected"),
     [
-        (bits, "is read as Float32 (0x08) in frame 4, the same bits are 10.0 there", WHOLE),
-        (number, "is read as Float32 (0x08) in frame 4, the same number is 10.0 there", WHOLE),
-        (never_read, "by the list of parameters it is Float32 (0x08), the same bits are", None),
+        (
+            bits,
+            "is read as Float32 (0x08) in frame 4, in that format the same bits are 10.0",
+            WHOLE,
+        ),
+        (
+            number,
+            "is read as Float32 (0x08) in frame 4, in that format the same number is 10.0",
+            WHOLE,
+        ),
+        (
+            never_read,
+            "according to the parameter list it is Float32 (0x08), in that format the same bits are",
+            None,
+        ),
         (
             read_of_another_object,
-            "by the list of parameters it is Float32 (0x08), the same bits",
+            "according to the parameter list it is Float32 (0x08), in that format the same bits",
             None,
         ),
         (refused_besides, "is read as Float32 (0x08) in frame 4", WHOLE),
@@ -551,8 +565,8 @@ def written_connector(client: Client, value: bytes, code: int) -> None:
     ("value", "code", "says"),
     [
         (message.block(0x07, "I", 52 << 16), 0x83, "its source p0052 was not accepted: 0x83"),
-        (message.block(0x07, "I", 1), 0x83, "Unsigned32 1 is the number of no source: 0x83"),
-        (message.word(1), 0x05, "Unsigned16 1 is the number of no source: 0x05"),
+        (message.block(0x07, "I", 1), 0x83, "Unsigned32 1 is not the number of a source: 0x83"),
+        (message.word(1), 0x05, "Unsigned16 1 is not the number of a source: 0x05"),
     ],
 )
 def test_a_source_is_no_number(value: bytes, code: int, says: str, tmp_path: Path) -> None:
@@ -736,7 +750,7 @@ def test_what_is_not_saved(
 def test_a_file_that_cannot_be_read_to_its_end_may_have_a_save_there(tmp_path: Path) -> None:
     result = result_of(one_object_saved, tmp_path)
     (found,) = of(result, "DS721")
-    assert "are followed by no save in this capture" in sentence(found)
+    assert "not saved in this capture" in sentence(found)
     whole = tmp_path / "x.pcapng"
     (tmp_path / "y.pcapng").write_bytes(whole.read_bytes() + b"\x06\x00\x00\x00")
     cut = analyze(tmp_path / "y.pcapng")
@@ -766,7 +780,7 @@ def test_cut_frames_are_counted_with_their_copies(tmp_path: Path) -> None:
     assert (found.args["what"], found.args["count"]) == ("cut", cut)
 
 
-ENDS = "it ends before responses of 192.168.47.2 to 192.168.47.1 are there: 1"
+ENDS = "it ends before responses of 192.168.47.2 to 192.168.47.1 have come: 1"
 
 
 def report_of(path: Path) -> tuple[CaptureResult, str]:
@@ -781,7 +795,8 @@ def report_of(path: Path) -> tuple[CaptureResult, str]:
     [
         (1, 62, ENDS, "Let the capture run on"),
         (249, 497, ENDS, "Let the capture run on"),
-        (187, 746, "what 192.168.47.1 reads from 192.168.47.2 may have been asked for before it begins: 1",
+        (187, 746, "192.168.47.1 reads responses from 192.168.47.2 that it may have requested before the capture"
+         " begins: 1",
          "Start the capture before"),
     ],
 )  # fmt: skip
@@ -809,9 +824,9 @@ def test_frames_out_of_order_have_a_sentence_and_an_advice_of_their_own(
     told = [each for each in result.diagnoses if each.rule == "DS725"]
     assert [each.args["what"] for each in told] == ["disorder"]
     lines = " ".join(report.split())
-    assert "half-captured: The frames are not in the order of their times: " in lines
+    assert "half-captured: Frames are not in order of time: " in lines
     assert (
-        "-> Put the frames in order, reordercap IN OUT, and analyse OUT: nothing is missing"
+        "-> Put the frames in order (reordercap IN OUT) and analyse OUT: nothing is missing"
         in lines
     )
     assert "Mirror both directions" not in lines
@@ -891,6 +906,6 @@ def test_a_refusal_without_a_number_says_so(captures: Path) -> None:
         for lang in ("en", "zh")
     ]
     assert told == [
-        "Parameter r0021[0] has a negative response: no error number (info -)",
+        "Parameter r0021[0] got a negative response: no error number (info -)",
         "参数 r0021[0] 得到否定应答：没有错误号（附加信息 -）",
     ]

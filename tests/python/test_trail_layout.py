@@ -43,3 +43,17 @@ def test_a_value_is_unknown_for_a_reason(captures: Path) -> None:
     reasons = {each.unknown for each in changes(analyze(captures / STACK))}
     assert reasons <= {"", "unseen", "open", "itself", "unsure", "anew"}
     assert {"", "unseen"} <= reasons
+
+
+def test_the_head_counts_what_came_of_the_writes(
+    captures: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = str(captures / "tour-machine.pcapng")
+    for words, said in (
+        ((), "4 writes: 1 accepted, 2 refused, 1 without a response; first frame"),
+        (("-t", "2"), "1 write: 1 accepted; first frame"),
+        (("-t", "1"), "0 writes; first frame"),
+        (("--lang", "zh"), "4 次写入：1 次被接受，2 次被拒绝，1 次未见应答；首帧"),
+    ):
+        assert main(["trail", *words, path]) == 0
+        assert said in capsys.readouterr().out.splitlines()[0]

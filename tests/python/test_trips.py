@@ -17,6 +17,7 @@ from ds47.lab.cyclic import BAD, GOOD, INPUT, OUTPUT, Cyclic
 from ds47.lab.cyclic_scenes import SPEED
 from ds47.lab.stage import Stage
 from ds47.report.verdict import VerdictCounts, verdict
+from ds47.report.zones import zone
 
 OFF, ON, JOG, NO_ENABLE, ACKNOWLEDGE = 0x047E, 0x047F, 0x057E, 0x0477, 0x04FE
 IGNORED = 0x007F
@@ -97,6 +98,22 @@ def test_what_a_trip_is(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", [name for name, (_, rules) in CASES.items() if rules == TRIP])
 def test_a_drive_that_tripped_is_not_ok(name: str) -> None:
     assert verdict(VerdictCounts.of(analyze(io.BytesIO(CASES[name][0])))).en.startswith("NOT OK")
+
+
+def test_the_headline_says_that_a_fault_is_over() -> None:
+    result = analyze(io.BytesIO(CASES["at once"][0]))
+    head = "192.168.133.33 slot 2 had a fault while running"
+    said = verdict(VerdictCounts.of(result))
+    assert said.en == f"NOT OK: {head}, until 08:00:00.338"
+    assert said.zh.endswith("运行中出现故障，直到 08:00:00.338")
+    there = VerdictCounts.of(result, zone("+01:00"))
+    assert verdict(there).en == f"NOT OK: {head}, until 09:00:00.338"
+    events = result.timelines[0].events
+    while events[-1].name != "fault":
+        events.pop()
+    assert verdict(VerdictCounts.of(result)).en == f"NOT OK: {head}, with no end in this capture"
+    result.timelines[0].events_left_out = 1  # one of them may be its end
+    assert verdict(VerdictCounts.of(result)).en == f"NOT OK: {head}"
 
 
 def test_nor_one_of_another_maker() -> None:

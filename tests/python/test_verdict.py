@@ -48,12 +48,12 @@ def unplugged(tmp_path: Path) -> Path:
     [
         (
             "profibus-wrong-project",
-            "NOT OK: data of dp3 are not as long as configured; 4 more causes",
+            "NOT OK: the data length of dp3 differs from its configuration; 4 more causes",
             "3 stations of PROFIBUS",
         ),
         (
             "cyclic-does-not-start",
-            "NOT OK: 192.168.133.33 slot 2 waits for an edge of ON",
+            "NOT OK: 192.168.133.33 slot 2 waited for an edge of ON, until 08:00:06.706",
             "1 drive in cyclic frames",
         ),
         (

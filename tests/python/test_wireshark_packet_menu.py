@@ -61,7 +61,7 @@ TRANSACTION, DRIVE = "Only this transaction", "Only this drive"
 PARAMETERS = "Only these parameters on this drive object"
 LINE, SCL, STATUS = "Copy request as ds47 encode line", "Copy request as SCL", "Explain this status"
 INSTEAD = "Copy what to send instead as SCL"
-NOTHING = "The capture proves no request to send instead of this one."
+NOTHING = "The capture does not prove which request to send instead of this one."
 
 Run = Callable[..., str]
 Said = dict[int, dict[str, str]]

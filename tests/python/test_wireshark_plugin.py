@@ -370,7 +370,7 @@ def test_findings_are_expert_infos(tshark: Tshark) -> None:
     found = tshark("-r", path, *COMPLETE, "-q", "-z", "expert")
     assert {each["rule"][:3] for each in shown} >= {"DS4", "DS7"}
     assert all(each["message"] in found for each in shown)
-    assert "Parameter p50304[0] reads back 60.0" in tshark("-r", path, "-q", "-z", "expert")
+    assert "Parameter p50304[0] reads back as 60.0" in tshark("-r", path, "-q", "-z", "expert")
 
 
 @pytest.mark.parametrize(

@@ -438,7 +438,7 @@ def test_the_window_of_drives(tshark: Tshark) -> None:
         "-q", "-X", "lua_script1:drives", "-X", "lua_script1:lang=zh", "-r", STORY
     )
     none = tshark("-q", "-X", "lua_script1:drives", "-r", CAPTURES["tour-machine.pcapng"])
-    assert none.splitlines()[1] == "No drive was seen in the cyclic frames of this capture."
+    assert none.splitlines()[1] == "The cyclic frames of this capture show no drive."
 
 
 @pytest.mark.slow

@@ -464,7 +464,7 @@ def test_the_plugin_adds_the_profile(
     assert {path.name for path in folder.iterdir()} == names
     assert all((folder / name).read_bytes() == (wanted / name).read_bytes() for name in names)
     (folder / "colorfilters").unlink()
-    assert "is there already and stays as it is" in add_profile(shark, tmp_path, *arguments)
+    assert "already exists and is left as it is" in add_profile(shark, tmp_path, *arguments)
     assert not (folder / "colorfilters").exists()
     assert f"{folder}\n" in check(shark, tmp_path, *arguments)
 

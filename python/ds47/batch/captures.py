@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from ds47.capture import CaptureError
-from ds47.capture.names import EXPORTED, STDIN, SUFFIXES, is_capture
+from ds47.capture.names import EXPORTED, PACKED, STDIN, SUFFIXES, is_capture
 from ds47.capture.remote import below, is_url
 
 
@@ -49,7 +49,8 @@ def _meant(
     else:
         return (path,)
     if not found:
-        missing(f"{path}: no capture in this folder ({', '.join(SUFFIXES)}; not {EXPORTED})")
+        endings = f"{', '.join(SUFFIXES)}, also with {' or '.join(PACKED[1:])}; not {EXPORTED}"
+        missing(f"{path}: no capture in this folder ({endings})")
     return found
 
 

@@ -39,7 +39,7 @@ GROUPS = {
         "diff": "Two captures: what changed between them",
         "check": "Captures against their stored results, for CI",
         "baseline": "Store the results",
-        "accept": "Take changes of them over",
+        "accept": "Accept changes into them",
     },
     "Look up and build": {
         "explain": "A STATUS, an error number, a parameter in words",
@@ -57,11 +57,13 @@ GROUPS = {
 }
 """Each is a module of this package with a click command named `command`; with what it shows, in a few words."""
 COMMANDS = tuple(name for group in GROUPS.values() for name in group)
-_EXAMPLES = (
+EXAMPLES = (
     ("ds47 report machine.pcapng", "what went wrong, and what to do"),
     ("ds47 report -f html machine.pcapng", "the same as a page"),
+    ("ds47 diff yesterday.pcapng today.pcapng", "what changed since yesterday"),
     ("ds47 explain DE80B500", "what a STATUS means"),
 )
+"""Lines to type and what they do, of the help and of ds47(1)."""
 
 _INTERRUPTED = 130
 _READER_LEFT = 141
@@ -114,7 +116,7 @@ class _Commands(click.Group):
             with formatter.section(title):
                 formatter.write_dl(list(commands.items()))
         with formatter.section("Examples"):
-            formatter.write_dl(_EXAMPLES)
+            formatter.write_dl(EXAMPLES)
         formatter.write_paragraph()
         formatter.write_text("No capture at hand? Start with: ds47 demo")
 

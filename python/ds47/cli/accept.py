@@ -49,7 +49,7 @@ _SHOWN = 20
 @click.option(
     "--by-version",
     is_flag=True,
-    help="Only changes that come of a newer ds47 alone, not of the capture or the device.",
+    help="Only changes that come from a newer ds47 alone, not from the capture or the device.",
 )
 @click.option("--yes", is_flag=True, help="Do not ask.")
 @click.option(
@@ -69,9 +69,9 @@ def command(
     lang: str,
     **options: Any,
 ) -> int:
-    """Take over what changed into the stored results of captures.
+    """Accept changes into the stored results of captures.
 
-    Lists what it will change and asks; changes that --where or --by-version leave out stay changes.
+    Lists what it will change and asks; changes that --where or --by-version leave out remain changes.
     """
     from ds47.regression.accept import WhereError, parse_where
     from ds47.report.bilingual import say

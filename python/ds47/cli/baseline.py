@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     examples=(("ds47 baseline captures", "a stored result beside each capture"),),
 )
 @click.argument("paths", metavar="PATH...", nargs=-1, required=True)
-@click.option("--force", is_flag=True, help="Write over a result that is there already.")
+@click.option("--force", is_flag=True, help="Overwrite an existing result.")
 @jobs_option
 @series_option
 @analysis_options
@@ -38,7 +38,7 @@ def command(
 ) -> int:
     """Store the result of each capture beside it, as NAME.ds47.json.
 
-    A result that is there already stays as it is; ds47 accept takes over what changed.
+    An existing result is kept; ds47 accept updates it.
     """
     from ds47.batch.products import kept_from
     from ds47.capture import CaptureError

@@ -56,7 +56,7 @@ _MARGIN = 8
 @click.option(
     "--fail-on",
     type=click.Choice(["never", *SEVERITIES]),
-    help="From which severity on a new finding fails.  [default: what ds47.toml says, or error]",
+    help="The severity from which on a new finding fails.  [default: what ds47.toml says, or error]",
 )
 @require_option
 @click.option("--junit", metavar="FILE", help="Write JUnit XML too, one test per capture.")
@@ -88,8 +88,8 @@ def command(
 
     Exit status: 0 all as stored; 1 something changed, no result is stored, or the capture of a
     stored one is gone from a folder, or it lacks what --require asks for; 3 a capture cannot be read
-    as a whole. What comes of a newer ds47 alone is told and does not fail. Tolerances, masks and known
-    findings stand in ds47.toml.
+    as a whole. Changes that come from a newer ds47 alone are reported and do not fail. Tolerances, masks and
+    known findings are set in ds47.toml.
     """
     refuse_urls(paths)
     spare_captures(junit, sarif)

@@ -207,7 +207,9 @@ def output(name: str) -> Iterator[TextIO]:
             yield stream
         if not special:
             _take_its_place(draft, target, name)
-    except BaseException:
+    except BaseException as problem:
+        if isinstance(problem, OSError) and problem.filename is None:
+            problem.filename = name  # who writes knows no name: the disk is full
         if not special:
             draft.unlink(missing_ok=True)
         raise

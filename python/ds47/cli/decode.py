@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     "--as",
     "kind",
     type=click.Choice(["request", "response", *CYCLIC, PROFIBUS, S7]),
-    help="Default: request or response of DS47, a guess, and says so.",
+    help="Default: a guess between request and response of DS47; it says so.",
 )
 @click.option("--request", "request_hex", metavar="HEX", help="The request that it answers.")
 @click.option("-f", "--format", "format_name", type=click.Choice(["text", "json"]), default="text")

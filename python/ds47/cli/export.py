@@ -67,7 +67,7 @@ _FILTER_SHOWN = 100
     type=click.Choice(tuple(_LINKS)),
     help="Link type of frames of PROFIBUS: profibus (257) or user0 (147), which every Wireshark opens.",
 )
-@click.option("--force", is_flag=True, help="Let -o write over a capture that is there already.")
+@click.option("--force", is_flag=True, help="Let -o overwrite an existing capture.")
 @click.option(
     "--anonymise", is_flag=True, help="Replace addresses and names; a key file maps them back."
 )
@@ -78,7 +78,7 @@ _FILTER_SHOWN = 100
     help="Replace all values of parameters too, or keep them (default).",
 )
 @click.option(
-    "--key", "key_name", metavar="FILE", help="The key file; one that exists is used and grows."
+    "--key", "key_name", metavar="FILE", help="The key file; an existing one is used and extended."
 )
 @click.option(
     "--filters", is_flag=True, help="Print the display filter for the original, however long it is."
@@ -86,7 +86,7 @@ _FILTER_SHOWN = 100
 @click.option(
     "--examples",
     is_flag=True,
-    help="Of each root cause one example, a capture of its own in the folder of -o; with --rule of these.",
+    help="Write one example of each root cause (with --rule: of these), each a capture in the folder of -o.",
 )
 @series_option
 @analysis_options
@@ -108,9 +108,10 @@ def command(
 ) -> int:
     """Write the frames of transactions, findings, a device or a time span as pcapng.
 
-    All criteria must apply; of one that is given several times, one value is enough. Without any, every
-    frame is written that the analysis understands. Each frame gets a comment that says what it is and
-    what is wrong, which Wireshark shows. Printed is a display filter for the original, if it is short.
+    All criteria must apply; if one is given several times, one of its values is enough. Without
+    any, every frame is written that the analysis understands. Each frame gets a comment that
+    says what it is and what is wrong, which Wireshark shows. A display filter for the original
+    is printed, if it is short.
     """
     if not anonymise and (everything is not None or key_name):
         raise click.UsageError("--key, --keep-values and --anonymise-values need --anonymise")
@@ -148,6 +149,8 @@ def command(
     run.open_key()
     for task, target in zip(found, targets, strict=True):
         run.one(task, target)
+    if not run.written:
+        choice.refuse_backwards()
     if run.misses:
         return _UNREADABLE
     return 0 if run.written else _NOTHING

@@ -16,7 +16,7 @@ GROUPS: Final = {
         "all_frames",
     ),
     "How to show it": (
-        "format_name", "output_name", "opens", "detail", "show_all", "summary", "filters", "plc", "reference",
+        "format_name", "output_name", "opens", "show_all", "summary", "filters", "plc", "reference",
         "width", "lang", "where", "digest", "title", "order", "customer", "author",
     ),
     "When to fail": ("fail_on", "required", "junit", "sarif"),

@@ -80,7 +80,7 @@ jobs_option = click.option(
     type=click.IntRange(min=0),
     metavar="N",
     help="Captures analysed at once, each in a process; 0: as many as there are cores.  "
-    "[default: as many as pay]",
+    "[default: as many as are worthwhile]",
 )
 
 
@@ -124,9 +124,9 @@ def tell_empty(paths: Sequence[str]) -> None:
 def heading_options(function: Function) -> Function:
     """Adds --title, --order, --customer, --author."""
     for name, about in (
-        ("author", "Who made the report (html)."),
-        ("customer", "For whom it is (html)."),
-        ("order", "The number of the order (html)."),
+        ("author", "Author (html)."),
+        ("customer", "Customer (html)."),
+        ("order", "Order number (html)."),
         ("title", "What the report is about: a title block (html; also [report] in ds47.toml)."),
     ):
         function = click.option(f"--{name}", default="", metavar="TEXT", help=about)(function)
@@ -149,8 +149,8 @@ def analysis_options(function: Function) -> Function:
             "--cyclic",
             multiple=True,
             metavar="MAC@ID:AT:KIND",
-            help="Where a channel is whose Connect is missing: sender, frame id in hex, offset behind it, and"
-            " pkw, pzd or ppo1. Twice: for the controller's frames, then for the drive's.",
+            help="Where a channel is when its Connect is missing: sender, frame id in hex, offset after it, and"
+            " pkw, pzd or ppo1. Give it twice: for the controller's frames, then for the drive's.",
         ),
         click.option(
             "--ppo",
@@ -222,7 +222,7 @@ def s7_options(function: Function) -> Function:
             "s7_cpus",
             multiple=True,
             metavar="[IP=]CPU",
-            help="The same by the kind of CPU: s7-300, s7-400, s7-1500 and others (docs/s7.md).",
+            help="The same as --s7-block, by the kind of CPU: s7-300, s7-400, s7-1500 and others (docs/s7.md).",
         ),
         click.option(
             "--s7-port",
@@ -230,7 +230,7 @@ def s7_options(function: Function) -> Function:
             multiple=True,
             type=click.IntRange(1, 0xFFFF),
             metavar="N",
-            help="Another TCP port of S7 servers, beside 102.",
+            help="Another TCP port of S7 servers, besides 102.",
         ),
     ):
         function = option(function)

@@ -40,7 +40,7 @@ class _Params(click.Group):
 
 @click.group("params", cls=_Params)
 def command() -> None:
-    """Look parameters up; take in lists of makers and tools."""
+    """Look parameters up; import lists of makers and tools."""
 
 
 @command.command("import")
@@ -71,7 +71,7 @@ def take(
     firmware: str | None,
     lang: str,
 ) -> int:
-    """Take in a list of parameters: CSV, XLSX, or the TOML of docs/parameters.md.
+    """Import a list of parameters: CSV, XLSX, or the TOML of docs/parameters.md.
 
     From then on reports name these parameters on such devices. A list of the same name is replaced.
     """
@@ -140,7 +140,7 @@ def _about(
 @lang_option
 @format_option("text", "json")
 def show(words: tuple[str, ...], lang: str, format_name: str) -> int:
-    """Say what is known of a parameter or a message: 2900, r0945, F07900; or which have a word in their name."""
+    """Say what is known of a parameter or a message (2900, r0945, F07900), or which have a word in their name."""
     from ds47.report import known
 
     found = _looked_up(" ".join(words), lang)
@@ -176,7 +176,7 @@ def _looked_up(text: str, lang: str) -> list[SourceEntry] | None:
 @lang_option
 @format_option("text", "json")
 def listed(lang: str, format_name: str) -> int:
-    """Name the lists that were taken in."""
+    """Name the imported lists."""
     from ds47.parameters import lists, store
 
     try:
@@ -230,7 +230,7 @@ def _plain(path: Path, found: ParameterList) -> dict[str, Any]:
 )
 @lang_option
 def export(path: Path | None, wireshark: bool, folder: Path | None, lang: str) -> int:
-    """Write the lists that were taken in as one file for the Wireshark plugin."""
+    """Write the imported lists as one file for the Wireshark plugin."""
     from ds47.parameters import lists, store, table
 
     if (path is None) != wireshark:
@@ -279,7 +279,7 @@ def _beside_plugin(folder: Path | None, lang: str) -> Path | None:
 @click.argument("name")
 @lang_option
 def remove(name: str, lang: str) -> int:
-    """Remove a list that was taken in."""
+    """Remove an imported list."""
     from ds47.parameters import lists, store
 
     try:

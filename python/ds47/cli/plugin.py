@@ -127,7 +127,7 @@ def path(tshark: str | None) -> int:
 @click.option("-f", "--format", "format_name", type=click.Choice(["text", "json"]), default="text")
 @_tshark_option
 def doctor(format_name: str, tshark: str | None) -> int:
-    """Look for what usually goes wrong, and say how to mend it."""
+    """Look for what usually goes wrong, and say how to fix it."""
     from ds47.wireshark.doctor import examine
 
     _sources()

@@ -10,7 +10,7 @@ import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path, PurePath
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import Any, TextIO
 
 import click
 from click.core import ParameterSource
@@ -35,7 +35,7 @@ from ds47.cli.options import (
 )
 from ds47.cli.progress import Progress
 from ds47.cli.run import Run
-from ds47.cli.selecting import CRITERIA, Choice, chosen, selection_options
+from ds47.cli.selecting import CRITERIA, chosen, selection_options
 from ds47.cli.series import series_option, tasks
 from ds47.model import S7, SEVERITIES
 from ds47.report import FORMATS, CannotWriteError, ReportOptions, RuleText, Writer, open_writer
@@ -43,9 +43,6 @@ from ds47.report.bilingual import say
 from ds47.report.heading import Heading
 from ds47.report.reference import Reference
 from ds47.report.zones import Zone
-
-if TYPE_CHECKING:
-    from ds47.cli.run import Narrowing
 
 UNREADABLE, NOTHING = 3, 1
 
@@ -92,20 +89,19 @@ UNREADABLE, NOTHING = 3, 1
 )
 @click.option(
     "--summary",
-    "detail",
-    flag_value="summary",
+    is_flag=True,
     help="12 lines: verdict, three causes, who, when (text, html, json, markdown).",
 )
 @click.option(
     "--all",
-    "detail",
-    flag_value="all",
+    "show_all",
+    is_flag=True,
     help="Every transaction, event and finding, and every capture by itself (text).",
 )
 @click.option(
     "--filters",
     is_flag=True,
-    help="For each cause and rule the display filter of all its frames, as long as it is (text).",
+    help="Print the display filter of all frames of each cause and rule, however long it is (text).",
 )
 @selection_options
 @heading_options
@@ -118,13 +114,13 @@ UNREADABLE, NOTHING = 3, 1
     type=click.Choice(["native", "tshark", "both"]),
     default="native",
     show_default=True,
-    help="Who decodes; tshark is the Wireshark plugin, both reports where they differ (DS601).",
+    help="Which decoder: native, tshark with the Wireshark plugin, or both, to report where they differ (DS601).",
 )
 @click.option(
     "--tshark",
     metavar="PROGRAM",
     envvar="DS47_TSHARK",
-    help="The tshark of the engine tshark, else the one that is found. [env: DS47_TSHARK]",
+    help="The tshark for --engine tshark, if not the one that is found. [env: DS47_TSHARK]",
 )
 @jobs_option
 @series_option
@@ -137,7 +133,7 @@ UNREADABLE, NOTHING = 3, 1
 @click.option(
     "--resume",
     is_flag=True,
-    help="With --results: leave out what is stored already, unless anything changed.",
+    help="With --results: skip what is already stored, unless anything changed.",
 )
 @click.option(
     "--scheduler",
@@ -154,7 +150,8 @@ def command(
     required: str | None,
     plc: bool,
     reference: str | None,
-    detail: str | None,
+    summary: bool,
+    show_all: bool,
     filters: bool,
     where: Zone,
     width: int | None,
@@ -185,7 +182,9 @@ def command(
     )  # fmt: skip
     execution.check(paths, series)
     name = format_name or _of_name(output_name) or ("overview" if results_name else "text")
-    _refuse_what_has_no_effect(name, detail)
+    _refuse_what_has_no_effect(name)
+    if summary and show_all:
+        raise click.UsageError("either --summary or --all")
     where = zone_for_paths(where, paths)
     choice = chosen(where, **asked)
     if choice and results_name:
@@ -195,7 +194,8 @@ def command(
     shown_page = name == "html" and output_name == STDIN and (opens or sys.stdout.isatty())
     if shown_page:
         output_name = _page_beside(paths)
-    detail = detail or ("auto" if plc or filters else _detail(name, output_name))
+    detail = "auto" if plc or filters else _detail(name, output_name)
+    detail = "summary" if summary else "all" if show_all else detail
     shown = ReportOptions(
         rules=_Catalogue(), lang=lang, plc=plc, zone=where, width=width or columns_of(output_name),
         reference=None if reference is None else _reference(reference), detail=detail,
@@ -210,7 +210,7 @@ def command(
         quiet = name == "overview" or not stream.isatty()
         bar = quiet and not no_progress and len(todo) > 1 and sys.stderr.isatty()
         with Progress(len(todo), sum(task.size for task in todo), shown=bar) as progress:
-            run = Run(writer, progress, _narrowing(choice) if choice else None)
+            run = Run(writer, progress, choice or None)
             for text in lacking:
                 run.missing(text)
             execution.run(run, found, todo, results, writer)
@@ -224,22 +224,14 @@ def command(
     if run.failed:
         return UNREADABLE
     if run.nothing:
-        there = run.instead(parameters=bool(choice.selection.pnus))
+        choice.refuse_backwards()
+        there = run.instead(choice.selection)
         warn(say("nothing_matches", criteria=choice.criteria, devices=there).text(lang))
         return NOTHING
     if required and run.empty:
         tell_empty(run.empty)
         return NOTHING
     return int(fail_on != "never" and run.worst >= SEVERITIES.index(fail_on))
-
-
-def _narrowing(choice: Choice) -> Narrowing:
-    """Takes of a whole result what is chosen."""
-    from ds47.report.narrowing import narrowed
-
-    return lambda result: narrowed(
-        result, choice.of(result.start_ns, result.end_ns), choice.criteria
-    )  # fmt: skip
 
 
 def _heading(said: Heading, paths: Sequence[str]) -> Heading:
@@ -252,17 +244,17 @@ def _heading(said: Heading, paths: Sequence[str]) -> Heading:
 
 _ONLY_IN = {
     "plc": ("text",), "reference": ("text", "html"), "width": ("text", "overview"), "filters": ("text",),
+    "summary": ("text", "html", "json", "markdown"), "show_all": ("text",),
     "title": ("html",), "opens": ("html",), "order": ("html",), "customer": ("html",), "author": ("html",),
 }  # fmt: skip
 _ENDINGS = {
     ".html": "html", ".htm": "html", ".json": "json", ".ndjson": "ndjson", ".csv": "csv", ".parquet": "parquet",
     ".md": "markdown", ".sarif": "sarif",
 }  # fmt: skip
-_SPELLED = {"opens": "open"}
-_DETAIL_IN = {"summary": ("text", "html", "json", "markdown"), "all": ("text",)}
+_SPELLED = {"opens": "open", "show_all": "all"}
 
 
-def _refuse_what_has_no_effect(format_name: str, detail: str | None) -> None:
+def _refuse_what_has_no_effect(format_name: str) -> None:
     """An option that a format does not know is refused: whoever gives it waits for its effect.
 
     Raises:
@@ -273,8 +265,6 @@ def _refuse_what_has_no_effect(format_name: str, detail: str | None) -> None:
         f"--{_SPELLED.get(name, name)}": formats for name, formats in _ONLY_IN.items()
         if context.get_parameter_source(name) is ParameterSource.COMMANDLINE
     }  # fmt: skip
-    if detail is not None:
-        given[f"--{detail}"] = _DETAIL_IN[detail]
     for option, formats in given.items():
         if format_name not in formats:
             raise click.UsageError(

@@ -25,7 +25,7 @@ from ds47.report.wrap import fitted, wrap
 @lang_option
 @click.option("-f", "--format", "format_name", type=click.Choice(["text", "json"]), default="text")
 def command(names: Sequence[str], lang: str, format_name: str) -> None:
-    """List the rules, or explain those named: DS301, DS3 for all that begin so, or drive-error.
+    """List the rules, or explain those named: DS301, DS3 for all that begin with it, or drive-error.
 
     A word that names none lists the rules that have it in their name or their text.
     """

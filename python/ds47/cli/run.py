@@ -28,23 +28,23 @@ if TYPE_CHECKING:
     from ds47.batch.runner import Outcome
     from ds47.batch.tasks import Task
     from ds47.cli.progress import Progress
+    from ds47.cli.selecting import Choice
+    from ds47.report.bilingual import Both
     from ds47.report.overview import CaptureRow
+    from ds47.report.selection import Selection, There
 
     Analyzer = Callable[[Task, OnTransaction | None], CaptureResult]
-    Narrowing = Callable[[CaptureResult], CaptureResult]
     Runner = AbstractContextManager[Iterable[tuple[Task, Outcome]]]
 
 
 class Run:
     """Goes from capture to capture, and remembers what the exit status needs."""
 
-    def __init__(self, writer: Writer, progress: Progress, narrow: Narrowing | None = None) -> None:
+    def __init__(self, writer: Writer, progress: Progress, choice: Choice | None = None) -> None:
         self._writer = writer
-        self._narrow = narrow
-        self._there: dict[str, None] = {}
-        """The devices of captures in which nothing is wanted,"""
-        self._parameters: set[str] = set()
-        """and their parameters."""
+        self._choice = choice
+        self._there: There | None = None
+        """What captures have in which nothing is wanted."""
         self._shown = 0
         self._progress = progress
         self._reported = 0
@@ -56,20 +56,18 @@ class Run:
     @property
     def streams(self) -> bool:
         """Whether transactions are told as they are finished; a part is chosen when all is known."""
-        return self._writer.streams and self._narrow is None
+        return self._writer.streams and self._choice is None
 
     @property
     def nothing(self) -> bool:
         """Whether a part is wanted that no capture has."""
-        return self._narrow is not None and not self._shown
+        return self._choice is not None and not self._shown
 
-    def instead(self, *, parameters: bool) -> str:
-        """What there is instead of what is wanted: `there are 192.168.0.5 (press-1)`, or parameters."""
-        from ds47.report.selection import listed, there_are
+    def instead(self, selection: Selection) -> Both:
+        """What there is instead of what is wanted: `there are 192.168.0.5 (press-1)`, states or parameters."""
+        from ds47.report.selection import There
 
-        if parameters and self._parameters:
-            return f"read or changed here: {listed(sorted(self._parameters))}"
-        return there_are(list(self._there))
+        return (self._there or There()).words(selection)
 
     def missing(self, text: str) -> None:
         """Says what could not be read, or not as a whole."""
@@ -114,29 +112,26 @@ class Run:
         self._gaps(result)
         if not result.summary["transactions"]:
             self.empty.append(task.path)
-        if self._narrow is None:
+        if self._choice is None:
             self._note(result.findings)
             writer.capture(result)
         else:
-            self._part(self._narrow(result))
+            self._part(result, self._choice)
 
-    def _part(self, result: CaptureResult) -> None:
+    def _part(self, result: CaptureResult, choice: Choice) -> None:
         """A part of a capture; one of which nothing is wanted is left out."""
-        if not (result.transactions or result.findings or result.timelines):
-            from ds47.profidrive.naming import spelling
-            from ds47.report.selection import names
+        from ds47.report.narrowing import is_empty, narrowed
+        from ds47.report.selection import There
 
-            self._there |= dict.fromkeys(names(result.entire))
-            self._parameters |= {
-                spelling(each.pnu, each.family)
-                for item in result.entire.transactions
-                for each in item.parameters
-                if each.pnu is not None
-            }
+        selection = choice.of(result.start_ns, result.end_ns)
+        part = narrowed(result, selection, choice.criteria)
+        if is_empty(part, selection):
+            self._there = self._there or There()
+            self._there.add(result)
             return
         self._shown += 1
-        self._note(result.findings)
-        write_one(self._writer, result)
+        self._note(part.findings)
+        write_one(self._writer, part)
 
     def stored(
         self,

@@ -62,7 +62,7 @@ _OPTIONS = (
     ),
     click.option(
         "--do", "drive_objects", multiple=True, type=click.IntRange(0, 0xFFFF), metavar="N",
-        help="Number of a drive object, where the capture proves which one is asked.",
+        help="Number of a drive object, where the capture proves which one was asked.",
     ),
     click.option(
         "--pnu", "pnus", multiple=True, type=_Number(), metavar="N",
@@ -74,14 +74,15 @@ _OPTIONS = (
     ),
     click.option(
         "-s", "--state", "states", multiple=True, type=click.Choice((*STATES, _FAILED, _NOT_OK)),
-        help="Transactions that ended so; failed: refused, error, partial or mismatch; not-ok: all but ok.",
+        help="Transactions that ended so; failed: refused, error, partial or mismatch; not-ok: all but ok;"
+        " superseded: the response was not fetched.",
     ),
     click.option(
         "--from", "start", metavar="TIME",
-        help="From when on: time of day (08:15, 08:15:00.5) or ISO 8601 in the zone of --tz, or seconds"
+        help="Start: time of day (08:15, 08:15:00.5) or ISO 8601 in the zone of --tz, or seconds"
         " from the first frame.",
     ),
-    click.option("--to", "end", metavar="TIME", help="Until when."),
+    click.option("--to", "end", metavar="TIME", help="End, in the same forms."),
 )  # fmt: skip
 
 
@@ -96,6 +97,9 @@ def selection_options(function: Function) -> Function:
     for option in reversed(_OPTIONS):
         function = option(function)
     return function
+
+
+_OF_DAY = "of day"
 
 
 class _Moment(NamedTuple):
@@ -117,6 +121,18 @@ class Choice(NamedTuple):
 
     def __bool__(self) -> bool:
         return bool(self.criteria)
+
+    def refuse_backwards(self) -> None:
+        """Refuses a span that ends before it begins.
+
+        Times of day do so only where nothing was found: `--from 23:50 --to 00:10` is right for a capture that goes
+        past midnight.
+
+        Raises:
+            click.UsageError: it is so.
+        """
+        if self.start and self.end and self.start > self.end and self.start.kind == self.end.kind:
+            raise click.UsageError("--from is later than --to")
 
     @property
     def relative(self) -> bool:
@@ -172,9 +188,12 @@ def chosen(
         ("--to", [end] if end else ()),
     )  # fmt: skip
     given = [(name, str(each)) for name, values in typed for each in values]
-    return Choice(
+    choice = Choice(
         selection, _moment("--from", start, where), _moment("--to", end, where), where, _as_typed(given)
     )  # fmt: skip
+    if choice.start is not None and choice.start.kind != _OF_DAY:
+        choice.refuse_backwards()
+    return choice
 
 
 def _as_typed(given: Sequence[tuple[str, str]]) -> str:
@@ -209,7 +228,7 @@ def _moment(option: str, text: str | None, where: Zone) -> _Moment | None:
         r"\s*([01]?\d|2[0-3]):([0-5]\d)(?::([0-5]\d)(?:[.,](\d{1,9}))?)?\s*", text
     ):
         seconds = int(match[1]) * 3600 + int(match[2]) * 60 + int(match[3] or 0)
-        return _Moment(seconds * SECOND_NS + _fraction(match[4]), "of day")
+        return _Moment(seconds * SECOND_NS + _fraction(match[4]), _OF_DAY)
     match = re.fullmatch(r"\s*(\d{4}-.*?)(?:[.,](\d{1,9}))?(Z|[+-]\d\d:?\d\d)?\s*", text)
     try:
         if match is None:

@@ -49,13 +49,13 @@ def command(
     from ds47.regression.run import readable
     from ds47.report import ReportOptions
     from ds47.report.changes import Writer
-    from ds47.report.selection import names, there_are
+    from ds47.report.selection import There
 
     where = zone_for_paths(where, paths)
     choice = chosen(where, **{name: options.pop(name) for name in CRITERIA})
     analysis = options_from(**options)
     misses = Misses()
-    devices: dict[str, None] = {}
+    instead = There()
     changes = 0
     with output(output_name) as stream:
         width = width or columns_of(output_name)
@@ -69,7 +69,7 @@ def command(
                 continue
             found, left = writer.capture(result, choice.of(result.start_ns, result.end_ns))
             changes += found
-            devices |= dict.fromkeys(names(result))
+            instead.add(result)
             if left:
                 asked = ", ".join(map(str, choice.selection.drive_objects))
                 words = say("trail_unproved", path=escape(result.path), n=left, do=asked)
@@ -79,6 +79,7 @@ def command(
             tell_lacking(task.path, result.missing_files, result.lacking, misses)
         writer.close()
     if choice and not changes:
-        there = there_are(list(devices))
+        choice.refuse_backwards()
+        there = instead.words(choice.selection)
         warn(say("trail_nothing", criteria=choice.criteria, devices=there).text(lang))
     return 3 if misses else 0

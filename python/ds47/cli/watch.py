@@ -9,6 +9,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -53,7 +54,7 @@ _UNREADABLE = 3
 @click.option(
     "--no-follow",
     is_flag=True,
-    help="End where a SOURCE that is a file ends now; else what is written behind it is waited for.",
+    help="Stop at the present end of SOURCE, if it is a file, instead of waiting for more.",
 )
 @format_option("text", "ndjson")
 @fail_on_option
@@ -132,12 +133,26 @@ def _opened(source: str) -> Iterator[int]:
     try:
         descriptor = opened(source)
     except OSError as problem:
-        raise click.ClickException(f"cannot open {source}: {problem.strerror}") from problem
+        from ds47.spec.shell import shell_word
+
+        hint = (
+            f". For an interface: ds47 watch -i {shell_word(source)}"
+            if _may_be_interface(source, problem)
+            else ""
+        )
+        raise click.ClickException(f"cannot open {source}: {problem.strerror}{hint}") from problem
     try:
         yield descriptor
     finally:
         if source != STDIN:
             os.close(descriptor)
+
+
+def _may_be_interface(source: str, problem: OSError) -> bool:
+    """Whether a source that is not there has no folder and no ending: `eth0` instead of `-i eth0`."""
+    return (
+        isinstance(problem, FileNotFoundError) and Path(source).name == source and "." not in source
+    )
 
 
 class _Watch:

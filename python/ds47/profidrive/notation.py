@@ -8,14 +8,16 @@
     change p50304[0..1] := REAL:10, 5        as many values as the range has elements
     0x51 ref 1 p10                           any other request id
 
-`ref` and `axis` are 1 if not given. The style of reports is understood, too: `DO 2`, `p922[0] (its name) := `,
-spaces after commas. `literals` reads formats and values; `build` and `parameter` make messages and bytes.
+`ref` and `axis` are 1 if not given. The style of reports is understood, too: `DO 2` or `DO2`, `p922[0] (its
+name) := `, spaces after commas. A line that begins with DO, axis or ref is a change if it has values, else a
+read. `literals` reads formats and values; `build` and `parameter` make messages and bytes.
 """
 
 from __future__ import annotations
 
 import json
 import re
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from ds47 import spec
@@ -43,6 +45,7 @@ _PARAMETER = re.compile(
 _FORMAT = re.compile(r"(\w[\w+]*):(.*)", re.DOTALL)
 _OPERATIONS = {"read": 0x01, "change": 0x02, "write": 0x02}
 _FIELDS = {"ref": "ref", "axis": "axis", "do": "axis"}
+_FUSED = re.compile(r"(ref|axis|do)(\d+)", re.IGNORECASE)
 
 
 def parse_hex(text: str) -> bytes:
@@ -110,8 +113,9 @@ def read_request_line(text: str, complete: bool = True) -> RequestLine:
     Raises:
         ValueError: like `parse_request_line`.
     """
-    tokens = iter(_tokens(text))
-    request_id = _request_id(next(tokens, ""))
+    words = _apart(_tokens(text))
+    request_id = None if words and words[0].lower() in _FIELDS else _request_id(words.pop(0))
+    tokens = iter(words)
     fields: dict[str, int] = {}
     addresses: list[Address] = []
     blocks: list[Block] = []
@@ -130,6 +134,8 @@ def read_request_line(text: str, complete: bool = True) -> RequestLine:
         raise ValueError("no parameter given, for example: read axis 1 p922")
     if blocks and len(blocks) != len(addresses):
         raise ValueError("every parameter of a change needs a value, as in p922=Unsigned16:1")
+    if request_id is None:
+        request_id = 0x02 if blocks else 0x01
     if request_id == 0x02 and not blocks:
         raise ValueError("a change needs values, as in p922=Unsigned16:1")
     if request_id == 0x01 and blocks:
@@ -212,6 +218,15 @@ def _tokens(text: str) -> list[str]:
     if '"' in _TOKEN.sub("", line):
         raise ValueError("a quotation mark is open")
     return _TOKEN.findall(line)
+
+
+def _apart(tokens: Sequence[str]) -> list[str]:
+    """The words with `DO3` as `DO`, `3`; at least one."""
+    found: list[str] = []
+    for token in tokens:
+        match = _FUSED.fullmatch(token)
+        found += match.groups() if match else (token,)
+    return found or [""]
 
 
 def _plainly(found: re.Match[str]) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Any, TextIO
 
@@ -11,7 +12,7 @@ from ds47.model import DS47, CaptureResult
 from ds47.profidrive.drive_objects import Identity
 from ds47.profidrive.naming import element
 from ds47.report import ReportOptions
-from ds47.report.bilingual import say
+from ds47.report.bilingual import joined, say
 from ds47.report.clock import Clock
 from ds47.report.csv import Lines, guarded
 from ds47.report.formatting import escape
@@ -136,9 +137,13 @@ def _cell(row: dict[str, Any], name: str) -> object:
 def lines(
     path: str, found: Sequence[dict[str, Any]], clock: Clock, options: ReportOptions
 ) -> Iterator[str]:
-    """A head with the number of changes and the zone; a table; why values before are not known."""
+    """A head: how many writes, what came of them, the zone; a table; why values before are not known."""
     lang, width = options.lang, options.width
     words = say("trail_head", path=escape(path), n=len(found))
+    came = Counter(_SUMS[each["outcome"]] for each in found)
+    if came:
+        sums = joined([say(key, n=came[key]) for key in dict.fromkeys(_SUMS.values()) if came[key]])
+        words = words.joined(sums, ": ", "：")
     if clock.known:
         words = words.joined(say("trail_first", start=clock.start()), "; ", "；")
     yield from fitted(options.paint("bold", words.text(lang)), width)
@@ -161,6 +166,14 @@ _HEADS = (
     "trail_way", "trail_parameter", "trail_change", "trail_outcome",
 )  # fmt: skip
 _COLORS = {"negative": "error", "refused": "error", "sent": "warning"}
+
+_SUMS = {
+    "accepted": "trail_n_accepted",
+    "negative": "trail_n_refused",
+    "refused": "trail_n_refused",
+    "sent": "trail_n_sent",
+}
+"""What an outcome counts as: whether the drive or its channel refuses is in the rows."""
 
 
 def _times(row: dict[str, Any], clock: Clock) -> list[str]:

@@ -83,7 +83,8 @@ class Digest(NamedTuple):
         counts: VerdictCounts | None = None,
     ) -> Digest:
         """That of a capture, with at most so many causes; `counts` are its own."""
-        counts, clock = counts or VerdictCounts.of(result), Clock.of(result, options.zone)
+        counts = counts or VerdictCounts.of(result, options.zone)
+        clock = Clock.of(result, options.zone)
         shown, left_out = _of_every_kind(concluded(result), most)
         alike = Counter(each.rule for each in left_out)
         several = len({each.device for each in result.transactions}) > 1

@@ -54,6 +54,16 @@ def narrowed(result: CaptureResult, selection: Selection, criteria: str) -> Capt
     )  # fmt: skip
 
 
+def is_empty(result: CaptureResult, selection: Selection) -> bool:
+    """Whether nothing that is wanted is in a part; a device that is asked for is something."""
+    if result.transactions or result.findings or result.timelines:
+        return False
+    wanted = Wanted(result.entire, selection).ips
+    there = {each.ip for each in result.devices} | {each.server for each in result.connections}
+    there |= {f"dp{each.address}" for each in result.bus.stations} if result.bus else set()
+    return selection.narrow or bool(selection.rules) or wanted.isdisjoint(there)
+
+
 def narrowed_words(result: CaptureResult) -> Both:
     """`narrowed by --pnu 1120: 3 of 8 transactions, 1 of 4 findings`."""
     about = result.narrowed

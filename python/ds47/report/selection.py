@@ -6,12 +6,16 @@ of the command line are `ds47.cli.selecting`.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from typing import NamedTuple
 
 from ds47.model import S7, CaptureResult, Finding, Transaction
+from ds47.profidrive.naming import spelling
+from ds47.report.bilingual import Both, joined, say
 from ds47.report.formatting import escape
 from ds47.report.targets import Targets
+from ds47.report.verdict import by_state
 
 _DEVICES_NAMED = 12
 
@@ -157,6 +161,40 @@ class Wanted:
         )
 
 
+class There:
+    """What captures have where nothing of them is wanted: someone who misspelt a name looks for the right one."""
+
+    def __init__(self) -> None:
+        self._devices: dict[str, None] = {}
+        self._parameters: set[str] = set()
+        self._states: Counter[str] = Counter()
+
+    def add(self, result: CaptureResult) -> None:
+        """Takes a whole result."""
+        self._devices |= dict.fromkeys(names(result))
+        self._states.update(each.state for each in result.transactions)
+        self._parameters |= {
+            spelling(each.pnu, each.family)
+            for item in result.transactions
+            for each in item.parameters
+            if each.pnu is not None
+        }
+
+    def words(self, selection: Selection) -> Both:
+        """What there is of the kind that is asked for, else the devices: `there are 140 ok, 55 error`."""
+        parts = []
+        if selection.states and self._states:
+            parts.append(say("there_are", list=joined(by_state(self._states))))
+            if self._states["superseded"]:
+                parts.append(say("there_superseded"))
+        if selection.pnus and self._parameters:
+            parts.append(say("there_parameters", list=listed(sorted(self._parameters))))
+        if not parts:
+            devices = list(self._devices)
+            parts.append(say("there_are" if devices else "there_no_device", list=listed(devices)))
+        return joined(parts, "; ", "；")
+
+
 def names(result: CaptureResult) -> list[str]:
     """The devices that can be asked for, with the names of stations behind their addresses."""
     shown = [
@@ -179,6 +217,9 @@ def listed(names: list[str]) -> str:
 
 
 def _partners(result: CaptureResult) -> set[str]:
-    """What no frame names: stations of PROFIBUS, and servers of S7."""
+    """What no frame names: stations of PROFIBUS, with records or without, and servers of S7."""
     found = {each.device for each in result.transactions if each.station is not None}
+    if result.bus is not None:
+        slaves = (each for each in result.bus.stations if each.role != "master")
+        found |= {f"dp{each.address}" for each in slaves}
     return found | {each.server for each in result.connections}

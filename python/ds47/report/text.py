@@ -86,7 +86,7 @@ class Writer(_Writer):
         self._clock = Clock(self.options.zone, None)
 
     def capture(self, result: CaptureResult) -> None:
-        counts = VerdictCounts.of(result)
+        counts = VerdictCounts.of(result, self.options.zone)
         row = CaptureRow.of(result, counts)
         durations = [each.duration_ns for each in result.transactions]
         latency = Latency([each for each in durations if each is not None])

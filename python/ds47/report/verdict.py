@@ -13,9 +13,11 @@ from ds47.acyclic.index47 import ALWAYS, SHARED_INDEX
 from ds47.findings.grouping import OF_THE_RECORDING, headlines
 from ds47.model import DS47, PKW, S7, SEVERITIES, STATES, CaptureResult, Diagnosis, Transaction
 from ds47.report.bilingual import LANGUAGES, Both, joined, say, state
+from ds47.report.clock import Clock
 from ds47.report.formatting import escape
 from ds47.report.sentences import brief
 from ds47.report.todo import is_lowered, uncovered
+from ds47.report.zones import UNIVERSAL, Zone
 from ds47.spec.layouts import RECORD_WRITE_MULTIPLE
 
 FAILED = ("refused", "error", "partial", "mismatch")
@@ -31,6 +33,11 @@ KINDS = {
     "orphan": "orphan",
 }
 """How good or bad each state is, in a plot or a figure."""
+ENDS = {
+    **dict.fromkeys(("DS520", "DS524", "DS532"), "fault-cleared"),
+    **dict.fromkeys(("DS521", "DS523"), "running"),
+}
+"""Rules about the state of a drive, with the event that ends it: it may be over before the capture is."""
 LEVELS = ("none", "good", "warn", "bad")
 """From nothing to say to serious; names of classes in the style sheet of the page."""
 
@@ -75,8 +82,8 @@ class VerdictCounts:
     """Messages that are cut before their record, by what is said of them and the bytes that are left of each."""
 
     @classmethod
-    def of(cls, result: CaptureResult) -> VerdictCounts:
-        """The counts of one capture."""
+    def of(cls, result: CaptureResult, zone: Zone = UNIVERSAL) -> VerdictCounts:
+        """The counts of one capture; a time in the clause of its worst cause is one of this zone."""
         jobs, findings = result.transactions, result.findings
         causes = wrong(result)
         return cls(
@@ -96,7 +103,7 @@ class VerdictCounts:
             states=Counter(map(attrgetter("state"), jobs)),
             operations=Counter(map(attrgetter("operation"), jobs)),
             severities=Counter(map(attrgetter("severity"), findings)),
-            worst=_worst(causes),
+            worst=_worst(result, causes, zone),
             causes=len(causes),
             in_part=int(any(map(_shows_a_part, result.diagnoses))),
             faulty=1 if causes else 0,
@@ -186,13 +193,31 @@ def _shows_a_part(item: Diagnosis) -> bool:
     return item.rule == OF_THE_RECORDING and item.args.get("what") != "disorder"
 
 
-def _worst(causes: list[Diagnosis]) -> tuple[int, Both] | None:
-    """The first of them as a clause."""
+def _worst(result: CaptureResult, causes: list[Diagnosis], zone: Zone) -> tuple[int, Both] | None:
+    """The first of them as a clause; of the state of a drive with its end."""
     if not causes:
         return None
     first = causes[0]
     text = Both(*(escape(brief(first, lang)) for lang in LANGUAGES))
+    if first.rule in ENDS and (over := _over(result.entire, first)) is not None:
+        time = Clock.of(result.entire, zone).moment(over) if over else ""
+        key = (
+            "verdict_lasts" if not over else "verdict_until" if first.count == 1 else "verdict_last"
+        )
+        text = text.joined(say(key, time=time), ", ", "，")
     return SEVERITIES.index(first.severity), text
+
+
+def _over(result: CaptureResult, item: Diagnosis) -> int | None:
+    """When what this is about was over; 0 if the capture shows no end of it, None if it is not known."""
+    where = item.args.get("device"), item.args.get("slot")
+    for line in result.timelines:
+        relation = result.relations[line.relation - 1]
+        known = not (line.events_left_out or item.frames_left_out)
+        if known and where == (relation.device, relation.slot):
+            ends = (each for each in line.events if each.name == ENDS[item.rule])
+            return next((each.time_ns for each in ends if each.frame > item.frames[-1]), 0)
+    return None
 
 
 def verdict(counts: VerdictCounts) -> Both:

@@ -180,7 +180,7 @@ def capture_view(
     trail = TrailView(result, targets, {row[0] for row in data["rows"]})
     data["trail"] = trail.data
     data["messages"] = _by_transaction(found)
-    counts = VerdictCounts.of(result)
+    counts = VerdictCounts.of(result, zone)
     data["totals"] = {"transactions": counts.jobs, "states": counts.states}
     data["kinds"] = KINDS
     data["events"] = events(result, targets)
