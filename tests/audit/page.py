@@ -59,7 +59,7 @@ _OF_STATE = ("DS530", "DS531")
 _PARTS = re.compile(r"->|instead of|send instead|these respond|look at")
 """How lines begin that are neither words nor status word."""
 _DEVICE = re.compile(r"^(\d+\.\d+\.\d+\.\d+|dp\d+): ")
-_MORE = re.compile(r"^(.*?)\s+\(and (\d+) frames? more\)$")
+_MORE = re.compile(r"^(.*?)\s+\(and (\d+) more frames?\)$")
 _PNU = re.compile(r"\b(?:[prP]0*(?=[\d?])|(?=6\d{4}\b))(\d+|\?)(?:\[(\d+)(?:\.\.(\d+))?\])?")
 
 
@@ -359,14 +359,14 @@ def near(told: str, ms: float | None) -> bool:
 def _blind(lines: list[str], reading: Reading) -> Iterator[str]:
     text = " ".join(each.strip() for each in lines)
     unseen = sum(each.state in OPEN and not each.cyclic for each in reading.deals)
-    found = re.search(r"drive made of ([\d,]+)", text)
+    found = re.search(r"drive did with ([\d,]+)", text)
     if int(found[1].replace(",", "") if found else 0) != unseen and lines:
         yield f"{found[0] if found else 'nothing'}: {unseen} are open"
     orphans = [each for each in reading.deals if each.write is None]
     alone = [each for each in orphans if _without_ar(each, reading)]
     for form, true in (
-        (r"What ([\d,]+) responses? belongs? to", len(orphans) - len(alone)),
-        (r"Which requests? ([\d,]+) responses? belongs? to that w(?:as|ere) read without an AR", len(alone)),
+        (r"Which requests? ([\d,]+) responses? belongs? to", len(orphans) - len(alone)),
+        (r"Which requests? ([\d,]+) responses? read without an AR", len(alone)),
     ):  # fmt: skip
         found = re.search(form, text)
         if int(found[1].replace(",", "") if found else 0) != true and lines:
