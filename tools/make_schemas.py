@@ -1,6 +1,6 @@
 """Writes the JSON Schemas of results, python/ds47/schema/: report-2, transaction-2 (ndjson), table-1, summary-1.
 
-And the columns of table-1 into docs/data.md.
+And the names of the columns of CSV into docs/data.md.
 
     .venv/bin/python tools/make_schemas.py            writes the files
     .venv/bin/python tools/make_schemas.py --check    fails when one is not what would be written
@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -368,35 +369,10 @@ def _row(columns: dict[str, Schema], about: str, own: dict[str, Schema] | None =
     return entity(keys, about)
 
 
-_RULE = "\n|---|---|---|---|\n"
-
-
 def page() -> str:
-    """docs/data.md with the columns of Parquet, and of CSV their names and the rows that Parquet has otherwise."""
-    definitions = table()["$defs"]
-    rows = {
-        name: [_told(column, definitions) for column in definitions[name]["properties"].items()]
-        for name in ("parquet", "csv")
-    }
-    before, heading, after = PAGE.read_text("utf-8").partition("## CSV\n")
-    named = ", ".join(f"`{name}`" for name in definitions["csv"]["properties"])
-    start, end = (after.index(mark) for mark in ("\nColumns: ", "\n\n| column"))
-    after = f"{after[:start]}\nColumns: {named}.{after[end:]}"
-    others = [row for row in rows["csv"] if row not in rows["parquet"]]
-    return _filled(before, rows["parquet"]) + heading + _filled(after, others)
-
-
-def _told(column: tuple[str, Schema], definitions: Schema) -> str:
-    name, inner = column
-    about = definitions[name] if "$ref" in inner else inner
-    kind, unit = about["arrow"].partition("[")[0], about.get("unit", "")
-    return f"| `{name}` | {kind} | {unit} | {about['description']} |\n"
-
-
-def _filled(text: str, rows: list[str]) -> str:
-    """A chapter with these rows in its table of columns."""
-    above, rule, below = text.partition(_RULE)
-    return above + rule + "".join(rows) + below[below.index("\n\n") + 1 :]
+    """docs/data.md with the names of the columns of CSV."""
+    named = ", ".join(f"`{name}`" for name in table()["$defs"]["csv"]["properties"])
+    return re.sub(r"^Columns: .*$", f"Columns: {named}.", PAGE.read_text("utf-8"), flags=re.M)
 
 
 def main() -> int:

@@ -129,23 +129,13 @@ def expected_errors(transactions: list[tuple[str, dict[str, Any]]]) -> Counter[t
     )
 
 
-def told(name: str) -> list[str]:
-    """The rows of the columns of a format."""
-    return [
-        f"| `{column}` | {about['arrow'].partition('[')[0]} | {about.get('unit', '')} | {about['description']} |"
-        for column, about in parquet.columns(name).items()
-    ]
-
-
-def test_the_tables_are_those_of_the_schema():
-    head = ["| column | type | unit | meaning |", "|---|---|---|---|"]
-    first, second = PAGE.split("\n## CSV\n")
-    assert "\n".join([*head, *told("parquet"), ""]) in first
-    others = [row for row in told("csv") if row not in told("parquet")]
-    assert [row.split("`")[1] for row in others] == ["start", "values"]
-    assert "\n".join([*head, *others, ""]) in second
-    named = ", ".join(f"`{column}`" for column in parquet.columns("csv"))
-    assert f"\nColumns: {named}.\n" in second
+def test_the_columns_are_those_of_the_schema():
+    csv, table = parquet.columns("csv"), parquet.columns("parquet")
+    assert f"\nColumns: {', '.join(f'`{column}`' for column in csv)}.\n" in PAGE
+    assert set(csv) - set(table) == {"values"}
+    more = re.search(r"but for `values`; in its\nplace are (.*?)\. ", PAGE, re.DOTALL)
+    assert more
+    assert set(re.findall(r"`([\w.]+)`", more[1])) == set(table) - set(csv)
 
 
 @pytest.mark.slow
@@ -169,9 +159,6 @@ def test_errors_per_code(examples, transactions):
     expected = expected_errors(transactions)
     assert expected[(0, "Illegal parameter number: the parameter does not exist")] > 5
     assert {row[:2]: row[2] for row in examples.rows["Errors per code"]} == expected
-    assert {key: value for key, value in examples.names["errors"].items() if key[0] == key[0]} == {
-        key: value for key, value in expected.items() if key[0] is not None
-    }
 
 
 def test_latency(examples, transactions):
@@ -183,10 +170,6 @@ def test_latency(examples, transactions):
     assert {row[:2]: row[2:] for row in rows} == {
         place: (len(each), *(percentile(sorted(each), at) for at in (50, 95, 100)))
         for place, each in times.items()
-    }
-    latency = examples.names["latency"]
-    assert {place: row[1.0] for place, row in latency.iterrows()} == {
-        place: max(each) for place, each in times.items()
     }
 
 
@@ -205,9 +188,6 @@ def test_parameter_over_time(examples, transactions):
     assert sorted((path, operation, value) for path, _, operation, value in rows) == sorted(
         expected
     )
-    series = examples.names["series"]
-    assert set(series.columns) == {"read", "change"}
-    assert series.notna().sum().sum() <= len(expected)
 
 
 def test_captures_with_refusals(examples, transactions):
