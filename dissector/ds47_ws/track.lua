@@ -350,7 +350,7 @@ function M.live_views(seen)
       shown = shown + 1
       live_view(shown, job, role)
     end
-    if not SHOWS_NONE[role] and not job.response and (role ~= "write_response" or job:write_refused()) then
+    if not SHOWS_NONE[role] and not job.response and (role ~= "write_response" or job.write_refused) then
       certain = add_certain(certain, job)
     end
   end

@@ -76,7 +76,7 @@ def test_what_was_not_accepted_does_not_set_the_scale(browser, write):
     label = (
         "return [...document.querySelectorAll('.plot .canvas')].at(-1).getAttribute('aria-label')"
     )
-    assert "1 not accepted; from 1 to 3. 1 of them lie beyond the scale" in browser.run(label)
+    assert "1 not accepted; from 1 to 3. 1 of them are beyond the scale" in browser.run(label)
     values = [float(text) for text in browser.ticks(-1, up=True)]
     assert values[0] >= 0
     assert 2 < values[-1] < 4

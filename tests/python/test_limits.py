@@ -34,7 +34,7 @@ def told(result: CaptureResult) -> list[tuple[int, str]]:
 
 def sentence(limit: str, count: int) -> str:
     most = getattr(limits(), limit)
-    return f"Limit {limit} = {most} of ds47 reached: {count} given up, the first in this frame"
+    return f"ds47 reached its limit {limit} = {most}: {count} given up, the first in this frame"
 
 
 def test_calls_that_were_pushed_out_are_neither_unanswered_nor_unasked() -> None:
@@ -92,7 +92,7 @@ def test_an_orphan_whose_channel_was_pushed_out_may_have_had_a_request(
     clients[0].read(message.answer(1, 1, 1, message.real(1.5)))
     result = analyze(io.BytesIO(stage.written()))
     assert told(result) == [
-        (1, "Limit channels = 2 of ds47 reached: 2 given up, the first in this frame")
+        (1, "ds47 reached its limit channels = 2: 2 given up, the first in this frame")
     ]
     assert found(result) == {"DS109": 1, "DS110": 3}
 

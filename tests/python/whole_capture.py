@@ -6,6 +6,7 @@ Whatever compares the analyzer with the Lua half leaves them out with the functi
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
@@ -24,11 +25,10 @@ def without_analyzers(result: CaptureResult) -> CaptureResult:
     """A result as the Lua half has it: the transactions that are left are counted and numbered anew."""
     left = [each for each in result.transactions if each.channel != S7]
     numbers: dict[int | None, int | None] = {None: None}
-    summary = {"transactions": 0}
     for number, each in enumerate(left, 1):
         numbers[each.id] = each.id = number
         each.findings = [rule for rule in each.findings if not rules()[rule].analyzer_only]
-        summarise(summary, each.state, each.operation)
+    summary = summarise(Counter((each.state, each.operation) for each in left))
     findings = [each for each in result.findings if not rules()[each.rule].analyzer_only]
     diagnoses = [each for each in result.diagnoses if not rules()[each.rule].analyzer_only]
     for finding in findings:
