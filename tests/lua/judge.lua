@@ -70,8 +70,8 @@ local function job_of(told)
   for _, name in ipairs({"write_response", "read_request", "read_response"}) do
     job[name] = half(told[name])
   end
-  for _, name in ipairs({"phase", "write_refused", "previous_reference", "previous", "superseded_by", "reason",
-    "repeats", "contested", "uncertain", "missing", "peer", "record"}) do
+  for _, name in ipairs({"phase", "write_refused", "previous_reference", "previous", "superseded_by",
+    "reason", "repeats", "contested", "uncertain", "missing", "peer", "record"}) do
     job[name] = told[name]
   end
   job.limit = told.limit ~= "" and told.limit or nil
