@@ -23,7 +23,6 @@ from ds47.cli.options import (
     jobs_option,
     options_from,
     require_option,
-    tell_empty,
 )
 from ds47.cli.series import refuse_urls, series_option, tasks, tell_lacking
 from ds47.cli.targets import spare_captures
@@ -94,6 +93,12 @@ def command(
     refuse_urls(paths)
     spare_captures(junit, sarif)
     outcomes, seconds, misses = _run(paths, series, fail_on, lang, jobs, options)
+    empty = [each for each in outcomes if each.now and not each.now["summary"]["transactions"]]
+    if required and empty:
+        from ds47.report import NO_TRANSACTION
+
+        for each in empty:
+            each.error = each.error or NO_TRANSACTION
     if format_name == "json":
         _print_json(outcomes, summary)
     elif format_name == "markdown":
@@ -107,10 +112,6 @@ def command(
         _write_sarif(outcomes, sarif)
     if misses or any(outcome.unreadable for outcome in outcomes):
         return 3
-    empty = [each.path for each in outcomes if each.now and not each.now["summary"]["transactions"]]
-    if required and empty:
-        tell_empty(empty)
-        return 1
     return int(any(outcome.failed for outcome in outcomes))
 
 

@@ -116,9 +116,10 @@ require_option = click.option(
 def tell_empty(paths: Sequence[str]) -> None:
     """Says which captures lack what --require asks for."""
     from ds47.capture.names import about
+    from ds47.report import NO_TRANSACTION
 
     for path in paths:
-        warn(about(path, "no transaction in it (--require transactions)"))
+        warn(about(path, NO_TRANSACTION))
 
 
 def heading_options(function: Function) -> Function:

@@ -199,7 +199,7 @@ def command(
     shown = ReportOptions(
         rules=_Catalogue(), lang=lang, plc=plc, zone=where, width=width or columns_of(output_name),
         reference=None if reference is None else _reference(reference), detail=detail,
-        captures=len(found), filters=filters,
+        captures=len(found), filters=filters, required=bool(required),
     )  # fmt: skip
     said = Heading(title, order, customer, author)
     heading = _heading(said, paths) if name == "html" else said
@@ -251,6 +251,10 @@ _ENDINGS = {
     ".html": "html", ".htm": "html", ".json": "json", ".ndjson": "ndjson", ".csv": "csv", ".parquet": "parquet",
     ".md": "markdown", ".sarif": "sarif",
 }  # fmt: skip
+_OF_OTHERS = {
+    ".pdf": "print the page to one: -o report.html",
+    **dict.fromkeys((".xlsx", ".xls"), "a spreadsheet reads -o report.csv"),
+}
 _SPELLED = {"opens": "open", "show_all": "all"}
 
 
@@ -274,7 +278,10 @@ def _refuse_what_has_no_effect(format_name: str) -> None:
 
 def _of_name(output_name: str) -> str | None:
     """The format that the name of a file says: nobody wants text in `report.html`."""
-    return _ENDINGS.get(PurePath(output_name).suffix.lower())
+    ending = PurePath(output_name).suffix.lower()
+    if ending in _OF_OTHERS:
+        raise click.UsageError(f"{output_name}: ds47 writes no {ending[1:]}; {_OF_OTHERS[ending]}")
+    return _ENDINGS.get(ending)
 
 
 def _page_beside(paths: Sequence[str]) -> str:

@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
 from types import MappingProxyType
-from typing import Any, ClassVar, NamedTuple, Protocol, TextIO, cast
+from typing import Any, ClassVar, Final, NamedTuple, Protocol, TextIO, cast
 
 from ds47.model import CaptureResult, Finding, Report, Transaction
 from ds47.report.heading import Heading
@@ -67,10 +67,15 @@ class RuleText(Protocol):
     def advice_zh(self) -> str: ...
 
 
+NO_TRANSACTION: Final = "no transaction in it (--require transactions)"
+"""Why a capture fails that has nothing to judge: the mirror port may be unplugged."""
+
+
 class ReportOptions(NamedTuple):
     """How to print. `color`: ANSI colours (text only). `rules`: the catalogue, for rule names.
 
-    `fail_on`: the least severity of a finding that is a failure (junit only). `lang`: the language of the
+    `fail_on`: the least severity of a finding that is a failure, `required`: so is a capture without a
+    transaction (junit only). `lang`: the language of the
     report (text), or the one a page starts in (html). `plc`: also show what the PLC saw of jobs that are ok
     (text only). `reference`: the meaning of 100 % of a setpoint (text, html). `s7`: also show transactions of
     S7 without findings (text only). `heading`: the title block (html). `zone`: the time zone (text, html).
@@ -94,6 +99,7 @@ class ReportOptions(NamedTuple):
     detail: str = "all"
     captures: int = 1
     filters: bool = False
+    required: bool = False
 
     @property
     def columns(self) -> int:

@@ -18,7 +18,7 @@ from typing import ClassVar, TextIO
 from xml.etree import ElementTree as ET
 
 from ds47.model import SEVERITIES, STATES, CaptureResult, Finding, Transaction
-from ds47.report import ReportOptions
+from ds47.report import NO_TRANSACTION, ReportOptions
 from ds47.report import Writer as _Writer
 from ds47.report.formatting import count, escape
 from ds47.report.sentences import message
@@ -113,6 +113,8 @@ class Writer(_Writer):
         error = None
         if not result.complete or result.problem:
             error = f"only partly read: {result.problem or 'the file ends early'}"
+        elif self.options.required and not result.summary.get("transactions"):
+            error = NO_TRANSACTION
         output = [_summary(result)]
         if result.dropped:
             output.append(f"the capturing machine dropped {count(result.dropped, 'frame')}")

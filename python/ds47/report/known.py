@@ -97,15 +97,20 @@ def _message(each: ListedMessage, found: ParameterList, lang: str) -> SourceEntr
     return SourceEntry("message", each.letter, each.number, each.text, None, None, {}, source)
 
 
+def _letters(text: str) -> str:
+    """A text without blanks and hyphens: `ramp-up time` is `ramp up time` and `rampup time`."""
+    return "".join(each for each in text.casefold() if each.isalnum())
+
+
 def _search(text: str, catalogue: Catalogue, lang: str) -> Iterator[SourceEntry]:
-    wanted = " ".join(text.casefold().split())
+    wanted = _letters(text)
     numbers = sorted({*spec.parameters(), *catalogue.numbers()})
     all_ = (
         each
         for number in numbers
         for each in (*_shipped(number, lang), *_of_lists(catalogue, number, lang))
     )
-    found = (each for each in all_ if wanted in each.name.casefold())
+    found = (each for each in all_ if wanted in _letters(each.name))
     for each, _ in zip(found, range(_MOST), strict=False):
         yield each
 

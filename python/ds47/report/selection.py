@@ -168,11 +168,17 @@ class There:
         self._devices: dict[str, None] = {}
         self._parameters: set[str] = set()
         self._states: Counter[str] = Counter()
+        self._rules: set[str] = set()
+        self._objects: set[int] = set()
+        self._newest = 0
 
     def add(self, result: CaptureResult) -> None:
         """Takes a whole result."""
         self._devices |= dict.fromkeys(names(result))
         self._states.update(each.state for each in result.transactions)
+        self._rules |= {each.rule for each in (*result.findings, *result.diagnoses)}
+        self._objects |= {each.drive_object for each in result.transactions if each.drive_object}
+        self._newest = max(self._newest, len(result.transactions))
         self._parameters |= {
             spelling(each.pnu, each.family)
             for item in result.transactions
@@ -187,6 +193,14 @@ class There:
             parts.append(say("there_are", list=joined(by_state(self._states))))
             if self._states["superseded"]:
                 parts.append(say("there_superseded"))
+        if selection.rules and self._rules:
+            parts.append(say("there_are", list=listed(sorted(self._rules))))
+        if selection.transactions and self._newest:
+            parts.append(say("there_transactions", last=self._newest))
+        if selection.drive_objects:
+            numbers = [f"DO {each}" for each in sorted(self._objects)]
+            key = "there_are" if numbers else "there_no_object"
+            parts.append(say(key, list=listed(numbers)))
         if selection.pnus and self._parameters:
             parts.append(say("there_parameters", list=listed(sorted(self._parameters))))
         if not parts:
