@@ -262,3 +262,40 @@ def test_a_verdict_of_a_part_says_so(capsys: Captured, captures: Path) -> None:
     assert "only transaction" not in out
     _, out, _ = run(capsys, "report", "-r", "DS721", captures / "tour-machine.pcapng")
     assert out.splitlines()[1] == "OK, of what is shown: no parameter transaction"
+
+
+@pytest.mark.parametrize(
+    ("option", "there"),
+    [
+        (["--do", "9"], "there are DO 2"),
+        (["-t", "99"], "the last transaction is #8"),
+        (["-r", "DS711"], "there are DS203, DS402, DS410, DS417, DS701, DS705, DS719, DS721"),
+    ],
+)
+def test_what_there_is_instead_is_of_the_kind_that_was_asked_for(
+    option: list[str], there: str, captures: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["report", *option, str(captures / "tour-machine.pcapng")]) == 1
+    assert capsys.readouterr().err.rstrip().endswith(there)
+
+
+@pytest.mark.parametrize("words", ["ramp-up time", "ramp up time", "Rampup Time"])
+def test_a_name_is_found_whatever_stands_between_its_words(
+    words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["params", "show", words]) == 0
+    assert "p1120" in capsys.readouterr().out
+
+
+def test_a_name_that_is_no_code_is_looked_up_elsewhere(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explain", "ramp-up time"]) == 2
+    assert "ds47 params show 'ramp-up time'" in capsys.readouterr().err
+
+
+def test_a_file_that_no_format_is_for_is_refused(
+    captures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    there = tmp_path / "report.pdf"
+    assert main(["report", str(captures / "tour-machine.pcapng"), "-o", str(there)]) == 2
+    assert "print the page to one" in capsys.readouterr().err
+    assert not there.exists()

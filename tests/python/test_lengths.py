@@ -92,6 +92,30 @@ def test_a_screen_without_room_for_a_cause_counts_those_like_it() -> None:
     assert f"  and {rest} more causes and notes" in lines
 
 
+@pytest.mark.parametrize("width", [60, 80])
+def test_a_summary_has_the_whole_verdict_and_who(width: int) -> None:
+    result = analyze(LONG)
+    lines = written(result, detail="summary", width=width).splitlines()
+    head = " ".join(" ".join(lines[1:3]).split())
+    assert head.startswith(verdict(VerdictCounts.of(result)).en[: 2 * width - 12])
+    assert any(line.startswith(f"  {result.devices[0].ip}") for line in lines)
+
+
+def test_what_somebody_asked_for_stands_on_the_screen(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    monkeypatch.setenv("COLUMNS", "80")
+    tour = ROOT / "captures" / "tour-machine.pcapng"
+    assert main(["report", "-s", "failed", str(tour)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) <= 40
+    assert [line[:14] for line in lines if re.match(r"#\d", line)] == [
+        "#5  08:00:00.7", "#6  08:00:01.1", "#7  08:00:01.3",
+    ]  # fmt: skip
+    assert any("the same command with --all" in line for line in lines)
+
+
 def test_what_has_room_is_there_as_a_whole() -> None:
     result = analyze(ROOT / "captures" / "seed-g120-read.pcapng")
     whole = written(result, detail="auto").splitlines()

@@ -150,11 +150,11 @@ def test_the_telegram_stands_with_the_drive(
     path = str(captures / "cyclic-longer-ramp.pcapng")
     for detail in ([], ["--summary"], ["--all"]):
         assert main(["report", *detail, path]) == 0
-        assert "device 0x0501  lengths of telegram 1  2 transactions" in capsys.readouterr().out
+        assert "  lengths fit telegram 1  2 transactions" in capsys.readouterr().out
     assert main(["report", "--lang", "zh", path]) == 0
     assert "  长度同报文 1  2 个任务" in capsys.readouterr().out
     assert main(["report", "-f", "html", path]) == 0
-    assert ">lengths of telegram 1<" in capsys.readouterr().out
+    assert ">lengths fit telegram 1<" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])

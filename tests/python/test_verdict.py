@@ -5,6 +5,7 @@ The sentences of all stored captures are not held here one by one; what every ru
 
 from __future__ import annotations
 
+import json
 import string
 import struct
 from pathlib import Path
@@ -115,10 +116,32 @@ def test_what_is_required_and_missing_is_no_success(
         assert main(["baseline", str(unplugged)]) == 0
     assert main([command, str(unplugged)]) == 0
     assert main([command, "--require", "transactions", str(unplugged)]) == 1
-    problems = capsys.readouterr().err.splitlines()
-    assert problems[-1] == f"ds47: {unplugged}: no transaction in it (--require transactions)"
+    said = capsys.readouterr()
+    if command == "check":
+        *_, problem, total = said.out.splitlines()
+        assert problem == f"FAILED   {unplugged}: no transaction in it (--require transactions)"
+        assert total == "1 capture: 0 as stored, 1 not"
+    else:
+        problem = said.err.splitlines()[-1]
+        assert problem == f"ds47: {unplugged}: no transaction in it (--require transactions)"
     full = captures / "seed-g120-read.pcapng"
     assert main([command, "--require", "transactions", str(full)]) == 0
+
+
+def test_no_report_for_ci_is_green_where_the_port_is_unplugged(
+    unplugged: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["baseline", str(unplugged)]) == 0
+    required, cases = ["--require", "transactions", str(unplugged)], tmp_path / "cases.xml"
+    capsys.readouterr()
+    assert main(["check", "-f", "markdown", "--junit", str(cases), *required]) == 1
+    assert capsys.readouterr().out.startswith("## ❌ 1 capture: 0 as stored, 1 not")
+    assert 'errors="1"' in cases.read_text(encoding="utf-8")
+    assert main(["check", "-f", "json", *required]) == 1
+    (capture,) = json.loads(capsys.readouterr().out)["captures"]
+    assert capture["failed"]
+    assert main(["report", "-f", "junit", *required]) == 1
+    assert 'errors="1"' in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

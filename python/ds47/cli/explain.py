@@ -147,6 +147,9 @@ def _explained(text: str, vendor: str | None, lang: str) -> list[CodeMeaning]:
     try:
         return explain(text, lang, maker)
     except UnknownFormError as problem:
-        raise click.ClickException(
-            f"unknown code {text!r}. {explanations.forms(lang)}"
-        ) from problem
+        forms = explanations.forms(lang)
+        if not any(each.isdigit() for each in text):
+            from ds47.spec.shell import shell_word
+
+            forms += f"; a parameter by its name: ds47 params show {shell_word(text)}"
+        raise click.ClickException(f"unknown code {text!r}. {forms}") from problem

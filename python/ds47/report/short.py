@@ -14,7 +14,7 @@ from ds47.report import Paint
 from ds47.report.bilingual import Both, say
 from ds47.report.digest import Digest, ShortCause, Who, first_sentences
 from ds47.report.formatting import escape
-from ds47.report.summary import COLORS, WIDTH, about
+from ds47.report.summary import COLORS, WIDTH, station, whose
 from ds47.report.wrap import columns, cut, end_of, fitted, wrap
 from ds47.spec.shell import shell_word
 
@@ -29,6 +29,12 @@ _SENTENCE: Final = 3
 """Lines of the sentence of a cause,"""
 _ADVICE: Final = 2
 """and of its advice."""
+_HEAD: Final = 2
+"""Lines of the verdict in a summary."""
+_LISTED: Final = 8
+"""Transactions that stand on a screen of what somebody asked for, if there are so many,"""
+_FEWER: Final = 2
+"""and the most causes beside them."""
 
 
 class Short:
@@ -37,22 +43,31 @@ class Short:
     def __init__(self, lang: str, width: int, paint: Paint) -> None:
         self._lang, self._whole, self._width, self._paint = lang, width, min(width, WIDTH), paint
 
-    def screen(self, digest: Digest, head: Sequence[str], totals: Sequence[str]) -> list[str]:
+    def screen(
+        self, digest: Digest, head: Sequence[str], totals: Sequence[str], rows: Sequence[str] = ()
+    ) -> list[str]:
         """At most LINES lines: as many causes as have room, and the verdict again at the end.
 
         Args:
             digest: with at most CAUSES causes.
             head: more about the file, such as damage.
             totals: the lines of the sums.
+            rows: the lines of the transactions that somebody asked for, the first ones of many.
         """
-        for number in range(len(digest.causes), -1, -1):
-            lines = list(self._screen(digest, number, head, totals))
+        most = min(len(digest.causes), _FEWER) if rows else len(digest.causes)
+        for number in range(most, -1, -1):
+            lines = list(self._screen(digest, number, head, totals, rows[:_LISTED]))
             if len(lines) <= LINES:
                 return lines
         return [*lines[: LINES - 1], lines[-1]]
 
     def _screen(
-        self, digest: Digest, number: int, head: Sequence[str], totals: Sequence[str]
+        self,
+        digest: Digest,
+        number: int,
+        head: Sequence[str],
+        totals: Sequence[str],
+        rows: Sequence[str],
     ) -> Iterator[str]:
         yield from self._top(digest)
         yield from head
@@ -63,33 +78,45 @@ class Short:
         left_out = digest.left_out + sum(1 + each.alike for each in digest.causes[number:])
         if left_out:
             yield self._dim("  " + self._say("short_more", n=left_out))
+        if rows:
+            yield from ("", self._paint("bold", self._say("transactions_head")))
+            yield from map(self._cut, rows)
         if digest.drives:
             yield from ("", self._paint("bold", self._say("drives_head")))
             yield from self._drives(digest.drives, _DRIVES)
         yield ""
         yield from (line for each in totals for line in fitted(each, self._whole))
-        yield self._dim(self._more(digest.path))
+        yield self._dim(self._more(digest))
         yield from self.verdict(digest)
 
     def summary(self, digest: Digest) -> list[str]:
         """At most 12 lines: verdict, three causes, who, when."""
         head = digest.verdict.text(self._lang)
         mirror = say("verdict_mirror") if digest.counts.nothing else None
-        lines = [self._title(digest), self._paint(COLORS[digest.level], self._cut(head))]
+        heads = wrap(head, self._whole)
+        if len(heads) > _HEAD:
+            heads = [heads[0].rstrip(), self._cut("    " + " ".join(map(str.strip, heads[1:])))]
+        lines = [self._title(digest), *(self._paint(COLORS[digest.level], each) for each in heads)]
         lines += [
             self._cut(f"  {each.text(self._lang)}")
             for each in (mirror, digest.there, digest.when, digest.narrowed)
             if each
         ]
-        for each in digest.causes:
+        last = (
+            [self._cut("  " + self._say("short_more", n=digest.left_out))]
+            if digest.left_out
+            else []
+        )
+        last += self._drives(digest.drives, 1)
+        advised = SUMMARY - len(lines) - len(digest.causes) - len(last)
+        for number, each in enumerate(digest.causes):
             where = f" ({self._say('frame', frame=each.number)})" if each.number else ""
             room = self._whole - columns(where)
             lines.append(cut(f"  {self._sentence(each)}", room) + where)
-            advice = first_sentences(each.advice.text(self._lang), self._whole - 7)
-            lines.append(self._cut(f"    -> {advice}"))
-        if digest.left_out:
-            lines.append(self._cut("  " + self._say("short_more", n=digest.left_out)))
-        return [*lines, *self._drives(digest.drives, 1)][:SUMMARY]
+            if number < advised:
+                advice = first_sentences(each.advice.text(self._lang), self._whole - 7)
+                lines.append(self._cut(f"    -> {advice}"))
+        return [*lines, *last][:SUMMARY]
 
     def _say(self, key: str, **values: object) -> str:
         return say(key, **values).text(self._lang)
@@ -140,16 +167,18 @@ class Short:
 
     def _drives(self, drives: Sequence[Who], most: int) -> Iterator[str]:
         for each in drives[:most]:
-            device = escape(each.device.ip) + about(each.device, self._lang)
-            yield self._cut(f"  {device}  {each.words(self._lang)}")
+            device = escape(each.device.ip) + station(each.device)
+            rest = whose(each.device, self._lang)
+            yield self._cut(f"  {device}  {each.words(self._lang)}{rest}")
         if len(drives) > most:
             yield "  " + self._say("more_drives", n=len(drives) - most)
 
-    def _more(self, path: str) -> str:
-        """How to see all: a line to copy, if it has room."""
-        everything = say("short_all", path=shell_word(escape(path)))
+    def _more(self, digest: Digest) -> str:
+        """How to see all: a line to copy, if it has room and no other option belongs to it."""
+        everything = say("short_all", path=shell_word(escape(digest.path)))
         page = everything.joined(say("short_page"), "; ", "；")
-        fit = (each.text(self._lang) for each in (page, everything, say("short_same")))
+        known = (page, everything) if digest.narrowed is None else ()
+        fit = (each.text(self._lang) for each in (*known, say("short_same")))
         return next(line for line in fit if columns(line) <= self._whole)
 
 

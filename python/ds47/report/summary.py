@@ -271,9 +271,18 @@ class Opening:
 
 def about(item: Device, lang: str = "en") -> str:
     """MAC, station name, vendor and device id of a device, if known."""
-    parts = [escape(item.mac)] if item.mac else []
-    if item.station:
-        parts.append(f'"{escape(item.station)}"')
+    mac = f"  {escape(item.mac)}" if item.mac else ""
+    return mac + station(item) + whose(item, lang)
+
+
+def station(item: Device) -> str:
+    """The name of a station, in quotes; nothing where it is not known."""
+    return f'  "{escape(item.station)}"' if item.station else ""
+
+
+def whose(item: Device, lang: str) -> str:
+    """Vendor and device id, as far as they are known."""
+    parts = list[str]()
     if item.vendor_id is not None:
         parts.append(say("vendor_id", id=f"{item.vendor_id:04X}").text(lang))
     elif item.assumed_vendor_id is not None:

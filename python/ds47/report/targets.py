@@ -123,7 +123,7 @@ class Telegrams:
         return self._lengths.get((item.device, item.slot))
 
     def words(self, ip: str) -> Both | None:
-        """`telegram 102` of a device, as it says, `lengths of telegram 1`; None where nothing tells it."""
+        """`telegram 102` of a device, as it says, `lengths fit telegram 1`; None where nothing tells it."""
         said = {number for device, number in self._said.values() if device == ip}
         lengths = {
             number

@@ -141,7 +141,9 @@ class Writer(_Writer):
         lines = [*whole.getvalue().splitlines(), *form.verdict(digest)]
         if len(lines) > LINES or max(map(columns, lines)) > self.options.columns:
             head = [f"  {each}" for each in self._about_file(result)]
-            lines = form.screen(digest, head, self._totals(total([row]), latency))
+            self._clock = Clock.of(result, self.options.zone)
+            rows = list(self._asked_for(result)) if result.narrowed is not None else []
+            lines = form.screen(digest, head, self._totals(total([row]), latency), rows)
         for line in lines:
             self._copied(line)
 
@@ -439,6 +441,13 @@ class Writer(_Writer):
         if file.missing_before and file is not first:
             text = self._say("files_missing", n=file.missing_before, name=escape(name(file)))
             self._line("    " + self._paint("warning", text))
+
+    def _asked_for(self, result: CaptureResult) -> Iterator[str]:
+        """The lines of the transactions, without what the PLC saw."""
+        listed = [each for each in result.transactions if self._is_listed(each)]
+        table = _Columns(listed, Targets(result.evidence), self.options.lang, self._clock)
+        for each in listed:
+            yield from self._transaction_lines(each, table)
 
     def _table(self, result: CaptureResult) -> None:
         transactions = [each for each in result.transactions if self._is_listed(each)]
