@@ -115,8 +115,8 @@ def test_incomplete_fragments_of_a_finding(tmp_path: Path) -> None:
 
 
 def test_comments_say_what_is_wrong(tmp_path: Path) -> None:
-    _, copies = exported(TOUR, tmp_path / "t.pcapng", states=("refused",))
-    (text,) = copies[-1].comments
+    frames, copies = exported(TOUR, tmp_path / "t.pcapng", states=("refused",))
+    (text,) = copies[frames.index(23)].comments
     assert text.splitlines()[0] == "DS47 #5 [refused]: Write response (change p50303[0], DO 2)"
     assert "DS203 error: Write refused with status DF80B500" in text
     assert text.splitlines()[-1] == "frame 23 of the original"
@@ -137,9 +137,20 @@ def test_criteria_apply_together(tmp_path: Path) -> None:
     assert exported(TOUR, target, rules=("DS410",), states=("partial",))[0] == [30, 31, 32, 33]
     assert exported(TOUR, target, transactions=((1, 2), (6, 6)), rules=("DS4",))[0] == both[:4]
     assert exported(TOUR, target, states=("ok",), end=first)[0] == [2, 3, 4, 5]
-    assert exported(TOUR, target, devices=("press-1-drive",), states=("refused",))[0] == [22, 23]
+    refused = exported(TOUR, target, devices=("press-1-drive",), states=("refused",))[0]
+    assert refused == [18, 19, 20, 21, 22, 23, 24, 25]  # with the open request that is the cause
     assert exported(TOUR, target, devices=("192.168.133.33",))[0] == list(range(1, 38))
     assert exported(TOUR, target, states=("orphan",))[0] == []
+
+
+def test_a_copy_of_what_failed_has_the_same_causes(tmp_path: Path) -> None:
+    target = tmp_path / "t.pcapng"
+    exported(TOUR, target, states=("refused", "error", "partial"))
+    causes = {each.rule for each in analyze(TOUR).diagnoses} - {
+        "DS721"
+    }  # of a change that did not fail
+    assert {each.rule for each in analyze(target).diagnoses} == causes
+    assert exported(TOUR, target, transactions=((5, 5),))[0] == [22, 23]
 
 
 def test_a_time_span_is_inclusive(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from ds47.report.formatting import address
 from ds47.report.selection import Selection, SelectionError, Wanted
 from ds47.report.sentences import message
 from ds47.report.targets import Targets
+from ds47.spec import rules
 
 __all__ = ["Chosen", "Selection", "SelectionError", "choose", "chosen_of"]
 
@@ -68,6 +69,8 @@ def choose(
             chosen.frames.update(each.frame for each in own)
     if not selection.by_frame:
         _add_descriptions(result, chosen)
+    if selection.states or selection.rules:  # who names transactions, gets these
+        _add_causes(result, chosen, targets)
     _lonely(chosen, wanted.findings.get(None, []), selection, names)
     return chosen
 
@@ -79,6 +82,17 @@ def _add_descriptions(result: CaptureResult, chosen: Chosen) -> None:
     for each in result.transactions:
         if each.frames.read_response in said:
             chosen.frames.update(each.frames.all())
+
+
+def _add_causes(result: CaptureResult, chosen: Chosen, targets: Targets) -> None:
+    """What a cause of the chosen transactions names comes along, or the copy would have another cause."""
+    ids = {each.id for each in chosen.transactions}
+    causes = [each for each in result.diagnoses if not ids.isdisjoint(each.transactions)]
+    named = {frame for each in causes for frame in rules()[each.rule].named_frames(each.args)}
+    for each in result.transactions:
+        if each.id not in ids and not named.isdisjoint(each.frames.all()):
+            chosen.frames.update(each.frames.all())
+            _note_transaction(chosen, each, targets.where(each))
 
 
 def chosen_of(
