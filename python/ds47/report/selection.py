@@ -176,7 +176,8 @@ class There:
         """Takes a whole result."""
         self._devices |= dict.fromkeys(names(result))
         self._states.update(each.state for each in result.transactions)
-        self._rules |= {each.rule for each in (*result.findings, *result.diagnoses)}
+        self._rules |= {each.rule for each in result.findings}
+        self._rules |= {each.rule for each in result.diagnoses}
         self._objects |= {each.drive_object for each in result.transactions if each.drive_object}
         self._newest = max(self._newest, len(result.transactions))
         self._parameters |= {

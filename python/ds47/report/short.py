@@ -178,7 +178,7 @@ class Short:
         everything = say("short_all", path=shell_word(escape(digest.path)))
         page = everything.joined(say("short_page"), "; ", "；")
         known = (page, everything) if digest.narrowed is None else ()
-        fit = (each.text(self._lang) for each in (*known, say("short_same")))
+        fit: Iterator[str] = (each.text(self._lang) for each in (*known, say("short_same")))
         return next(line for line in fit if columns(line) <= self._whole)
 
 
