@@ -89,6 +89,12 @@ def test_a_brief_names_what_its_rule_carries(rule) -> None:  # type: ignore[no-u
     assert len(rule.brief) <= 80
 
 
+def test_whatever_can_lead_a_verdict_is_a_clause() -> None:
+    assert not [
+        name for name, rule in rules().items() if rule.severity != "note" and not rule.brief
+    ]
+
+
 def test_the_briefs_of_keys_are_there_in_both_languages() -> None:
     en, zh = (
         {key for key in diagnosis_words(lang) if key.endswith("_brief")} for lang in ("en", "zh")
