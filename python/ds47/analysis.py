@@ -191,9 +191,9 @@ def _names(lists: Sequence[ParameterList]) -> Callable[..., object] | None:
 
 
 def _built_s7(job: S7Job, of_drive: bool) -> Transaction:
-    from ds47.s7.transactions import build  # few captures have S7
+    from ds47.s7.transactions import build as build_s7  # few captures have S7
 
-    return build(job, of_drive=of_drive)
+    return build_s7(job, of_drive=of_drive)
 
 
 def _name_elements(transaction: Transaction) -> None:

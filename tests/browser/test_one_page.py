@@ -166,6 +166,25 @@ def test_a_capture_with_two_controllers_is_the_same_too(desk, captures):
     )
 
 
+def test_a_sample_and_the_fields_need_no_command_line(desk, captures, tmp_path):
+    desk.run("document.querySelector('#report select').value = 'text'")
+    desk.run("document.querySelector('#report [name=tz]').value = 'Asia/Shanghai'")
+    desk.run("document.querySelector('#show-sample').click()")
+    status, messages, made = outcome(desk)
+    assert (status, messages) == (0, "")
+    said = command(
+        "report", "-f", "text", "--tz", "Asia/Shanghai", "tour-machine.pcapng", cwd=captures
+    )
+    assert made["tour-machine.txt"] == said
+    assert b"+08:00" in said
+    again(desk)
+    desk.run("document.querySelector('#report [name=vendor]').value = 'sinamics'")
+    desk.run("document.querySelector('#report .go').click()")
+    assert outcome(desk)[0] == 0
+    shown = desk.run("document.querySelector('#shown-command').textContent")
+    assert "--tz Asia/Shanghai --vendor sinamics" in shown
+
+
 def test_two_captures_are_compared(desk, captures, tmp_path):
     turn(desk, "compare")
     one, two = "change-float.pcapng", "tour-machine.pcapng"

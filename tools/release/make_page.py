@@ -27,6 +27,8 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 SOURCES = Path(__file__).resolve().parent / "page"
+SAMPLE = "tour-machine.pcapng"
+"""What the page shows to who has no capture at hand."""
 MOST = 15_000_000
 """Bytes of the page: it goes by mail."""
 PYODIDE, VERSION = "pyodide", "314.0.7"
@@ -130,7 +132,11 @@ def page(held: dict[str, bytes]) -> str:
         "licences": _source("licences.txt"),
         "t": spans,
         "plain": lambda key: words[key]["en"],
-        "drop": lambda kind, text, folder=False: drop(spans, kind, text, folder),
+        "drop": lambda kind, text, **more: drop(
+            spans, kind, text, *map(more.get, ("folder", "sample"))
+        ),
+        "sample": Markup(packed((pins.ROOT / "captures" / SAMPLE).read_bytes())),
+        "sample_name": SAMPLE,
     }
     return templates.get_template("page.html.j2").render(known)
 

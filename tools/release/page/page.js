@@ -91,6 +91,13 @@
       add(kind, await dropped(event.dataTransfer.items));
     };
   }
+  $("#show-sample").onclick = async () => {
+    const { textContent, dataset } = $("#sample");
+    const packed = Uint8Array.from(atob(textContent), (each) => each.charCodeAt(0));
+    const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
+    const file = new File([await new Response(stream).arrayBuffer()], dataset.name);
+    add("captures", [{ name: dataset.name, file }]);
+  };
   // A file that misses the field is not opened instead of the page.
   window.ondragover = (event) => event.preventDefault();
   window.ondrop = async (event) => {
@@ -179,7 +186,9 @@
   const typed = (argv) => ["ds47", ...argv.map((each) => quoted(each.startsWith(MADE) ? each.slice(MADE.length) || "." : each))].join(" ");
   const language = () => document.documentElement.lang === "zh" ? ["--lang", "zh"] : [];
   const field = (section, name) => $(`[name="${name}"]`, section);
-  const options = (section) => split(field(section, "options").value);
+  const chosenIn = (section) => $$("[data-option]", section)
+    .flatMap(({ dataset, value }) => value.trim() ? [dataset.option, value.trim()] : []);
+  const options = (section) => [...chosenIn(section), ...split(field(section, "options").value)];
 
   let urls = [];
   function url(data, type) {
