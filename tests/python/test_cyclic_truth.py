@@ -421,5 +421,5 @@ def test_what_stands_in_the_frames_to_another_makers_drive_is_not_ok(
     bus = on_profibus(talk((IDLE, 5), (READ, 2600), pause=10_000))
     assert bus is not None
     text = printed(bus, tmp_path, capsys)
-    assert "WARNING: Apparent PKW request without a response" in text
+    assert "WARNING: what looks like a PKW request has no response" in text
     assert "DS514 warning" in text
